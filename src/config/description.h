@@ -1,0 +1,124 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/value.h"
+
+namespace fastcycle::config {
+
+/// What happens when a component faults.
+enum class OnFault : std::uint8_t {
+  kStopComponent,  ///< That component stops, the others go on.
+  kStop,           ///< The application stops, exit code 1.
+  kRestart,        ///< That component is made anew.
+};
+
+/// The kernel's scheduling policy of an executor's workers.
+enum class Policy : std::uint8_t { kOther, kFifo, kRr };
+
+/// What a worker without work does.
+enum class Wait : std::uint8_t {
+  kPark,      ///< Sleeps.
+  kSpin,      ///< Looks for work without pause; for a CPU of its own.
+  kAdaptive,  ///< Looks for a short while, then sleeps.
+};
+
+/// What a full inbox lane does with one more message.
+enum class Overflow : std::uint8_t {
+  kDropOldest,  ///< For state: only the newest matters.
+  kDropNewest,  ///< For events: what came first is kept.
+};
+
+/// A pool of workers that serves components.
+struct ExecutorDescription {
+  std::string name;
+  int threads = 1;        ///< 1 to 64.
+  std::vector<int> cpus;  ///< CPUs that the workers may run on; empty: all.
+  Policy policy = Policy::kOther;
+  int priority = 0;  ///< 1 to 99 with `kFifo` and `kRr`, otherwise 0.
+  Wait wait = Wait::kPark;
+  bool hand_over = false;
+  Place place;
+};
+
+/// What belongs to a topic and not to one of its ends.
+struct TopicDescription {
+  std::string name;  ///< Full, without a leading slash.
+  int latched = 0;   ///< Messages kept for later subscribers, 0 to 1024.
+  bool ages = true;  ///< Whether its messages count for the origin of what follows from them.
+  std::optional<std::size_t> pool_max;  ///< Messages that the pool may have at most.
+  std::size_t keep = 0;                 ///< Samples that components retain.
+  bool multiple_publishers = false;
+  Place place;
+};
+
+/// What the application says about one subscription of a component; unset: what the code says.
+struct SubscriberDescription {
+  std::optional<std::size_t> depth;  ///< 1 to 65536, per publisher.
+  std::optional<Overflow> overflow;
+  Place place;
+};
+
+/// What the application says about one publisher of a component; unset: what the code says.
+struct PublisherDescription {
+  std::optional<std::size_t> keep;  ///< Samples of this publisher that components retain.
+  Place place;
+};
+
+/// One component of the application, with all that its file, overlays and options say of it.
+struct ComponentDescription {
+  std::string name;        ///< Full: `front/limiter` for `limiter` in the namespace `front`.
+  std::string name_space;  ///< `front`, or empty; `"namespace"` in JSON.
+  std::string library;     ///< `speed_limiter` for the file `libspeed_limiter.so`.
+  std::string class_name;  ///< Which class of the library; empty: its only one. `"class"`.
+  std::string executor;    ///< Empty: the one of all who name none.
+  std::optional<std::chrono::nanoseconds> serve_period;  ///< None: `serve()` is never called.
+  std::chrono::nanoseconds serve_phase{0};
+  Value params;                              ///< Always an object.
+  std::map<std::string, std::string> remap;  ///< Name in code → topic; see `resolve_topic`.
+  OnFault on_fault = OnFault::kStopComponent;
+  std::map<std::string, SubscriberDescription> subscribers;  ///< By the topic's name in code.
+  std::map<std::string, PublisherDescription> publishers;    ///< By the topic's name in code.
+  Place place;
+};
+
+/// A checked application: plain values, complete, no file is needed any more.
+struct ApplicationDescription {
+  std::string name;
+  std::filesystem::path file;
+  std::vector<std::filesystem::path> library_path;  ///< Folders to look for libraries in, first one
+                                                    ///< first.
+  std::vector<ExecutorDescription> executors;
+  std::vector<TopicDescription> topics;
+  std::vector<ComponentDescription> components;  ///< Included ones first, then in file order.
+  Value shared_params;                           ///< Always an object.
+  OnFault on_fault = OnFault::kStopComponent;    ///< The default of its components.
+  Place place;
+  Value effective;  ///< The tree that all of this was read from; what `print` shows.
+};
+
+/// The full name of the topic that `component` calls `name_in_code`.
+///
+/// A remapped name is replaced first. A name that begins with a slash is full already, and only
+/// loses the slash; any other is placed in the component's namespace:
+///
+///     namespace "front", remap {"goal": "mission/goal", "map": "/map"}
+///     "speed" → "front/speed"   "goal" → "front/mission/goal"   "map" → "map"
+[[nodiscard]] std::string resolve_topic(const ComponentDescription& component,
+                                        std::string_view name_in_code);
+
+/// The words of the enums as JSON has them: `drop_oldest`, `stop_component`.
+[[nodiscard]] std::string_view to_string(OnFault on_fault);
+[[nodiscard]] std::string_view to_string(Policy policy);
+[[nodiscard]] std::string_view to_string(Wait wait);
+[[nodiscard]] std::string_view to_string(Overflow overflow);
+
+}  // namespace fastcycle::config

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/value.h"
+
+namespace fastcycle::config {
+
+/// One mistake (or warning) of a configuration.
+struct Problem {
+  Place place;
+  std::string message;   ///< The full sentence, without place and hint.
+  std::string expected;  ///< What should stand there, `a number in [0, 60]`; may be empty.
+  std::string found;     ///< What stands there, `"fast"`; may be empty.
+  std::string hint;      ///< How it may be mended, `did you mean "limit_mps"?`; may be empty.
+  bool warning = false;  ///< A warning is shown, but the application may start.
+};
+
+/// `file:line: /pointer: expected …, found …; did you mean "…"?`, on one line.
+[[nodiscard]] std::string to_string(const Problem& problem);
+
+/// The usual mistake: something else should stand there. The message is made of the two.
+[[nodiscard]] Problem unexpected(const Value& at, std::string expected, std::string found,
+                                 std::string hint = {});
+/// The same, where `found` is the value itself.
+[[nodiscard]] Problem unexpected(const Value& at, std::string expected);
+/// A mistake that is one sentence.
+[[nodiscard]] Problem mistake(Place place, std::string message, std::string hint = {});
+
+/// `did you mean "name"?`, or nothing if `name` is empty.
+[[nodiscard]] std::string did_you_mean(std::string_view name);
+
+/// Collects all that is wrong, so that one run reports everything.
+///
+/// Keeps at most `kMaxKept` problems: a file of nothing but mistakes must not fill the memory.
+///
+/// @threads  Confined to whoever loads the configuration.
+class Problems {
+ public:
+  static constexpr std::size_t kMaxKept = 1000;
+
+  void add(Problem problem);
+
+  [[nodiscard]] bool has_errors() const { return error_count_ > 0; }
+  [[nodiscard]] std::size_t error_count() const { return error_count_; }
+  [[nodiscard]] bool is_empty() const { return problems_.empty(); }
+
+  /// Sorted by file and line, each one once.
+  [[nodiscard]] std::vector<Problem> all() const;
+
+ private:
+  std::vector<Problem> problems_;
+  std::size_t error_count_ = 0;
+};
+
+}  // namespace fastcycle::config
