@@ -1,0 +1,125 @@
+# Helpers for the libraries and programs of this project.
+
+# Declares libfastcycle.so. fastcycle_library() fills it.
+function(fastcycle_core_library)
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/version.h.in
+                 ${PROJECT_BINARY_DIR}/include/fastcycle/version.h @ONLY)
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/version.cc.in ${PROJECT_BINARY_DIR}/version.cc @ONLY)
+
+  add_library(fastcycle SHARED ${PROJECT_BINARY_DIR}/version.cc)
+  add_library(FastCycle::fastcycle ALIAS fastcycle)
+  target_compile_features(fastcycle PUBLIC cxx_std_20)
+  target_include_directories(fastcycle PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
+    $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_link_libraries(fastcycle PUBLIC protobuf::libprotobuf fmt::fmt Threads::Threads
+                                  PRIVATE ${CMAKE_DL_LIBS})
+  target_link_options(fastcycle PRIVATE -Wl,-Bsymbolic-functions)
+  fastcycle_refuse_undefined(fastcycle)
+  fastcycle_run_path(run_path ${FASTCYCLE_LIBRARY_DIR} ${FASTCYCLE_LIBRARY_DIR})
+  set_target_properties(fastcycle PROPERTIES
+    VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}
+    INSTALL_RPATH ${run_path})
+  install(TARGETS fastcycle EXPORT FastCycleTargets LIBRARY DESTINATION ${FASTCYCLE_LIBRARY_DIR})
+endfunction()
+
+# fastcycle_library(<name> SOURCES ... [DEPENDS ...] [LINK ...] [PRECOMPILE <header> ...] [TESTS ...])
+#
+# Makes src/<name> a part of libfastcycle.so, and its tests the program fastcycle_<name>_test. DEPENDS
+# names the libraries of src/ whose headers it may include (scripts/check_includes.py sees to it), LINK
+# the targets of other projects it needs, PRECOMPILE large headers that most of its files include.
+function(fastcycle_library name)
+  cmake_parse_arguments(PARSE_ARGV 1 LIB "" "" "SOURCES;DEPENDS;LINK;PRECOMPILE;TESTS")
+  if(LIB_UNPARSED_ARGUMENTS)
+    message(FATAL_ERROR "fastcycle_library(${name}): cannot read '${LIB_UNPARSED_ARGUMENTS}'.")
+  endif()
+  foreach(dependency ${LIB_DEPENDS})
+    if(NOT TARGET fastcycle_${dependency})
+      message(FATAL_ERROR "fastcycle_library(${name}): DEPENDS ${dependency} names no library of src/ "
+                          "that comes before ${name} in the order of the top CMakeLists.txt.")
+    endif()
+  endforeach()
+
+  add_library(fastcycle_${name} OBJECT ${LIB_SOURCES})
+  set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  target_compile_options(fastcycle_${name} PRIVATE ${FASTCYCLE_WARNINGS} -fno-semantic-interposition)
+  target_include_directories(fastcycle_${name} PRIVATE
+    ${PROJECT_SOURCE_DIR}/include ${PROJECT_BINARY_DIR}/include ${PROJECT_SOURCE_DIR}/src)
+  target_link_libraries(fastcycle_${name} PRIVATE
+    protobuf::libprotobuf fmt::fmt Threads::Threads ${LIB_LINK})
+  fastcycle_precompile(fastcycle_${name} library "${FASTCYCLE_PRECOMPILED}" "${LIB_PRECOMPILE}")
+
+  target_sources(fastcycle PRIVATE $<TARGET_OBJECTS:fastcycle_${name}>)
+  target_link_libraries(fastcycle PRIVATE ${LIB_LINK})
+
+  if(LIB_TESTS AND BUILD_TESTING)
+    fastcycle_test(fastcycle_${name}_test SOURCES ${LIB_TESTS} LINK ${LIB_LINK}
+                   PRECOMPILE ${LIB_PRECOMPILE} PREFIX ${name}. LABELS unit)
+  endif()
+endfunction()
+
+# fastcycle_test(<target> SOURCES ... [LINK ...] [PRECOMPILE ...] [PREFIX <text>] [LABELS ...])
+#
+# A GoogleTest program over libfastcycle.so, with the headers of src/ in reach.
+function(fastcycle_test target)
+  cmake_parse_arguments(PARSE_ARGV 1 TEST "" "PREFIX" "SOURCES;LINK;PRECOMPILE;LABELS")
+  add_executable(${target} ${TEST_SOURCES})
+  target_compile_options(${target} PRIVATE ${FASTCYCLE_WARNINGS})
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src)
+  target_link_libraries(${target} PRIVATE fastcycle GTest::gmock GTest::gtest_main ${TEST_LINK})
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests
+                                             INTERPROCEDURAL_OPTIMIZATION OFF)
+  fastcycle_precompile(${target} test "${FASTCYCLE_PRECOMPILED_TEST}" "${TEST_PRECOMPILE}")
+  fastcycle_discover_tests(${target} "${TEST_PREFIX}" "${TEST_LABELS}")
+endfunction()
+
+# fastcycle_program(<name> SOURCES ... [LINK ...] [HELPER])
+#
+# A program over libfastcycle.so, installed to bin/, or as a HELPER to libexec/fastcycle/.
+function(fastcycle_program name)
+  cmake_parse_arguments(PARSE_ARGV 1 PROGRAM "HELPER" "" "SOURCES;LINK")
+  set(target ${name})
+  if(name STREQUAL "fastcycle")   # the library has this name already
+    set(target fastcycle_program)
+  endif()
+  set(folder ${FASTCYCLE_PROGRAM_DIR})
+  if(PROGRAM_HELPER)
+    set(folder ${FASTCYCLE_HELPER_DIR})
+  endif()
+  fastcycle_run_path(run_path ${folder} ${FASTCYCLE_LIBRARY_DIR})
+
+  add_executable(${target} ${PROGRAM_SOURCES})
+  target_compile_options(${target} PRIVATE ${FASTCYCLE_WARNINGS})
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src)
+  target_link_libraries(${target} PRIVATE fastcycle ${PROGRAM_LINK})
+  set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name} INSTALL_RPATH ${run_path}
+                        RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/${folder})
+  install(TARGETS ${target} RUNTIME DESTINATION ${folder})
+endfunction()
+
+# Targets that are compiled alike share one precompiled header, made by the target fastcycle_pch_<kind>.
+# One that asks for `more` headers has its own.
+function(fastcycle_precompile target kind headers more)
+  if(CMAKE_DISABLE_PRECOMPILE_HEADERS)
+    return()
+  endif()
+  if(more)
+    target_precompile_headers(${target} PRIVATE ${headers} ${more})
+    return()
+  endif()
+  set(carrier fastcycle_pch_${kind})
+  if(NOT TARGET ${carrier})
+    file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/${carrier}.cc CONTENT "")
+    if(kind STREQUAL "test")
+      add_executable(${carrier} EXCLUDE_FROM_ALL ${PROJECT_BINARY_DIR}/${carrier}.cc)
+      target_link_libraries(${carrier} PRIVATE GTest::gmock GTest::gtest_main)
+    else()
+      add_library(${carrier} OBJECT EXCLUDE_FROM_ALL ${PROJECT_BINARY_DIR}/${carrier}.cc)
+      set_target_properties(${carrier} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+    endif()
+    target_link_libraries(${carrier} PRIVATE protobuf::libprotobuf fmt::fmt Threads::Threads)
+    target_precompile_headers(${carrier} PRIVATE ${headers})
+  endif()
+  target_precompile_headers(${target} REUSE_FROM ${carrier})
+endfunction()

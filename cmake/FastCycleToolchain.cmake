@@ -1,0 +1,21 @@
+# How the code of this project is compiled, for every target alike.
+
+set(FASTCYCLE_WARNINGS -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wnon-virtual-dtor
+    -Woverloaded-virtual $<$<CXX_COMPILER_ID:Clang>:-Wthread-safety>)
+
+# A second build takes what the first one compiled. The sloppiness is what precompiled headers need.
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER env
+      CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${CCACHE_PROGRAM})
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    add_compile_options(-fpch-preprocess)
+  endif()
+endif()
+
+# Headers that are large and never change. The presets `clang` and `release` build without them, so
+# that an include which a file forgot does not stay hidden.
+set(FASTCYCLE_PRECOMPILED <algorithm> <atomic> <chrono> <functional> <map> <memory> <optional> <string>
+    <thread> <unordered_map> <vector> <google/protobuf/message.h>)
+set(FASTCYCLE_PRECOMPILED_TEST ${FASTCYCLE_PRECOMPILED} <gmock/gmock.h> <gtest/gtest.h>)
+set(FASTCYCLE_IN_PROJECT TRUE)
