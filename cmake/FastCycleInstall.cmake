@@ -1,11 +1,7 @@
 # What find_package(FastCycle) finds: headers, targets, the helpers for messages and components.
 include(CMakePackageConfigHelpers)
 
-if(EXISTS ${PROJECT_SOURCE_DIR}/include/fastcycle)
-  install(DIRECTORY include/fastcycle DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
-endif()
-install(FILES ${PROJECT_BINARY_DIR}/include/fastcycle/version.h
-        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/fastcycle)
+install(DIRECTORY include/fastcycle DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
 
 install(EXPORT FastCycleTargets NAMESPACE FastCycle:: DESTINATION ${FASTCYCLE_CMAKE_DIR})
 

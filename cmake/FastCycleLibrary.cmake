@@ -2,16 +2,13 @@
 
 # Declares libfastcycle.so. fastcycle_library() fills it.
 function(fastcycle_core_library)
-  configure_file(${PROJECT_SOURCE_DIR}/cmake/version.h.in
-                 ${PROJECT_BINARY_DIR}/include/fastcycle/version.h @ONLY)
-  configure_file(${PROJECT_SOURCE_DIR}/cmake/version.cc.in ${PROJECT_BINARY_DIR}/version.cc @ONLY)
-
-  add_library(fastcycle SHARED ${PROJECT_BINARY_DIR}/version.cc)
+  # CMake wants one source of its own; all others come from src/.
+  file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/core.cc CONTENT "")
+  add_library(fastcycle SHARED ${PROJECT_BINARY_DIR}/core.cc)
   add_library(FastCycle::fastcycle ALIAS fastcycle)
   target_compile_features(fastcycle PUBLIC cxx_std_20)
   target_include_directories(fastcycle PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
-    $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_link_libraries(fastcycle PUBLIC protobuf::libprotobuf fmt::fmt Threads::Threads
                                   PRIVATE ${CMAKE_DL_LIBS})
@@ -45,7 +42,7 @@ function(fastcycle_library name)
   set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
   target_compile_options(fastcycle_${name} PRIVATE ${FASTCYCLE_WARNINGS} -fno-semantic-interposition)
   target_include_directories(fastcycle_${name} PRIVATE
-    ${PROJECT_SOURCE_DIR}/include ${PROJECT_BINARY_DIR}/include ${PROJECT_SOURCE_DIR}/src)
+    ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(fastcycle_${name} PRIVATE
     protobuf::libprotobuf fmt::fmt Threads::Threads ${LIB_LINK})
   fastcycle_precompile(fastcycle_${name} library "${FASTCYCLE_PRECOMPILED}" "${LIB_PRECOMPILE}")
@@ -112,12 +109,20 @@ function(fastcycle_precompile target kind headers more)
   if(NOT TARGET ${carrier})
     file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/${carrier}.cc CONTENT "")
     if(kind STREQUAL "test")
-      add_executable(${carrier} EXCLUDE_FROM_ALL ${PROJECT_BINARY_DIR}/${carrier}.cc)
+      add_library(${carrier} OBJECT EXCLUDE_FROM_ALL ${PROJECT_BINARY_DIR}/${carrier}.cc)
       target_link_libraries(${carrier} PRIVATE GTest::gmock GTest::gtest_main)
     else()
       add_library(${carrier} OBJECT EXCLUDE_FROM_ALL ${PROJECT_BINARY_DIR}/${carrier}.cc)
       set_target_properties(${carrier} PROPERTIES POSITION_INDEPENDENT_CODE ON)
     endif()
+    # Flags that differ would make the compiler refuse it.
+    get_target_property(visibility ${target} CXX_VISIBILITY_PRESET)
+    get_target_property(options ${target} COMPILE_OPTIONS)
+    if(visibility)
+      set_target_properties(${carrier} PROPERTIES CXX_VISIBILITY_PRESET ${visibility}
+                                                  VISIBILITY_INLINES_HIDDEN ON)
+    endif()
+    target_compile_options(${carrier} PRIVATE ${options})
     target_link_libraries(${carrier} PRIVATE protobuf::libprotobuf fmt::fmt Threads::Threads)
     target_precompile_headers(${carrier} PRIVATE ${headers})
   endif()

@@ -13,8 +13,8 @@ if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   endif()
 endif()
 
-# Headers that are large and never change. The presets `clang` and `release` build without them, so
-# that an include which a file forgot does not stay hidden.
+# Headers that are large and never change. The preset `clang` builds without them, so that an
+# include which a file forgot does not stay hidden.
 set(FASTCYCLE_PRECOMPILED <algorithm> <atomic> <chrono> <functional> <map> <memory> <optional> <string>
     <thread> <unordered_map> <vector> <google/protobuf/message.h>)
 set(FASTCYCLE_PRECOMPILED_TEST ${FASTCYCLE_PRECOMPILED} <gmock/gmock.h> <gtest/gtest.h>)

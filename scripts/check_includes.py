@@ -1,0 +1,172 @@
+#!/usr/bin/env python3
+"""Checks that knowledge goes one way. Prints `place: what is wrong` and ends with 1 if anything is.
+
+  src/<library>     may include itself and what its fastcycle_library() DEPENDS on, at any distance
+  include/fastcycle may include other headers of include/fastcycle, nothing of src
+  ads, examples, benchmarks  may include fastcycle/..., generated messages, and files of their own folder
+  anywhere          no TODO of the kind `now` is left
+
+Usage: check_includes.py [--headers] [--self-test] [root]
+  --headers    also compiles each public header alone, so that none needs another one before it
+  --self-test  tries the checks on a small tree of mistakes, and on one without
+"""
+
+import argparse
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
+SOURCES = {".h", ".cc"}
+USERS = ("ads", "examples", "benchmarks")
+TODO_NOW = "TODO" + "(now)"
+
+
+def read_depends(root):
+    """What each library of src/ names under DEPENDS."""
+    depends = {}
+    for build_file in sorted(root.glob("src/*/CMakeLists.txt")):
+        text = re.sub(r"#.*", "", build_file.read_text())
+        call = re.search(r"fastcycle_library\(\s*(\w+)([^)]*)\)", text)
+        if call:
+            words = call.group(2).split()
+            here = words.index("DEPENDS") + 1 if "DEPENDS" in words else len(words)
+            names = []
+            while here < len(words) and not words[here].isupper():
+                names.append(words[here])
+                here += 1
+            depends[call.group(1)] = names
+    return depends
+
+
+def reachable(depends, library):
+    """The library and all that it depends on, at any distance."""
+    seen, waiting = set(), [library]
+    while waiting:
+        name = waiting.pop()
+        if name not in seen:
+            seen.add(name)
+            waiting += depends.get(name, [])
+    return seen
+
+
+def files_of(root):
+    for folder, names, files in os.walk(root):
+        names[:] = sorted(n for n in names if n != "build" and not n.startswith("."))
+        for name in sorted(files):
+            path = pathlib.Path(folder, name)
+            if path.suffix in SOURCES:
+                yield path
+
+
+def mistake(root, depends, path, included):
+    """What is wrong with this include, or None."""
+    part = path.relative_to(root).parts
+    target = included.split("/")[0]
+    if target == "fastcycle" and "/" in included:
+        return None if (root / "include" / included).is_file() else f"there is no public header {included}"
+    is_private = (root / "src" / included).is_file()
+    if part[0] == "src" and len(part) > 2:
+        if not is_private or target in reachable(depends, part[1]):
+            return None
+        return f"{part[1]} may not know {target}: src/{part[1]}/CMakeLists.txt does not DEPEND on it"
+    if part[0] == "include" and (is_private or included.endswith(".pb.h")):
+        return f"a public header may not include {included}, only fastcycle/..."
+    if part[0] in USERS and is_private:
+        return f"{part[0]} may not include {included}, only fastcycle/... and messages"
+    if part[0] in USERS and ".." in included.split("/"):
+        return f"{included} leaves the folder"
+    return None
+
+
+def check(root):
+    """All findings of the tree, as lines."""
+    depends = read_depends(root)
+    found = []
+    for path in files_of(root):
+        for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+            place = f"{path.relative_to(root)}:{number}"
+            include = INCLUDE.match(line)
+            wrong = include and mistake(root, depends, path, include.group(1))
+            if wrong:
+                found.append(f"{place}: {wrong}")
+            if TODO_NOW in line:
+                found.append(f"{place}: {TODO_NOW} is left")
+    return found
+
+
+def check_headers(root):
+    """Compiles each public header alone."""
+    found = []
+    for header in sorted((root / "include").rglob("*.h")):
+        name = header.relative_to(root / "include")
+        command = ["g++", "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror",
+                   f"-I{root / 'include'}", "-x", "c++", "-"]
+        run = subprocess.run(command, input=f'#include "{name}"\n', capture_output=True, text=True)
+        if run.returncode != 0:
+            found.append(f"include/{name}: does not compile alone\n{run.stderr}")
+    return found
+
+
+def self_test():
+    """Plants one mistake of each kind and expects to find exactly these."""
+    clean = {
+        "include/fastcycle/a.h": '#include "fastcycle/version.h"\n',
+        "include/fastcycle/version.h": "",
+        "src/low/CMakeLists.txt": "fastcycle_library(low\n  SOURCES low.cc\n)\n",
+        "src/low/low.h": '#include <vector>\n#include "fastcycle/a.h"\n',
+        "src/mid/CMakeLists.txt": "fastcycle_library(mid SOURCES mid.cc DEPENDS low TESTS mid_test.cc)\n",
+        "src/mid/mid.h": '#include "low/low.h"\n',
+        "src/top/CMakeLists.txt": "fastcycle_library(top SOURCES top.cc DEPENDS mid)\n",
+        "src/top/top.cc": '#include "mid/mid.h"\n#include "low/low.h"\n',
+        "ads/x/x.cc": '#include "fastcycle/a.h"\n#include "x/own.h"\n#include "demo/speed.pb.h"\n',
+    }
+    mistakes = {
+        "src/low/up.cc": '#include "mid/mid.h"\n',
+        "src/mid/up.cc": '#include "top/top.h"\n',
+        "src/top/top.h": "",
+        "src/top/missing.cc": '#include "fastcycle/nothing.h"\n',
+        "include/fastcycle/b.h": '#include "low/low.h"\n',
+        "ads/x/y.cc": '  #  include <low/low.h>\n',
+        "examples/z.cc": f'#include "../src/low/low.h"\n// {TODO_NOW}: later\n',
+    }
+    expected = ["ads/x/y.cc:1:", "examples/z.cc:1:", "examples/z.cc:2:", "include/fastcycle/b.h:1:",
+                "src/low/up.cc:1:", "src/mid/up.cc:1:", "src/top/missing.cc:1:"]
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+
+        def plant(tree):
+            for name, text in tree.items():
+                (root / name).parent.mkdir(parents=True, exist_ok=True)
+                (root / name).write_text(text)
+
+        plant(clean)
+        assert check(root) == [], check(root)
+        plant(mistakes)
+        places = [line.split(" ")[0] for line in check(root)]
+        assert places == expected, places
+    print("check_includes: finds what it should")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--headers", action="store_true")
+    parser.add_argument("--self-test", action="store_true")
+    parser.add_argument("root", nargs="?", type=pathlib.Path,
+                        default=pathlib.Path(__file__).resolve().parent.parent)
+    options = parser.parse_args()
+    if options.self_test:
+        self_test()
+        return 0
+    found = check(options.root)
+    if options.headers:
+        found += check_headers(options.root)
+    print("\n".join(found) if found else "check_includes: includes go one way")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
