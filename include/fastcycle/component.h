@@ -1,0 +1,449 @@
+#pragma once
+
+#include <chrono>
+#include <concepts>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <random>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "fastcycle/log.h"
+#include "fastcycle/message.h"
+#include "fastcycle/params.h"
+#include "fastcycle/publisher.h"
+#include "fastcycle/sample.h"
+#include "fastcycle/subscriber.h"
+#include "fastcycle/time.h"
+#include "fastcycle/timer.h"
+#include "fastcycle/views.h"
+
+namespace fastcycle {
+
+/// How well a component thinks that it does its work.
+enum class Health : std::uint8_t { kOk, kDegraded, kFailed };
+
+/// One result that a component reports of a run.
+using ReportValue = std::variant<bool, std::int64_t, double, std::string>;
+
+/// The generator behind `Component::random`: seeded from the names of application and component, so
+/// that each run draws the same numbers.
+using Random = std::mt19937_64;
+
+/// What an author may say of one publisher.
+template <Message T>
+struct PublisherOptions {
+  /// Sizes every message of the pool when the topic is connected, so that the first publishes fault
+  /// no page and allocate nothing.
+  std::optional<T> prototype = {};
+};
+
+namespace detail {
+
+class ComponentCore;
+
+using EnvelopeCallback = std::function<void(Envelope&)>;
+using TickCallback = std::function<void(const Tick&)>;
+
+/// One value of a parameter; a vector has several.
+using ParamElementValue = std::variant<bool, std::int64_t, std::uint64_t, double, std::string>;
+
+enum class ParamKind : std::uint8_t { kBool, kSigned, kUnsigned, kDouble, kString, kPath, kEnum };
+
+/// A parameter's declaration without its C++ type.
+struct ParamSpec {
+  std::string_view name;
+  ParamKind kind = ParamKind::kBool;
+  bool is_vector = false;
+  std::optional<std::vector<ParamElementValue>> fallback = {};
+  std::optional<ParamElementValue> min = {};
+  std::optional<ParamElementValue> max = {};
+  std::vector<std::string> names = {};  ///< Of an enumeration; its values are indices into this.
+  std::string_view unit = {};
+  std::string_view description = {};
+};
+
+std::vector<ParamElementValue> read_param(ComponentCore& core, const ParamSpec& spec);
+void read_message_param(ComponentCore& core, std::string_view name, std::string_view description,
+                        bool has_fallback, google::protobuf::Message& message);
+PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
+                                const google::protobuf::Message& default_instance,
+                                const google::protobuf::Message* prototype, bool is_external);
+Subscription& create_subscription(ComponentCore& core, std::string_view topic,
+                                  const google::protobuf::Message& default_instance,
+                                  const SubscriberOptions& options, EnvelopeCallback callback);
+View& create_view(ComponentCore& core, std::string_view topic,
+                  const google::protobuf::Message& default_instance, std::size_t depth,
+                  std::optional<Duration> span);
+TimerCore& create_timer(ComponentCore& core, const TimerOptions& options, TickCallback callback);
+
+template <typename F>
+TickCallback tick_callback(F callback) {
+  if constexpr (std::invocable<F&, const Tick&>) {
+    return TickCallback(std::move(callback));
+  } else {
+    return [callback = std::move(callback)](const Tick&) mutable { callback(); };
+  }
+}
+
+}  // namespace detail
+
+/// What may be called back with a message: `f(const T&)`, or `f(const Sample<T>&)` to see its info
+/// or to keep it.
+template <typename F, typename T>
+concept MessageCallback = std::invocable<F&, const T&> || std::invocable<F&, const Sample<T>&>;
+
+/// What may be called back by a timer: `f()` or `f(const Tick&)`.
+template <typename F>
+concept TimerCallback = std::invocable<F&> || std::invocable<F&, const Tick&>;
+
+/// A promise that input will come. The run ends by itself when every source of the application has
+/// finished; an application without sources runs until it is stopped.
+///
+/// @threads  Safe.
+class Source {
+ public:
+  explicit Source(detail::ComponentCore& core) : core_(&core) {}
+
+  /// Says that this component has no more input. A second call does nothing.
+  void finish();
+
+ private:
+  detail::ComponentCore* core_;
+};
+
+/// Keeps simulated time from advancing while it lives: for threads that publish from outside.
+///
+/// @threads  Safe to hold and to let go on any thread.
+class TimeHold {
+ public:
+  explicit TimeHold(detail::ComponentCore& core);
+  TimeHold(TimeHold&& other) noexcept : core_(std::exchange(other.core_, nullptr)) {}
+  TimeHold(const TimeHold&) = delete;
+  TimeHold& operator=(const TimeHold&) = delete;
+  TimeHold& operator=(TimeHold&&) = delete;
+  ~TimeHold();
+
+ private:
+  detail::ComponentCore* core_;
+};
+
+/// What a component is given when it is made: here it declares its parameters, topics and timers.
+///
+/// Everything is declared in the constructor; mistakes (a missing parameter, a wrong type, a topic
+/// with two types) are collected, and the application does not start. Subscriptions may also be made
+/// later, in an activation of the component.
+///
+/// @threads  Confined to its component: its constructor and its activations.
+/// @realtime Allocates: not for use on a hot path.
+class Context {
+ public:
+  explicit Context(detail::ComponentCore& core) : core_(core) {}
+  Context(const Context&) = delete;
+  Context& operator=(const Context&) = delete;
+
+  /// The component's name in the application, with its namespace: "front/limiter".
+  [[nodiscard]] const std::string& component_name() const;
+  [[nodiscard]] const std::string& application_name() const;
+
+  /// Declares the parameter `name` (dots reach into objects: "limits.jerk") and gives its configured
+  /// value, else the value of the same name in `"shared_params"`, else its fallback.
+  ///
+  /// @errors  A missing value, a wrong type or one out of range is a start-up mistake; what is
+  ///          returned then is the fallback, or an empty value.
+  template <ParamType T>
+  [[nodiscard]] Param<T> param(std::string_view name, ParamOptions<T> options = {});
+
+  /// Declares that the component publishes on `topic`. Topic names in code are relative:
+  /// `"namespace"` and `"remap"` of the component place them.
+  template <Message T>
+  [[nodiscard]] Publisher<T> create_publisher(std::string_view topic,
+                                              const PublisherOptions<T>& options = {});
+
+  /// Declares that a thread which is not FastCycle's publishes on `topic`.
+  template <Message T>
+  [[nodiscard]] ExternalPublisher<T> create_external_publisher(
+      std::string_view topic, const PublisherOptions<T>& options = {});
+
+  /// Calls `callback` with every message of `topic`, in the order in which messages were published
+  /// across all topics of this component, and never at the same time as another of its callbacks.
+  ///
+  /// The subscription lives as long as the component; kept as a `Subscriber` it can end earlier.
+  template <Message T, MessageCallback<T> F>
+  Subscribed create_subscriber(std::string_view topic, F callback) {
+    return create_subscriber<T>(topic, SubscriberOptions{}, std::move(callback));
+  }
+  template <Message T, MessageCallback<T> F>
+  Subscribed create_subscriber(std::string_view topic, const SubscriberOptions& options, F callback);
+
+  /// The newest message of `topic`, without being called for it.
+  template <Message T>
+  [[nodiscard]] Latest<T> create_latest(std::string_view topic);
+
+  /// The last messages of `topic`, without being called for them.
+  template <Message T>
+  [[nodiscard]] History<T> create_history(std::string_view topic, const HistoryOptions& options);
+
+  /// Calls `callback` periodically, beside the Serve Timer.
+  template <TimerCallback F>
+  Timer create_timer(const TimerOptions& options, F callback) {
+    return Timer(detail::create_timer(core_, options, detail::tick_callback(std::move(callback))));
+  }
+  /// A one-shot timer: `callback` comes when `Timer::arm_at` says.
+  template <TimerCallback F>
+  [[nodiscard]] Timer create_timer(F callback) {
+    return Timer(detail::create_timer(core_, {}, detail::tick_callback(std::move(callback))));
+  }
+
+  /// Runs `body` on a thread of its own from `start` to `stop`, for drivers that must wait for a
+  /// device. It ends when its `stop_token` says so, and is joined after the component's `stop()`
+  /// was asked for. What it throws is a fault of the component. It publishes by an
+  /// `ExternalPublisher`.
+  ///
+  /// @errors  A name longer than 15 bytes is cut: the system shows no more.
+  void create_thread(std::string name, std::function<void(std::stop_token)> body);
+
+  /// Runs `work` on the workers of `executor` beside the component's callbacks, then `done` as an
+  /// activation of the component. `work` sees only what it captured, and must not touch the component.
+  /// A fault in `work` is a fault of the component. At most 1024 jobs of an executor wait; one more
+  /// is a fault.
+  ///
+  /// @pre  Called in an activation.
+  void offload(std::string_view executor, std::function<void()> work, std::function<void()> done);
+
+  /// Declares that this component is a source of input; see `Source`.
+  [[nodiscard]] Source create_source();
+
+  /// Keeps simulated time from advancing until the hold is gone; nothing with the clock `live`.
+  [[nodiscard]] TimeHold hold_time() { return TimeHold(core_); }
+
+  /// Puts a result of the run into the final table and the report. A later value replaces an earlier.
+  void report(std::string_view name, ReportValue value);
+
+  [[nodiscard]] detail::ComponentCore& core() noexcept { return core_; }
+
+ private:
+  detail::ComponentCore& core_;
+};
+
+/// One unit of an application: parameters, topics, callbacks, and one Serve Timer.
+///
+/// A component is complete when it is constructed; constructors only declare. Its callbacks, its
+/// timers, `start`, `serve` and `stop` never overlap: it needs no mutex. An exception that leaves
+/// one of them is a fault of this component, handled as its `"on_fault"` says.
+///
+/// @threads  Everything is called by one worker at a time; which one may change between calls.
+class Component {
+ public:
+  explicit Component(Context& context) : context_(context) {}
+  Component(const Component&) = delete;
+  Component& operator=(const Component&) = delete;
+  virtual ~Component() noexcept(false) = default;
+
+  /// Acquires devices and files. Called once, in the order of the application file, before the
+  /// component's first message.
+  virtual void start() {}
+
+  /// The Serve Timer, called every `"serve_period_ms"`; never, if that is not configured.
+  virtual void serve() {}
+
+  /// Gives back what `start` acquired, reports results. Called once, in reverse order, after the
+  /// last message; not called after a fault.
+  virtual void stop() {}
+
+ protected:
+  /// The time of this activation: it does not move while a callback runs.
+  [[nodiscard]] Time now() const;
+  /// When the application's timers started; in `start()` the time of its activation.
+  [[nodiscard]] Time start_time() const;
+  [[nodiscard]] Log log() const;
+  [[nodiscard]] Random& random();
+
+  /// The result of `f`, which asks the world something that a repeated run could not know: a device,
+  /// a file that changes, another clock. Such values have a name, so that they can be recorded.
+  template <std::invocable F>
+  auto observe([[maybe_unused]] std::string_view name, F f) {
+    return f();
+  }
+
+  /// Puts a result of the run into the final table and the report (`results`).
+  void report(std::string_view name, ReportValue value) { context_.report(name, std::move(value)); }
+
+  /// Says how well the component does its work; shown in the final table and the report.
+  void health(Health state, std::string_view reason = {});
+
+  [[nodiscard]] Context& context() noexcept { return context_; }
+
+ private:
+  Context& context_;
+};
+
+namespace detail {
+
+template <typename Element>
+constexpr ParamKind kind_of() {
+  if constexpr (std::same_as<Element, bool>) {
+    return ParamKind::kBool;
+  } else if constexpr (std::is_enum_v<Element>) {
+    return ParamKind::kEnum;
+  } else if constexpr (std::floating_point<Element>) {
+    return ParamKind::kDouble;
+  } else if constexpr (std::signed_integral<Element>) {
+    return ParamKind::kSigned;
+  } else if constexpr (std::unsigned_integral<Element>) {
+    return ParamKind::kUnsigned;
+  } else if constexpr (std::same_as<Element, Path>) {
+    return ParamKind::kPath;
+  } else {
+    return ParamKind::kString;
+  }
+}
+
+/// Between a parameter's C++ type and its values without one.
+template <typename T, typename Element>
+struct ParamCodec {
+  static constexpr ParamKind kKind = kind_of<Element>();
+  static constexpr bool kIsVector = IsParamVector<T>::value;
+
+  static ParamElementValue encode(const Element& value, const ParamOptions<T>& options) {
+    if constexpr (kKind == ParamKind::kEnum) {
+      for (std::size_t index = 0; index < options.names.size(); ++index) {
+        if (options.names[index].second == value) {
+          return static_cast<std::int64_t>(index);
+        }
+      }
+      return std::int64_t{-1};
+    } else if constexpr (kKind == ParamKind::kDouble) {
+      return static_cast<double>(value);
+    } else if constexpr (kKind == ParamKind::kSigned) {
+      return static_cast<std::int64_t>(value);
+    } else if constexpr (kKind == ParamKind::kUnsigned) {
+      return static_cast<std::uint64_t>(value);
+    } else if constexpr (kKind == ParamKind::kPath) {
+      return value.string();
+    } else {
+      return value;
+    }
+  }
+
+  static Element decode(const ParamElementValue& value, const ParamOptions<T>& options) {
+    if constexpr (kKind == ParamKind::kEnum) {
+      return options.names.at(static_cast<std::size_t>(std::get<std::int64_t>(value))).second;
+    } else if constexpr (kKind == ParamKind::kDouble) {
+      return static_cast<Element>(std::get<double>(value));
+    } else if constexpr (kKind == ParamKind::kSigned) {
+      return static_cast<Element>(std::get<std::int64_t>(value));
+    } else if constexpr (kKind == ParamKind::kUnsigned) {
+      return static_cast<Element>(std::get<std::uint64_t>(value));
+    } else if constexpr (kKind == ParamKind::kPath) {
+      return Path(std::get<std::string>(value));
+    } else {
+      return std::get<Element>(value);
+    }
+  }
+
+  static ParamSpec spec(std::string_view name, const ParamOptions<T>& options) {
+    ParamSpec spec{.name = name, .kind = kKind, .is_vector = kIsVector};
+    spec.description = options.description;
+    if constexpr (kKind == ParamKind::kEnum) {
+      for (const auto& [text, value] : options.names) {
+        spec.names.push_back(text);
+      }
+    } else {
+      spec.unit = options.unit;
+      if constexpr (std::integral<Element> && kKind != ParamKind::kBool) {
+        spec.min = encode(options.min.value_or(std::numeric_limits<Element>::min()), options);
+        spec.max = encode(options.max.value_or(std::numeric_limits<Element>::max()), options);
+      } else if constexpr (kKind == ParamKind::kDouble) {
+        spec.min = options.min ? std::optional(encode(*options.min, options)) : std::nullopt;
+        spec.max = options.max ? std::optional(encode(*options.max, options)) : std::nullopt;
+      }
+    }
+    if (options.fallback) {
+      spec.fallback.emplace();
+      if constexpr (kIsVector) {
+        for (const Element& element : *options.fallback) {
+          spec.fallback->push_back(encode(element, options));
+        }
+      } else {
+        spec.fallback->push_back(encode(*options.fallback, options));
+      }
+    }
+    return spec;
+  }
+};
+
+}  // namespace detail
+
+template <ParamType T>
+Param<T> Context::param(std::string_view name, ParamOptions<T> options) {
+  if constexpr (Message<T>) {
+    T message = options.fallback.value_or(T());
+    detail::read_message_param(core_, name, options.description, options.fallback.has_value(),
+                               message);
+    return Param<T>(std::move(message));
+  } else {
+    using Element = typename ParamOptions<T>::Element;
+    using Codec = detail::ParamCodec<T, Element>;
+    const auto values = detail::read_param(core_, Codec::spec(name, options));
+    T result{};
+    if constexpr (Codec::kIsVector) {
+      for (const auto& value : values) {
+        result.push_back(Codec::decode(value, options));
+      }
+    } else if (!values.empty()) {
+      result = Codec::decode(values.front(), options);
+    }
+    return Param<T>(std::move(result));
+  }
+}
+
+template <Message T>
+Publisher<T> Context::create_publisher(std::string_view topic, const PublisherOptions<T>& options) {
+  return Publisher<T>(detail::create_publisher(
+      core_, topic, T::default_instance(), options.prototype ? &*options.prototype : nullptr, false));
+}
+
+template <Message T>
+ExternalPublisher<T> Context::create_external_publisher(std::string_view topic,
+                                                        const PublisherOptions<T>& options) {
+  return ExternalPublisher<T>(detail::create_publisher(
+      core_, topic, T::default_instance(), options.prototype ? &*options.prototype : nullptr, true));
+}
+
+template <Message T, MessageCallback<T> F>
+Subscribed Context::create_subscriber(std::string_view topic, const SubscriberOptions& options,
+                                      F callback) {
+  detail::EnvelopeCallback erased;
+  if constexpr (std::invocable<F&, const Sample<T>&>) {
+    erased = [callback = std::move(callback)](detail::Envelope& envelope) mutable {
+      callback(detail::share<T>(envelope));
+    };
+  } else {
+    erased = [callback = std::move(callback)](detail::Envelope& envelope) mutable {
+      callback(static_cast<const T&>(*envelope.payload));
+    };
+  }
+  return Subscribed(
+      detail::create_subscription(core_, topic, T::default_instance(), options, std::move(erased)));
+}
+
+template <Message T>
+Latest<T> Context::create_latest(std::string_view topic) {
+  return Latest<T>(detail::create_view(core_, topic, T::default_instance(), 1, std::nullopt));
+}
+
+template <Message T>
+History<T> Context::create_history(std::string_view topic, const HistoryOptions& options) {
+  return History<T>(
+      detail::create_view(core_, topic, T::default_instance(), options.depth, options.span));
+}
+
+}  // namespace fastcycle

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "fastcycle/message.h"
+
+namespace fastcycle::detail {
+
+class Pool;
+
+/// What travels through the lanes: a counted handle to one published message, with its info.
+///
+/// It is recycled together with the message that it was made for. A forwarded message travels in an
+/// envelope of the forwarder, whose `foreign` is the envelope that owns the payload.
+///
+/// Invariant: while `references > 0`, `info` and `payload` do not change.
+///
+/// @threads  `references` is Safe; all else is written by the publisher before the first push.
+struct alignas(64) Envelope {
+  MessageInfo info;
+  const google::protobuf::Message* payload = nullptr;
+  std::atomic<std::uint32_t> references{0};
+  bool is_scratch = false;  ///< Lent when the pool was dry: its publish is a counted drop.
+
+  google::protobuf::Message* own = nullptr;  ///< The message made for this envelope, or none.
+  Envelope* foreign = nullptr;               ///< Whose payload this is, when forwarded.
+  Envelope* next = nullptr;                  ///< In the pool's lists.
+  Pool* pool = nullptr;
+};
+
+/// Takes one more reference; the caller must hold one already.
+inline void retain(Envelope& envelope) noexcept {
+  envelope.references.fetch_add(1, std::memory_order_relaxed);
+}
+
+/// Gives the envelope, to which no reference is left, back to its pool.
+void recycle(Envelope* envelope) noexcept;
+
+/// Lets go of one reference; the last one gives the message back to its pool.
+inline void release(Envelope* envelope) noexcept {
+  if (envelope->references.fetch_sub(1, std::memory_order_acq_rel) == 1) {
+    recycle(envelope);
+  }
+}
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,5 @@
+#pragma once
+
+// All that a component author includes.
+#include "fastcycle/component.h"
+#include "fastcycle/library.h"

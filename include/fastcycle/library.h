@@ -1,0 +1,108 @@
+#pragma once
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <string>
+#include <string_view>
+
+#include "fastcycle/component.h"
+#include "fastcycle/version.h"
+
+namespace fastcycle {
+
+/// How the host makes and destroys components of one class.
+struct ComponentClass {
+  const char* name;
+  Component* (*create)(Context& context);
+  /// Destroys `component`; returns false, with what was thrown in `error`, if its destructor threw.
+  bool (*destroy)(Component* component, std::string& error) noexcept;
+};
+
+/// What a component library offers: the one thing that it exports.
+struct ComponentLibrary {
+  std::uint32_t interface_version;
+  std::size_t class_count;
+  const ComponentClass* classes;
+};
+
+/// Counts the incompatible changes of what stands between host and component library.
+inline constexpr std::uint32_t kInterfaceVersion = 1;
+
+namespace detail {
+
+/// The type names in "A, ns::B", without namespaces.
+template <std::size_t N>
+std::array<std::string, N> split_names(std::string_view list) {
+  std::array<std::string, N> names;
+  for (std::string& name : names) {
+    const auto end = list.find(',');
+    std::string_view word = list.substr(0, end);
+    word.remove_prefix(word.find_first_not_of(' '));
+    if (const auto scope = word.rfind(':'); scope != std::string_view::npos) {
+      word.remove_prefix(scope + 1);
+    }
+    name = word;
+    list.remove_prefix(end == std::string_view::npos ? list.size() : end + 1);
+  }
+  return names;
+}
+
+template <std::derived_from<Component> T>
+Component* create_component(Context& context) {
+  return new T(context);
+}
+
+/// Destroys inside the library: a destructor that throws must not end the process.
+template <std::derived_from<Component> T>
+bool destroy_component(Component* component, std::string& error) noexcept {
+  try {
+    delete static_cast<T*>(component);
+    return true;
+  } catch (const std::exception& exception) {
+    error = exception.what();
+  } catch (...) {
+    error = "something that is no std::exception";
+  }
+  return false;
+}
+
+/// The classes of a library; `names` are its type names, separated by commas.
+template <std::derived_from<Component>... T>
+const ComponentLibrary* library_of(const char* names) {
+  static const std::array<std::string, sizeof...(T)> kNames = split_names<sizeof...(T)>(names);
+  static const auto kClasses = [] {
+    std::size_t index = 0;
+    return std::array<ComponentClass, sizeof...(T)>{
+        ComponentClass{kNames[index++].c_str(), &create_component<T>, &destroy_component<T>}...};
+  }();
+  static const ComponentLibrary kLibrary{kInterfaceVersion, sizeof...(T), kClasses.data()};
+  return &kLibrary;
+}
+
+/// An ELF note that tells, without loading the library, what it was built with. The host compares
+/// the text with its own, word for word.
+struct LibraryNote {
+  std::uint32_t name_size = 10;
+  std::uint32_t text_size = 128;
+  std::uint32_t type = 1;
+  char name[12] = "FastCycle";
+  char text[128];
+};
+
+}  // namespace detail
+}  // namespace fastcycle
+
+/// Offers component classes to the host. Stands once in a library, at namespace scope.
+#define FASTCYCLE_COMPONENTS(...)                                                               \
+  __attribute__((section(".note.fastcycle"), used, aligned(4))) static const                   \
+      ::fastcycle::detail::LibraryNote fastcycle_library_note = {.text = FASTCYCLE_BUILD_NOTE}; \
+  extern "C" __attribute__((visibility("default"))) const ::fastcycle::ComponentLibrary*       \
+  fastcycle_component_library_v1() {                                                           \
+    return ::fastcycle::detail::library_of<__VA_ARGS__>(#__VA_ARGS__);                         \
+  }
+
+/// Offers one component class to the host.
+#define FASTCYCLE_COMPONENT(Class) FASTCYCLE_COMPONENTS(Class)

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <google/protobuf/message.h>
+
+#include <concepts>
+#include <cstdint>
+
+#include "fastcycle/time.h"
+
+namespace fastcycle {
+
+/// What may travel on a topic: a generated protobuf message.
+template <typename T>
+concept Message = std::derived_from<T, google::protobuf::Message> && std::default_initializable<T>;
+
+/// Names a publisher: made from its component's name and its topic, the same in every run.
+using PublisherId = std::uint64_t;
+
+/// When and by whom the oldest measurement was taken that led to a message.
+struct Origin {
+  Time taken{};          ///< The oldest taken time among all that led here.
+  PublisherId root = 0;  ///< The publisher of that measurement; 0 means nothing was measured.
+  bool held = false;     ///< True if it was not the cause itself, but an input held since earlier.
+};
+
+/// What the framework knows of one published message.
+struct MessageInfo {
+  std::uint64_t sequence = 0;  ///< Counts the publisher's messages, from 1, without gaps.
+  Time publish_time{};         ///< When it was published; grows with every message of a publisher.
+  PublisherId publisher = 0;
+  Origin origin;
+};
+
+}  // namespace fastcycle

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "fastcycle/message.h"
+#include "fastcycle/sample.h"
+
+namespace fastcycle {
+
+/// What a full queue does with one more message.
+enum class Overflow : std::uint8_t {
+  kDropOldest,  ///< For state: only the newest matters.
+  kDropNewest,  ///< For events: what came first is kept.
+};
+
+/// How many messages may wait for a subscriber, and what happens to more. What the application file
+/// says under `"subscribers"` stands above what the code says.
+struct SubscriberOptions {
+  std::optional<std::size_t> depth = {};  ///< Messages that may wait, per publisher; 16 unless given.
+  std::optional<Overflow> overflow = {};  ///< `kDropOldest` unless given.
+  std::size_t keep = 0;              ///< Samples that the component holds beyond its callbacks.
+};
+
+namespace detail {
+class Subscription;
+void end_subscription(Subscription& subscription) noexcept;
+}  // namespace detail
+
+/// A subscription whose end its owner decides: when the handle is destroyed, its callback is never
+/// called again. A callback may end its own subscription.
+///
+///     std::optional<fastcycle::Subscriber> goal_;
+///     goal_ = context.create_subscriber<demo::Goal>("mission/goal", [this](const demo::Goal& goal) {…});
+///     goal_.reset();
+///
+/// @threads  Confined to its component's activations.
+class Subscriber {
+ public:
+  explicit Subscriber(detail::Subscription& subscription) : subscription_(&subscription) {}
+  Subscriber(Subscriber&& other) noexcept
+      : subscription_(std::exchange(other.subscription_, nullptr)) {}
+  Subscriber& operator=(Subscriber&& other) noexcept {
+    std::swap(subscription_, other.subscription_);
+    return *this;
+  }
+  Subscriber(const Subscriber&) = delete;
+  Subscriber& operator=(const Subscriber&) = delete;
+  ~Subscriber() { end(); }
+
+  /// Ends the subscription; what still waits is counted as `dropped{unsubscribed}`. A second call
+  /// does nothing.
+  void end() noexcept {
+    if (subscription_ != nullptr) {
+      detail::end_subscription(*std::exchange(subscription_, nullptr));
+    }
+  }
+
+ private:
+  detail::Subscription* subscription_;
+};
+
+/// What `Context::create_subscriber` returns. Left alone, the subscription lives as long as its
+/// component; turned into a `Subscriber`, it ends when that one does.
+class Subscribed {
+ public:
+  explicit Subscribed(detail::Subscription& subscription) : subscription_(&subscription) {}
+
+  operator Subscriber() && {  // NOLINT(google-explicit-constructor): reads as an assignment
+    return Subscriber(*subscription_);
+  }
+
+ private:
+  detail::Subscription* subscription_;
+};
+
+}  // namespace fastcycle
