@@ -1,0 +1,154 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <deque>
+#include <optional>
+
+#include <Eigen/Core>
+
+namespace rav4 {
+
+/// What the filter believes of its sensors and of the car. Standard deviations are 1 sigma.
+struct PoseFilterConfig {
+  /// The slow error of the receiver (atmosphere, multipath): size and correlation time.
+  double fix_bias_stddev_m = 1.5;
+  double fix_bias_time_s = 100.0;
+  /// The error that is new with every fix.
+  double fix_noise_m = 0.3;
+  /// Squared Mahalanobis distance beyond which a fix is an outlier; 13.8 is 99.9 % of two
+  /// dimensions.
+  double fix_gate = 13.8;
+  /// After so many outliers in a row the filter believes the fixes and not itself.
+  std::size_t fix_outliers_max = 20;
+
+  /// True speed over wheel speed: how far from 1 it may be, and how it may wander.
+  double wheel_scale_stddev = 0.02;
+  double wheel_scale_walk_per_sqrt_s = 2e-4;
+  /// Noise of the distance from the wheels, as a random walk along the heading and across it
+  /// (slip).
+  double distance_walk_m_per_sqrt_s = 0.05;
+  double slip_walk_m_per_sqrt_s = 0.05;
+
+  /// Noise of the gyroscope, and the wander of its offset.
+  double yaw_walk_rad_per_sqrt_s = 0.001;
+  double gyro_bias_stddev_radps = 0.01;
+  double gyro_bias_walk_radps_per_sqrt_s = 1e-4;
+  /// Noise of one measurement of the gyroscope, when it is averaged in a standing car.
+  double gyro_noise_radps = 0.01;
+
+  /// The receiver's course is believed to this when the heading begins, and from this speed on.
+  double course_stddev_rad = 0.09;
+  double course_speed_min_mps = 2.0;
+
+  /// From the middle of the rear axle forward to the point whose position is estimated.
+  double rear_axle_to_point_m = 1.6;
+};
+
+/// A position that a satellite receiver computed, in the local plane.
+struct PlaneFix {
+  Eigen::Vector2d position_m{0.0, 0.0};  ///< East, north.
+  std::optional<double> yaw_rad;         ///< Its course, counter-clockwise from east.
+  double speed_mps = 0.0;
+};
+
+/// What the filter knows at one time.
+struct PoseEstimate {
+  std::chrono::nanoseconds time{};
+  Eigen::Vector2d position_m{0.0, 0.0};
+  Eigen::Vector2d velocity_mps{0.0, 0.0};
+  double yaw_rad = 0.0;
+  double yaw_rate_radps = 0.0;
+  bool has_heading = false;
+  double position_stddev_m = 0.0;
+  double yaw_stddev_rad = 0.0;
+  double wheel_scale = 1.0;
+  double gyro_bias_radps = 0.0;
+};
+
+/// Estimates the pose of a car from wheel speed, yaw rate and late GNSS fixes: an extended Kalman
+/// filter (Särkkä, "Bayesian Filtering and Smoothing", 2013, algorithm 5.4).
+///
+/// State, in this order: east and north of the point [m], yaw counter-clockwise from east [rad],
+/// wheel scale [1], gyroscope offset [rad/s], slow error of the receiver east and north [m].
+///
+/// Prediction: dead reckoning. The rear axle moves along the heading (no side slip), the point
+/// turns about it; mean heading of each step (Thrun, Burgard, Fox, "Probabilistic Robotics", 2005,
+/// section 5.4, with the arc replaced by its chord). The receiver's slow error is a first-order
+/// Gauss-Markov process (Groves, "Principles of GNSS, Inertial, and Multisensor Integrated
+/// Navigation Systems", 2nd edition, 2013, appendix B.4.3).
+///
+/// Update: a fix says where the point was some time before it arrived. The filter reckons back
+/// from its present state over what the sensors said meanwhile, so that a late fix corrects the
+/// present state, heading and wheel scale included, and no past state has to be kept. In a standing
+/// car the gyroscope shows its offset.
+///
+/// Times of successive calls must not decrease; an earlier one counts as the last. There is no
+/// estimate before the first fix, and no heading before a fix with a course at some speed.
+///
+/// @threads  Confined.
+/// @realtime Bounded: it keeps the steps of at most one second, and no more than `kStepsMax`.
+class PoseFilter {
+ public:
+  static constexpr std::size_t kStepsMax = 1000;
+
+  explicit PoseFilter(const PoseFilterConfig& config);
+
+  /// The turn rate about the vertical, counter-clockwise, with the sensor's offset still in it.
+  void on_yaw_rate(std::chrono::nanoseconds time, double radps);
+  /// The speed of the rear axle.
+  void on_wheel_speed(std::chrono::nanoseconds time, double mps);
+  /// A fix that arrived at `arrival` and says where the point was `age` before; an age beyond what the
+  /// filter remembers is reckoned with the oldest speed. False if it was taken for an outlier.
+  bool on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age, const PlaneFix& fix);
+
+  [[nodiscard]] bool has_position() const { return has_position_; }
+  /// @pre  `has_position()`
+  [[nodiscard]] PoseEstimate estimate() const;
+
+ private:
+  static constexpr int kSize = 7;
+  using State = Eigen::Matrix<double, kSize, 1>;
+  using Covariance = Eigen::Matrix<double, kSize, kSize>;
+  using FixJacobian = Eigen::Matrix<double, 2, kSize>;
+
+  // The sensors were constant over a step.
+  struct Step {
+    double duration_s = 0.0;
+    double wheel_speed_mps = 0.0;
+    double yaw_rate_radps = 0.0;
+  };
+  // How the point moved from a past time until now, and how that depends on the wheel scale.
+  struct Displacement {
+    Eigen::Vector2d moved_m{0.0, 0.0};
+    Eigen::Vector2d per_wheel_scale_m{0.0, 0.0};
+  };
+
+  void advance_to(std::chrono::nanoseconds time);
+  void remember(const Step& step);
+  void predict(const Step& step);
+  [[nodiscard]] Displacement displacement_over(double duration_s) const;
+  void begin(const PlaneFix& fix, double age_s);
+  void begin_heading(const PlaneFix& fix, double age_s);
+  bool update_position(const PlaneFix& fix, double age_s);
+  void update_gyro_bias();
+  [[nodiscard]] Eigen::Vector2d velocity(double yaw_rad, const Step& step) const;
+
+  // Constant after construction.
+  const PoseFilterConfig config_;
+
+  std::optional<std::chrono::nanoseconds> time_;
+  double wheel_speed_mps_ = 0.0;
+  double yaw_rate_radps_ = 0.0;
+  double standing_s_ = 0.0;
+  std::deque<Step> steps_;  // Oldest first.
+  double steps_s_ = 0.0;    // Their sum.
+
+  bool has_position_ = false;
+  bool has_heading_ = false;
+  std::size_t outliers_in_a_row_ = 0;
+  State state_ = State::Zero();
+  Covariance covariance_ = Covariance::Zero();
+};
+
+}  // namespace rav4
