@@ -1,6 +1,14 @@
 # What find_package(FastCycle) finds: headers, targets, the helpers for messages and components.
 include(CMakePackageConfigHelpers)
 
+# The schemas of the files that people write; editors read them.
+file(GLOB schemas CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/schema/*.json)
+foreach(schema ${schemas})
+  cmake_path(GET schema FILENAME name)
+  configure_file(${schema} ${PROJECT_BINARY_DIR}/${FASTCYCLE_SHARE_DIR}/${name} COPYONLY)
+endforeach()
+install(FILES ${schemas} DESTINATION ${FASTCYCLE_SHARE_DIR})
+
 install(DIRECTORY include/fastcycle DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
 
 install(EXPORT FastCycleTargets NAMESPACE FastCycle:: DESTINATION ${FASTCYCLE_CMAKE_DIR})
