@@ -12,8 +12,10 @@ namespace fastcycle {
 enum class LogLevel : std::uint8_t { kDebug, kInfo, kWarning, kError };
 
 namespace detail {
+class LogQueue;
 /// Hands one line to the log's own thread; a full queue drops it and counts it.
-void write_log(LogLevel level, std::string_view component, std::string_view text) noexcept;
+void write_log(LogQueue& queue, LogLevel level, std::string_view component,
+               std::string_view text) noexcept;
 }  // namespace detail
 
 /// Writes lines for people, with the component's name.
@@ -23,7 +25,7 @@ void write_log(LogLevel level, std::string_view component, std::string_view text
 ///           queue: no allocation, no lock, no file access. Lines that find the queue full are counted.
 class Log {
  public:
-  explicit Log(std::string_view component) : component_(component) {}
+  Log(detail::LogQueue& queue, std::string_view component) : queue_(queue), component_(component) {}
 
   template <typename... Args>
   void debug(fmt::format_string<Args...> text, Args&&... args) const {
@@ -48,9 +50,11 @@ class Log {
     std::array<char, 400> line{};
     const auto end =
         fmt::format_to_n(line.data(), line.size(), text, std::forward<Args>(args)...).out;
-    detail::write_log(level, component_, {line.data(), static_cast<std::size_t>(end - line.data())});
+    detail::write_log(queue_, level, component_,
+                      {line.data(), static_cast<std::size_t>(end - line.data())});
   }
 
+  detail::LogQueue& queue_;
   std::string_view component_;
 };
 

@@ -1,0 +1,64 @@
+#include "base/clock.h"
+
+#include <ctime>
+
+#include "fastcycle/assert.h"
+
+namespace fastcycle::base {
+namespace {
+
+std::int64_t read_clock(clockid_t id) noexcept {
+  timespec time{};
+  clock_gettime(id, &time);
+  return static_cast<std::int64_t>(time.tv_sec) * 1'000'000'000 + time.tv_nsec;
+}
+
+}  // namespace
+
+std::int64_t monotonic_ns() noexcept { return read_clock(CLOCK_MONOTONIC); }
+
+Clock::Clock(bool is_simulated, double rate, std::int64_t origin_ns,
+             std::int64_t monotonic_origin_ns)
+    : is_simulated_(is_simulated),
+      rate_(rate),
+      origin_ns_(origin_ns),
+      monotonic_origin_ns_(monotonic_origin_ns),
+      simulated_ns_(origin_ns) {}
+
+Clock::Clock(const Clock& other) noexcept
+    : is_simulated_(other.is_simulated_),
+      rate_(other.rate_),
+      origin_ns_(other.origin_ns_),
+      monotonic_origin_ns_(other.monotonic_origin_ns_),
+      simulated_ns_(other.simulated_ns_.load()) {}
+
+Clock Clock::live(double rate) {
+  FASTCYCLE_ASSERT(rate > 0, "a clock's rate is above zero");
+  return {false, rate, read_clock(CLOCK_REALTIME), monotonic_ns()};
+}
+
+Clock Clock::simulated(Time start) { return {true, 1.0, to_ns(start), 0}; }
+
+Time Clock::now() const noexcept {
+  if (is_simulated_) {
+    return from_ns(simulated_ns_.load(std::memory_order_acquire));
+  }
+  const std::int64_t elapsed = monotonic_ns() - monotonic_origin_ns_;
+  return from_ns(origin_ns_ + (rate_ == 1.0 ? elapsed
+                                            : static_cast<std::int64_t>(
+                                                  static_cast<double>(elapsed) * rate_)));
+}
+
+std::int64_t Clock::monotonic_at(Time time) const noexcept {
+  const std::int64_t ahead = to_ns(time) - origin_ns_;
+  return monotonic_origin_ns_ +
+         (rate_ == 1.0 ? ahead
+                       : static_cast<std::int64_t>(static_cast<double>(ahead) / rate_) + 1);
+}
+
+void Clock::set_simulated(Time time) noexcept {
+  FASTCYCLE_ASSERT(is_simulated_ && time >= now(), "simulated time only goes forward");
+  simulated_ns_.store(to_ns(time), std::memory_order_release);
+}
+
+}  // namespace fastcycle::base

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "fastcycle/time.h"
+
+namespace fastcycle::base {
+
+/// Nanoseconds of CLOCK_MONOTONIC.
+[[nodiscard]] std::int64_t monotonic_ns() noexcept;
+
+/// No deadline: later than anything.
+inline constexpr std::int64_t kNever = INT64_MAX;
+
+/// The application's clock: every time in an application comes from here.
+///
+/// Live, it is CLOCK_MONOTONIC plus an offset to Unix time that is fixed when it is made, so that it
+/// never steps; at a rate other than 1 it runs that many times as fast. Simulated, it stands until
+/// the scheduler moves it.
+///
+/// @threads  Safe; `set_simulated` is for the scheduler alone.
+/// @realtime One clock read, no lock.
+class Clock {
+ public:
+  /// @pre  `rate > 0`
+  static Clock live(double rate = 1.0);
+  static Clock simulated(Time start = kSimulatedStart);
+
+  Clock(const Clock& other) noexcept;
+  Clock& operator=(const Clock&) = delete;
+
+  [[nodiscard]] bool is_simulated() const noexcept { return is_simulated_; }
+  [[nodiscard]] double rate() const noexcept { return rate_; }
+
+  [[nodiscard]] Time now() const noexcept;
+
+  /// The CLOCK_MONOTONIC nanoseconds at which a live clock will show `time`.
+  [[nodiscard]] std::int64_t monotonic_at(Time time) const noexcept;
+
+  /// @pre  The clock is simulated, and `time` is not before `now()`.
+  void set_simulated(Time time) noexcept;
+
+ private:
+  Clock(bool is_simulated, double rate, std::int64_t origin_ns, std::int64_t monotonic_origin_ns);
+
+  const bool is_simulated_;
+  const double rate_;
+  const std::int64_t origin_ns_;
+  const std::int64_t monotonic_origin_ns_;
+  std::atomic<std::int64_t> simulated_ns_;
+};
+
+/// `time` as nanoseconds since 1970, for atomics and files.
+[[nodiscard]] constexpr std::int64_t to_ns(Time time) noexcept {
+  return time.time_since_epoch().count();
+}
+[[nodiscard]] constexpr Time from_ns(std::int64_t ns) noexcept { return Time(Duration(ns)); }
+
+}  // namespace fastcycle::base

@@ -1,0 +1,57 @@
+#include "base/clock.h"
+
+#include <gtest/gtest.h>
+
+namespace fastcycle::base {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(Clock, LiveTimeNeverGoesBackAndBeginsAtUnixTime) {
+  const auto unix_time = std::chrono::system_clock::now();
+  const Clock clock = Clock::live();
+
+  Time last = clock.now();
+  EXPECT_LT(std::chrono::abs(last - unix_time), 10s);
+
+  for (int i = 0; i < 10'000; ++i) {
+    const Time now = clock.now();
+    ASSERT_GE(now, last);
+    last = now;
+  }
+}
+
+TEST(Clock, AFasterClockCoversMoreTimeThanTheMachines) {
+  const Clock clock = Clock::live(50.0);
+  const std::int64_t begin = monotonic_ns();
+  const Time first = clock.now();
+
+  while (monotonic_ns() - begin < 2'000'000) {
+  }
+
+  EXPECT_GE(clock.now() - first, 90ms);
+}
+
+TEST(Clock, MonotonicTimeOfAFutureMomentIsReachedWhenTheClockShowsIt) {
+  for (const double rate : {1.0, 50.0, 0.1}) {
+    const Clock clock = Clock::live(rate);
+    const Time due = clock.now() + std::chrono::duration_cast<Duration>(2ms * rate);
+
+    while (monotonic_ns() < clock.monotonic_at(due)) {
+    }
+
+    EXPECT_GE(clock.now(), due) << "rate " << rate;
+  }
+}
+
+TEST(Clock, SimulatedTimeStandsUntilItIsMoved) {
+  Clock clock = Clock::simulated();
+  EXPECT_EQ(clock.now(), kSimulatedStart);
+
+  clock.set_simulated(kSimulatedStart + 5ms);
+
+  EXPECT_EQ(clock.now(), kSimulatedStart + 5ms);
+}
+
+}  // namespace
+}  // namespace fastcycle::base

@@ -1,0 +1,62 @@
+#include "base/histogram.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+namespace fastcycle::base {
+namespace {
+
+TEST(Histogram, AnEmptyOneSummarizesToZeros) {
+  const Histogram histogram;
+
+  EXPECT_EQ(histogram.summary().count, 0U);
+  EXPECT_EQ(histogram.summary().max, 0.0);
+}
+
+TEST(Histogram, PercentilesAreWithinABucketOfTheExactOnes) {
+  Histogram histogram;
+  std::mt19937_64 random(1);
+  std::lognormal_distribution<double> distribution(9.0, 2.0);
+  std::vector<double> values;
+  for (int i = 0; i < 20'000; ++i) {
+    const auto value = static_cast<std::int64_t>(distribution(random));
+    values.push_back(static_cast<double>(value));
+    histogram.record(value);
+  }
+  std::sort(values.begin(), values.end());
+
+  const HistogramSummary summary = histogram.summary();
+
+  EXPECT_EQ(summary.count, values.size());
+  EXPECT_EQ(summary.max, values.back());
+  EXPECT_NEAR(summary.p50, values[9'999], values[9'999] / 16);
+  EXPECT_NEAR(summary.p99, values[19'799], values[19'799] / 16);
+  EXPECT_NEAR(summary.p999, values[19'979], values[19'979] / 16);
+}
+
+TEST(Histogram, MeanAndDeviationAreExact) {
+  Histogram histogram;
+  for (const std::int64_t value : {1000, 3000, 1000, 3000}) {
+    histogram.record(value);
+  }
+
+  EXPECT_DOUBLE_EQ(histogram.summary().mean, 2000.0);
+  EXPECT_DOUBLE_EQ(histogram.summary().standard_deviation, 1000.0);
+}
+
+TEST(Histogram, TakesAnyValue) {
+  Histogram histogram;
+
+  histogram.record(-5);
+  histogram.record(INT64_MAX);
+
+  EXPECT_EQ(histogram.summary().count, 2U);
+  EXPECT_EQ(histogram.summary().max, static_cast<double>(INT64_MAX));
+}
+
+}  // namespace
+}  // namespace fastcycle::base

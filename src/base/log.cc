@@ -1,0 +1,114 @@
+#include "base/log.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+
+#include "base/clock.h"
+
+namespace fastcycle::detail {
+namespace {
+
+const char* word_for(LogLevel level) {
+  switch (level) {
+    case LogLevel::kDebug:
+      return "debug";
+    case LogLevel::kInfo:
+      return "info";
+    case LogLevel::kWarning:
+      return "warning";
+    case LogLevel::kError:
+      return "error";
+  }
+  return "?";
+}
+
+}  // namespace
+
+// The queue is the bounded one of Dmitry Vyukov: a slot's `turn` says whose turn it is to use it.
+// https://www.1024cores.net/home/lock-free-algorithms/queues/bounded-mpmc-queue
+LogQueue::LogQueue() : slots_(kCapacity) {
+  for (std::size_t i = 0; i < kCapacity; ++i) {
+    slots_[i].turn.store(i, std::memory_order_relaxed);
+  }
+  std::vector<base::Refusal> refusals;
+  thread_ = base::Thread({.name = "fc-log", .cpus = {}}, [this] { print_until_stopped(); }, refusals);
+}
+
+LogQueue::~LogQueue() {
+  is_stopping_.store(true);
+  sleepers_.wake_one();
+  thread_.join();
+  if (const auto lost = dropped_.load(); lost > 0) {
+    std::fprintf(stderr, "fastcycle: %llu lines of log were dropped: its queue of %zu was full\n",
+                 static_cast<unsigned long long>(lost), kCapacity);
+  }
+}
+
+void LogQueue::write(LogLevel level, std::string_view component, std::string_view text) noexcept {
+  std::size_t position = tail_.load(std::memory_order_relaxed);
+  for (;;) {
+    Slot& slot = slots_[position % kCapacity];
+    const std::size_t turn = slot.turn.load(std::memory_order_acquire);
+    if (turn == position) {
+      if (tail_.compare_exchange_weak(position, position + 1, std::memory_order_relaxed)) {
+        slot.level = level;
+        slot.component_size = std::min(component.size(), slot.component.size());
+        std::memcpy(slot.component.data(), component.data(), slot.component_size);
+        slot.text_size = std::min(text.size(), slot.text.size());
+        std::memcpy(slot.text.data(), text.data(), slot.text_size);
+        slot.turn.store(position + 1, std::memory_order_seq_cst);
+        sleepers_.wake_one();
+        return;
+      }
+    } else if (turn < position) {
+      dropped_.fetch_add(1, std::memory_order_relaxed);
+      return;
+    } else {
+      position = tail_.load(std::memory_order_relaxed);
+    }
+  }
+}
+
+bool LogQueue::has_line() const noexcept {
+  return slots_[head_ % kCapacity].turn.load(std::memory_order_seq_cst) == head_ + 1;
+}
+
+void LogQueue::print_line() noexcept {
+  Slot& slot = slots_[head_ % kCapacity];
+  if (slot.component_size == 0) {
+    std::fprintf(stderr, "%s: %.*s\n", word_for(slot.level), static_cast<int>(slot.text_size),
+                 slot.text.data());
+  } else {
+    std::fprintf(stderr, "%s: %.*s: %.*s\n", word_for(slot.level),
+                 static_cast<int>(slot.component_size), slot.component.data(),
+                 static_cast<int>(slot.text_size), slot.text.data());
+  }
+  slot.turn.store(head_ + kCapacity, std::memory_order_release);
+  ++head_;
+}
+
+void LogQueue::print_until_stopped() noexcept {
+  for (;;) {
+    while (has_line()) {
+      print_line();
+    }
+    std::fflush(stderr);
+    sleepers_.announce(0);
+    if (has_line()) {
+      sleepers_.withdraw(0);
+    } else if (is_stopping_.load()) {
+      sleepers_.withdraw(0);
+      return;
+    } else {
+      sleepers_.sleep(0, base::kNever);
+    }
+  }
+}
+
+void write_log(LogQueue& queue, LogLevel level, std::string_view component,
+               std::string_view text) noexcept {
+  queue.write(level, component, text);
+}
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,94 @@
+#include "base/sleepers.h"
+
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cerrno>
+#include <ctime>
+
+#include "base/clock.h"
+
+namespace fastcycle::base {
+namespace {
+
+/// Waits while `word` is 0. Returns false if the deadline passed.
+bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns) noexcept {
+  timespec deadline{};
+  timespec* limit = nullptr;
+  if (deadline_ns != kNever) {
+    deadline.tv_sec = deadline_ns / 1'000'000'000;
+    deadline.tv_nsec = deadline_ns % 1'000'000'000;
+    limit = &deadline;
+  }
+  const long result = syscall(SYS_futex, &word, FUTEX_WAIT_BITSET_PRIVATE, 0, limit, nullptr,
+                              FUTEX_BITSET_MATCH_ANY);
+  return result == 0 || errno != ETIMEDOUT;
+}
+
+void wake_waiter(std::atomic<std::uint32_t>& word) noexcept {
+  syscall(SYS_futex, &word, FUTEX_WAKE_PRIVATE, 1, nullptr, nullptr, 0);
+}
+
+}  // namespace
+
+void Sleepers::announce(unsigned index) noexcept {
+  sleeping_.fetch_or(std::uint64_t{1} << index, std::memory_order_seq_cst);
+}
+
+bool Sleepers::take_off(unsigned index) noexcept {
+  const std::uint64_t bit = std::uint64_t{1} << index;
+  return (sleeping_.fetch_and(~bit, std::memory_order_seq_cst) & bit) != 0;
+}
+
+void Sleepers::consume(unsigned index) noexcept {
+  auto& is_woken = slots_[index].is_woken;
+  while (is_woken.load(std::memory_order_acquire) == 0) {
+    wait_while_zero(is_woken, kNever);
+  }
+  is_woken.store(0, std::memory_order_relaxed);
+}
+
+void Sleepers::withdraw(unsigned index) noexcept {
+  if (!take_off(index)) {
+    consume(index);
+  }
+}
+
+bool Sleepers::sleep(unsigned index, std::int64_t deadline_ns) noexcept {
+  auto& is_woken = slots_[index].is_woken;
+  while (is_woken.load(std::memory_order_acquire) == 0) {
+    if (!wait_while_zero(is_woken, deadline_ns) && take_off(index)) {
+      return false;
+    }
+  }
+  is_woken.store(0, std::memory_order_relaxed);
+  return true;
+}
+
+bool Sleepers::wake(unsigned index) noexcept {
+  if (!take_off(index)) {
+    return false;
+  }
+  slots_[index].is_woken.store(1, std::memory_order_release);
+  wake_waiter(slots_[index].is_woken);
+  return true;
+}
+
+bool Sleepers::wake_one() noexcept {
+  std::uint64_t sleeping = sleeping_.load(std::memory_order_seq_cst);
+  while (sleeping != 0) {
+    const unsigned leader = leader_.load(std::memory_order_relaxed);
+    const std::uint64_t others =
+        leader < kMaxWorkers ? sleeping & ~(std::uint64_t{1} << leader) : sleeping;
+    const auto chosen = static_cast<unsigned>(std::countr_zero(others != 0 ? others : sleeping));
+    if (wake(chosen)) {
+      return true;
+    }
+    sleeping = sleeping_.load(std::memory_order_seq_cst);
+  }
+  return false;
+}
+
+}  // namespace fastcycle::base

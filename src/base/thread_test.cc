@@ -1,0 +1,42 @@
+#include "base/thread.h"
+
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/prctl.h>
+
+#include <array>
+
+namespace fastcycle::base {
+namespace {
+
+TEST(Thread, HasItsNameAndATimerSlackOfOneNanosecond) {
+  std::array<char, 16> name{};
+  int slack_ns = 0;
+  std::vector<Refusal> refusals;
+
+  Thread thread({.name = "control", .cpus = {}}, [&] {
+    pthread_getname_np(pthread_self(), name.data(), name.size());
+    slack_ns = prctl(PR_GET_TIMERSLACK);
+  }, refusals);
+  thread.join();
+
+  EXPECT_STREQ(name.data(), "control");
+  EXPECT_EQ(slack_ns, 1);
+  EXPECT_TRUE(refusals.empty());
+}
+
+TEST(Thread, SaysWhatTheMachineRefusesAndRunsAllTheSame) {
+  bool has_run = false;
+  std::vector<Refusal> refusals;
+
+  Thread thread({.name = "t", .cpus = {1000}}, [&] { has_run = true; }, refusals);
+  thread.join();
+
+  EXPECT_TRUE(has_run);
+  ASSERT_EQ(refusals.size(), 1U);
+  EXPECT_NE(refusals[0].what.find("cpus 1000"), std::string::npos);
+  EXPECT_FALSE(refusals[0].remedy.empty());
+}
+
+}  // namespace
+}  // namespace fastcycle::base

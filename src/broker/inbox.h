@@ -1,0 +1,143 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "broker/lane.h"
+
+namespace fastcycle::detail {
+
+/// Where components that have something to do are queued. An executor is one.
+///
+/// @threads  Safe.
+/// @realtime As `publish` is.
+class ReadyQueue {
+ public:
+  ReadyQueue() = default;
+  ReadyQueue(const ReadyQueue&) = delete;
+  ReadyQueue& operator=(const ReadyQueue&) = delete;
+  virtual ~ReadyQueue() = default;
+
+  /// Puts the component `index` into the queue; nobody is woken yet.
+  virtual void enqueue(std::uint32_t index) noexcept = 0;
+
+  /// Wakes a worker for what was queued, if one sleeps.
+  virtual void wake() noexcept = 0;
+};
+
+/// All lanes that lead to one component, and one word that says what is ready.
+///
+/// A push ends by setting its lane's bit; only the step from nothing to something queues the
+/// component, so that a busy receiver costs a publisher one atomic step. The worker that serves the
+/// component clears a bit only after finding the lane empty, and looks again. It takes the smallest
+/// publish time among the lanes' heads, and only if the word, read again, shows no ready lane that it
+/// did not look at: so if one push returned before another began, it is served first.
+///
+/// @threads  `mark` is Safe; `begin`, `end`, `peek`, `pop` and the lists of lanes belong to the one
+///           worker that serves the component, and before the start to the control thread.
+/// @realtime No allocation, no lock. `peek` grows with the number of ready lanes.
+class Inbox {
+ public:
+  static constexpr unsigned kLaneBits = 60;
+  static constexpr std::uint64_t kTimerBit = std::uint64_t{1} << 60;
+  static constexpr std::uint64_t kControlBit = std::uint64_t{1} << 61;
+  static constexpr std::uint64_t kRunningBit = std::uint64_t{1} << 63;
+
+  struct Head {
+    Lane* lane = nullptr;
+    Lane::Head head;
+  };
+
+  Inbox() = default;
+  Inbox(const Inbox&) = delete;
+  Inbox& operator=(const Inbox&) = delete;
+
+  /// Says who serves this component: set once, before anything is pushed.
+  void attach(ReadyQueue& queue, std::uint32_t index) noexcept {
+    queue_ = &queue;
+    index_ = index;
+  }
+  [[nodiscard]] ReadyQueue& queue() const noexcept { return *queue_; }
+
+  /// The bit of one more lane; beyond 60 lanes share bits.
+  [[nodiscard]] unsigned next_bit() noexcept { return next_bit_++ % kLaneBits; }
+
+  /// Lets the receiver see `lane`. Worker, or control thread before the start.
+  void add(std::shared_ptr<Lane> lane);
+  void remove(const Lane& lane) noexcept;
+
+  [[nodiscard]] const std::vector<std::shared_ptr<Lane>>& views() const noexcept { return views_; }
+
+  /// Sets bits; returns true if that queued the component, whose queue must then be woken.
+  bool mark(std::uint64_t bits) noexcept {
+    if (state_.fetch_or(bits, std::memory_order_seq_cst) == 0) {
+      queue_->enqueue(index_);
+      return true;
+    }
+    return false;
+  }
+
+  /// As `mark`, but queues the component in any case: for causes that are served when others wait.
+  void mark_control() noexcept {
+    state_.fetch_or(kControlBit, std::memory_order_seq_cst);
+    queue_->enqueue(index_);
+  }
+
+  /// Starts a turn; false if another worker serves the component already.
+  [[nodiscard]] bool begin() noexcept {
+    return (state_.fetch_or(kRunningBit, std::memory_order_seq_cst) & kRunningBit) == 0;
+  }
+
+  /// Ends a turn in which nothing was left; false if something came meanwhile: then go on.
+  [[nodiscard]] bool try_end_idle() noexcept {
+    std::uint64_t expected = kRunningBit;
+    return state_.compare_exchange_strong(expected, 0, std::memory_order_seq_cst);
+  }
+
+  /// Ends a turn before everything was served; the component is queued again if it must be.
+  void end_early() noexcept {
+    if ((state_.fetch_and(~kRunningBit, std::memory_order_seq_cst) & ~kRunningBit) != 0) {
+      queue_->enqueue(index_);
+    }
+  }
+
+  /// Ends a turn of a component that serves no lanes yet; false if control causes came meanwhile.
+  [[nodiscard]] bool try_end_unopened() noexcept;
+
+  /// Clears `bit` (timer or control) and says whether it was set.
+  bool take_bit(std::uint64_t bit) noexcept {
+    return (state_.load(std::memory_order_seq_cst) & bit) != 0 &&
+           (state_.fetch_and(~bit, std::memory_order_seq_cst) & bit) != 0;
+  }
+
+  /// The oldest message of all lanes, which stays; false if there is none.
+  [[nodiscard]] bool peek(Head& found) noexcept;
+
+  /// Takes what `peek` found; false if it is gone: then peek again.
+  [[nodiscard]] static bool pop(const Head& found) noexcept { return found.lane->pop(found.head); }
+
+  /// Nothing is ready, and nobody serves the component.
+  [[nodiscard]] bool is_quiet() const noexcept {
+    return state_.load(std::memory_order_seq_cst) == 0;
+  }
+  [[nodiscard]] std::uint64_t state() const noexcept {
+    return state_.load(std::memory_order_seq_cst);
+  }
+
+ private:
+  bool peek_bit(unsigned bit, Head& best) noexcept;
+
+  alignas(64) std::atomic<std::uint64_t> state_{0};
+  ReadyQueue* queue_ = nullptr;
+  std::uint32_t index_ = 0;
+  std::atomic<unsigned> next_bit_{0};
+
+  // Worker only.
+  std::array<std::vector<std::shared_ptr<Lane>>, kLaneBits> lanes_;
+  std::vector<std::shared_ptr<Lane>> views_;
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,194 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "fastcycle/detail/envelope.h"
+#include "fastcycle/subscriber.h"
+
+namespace fastcycle::detail {
+
+class Inbox;
+class Subscription;
+
+/// Why a message that was published for a subscription never reached its callback.
+enum class DropReason : std::uint8_t {
+  kOverflow,      ///< The queue was full.
+  kSuperseded,    ///< A newer one took its place in a latest or history view.
+  kPool,          ///< The publisher's pool was dry.
+  kFault,         ///< The receiving component had failed.
+  kShutdown,      ///< The application was stopping, or not started yet.
+  kUnsubscribed,  ///< The subscription had ended.
+  kCount,
+};
+
+/// A counter with one writer and any number of readers.
+class Counter {
+ public:
+  void add(std::uint64_t amount = 1) noexcept {
+    value_.store(value_.load(std::memory_order_relaxed) + amount, std::memory_order_relaxed);
+  }
+  [[nodiscard]] std::uint64_t get() const noexcept {
+    return value_.load(std::memory_order_relaxed);
+  }
+
+ private:
+  std::atomic<std::uint64_t> value_{0};
+};
+
+/// The messages on their way from one publisher to one subscription, oldest first, at most `depth`.
+///
+/// `tail` belongs to the publisher. `head` may be advanced from either end, by compare-and-swap: the
+/// receiver takes the oldest, and a publisher that finds the lane full drops the oldest. Since both
+/// count in 64 bits, a swap that succeeds means that nothing happened in between. A push never fails
+/// and never waits, and no other publisher can hold it up.
+///
+/// Invariants: `head <= tail <= head + depth`; the slots from `head` to `tail`, and only they, hold a
+/// message; published = popped by the receiver + dropped + queued.
+///
+/// @threads  `push` by the publisher only; `peek`, `pop` by one receiver; counters by anyone.
+/// @realtime No allocation, no lock, no loop over messages.
+class Lane {
+ public:
+  struct Options {
+    std::size_t depth = 16;
+    Overflow overflow = Overflow::kDropOldest;
+    bool is_view = false;      ///< Causes no activation.
+    bool is_external = false;  ///< Fed by a thread that is not FastCycle's.
+    bool ages = true;          ///< Counts for the origin of what timers publish.
+  };
+
+  struct Head {
+    std::uint64_t position = 0;
+    std::int64_t time_ns = 0;
+    Envelope* envelope = nullptr;
+  };
+
+  Lane(Subscription& its_subscription, PublisherId its_publisher, unsigned its_bit,
+       const Options& its_options)
+      : options(its_options),
+        subscription(its_subscription),
+        publisher(its_publisher),
+        bit(its_bit),
+        mask_(round_up(its_options.depth) - 1),
+        slots_(std::make_unique<Slot[]>(mask_ + 1)) {}
+
+  Lane(const Lane&) = delete;
+  Lane& operator=(const Lane&) = delete;
+
+  /// Adds `envelope`; returns the one that had to give way and that the caller releases: the oldest,
+  /// `envelope` itself, or none.
+  [[nodiscard]] Envelope* push(Envelope* envelope) noexcept {
+    published.add();
+    Envelope* displaced = nullptr;
+    const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
+    std::uint64_t head = head_.load(std::memory_order_acquire);
+    if (tail - head >= options.depth) {
+      if (options.overflow == Overflow::kDropNewest) {
+        overflowed.add();
+        return envelope;
+      }
+      Envelope* oldest = slots_[head & mask_].envelope.load(std::memory_order_relaxed);
+      if (head_.compare_exchange_strong(head, head + 1, std::memory_order_seq_cst)) {
+        displaced = oldest;
+        overflowed.add();
+      }
+    }
+    Slot& slot = slots_[tail & mask_];
+    // Released, so that a receiver which reads this slot too late also sees that `head` moved on.
+    slot.time_ns.store(envelope->info.publish_time.time_since_epoch().count(),
+                       std::memory_order_release);
+    slot.envelope.store(envelope, std::memory_order_release);
+    tail_.store(tail + 1, std::memory_order_seq_cst);
+    return displaced;
+  }
+
+  /// The oldest message, which stays; false if there is none.
+  [[nodiscard]] bool peek(Head& found) const noexcept {
+    for (;;) {
+      const std::uint64_t head = head_.load(std::memory_order_acquire);
+      if (tail_.load(std::memory_order_seq_cst) == head) {
+        return false;
+      }
+      const Slot& slot = slots_[head & mask_];
+      found.time_ns = slot.time_ns.load(std::memory_order_acquire);
+      found.envelope = slot.envelope.load(std::memory_order_acquire);
+      found.position = head;
+      if (head_.load(std::memory_order_acquire) == head) {
+        return true;
+      }
+    }
+  }
+
+  /// Takes what `peek` found; false if the publisher dropped it meanwhile.
+  [[nodiscard]] bool pop(const Head& found) noexcept {
+    std::uint64_t expected = found.position;
+    return head_.compare_exchange_strong(expected, expected + 1, std::memory_order_seq_cst);
+  }
+
+  /// Takes out and releases all that waits; returns how many. Either end may call it.
+  std::uint64_t drain() noexcept {
+    std::uint64_t count = 0;
+    Head found;
+    while (peek(found)) {
+      if (pop(found)) {
+        release(found.envelope);
+        ++count;
+      }
+    }
+    return count;
+  }
+
+  [[nodiscard]] std::uint64_t queued() const noexcept {
+    const std::uint64_t head = head_.load(std::memory_order_acquire);
+    return tail_.load(std::memory_order_acquire) - head;
+  }
+
+  // Constant after construction.
+  const Options options;
+  Subscription& subscription;
+  const PublisherId publisher;
+  const unsigned bit;  ///< In the inbox's state word.
+
+  // Written by the publisher.
+  Counter published;
+  Counter overflowed;
+  Counter dropped_by_pool;
+  Counter dropped_after_close;
+  Counter dropped_outside;  ///< Published by an external thread before the start or after the stop.
+  std::atomic<bool> is_left_by_publisher{false};
+
+  // Written by the receiver.
+  Counter delivered;
+  Counter drained;  ///< Taken out when it was closed, for `close_reason`.
+  std::atomic<bool> is_left_by_receiver{false};
+
+  /// Set once by the receiver; `kCount` while the lane is open.
+  std::atomic<DropReason> close_reason{DropReason::kCount};
+  [[nodiscard]] bool is_closed() const noexcept {
+    return close_reason.load(std::memory_order_seq_cst) != DropReason::kCount;
+  }
+
+ private:
+  struct Slot {
+    std::atomic<std::int64_t> time_ns{0};
+    std::atomic<Envelope*> envelope{nullptr};
+  };
+
+  static std::size_t round_up(std::size_t depth) noexcept {
+    std::size_t size = 1;
+    while (size < depth) {
+      size *= 2;
+    }
+    return size;
+  }
+
+  const std::size_t mask_;
+  const std::unique_ptr<Slot[]> slots_;
+  alignas(64) std::atomic<std::uint64_t> head_{0};
+  alignas(64) std::atomic<std::uint64_t> tail_{0};
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,99 @@
+#include "broker/pool.h"
+
+#include <memory>
+#include <utility>
+
+namespace fastcycle::detail {
+namespace {
+
+/// What stands in `returned_` once the publisher is gone.
+Envelope* closed_mark() noexcept {
+  static Envelope mark;
+  return &mark;
+}
+
+}  // namespace
+
+void recycle(Envelope* envelope) noexcept {
+  if (Envelope* foreign = std::exchange(envelope->foreign, nullptr)) {
+    release(foreign);
+  }
+  envelope->pool->give_back(envelope);
+}
+
+Pool::Pool(const google::protobuf::Message* default_instance)
+    : default_instance_(default_instance) {}
+
+void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
+  for (std::size_t i = 0; i < count; ++i) {
+    auto envelope = std::make_unique<Envelope>();
+    envelope->pool = this;
+    if (default_instance_ != nullptr) {
+      std::unique_ptr<google::protobuf::Message> message(default_instance_->New());
+      if (prototype != nullptr) {
+        message->CopyFrom(*prototype);
+        message->Clear();
+      }
+      envelope->own = message.release();
+    }
+    envelope->next = free_;
+    free_ = envelope.release();
+    size_.fetch_add(1, std::memory_order_relaxed);
+    outstanding_.fetch_add(1, std::memory_order_relaxed);
+  }
+}
+
+Envelope* Pool::take() noexcept {
+  if (free_ == nullptr) {
+    free_ = returned_.exchange(nullptr, std::memory_order_acquire);
+  }
+  Envelope* envelope = free_;
+  if (envelope != nullptr) {
+    free_ = envelope->next;
+  }
+  return envelope;
+}
+
+void Pool::put_back(Envelope* envelope) noexcept {
+  envelope->next = free_;
+  free_ = envelope;
+}
+
+void Pool::give_back(Envelope* envelope) noexcept {
+  Envelope* head = returned_.load(std::memory_order_acquire);
+  do {
+    if (head == closed_mark()) {
+      envelope->next = nullptr;
+      forget(free_all(envelope));
+      return;
+    }
+    envelope->next = head;
+  } while (!returned_.compare_exchange_weak(head, envelope, std::memory_order_release,
+                                            std::memory_order_acquire));
+}
+
+std::size_t Pool::free_all(Envelope* list) noexcept {
+  std::size_t count = 0;
+  while (list != nullptr) {
+    Envelope* next = list->next;
+    delete list->own;
+    delete list;
+    list = next;
+    ++count;
+  }
+  return count;
+}
+
+void Pool::forget(std::size_t count) noexcept {
+  if (outstanding_.fetch_sub(count, std::memory_order_acq_rel) == count) {
+    delete this;
+  }
+}
+
+void Pool::close() noexcept {
+  std::size_t freed = free_all(std::exchange(free_, nullptr));
+  freed += free_all(returned_.exchange(closed_mark(), std::memory_order_acq_rel));
+  forget(freed + 1);
+}
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "fastcycle/detail/envelope.h"
+
+namespace fastcycle::detail {
+
+/// The messages that one publisher lends.
+///
+/// Readers on any thread push what they let go of on a stack; the owner takes the whole stack at
+/// once. Since nobody takes single entries from it, an entry that comes back early can confuse
+/// nothing (no ABA). The owner's free list is last-in first-out: the warmest message goes out first.
+///
+/// A pool outlives its publisher until its last message came back.
+///
+/// @threads  `give_back` is Safe; all else is confined to the publisher.
+/// @realtime `take` and `give_back` allocate nothing and take no lock. `grow` allocates.
+class Pool {
+ public:
+  /// A pool whose envelopes own messages like `default_instance`; none for envelopes that only
+  /// forward.
+  explicit Pool(const google::protobuf::Message* default_instance);
+
+  Pool(const Pool&) = delete;
+  Pool& operator=(const Pool&) = delete;
+
+  /// Adds `count` envelopes; their messages are copies of `prototype`, cleared but with its capacity,
+  /// so that a first publish of that size faults no page.
+  void grow(std::size_t count, const google::protobuf::Message* prototype = nullptr);
+
+  /// A free envelope, or null if all are out.
+  [[nodiscard]] Envelope* take() noexcept;
+
+  /// Takes back what the owner did not publish after all.
+  void put_back(Envelope* envelope) noexcept;
+
+  /// Takes back an envelope to which nobody holds a reference any more.
+  void give_back(Envelope* envelope) noexcept;
+
+  /// Ends the owner's part: what is free is freed, what is out is freed when it comes back, and the
+  /// last one frees the pool.
+  void close() noexcept;
+
+  /// All envelopes ever made.
+  [[nodiscard]] std::size_t size() const noexcept { return size_.load(std::memory_order_relaxed); }
+
+ private:
+  ~Pool() = default;
+
+  std::size_t free_all(Envelope* list) noexcept;
+  void forget(std::size_t count) noexcept;
+
+  // Constant after construction.
+  const google::protobuf::Message* const default_instance_;
+
+  // Owner only.
+  Envelope* free_ = nullptr;
+  std::atomic<std::size_t> size_{0};
+
+  alignas(64) std::atomic<Envelope*> returned_{nullptr};
+  // After `close`: how many envelopes are still out, plus one while the owner counts.
+  std::atomic<std::size_t> outstanding_{1};
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,302 @@
+#include "broker/publisher_core.h"
+
+#include <algorithm>
+#include <array>
+#include <mutex>
+#include <utility>
+
+#include "fastcycle/assert.h"
+
+namespace fastcycle::detail {
+namespace {
+
+/// The executors to wake once all pushes are done; more than fit are woken at once.
+class WakeList {
+ public:
+  void add(ReadyQueue& queue) noexcept {
+    const auto end = queues_.begin() + static_cast<std::ptrdiff_t>(size_);
+    if (std::find(queues_.begin(), end, &queue) != end) {
+      return;
+    }
+    if (size_ == queues_.size()) {
+      queue.wake();
+      return;
+    }
+    queues_[size_++] = &queue;
+  }
+
+  void wake_all() noexcept {
+    for (std::size_t i = 0; i < size_; ++i) {
+      queues_[i]->wake();
+    }
+  }
+
+ private:
+  std::array<ReadyQueue*, 16> queues_{};
+  std::size_t size_ = 0;
+};
+
+}  // namespace
+
+PriorityMutex::PriorityMutex() {
+  pthread_mutexattr_t attributes;
+  pthread_mutexattr_init(&attributes);
+  pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
+  pthread_mutex_init(&mutex_, &attributes);
+  pthread_mutexattr_destroy(&attributes);
+}
+
+PriorityMutex::~PriorityMutex() { pthread_mutex_destroy(&mutex_); }
+void PriorityMutex::lock() noexcept { pthread_mutex_lock(&mutex_); }
+void PriorityMutex::unlock() noexcept { pthread_mutex_unlock(&mutex_); }
+
+PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, PublisherId id_,
+                             const google::protobuf::Message& default_instance,
+                             const google::protobuf::Message* prototype, const Options& options_)
+    : topic(topic_),
+      owner(owner_),
+      id(id_),
+      options(options_),
+      default_instance_(&default_instance),
+      prototype_(prototype == nullptr ? nullptr : prototype->New()),
+      pool_(new Pool(&default_instance)),
+      forwards_(new Pool(nullptr)) {
+  if (prototype_ != nullptr) {
+    prototype_->CopyFrom(*prototype);
+  }
+  // One being written, one more that a component may borrow beside it, and what is kept.
+  needed_ = 2 + options.keep + options.latched;
+  pool_->grow(needed_, prototype_.get());
+}
+
+PublisherCore::~PublisherCore() {
+  for (const Target& target : targets_) {
+    target.lane->is_left_by_publisher.store(true);
+  }
+  for (Envelope* envelope : latched_) {
+    release(envelope);
+  }
+  for (Envelope* list : {scratch_loans_, scratch_forwards_}) {
+    while (list != nullptr) {
+      Envelope* next = list->next;
+      list->pool->put_back(list);
+      list = next;
+    }
+  }
+  pool_->close();
+  forwards_->close();
+}
+
+std::size_t PublisherCore::pool_limit() const noexcept {
+  return options.pool_max != 0 ? options.pool_max : 2 * needed_ + 64;
+}
+
+void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
+  const std::size_t more = lane->options.depth + 1 + lane->subscription.keep;
+  needed_ += more;
+  pool_->grow(more, prototype_.get());
+  const std::uint64_t bit =
+      lane->options.is_view ? 0 : std::uint64_t{1} << lane->bit;
+  for (Envelope* envelope : latched_) {
+    retain(*envelope);
+    if (Envelope* displaced = lane->push(envelope)) {
+      release(displaced);
+    }
+  }
+  targets_.push_back({lane, &inbox, bit});
+  if (!latched_.empty() && bit != 0 && inbox.mark(bit)) {
+    inbox.queue().wake();
+  }
+}
+
+void PublisherCore::disconnect(const Lane& lane) noexcept {
+  std::erase_if(targets_, [&](const Target& target) {
+    if (target.lane.get() != &lane) {
+      return false;
+    }
+    target.lane->is_left_by_publisher.store(true);
+    return true;
+  });
+}
+
+Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
+  if (Envelope* envelope = pool.take()) {
+    return envelope;
+  }
+  // In simulated time losses must not depend on how fast the workers are.
+  if (pool.size() < pool_limit() || owner.stage != nullptr) {
+    pool.grow(1, prototype_.get());
+    return pool.take();
+  }
+  if (scratch == nullptr) {
+    pool.grow(1, prototype_.get());
+    scratch = pool.take();
+    scratch->next = nullptr;
+    scratch->is_scratch = true;
+  }
+  return std::exchange(scratch, scratch->next);
+}
+
+Envelope* PublisherCore::loan(bool is_cleared) {
+  Envelope* envelope = take_from(*pool_, scratch_loans_);
+  if (is_cleared) {
+    envelope->own->Clear();
+  }
+  return envelope;
+}
+
+void PublisherCore::return_loan(Envelope* loan) noexcept {
+  if (loan->is_scratch) {
+    loan->next = std::exchange(scratch_loans_, loan);
+  } else {
+    pool_->put_back(loan);
+  }
+}
+
+void PublisherCore::number(Envelope& envelope, const Origin& origin, Time now) noexcept {
+  published_.add();
+  envelope.info.sequence = published_.get();
+  envelope.info.publish_time = std::max(now, last_publish_time_ + Duration(1));
+  envelope.info.publisher = id;
+  envelope.info.origin = origin;
+  last_publish_time_ = envelope.info.publish_time;
+  if (envelope.info.sequence == 1) {
+    first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
+  }
+}
+
+void PublisherCore::send(Envelope* envelope, Stage* stage) noexcept {
+  if (stage != nullptr) {
+    envelope->references.store(1, std::memory_order_relaxed);
+    stage->put(*this, envelope);
+  } else {
+    deliver(envelope);
+  }
+}
+
+void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
+  FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  FASTCYCLE_ASSERT(!options_.taken_at || !owner.has_subscribers,
+                   "taken_at is for components without subscribers: others inherit it");
+  Origin origin = owner.origin;
+  if (options_.taken_at || origin.root == 0) {
+    origin = {.taken = options_.taken_at.value_or(owner.now), .root = id};
+  }
+  ++owner.publish_count;
+  loan->payload = loan->own;
+  const bool is_simulated = owner.stage != nullptr;
+  number(*loan, origin, is_simulated ? owner.now : owner.clock->now());
+  send(loan, owner.stage);
+}
+
+void PublisherCore::forward(Envelope* received) {
+  FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  Envelope* envelope = take_from(*forwards_, scratch_forwards_);
+  Envelope* foreign = received->foreign != nullptr ? received->foreign : received;
+  retain(*foreign);
+  envelope->foreign = foreign;
+  envelope->payload = foreign->payload;
+  ++owner.publish_count;
+  Origin origin = owner.origin;
+  if (origin.root == 0) {
+    origin = received->info.origin;
+  }
+  const bool is_simulated = owner.stage != nullptr;
+  number(*envelope, origin, is_simulated ? owner.now : owner.clock->now());
+  send(envelope, owner.stage);
+}
+
+void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
+  const std::lock_guard lock(mutex_);
+  loan->payload = loan->own;
+  number(*loan, {.taken = taken_at, .root = id}, owner.clock->now());
+  if (!is_open_) {
+    // Before the start and after the stop nobody is served.
+    for (const Target& target : targets_) {
+      target.lane->published.add();
+      target.lane->dropped_outside.add();
+    }
+    return_loan(loan);
+    return;
+  }
+  send(loan, external_stage_);
+}
+
+void PublisherCore::drop_scratch(Envelope* scratch) noexcept {
+  for (const Target& target : targets_) {
+    target.lane->published.add();
+    target.lane->dropped_by_pool.add();
+  }
+  auto& list = scratch->foreign != nullptr ? scratch_forwards_ : scratch_loans_;
+  if (Envelope* foreign = std::exchange(scratch->foreign, nullptr)) {
+    release(foreign);
+  }
+  scratch->next = std::exchange(list, scratch);
+}
+
+void PublisherCore::deliver(Envelope* envelope) noexcept {
+  if (envelope->is_scratch) {
+    drop_scratch(envelope);
+    return;
+  }
+  const std::size_t count = targets_.size() + (options.latched > 0 ? 1 : 0);
+  if (count == 0) {
+    envelope->references.store(0, std::memory_order_relaxed);
+    recycle(envelope);
+    return;
+  }
+  envelope->references.store(static_cast<std::uint32_t>(count), std::memory_order_relaxed);
+  if (options.latched > 0) {
+    keep_latched(envelope);
+  }
+  WakeList wakes;
+  for (const Target& target : targets_) {
+    Lane& lane = *target.lane;
+    if (Envelope* displaced = lane.push(envelope)) {
+      release(displaced);
+    }
+    if (target.bit != 0 && target.inbox->mark(target.bit)) {
+      wakes.add(target.inbox->queue());
+    }
+    if (lane.is_closed()) {
+      lane.dropped_after_close.add(lane.drain());
+    }
+  }
+  wakes.wake_all();
+}
+
+void PublisherCore::keep_latched(Envelope* envelope) noexcept {
+  if (latched_.size() == options.latched) {
+    release(latched_.front());
+    latched_.erase(latched_.begin());
+  }
+  latched_.push_back(envelope);
+}
+
+Envelope* take_loan(PublisherCore& publisher, bool cleared) { return publisher.loan(cleared); }
+
+void return_loan(PublisherCore& publisher, Envelope* loan) noexcept { publisher.return_loan(loan); }
+
+void publish_loan(PublisherCore& publisher, Envelope* loan, const PublishOptions& options) {
+  publisher.publish(loan, options);
+}
+
+void publish_received(PublisherCore& publisher, Envelope* received) {
+  publisher.forward(received);
+}
+
+Envelope* take_external_loan(PublisherCore& publisher, bool cleared) {
+  const std::lock_guard lock(publisher.mutex());
+  return publisher.loan(cleared);
+}
+
+void return_external_loan(PublisherCore& publisher, Envelope* loan) noexcept {
+  const std::lock_guard lock(publisher.mutex());
+  publisher.return_loan(loan);
+}
+
+void publish_external(PublisherCore& publisher, Envelope* loan, Time taken_at) {
+  publisher.publish_external(loan, taken_at);
+}
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,151 @@
+#pragma once
+
+#include <pthread.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/clock.h"
+#include "broker/inbox.h"
+#include "broker/pool.h"
+#include "fastcycle/publisher.h"
+
+namespace fastcycle::detail {
+
+class Topic;
+
+/// Where published messages wait until a round of simulated time is over.
+class Stage {
+ public:
+  Stage() = default;
+  Stage(const Stage&) = delete;
+  Stage& operator=(const Stage&) = delete;
+  virtual ~Stage() = default;
+
+  virtual void put(PublisherCore& publisher, Envelope* envelope) = 0;
+};
+
+/// What a publisher must know of the component that owns it.
+///
+/// @threads  Confined to the component's activations, and to the control thread before the start.
+struct PublishingComponent {
+  std::string name;
+  const base::Clock* clock = nullptr;
+  Stage* stage = nullptr;         ///< In simulated time; null when live.
+  bool has_subscribers = false;   ///< Then its messages inherit their origin.
+  bool is_in_activation = false;  ///< Only then it may publish.
+  Time now{};                     ///< The activation's time.
+  Origin origin;                  ///< The activation's origin; root 0 if nothing led to it.
+  std::uint32_t publish_count = 0;  ///< In this activation.
+};
+
+/// A mutex whose holder inherits the priority of who waits for it.
+class PriorityMutex {
+ public:
+  PriorityMutex();
+  PriorityMutex(const PriorityMutex&) = delete;
+  PriorityMutex& operator=(const PriorityMutex&) = delete;
+  ~PriorityMutex();
+  void lock() noexcept;
+  void unlock() noexcept;
+
+ private:
+  pthread_mutex_t mutex_;
+};
+
+/// One component's end of a topic: numbers its messages and puts them into the lanes.
+///
+/// @threads  Confined to the owner's activations; `connect` to the control thread before the start.
+///           An external publisher's functions take its mutex.
+/// @realtime After warm-up no allocation, no lock (an external one takes its own), no hash, no string;
+///           at most one wake call per executor concerned, after all pushes.
+class PublisherCore {
+ public:
+  struct Options {
+    bool is_external = false;
+    std::size_t keep = 0;      ///< Messages that components hold on purpose.
+    std::size_t pool_max = 0;  ///< Messages ever made; 0: twice what the subscribers need, plus 64.
+    std::size_t latched = 0;   ///< Messages kept for those who connect later.
+  };
+
+  PublisherCore(Topic& topic, PublishingComponent& owner, PublisherId id,
+                const google::protobuf::Message& default_instance,
+                const google::protobuf::Message* prototype, const Options& options);
+  PublisherCore(const PublisherCore&) = delete;
+  PublisherCore& operator=(const PublisherCore&) = delete;
+  ~PublisherCore();
+
+  /// From now on what is published reaches `lane` too; latched messages go first.
+  void connect(const std::shared_ptr<Lane>& lane, Inbox& inbox);
+  /// `lane` is closed and gets nothing more.
+  void disconnect(const Lane& lane) noexcept;
+
+  [[nodiscard]] Envelope* loan(bool is_cleared);
+  void return_loan(Envelope* loan) noexcept;
+  void publish(Envelope* loan, const PublishOptions& options);
+  void forward(Envelope* received);
+  void publish_external(Envelope* loan, Time taken_at);
+
+  /// Puts a message, numbered already, into all lanes, and wakes who must be woken.
+  void deliver(Envelope* envelope) noexcept;
+
+  /// An external publisher's lock; the others need none.
+  [[nodiscard]] PriorityMutex& mutex() noexcept { return mutex_; }
+
+  /// Where an external publisher's messages go in simulated time.
+  void set_external_stage(Stage* stage) noexcept { external_stage_ = stage; }
+
+  /// Opens or closes an external publisher: what it publishes while closed is `dropped{shutdown}`.
+  void set_external_open(bool is_open) noexcept { is_open_ = is_open; }
+
+  // Constant after construction.
+  Topic& topic;
+  PublishingComponent& owner;
+  const PublisherId id;
+  const Options options;
+
+  [[nodiscard]] std::uint64_t published() const noexcept { return published_.get(); }
+  [[nodiscard]] std::uint64_t allocated() const noexcept { return pool_->size(); }
+  /// CLOCK_MONOTONIC of the first publish; 0 if there was none.
+  [[nodiscard]] std::int64_t first_publish_ns() const noexcept {
+    return first_publish_ns_.load(std::memory_order_relaxed);
+  }
+
+ private:
+  struct Target {
+    std::shared_ptr<Lane> lane;
+    Inbox* inbox;
+    std::uint64_t bit;
+  };
+
+  [[nodiscard]] std::size_t pool_limit() const noexcept;
+  [[nodiscard]] Envelope* take_from(Pool& pool, Envelope*& scratch);
+  void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
+  void send(Envelope* envelope, Stage* stage) noexcept;
+  void drop_scratch(Envelope* scratch) noexcept;
+  void keep_latched(Envelope* envelope) noexcept;
+
+  const google::protobuf::Message* const default_instance_;
+  const std::unique_ptr<google::protobuf::Message> prototype_;
+  Pool* const pool_;
+  Pool* const forwards_;
+  std::size_t needed_ = 0;
+
+  // Lent when the pool is dry and may not grow; as many as the component ever borrowed at once.
+  Envelope* scratch_loans_ = nullptr;
+  Envelope* scratch_forwards_ = nullptr;
+
+  std::vector<Target> targets_;
+  std::vector<Envelope*> latched_;
+  Time last_publish_time_{};
+  Counter published_;
+  std::atomic<std::int64_t> first_publish_ns_{0};
+  Stage* external_stage_ = nullptr;
+  bool is_open_ = false;
+  PriorityMutex mutex_;
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,116 @@
+#include "broker/subscription.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "broker/inbox.h"
+
+namespace fastcycle::detail {
+
+constexpr std::size_t kDefaultDepth = 16;
+
+std::uint64_t Ledger::dropped_total() const noexcept {
+  return std::accumulate(dropped.begin(), dropped.end(), std::uint64_t{0});
+}
+
+const char* to_word(DropReason reason) noexcept {
+  switch (reason) {
+    case DropReason::kOverflow:
+      return "overflow";
+    case DropReason::kSuperseded:
+      return "superseded";
+    case DropReason::kPool:
+      return "pool";
+    case DropReason::kFault:
+      return "fault";
+    case DropReason::kShutdown:
+      return "shutdown";
+    case DropReason::kUnsubscribed:
+      return "unsubscribed";
+    case DropReason::kCount:
+      break;
+  }
+  return "?";
+}
+
+Subscription::Subscription(Topic& topic_, Inbox& inbox_, std::string component_, Kind kind_,
+                           const SubscriberOptions& options)
+    : topic(topic_),
+      inbox(inbox_),
+      component(std::move(component_)),
+      kind(kind_),
+      depth(options.depth.value_or(kDefaultDepth)),
+      overflow(options.overflow.value_or(Overflow::kDropOldest)),
+      keep(options.keep) {}
+
+Subscription::~Subscription() = default;
+
+std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_external, bool ages) {
+  const std::lock_guard lock(mutex_);
+  auto lane = std::make_shared<Lane>(*this, publisher, inbox.next_bit(),
+                                     Lane::Options{.depth = depth,
+                                                   .overflow = overflow,
+                                                   .is_view = kind != Kind::kCallback,
+                                                   .is_external = is_external,
+                                                   .ages = ages});
+  // Lanes that both ends have left only count from now on.
+  std::erase_if(lanes_, [this](const std::shared_ptr<Lane>& old) {
+    const bool is_done = old->is_left_by_publisher.load() && old->is_left_by_receiver.load();
+    if (is_done) {
+      add_to(retired_, *old);
+    }
+    return is_done;
+  });
+  lanes_.push_back(lane);
+  return lane;
+}
+
+void Subscription::close(DropReason reason) noexcept {
+  std::vector<std::shared_ptr<Lane>> lanes;
+  {
+    const std::lock_guard lock(mutex_);
+    lanes = lanes_;
+  }
+  for (const auto& lane : lanes) {
+    auto expected = DropReason::kCount;
+    if (lane->close_reason.compare_exchange_strong(expected, reason, std::memory_order_seq_cst)) {
+      // A push that did not see the mark is visible from here on; one that does takes its own back.
+      lane->drained.add(lane->drain());
+    }
+  }
+}
+
+void Subscription::add_to(Ledger& ledger, const Lane& lane) const noexcept {
+  const auto drop = [&](DropReason reason, std::uint64_t count) {
+    if (reason != DropReason::kCount) {
+      ledger.dropped[static_cast<std::size_t>(reason)] += count;
+    }
+  };
+  ledger.published += lane.published.get();
+  ledger.delivered += lane.delivered.get();
+  drop(kind == Kind::kCallback ? DropReason::kOverflow : DropReason::kSuperseded,
+       lane.overflowed.get());
+  drop(DropReason::kPool, lane.dropped_by_pool.get());
+  drop(DropReason::kShutdown, lane.dropped_outside.get());
+  drop(lane.close_reason.load(), lane.drained.get() + lane.dropped_after_close.get());
+  ledger.queued += lane.queued();
+}
+
+Ledger Subscription::ledger() const {
+  // Between the two, something may move; then look again, a bounded number of times.
+  Ledger ledger;
+  for (int attempt = 0; attempt < 8; ++attempt) {
+    const std::lock_guard lock(mutex_);
+    ledger = retired_;
+    for (const auto& lane : lanes_) {
+      add_to(ledger, *lane);
+    }
+    if (ledger.adds_up()) {
+      break;
+    }
+  }
+  return ledger;
+}
+
+}  // namespace fastcycle::detail

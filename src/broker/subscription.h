@@ -1,0 +1,81 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "base/histogram.h"
+#include "broker/lane.h"
+
+namespace fastcycle::detail {
+
+class Topic;
+
+/// The loss ledger of one subscription:
+/// published = delivered + sum of dropped + queued.
+struct Ledger {
+  std::uint64_t published = 0;  ///< Since the subscription was made.
+  std::uint64_t delivered = 0;  ///< Counted when the callback is entered.
+  std::array<std::uint64_t, static_cast<std::size_t>(DropReason::kCount)> dropped{};
+  std::uint64_t queued = 0;
+
+  [[nodiscard]] std::uint64_t dropped_total() const noexcept;
+  [[nodiscard]] bool adds_up() const noexcept {
+    return published == delivered + dropped_total() + queued;
+  }
+};
+
+/// The word that stands for `reason` in tables and reports.
+[[nodiscard]] const char* to_word(DropReason reason) noexcept;
+
+/// One component's interest in one topic: its lanes (one per publisher) and their ledger.
+///
+/// The executor derives what it calls from this.
+///
+/// @threads  The vector of lanes belongs to the control thread before the start, later to the
+///           receiving component; `ledger` is Safe.
+class Subscription {
+ public:
+  enum class Kind : std::uint8_t { kCallback, kLatest, kHistory };
+
+  Subscription(Topic& topic, Inbox& inbox, std::string component, Kind kind,
+               const SubscriberOptions& options);
+  Subscription(const Subscription&) = delete;
+  Subscription& operator=(const Subscription&) = delete;
+  virtual ~Subscription();
+
+  /// Makes the lane for one more publisher, known to both ends.
+  std::shared_ptr<Lane> add_lane(PublisherId publisher, bool is_external, bool ages);
+
+  /// Closes all lanes: what waits and what still comes is counted as dropped for `reason`. A second
+  /// call does nothing.
+  void close(DropReason reason) noexcept;
+
+  /// The sum over all lanes there ever were; exact when nothing moves.
+  [[nodiscard]] Ledger ledger() const;
+
+  // Constant after construction.
+  Topic& topic;
+  Inbox& inbox;
+  const std::string component;
+  const Kind kind;
+  const std::size_t depth;
+  const Overflow overflow;
+  const std::size_t keep;
+
+  /// From publish to callback, in nanoseconds. Written by the receiving component's worker.
+  base::Histogram latency;
+
+ private:
+  void add_to(Ledger& ledger, const Lane& lane) const noexcept;
+
+  // Control plane: taken when lanes come and go, and by readers of the ledger.
+  mutable std::mutex mutex_;
+  std::vector<std::shared_ptr<Lane>> lanes_;
+  Ledger retired_;
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,97 @@
+#include "broker/topics.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace fastcycle::detail {
+
+PublisherId publisher_id(std::string_view component, std::string_view topic) noexcept {
+  constexpr std::uint64_t kOffset = 14695981039346656037ULL;
+  constexpr std::uint64_t kPrime = 1099511628211ULL;
+  std::uint64_t hash = kOffset;
+  const auto add = [&](std::string_view text) {
+    for (const char c : text) {
+      hash = (hash ^ static_cast<unsigned char>(c)) * kPrime;
+    }
+  };
+  add(component);
+  add("\n");
+  add(topic);
+  return hash == 0 ? 1 : hash;
+}
+
+void Topics::set_options(const std::string& name, const TopicOptions& options) {
+  topics_.try_emplace(name, std::make_unique<Topic>(name, options));
+}
+
+Topic* Topics::find(const std::string& name) const {
+  const auto found = topics_.find(name);
+  return found == topics_.end() ? nullptr : found->second.get();
+}
+
+Topic& Topics::get(const std::string& name, const std::string& component,
+                   const google::protobuf::Message& default_instance) {
+  auto& topic = topics_[name];
+  if (topic == nullptr) {
+    topic = std::make_unique<Topic>(name, TopicOptions());
+  }
+  const std::string type = default_instance.GetTypeName();
+  if (topic->type.empty()) {
+    topic->type = type;
+  } else if (topic->type != type) {
+    type_conflicts_.push_back({TopicConflict::Kind::kTwoTypes, name, component, topic->type, type});
+  }
+  return *topic;
+}
+
+PublisherCore& Topics::add_publisher(const std::string& name, PublishingComponent& owner,
+                                     const google::protobuf::Message& default_instance,
+                                     const google::protobuf::Message* prototype, bool is_external) {
+  Topic& topic = get(name, owner.name, default_instance);
+  topic.publishers.push_back(std::make_unique<PublisherCore>(
+      topic, owner, publisher_id(owner.name, name), default_instance, prototype,
+      PublisherCore::Options{.is_external = is_external,
+                             .keep = topic.options.keep,
+                             .pool_max = topic.options.pool_max,
+                             .latched = topic.options.latched}));
+  return *topic.publishers.back();
+}
+
+void Topics::connect(PublisherCore& publisher, Subscription& subscription) {
+  const auto lane = subscription.add_lane(publisher.id, publisher.options.is_external,
+                                          publisher.topic.options.ages && publisher.topic.options.latched == 0);
+  subscription.inbox.add(lane);
+  publisher.connect(lane, subscription.inbox);
+}
+
+void Topics::connect_all() {
+  for (const auto& [name, topic] : topics_) {
+    for (const auto& publisher : topic->publishers) {
+      for (const auto& subscription : topic->subscriptions) {
+        connect(*publisher, *subscription);
+      }
+    }
+  }
+}
+
+std::vector<TopicConflict> Topics::conflicts() const {
+  std::vector<TopicConflict> conflicts = type_conflicts_;
+  for (const auto& [name, topic] : topics_) {
+    if (topic->publishers.size() > 1 && !topic->options.multiple_publishers) {
+      for (std::size_t i = 1; i < topic->publishers.size(); ++i) {
+        conflicts.push_back({TopicConflict::Kind::kTwoPublishers, name,
+                             topic->publishers[i]->owner.name, topic->publishers[0]->owner.name,
+                             topic->publishers[i]->owner.name});
+      }
+    }
+    if (topic->publishers.empty()) {
+      for (const auto& subscription : topic->subscriptions) {
+        conflicts.push_back(
+            {TopicConflict::Kind::kNoPublisher, name, subscription->component, {}, {}});
+      }
+    }
+  }
+  return conflicts;
+}
+
+}  // namespace fastcycle::detail

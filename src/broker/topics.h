@@ -1,0 +1,93 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "broker/publisher_core.h"
+#include "broker/subscription.h"
+
+namespace fastcycle::detail {
+
+/// What belongs to a topic and not to one of its ends.
+struct TopicOptions {
+  std::size_t latched = 0;
+  bool ages = true;
+  std::size_t keep = 0;
+  std::size_t pool_max = 0;
+  bool multiple_publishers = false;
+};
+
+/// A named stream of messages of one type.
+class Topic {
+ public:
+  Topic(std::string name_, TopicOptions options_) : name(std::move(name_)), options(options_) {}
+
+  const std::string name;
+  const TopicOptions options;
+
+  // Control plane.
+  std::string type;
+  std::vector<std::unique_ptr<PublisherCore>> publishers;
+  std::vector<std::unique_ptr<Subscription>> subscriptions;
+};
+
+/// One mistake in how the components of an application fit together.
+struct TopicConflict {
+  enum class Kind { kTwoTypes, kTwoPublishers, kNoPublisher };
+  Kind kind;
+  std::string topic;
+  std::string component;  ///< Whose declaration does not fit.
+  std::string expected;
+  std::string found;
+};
+
+/// The registry of topics: used when topics are declared and connected, never while messages move.
+///
+/// @threads  Confined to the control thread, but `find` of a running application takes no part in it.
+class Topics {
+ public:
+  /// Sets what the application file says of `name`; before anything is declared.
+  void set_options(const std::string& name, const TopicOptions& options);
+
+  PublisherCore& add_publisher(const std::string& name, PublishingComponent& owner,
+                               const google::protobuf::Message& default_instance,
+                               const google::protobuf::Message* prototype, bool is_external);
+  /// Adds a subscription that `make` builds for its topic.
+  template <typename Make>
+  Subscription& add_subscription(const std::string& name, const std::string& component,
+                                 const google::protobuf::Message& default_instance, Make make) {
+    Topic& topic = get(name, component, default_instance);
+    topic.subscriptions.push_back(make(topic));
+    return *topic.subscriptions.back();
+  }
+
+  /// Connects every publisher with every subscription, and finds what does not fit.
+  void connect_all();
+
+  /// Connects `subscription`, which is new, with one publisher.
+  static void connect(PublisherCore& publisher, Subscription& subscription);
+
+  [[nodiscard]] std::vector<TopicConflict> conflicts() const;
+
+  [[nodiscard]] const std::map<std::string, std::unique_ptr<Topic>>& all() const noexcept {
+    return topics_;
+  }
+  [[nodiscard]] Topic* find(const std::string& name) const;
+
+ private:
+  Topic& get(const std::string& name, const std::string& component,
+             const google::protobuf::Message& default_instance);
+
+  std::map<std::string, std::unique_ptr<Topic>> topics_;
+  std::vector<TopicConflict> type_conflicts_;
+};
+
+/// The identity of the publisher of `component` on `topic`: FNV-1a over both names, 64 bits.
+/// http://www.isthe.com/chongo/tech/comp/fnv/
+[[nodiscard]] PublisherId publisher_id(std::string_view component, std::string_view topic) noexcept;
+
+}  // namespace fastcycle::detail
