@@ -29,9 +29,9 @@ struct Place {
 
 /// One file or one option that values come from. Shared by all values of it.
 struct Source {
-  std::string name;  ///< Shown in mistakes.
-  std::filesystem::path
-      folder;  ///< What relative paths are relative to; empty: the working folder.
+  std::string name;              ///< Shown in mistakes.
+  std::filesystem::path folder;  ///< Where relative paths start; empty: the working folder.
+  bool has_lines = true;         ///< Whether a line says anything; of an option it does not.
 };
 
 /// A JSON value in which every part knows where it was written.
@@ -74,6 +74,7 @@ class Value {
   [[nodiscard]] static Value string_at(const Value& place_of, std::string text);
 
   [[nodiscard]] Type type() const;
+  [[nodiscard]] const Content& content() const { return content_; }
   [[nodiscard]] bool is_null() const { return type() == Type::kNull; }
   [[nodiscard]] bool is_bool() const { return type() == Type::kBool; }
   [[nodiscard]] bool is_integer() const { return type() == Type::kInt || type() == Type::kUint; }
@@ -119,6 +120,7 @@ class Value {
   [[nodiscard]] Place place() const;
   [[nodiscard]] Origin origin() const { return {source_, line_, pointer_}; }
   [[nodiscard]] const std::shared_ptr<const Source>& source() const { return source_; }
+  [[nodiscard]] const std::string& pointer() const { return pointer_; }
   /// Makes relative paths of this string relative to `base` instead of to its own file.
   void set_path_base(std::shared_ptr<const Source> base) { path_base_ = std::move(base); }
   [[nodiscard]] const std::shared_ptr<const Source>& path_base() const { return path_base_; }
@@ -147,7 +149,7 @@ struct Value::Member {
 /// The value for a message: compact, cut after some 60 characters, with no control characters.
 [[nodiscard]] std::string shown(const Value& value);
 /// `text` in double quotes, escaped and cut in the same way.
-[[nodiscard]] std::string quoted(std::string_view text);
+[[nodiscard]] std::string in_quotes(std::string_view text);
 /// `pointer` with one more reference token, escaped as RFC 6901 wants it.
 [[nodiscard]] std::string pointer_to(std::string_view pointer, std::string_view token);
 

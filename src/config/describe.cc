@@ -1,0 +1,191 @@
+#include "config/describe.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "config/merge.h"
+
+namespace fastcycle::config {
+
+namespace {
+
+template <typename Integer>
+void read_integer(const Value& object, std::string_view key, Integer& result) {
+  const Value* value = object.find(key);
+  if (value != nullptr && value->type() == Value::Type::kInt &&
+      std::in_range<Integer>(value->as_int64())) {
+    result = static_cast<Integer>(value->as_int64());
+  }
+}
+
+void read_size(const Value& object, std::string_view key, std::optional<std::size_t>& result) {
+  const Value* value = object.find(key);
+  if (value != nullptr && value->type() == Value::Type::kInt && value->as_int64() >= 0) {
+    result = static_cast<std::size_t>(value->as_int64());
+  }
+}
+
+void read_bool(const Value& object, std::string_view key, bool& result) {
+  const Value* value = object.find(key);
+  if (value != nullptr && value->is_bool()) {
+    result = value->as_bool();
+  }
+}
+
+template <typename Word, std::size_t kCount>
+std::optional<Word> find_word(const Value& object, std::string_view key,
+                              const std::array<Word, kCount>& words) {
+  const std::string text = text_of(object, key);
+  const auto found =
+      std::ranges::find_if(words, [&](Word word) { return to_string(word) == text; });
+  return found == words.end() ? std::nullopt : std::optional<Word>(*found);
+}
+
+std::optional<OnFault> find_on_fault(const Value& object) {
+  return find_word(object, "on_fault",
+                   std::array{OnFault::kStopComponent, OnFault::kStop, OnFault::kRestart});
+}
+
+std::optional<std::chrono::nanoseconds> find_ms(const Value& object, std::string_view key) {
+  constexpr double kMaxMs = 86'400'000;  // The schema's limit; beyond it the cast may overflow.
+  const Value* value = object.find(key);
+  if (value == nullptr || !value->is_number() || !(std::abs(value->as_double()) <= kMaxMs)) {
+    return std::nullopt;
+  }
+  return std::chrono::nanoseconds(std::llround(value->as_double() * 1e6));
+}
+
+ExecutorDescription describe_executor(const Value& value) {
+  ExecutorDescription executor;
+  executor.name = text_of(value, "name");
+  executor.place = value.place();
+  read_integer(value, "threads", executor.threads);
+  read_integer(value, "priority", executor.priority);
+  read_bool(value, "hand_over", executor.hand_over);
+  executor.policy =
+      find_word(value, "policy", std::array{Policy::kOther, Policy::kFifo, Policy::kRr})
+          .value_or(Policy::kOther);
+  executor.wait = find_word(value, "wait", std::array{Wait::kPark, Wait::kSpin, Wait::kAdaptive})
+                      .value_or(Wait::kPark);
+  if (const Value* cpus = find_array(value, "cpus")) {
+    for (const Value& cpu : cpus->items()) {
+      if (cpu.type() == Value::Type::kInt && std::in_range<int>(cpu.as_int64())) {
+        executor.cpus.push_back(static_cast<int>(cpu.as_int64()));
+      }
+    }
+  }
+  return executor;
+}
+
+TopicDescription describe_topic(const std::string& name, const Value& value) {
+  TopicDescription topic;
+  topic.name = without_slash(name);
+  topic.place = value.place();
+  read_integer(value, "latched", topic.latched);
+  read_integer(value, "keep", topic.keep);
+  read_bool(value, "ages", topic.ages);
+  read_bool(value, "multiple_publishers", topic.multiple_publishers);
+  read_size(value, "pool_max", topic.pool_max);
+  return topic;
+}
+
+SubscriberDescription describe_subscriber(const Value& value) {
+  SubscriberDescription subscriber;
+  subscriber.place = value.place();
+  read_size(value, "depth", subscriber.depth);
+  subscriber.overflow =
+      find_word(value, "overflow", std::array{Overflow::kDropOldest, Overflow::kDropNewest});
+  return subscriber;
+}
+
+PublisherDescription describe_publisher(const Value& value) {
+  PublisherDescription publisher;
+  publisher.place = value.place();
+  read_size(value, "keep", publisher.keep);
+  return publisher;
+}
+
+void describe_ends(const Value& value, ComponentDescription& component) {
+  if (const Value* remap = find_object(value, "remap")) {
+    for (const auto& [name, other] : remap->members()) {
+      if (other.is_string()) {
+        component.remap[name] = other.as_string();
+      }
+    }
+  }
+  if (const Value* subscribers = find_object(value, "subscribers")) {
+    for (const auto& [name, subscriber] : subscribers->members()) {
+      component.subscribers[name] = describe_subscriber(subscriber);
+    }
+  }
+  if (const Value* publishers = find_object(value, "publishers")) {
+    for (const auto& [name, publisher] : publishers->members()) {
+      component.publishers[name] = describe_publisher(publisher);
+    }
+  }
+}
+
+ComponentDescription describe_component(const Value& value, OnFault default_on_fault) {
+  ComponentDescription component;
+  component.name = full_name(value);
+  component.name_space = text_of(value, "namespace");
+  component.library = text_of(value, "library");
+  component.class_name = text_of(value, "class");
+  component.executor = text_of(value, "executor");
+  component.serve_period = find_ms(value, "serve_period_ms");
+  component.serve_phase = find_ms(value, "serve_phase_ms").value_or(std::chrono::nanoseconds{0});
+  const Value* params = find_object(value, "params");
+  component.params = params == nullptr ? Value::object_at(value) : *params;
+  component.on_fault = find_on_fault(value).value_or(default_on_fault);
+  component.place = value.place();
+  describe_ends(value, component);
+  return component;
+}
+
+void describe_library_path(const Value& tree, ApplicationDescription& application) {
+  const Value* folders = find_array(tree, "library_path");
+  if (folders == nullptr) {
+    return;
+  }
+  auto& path = application.library_path;
+  for (const Value& folder : folders->items()) {
+    if (folder.is_string() && std::ranges::find(path, folder.as_path()) == path.end()) {
+      path.push_back(folder.as_path());
+    }
+  }
+}
+
+}  // namespace
+
+ApplicationDescription describe(const Value& tree) {
+  ApplicationDescription application;
+  application.name = text_of(tree, "name");
+  application.place = tree.place();
+  application.file = application.place.file;
+  application.on_fault = find_on_fault(tree).value_or(OnFault::kStopComponent);
+  describe_library_path(tree, application);
+  if (const Value* executors = find_array(tree, "executors")) {
+    for (const Value& executor : executors->items()) {
+      application.executors.push_back(describe_executor(executor));
+    }
+  }
+  if (const Value* topics = find_object(tree, "topics")) {
+    for (const auto& [name, topic] : topics->members()) {
+      application.topics.push_back(describe_topic(name, topic));
+    }
+  }
+  if (const Value* components = find_array(tree, "components")) {
+    for (const Value& component : components->items()) {
+      application.components.push_back(describe_component(component, application.on_fault));
+    }
+  }
+  const Value* shared = find_object(tree, "shared_params");
+  application.shared_params = shared == nullptr ? Value::object_at(tree) : *shared;
+  application.effective = tree;
+  return application;
+}
+
+}  // namespace fastcycle::config

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "config/description.h"
+#include "config/problem.h"
+#include "config/value.h"
+
+namespace fastcycle::config {
+
+/// The plain values of an effective tree. What has not the form that the schema wants keeps its
+/// default: the mistake has been reported with the file.
+[[nodiscard]] ApplicationDescription describe(const Value& tree);
+
+/// Adds the mistakes that only the whole application shows: names that are used twice or not known,
+/// values that contradict each other.
+void check_sense(const ApplicationDescription& application, Problems& problems);
+
+}  // namespace fastcycle::config

@@ -1,0 +1,75 @@
+#include "config/problem.h"
+
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+namespace fastcycle::config {
+
+std::string to_string(const Problem& problem) {
+  std::string result = to_string(problem.place);
+  if (!result.empty()) {
+    result += ": ";
+  }
+  if (problem.warning) {
+    result += "warning: ";
+  }
+  result += problem.message;
+  if (!problem.hint.empty()) {
+    result += "; " + problem.hint;
+  }
+  return result;
+}
+
+Problem unexpected(const Value& at, std::string expected, std::string found, std::string hint) {
+  Problem problem;
+  problem.place = at.place();
+  problem.message = "expected " + expected + ", found " + found;
+  problem.expected = std::move(expected);
+  problem.found = std::move(found);
+  problem.hint = std::move(hint);
+  return problem;
+}
+
+Problem unexpected(const Value& at, std::string expected) {
+  return unexpected(at, std::move(expected), shown(at));
+}
+
+Problem mistake(Place place, std::string message, std::string hint) {
+  Problem problem;
+  problem.place = std::move(place);
+  problem.message = std::move(message);
+  problem.hint = std::move(hint);
+  return problem;
+}
+
+std::string did_you_mean(std::string_view name) {
+  return name.empty() ? std::string() : "did you mean " + in_quotes(name) + "?";
+}
+
+void Problems::add(Problem problem) {
+  error_count_ += problem.warning ? 0 : 1;
+  if (problems_.size() < kMaxKept) {
+    problems_.push_back(std::move(problem));
+  }
+}
+
+std::vector<Problem> Problems::all() const {
+  std::vector<Problem> sorted = problems_;
+  const auto place_of = [](const Problem& problem) {
+    return std::tie(problem.place.file, problem.place.line);
+  };
+  std::ranges::stable_sort(sorted, {}, place_of);
+  std::vector<Problem> result;
+  for (Problem& problem : sorted) {
+    const auto is_same = [&](const Problem& other) {
+      return other.place == problem.place && other.message == problem.message;
+    };
+    if (std::ranges::none_of(result, is_same)) {
+      result.push_back(std::move(problem));
+    }
+  }
+  return result;
+}
+
+}  // namespace fastcycle::config

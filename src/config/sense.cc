@@ -1,0 +1,228 @@
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "config/describe.h"
+#include "config/nearest.h"
+
+namespace fastcycle::config {
+
+namespace {
+
+/// The checks of one application, one after the other. `check` runs them all.
+class Sense {
+ public:
+  Sense(const ApplicationDescription& application, Problems& problems)
+      : application_(application), problems_(problems) {}
+
+  void check() {
+    check_application();
+    check_names_are_used_once(application_.components, "component");
+    check_names_are_used_once(application_.executors, "executor");
+    check_names_are_used_once(application_.topics, "topic");
+    for (const ExecutorDescription& executor : application_.executors) {
+      check_policy(executor);
+      check_cpus(executor);
+      check_spin(executor);
+      check_executor_is_used(executor);
+    }
+    for (const TopicDescription& topic : application_.topics) {
+      check_pool(topic);
+    }
+    for (const ComponentDescription& component : application_.components) {
+      check_library(component);
+      check_executor_is_known(component);
+      check_phase(component);
+      check_ends(component);
+    }
+  }
+
+ private:
+  void add(const Place& at, const std::string& key, std::string message, std::string hint = {}) {
+    Place place = at;
+    if (!key.empty()) {
+      place = place_of(at, key);
+    }
+    problems_.add(mistake(std::move(place), std::move(message), std::move(hint)));
+  }
+
+  // The place of a key of the executor, topic or component at `at`: it may come from another file.
+  [[nodiscard]] Place place_of(const Place& at, const std::string& key) const {
+    for (const auto section : {"executors", "components", "topics"}) {
+      const Value* list = application_.effective.find(section);
+      if (list == nullptr) {
+        continue;
+      }
+      if (const Value* value = find_at(*list, at); value != nullptr && value->find(key)) {
+        return value->find(key)->place();
+      }
+    }
+    return at;
+  }
+
+  static const Value* find_at(const Value& section, const Place& place) {
+    if (section.is_array()) {
+      const auto found = std::ranges::find(section.items(), place, &Value::place);
+      return found == section.items().end() ? nullptr : &*found;
+    }
+    const auto found = std::ranges::find(section.members(), place,
+                                         [](const auto& member) { return member.value.place(); });
+    return found == section.members().end() ? nullptr : &found->value;
+  }
+
+  void check_application() {
+    if (application_.name.empty() && application_.effective.find("name") == nullptr) {
+      add(application_.place, "", "the key \"name\" is missing");
+    }
+    if (application_.components.empty()) {
+      add(application_.place, "", "the application has no components");
+    }
+  }
+
+  template <typename Described>
+  void check_names_are_used_once(const std::vector<Described>& all, const std::string& what) {
+    std::map<std::string, Place> first;
+    for (const Described& one : all) {
+      const auto [place, is_new] = first.emplace(one.name, one.place);
+      if (!is_new && !one.name.empty()) {
+        add(one.place, "name",
+            "the " + what + " " + in_quotes(one.name) + " is there twice, first at " +
+                to_string(place->second));
+      }
+    }
+  }
+
+  void check_policy(const ExecutorDescription& executor) {
+    const std::string policy = in_quotes(to_string(executor.policy));
+    const bool is_real_time = executor.policy != Policy::kOther;
+    if (is_real_time && executor.priority == 0) {
+      add(executor.place, "policy", "the policy " + policy + " needs a \"priority\" in [1, 99]");
+    }
+    if (!is_real_time && executor.priority != 0) {
+      add(executor.place, "priority", "a \"priority\" has no meaning with the policy " + policy,
+          "set \"policy\" to \"fifo\" or \"rr\"");
+    }
+  }
+
+  void check_cpus(const ExecutorDescription& executor) {
+    const std::set<int> different(executor.cpus.begin(), executor.cpus.end());
+    if (!different.empty() && executor.threads > static_cast<int>(different.size())) {
+      add(executor.place, "threads",
+          std::to_string(executor.threads) + " threads have only " +
+              std::to_string(different.size()) + " of the \"cpus\" to run on");
+    }
+  }
+
+  // The kernel stops real-time threads that leave a CPU no time for others: a spinning worker would
+  // be halted in the middle of a callback, for milliseconds.
+  void check_spin(const ExecutorDescription& executor) {
+    if (executor.wait != Wait::kSpin || executor.policy == Policy::kOther) {
+      return;
+    }
+    if (executor.cpus.empty()) {
+      add(executor.place, "wait", "\"spin\" with a real-time policy needs \"cpus\" of its own");
+    }
+    for (const ExecutorDescription& other : application_.executors) {
+      for (const int cpu : executor.cpus) {
+        if (&other != &executor && std::ranges::find(other.cpus, cpu) != other.cpus.end()) {
+          add(executor.place, "wait",
+              "\"spin\" with a real-time policy needs a CPU of its own, but CPU " +
+                  std::to_string(cpu) + " is also of the executor " + in_quotes(other.name));
+        }
+      }
+    }
+  }
+
+  void check_executor_is_used(const ExecutorDescription& executor) {
+    const bool is_used = std::ranges::any_of(
+        application_.components,
+        [&](const ComponentDescription& component) { return component.executor == executor.name; });
+    if (!is_used && !executor.name.empty()) {
+      Problem problem =
+          mistake(executor.place, "no component uses the executor " + in_quotes(executor.name));
+      problem.warning = true;
+      problems_.add(std::move(problem));
+    }
+  }
+
+  void check_pool(const TopicDescription& topic) {
+    const std::size_t held = topic.keep + static_cast<std::size_t>(std::max(0, topic.latched));
+    if (topic.pool_max && held >= *topic.pool_max) {
+      add(topic.place, "pool_max",
+          "a pool of at most " + std::to_string(*topic.pool_max) +
+              " has no message left to lend: " + std::to_string(held) + " are kept or latched");
+    }
+  }
+
+  void check_library(const ComponentDescription& component) {
+    const bool has_library =
+        !component.library.empty() || place_of(component.place, "library") != component.place;
+    if (!has_library) {
+      add(component.place, "", "the key \"library\" is missing");
+    }
+  }
+
+  void check_executor_is_known(const ComponentDescription& component) {
+    std::vector<std::string> names;
+    for (const ExecutorDescription& executor : application_.executors) {
+      names.push_back(executor.name);
+    }
+    if (component.executor.empty() || std::ranges::find(names, component.executor) != names.end()) {
+      return;
+    }
+    std::string hint = did_you_mean(nearest(component.executor, names));
+    if (names.empty()) {
+      hint = "the application describes no \"executors\"";
+    }
+    add(component.place, "executor", "there is no executor " + in_quotes(component.executor),
+        std::move(hint));
+  }
+
+  void check_phase(const ComponentDescription& component) {
+    if (component.serve_phase.count() == 0) {
+      return;
+    }
+    if (!component.serve_period) {
+      add(component.place, "serve_phase_ms",
+          "\"serve_phase_ms\" has no meaning without \"serve_period_ms\"");
+    } else if (component.serve_phase >= *component.serve_period) {
+      add(component.place, "serve_phase_ms",
+          "\"serve_phase_ms\" has to be less than \"serve_period_ms\"");
+    }
+  }
+
+  // What is said of a topic twice, under its name with and without the slash or by way of a remap,
+  // would depend on the order.
+  void check_ends(const ComponentDescription& component) {
+    check_topics_are_different(component, component.subscribers);
+    check_topics_are_different(component, component.publishers);
+  }
+
+  template <typename End>
+  void check_topics_are_different(const ComponentDescription& component,
+                                  const std::map<std::string, End>& ends) {
+    std::map<std::string, std::string> first;
+    for (const auto& [name, end] : ends) {
+      const std::string topic = resolve_topic(component, name);
+      const auto [other, is_new] = first.emplace(topic, name);
+      if (!is_new) {
+        add(end.place, "",
+            in_quotes(name) + " and " + in_quotes(other->second) + " are the same topic " +
+                in_quotes(topic));
+      }
+    }
+  }
+
+  const ApplicationDescription& application_;
+  Problems& problems_;
+};
+
+}  // namespace
+
+void check_sense(const ApplicationDescription& application, Problems& problems) {
+  Sense(application, problems).check();
+}
+
+}  // namespace fastcycle::config
