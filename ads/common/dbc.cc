@@ -80,6 +80,8 @@ class LineReader {
     return value;
   }
 
+  [[nodiscard]] const std::string& place() const { return place_; }
+
   [[noreturn]] void fail(std::string_view expected) const {
     const std::string_view rest = line_.substr(std::min(at_, line_.size())).substr(0, 40);
     throw std::runtime_error(fmt::format("{}: expected {}, found '{}'", place_, expected, rest));
@@ -187,11 +189,14 @@ double DbcSignal::decode(std::span<const std::uint8_t> payload) const {
 const DbcSignal& DbcMessage::signal(std::string_view wanted) const {
   const auto found = std::ranges::find(signals, wanted, &DbcSignal::name);
   if (found == signals.end()) {
-    throw std::runtime_error(fmt::format("the message {} has no signal {}", name, wanted));
+    throw std::runtime_error(
+        fmt::format("{}: expected a signal {} in the message {}, found none of that name", place,
+                    wanted, name));
   }
   if (found->byte_count() > byte_count) {
-    throw std::runtime_error(fmt::format("the signal {} needs {} bytes, its message {} has {}",
-                                         wanted, found->byte_count(), name, byte_count));
+    throw std::runtime_error(fmt::format(
+        "{}: expected {} to fit into the {} bytes of the message {}, found that it needs {}", place,
+        wanted, byte_count, name, found->byte_count()));
   }
   return *found;
 }
@@ -215,6 +220,7 @@ Dbc Dbc::parse(std::string_view text, std::string_view name) {
                     fmt::format("{}:{}", name, number));
     if (keyword == "BO_") {
       dbc.messages_.push_back(read_message(line));
+      dbc.messages_.back().place = line.place();
       if (!names.insert(dbc.messages_.back().name).second) {
         line.fail(fmt::format("no second message {}", dbc.messages_.back().name));
       }

@@ -37,6 +37,7 @@ struct DbcMessage {
   std::uint32_t address = 0;  ///< The identifier; without the flag that marks 29 bit ones.
   bool is_extended = false;
   std::string name;
+  std::string place;  ///< The file and line where it stands.
   std::size_t byte_count = 0;
   std::vector<DbcSignal> signals;
 

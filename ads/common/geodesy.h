@@ -9,6 +9,8 @@ struct GeodeticPosition {
   double latitude_deg = 0.0;
   double longitude_deg = 0.0;
   double altitude_m = 0.0;  ///< Above the ellipsoid.
+
+  friend bool operator==(const GeodeticPosition&, const GeodeticPosition&) = default;
 };
 
 /// The place in earth-centred, earth-fixed coordinates, in metres.
@@ -33,6 +35,9 @@ class LocalFrame {
   }
   [[nodiscard]] Eigen::Vector3d enu_from_geodetic(const GeodeticPosition& position) const {
     return enu_from_ecef(ecef_from_geodetic(position));
+  }
+  [[nodiscard]] Eigen::Vector3d ecef_from_enu(const Eigen::Vector3d& position_m) const {
+    return origin_ecef_m_ + enu_from_ecef_.transpose() * position_m;
   }
   /// Turns a velocity, or any other free vector.
   [[nodiscard]] Eigen::Vector3d rotate_to_enu(const Eigen::Vector3d& ecef_vector) const {

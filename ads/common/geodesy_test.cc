@@ -26,6 +26,14 @@ TEST(LocalFrame, DirectionsAreEastNorthUp) {
   EXPECT_NEAR(frame.enu_from_geodetic(frame.origin()).norm(), 0.0, 1e-6);
 }
 
+TEST(LocalFrame, WayThereAndBackEndsWhereItBegan) {
+  const LocalFrame frame({37.72, -122.47, 33.0});
+
+  const Eigen::Vector3d place(100.0, -200.0, 3.0);
+
+  EXPECT_NEAR((frame.enu_from_ecef(frame.ecef_from_enu(place)) - place).norm(), 0.0, 1e-6);
+}
+
 TEST(LocalFrame, VectorsKeepTheirLength) {
   const LocalFrame frame({37.72, -122.47, 33.0});
 

@@ -15,7 +15,7 @@ struct PoseFilterConfig {
   double fix_bias_stddev_m = 1.5;
   double fix_bias_time_s = 100.0;
   /// The error that is new with every fix.
-  double fix_noise_m = 0.3;
+  double fix_noise_m = 0.6;
   /// Squared Mahalanobis distance beyond which a fix is an outlier; 13.8 is 99.9 % of two
   /// dimensions.
   double fix_gate = 13.8;
@@ -98,8 +98,8 @@ class PoseFilter {
   void on_yaw_rate(std::chrono::nanoseconds time, double radps);
   /// The speed of the rear axle.
   void on_wheel_speed(std::chrono::nanoseconds time, double mps);
-  /// A fix that arrived at `arrival` and says where the point was `age` before; an age beyond what the
-  /// filter remembers is reckoned with the oldest speed. False if it was taken for an outlier.
+  /// A fix that arrived at `arrival` and says where the point was `age` before; an age beyond what
+  /// the filter remembers is reckoned with the oldest speed. False if it was taken for an outlier.
   bool on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age, const PlaneFix& fix);
 
   [[nodiscard]] bool has_position() const { return has_position_; }
