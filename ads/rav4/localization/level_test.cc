@@ -27,7 +27,7 @@ TEST(Level, TiltedDeviceTurnsAboutTheVertical) {
 
 TEST(Level, BrakingIsAveragedOut) {
   Level level(5.0);
-  for (int step = 0; step < 1000; ++step) {
+  for (int step = 0; step < 5000; ++step) {
     level.on_acceleration(step * 10ms, {step % 2 == 0 ? 3.0 : -3.0, 0.0, -9.81});
   }
 

@@ -14,6 +14,12 @@ using std::chrono_literals::operator""s;
 
 constexpr double kPi = std::numbers::pi;
 
+PlaneFix fix_at(double east_m, double north_m) {
+  PlaneFix fix;
+  fix.position_m = {east_m, north_m};
+  return fix;
+}
+
 // A car whose motion is known, with its sensors: wheels and gyroscope every 10 ms, a fix every 100
 // ms.
 class Drive {
@@ -88,7 +94,7 @@ TEST(PoseFilter, KnowsNothingBeforeTheFirstFix) {
 
 TEST(PoseFilter, FirstFixIsThePosition) {
   PoseFilter filter(PoseFilterConfig{});
-  filter.on_fix(0ms, 0ms, {.position_m = {3.0, 4.0}});
+  filter.on_fix(0ms, 0ms, fix_at(3.0, 4.0));
 
   ASSERT_TRUE(filter.has_position());
   EXPECT_NEAR(filter.estimate().position_m.x(), 3.0, 1e-9);
@@ -154,7 +160,7 @@ TEST(PoseFilter, SingleOutlierIsRejected) {
   Drive drive;
   drive.go_on(5s);
 
-  const bool is_good = drive.filter.on_fix(drive.time(), 0ms, {.position_m = {0.0, 0.0}});
+  const bool is_good = drive.filter.on_fix(drive.time(), 0ms, fix_at(0.0, 0.0));
 
   EXPECT_FALSE(is_good);
   EXPECT_LT(drive.error_m(), 0.05);

@@ -86,7 +86,7 @@ void ScanCollector::add(const RadarTrack& track) {
 }
 
 void ScanCollector::clear() {
-  std::ranges::fill(seen_, false);
+  seen_.assign(seen_.size(), false);
   seen_count_ = 0;
   tracks_.clear();
 }

@@ -20,13 +20,13 @@ constexpr double kInner = kWidth - 2.0 * kMargin;
 constexpr double kHeaderHeight = 124.0;
 constexpr double kMapHeightMin = 150.0;
 constexpr double kMapHeightMax = 620.0;
-constexpr double kLensHeight = 300.0;
+constexpr double kLensHeight = 220.0;
 constexpr double kLensGap = 24.0;
 constexpr double kChartHeight = 230.0;
 constexpr double kGap = 30.0;
 constexpr double kPadding = 44.0;
 constexpr std::size_t kLenses = 3;
-constexpr double kLensWidth_m = 36.0;
+constexpr double kLensWidth_m = 12.0;
 
 constexpr std::string_view kReferenceColor = "#2b2f36";
 constexpr std::string_view kEstimateColor = "#0a7ea4";
@@ -175,7 +175,7 @@ class Drawing {
 
   std::string legend() const {
     std::string text;
-    double x = kWidth - kMargin - 520.0;
+    double x = kWidth - kMargin - 436.0;
     const auto entry = [&](std::string_view mark, std::string_view name) {
       text += fmt::format(
           "<g transform=\"translate({:.0f} 60)\">{}<text x=\"40\" y=\"5\" font-size=\"17\" "
@@ -381,13 +381,15 @@ class Drawing {
 
   void tie(const std::vector<ComparedPoint>& points, const PlanePoint& middle,
            const Projection& lens, std::string_view color) {
-    put("<g stroke=\"{}\" stroke-width=\"1.6\" opacity=\"0.7\">", color);
+    put("<g stroke=\"{0}\" fill=\"{0}\" stroke-width=\"1.8\" opacity=\"0.75\">", color);
     for (const ComparedPoint& point : points) {
       if (distance(point.reference, middle) < kLensWidth_m) {
         const Pixel from = lens(point.position);
         const Pixel to = lens(point.reference);
-        put("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\"/>", from.x, from.y, to.x,
-            to.y);
+        put("<line x1=\"{0:.1f}\" y1=\"{1:.1f}\" x2=\"{2:.1f}\" y2=\"{3:.1f}\"/><circle "
+            "cx=\"{2:.1f}\" "
+            "cy=\"{3:.1f}\" r=\"2\"/>",
+            from.x, from.y, to.x, to.y);
       }
     }
     put("</g>");

@@ -10,7 +10,9 @@ using testing::HasSubstr;
 using testing::Not;
 
 DrivePicture northward() {
-  DrivePicture picture{.title = "A & B <drive>", .subtitle = "700 m"};
+  DrivePicture picture;
+  picture.title = "A & B <drive>";
+  picture.subtitle = "700 m";
   for (int step = 0; step <= 70; ++step) {
     const PlanePoint reference{.east_m = 0.1 * step, .north_m = 10.0 * step};
     const PlanePoint off{.east_m = reference.east_m - 0.4, .north_m = reference.north_m - 1.5};
@@ -33,7 +35,7 @@ TEST(DrivePicture, PictureShowsPathsScaleBarAndMeans) {
 
   EXPECT_THAT(svg, HasSubstr("A &amp; B &lt;drive&gt;"));
   EXPECT_THAT(svg, HasSubstr("Raw GNSS fix"));
-  EXPECT_THAT(svg, HasSubstr(">200 m<"));
+  EXPECT_THAT(svg, HasSubstr(">100 m<"));
   EXPECT_THAT(svg, HasSubstr("raw fix: 1.55 m"));
   EXPECT_THAT(svg, HasSubstr("estimate: 0.40 m"));
   EXPECT_THAT(svg, Not(HasSubstr("nan")));
