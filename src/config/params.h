@@ -16,15 +16,15 @@ namespace fastcycle::config {
 /// What a number may be, both ends included; unset: no limit.
 template <typename T>
 struct Range {
-  std::optional<T> min;
-  std::optional<T> max;
+  std::optional<T> min{};
+  std::optional<T> max{};
 };
 
 /// How a vector's items are limited.
 template <typename T>
 struct VectorRange {
-  Range<T> item;
-  Range<std::size_t> size;
+  Range<T> item{};
+  Range<std::size_t> size{};
 };
 
 /// Conversions. What does not fit is added to `problems`, and nothing is returned: the caller goes

@@ -211,6 +211,7 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
       return refuse("the object has more than 10000 keys");
     }
     object.key = std::move(key);
+    object.has_key = true;
     const auto [first, is_new] = object.lines.emplace(object.key, line());
     object.is_duplicate = !is_new;
     if (!is_new) {
@@ -224,7 +225,7 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
   bool parse_error(std::size_t position, const std::string& last_token,
                    const nlohmann::detail::exception& error) override {
     const Place place{source_->name, line_at(text_, position == 0 ? 0 : position - 1),
-                      open_.empty() ? "" : next_pointer()};
+                      next_pointer()};
     if (error.id == 406) {
       problems_.add(mistake(place, "the number " + cut_token(last_token) + " is out of range"));
     } else {
@@ -239,6 +240,7 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
   struct Open {
     Value value;
     std::string key;
+    bool has_key = false;
     bool is_duplicate = false;
     std::unordered_map<std::string, int> lines;  // Where each key was seen first.
   };
@@ -262,6 +264,9 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
     }
     const Open& parent = open_.back();
     const std::string& parent_pointer = parent.value.pointer();
+    if (parent.value.is_object() && !parent.has_key) {
+      return parent_pointer;
+    }
     return pointer_to(parent_pointer,
                       parent.value.is_array() ? std::to_string(parent.value.size()) : parent.key);
   }
@@ -313,6 +318,7 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
     } else if (!parent.is_duplicate) {
       parent.value.members().push_back({parent.key, std::move(value)});
     }
+    parent.has_key = false;
     parent.is_duplicate = false;
   }
 
@@ -364,7 +370,7 @@ std::optional<std::string> read_file(const std::filesystem::path& file, const Pl
                                      Problems& problems) {
   const Place place = asked_at.file.empty() ? Place{file.string(), 0, ""} : asked_at;
   const auto fail = [&](const std::string& reason) {
-    problems.add(mistake(place, "cannot read " + in_quotes(file.string()) + ": " + reason));
+    problems.add(mistake(place, "cannot read " + in_quotes(file.string(), 4096) + ": " + reason));
     return std::nullopt;
   };
   // O_NONBLOCK: opening a FIFO without a writer returns at once instead of waiting for one.

@@ -243,6 +243,11 @@ void explain_object(const Spot& spot, Problems& problems) {
   }
 }
 
+bool has_too_many_items(const Spot& spot) {
+  return spot.value->is_array() && spot.schema->contains("maxItems") &&
+         spot.value->size() > (*spot.schema)["maxItems"].get<std::size_t>();
+}
+
 /// Says what is wrong at the spot itself. Each mistake is reported by the validator again at every
 /// level above it; there this finds nothing to say, because `is_deepest` is false.
 void explain(const Spot& spot, bool is_deepest, Problems& problems) {
@@ -254,7 +259,7 @@ void explain(const Spot& spot, bool is_deepest, Problems& problems) {
     explain_object(spot, problems);
     return;
   }
-  if (is_deepest) {
+  if (is_deepest || has_too_many_items(spot)) {
     problems.add(unexpected(*spot.value, expected_by(*spot.schema), shown(*spot.value),
                             did_you_mean(nearest_word(*spot.value, *spot.schema))));
   }
@@ -300,14 +305,23 @@ Schema::Schema(const std::filesystem::path& schema_file, Problems& problems) {
       return;
     }
   }
-  application_ = json::parse(text, nullptr, false);
-  if (!application_.is_object() || !application_.contains("definitions")) {
-    problems.add(mistake({schema_file.string(), 0, ""}, "this is not the schema of applications"));
-    application_ = {};
-    return;
+  json application = json::parse(text, nullptr, false);
+  try {
+    const json component_file = {{"$ref", "#/definitions/component_file"},
+                                 {"definitions", application.at("definitions")}};
+    application_ = make_rules(std::move(application));
+    component_file_ = make_rules(component_file);
+  } catch (const std::exception& error) {
+    problems.add(mistake({schema_file.string(), 0, ""},
+                         std::string("this is not the schema of applications: ") + error.what()));
   }
-  component_file_ = {{"$ref", "#/definitions/component_file"},
-                     {"definitions", application_["definitions"]}};
+}
+
+Schema::Rules Schema::make_rules(json json) {
+  auto parsed = std::make_shared<valijson::Schema>();
+  valijson::SchemaParser parser(valijson::SchemaParser::kDraft7);
+  parser.populateSchema(valijson::adapters::NlohmannJsonAdapter(json), *parsed);
+  return {std::move(json), std::move(parsed)};
 }
 
 void Schema::check_application(const Value& file, Problems& problems) const {
@@ -324,38 +338,29 @@ void Schema::check_component_file(const Value& file, Problems& problems) const {
   check(file, component_file_, problems);
 }
 
-void Schema::check(const Value& file, const json& schema, Problems& problems) const {
-  if (schema.is_null()) {
+void Schema::check(const Value& file, const Rules& rules, Problems& problems) {
+  if (rules.parsed == nullptr) {
     return;
   }
-  try {
-    valijson::Schema parsed;
-    valijson::SchemaParser parser(valijson::SchemaParser::kDraft7);
-    parser.populateSchema(valijson::adapters::NlohmannJsonAdapter(schema), parsed);
-
-    const json content = bounded_copy(file);
-    valijson::Validator validator;
-    valijson::ValidationResults results;
-    validator.validate(parsed, valijson::adapters::NlohmannJsonAdapter(content), &results);
-
-    std::set<std::vector<std::string>> places;
-    for (const auto& error : results) {
-      places.insert(error.context);
-    }
-    for (auto place = places.begin(); place != places.end(); ++place) {
-      // In this order a place stands right before all that is below it.
-      const auto next = std::next(place);
-      const bool is_deepest = next == places.end() || next->size() <= place->size() ||
-                              !std::equal(place->begin(), place->end(), next->begin());
-      if (const auto spot = find_spot(schema, file, *place)) {
-        explain(*spot, is_deepest, problems);
-      }
-    }
-    check_keys(schema, {&file, &resolved(schema, schema)}, problems);
-  } catch (const std::exception& error) {
-    problems.add(
-        mistake(file.place(), std::string("the schema cannot be applied: ") + error.what()));
+  const json& schema = rules.json;
+  const json content = bounded_copy(file);
+  valijson::ValidationResults results;
+  valijson::Validator().validate(*rules.parsed, valijson::adapters::NlohmannJsonAdapter(content),
+                                 &results);
+  std::set<std::vector<std::string>> places;
+  for (const auto& error : results) {
+    places.insert(error.context);
   }
+  for (auto place = places.begin(); place != places.end(); ++place) {
+    // In this order a place stands right before all that is below it.
+    const auto next = std::next(place);
+    const bool is_deepest = next == places.end() || next->size() <= place->size() ||
+                            !std::equal(place->begin(), place->end(), next->begin());
+    if (const auto spot = find_spot(schema, file, *place)) {
+      explain(*spot, is_deepest, problems);
+    }
+  }
+  check_keys(schema, {&file, &resolved(schema, schema)}, problems);
 }
 
 }  // namespace fastcycle::config

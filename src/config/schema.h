@@ -1,13 +1,17 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
+#include <memory>
 #include <string_view>
 
 #include <nlohmann/json.hpp>
 
 #include "config/problem.h"
 #include "config/value.h"
+
+namespace valijson {
+class Schema;
+}
 
 namespace fastcycle::config {
 
@@ -34,10 +38,18 @@ class Schema {
   void check_component_file(const Value& file, Problems& problems) const;
 
  private:
-  void check(const Value& file, const nlohmann::json& schema, Problems& problems) const;
+  // The schema of one kind of file, as JSON to word mistakes with, and as the validator reads it.
+  struct Rules {
+    nlohmann::json json;
+    std::shared_ptr<const valijson::Schema> parsed;
+  };
 
-  nlohmann::json application_;
-  nlohmann::json component_file_;
+  static Rules make_rules(nlohmann::json json);
+  static void check(const Value& file, const Rules& rules, Problems& problems);
+
+  // Without content if the schema could not be read.
+  Rules application_;
+  Rules component_file_;
 };
 
 }  // namespace fastcycle::config

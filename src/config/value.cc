@@ -29,11 +29,10 @@ std::string with_control_characters_escaped(std::string_view text) {
 }
 
 // Cuts between characters, never inside one of several bytes.
-std::string cut(std::string text, std::string_view end) {
-  if (text.size() <= kShownLength) {
+std::string cut(std::string text, std::string_view end, std::size_t length = kShownLength) {
+  if (text.size() <= length) {
     return text;
   }
-  std::size_t length = kShownLength;
   while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) {
     --length;
   }
@@ -245,11 +244,11 @@ std::string shown(const Value& value) {
   }
 }
 
-std::string in_quotes(std::string_view text) {
-  const std::string part(text.substr(0, 4 * kShownLength));
+std::string in_quotes(std::string_view text, std::size_t max_length) {
+  const std::string part(text.substr(0, 4 * max_length));
   const auto escaped =
       nlohmann::json(part).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-  return cut(with_control_characters_escaped(escaped), "\"");
+  return cut(with_control_characters_escaped(escaped), "\"", max_length);
 }
 
 std::string pointer_to(std::string_view pointer, std::string_view token) {

@@ -149,7 +149,7 @@ struct Value::Member {
 /// The value for a message: compact, cut after some 60 characters, with no control characters.
 [[nodiscard]] std::string shown(const Value& value);
 /// `text` in double quotes, escaped and cut in the same way.
-[[nodiscard]] std::string in_quotes(std::string_view text);
+[[nodiscard]] std::string in_quotes(std::string_view text, std::size_t max_length = 60);
 /// `pointer` with one more reference token, escaped as RFC 6901 wants it.
 [[nodiscard]] std::string pointer_to(std::string_view pointer, std::string_view token);
 

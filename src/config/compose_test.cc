@@ -1,0 +1,218 @@
+#include "config/compose.h"
+
+#include <gtest/gtest.h>
+
+#include "config/test_folder.h"
+
+namespace fastcycle::config {
+namespace {
+
+/// The files of one application, and the tree that is made of them.
+struct ComposeTest : testing::Test {
+  Value compose(LoadOptions options = {}) {
+    options.file = folder / "app.json";
+    const Schema schema({}, problems);
+    return Composer(schema, problems).compose(options).value_or(Value());
+  }
+
+  // The application with one component `limiter` that has these keys too.
+  void write_limiter(const std::string& keys) const {
+    folder.write(
+        "app.json",
+        R"({"name": "demo", "components": [{"name": "limiter", "library": "a")" + keys + "}]}");
+  }
+
+  TestFolder folder;
+  Problems problems;
+};
+
+TEST_F(ComposeTest, IncludedComponentsAndTopicsAreInTheNamespace) {
+  folder.write("app.json", R"({"name": "demo", "include":
+      [{"file": "sensors/lidar.json", "namespace": "front"},
+       {"file": "sensors/lidar.json", "namespace": "rear"}],
+      "components": [{"name": "planner", "library": "p"}]})");
+  folder.write("sensors/lidar.json", R"({"topics": {"points": {"latched": 1}, "/tf": {"keep": 1}},
+      "components": [{"name": "lidar", "library": "l", "namespace": "roof"}]})");
+
+  const Value tree = compose();
+
+  EXPECT_EQ(tree["components"].size(), 3U);
+  EXPECT_EQ(tree["components"][0]["namespace"].as_string(), "front/roof");
+  EXPECT_EQ(tree["components"][1]["namespace"].as_string(), "rear/roof");
+  EXPECT_EQ(tree["components"][2]["name"].as_string(), "planner");
+  EXPECT_NE(tree["topics"].find("front/points"), nullptr);
+  EXPECT_NE(tree["topics"].find("rear/points"), nullptr);
+  EXPECT_NE(text_of(problems).find("the topic \"/tf\" is described twice"), std::string::npos);
+}
+
+TEST_F(ComposeTest, NamespacesOfNestedIncludesAreJoined) {
+  folder.write("app.json", R"({"include": [{"file": "a.json", "namespace": "car"}]})");
+  folder.write("a.json", R"({"include": [{"file": "b.json", "namespace": "front"}]})");
+  folder.write("b.json", R"({"topics": {"points": {}, "/map": {}},
+                             "components": [{"name": "lidar", "library": "l"}]})");
+
+  const Value tree = compose();
+
+  EXPECT_EQ(tree["components"][0]["namespace"].as_string(), "car/front");
+  EXPECT_NE(tree["topics"].find("car/front/points"), nullptr);
+  EXPECT_NE(tree["topics"].find("/map"), nullptr);
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
+TEST_F(ComposeTest, IncludedFilesGetTheirVariables) {
+  folder.write("app.json", R"({"variables": {"first_port": 2368}, "include":
+      [{"file": "lidar.json", "namespace": "front", "variables": {"port": "${first_port}"}},
+       {"file": "lidar.json", "namespace": "rear", "variables": {"port": 2400}}]})");
+  folder.write("lidar.json", R"({"variables": {"port": null, "rate_hz": 10}, "components":
+      [{"name": "lidar", "library": "l", "params": {"port": "${port}", "hz": "${rate_hz}"}}]})");
+
+  const Value tree = compose();
+
+  EXPECT_EQ(tree["components"][0]["params"].to_text(), R"({"port":2368,"hz":10})");
+  EXPECT_EQ(tree["components"][1]["params"].to_text(), R"({"port":2400,"hz":10})");
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
+TEST_F(ComposeTest, TheIncludingFileGoesBeforeIncludedOnes) {
+  folder.write("app.json", R"({"include": [{"file": "a.json"}],
+      "shared_params": {"car": {"width_m": 2}}, "on_fault": "stop",
+      "components": [{"name": "planner", "library": "p"}]})");
+  folder.write("a.json", R"({"shared_params": {"car": {"width_m": 1, "length_m": 4}},
+      "on_fault": "restart", "components": [{"name": "lidar", "library": "l"},
+                                            {"name": "radar", "library": "r", "on_fault": "stop"}]})");
+
+  const Value tree = compose();
+
+  EXPECT_EQ(tree["shared_params"].to_text(), R"({"car":{"width_m":2,"length_m":4}})");
+  EXPECT_EQ(tree["components"][0]["on_fault"].as_string(), "restart");
+  EXPECT_EQ(tree["components"][1]["on_fault"].as_string(), "stop");
+  EXPECT_EQ(tree["components"][2].find("on_fault"), nullptr);
+  EXPECT_EQ(tree["on_fault"].as_string(), "stop");
+}
+
+TEST_F(ComposeTest, IncludesThatMultiplyAreStopped) {
+  const std::string twice = R"([{"file": "next.json", "namespace": "a"},
+                                {"file": "next.json", "namespace": "b"}])";
+  folder.write("app.json", "{\"include\": " + twice + "}");
+  for (int i = 0; i < 16; ++i) {
+    std::string next = twice;
+    const std::string name = i == 0 ? "next.json" : "next" + std::to_string(i) + ".json";
+    for (std::size_t at = 0; (at = next.find("next.json", at)) != std::string::npos; at += 5) {
+      next.replace(at, 9, "next" + std::to_string(i + 1) + ".json");
+    }
+    folder.write(name, "{\"include\": " + next + "}");
+  }
+
+  (void)compose();
+
+  EXPECT_NE(text_of(problems).find("the application has more than 1000 files"), std::string::npos);
+}
+
+TEST_F(ComposeTest, WhatStandsInTheApplicationGoesBeforeTheComponentsFile) {
+  folder.write("parts/limiter.json", R"({"$schema": "x", "serve_period_ms": 10,
+      "params": {"limit_mps": 13.9, "map": "town.osm", "limits": {"jerk": 1, "snap": 2}}})");
+  write_limiter(R"(, "file": "parts/limiter.json", "params": {"limit_mps": 20,
+                    "limits": {"jerk": 3}})");
+
+  const Value tree = compose();
+
+  const Value& limiter = tree["components"][0];
+  EXPECT_EQ(limiter["params"].to_text(),
+            R"({"limit_mps":20,"map":"town.osm","limits":{"jerk":3,"snap":2}})");
+  EXPECT_EQ(limiter["params"]["map"].as_path(), folder / "parts/town.osm");
+  EXPECT_EQ(limiter["serve_period_ms"].place().file, (folder / "parts/limiter.json").string());
+  EXPECT_EQ(limiter.find("file"), nullptr);
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
+TEST_F(ComposeTest, OverlaysMergeComponentsByTheirFullName) {
+  folder.write("app.json", R"({"executors": [{"name": "fast", "threads": 2}],
+      "topics": {"speed": {"latched": 1}}, "components":
+      [{"name": "limiter", "library": "a", "namespace": "front", "params": {"x": 1, "y": 2}},
+       {"name": "limiter", "library": "a", "params": {"x": 1}}]})");
+  const auto overlay = folder.write("car.json", R"({
+      "executors": [{"name": "fast", "cpus": [1]}, {"name": "slow"}],
+      "topics": {"/speed": {"keep": 2}, "map": {"latched": 1}},
+      "components": [{"name": "front/limiter", "params": {"x": 7, "y": null, "z": 3}},
+                     {"name": "logger", "library": "l"}]})");
+
+  const Value tree = compose({.file = {}, .overlays = {overlay}});
+
+  EXPECT_EQ(tree["components"][0]["params"].to_text(), R"({"x":7,"z":3})");
+  EXPECT_EQ(tree["components"][1]["params"].to_text(), R"({"x":1})");
+  EXPECT_EQ(tree["components"][2]["name"].as_string(), "logger");
+  EXPECT_EQ(tree["executors"].to_text(),
+            R"([{"name":"fast","threads":2,"cpus":[1]},{"name":"slow"}])");
+  EXPECT_EQ(tree["topics"].to_text(), R"({"speed":{"latched":1,"keep":2},"map":{"latched":1}})");
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
+TEST_F(ComposeTest, OverlaysGoInTheirOrderAndDelete) {
+  folder.write("app.json", R"({"shared_params": {"a": 1}, "library_path": ["lib"], "components":
+      [{"name": "limiter", "library": "a", "params": {"x": 1}},
+       {"name": "planner", "library": "p"}]})");
+  const auto first = folder.write("1.json", R"({"shared_params": null, "components":
+      [{"name": "planner", "library": null}, {"name": "limiter", "params": {"x": 2}}]})");
+  const auto second = folder.write("2.json", R"({"library_path": ["other"], "components":
+      [{"name": "limiter", "params": {"x": 3}}]})");
+
+  const Value tree = compose({.file = {}, .overlays = {first, second}});
+
+  EXPECT_EQ(tree.find("shared_params"), nullptr);
+  EXPECT_EQ(tree["library_path"].to_text(), R"(["other"])");
+  EXPECT_EQ(tree["components"].to_text(), R"([{"name":"limiter","library":"a","params":{"x":3}}])");
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
+TEST_F(ComposeTest, OverlaysGiveVariablesAndOptionsGoBeforeThem) {
+  folder.write("app.json", R"({"variables": {"a": 1, "b": 1, "c": 1}, "components":
+      [{"name": "limiter", "library": "l", "params": {"v": ["${a}", "${b}", "${c}"]}}]})");
+  const auto overlay = folder.write("car.json", R"({"variables": {"b": 2, "c": 2}})");
+
+  const Value tree = compose({.file = {}, .overlays = {overlay}, .variables = {"c=3"}});
+
+  EXPECT_EQ(tree["components"][0]["params"]["v"].to_text(), "[1,2,3]");
+}
+
+TEST_F(ComposeTest, SetsReachNestedParams) {
+  write_limiter(R"(, "namespace": "front", "params": {"limit_mps": 22.2, "limits": {"jerk": 1}})");
+
+  const Value tree =
+      compose({.file = {},
+               .sets = {"front/limiter.limit_mps=20", "front/limiter.limits.jerk=3",
+                        "front/limiter.limits.new.deep=[1,2]", "front/limiter.text=a=b c"}});
+
+  EXPECT_EQ(tree["components"][0]["params"].to_text(),
+            R"({"limit_mps":20,"limits":{"jerk":3,"new":{"deep":[1,2]}},"text":"a=b c"})");
+  EXPECT_EQ(to_string(tree["components"][0]["params"]["limit_mps"].place()),
+            "--set front/limiter.limit_mps=20");
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
+TEST_F(ComposeTest, SetsGoBeforeOverlaysAndWorkWithoutParams) {
+  write_limiter("");
+  const auto overlay =
+      folder.write("car.json", R"({"components": [{"name": "limiter", "params": {"x": 1}}]})");
+
+  const Value tree =
+      compose({.file = {}, .overlays = {overlay}, .sets = {"limiter.x=2", "limiter.y=null"}});
+
+  EXPECT_EQ(tree["components"][0]["params"].to_text(), R"({"x":2})");
+  EXPECT_NE(text_of(problems).find("null deletes \"y\""), std::string::npos);
+}
+
+TEST_F(ComposeTest, SetsWithAThousandDotsAreRefused) {
+  write_limiter("");
+  std::string name = "limiter";
+  for (int i = 0; i < 50'000; ++i) {
+    name += ".a";
+  }
+
+  (void)compose({.file = {}, .sets = {name + "=1", "limiter.a=\xff"}});
+
+  EXPECT_NE(text_of(problems).find("more than 64 parts"), std::string::npos);
+  EXPECT_NE(text_of(problems).find("the option is not UTF-8"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace fastcycle::config
