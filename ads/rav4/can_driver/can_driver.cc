@@ -1,15 +1,9 @@
-#include <cstdint>
-#include <optional>
+#include "can_driver.h"
+
 #include <stdexcept>
 #include <utility>
-#include <vector>
 
-#include <fastcycle/fastcycle.h>
 #include <fmt/format.h>
-
-#include "can/frame.pb.h"
-#include "common/npy.h"
-#include "rav4/drive/playback.h"
 
 namespace rav4 {
 namespace {
@@ -20,84 +14,67 @@ constexpr std::int64_t kLargestBus = 255;
 
 }  // namespace
 
-/// Publishes the recorded CAN frames of a drive, each at the time at which it was recorded.
-///
-/// Out:  `can/frames`, one message for each recorded row
-class CanDriver final : public fastcycle::Component {
- public:
-  explicit CanDriver(fastcycle::Context& context)
-      : Component(context),
-        data_(context.param<fastcycle::Path>(
-            "data", {.description = "The drive's folder, in the layout of comma2k19"})),
-        frames_(context.create_publisher<can::Frame>("can/frames")),
-        timer_(context.create_timer([this] { play(); })),
-        source_(context.create_source()) {}
+CanDriver::CanDriver(fastcycle::Context& context)
+    : Component(context),
+      data_(context.param<fastcycle::Path>(
+          "data", {.description = "The drive's folder, in the layout of comma2k19"})),
+      frames_(context.create_publisher<can::Frame>("can/frames")),
+      timer_(context.create_timer([this] { play(); })),
+      source_(context.create_source()) {}
 
-  void start() override {
-    const auto folder = data_.get() / "processed_log" / "CAN" / "raw_can";
-    playback_ = Playback::read(DriveClock::read(data_.get()), folder);
-    addresses_ = ads::read_npy_integers(folder / "address.npy");
-    buses_ = ads::read_npy_integers(folder / "src.npy");
-    payloads_ = ads::read_npy_bytes(folder / "data.npy", kPayloadBytes);
-    check(folder);
-    schedule();
+void CanDriver::start() {
+  const auto folder = data_.get() / "processed_log" / "CAN" / "raw_can";
+  playback_ = Playback::read(DriveClock::read(data_.get()), folder);
+  addresses_ = ads::read_npy_integers(folder / "address.npy");
+  buses_ = ads::read_npy_integers(folder / "src.npy");
+  payloads_ = ads::read_npy_bytes(folder / "data.npy", kPayloadBytes);
+  check(folder);
+  schedule();
+}
+
+void CanDriver::check(const std::filesystem::path& folder) const {
+  const std::size_t rows = playback_->rows();
+  if (addresses_.size() != rows || buses_.size() != rows || payloads_.rows() != rows) {
+    throw std::runtime_error(fmt::format(
+        "{}: expected as many rows in t, address, src and data, found {}, {}, {} and {}",
+        folder.string(), rows, addresses_.size(), buses_.size(), payloads_.rows()));
   }
-
- private:
-  void check(const std::filesystem::path& folder) const {
-    const std::size_t rows = playback_->rows();
-    if (addresses_.size() != rows || buses_.size() != rows || payloads_.rows() != rows) {
+  for (std::size_t row = 0; row < rows; ++row) {
+    if (addresses_[row] < 0 || addresses_[row] > kLargestAddress || buses_[row] < 0 ||
+        buses_[row] > kLargestBus) {
       throw std::runtime_error(fmt::format(
-          "{}: expected as many rows in t, address, src and data, found {}, {}, {} and {}",
-          folder.string(), rows, addresses_.size(), buses_.size(), payloads_.rows()));
-    }
-    for (std::size_t row = 0; row < rows; ++row) {
-      if (addresses_[row] < 0 || addresses_[row] > kLargestAddress || buses_[row] < 0 ||
-          buses_[row] > kLargestBus) {
-        throw std::runtime_error(fmt::format(
-            "{}: expected an address of 29 bits and a bus of 8, found {} and {} at row {}",
-            folder.string(), addresses_[row], buses_[row], row));
-      }
+          "{}: expected an address of 29 bits and a bus of 8, found {} and {} at row {}",
+          folder.string(), addresses_[row], buses_[row], row));
     }
   }
+}
 
-  void play() {
-    while (const auto row = playback_->take_due(now() - start_time())) {
-      publish(*row);
-    }
-    schedule();
+void CanDriver::play() {
+  while (const auto row = playback_->take_due(now() - start_time())) {
+    publish(*row);
   }
+  schedule();
+}
 
-  void schedule() {
-    if (const auto due = playback_->next_due()) {
-      timer_.arm_at(start_time() + *due);
-    } else {
-      source_.finish();
-    }
+void CanDriver::schedule() {
+  if (const auto due = playback_->next_due()) {
+    timer_.arm_at(start_time() + *due);
+  } else {
+    source_.finish();
   }
+}
 
-  void publish(const Playback::Row& row) {
-    const fastcycle::Time taken = start_time() + row.offset;
-    auto frame = frames_.loan();
-    frame->mutable_header()->set_taken_ns(nanoseconds_of(taken));
-    frame->set_address(static_cast<std::uint32_t>(addresses_[row.index]));
-    frame->set_bus(static_cast<std::uint32_t>(buses_[row.index]));
-    const auto payload =
-        payloads_.bytes.begin() + static_cast<std::ptrdiff_t>(row.index * kPayloadBytes);
-    frame->mutable_data()->assign(payload, payload + kPayloadBytes);
-    frames_.publish(std::move(frame), {.taken_at = taken});
-  }
-
-  fastcycle::Param<fastcycle::Path> data_;
-  fastcycle::Publisher<can::Frame> frames_;
-  fastcycle::Timer timer_;
-  fastcycle::Source source_;
-
-  std::optional<Playback> playback_;
-  std::vector<std::int64_t> addresses_;
-  std::vector<std::int64_t> buses_;
-  ads::ByteTable payloads_;
-};
+void CanDriver::publish(const Playback::Row& row) {
+  const fastcycle::Time taken = start_time() + row.offset;
+  auto frame = frames_.loan();
+  frame->mutable_header()->set_taken_ns(nanoseconds_of(taken));
+  frame->set_address(static_cast<std::uint32_t>(addresses_[row.index]));
+  frame->set_bus(static_cast<std::uint32_t>(buses_[row.index]));
+  const auto payload =
+      payloads_.bytes.begin() + static_cast<std::ptrdiff_t>(row.index * kPayloadBytes);
+  frame->mutable_data()->assign(payload, payload + kPayloadBytes);
+  frames_.publish(std::move(frame), {.taken_at = taken});
+}
 
 }  // namespace rav4
 

@@ -1,104 +1,70 @@
-#include <optional>
+#include "imu_driver.h"
+
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
-#include <fastcycle/fastcycle.h>
 #include <fmt/format.h>
-
-#include "common/npy.h"
-#include "imu/vector.pb.h"
-#include "rav4/drive/playback.h"
 
 namespace rav4 {
 namespace {
 
 constexpr std::size_t kAxes = 3;
 
-// One of the two sensors.
-class Stream {
- public:
-  Stream(fastcycle::Context& context, std::string_view topic)
-      : publisher_(context.create_publisher<imu::Vector>(topic)) {}
-
-  void open(const DriveClock& clock, const std::filesystem::path& folder) {
-    playback_ = Playback::read(clock, folder);
-    values_ = ads::read_npy_numbers(folder / "value.npy", kAxes);
-    if (values_->rows() != playback_->rows()) {
-      throw std::runtime_error(
-          fmt::format("{}: expected as many rows in t and value, found {} and {}", folder.string(),
-                      playback_->rows(), values_->rows()));
-    }
-  }
-
-  void play(fastcycle::Time start, fastcycle::Time now) {
-    while (const auto row = playback_->take_due(now - start)) {
-      const fastcycle::Time taken = start + row->offset;
-      auto vector = publisher_.loan();
-      vector->mutable_header()->set_taken_ns(nanoseconds_of(taken));
-      vector->mutable_header()->set_frame("device");
-      vector->set_x(values_->at(row->index, 0));
-      vector->set_y(values_->at(row->index, 1));
-      vector->set_z(values_->at(row->index, 2));
-      publisher_.publish(std::move(vector), {.taken_at = taken});
-    }
-  }
-
-  [[nodiscard]] std::optional<fastcycle::Duration> next_due() const {
-    return playback_->next_due();
-  }
-
- private:
-  fastcycle::Publisher<imu::Vector> publisher_;
-  std::optional<Playback> playback_;
-  std::optional<ads::NumberTable> values_;
-};
-
 }  // namespace
 
-/// Publishes the recorded turn rates and accelerations of a drive, each at the time of its row.
-///
-/// Out:  `imu/accelerometer`, `imu/gyro`, one message for each recorded row
-class ImuDriver final : public fastcycle::Component {
- public:
-  explicit ImuDriver(fastcycle::Context& context)
-      : Component(context),
-        data_(context.param<fastcycle::Path>(
-            "data", {.description = "The drive's folder, in the layout of comma2k19"})),
-        accelerometer_(context, "imu/accelerometer"),
-        gyro_(context, "imu/gyro"),
-        timer_(context.create_timer([this] { play(); })),
-        source_(context.create_source()) {}
-
-  void start() override {
-    const auto folder = data_.get() / "processed_log" / "IMU";
-    const DriveClock clock = DriveClock::read(data_.get());
-    accelerometer_.open(clock, folder / "accelerometer");
-    gyro_.open(clock, folder / "gyro");
-    schedule();
+void ImuStream::open(const DriveClock& clock, const std::filesystem::path& folder) {
+  playback_ = Playback::read(clock, folder);
+  values_ = ads::read_npy_numbers(folder / "value.npy", kAxes);
+  if (values_->rows() != playback_->rows()) {
+    throw std::runtime_error(
+        fmt::format("{}: expected as many rows in t and value, found {} and {}", folder.string(),
+                    playback_->rows(), values_->rows()));
   }
+}
 
- private:
-  void play() {
-    accelerometer_.play(start_time(), now());
-    gyro_.play(start_time(), now());
-    schedule();
+void ImuStream::play(fastcycle::Time start, fastcycle::Time now) {
+  while (const auto row = playback_->take_due(now - start)) {
+    const fastcycle::Time taken = start + row->offset;
+    auto vector = publisher_.loan();
+    vector->mutable_header()->set_taken_ns(nanoseconds_of(taken));
+    vector->mutable_header()->set_frame("device");
+    vector->set_x(values_->at(row->index, 0));
+    vector->set_y(values_->at(row->index, 1));
+    vector->set_z(values_->at(row->index, 2));
+    publisher_.publish(std::move(vector), {.taken_at = taken});
   }
+}
 
-  void schedule() {
-    if (const auto due = earlier(accelerometer_.next_due(), gyro_.next_due())) {
-      timer_.arm_at(start_time() + *due);
-    } else {
-      source_.finish();
-    }
+ImuDriver::ImuDriver(fastcycle::Context& context)
+    : Component(context),
+      data_(context.param<fastcycle::Path>(
+          "data", {.description = "The drive's folder, in the layout of comma2k19"})),
+      accelerometer_(context, "imu/accelerometer"),
+      gyro_(context, "imu/gyro"),
+      timer_(context.create_timer([this] { play(); })),
+      source_(context.create_source()) {}
+
+void ImuDriver::start() {
+  const auto folder = data_.get() / "processed_log" / "IMU";
+  const DriveClock clock = DriveClock::read(data_.get());
+  accelerometer_.open(clock, folder / "accelerometer");
+  gyro_.open(clock, folder / "gyro");
+  schedule();
+}
+
+void ImuDriver::play() {
+  accelerometer_.play(start_time(), now());
+  gyro_.play(start_time(), now());
+  schedule();
+}
+
+void ImuDriver::schedule() {
+  if (const auto due = earlier(accelerometer_.next_due(), gyro_.next_due())) {
+    timer_.arm_at(start_time() + *due);
+  } else {
+    source_.finish();
   }
-
-  fastcycle::Param<fastcycle::Path> data_;
-  Stream accelerometer_;
-  Stream gyro_;
-  fastcycle::Timer timer_;
-  fastcycle::Source source_;
-};
+}
 
 }  // namespace rav4
 

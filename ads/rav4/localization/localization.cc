@@ -1,21 +1,9 @@
+#include "localization.h"
+
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <cstdint>
 #include <numbers>
-#include <optional>
 #include <utility>
-
-#include <fastcycle/fastcycle.h>
-
-#include "common/geodesy.h"
-#include "gnss/fix.pb.h"
-#include "imu/vector.pb.h"
-#include "level.h"
-#include "localization/pose.pb.h"
-#include "pose_filter.h"
-#include "receiver_clock.h"
-#include "vehicle/motion.pb.h"
 
 namespace rav4 {
 namespace {
@@ -91,135 +79,107 @@ bool is_usable(const gnss::Fix& fix) {
 
 }  // namespace
 
-/// Estimates where the car is, from fixes, wheel speeds and turn rates; see `PoseFilter`.
-///
-/// In:   `gnss/fix`, `imu/accelerometer`, `imu/gyro`, `vehicle/wheel_speeds`
-/// Out:  `localization/pose`, with every wheel speed message from the first fix on
-class Localization final : public fastcycle::Component {
- public:
-  explicit Localization(fastcycle::Context& context)
-      : Component(context),
-        fix_delay_s_(context.param<double>(
-            "fix_delay_s",
-            {.fallback = 0.0,
-             .min = 0.0,
-             .max = 1.0,
-             .unit = "s",
-             .description = "How old a position is when its fix arrives, in the mean"})),
-        level_(context
-                   .param<double>("level_time_s",
-                                  positive(5.0, "s", "Time over which the vertical is averaged"))
-                   .get()),
-        filter_(read_filter_config(context)),
-        poses_(context.create_publisher<localization::Pose>("localization/pose")) {
-    context.create_subscriber<gnss::Fix>("gnss/fix", [this](const gnss::Fix& fix) { on_fix(fix); });
-    context.create_subscriber<imu::Vector>(
-        "imu/accelerometer", [this](const imu::Vector& vector) { on_acceleration(vector); });
-    context.create_subscriber<imu::Vector>(
-        "imu/gyro", [this](const imu::Vector& vector) { on_turn_rate(vector); });
-    context.create_subscriber<vehicle::WheelSpeeds>(
-        "vehicle/wheel_speeds",
-        [this](const vehicle::WheelSpeeds& speeds) { on_wheel_speeds(speeds); });
+Localization::Localization(fastcycle::Context& context)
+    : Component(context),
+      fix_delay_s_(context.param<double>(
+          "fix_delay_s",
+          {.fallback = 0.0,
+           .min = 0.0,
+           .max = 1.0,
+           .unit = "s",
+           .description = "How old a position is when its fix arrives, in the mean"})),
+      level_(context
+                 .param<double>("level_time_s",
+                                positive(5.0, "s", "Time over which the vertical is averaged"))
+                 .get()),
+      filter_(read_filter_config(context)),
+      poses_(context.create_publisher<localization::Pose>("localization/pose")) {
+  context.create_subscriber<gnss::Fix>("gnss/fix", [this](const gnss::Fix& fix) { on_fix(fix); });
+  context.create_subscriber<imu::Vector>(
+      "imu/accelerometer", [this](const imu::Vector& vector) { on_acceleration(vector); });
+  context.create_subscriber<imu::Vector>(
+      "imu/gyro", [this](const imu::Vector& vector) { on_turn_rate(vector); });
+  context.create_subscriber<vehicle::WheelSpeeds>(
+      "vehicle/wheel_speeds",
+      [this](const vehicle::WheelSpeeds& speeds) { on_wheel_speeds(speeds); });
+}
+
+void Localization::stop() {
+  report("fixes_rejected", fixes_rejected_);
+  if (filter_.has_position()) {
+    report("wheel_scale", filter_.estimate().wheel_scale);
+    report("gyro_bias_radps", filter_.estimate().gyro_bias_radps);
   }
+}
 
-  void stop() override {
-    report("fixes_rejected", fixes_rejected_);
-    if (filter_.has_position()) {
-      report("wheel_scale", filter_.estimate().wheel_scale);
-      report("gyro_bias_radps", filter_.estimate().gyro_bias_radps);
-    }
+void Localization::on_fix(const gnss::Fix& message) {
+  if (!is_usable(message)) {
+    ++fixes_rejected_;
+    return;
   }
-
- private:
-  // Times that the filter reckons with: since the first message, so that they are small.
-  template <typename Measurement>
-  std::chrono::nanoseconds time_of(const Measurement& message) {
-    const std::chrono::nanoseconds taken(message.header().taken_ns());
-    if (!first_taken_) {
-      first_taken_ = taken;
-    }
-    return taken - *first_taken_;
+  const ads::GeodeticPosition place{.latitude_deg = message.latitude_deg(),
+                                    .longitude_deg = message.longitude_deg(),
+                                    .altitude_m = message.altitude_m()};
+  if (!plane_) {
+    plane_.emplace(place);
   }
-
-  void on_fix(const gnss::Fix& message) {
-    if (!is_usable(message)) {
-      ++fixes_rejected_;
-      return;
-    }
-    const ads::GeodeticPosition place{.latitude_deg = message.latitude_deg(),
-                                      .longitude_deg = message.longitude_deg(),
-                                      .altitude_m = message.altitude_m()};
-    if (!plane_) {
-      plane_.emplace(place);
-    }
-    PlaneFix fix{.position_m = plane_->enu_from_geodetic(place).head<2>(),
-                 .yaw_rad = std::nullopt,
-                 .speed_mps = message.speed_mps()};
-    if (std::isfinite(message.course_deg())) {
-      fix.yaw_rad = (90.0 - message.course_deg()) * kRadPerDeg;
-    }
-    const auto arrival = time_of(message);
-    const auto delay = std::chrono::nanoseconds(std::llround(fix_delay_s_.get() * 1e9)) +
-                       receiver_clock_.lateness(arrival, message.utc_ms());
-    fixes_rejected_ +=
-        filter_.on_fix(arrival, std::max(delay, std::chrono::nanoseconds(0)), fix) ? 0 : 1;
+  PlaneFix fix{.position_m = plane_->enu_from_geodetic(place).head<2>(),
+               .yaw_rad = std::nullopt,
+               .speed_mps = message.speed_mps()};
+  if (std::isfinite(message.course_deg())) {
+    fix.yaw_rad = (90.0 - message.course_deg()) * kRadPerDeg;
   }
+  const auto arrival = time_of(message);
+  const auto delay = std::chrono::nanoseconds(std::llround(fix_delay_s_.get() * 1e9)) +
+                     receiver_clock_.lateness(arrival, message.utc_ms());
+  fixes_rejected_ +=
+      filter_.on_fix(arrival, std::max(delay, std::chrono::nanoseconds(0)), fix) ? 0 : 1;
+}
 
-  void on_acceleration(const imu::Vector& vector) {
-    level_.on_acceleration(time_of(vector), {vector.x(), vector.y(), vector.z()});
+void Localization::on_acceleration(const imu::Vector& vector) {
+  level_.on_acceleration(time_of(vector), {vector.x(), vector.y(), vector.z()});
+}
+
+void Localization::on_turn_rate(const imu::Vector& vector) {
+  const double yaw_rate = level_.yaw_rate({vector.x(), vector.y(), vector.z()});
+  if (std::isfinite(yaw_rate)) {
+    filter_.on_yaw_rate(time_of(vector), yaw_rate);
   }
+}
 
-  void on_turn_rate(const imu::Vector& vector) {
-    const double yaw_rate = level_.yaw_rate({vector.x(), vector.y(), vector.z()});
-    if (std::isfinite(yaw_rate)) {
-      filter_.on_yaw_rate(time_of(vector), yaw_rate);
-    }
+void Localization::on_wheel_speeds(const vehicle::WheelSpeeds& speeds) {
+  // The middle of the rear axle moves along the heading, with the mean speed of its two wheels.
+  const double speed_mps = 0.5 * (speeds.rear_left_mps() + speeds.rear_right_mps());
+  if (!std::isfinite(speed_mps)) {
+    return;
   }
-
-  void on_wheel_speeds(const vehicle::WheelSpeeds& speeds) {
-    // The middle of the rear axle moves along the heading, with the mean speed of its two wheels.
-    const double speed_mps = 0.5 * (speeds.rear_left_mps() + speeds.rear_right_mps());
-    if (!std::isfinite(speed_mps)) {
-      return;
-    }
-    filter_.on_wheel_speed(time_of(speeds), speed_mps);
-    if (filter_.has_position()) {
-      publish_pose();
-    }
+  filter_.on_wheel_speed(time_of(speeds), speed_mps);
+  if (filter_.has_position()) {
+    publish_pose();
   }
+}
 
-  void publish_pose() {
-    const PoseEstimate estimate = filter_.estimate();
-    auto pose = poses_.loan();
-    pose->mutable_header()->set_taken_ns((*first_taken_ + estimate.time).count());
-    pose->mutable_header()->set_frame("local_enu");
-    pose->set_origin_latitude_deg(plane_->origin().latitude_deg);
-    pose->set_origin_longitude_deg(plane_->origin().longitude_deg);
-    pose->set_origin_altitude_m(plane_->origin().altitude_m);
-    pose->set_east_m(estimate.position_m.x());
-    pose->set_north_m(estimate.position_m.y());
-    pose->set_east_mps(estimate.velocity_mps.x());
-    pose->set_north_mps(estimate.velocity_mps.y());
-    pose->set_yaw_rad(estimate.yaw_rad);
-    pose->set_yaw_rate_radps(estimate.yaw_rate_radps);
-    pose->set_has_heading(estimate.has_heading);
-    pose->set_position_stddev_m(estimate.position_stddev_m);
-    pose->set_yaw_stddev_rad(estimate.yaw_stddev_rad);
-    pose->set_wheel_scale(estimate.wheel_scale);
-    pose->set_gyro_bias_radps(estimate.gyro_bias_radps);
-    poses_.publish(std::move(pose));
-  }
-
-  fastcycle::Param<double> fix_delay_s_;
-  Level level_;
-  PoseFilter filter_;
-  fastcycle::Publisher<localization::Pose> poses_;
-
-  ReceiverClock receiver_clock_;
-  std::optional<std::chrono::nanoseconds> first_taken_;
-  std::optional<ads::LocalFrame> plane_;
-  std::int64_t fixes_rejected_ = 0;
-};
+void Localization::publish_pose() {
+  const PoseEstimate estimate = filter_.estimate();
+  auto pose = poses_.loan();
+  pose->mutable_header()->set_taken_ns((*first_taken_ + estimate.time).count());
+  pose->mutable_header()->set_frame("local_enu");
+  pose->set_origin_latitude_deg(plane_->origin().latitude_deg);
+  pose->set_origin_longitude_deg(plane_->origin().longitude_deg);
+  pose->set_origin_altitude_m(plane_->origin().altitude_m);
+  pose->set_east_m(estimate.position_m.x());
+  pose->set_north_m(estimate.position_m.y());
+  pose->set_east_mps(estimate.velocity_mps.x());
+  pose->set_north_mps(estimate.velocity_mps.y());
+  pose->set_yaw_rad(estimate.yaw_rad);
+  pose->set_yaw_rate_radps(estimate.yaw_rate_radps);
+  pose->set_has_heading(estimate.has_heading);
+  pose->set_position_stddev_m(estimate.position_stddev_m);
+  pose->set_yaw_stddev_rad(estimate.yaw_stddev_rad);
+  pose->set_wheel_scale(estimate.wheel_scale);
+  pose->set_gyro_bias_radps(estimate.gyro_bias_radps);
+  poses_.publish(std::move(pose));
+}
 
 }  // namespace rav4
 

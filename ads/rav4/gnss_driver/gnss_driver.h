@@ -1,0 +1,35 @@
+#pragma once
+
+#include <optional>
+
+#include <fastcycle/fastcycle.h>
+
+#include "common/npy.h"
+#include "gnss/fix.pb.h"
+#include "rav4/drive/playback.h"
+
+namespace rav4 {
+
+/// Publishes the recorded fixes of a drive, each at the time at which it arrived.
+///
+/// Out:  `gnss/fix`, one message for each recorded row
+class GnssDriver final : public fastcycle::Component {
+ public:
+  explicit GnssDriver(fastcycle::Context& context);
+  void start() override;
+
+ private:
+  void play();
+  void schedule();
+  void publish(const Playback::Row& row);
+
+  fastcycle::Param<fastcycle::Path> data_;
+  fastcycle::Publisher<gnss::Fix> fixes_;
+  fastcycle::Timer timer_;
+  fastcycle::Source source_;
+
+  std::optional<Playback> playback_;
+  std::optional<ads::NumberTable> values_;
+};
+
+}  // namespace rav4
