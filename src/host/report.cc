@@ -1,0 +1,617 @@
+#include "host/report.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+#include <sys/resource.h>
+#include <time.h>
+#include <unistd.h>
+
+namespace fastcycle::host {
+
+using base::HistogramSummary;
+using detail::ComponentCore;
+using detail::DropReason;
+using nlohmann::ordered_json;
+
+namespace {
+
+double seconds(Duration span) {
+  return std::chrono::duration<double>(span).count();
+}
+
+// ---- Reading the application ----
+
+std::int64_t clock_ns(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+
+/// When the process began, in nanoseconds of CLOCK_BOOTTIME, to 10 ms; none if the system does not
+/// say.
+std::optional<std::int64_t> process_start_ns() {
+  std::ifstream file("/proc/self/stat");
+  std::string text;
+  std::getline(file, text);
+  // The program's name stands in brackets and may contain anything. The start time is field 22,
+  // counted from 1; behind the name begins field 3.
+  const auto name_end = text.rfind(')');
+  if (name_end == std::string::npos) {
+    return std::nullopt;
+  }
+  std::istringstream fields(text.substr(name_end + 1));
+  std::string skipped;
+  for (int field = 3; field < 22; ++field) {
+    fields >> skipped;
+  }
+  std::int64_t ticks = 0;
+  if (!(fields >> ticks)) {
+    return std::nullopt;
+  }
+  return ticks * (1'000'000'000 / sysconf(_SC_CLK_TCK));
+}
+
+std::optional<double> startup_ms(const detail::Topics& topics) {
+  std::int64_t first_ns = std::numeric_limits<std::int64_t>::max();
+  for (const auto& [name, topic] : topics.all()) {
+    for (const auto& publisher : topic->publishers) {
+      if (const std::int64_t ns = publisher->first_publish_ns(); ns != 0) {
+        first_ns = std::min(first_ns, ns);
+      }
+    }
+  }
+  const auto start_ns = process_start_ns();
+  if (!start_ns || first_ns == std::numeric_limits<std::int64_t>::max()) {
+    return std::nullopt;
+  }
+  // The two clocks differ by the time that the machine slept.
+  const std::int64_t slept_ns = clock_ns(CLOCK_BOOTTIME) - clock_ns(CLOCK_MONOTONIC);
+  return static_cast<double>(first_ns + slept_ns - *start_ns) / 1e6;
+}
+
+double cpu_seconds(const rusage& usage) {
+  const auto seconds_of = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) / 1e6;
+  };
+  return seconds_of(usage.ru_utime) + seconds_of(usage.ru_stime);
+}
+
+ComponentReport report_component(const ComponentCore& core) {
+  ComponentReport report;
+  report.name = core.name;
+  report.state = core.state.load();
+  report.activations = core.statistics.activations.get();
+  report.callback = core.statistics.callback.summary();
+  report.timer_lateness = core.statistics.lateness.summary();
+  report.overruns = core.statistics.overruns.get();
+  report.faults = core.fault_count;
+  report.fault_texts = core.faults;
+  report.restarts = core.restarts;
+  report.health = core.health;
+  report.health_reason = core.health_reason;
+  return report;
+}
+
+TopicReport report_topic(const detail::Topic& topic, double time_s) {
+  TopicReport report;
+  report.name = topic.name;
+  report.type = topic.type;
+  for (const auto& publisher : topic.publishers) {
+    report.published += publisher->published();
+    report.allocated += publisher->allocated();
+  }
+  report.rate_hz = static_cast<double>(report.published) / time_s;
+  for (const auto& subscription : topic.subscriptions) {
+    report.subscribers.push_back({.component = subscription->component,
+                                  .kind = subscription->kind,
+                                  .depth = subscription->depth,
+                                  .ledger = subscription->ledger(),
+                                  .latency = subscription->latency.summary()});
+  }
+  return report;
+}
+
+/// Adds the results of `core`; a name that is taken gets the component's name before it.
+void add_results(RunReport& report, const ComponentCore& core) {
+  for (const auto& [name, value] : core.results) {
+    std::string key = name;
+    const auto is_taken = [&](const auto& other) { return other.first == key; };
+    while (std::any_of(report.results.begin(), report.results.end(), is_taken)) {
+      key = core.name + "." + key;
+    }
+    report.results.emplace_back(std::move(key), value);
+  }
+}
+
+// ---- Words ----
+
+const char* to_word(ComponentCore::State state) {
+  switch (state) {
+    case ComponentCore::State::kDeclared:
+      return "declared";
+    case ComponentCore::State::kConstructed:
+      return "constructed";
+    case ComponentCore::State::kRunning:
+      return "running";
+    case ComponentCore::State::kStopped:
+      return "stopped";
+    case ComponentCore::State::kFailed:
+      return "failed";
+  }
+  return "?";
+}
+
+const char* to_word(Health health) {
+  switch (health) {
+    case Health::kOk:
+      return "ok";
+    case Health::kDegraded:
+      return "degraded";
+    case Health::kFailed:
+      return "failed";
+  }
+  return "?";
+}
+
+const char* to_word(detail::Subscription::Kind kind) {
+  switch (kind) {
+    case detail::Subscription::Kind::kCallback:
+      return "callback";
+    case detail::Subscription::Kind::kLatest:
+      return "latest";
+    case detail::Subscription::Kind::kHistory:
+      return "history";
+  }
+  return "?";
+}
+
+/// The reasons for which something was dropped, with how often.
+template <typename Use>
+void for_each_drop(const detail::Ledger& ledger, const Use& use) {
+  for (std::size_t i = 0; i < ledger.dropped.size(); ++i) {
+    if (ledger.dropped[i] > 0) {
+      use(detail::to_word(static_cast<DropReason>(i)), ledger.dropped[i]);
+    }
+  }
+}
+
+// ---- JSON ----
+
+/// JSON has no word for what is not finite.
+ordered_json number(double value) {
+  return std::isfinite(value) ? ordered_json(value) : ordered_json();
+}
+
+/// A time of a histogram that may be empty, in microseconds.
+ordered_json microseconds(const HistogramSummary& summary, double ns) {
+  return summary.count == 0 ? ordered_json() : number(ns / 1000.0);
+}
+
+ordered_json json_of_short(const HistogramSummary& summary) {
+  return {{"p50", microseconds(summary, summary.p50)},
+          {"p99", microseconds(summary, summary.p99)},
+          {"max", microseconds(summary, summary.max)}};
+}
+
+ordered_json json_of(const HistogramSummary& summary) {
+  return {{"mean", microseconds(summary, summary.mean)},
+          {"std", microseconds(summary, summary.standard_deviation)},
+          {"p50", microseconds(summary, summary.p50)},
+          {"p99", microseconds(summary, summary.p99)},
+          {"p999", microseconds(summary, summary.p999)},
+          {"max", microseconds(summary, summary.max)}};
+}
+
+ordered_json json_of(const ReportValue& value) {
+  return std::visit(
+      [](const auto& it) -> ordered_json {
+        if constexpr (std::is_same_v<std::decay_t<decltype(it)>, double>) {
+          return number(it);
+        } else {
+          return it;
+        }
+      },
+      value);
+}
+
+ordered_json json_of(const ComponentReport& component) {
+  return {{"state", to_word(component.state)},
+          {"activations", component.activations},
+          {"callback_us", json_of_short(component.callback)},
+          {"overruns", component.overruns},
+          {"faults", component.faults},
+          {"fault_texts", component.fault_texts},
+          {"restarts", component.restarts},
+          {"health", to_word(component.health)},
+          {"health_reason", component.health_reason},
+          {"timer_lateness_us", json_of_short(component.timer_lateness)}};
+}
+
+ordered_json json_of(const SubscriberReport& subscriber) {
+  auto dropped = ordered_json::object();
+  for_each_drop(subscriber.ledger,
+                [&](const char* reason, std::uint64_t count) { dropped[reason] = count; });
+  return {{"component", subscriber.component},
+          {"kind", to_word(subscriber.kind)},
+          {"depth", subscriber.depth},
+          {"published", subscriber.ledger.published},
+          {"delivered", subscriber.ledger.delivered},
+          {"dropped", dropped},
+          {"queued", subscriber.ledger.queued},
+          {"adds_up", subscriber.ledger.adds_up()},
+          {"latency_us", json_of(subscriber.latency)}};
+}
+
+ordered_json json_of(const TopicReport& topic) {
+  auto subscribers = ordered_json::array();
+  for (const SubscriberReport& subscriber : topic.subscribers) {
+    subscribers.push_back(json_of(subscriber));
+  }
+  return {{"type", topic.type},
+          {"published", topic.published},
+          {"allocated", topic.allocated},
+          {"rate_hz", number(topic.rate_hz)},
+          {"subscribers", subscribers}};
+}
+
+// ---- Text ----
+
+constexpr std::size_t kColumns = 120;
+constexpr std::size_t kNameColumns = 32;
+
+/// `text` fit for one line of a terminal: what would move the cursor is a blank.
+std::string on_one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, ' ');
+  return text;
+}
+
+/// How many columns a UTF-8 text takes: one a character.
+std::size_t width(std::string_view text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
+  }));
+}
+
+/// A name at most `columns` wide. The middle gives way: names differ at their ends.
+std::string shortened(const std::string& name, std::size_t columns) {
+  if (name.size() <= columns) {
+    return name;
+  }
+  const std::size_t tail = columns / 2;
+  return name.substr(0, columns - tail - 1) + "…" + name.substr(name.size() - tail);
+}
+
+/// Three digits that mean something.
+std::string three_digits(double value) {
+  std::array<char, 32> text{};
+  const double size = std::abs(value);
+  const int decimals = size >= 99.95 ? 0 : size >= 9.995 ? 1 : 2;
+  std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
+  return text.data();
+}
+
+std::string time_text(double ns) {
+  if (!std::isfinite(ns)) {
+    return "?";
+  }
+  if (ns < 1e3) {
+    return three_digits(ns) + " ns";
+  }
+  if (ns < 1e6) {
+    return three_digits(ns / 1e3) + " µs";
+  }
+  return ns < 1e9 ? three_digits(ns / 1e6) + " ms" : three_digits(ns / 1e9) + " s";
+}
+
+std::string time_text(const HistogramSummary& summary, double ns) {
+  return summary.count == 0 ? "-" : time_text(ns);
+}
+
+std::string rate_text(double hz) {
+  if (!std::isfinite(hz)) {
+    return "-";
+  }
+  return hz < 1e4 ? three_digits(hz) + " Hz" : three_digits(hz / 1e3) + " kHz";
+}
+
+std::string value_text(const ReportValue& value) {
+  return std::visit(
+      [](const auto& it) -> std::string {
+        using Value = std::decay_t<decltype(it)>;
+        if constexpr (std::is_same_v<Value, bool>) {
+          return it ? "true" : "false";
+        } else if constexpr (std::is_same_v<Value, std::string>) {
+          return on_one_line(it);
+        } else if constexpr (std::is_same_v<Value, double>) {
+          std::array<char, 32> text{};
+          std::snprintf(text.data(), text.size(), "%.6g", it);
+          return text.data();
+        } else {
+          return std::to_string(it);
+        }
+      },
+      value);
+}
+
+/// Rows of cells, padded so that the columns stand under each other: the first to the left, the
+/// others to the right.
+class Rows {
+ public:
+  explicit Rows(std::string indent) : indent_(std::move(indent)) {}
+
+  void add(std::vector<std::string> cells) {
+    widths_.resize(std::max(widths_.size(), cells.size()));
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      widths_[i] = std::max(widths_[i], width(cells[i]));
+    }
+    rows_.push_back(std::move(cells));
+  }
+
+  [[nodiscard]] std::string line(std::size_t row) const {
+    std::string text = indent_;
+    for (std::size_t i = 0; i < rows_[row].size(); ++i) {
+      const std::string& cell = rows_[row][i];
+      const std::string padding(widths_[i] - width(cell), ' ');
+      text += i == 0 ? cell + padding : "  " + padding + cell;
+    }
+    return text;
+  }
+
+  [[nodiscard]] std::string text() const {
+    std::string text;
+    for (std::size_t row = 0; row < rows_.size(); ++row) {
+      text += line(row) + "\n";
+    }
+    return text;
+  }
+
+ private:
+  const std::string indent_;
+  std::vector<std::vector<std::string>> rows_;
+  std::vector<std::size_t> widths_;
+};
+
+/// `text` in lines that fit, broken at blanks; those after the first are indented.
+std::string wrapped(std::string text, const std::string& indent) {
+  std::string lines;
+  while (text.size() > kColumns) {
+    auto end = text.rfind(' ', kColumns);
+    if (end == std::string::npos || end <= indent.size()) {
+      end = kColumns;
+      while ((static_cast<unsigned char>(text[end]) & 0xC0U) == 0x80U) {
+        --end;  // Not within a character.
+      }
+    }
+    lines += text.substr(0, end) + "\n";
+    text = indent + text.substr(text[end] == ' ' ? end + 1 : end);
+  }
+  return lines + text + "\n";
+}
+
+std::string head_text(const RunReport& report) {
+  std::string text = report.application + ": ran " + time_text(report.time_s * 1e9);
+  if (report.clock == "simulated") {
+    text += " of simulated time in " + time_text(report.wall_s * 1e9);
+  }
+  text += ", " + report.end + "\n  ";
+  if (report.startup_ms) {
+    text += "first message after " + time_text(*report.startup_ms * 1e6) + "   ";
+  }
+  text += "CPU " + time_text(report.cpu_s * 1e9) + "   memory " +
+          three_digits(static_cast<double>(report.rss_max_kib) / 1024.0) + " MiB\n";
+  return text;
+}
+
+std::string components_text(const RunReport& report) {
+  Rows rows("");
+  rows.add({"COMPONENT", "STATE", "ACTIVATIONS", "CALLBACK p50", "p99", "max", "TIMER LATE p99",
+            "OVERRUNS", "FAULTS"});
+  for (const ComponentReport& component : report.components) {
+    const HistogramSummary& callback = component.callback;
+    rows.add({shortened(component.name, kNameColumns), to_word(component.state),
+              std::to_string(component.activations), time_text(callback, callback.p50),
+              time_text(callback, callback.p99), time_text(callback, callback.max),
+              time_text(component.timer_lateness, component.timer_lateness.p99),
+              std::to_string(component.overruns), std::to_string(component.faults)});
+  }
+  return rows.text();
+}
+
+std::string troubles_text(const RunReport& report) {
+  std::string text;
+  for (const ComponentReport& component : report.components) {
+    for (const std::string& fault : component.fault_texts) {
+      text += wrapped("  fault of " + component.name + ": " + on_one_line(fault), "    ");
+    }
+    if (component.faults > component.fault_texts.size()) {
+      text += "  fault of " + component.name + ": " +
+              std::to_string(component.faults - component.fault_texts.size()) + " more\n";
+    }
+    if (component.restarts > 0) {
+      text += "  " + component.name + " was restarted " + std::to_string(component.restarts) +
+              (component.restarts == 1 ? " time\n" : " times\n");
+    }
+    if (component.health != Health::kOk) {
+      const std::string reason = on_one_line(component.health_reason);
+      text += wrapped("  " + component.name + " says that it is " + to_word(component.health) +
+                          (reason.empty() ? "" : ": " + reason),
+                      "    ");
+    }
+  }
+  return text;
+}
+
+std::string ledger_text(const detail::Ledger& ledger) {
+  std::string text =
+      std::to_string(ledger.published) + " = " + std::to_string(ledger.delivered) + " delivered";
+  for_each_drop(ledger, [&](const char* reason, std::uint64_t count) {
+    text += " + " + std::to_string(count) + " " + reason;
+  });
+  if (ledger.queued > 0) {
+    text += " + " + std::to_string(ledger.queued) + " queued";
+  }
+  if (!ledger.adds_up()) {
+    text += "  DOES NOT ADD UP";
+  }
+  return text;
+}
+
+std::vector<std::string> subscriber_cells(const SubscriberReport& subscriber) {
+  const HistogramSummary& latency = subscriber.latency;
+  std::string name = shortened(subscriber.component, kNameColumns);
+  if (subscriber.kind != detail::Subscription::Kind::kCallback) {
+    name += std::string(" (") + to_word(subscriber.kind) + ")";
+  }
+  return {name,
+          time_text(latency, latency.mean),
+          time_text(latency, latency.standard_deviation),
+          time_text(latency, latency.p50),
+          time_text(latency, latency.p99),
+          time_text(latency, latency.p999),
+          time_text(latency, latency.max)};
+}
+
+std::string topic_head(const TopicReport& topic) {
+  const std::string numbers = "  " + rate_text(topic.rate_hz) + "  " +
+                              std::to_string(topic.published) + " published  " +
+                              std::to_string(topic.allocated) + " made";
+  const std::size_t columns = kColumns - width(numbers);
+  const std::size_t type_columns = std::min(topic.type.size(), columns / 2 - 3);
+  return shortened(topic.name, columns - type_columns - 3) + " (" +
+         shortened(topic.type, type_columns) + ")" + numbers + "\n";
+}
+
+/// The ledger stands behind its subscriber where there is room, else below.
+std::string with_ledger(const std::string& line, const detail::Ledger& ledger) {
+  const std::string text = ledger_text(ledger);
+  if (width(line) + 3 + width(text) <= kColumns) {
+    return line + "   " + text + "\n";
+  }
+  return line + "\n" + wrapped("      " + text, "        ");
+}
+
+std::string topics_text(const RunReport& report) {
+  Rows rows("  ");
+  rows.add({"", "LATENCY mean", "sd", "p50", "p99", "p99.9", "max"});
+  for (const TopicReport& topic : report.topics) {
+    for (const SubscriberReport& subscriber : topic.subscribers) {
+      rows.add(subscriber_cells(subscriber));
+    }
+  }
+  std::string text = rows.line(0);
+  text.replace(0, 5, "TOPIC");
+  text += "   PUBLISHED = DELIVERED + DROPPED + QUEUED\n";
+  std::size_t row = 1;
+  for (const TopicReport& topic : report.topics) {
+    text += topic_head(topic);
+    for (const SubscriberReport& subscriber : topic.subscribers) {
+      text += with_ledger(rows.line(row++), subscriber.ledger);
+    }
+  }
+  return text;
+}
+
+std::string results_text(const RunReport& report) {
+  std::size_t columns = 0;
+  for (const auto& [name, value] : report.results) {
+    columns = std::max(columns, std::min(width(name), kColumns / 2));
+  }
+  std::string text = "RESULTS\n";
+  for (const auto& [name, value] : report.results) {
+    const std::string shown = shortened(on_one_line(name), kColumns / 2);
+    const std::string padding(columns - std::min(columns, width(shown)), ' ');
+    text += wrapped("  " + shown + padding + "  " + value_text(value), "      ");
+  }
+  return text;
+}
+
+}  // namespace
+
+RunReport make_report(const Application& application, Duration wall) {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  RunReport report;
+  report.application = application.description().name;
+  report.clock = application.clock().is_simulated() ? "simulated" : "live";
+  report.startup_ms = startup_ms(application.topics());
+  // An application that was never started has no time.
+  report.time_s = std::max(0.0, seconds(application.end_time() - application.start_time()));
+  report.wall_s = seconds(wall);
+  report.cpu_s = cpu_seconds(usage);
+  report.rss_max_kib = usage.ru_maxrss;
+  report.end = to_word(application.end_reason());
+  for (const auto& component : application.components()) {
+    report.components.push_back(report_component(*component));
+    add_results(report, *component);
+  }
+  for (const auto& [name, topic] : application.topics().all()) {
+    report.topics.push_back(report_topic(*topic, report.time_s));
+  }
+  return report;
+}
+
+ordered_json to_json(const RunReport& report) {
+  auto components = ordered_json::object();
+  for (const ComponentReport& component : report.components) {
+    components[component.name] = json_of(component);
+  }
+  auto topics = ordered_json::object();
+  for (const TopicReport& topic : report.topics) {
+    topics[topic.name] = json_of(topic);
+  }
+  auto results = ordered_json::object();
+  for (const auto& [name, value] : report.results) {
+    results[name] = json_of(value);
+  }
+  return {{"application", report.application},
+          {"clock", report.clock},
+          {"startup_ms", report.startup_ms ? number(*report.startup_ms) : ordered_json()},
+          {"time_s", number(report.time_s)},
+          {"wall_s", number(report.wall_s)},
+          {"cpu_s", number(report.cpu_s)},
+          {"rss_max_kib", report.rss_max_kib},
+          {"end", report.end},
+          {"components", components},
+          {"topics", topics},
+          {"results", results}};
+}
+
+std::string to_table(const RunReport& report) {
+  std::string text = head_text(report) + "\n" + components_text(report) + troubles_text(report);
+  if (!report.topics.empty()) {
+    text += "\n" + topics_text(report);
+  }
+  if (!report.results.empty()) {
+    text += "\n" + results_text(report);
+  }
+  return text;
+}
+
+Progress progress_of(const Application& application) {
+  Progress progress;
+  progress.time = application.clock().now() - application.start_time();
+  for (const auto& component : application.components()) {
+    progress.faults += component->statistics.faults.get();
+  }
+  application.look_at_topics([&](const detail::Topics& topics) {
+    for (const auto& [name, topic] : topics.all()) {
+      for (const auto& publisher : topic->publishers) {
+        progress.published += publisher->published();
+      }
+      for (const auto& subscription : topic->subscriptions) {
+        progress.dropped += subscription->ledger().dropped_total();
+      }
+    }
+  });
+  return progress;
+}
+
+}  // namespace fastcycle::host

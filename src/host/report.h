@@ -1,0 +1,93 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/histogram.h"
+#include "broker/subscription.h"
+#include "fastcycle/component.h"
+#include "host/application.h"
+#include "host/component_core.h"
+
+namespace fastcycle::host {
+
+/// What one component did in a run. Times are in nanoseconds.
+struct ComponentReport {
+  std::string name;
+  detail::ComponentCore::State state{};
+  std::uint64_t activations = 0;
+  base::HistogramSummary callback;
+  base::HistogramSummary timer_lateness;
+  std::uint64_t overruns = 0;
+  std::uint64_t faults = 0;
+  std::vector<std::string> fault_texts;  ///< Of the first faults.
+  std::uint64_t restarts = 0;
+  Health health = Health::kOk;
+  std::string health_reason;
+};
+
+/// What became of one topic's messages on the way to one subscriber.
+struct SubscriberReport {
+  std::string component;
+  detail::Subscription::Kind kind{};
+  std::size_t depth = 0;
+  detail::Ledger ledger;
+  base::HistogramSummary latency;  ///< From publish to callback, ns.
+};
+
+struct TopicReport {
+  std::string name;
+  std::string type;
+  std::uint64_t published = 0;
+  std::uint64_t allocated = 0;  ///< Messages that were ever made for it.
+  double rate_hz = 0;           ///< Per second of the application's time.
+  std::vector<SubscriberReport> subscribers;
+};
+
+/// What there is to say of a run: plain values, which outlive the application.
+///
+/// @threads  Compatible.
+struct RunReport {
+  std::string application;
+  std::string clock;  ///< "live" or "simulated".
+  std::optional<double>
+      startup_ms;     ///< From the process's start to the first message; none: no message.
+  double time_s = 0;  ///< The application's time that passed.
+  double wall_s = 0;  ///< The same on the wall, the stop included.
+  double cpu_s = 0;   ///< Of the whole process since it began.
+  std::int64_t rss_max_kib = 0;
+  std::string end;  ///< Why the run ended.
+  std::vector<ComponentReport> components;
+  std::vector<TopicReport> topics;
+  std::vector<std::pair<std::string, ReportValue>> results;
+};
+
+/// Reads everything from `application`, after `Application::stop`. `wall` is how long the run took
+/// on the machine's clock.
+[[nodiscard]] RunReport make_report(const Application& application, Duration wall);
+
+/// The report as JSON; docs/reference/report.md says what each key means.
+[[nodiscard]] nlohmann::ordered_json to_json(const RunReport& report);
+
+/// The report for people: at most 120 columns.
+[[nodiscard]] std::string to_table(const RunReport& report);
+
+/// Sums over the whole application, for a line that shows how it goes.
+struct Progress {
+  Duration time{};  ///< Since the timers started.
+  std::uint64_t published = 0;
+  std::uint64_t dropped = 0;
+  std::uint64_t faults = 0;
+};
+
+/// Reads the sums, also while the application runs: counters only.
+///
+/// @threads  Safe, between `Application::build` and the application's end.
+[[nodiscard]] Progress progress_of(const Application& application);
+
+}  // namespace fastcycle::host

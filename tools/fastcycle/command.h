@@ -1,0 +1,33 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include <CLI/App.hpp>
+
+namespace fastcycle::tool {
+
+/// How the program ends, for every command alike; `--help` says it too.
+enum ExitCode : int {
+  kDone = 0,
+  kFailed = 1,  ///< The run failed, or a component did whose policy is to stop the application.
+  kWrong = 2,   ///< The configuration or the command line is wrong; nothing was started.
+  kEndedAtOnce = 130,  ///< Ctrl-C for the second time.
+};
+
+/// One word of the command line: what it accepts, and what it does once that was read.
+struct Command {
+  CLI::App* line = nullptr;
+  std::function<int()> run;
+};
+
+// Each in a file of its own.
+Command add_run(CLI::App& program);
+Command add_check(CLI::App& program);
+Command add_graph(CLI::App& program);
+Command add_version(CLI::App& program);
+
+/// The examples at the end of a command's help.
+[[nodiscard]] std::string examples(const std::string& lines);
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <CLI/App.hpp>
+
+#include "config/load.h"
+#include "config/problem.h"
+#include "host/application.h"
+#include "host/trial.h"
+
+namespace fastcycle::tool {
+
+/// What every command that reads an application accepts.
+struct Configuration {
+  config::LoadOptions load;
+  std::vector<std::filesystem::path> library_path;
+
+  void add_to(CLI::App& line);
+
+  /// Reads the application and tries its libraries and components in a child process.
+  [[nodiscard]] config::ApplicationDescription read(host::ConstructorFault on_throw,
+                                                    config::Problems& problems) const;
+};
+
+/// Prints all mistakes and warnings to standard error, one a line.
+void print(const config::Problems& problems);
+
+/// "app.json: 3 mistakes, 1 warning"
+[[nodiscard]] std::string summary(const config::Problems& problems, const std::string& file);
+
+/// Prints all there is to say; whether the application may start. With mistakes, that nothing was
+/// started is the last line.
+[[nodiscard]] bool may_start(const config::Problems& problems, const std::string& file);
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,119 @@
+#include "host/graph.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "command.h"
+#include "configuration.h"
+#include "host/component_library.h"
+#include "report_file.h"
+
+namespace fastcycle::tool {
+namespace {
+
+struct GraphOptions {
+  Configuration configuration;
+  std::filesystem::path output;
+};
+
+/// `dot -Tsvg -o output input`. Returns why that failed, or nothing.
+std::string draw(const std::filesystem::path& input, const std::filesystem::path& output) {
+  std::string words[] = {"dot", "-Tsvg", "-o", output.string(), input.string()};
+  char* arguments[] = {words[0].data(), words[1].data(), words[2].data(),
+                       words[3].data(), words[4].data(), nullptr};
+  pid_t child = 0;
+  if (const int error = posix_spawnp(&child, "dot", nullptr, nullptr, arguments, environ)) {
+    return error == ENOENT
+               ? "Graphviz is not installed (its program dot draws it); -o FILE.dot needs none"
+               : std::string("dot cannot be started: ") + std::strerror(error);
+  }
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  return status == 0 ? std::string() : "dot failed";
+}
+
+/// Draws by way of a file that is gone afterwards. Returns why that failed, or nothing.
+std::string write_svg(const std::string& dot, const std::filesystem::path& output) {
+  std::string input = (std::filesystem::temp_directory_path() / "fastcycle.dot.XXXXXX").string();
+  const int file = mkstemp(input.data());
+  if (file < 0) {
+    return std::strerror(errno);
+  }
+  close(file);
+  std::string obstacle = ReportFile(input).write(dot);
+  if (obstacle.empty()) {
+    obstacle = draw(input, output);
+  }
+  unlink(input.c_str());
+  return obstacle;
+}
+
+int write_graph(const std::string& dot, const std::filesystem::path& output) {
+  if (output.empty()) {
+    std::fputs(dot.c_str(), stdout);
+    std::fputs("fastcycle graph: -o FILE.svg makes a picture of it\n", stderr);
+    return kDone;
+  }
+  const std::string obstacle =
+      output.extension() == ".svg" ? write_svg(dot, output) : ReportFile(output).write(dot);
+  if (!obstacle.empty()) {
+    std::fprintf(stderr, "fastcycle graph: %s was not written: %s\n", output.c_str(),
+                 obstacle.c_str());
+    return kFailed;
+  }
+  return kDone;
+}
+
+int graph(const GraphOptions& options) {
+  const std::filesystem::path extension = options.output.extension();
+  if (!options.output.empty() && extension != ".svg" && extension != ".dot") {
+    std::fprintf(stderr, "fastcycle graph: -o wants a name that ends in .svg or .dot, not %s\n",
+                 options.output.c_str());
+    return kWrong;
+  }
+  config::Problems problems;
+  const config::ApplicationDescription description =
+      options.configuration.read(host::ConstructorFault::kMistake, problems);
+  const std::string file = options.configuration.load.file.string();
+  if (!may_start(problems, file)) {
+    return kWrong;
+  }
+  // Topics are known only once the components are made; nothing of this is started.
+  host::LibraryLoader libraries(
+      host::library_folders(description, options.configuration.library_path));
+  host::Application application(description, {.is_simulated = true, .workers = 1});
+  config::Problems found_now;
+  application.build(libraries, found_now, host::ConstructorFault::kMistake);
+  if (found_now.has_errors()) {
+    static_cast<void>(may_start(found_now, file));
+    return kWrong;
+  }
+  return write_graph(host::to_dot(application), options.output);
+}
+
+}  // namespace
+
+Command add_graph(CLI::App& program) {
+  CLI::App* line =
+      program.add_subcommand("graph", "Draw the components and topics of an application");
+  line->footer(
+      examples("  fastcycle graph app.json -o app.svg\n"
+               "  fastcycle graph app.json | dot -Tpng -o app.png\n"));
+  const auto options = std::make_shared<GraphOptions>();
+  options->configuration.add_to(*line);
+  line->add_option("-o,--output", options->output,
+                   "Where to: FILE.svg (needs Graphviz) or FILE.dot; else DOT to standard output")
+      ->type_name("FILE");
+  return {line, [options] { return graph(*options); }};
+}
+
+}  // namespace fastcycle::tool

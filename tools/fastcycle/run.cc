@@ -1,0 +1,209 @@
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "base/clock.h"
+#include "command.h"
+#include "configuration.h"
+#include "duration.h"
+#include "host/component_library.h"
+#include "host/protection.h"
+#include "host/report.h"
+#include "progress_line.h"
+#include "report_file.h"
+#include "stop_signals.h"
+
+namespace fastcycle::tool {
+namespace {
+
+struct RunOptions {
+  Configuration configuration;
+  std::string limit;
+  std::string clock = "live";
+  std::optional<double> rate;
+  std::optional<unsigned> workers;
+  bool is_strict = false;
+  bool is_debuggable = false;
+  bool is_quiet = false;
+  std::filesystem::path report;
+};
+
+constexpr unsigned kMaxWorkers = 64;
+
+/// What of the options does not fit together; empty if all does.
+std::string find_wrong(const RunOptions& options) {
+  if (!options.limit.empty() && !parse_duration(options.limit)) {
+    return "--for wants a time above zero with its unit, as 500ms, 10s, 2min or 1h, and not \"" +
+           options.limit + "\"";
+  }
+  if (options.clock != "live" && options.clock != "simulated") {
+    return "--clock is \"live\" or \"simulated\", not \"" + options.clock + "\"";
+  }
+  const bool is_simulated = options.clock == "simulated";
+  if (is_simulated && options.rate) {
+    return "--rate is for the clock \"live\": simulated time runs as fast as the components "
+           "compute";
+  }
+  if (!is_simulated && options.workers) {
+    return "--workers is for --clock simulated: with the clock \"live\" the application's "
+           "\"executors\" say it";
+  }
+  if (options.rate && !(*options.rate >= 1e-3 && *options.rate <= 1e3)) {
+    return "--rate wants a number from 0.001 to 1000";
+  }
+  if (options.workers && (*options.workers == 0 || *options.workers > kMaxWorkers)) {
+    return "--workers wants a number from 1 to " + std::to_string(kMaxWorkers);
+  }
+  return {};
+}
+
+host::ClockOptions clock_of(const RunOptions& options) {
+  return {.is_simulated = options.clock == "simulated",
+          .rate = options.rate.value_or(1.0),
+          .workers = options.workers.value_or(0)};
+}
+
+/// Says, each thing once, what the machine refused.
+void print(const std::vector<base::Refusal>& refusals, ProgressLine& progress) {
+  std::set<std::string> said;
+  for (const base::Refusal& refusal : refusals) {
+    const std::string text = "refused: " + refusal.what + "; " + refusal.remedy;
+    if (said.insert(text).second) {
+      progress.print(text);
+    }
+  }
+}
+
+/// Starts the application, lets it run and stops it. Returns why it must count as failed although
+/// no component did; empty if nothing is to be said.
+std::string carry_out(host::Application& application, const RunOptions& options,
+                      ProgressLine& progress) {
+  const std::vector<base::Refusal> refusals = application.start();
+  print(refusals, progress);
+  if (options.is_strict && !refusals.empty()) {
+    application.stop();
+    return "refused by the machine";
+  }
+  progress.start(application);
+  application.run(options.limit.empty() ? std::nullopt : parse_duration(options.limit));
+  application.stop();
+  progress.stop();
+  return {};
+}
+
+std::string to_text(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+/// Builds and runs what was found to be right.
+int run_application(const config::ApplicationDescription& description, const RunOptions& options,
+                    const ReportFile& report_file) {
+  ProgressLine progress(!options.is_quiet);
+  host::LibraryLoader libraries(
+      host::library_folders(description, options.configuration.library_path));
+  // A reader of the log that goes away must not end the run.
+  std::signal(SIGPIPE, SIG_IGN);
+  // Before any other thread is made, so that none of them is interrupted.
+  const sigset_t signals = block_stop_signals();
+  host::Application application(description, clock_of(options));
+  const StopSignals stop_signals(signals, [&] {
+    progress.print("stopping… (Ctrl-C again ends at once)");
+    application.request_end(host::EndReason::kRequested);
+  });
+
+  config::Problems problems;
+  application.build(libraries, problems, host::ConstructorFault::kFault);
+  if (problems.has_errors()) {
+    static_cast<void>(may_start(problems, options.configuration.load.file.string()));
+    return kWrong;
+  }
+  const auto began = std::chrono::steady_clock::now();
+  const std::string failure = carry_out(application, options, progress);
+  host::RunReport report = host::make_report(application, std::chrono::steady_clock::now() - began);
+  if (!failure.empty()) {
+    report.end = failure;
+  }
+  const std::string obstacle = report_file.write(to_text(host::to_json(report)));
+  if (!options.is_quiet) {
+    std::fputs(host::to_table(report).c_str(), stdout);
+    std::fflush(stdout);
+  }
+  if (!obstacle.empty()) {
+    std::fprintf(stderr, "fastcycle run: the report %s was not written: %s\n",
+                 options.report.c_str(), obstacle.c_str());
+  }
+  const bool has_failed = application.end_reason() == host::EndReason::kFault;
+  return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
+}
+
+int run(const RunOptions& options) {
+  const auto wrong = [](const std::string& sentence) {
+    std::fprintf(stderr, "fastcycle run: %s\n", sentence.c_str());
+    return static_cast<int>(kWrong);
+  };
+  if (const std::string sentence = find_wrong(options); !sentence.empty()) {
+    return wrong(sentence);
+  }
+  const ReportFile report_file(options.report);
+  if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
+    return wrong("the report " + options.report.string() + " cannot be written: " + obstacle);
+  }
+  if (!options.is_debuggable) {
+    if (const auto obstacle = host::protect_process()) {
+      return wrong(*obstacle);
+    }
+  }
+  config::Problems problems;
+  const config::ApplicationDescription description =
+      options.configuration.read(host::ConstructorFault::kFault, problems);
+  if (!may_start(problems, options.configuration.load.file.string())) {
+    return kWrong;
+  }
+  return run_application(description, options, report_file);
+}
+
+}  // namespace
+
+Command add_run(CLI::App& program) {
+  CLI::App* line = program.add_subcommand(
+      "run", "Run an application until its input is over, the time is, or Ctrl-C is pressed");
+  line->footer(examples(
+      "  fastcycle run app.json\n"
+      "  fastcycle run app.json --for 10s --report run.json\n"
+      "  fastcycle run app.json --set limiter.limit_mps=20 --overlay vehicle_17.json\n"
+      "  fastcycle run app.json --clock simulated --var data=drives/0042\n"
+      "\n"
+      "The first Ctrl-C ends the run in order, with table and report; the second at once.\n"
+      "Exit codes: 0 done, 1 the run failed, 2 a mistake (nothing was started), 130 ended at\n"
+      "once.\n"));
+  const auto options = std::make_shared<RunOptions>();
+  options->configuration.add_to(*line);
+  line->add_option("--for", options->limit,
+                   "End after this much of the application's time: 500ms, 10s, 2min, 1h")
+      ->type_name("TIME");
+  line->add_option("--clock", options->clock,
+                   "\"live\" is the machine's clock; with \"simulated\" time runs as fast as the "
+                   "components compute, and each run gives the same result")
+      ->type_name("live|simulated");
+  line->add_option("--rate", options->rate, "Live only: let time run this many times as fast")
+      ->type_name("X");
+  line->add_option("--workers", options->workers,
+                   "Simulated only: threads; the result does not depend on it")
+      ->type_name("N");
+  line->add_option("--report", options->report, "Write a report of the run, as JSON")
+      ->type_name("FILE");
+  line->add_flag("--strict", options->is_strict,
+                 "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
+  line->add_flag("--quiet", options->is_quiet, "No progress line and no table");
+  line->add_flag("--debuggable", options->is_debuggable,
+                 "Let debuggers and core dumps see the process's memory, all messages included");
+  return {line, [options] { return run(*options); }};
+}
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,50 @@
+#include "stop_signals.h"
+
+#include <utility>
+
+#include <pthread.h>
+#include <unistd.h>
+
+#include "command.h"
+
+namespace fastcycle::tool {
+
+sigset_t block_stop_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  struct sigaction hang_up{};
+  sigaction(SIGHUP, nullptr, &hang_up);
+  if (hang_up.sa_handler != SIG_IGN) {
+    sigaddset(&signals, SIGHUP);
+  }
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  return signals;
+}
+
+StopSignals::StopSignals(const sigset_t& signals, std::function<void()> on_first)
+    : signals_(signals), on_first_(std::move(on_first)), thread_([this] { wait(); }) {}
+
+StopSignals::~StopSignals() {
+  is_over_ = true;
+  // To that thread alone, so that it is woken although it sleeps in the kernel.
+  pthread_kill(thread_.native_handle(), SIGTERM);
+  thread_.join();
+}
+
+void StopSignals::wait() {
+  for (bool is_first = true;; is_first = false) {
+    int signal = 0;
+    sigwait(&signals_, &signal);
+    if (is_over_) {
+      return;
+    }
+    if (!is_first) {
+      _exit(kEndedAtOnce);
+    }
+    on_first_();
+  }
+}
+
+}  // namespace fastcycle::tool

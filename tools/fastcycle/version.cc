@@ -1,0 +1,24 @@
+#include "fastcycle/version.h"
+
+#include <cstdio>
+
+#include <google/protobuf/stubs/common.h>
+
+#include "command.h"
+#include "host/component_library.h"
+
+namespace fastcycle::tool {
+
+Command add_version(CLI::App& program) {
+  CLI::App* line = program.add_subcommand("version", "What this is, and what it was built with");
+  line->footer(examples("  fastcycle version\n"));
+  return {line, [] {
+            const std::string protobuf =
+                google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION);
+            std::printf("fastcycle  %s\nbuild      %s\nprotobuf   %s\n", FASTCYCLE_VERSION,
+                        host::host_build_note().c_str(), protobuf.c_str());
+            return static_cast<int>(kDone);
+          }};
+}
+
+}  // namespace fastcycle::tool
