@@ -26,9 +26,9 @@ struct Origin {
 /// What the framework knows of one published message.
 struct MessageInfo {
   std::uint64_t sequence = 0;  ///< Counts the publisher's messages, from 1, without gaps.
-  Time publish_time{};         ///< When it was published; grows with every message of a publisher.
+  Time publish_time{};         ///< When it was published; of one publisher it never goes back.
   PublisherId publisher = 0;
-  Origin origin;
+  Origin origin{};
 };
 
 }  // namespace fastcycle

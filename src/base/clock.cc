@@ -39,11 +39,13 @@ Clock Clock::live(double rate) {
 
 Clock Clock::simulated(Time start) { return {true, 1.0, to_ns(start), 0}; }
 
-Time Clock::now() const noexcept {
+Time Clock::now() const noexcept { return at_monotonic(is_simulated_ ? 0 : monotonic_ns()); }
+
+Time Clock::at_monotonic(std::int64_t monotonic) const noexcept {
   if (is_simulated_) {
     return from_ns(simulated_ns_.load(std::memory_order_acquire));
   }
-  const std::int64_t elapsed = monotonic_ns() - monotonic_origin_ns_;
+  const std::int64_t elapsed = monotonic - monotonic_origin_ns_;
   return from_ns(origin_ns_ + (rate_ == 1.0 ? elapsed
                                             : static_cast<std::int64_t>(
                                                   static_cast<double>(elapsed) * rate_)));

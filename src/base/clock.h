@@ -35,6 +35,9 @@ class Clock {
 
   [[nodiscard]] Time now() const noexcept;
 
+  /// What a live clock shows when CLOCK_MONOTONIC is `monotonic`; a simulated one shows what it does.
+  [[nodiscard]] Time at_monotonic(std::int64_t monotonic) const noexcept;
+
   /// The CLOCK_MONOTONIC nanoseconds at which a live clock will show `time`.
   [[nodiscard]] std::int64_t monotonic_at(Time time) const noexcept;
 

@@ -57,7 +57,6 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
       owner(owner_),
       id(id_),
       options(options_),
-      default_instance_(&default_instance),
       prototype_(prototype == nullptr ? nullptr : prototype->New()),
       pool_(new Pool(&default_instance)),
       forwards_(new Pool(nullptr)) {
@@ -156,7 +155,10 @@ void PublisherCore::return_loan(Envelope* loan) noexcept {
 void PublisherCore::number(Envelope& envelope, const Origin& origin, Time now) noexcept {
   published_.add();
   envelope.info.sequence = published_.get();
-  envelope.info.publish_time = std::max(now, last_publish_time_ + Duration(1));
+  // Simulated messages of one round share its time; their order is (publisher, sequence).
+  const bool is_simulated = owner.stage != nullptr;
+  envelope.info.publish_time =
+      is_simulated ? now : std::max(now, last_publish_time_ + Duration(1));
   envelope.info.publisher = id;
   envelope.info.origin = origin;
   last_publish_time_ = envelope.info.publish_time;

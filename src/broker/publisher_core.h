@@ -11,6 +11,7 @@
 #include "base/clock.h"
 #include "broker/inbox.h"
 #include "broker/pool.h"
+#include "broker/subscription.h"
 #include "fastcycle/publisher.h"
 
 namespace fastcycle::detail {
@@ -38,7 +39,7 @@ struct PublishingComponent {
   bool has_subscribers = false;   ///< Then its messages inherit their origin.
   bool is_in_activation = false;  ///< Only then it may publish.
   Time now{};                     ///< The activation's time.
-  Origin origin;                  ///< The activation's origin; root 0 if nothing led to it.
+  Origin origin{};                ///< The activation's origin; root 0 if nothing led to it.
   std::uint32_t publish_count = 0;  ///< In this activation.
 };
 
@@ -128,7 +129,6 @@ class PublisherCore {
   void drop_scratch(Envelope* scratch) noexcept;
   void keep_latched(Envelope* envelope) noexcept;
 
-  const google::protobuf::Message* const default_instance_;
   const std::unique_ptr<google::protobuf::Message> prototype_;
   Pool* const pool_;
   Pool* const forwards_;

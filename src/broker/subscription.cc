@@ -66,13 +66,13 @@ std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_exte
   return lane;
 }
 
+std::vector<std::shared_ptr<Lane>> Subscription::lanes() const {
+  const std::lock_guard lock(mutex_);
+  return lanes_;
+}
+
 void Subscription::close(DropReason reason) noexcept {
-  std::vector<std::shared_ptr<Lane>> lanes;
-  {
-    const std::lock_guard lock(mutex_);
-    lanes = lanes_;
-  }
-  for (const auto& lane : lanes) {
+  for (const auto& lane : lanes()) {
     auto expected = DropReason::kCount;
     if (lane->close_reason.compare_exchange_strong(expected, reason, std::memory_order_seq_cst)) {
       // A push that did not see the mark is visible from here on; one that does takes its own back.

@@ -50,6 +50,9 @@ class Subscription {
   /// Makes the lane for one more publisher, known to both ends.
   std::shared_ptr<Lane> add_lane(PublisherId publisher, bool is_external, bool ages);
 
+  /// The lanes that there are now.
+  [[nodiscard]] std::vector<std::shared_ptr<Lane>> lanes() const;
+
   /// Closes all lanes: what waits and what still comes is counted as dropped for `reason`. A second
   /// call does nothing.
   void close(DropReason reason) noexcept;

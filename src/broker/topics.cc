@@ -57,9 +57,16 @@ PublisherCore& Topics::add_publisher(const std::string& name, PublishingComponen
   return *topic.publishers.back();
 }
 
+std::shared_ptr<Lane> Topics::make_lane(const PublisherCore& publisher,
+                                        Subscription& subscription) {
+  // A latched message says how things are; its age is not the age of what follows from it.
+  const TopicOptions& options = publisher.topic.options;
+  return subscription.add_lane(publisher.id, publisher.options.is_external,
+                               options.ages && options.latched == 0);
+}
+
 void Topics::connect(PublisherCore& publisher, Subscription& subscription) {
-  const auto lane = subscription.add_lane(publisher.id, publisher.options.is_external,
-                                          publisher.topic.options.ages && publisher.topic.options.latched == 0);
+  const auto lane = make_lane(publisher, subscription);
   subscription.inbox.add(lane);
   publisher.connect(lane, subscription.inbox);
 }

@@ -47,7 +47,8 @@ struct TopicConflict {
 
 /// The registry of topics: used when topics are declared and connected, never while messages move.
 ///
-/// @threads  Confined to the control thread, but `find` of a running application takes no part in it.
+/// @threads  Confined to the control thread until the application runs; then whoever changes it must
+///           exclude others.
 class Topics {
  public:
   /// Sets what the application file says of `name`; before anything is declared.
@@ -56,19 +57,18 @@ class Topics {
   PublisherCore& add_publisher(const std::string& name, PublishingComponent& owner,
                                const google::protobuf::Message& default_instance,
                                const google::protobuf::Message* prototype, bool is_external);
-  /// Adds a subscription that `make` builds for its topic.
-  template <typename Make>
-  Subscription& add_subscription(const std::string& name, const std::string& component,
-                                 const google::protobuf::Message& default_instance, Make make) {
-    Topic& topic = get(name, component, default_instance);
-    topic.subscriptions.push_back(make(topic));
-    return *topic.subscriptions.back();
-  }
+  /// The topic `name`, made if it is new; a second type is a conflict.
+  Topic& get(const std::string& name, const std::string& component,
+             const google::protobuf::Message& default_instance);
 
   /// Connects every publisher with every subscription, and finds what does not fit.
   void connect_all();
 
-  /// Connects `subscription`, which is new, with one publisher.
+  /// The lane from `publisher` to `subscription`, not known to the two ends yet.
+  static std::shared_ptr<Lane> make_lane(const PublisherCore& publisher,
+                                         Subscription& subscription);
+
+  /// Connects the two; before anything runs.
   static void connect(PublisherCore& publisher, Subscription& subscription);
 
   [[nodiscard]] std::vector<TopicConflict> conflicts() const;
@@ -79,9 +79,6 @@ class Topics {
   [[nodiscard]] Topic* find(const std::string& name) const;
 
  private:
-  Topic& get(const std::string& name, const std::string& component,
-             const google::protobuf::Message& default_instance);
-
   std::map<std::string, std::unique_ptr<Topic>> topics_;
   std::vector<TopicConflict> type_conflicts_;
 };

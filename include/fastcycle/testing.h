@@ -1,0 +1,180 @@
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "fastcycle/component.h"
+#include "fastcycle/library.h"
+
+namespace fastcycle::testing {
+
+/// Runs components without a process, a library or real time: a test feeds them messages, moves
+/// their clock by hand, and looks at what they published.
+///
+///     fastcycle::testing::Bench bench;
+///     bench.add<SpeedLimiter>("limiter", R"({"params": {"limit_mps": 20}})");
+///     auto planned = bench.input<demo::Speed>("planning/speed");
+///     auto limited = bench.output<demo::Speed>("control/speed");
+///     bench.start();
+///
+///     planned.publish(speed(33.0));
+///
+///     EXPECT_EQ(limited.take().at(0).mps(), 20.0);
+///
+/// Components, inputs and outputs are added before `start`. What is published is served at once, and
+/// all that follows from it, without time advancing; timers run in `advance`.
+///
+/// @threads  Confined to the test's thread.
+/// @errors   std::runtime_error with every mistake when the components do not fit together or a
+///           parameter is wrong.
+class Bench {
+ public:
+  template <Message T>
+  class Input;
+  template <Message T>
+  class Output;
+
+  Bench();
+  Bench(const Bench&) = delete;
+  Bench& operator=(const Bench&) = delete;
+  /// Stops the components, if `stop` was not called.
+  ~Bench();
+
+  /// Adds a component; `configuration` is what would stand in the application file beside its name
+  /// and library: "params", "serve_period_ms", "subscribers", "remap", "on_fault", …
+  template <std::derived_from<Component> T>
+  void add(const std::string& name, std::string_view configuration = "{}") {
+    add_class(name, configuration, {name.c_str(), &detail::create_component<T>,
+                                    &detail::destroy_component<T>});
+  }
+
+  /// What the application file would say under "topics", "shared_params", … : merged into it.
+  void configure(std::string_view application);
+
+  /// A topic that the test publishes on.
+  template <Message T>
+  [[nodiscard]] Input<T> input(const std::string& topic);
+
+  /// A topic that the test listens to; every message is kept until it is taken.
+  template <Message T>
+  [[nodiscard]] Output<T> output(const std::string& topic);
+
+  /// Constructs, connects and starts everything.
+  void start();
+
+  /// Moves the clock by `span`, serving every timer on the way at its time.
+  void advance(Duration span);
+
+  /// Stops the components in order and destroys them.
+  void stop();
+
+  [[nodiscard]] Time now() const;
+
+  /// What component `name` reported under `result`. @pre It did.
+  [[nodiscard]] ReportValue result(const std::string& name, const std::string& result) const;
+
+  /// The faults of component `name`, in words.
+  [[nodiscard]] std::vector<std::string> faults(const std::string& name) const;
+
+ private:
+  struct State;
+
+  void add_class(const std::string& name, std::string_view configuration,
+                 const ComponentClass& component_class);
+  [[nodiscard]] Component& component(const std::string& name) const;
+  void run_in(const std::string& name, std::function<void()> body);
+  [[nodiscard]] std::string next_name(std::string_view kind);
+
+  std::unique_ptr<State> state_;
+};
+
+namespace detail_testing {
+
+template <Message T>
+class Feeder final : public Component {
+ public:
+  explicit Feeder(Context& context)
+      : Component(context),
+        publisher_(context.create_publisher<T>(context.param<std::string>("topic").get())) {}
+
+  void publish(const T& message, const PublishOptions& options) {
+    auto loan = publisher_.loan();
+    loan->CopyFrom(message);
+    publisher_.publish(std::move(loan), options);
+  }
+
+ private:
+  Publisher<T> publisher_;
+};
+
+template <Message T>
+class Collector final : public Component {
+ public:
+  explicit Collector(Context& context) : Component(context) {
+    context.create_subscriber<T>(
+        context.param<std::string>("topic").get(), {.depth = 65536},
+        [this](const T& message) { messages.push_back(message); });
+  }
+
+  std::vector<T> messages;
+};
+
+}  // namespace detail_testing
+
+/// Where a test publishes. Valid as long as its bench.
+template <Message T>
+class Bench::Input {
+ public:
+  /// Publishes `message` now, and serves what follows from it.
+  void publish(const T& message, const PublishOptions& options = {}) {
+    auto& feeder = static_cast<detail_testing::Feeder<T>&>(bench_->component(name_));
+    bench_->run_in(name_, [&] { feeder.publish(message, options); });
+  }
+
+ private:
+  friend class Bench;
+  Input(Bench& bench, std::string name) : bench_(&bench), name_(std::move(name)) {}
+
+  Bench* bench_;
+  std::string name_;
+};
+
+/// Where a test sees what was published. Valid as long as its bench.
+template <Message T>
+class Bench::Output {
+ public:
+  /// The messages since the last call, oldest first.
+  [[nodiscard]] std::vector<T> take() {
+    auto& collector = static_cast<detail_testing::Collector<T>&>(bench_->component(name_));
+    return std::exchange(collector.messages, {});
+  }
+
+ private:
+  friend class Bench;
+  Output(Bench& bench, std::string name) : bench_(&bench), name_(std::move(name)) {}
+
+  Bench* bench_;
+  std::string name_;
+};
+
+template <Message T>
+Bench::Input<T> Bench::input(const std::string& topic) {
+  const std::string name = next_name("input");
+  add<detail_testing::Feeder<T>>(name, R"({"params": {"topic": ")" + topic + R"("}})");
+  return {*this, name};
+}
+
+template <Message T>
+Bench::Output<T> Bench::output(const std::string& topic) {
+  const std::string name = next_name("output");
+  add<detail_testing::Collector<T>>(name, R"({"params": {"topic": ")" + topic + R"("}})");
+  return {*this, name};
+}
+
+}  // namespace fastcycle::testing

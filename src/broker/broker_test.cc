@@ -1,0 +1,423 @@
+// From publish to inbox: publishers, lanes, inbox and ledger together, with a queue that only notes.
+
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <numeric>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "broker/topics.h"
+
+namespace fastcycle::detail {
+namespace {
+
+using google::protobuf::BytesValue;
+using google::protobuf::Int64Value;
+
+/// Counts what an executor would do.
+class NotingQueue final : public ReadyQueue {
+ public:
+  void enqueue(std::uint32_t) noexcept override { is_queued = true; }
+  void wake() noexcept override { ++wakes; }
+
+  std::atomic<bool> is_queued{false};
+  std::atomic<int> wakes{0};
+};
+
+/// One topic with publishers and subscribers, in the words of the tests below.
+class Broker : public ::testing::Test {
+ protected:
+  struct Receiver {
+    NotingQueue queue;
+    Inbox inbox;
+    Subscription* subscription = nullptr;
+
+    Receiver() { inbox.attach(queue, 0); }
+
+    /// Takes the oldest message, as a worker does.
+    std::optional<std::int64_t> take() {
+      Inbox::Head head;
+      while (inbox.peek(head)) {
+        if (!Inbox::pop(head)) {
+          continue;
+        }
+        head.lane->delivered.add();
+        last_payload = head.head.envelope->payload;
+        last_info = head.head.envelope->info;
+        const auto value = static_cast<const Int64Value&>(*last_payload).value();
+        release(head.head.envelope);
+        return value;
+      }
+      return std::nullopt;
+    }
+
+    std::vector<std::int64_t> take_all() {
+      std::vector<std::int64_t> values;
+      while (const auto value = take()) {
+        values.push_back(*value);
+      }
+      return values;
+    }
+
+    const google::protobuf::Message* last_payload = nullptr;
+    MessageInfo last_info;
+  };
+
+  PublisherCore& publisher(const std::string& component, TopicOptions options = {}) {
+    topics_.set_options("t", options);
+    owners_.push_back(std::make_unique<PublishingComponent>());
+    owners_.back()->name = component;
+    owners_.back()->clock = &clock_;
+    owners_.back()->is_in_activation = true;
+    return topics_.add_publisher("t", *owners_.back(), Int64Value::default_instance(), nullptr,
+                                 false);
+  }
+
+  Receiver& receiver(SubscriberOptions options = {},
+                     Subscription::Kind kind = Subscription::Kind::kCallback) {
+    receivers_.push_back(std::make_unique<Receiver>());
+    Receiver& receiver = *receivers_.back();
+    Topic& topic = topics_.get("t", "receiver", Int64Value::default_instance());
+    topic.subscriptions.push_back(
+        std::make_unique<Subscription>(topic, receiver.inbox, "receiver", kind, options));
+    receiver.subscription = topic.subscriptions.back().get();
+    return receiver;
+  }
+
+  void connect() { topics_.connect_all(); }
+
+  static void publish(PublisherCore& publisher, std::int64_t value) {
+    Envelope* loan = publisher.loan(true);
+    static_cast<Int64Value&>(*loan->own).set_value(value);
+    publisher.publish(loan, {});
+  }
+
+  base::Clock clock_ = base::Clock::live();
+  std::vector<std::unique_ptr<PublishingComponent>> owners_;
+  std::vector<std::unique_ptr<Receiver>> receivers_;
+  Topics topics_;
+};
+
+TEST_F(Broker, AMessageReachesEverySubscriberAsTheSameObject) {
+  PublisherCore& speed = publisher("planner");
+  for (int i = 0; i < 64; ++i) {
+    receiver();
+  }
+  connect();
+  Envelope* loan = speed.loan(true);
+  const google::protobuf::Message* written = loan->own;
+  static_cast<Int64Value&>(*loan->own).set_value(7);
+
+  speed.publish(loan, {});
+
+  for (const auto& receiver : receivers_) {
+    EXPECT_EQ(receiver->take(), 7);
+    EXPECT_EQ(receiver->last_payload, written);
+  }
+}
+
+TEST_F(Broker, ForwardingHandsOnTheSameBytesWithTheForwardersInfo) {
+  PublisherCore& first = publisher("first");
+  Receiver& middle = receiver();
+  connect();
+  Topics more;
+  PublishingComponent forwarder{.name = "forwarder", .clock = &clock_, .is_in_activation = true};
+  PublisherCore& second = more.add_publisher("u", forwarder, Int64Value::default_instance(),
+                                             nullptr, false);
+  Receiver last;
+  Topic& topic = more.get("u", "last", Int64Value::default_instance());
+  topic.subscriptions.push_back(std::make_unique<Subscription>(
+      topic, last.inbox, "last", Subscription::Kind::kCallback, SubscriberOptions{}));
+  more.connect_all();
+  publish(first, 5);
+  Inbox::Head head;
+  ASSERT_TRUE(middle.inbox.peek(head) && Inbox::pop(head));
+
+  second.forward(head.head.envelope);
+  const google::protobuf::Message* payload = head.head.envelope->payload;
+  release(head.head.envelope);
+
+  EXPECT_EQ(last.take(), 5);
+  EXPECT_EQ(last.last_payload, payload);
+  EXPECT_EQ(last.last_info.publisher, second.id);
+  EXPECT_EQ(last.last_info.origin.root, first.id);
+}
+
+TEST_F(Broker, SequencesHaveNoGapsAndPublishTimesNeverGoBack) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver({.depth = 100});
+  connect();
+
+  for (int i = 0; i < 100; ++i) {
+    publish(speed, i);
+  }
+
+  Time last{};
+  for (std::uint64_t expected = 1; reader.take(); ++expected) {
+    EXPECT_EQ(reader.last_info.sequence, expected);
+    EXPECT_GT(reader.last_info.publish_time, last);
+    last = reader.last_info.publish_time;
+  }
+  EXPECT_EQ(speed.published(), 100U);
+}
+
+TEST_F(Broker, MessagesOfSeveralPublishersAreTakenInTheOrderOfTheirPublishing) {
+  PublisherCore& a = publisher("a", {.multiple_publishers = true});
+  PublisherCore& b = publisher("b");
+  Receiver& reader = receiver();
+  connect();
+
+  publish(a, 1);
+  publish(b, 2);
+  publish(b, 3);
+  publish(a, 4);
+
+  EXPECT_EQ(reader.take_all(), (std::vector<std::int64_t>{1, 2, 3, 4}));
+}
+
+TEST_F(Broker, AFullQueueDropsTheOldestAndCountsIt) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver({.depth = 3});
+  connect();
+
+  for (int i = 1; i <= 5; ++i) {
+    publish(speed, i);
+  }
+
+  EXPECT_EQ(reader.subscription->ledger().queued, 3U);
+  EXPECT_EQ(reader.take_all(), (std::vector<std::int64_t>{3, 4, 5}));
+  const Ledger ledger = reader.subscription->ledger();
+  EXPECT_EQ(ledger.published, 5U);
+  EXPECT_EQ(ledger.delivered, 3U);
+  EXPECT_EQ(ledger.dropped[static_cast<std::size_t>(DropReason::kOverflow)], 2U);
+  EXPECT_TRUE(ledger.adds_up());
+}
+
+TEST_F(Broker, AFullQueueThatDropsTheNewestKeepsWhatCameFirst) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver({.depth = 2, .overflow = Overflow::kDropNewest});
+  connect();
+
+  for (int i = 1; i <= 5; ++i) {
+    publish(speed, i);
+  }
+
+  EXPECT_EQ(reader.take_all(), (std::vector<std::int64_t>{1, 2}));
+  EXPECT_TRUE(reader.subscription->ledger().adds_up());
+}
+
+TEST_F(Broker, DroppedMessagesGoBackToThePool) {
+  PublisherCore& speed = publisher("planner");
+  receiver({.depth = 1});
+  connect();
+  const auto allocated = speed.allocated();
+
+  for (int i = 0; i < 1'000; ++i) {
+    publish(speed, i);
+  }
+
+  EXPECT_EQ(speed.allocated(), allocated);
+}
+
+TEST_F(Broker, ADryPoolLendsAllTheSameAndCountsTheLossForEverySubscriber) {
+  PublisherCore& speed = publisher("planner", {.pool_max = 4});
+  Receiver& reader = receiver({.depth = 1});
+  connect();
+  std::vector<Envelope*> held;
+  for (int i = 0; i < 4; ++i) {
+    publish(speed, i);
+    Inbox::Head head;
+    ASSERT_TRUE(reader.inbox.peek(head) && Inbox::pop(head));
+    head.lane->delivered.add();
+    held.push_back(head.head.envelope);
+  }
+
+  for (int i = 0; i < 10; ++i) {
+    publish(speed, 100 + i);
+  }
+
+  const Ledger ledger = reader.subscription->ledger();
+  EXPECT_EQ(ledger.published, 14U);
+  EXPECT_EQ(ledger.delivered, 4U);
+  EXPECT_EQ(ledger.dropped[static_cast<std::size_t>(DropReason::kPool)], 10U);
+  EXPECT_TRUE(ledger.adds_up());
+  EXPECT_EQ(speed.allocated(), 5U) << "the four that are held, and one that is lent again and again";
+  for (Envelope* envelope : held) {
+    release(envelope);
+  }
+  publish(speed, 200);
+  EXPECT_EQ(reader.take(), 200) << "once messages came back, all is as before";
+}
+
+TEST_F(Broker, OnlyTheStepFromNothingToSomethingQueuesTheComponent) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver();
+  connect();
+
+  publish(speed, 1);
+  publish(speed, 2);
+  publish(speed, 3);
+
+  EXPECT_EQ(reader.queue.wakes, 1);
+}
+
+TEST_F(Broker, AComponentThatIsBeingServedIsNotQueuedAgain) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver();
+  connect();
+  ASSERT_TRUE(reader.inbox.begin());
+
+  publish(speed, 1);
+
+  EXPECT_EQ(reader.queue.wakes, 0);
+  EXPECT_FALSE(reader.inbox.try_end_idle()) << "its worker sees the message before it leaves";
+  EXPECT_EQ(reader.take(), 1);
+  EXPECT_FALSE(reader.take());
+  EXPECT_TRUE(reader.inbox.try_end_idle());
+}
+
+TEST_F(Broker, ALateSubscriberGetsTheLatchedMessagesFirstAndOnce) {
+  PublisherCore& map = publisher("map", {.latched = 2});
+  for (int i = 1; i <= 5; ++i) {
+    publish(map, i);
+  }
+  Receiver& late = receiver();
+  Topics::connect(map, *late.subscription);
+
+  publish(map, 6);
+
+  EXPECT_EQ(late.take_all(), (std::vector<std::int64_t>{4, 5, 6}));
+}
+
+TEST_F(Broker, WhatComesAfterClosingIsCountedForItsReason) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver();
+  connect();
+  publish(speed, 1);
+
+  reader.subscription->close(DropReason::kFault);
+  publish(speed, 2);
+
+  EXPECT_FALSE(reader.take());
+  const Ledger ledger = reader.subscription->ledger();
+  EXPECT_EQ(ledger.dropped[static_cast<std::size_t>(DropReason::kFault)], 2U);
+  EXPECT_TRUE(ledger.adds_up());
+}
+
+TEST_F(Broker, ViewsCauseNoWakeUp) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver({.depth = 1}, Subscription::Kind::kLatest);
+  connect();
+
+  publish(speed, 1);
+  publish(speed, 2);
+
+  EXPECT_EQ(reader.queue.wakes, 0);
+  EXPECT_TRUE(reader.inbox.is_quiet());
+  EXPECT_EQ(reader.subscription->ledger().dropped[static_cast<std::size_t>(DropReason::kSuperseded)],
+            1U);
+}
+
+TEST_F(Broker, ConflictsAreFound) {
+  publisher("a");
+  publisher("b");
+  topics_.get("t", "c", BytesValue::default_instance());
+  Receiver lonely;
+  Topic& nobody = topics_.get("nobody", "d", Int64Value::default_instance());
+  nobody.subscriptions.push_back(std::make_unique<Subscription>(
+      nobody, lonely.inbox, "d", Subscription::Kind::kCallback, SubscriberOptions{}));
+
+  const auto conflicts = topics_.conflicts();
+
+  ASSERT_EQ(conflicts.size(), 3U);
+  EXPECT_EQ(conflicts[0].kind, TopicConflict::Kind::kTwoTypes);
+  EXPECT_EQ(conflicts[1].kind, TopicConflict::Kind::kNoPublisher);
+  EXPECT_EQ(conflicts[2].kind, TopicConflict::Kind::kTwoPublishers);
+}
+
+TEST_F(Broker, MoreThanSixtyLanesShareBitsAndLoseNothing) {
+  constexpr int kPublishers = 150;
+  std::vector<PublisherCore*> publishers;
+  for (int i = 0; i < kPublishers; ++i) {
+    publishers.push_back(&publisher("p" + std::to_string(i), {.multiple_publishers = true}));
+  }
+  Receiver& reader = receiver();
+  connect();
+
+  for (int i = 0; i < kPublishers; ++i) {
+    publish(*publishers[static_cast<std::size_t>(i)], i);
+  }
+
+  std::vector<std::int64_t> expected(kPublishers);
+  std::iota(expected.begin(), expected.end(), 0);
+  EXPECT_EQ(reader.take_all(), expected);
+}
+
+// Two publishers push as fast as they can into depths of 1 and 8 while a worker takes: every message
+// is delivered once or dropped once, in order per publisher. The thread sanitizer watches.
+TEST_F(Broker, NothingIsLostOrDoubledUnderConcurrentPushes) {
+  constexpr int kMessages = 20'000;
+  for (const std::size_t depth : {1U, 8U}) {
+    Topics topics;
+    PublishingComponent owner_a{.name = "a", .clock = &clock_, .is_in_activation = true};
+    PublishingComponent owner_b{.name = "b", .clock = &clock_, .is_in_activation = true};
+    topics.set_options("t", {.multiple_publishers = true});
+    const auto& type = Int64Value::default_instance();
+    PublisherCore& a = topics.add_publisher("t", owner_a, type, nullptr, false);
+    PublisherCore& b = topics.add_publisher("t", owner_b, type, nullptr, false);
+    Receiver reader;
+    Topic& topic = topics.get("t", "r", type);
+    topic.subscriptions.push_back(std::make_unique<Subscription>(
+        topic, reader.inbox, "r", Subscription::Kind::kCallback, SubscriberOptions{.depth = depth}));
+    Subscription& subscription = *topic.subscriptions.back();
+    topics.connect_all();
+    std::atomic<int> running{2};
+    const auto produce = [&](PublisherCore& publisher) {
+      for (int i = 1; i <= kMessages; ++i) {
+        publish(publisher, i);
+      }
+      --running;
+    };
+    std::thread thread_a(produce, std::ref(a));
+    std::thread thread_b(produce, std::ref(b));
+
+    std::map<PublisherId, std::uint64_t> last;
+    bool is_ordered = true;
+    const auto serve = [&] {
+      if (!reader.queue.is_queued.exchange(false) || !reader.inbox.begin()) {
+        return;
+      }
+      do {
+        while (reader.take()) {
+          std::uint64_t& newest = last[reader.last_info.publisher];
+          is_ordered = is_ordered && reader.last_info.sequence > newest;
+          newest = reader.last_info.sequence;
+        }
+      } while (!reader.inbox.try_end_idle());
+    };
+    while (running > 0) {
+      serve();
+    }
+    thread_a.join();
+    thread_b.join();
+    serve();
+
+    const Ledger ledger = subscription.ledger();
+    EXPECT_TRUE(is_ordered);
+    EXPECT_EQ(ledger.published, 2U * kMessages);
+    EXPECT_EQ(ledger.queued, 0U);
+    EXPECT_TRUE(ledger.adds_up());
+    EXPECT_EQ(last[a.id], static_cast<std::uint64_t>(kMessages)) << "the newest is never dropped";
+    EXPECT_EQ(last[b.id], static_cast<std::uint64_t>(kMessages));
+  }
+}
+
+}  // namespace
+}  // namespace fastcycle::detail

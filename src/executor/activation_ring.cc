@@ -1,0 +1,83 @@
+#include "executor/activation_ring.h"
+
+#include <algorithm>
+
+namespace fastcycle::detail {
+namespace {
+
+std::uint64_t pack(std::uint32_t component, Cause cause, Outcome outcome) noexcept {
+  return (std::uint64_t{component} << 16) | (static_cast<std::uint64_t>(cause) << 8) |
+         static_cast<std::uint64_t>(outcome);
+}
+
+}  // namespace
+
+const char* to_word(Cause cause) noexcept {
+  constexpr const char* kWords[] = {"message",  "tick", "request", "reply", "timeout", "parameter",
+                                    "external", "job",  "event",   "mode",  "connect", "fault"};
+  return kWords[static_cast<std::size_t>(cause)];
+}
+
+ActivationRing::ActivationRing() : slots_(kCapacity) {}
+
+std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
+  const std::uint64_t place = next_.get();
+  Slot& slot = slots_[place % kCapacity];
+  const auto relaxed = std::memory_order_relaxed;
+  // Every field is released after the odd version: who reads one of them sees that version too.
+  slot.version.store(2 * place + 1, relaxed);
+  const auto release_order = std::memory_order_release;
+  slot.head.store(pack(record.component, record.cause, Outcome::kRunning), release_order);
+  slot.number.store(record.number, release_order);
+  slot.publisher.store(record.publisher, release_order);
+  slot.key.store(record.key, release_order);
+  slot.skipped.store(record.skipped, release_order);
+  slot.time_ns.store(record.time_ns, release_order);
+  slot.duration_ns.store(0, release_order);
+  slot.publish_count.store(0, release_order);
+  slot.version.store(2 * place + 2, release_order);
+  next_.add();
+  return place;
+}
+
+void ActivationRing::end(std::uint64_t place, Outcome outcome, std::int64_t duration_ns,
+                         std::uint32_t publish_count) noexcept {
+  Slot& slot = slots_[place % kCapacity];
+  slot.duration_ns.store(duration_ns, std::memory_order_relaxed);
+  slot.publish_count.store(publish_count, std::memory_order_relaxed);
+  const std::uint64_t head = slot.head.load(std::memory_order_relaxed);
+  slot.head.store((head & ~std::uint64_t{0xff}) | static_cast<std::uint64_t>(outcome),
+                  std::memory_order_release);
+}
+
+std::vector<ActivationRecord> ActivationRing::snapshot() const {
+  std::vector<ActivationRecord> records;
+  const std::uint64_t end = next_.get();
+  const std::uint64_t begin = end - std::min<std::uint64_t>(end, kCapacity);
+  const auto order = std::memory_order_acquire;
+  for (std::uint64_t place = begin; place < end; ++place) {
+    const Slot& slot = slots_[place % kCapacity];
+    const std::uint64_t version = slot.version.load(order);
+    if (version != 2 * place + 2) {
+      continue;
+    }
+    const std::uint64_t head = slot.head.load(order);
+    ActivationRecord record;
+    record.component = static_cast<std::uint32_t>(head >> 16);
+    record.cause = static_cast<Cause>((head >> 8) & 0xff);
+    record.outcome = static_cast<Outcome>(head & 0xff);
+    record.number = slot.number.load(order);
+    record.publisher = slot.publisher.load(order);
+    record.key = slot.key.load(order);
+    record.skipped = slot.skipped.load(order);
+    record.time_ns = slot.time_ns.load(order);
+    record.duration_ns = slot.duration_ns.load(order);
+    record.publish_count = static_cast<std::uint32_t>(slot.publish_count.load(order));
+    if (slot.version.load(order) == version) {
+      records.push_back(record);
+    }
+  }
+  return records;
+}
+
+}  // namespace fastcycle::detail

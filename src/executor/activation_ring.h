@@ -1,0 +1,86 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+#include "broker/lane.h"
+
+namespace fastcycle::detail {
+
+/// Why a component was called: the closed list.
+enum class Cause : std::uint8_t {
+  kMessage,
+  kTick,
+  kRequest,
+  kReply,
+  kTimeout,
+  kParameter,
+  kExternal,
+  kJob,
+  kEvent,
+  kMode,
+  kConnect,
+  kFault,
+};
+
+[[nodiscard]] const char* to_word(Cause cause) noexcept;
+
+/// How an activation ended.
+enum class Outcome : std::uint8_t { kRunning, kDone, kFault };
+
+/// One activation: written before the callback, so that a crash shows its cause, and completed after.
+struct ActivationRecord {
+  std::uint32_t component = 0;  ///< The component's place in the application file.
+  Cause cause{};
+  Outcome outcome = Outcome::kRunning;
+  std::uint64_t number = 0;          ///< Of the component, from 1.
+  PublisherId publisher = 0;         ///< Of the message that caused it; else 0.
+  std::uint64_t key = 0;             ///< The message's sequence, or the timer's number.
+  std::uint64_t skipped = 0;         ///< Ticks skipped before this one.
+  std::int64_t time_ns = 0;          ///< The activation's time.
+  std::int64_t duration_ns = 0;      ///< By CLOCK_MONOTONIC, when ended.
+  std::uint32_t publish_count = 0;   ///< Messages published in it, when ended.
+};
+
+/// The last activations of one worker: always on, for crash reports, tracing and logs.
+///
+/// @threads  One writer; `snapshot` by any thread: a record that is overwritten meanwhile is left out.
+/// @realtime No lock, no allocation.
+class ActivationRing {
+ public:
+  static constexpr std::size_t kCapacity = 4096;
+
+  ActivationRing();
+
+  /// Writes `record`; returns its place for `end`.
+  std::uint64_t begin(const ActivationRecord& record) noexcept;
+  void end(std::uint64_t place, Outcome outcome, std::int64_t duration_ns,
+           std::uint32_t publish_count) noexcept;
+
+  /// The records that are complete, oldest first.
+  [[nodiscard]] std::vector<ActivationRecord> snapshot() const;
+
+  /// All records ever begun.
+  [[nodiscard]] std::uint64_t size() const noexcept { return next_.get(); }
+
+ private:
+  // A record as atomics, so that a reader may look while it is overwritten; `version` is odd while
+  // it is being written.
+  struct Slot {
+    std::atomic<std::uint64_t> version{0};
+    std::atomic<std::uint64_t> head{0};  ///< component, cause, outcome
+    std::atomic<std::uint64_t> number{0};
+    std::atomic<std::uint64_t> publisher{0};
+    std::atomic<std::uint64_t> key{0};
+    std::atomic<std::uint64_t> skipped{0};
+    std::atomic<std::int64_t> time_ns{0};
+    std::atomic<std::int64_t> duration_ns{0};
+    std::atomic<std::uint64_t> publish_count{0};
+  };
+
+  std::vector<Slot> slots_;
+  Counter next_;
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,419 @@
+#include "executor/actor.h"
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+#include "base/floating_point.h"
+#include "broker/topics.h"
+
+namespace fastcycle::detail {
+namespace {
+
+constexpr int kTurnActivations = 16;
+constexpr std::int64_t kTurnNs = 1'000'000;
+
+SubscriberOptions view_options(std::size_t depth) {
+  return {.depth = depth, .overflow = Overflow::kDropOldest, .keep = depth};
+}
+
+}  // namespace
+
+CallbackSubscription::CallbackSubscription(Topic& its_topic, Actor& its_actor,
+                                           const SubscriberOptions& options,
+                                           EnvelopeCallback its_callback)
+    : Subscription(its_topic, its_actor.inbox, its_actor.name, Kind::kCallback, options),
+      actor(its_actor),
+      callback(std::move(its_callback)) {}
+
+View::View(Topic& its_topic, Actor& its_actor, Kind its_kind, std::size_t its_depth,
+           std::optional<Duration> its_span)
+    : Subscription(its_topic, its_actor.inbox, its_actor.name, its_kind, view_options(its_depth)),
+      actor(its_actor),
+      span(its_span) {
+  held.reserve(depth + 1);
+}
+
+View::~View() { clear(); }
+
+void View::insert(Envelope* envelope) {
+  const auto place = std::upper_bound(
+      held.begin(), held.end(), envelope, [](const Envelope* a, const Envelope* b) {
+        return a->info.publish_time != b->info.publish_time
+                   ? a->info.publish_time < b->info.publish_time
+                   : a->info.publisher < b->info.publisher;
+      });
+  held.insert(place, envelope);
+  if (held.size() > depth) {
+    release(held.front());
+    held.erase(held.begin());
+  }
+}
+
+void View::forget_old(Time now) noexcept {
+  while (span && !held.empty() && held.front()->info.publish_time < now - *span) {
+    release(held.front());
+    held.erase(held.begin());
+  }
+}
+
+void View::clear() noexcept {
+  for (Envelope* envelope : held) {
+    release(envelope);
+  }
+  held.clear();
+}
+
+Actor::Actor(std::string its_name, std::uint32_t its_index, const base::Clock& its_clock)
+    : name(std::move(its_name)), index(its_index), clock(its_clock), stage_(*this) {
+  publishing.name = name;
+  publishing.clock = &clock;
+  if (clock.is_simulated()) {
+    publishing.stage = &stage_;
+  }
+}
+
+Actor::~Actor() = default;
+
+void Actor::post(Cause cause, std::function<void()> body, Actor* from) {
+  if (from != nullptr && clock.is_simulated()) {
+    from->stage([this, cause, body = std::move(body)] { post(cause, body); });
+    return;
+  }
+  {
+    const std::lock_guard lock(control_mutex_);
+    controls_.push_back({cause, std::move(body)});
+  }
+  inbox.mark_control();
+  inbox.queue().wake();
+}
+
+template <typename Body>
+void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
+                     std::int64_t begin_ns, const Body& body) {
+  publishing.now = std::max(base::from_ns(record.time_ns), publishing.now);
+  publishing.origin = origin;
+  publishing.publish_count = 0;
+  publishing.is_in_activation = true;
+  refresh_views();
+  record.component = index;
+  record.number = ++number_;
+  record.time_ns = base::to_ns(publishing.now);
+  const std::uint64_t place = ring.begin(record);
+  Outcome outcome = Outcome::kDone;
+  try {
+    body();
+  } catch (const std::exception& exception) {
+    outcome = Outcome::kFault;
+    fault_ = exception.what();
+  } catch (...) {
+    outcome = Outcome::kFault;
+    fault_ = "something was thrown that is no std::exception";
+  }
+  const std::int64_t duration = base::monotonic_ns() - begin_ns;
+  statistics.activations.add();
+  statistics.callback.record(duration);
+  ring.end(place, outcome, duration, publishing.publish_count);
+  dying_.clear();
+  if (outcome == Outcome::kFault) {
+    statistics.faults.add();
+    on_fault(fault_);
+  }
+  publishing.is_in_activation = false;
+}
+
+void Actor::refresh_views() {
+  for (const auto& lane : inbox.views()) {
+    auto& view = static_cast<View&>(lane->subscription);
+    Lane::Head head;
+    while (lane->peek(head)) {
+      if (lane->pop(head)) {
+        lane->delivered.add();
+        if (lane->options.ages) {
+          hold(head.envelope->info.origin);
+        }
+        view.insert(head.envelope);
+      }
+    }
+  }
+  for (View* view : views) {
+    view->forget_old(publishing.now);
+  }
+}
+
+void Actor::hold(const Origin& origin) noexcept {
+  for (std::size_t i = 0; i < held_count_; ++i) {
+    if (held_[i].root == origin.root) {
+      held_[i].taken = std::max(held_[i].taken, origin.taken);
+      return;
+    }
+  }
+  if (held_count_ < held_.size()) {
+    held_[held_count_++] = {origin.root, origin.taken};
+    return;
+  }
+  // More roots than places: the one heard of least recently gives way.
+  *std::min_element(held_.begin(), held_.end(), [](const HeldRoot& a, const HeldRoot& b) {
+    return a.taken < b.taken;
+  }) = {origin.root, origin.taken};
+}
+
+Origin Actor::oldest_held() const noexcept {
+  Origin oldest;
+  for (std::size_t i = 0; i < held_count_; ++i) {
+    if (oldest.root == 0 || held_[i].taken < oldest.taken) {
+      oldest = {.taken = held_[i].taken, .root = held_[i].root, .held = true};
+    }
+  }
+  return oldest;
+}
+
+void Actor::run_controls(ActivationRing& ring) {
+  std::vector<Control> controls;
+  {
+    const std::lock_guard lock(control_mutex_);
+    controls.swap(controls_);
+  }
+  for (const Control& control : controls) {
+    const std::int64_t begin_ns = base::monotonic_ns();
+    ActivationRecord record;
+    record.cause = control.cause;
+    record.time_ns = base::to_ns(clock.at_monotonic(begin_ns));
+    activate(ring, record, oldest_held(), begin_ns, control.body);
+  }
+}
+
+TimerCore* Actor::due_timer(std::int64_t now_ns) noexcept {
+  TimerCore* earliest = nullptr;
+  for (const auto& timer : timers_) {
+    if (timer->due_ns > now_ns || (clock.is_simulated() && timer->armed_in_turn == turn_)) {
+      continue;
+    }
+    if (earliest == nullptr || timer->due_ns < earliest->due_ns) {
+      earliest = timer.get();
+    }
+  }
+  return earliest;
+}
+
+void Actor::tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns) {
+  const std::int64_t now_ns = base::to_ns(clock.at_monotonic(begin_ns));
+  const std::int64_t late_ns = now_ns - timer.due_ns;
+  Tick tick{.due = base::from_ns(timer.due_ns)};
+  if (timer.is_periodic()) {
+    // What is a whole period late replaces the ticks that it missed.
+    tick.skipped = static_cast<std::uint64_t>(late_ns / timer.options.period.count());
+    tick.due += timer.options.period * static_cast<std::int64_t>(tick.skipped);
+    timer.due_ns = base::to_ns(tick.due + timer.options.period);
+    statistics.overruns.add(tick.skipped);
+  } else {
+    timer.due_ns = base::kNever;
+  }
+  timer.armed_in_turn = turn_;
+  statistics.lateness.record(now_ns - base::to_ns(tick.due));
+  ActivationRecord record;
+  record.cause = Cause::kTick;
+  record.key = timer.number;
+  record.skipped = tick.skipped;
+  record.time_ns = now_ns;
+  activate(ring, record, oldest_held(), begin_ns, [&] { timer.callback(tick); });
+}
+
+void Actor::deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t begin_ns) {
+  Lane& lane = *head.lane;
+  Envelope& envelope = *head.head.envelope;
+  auto& subscription = static_cast<CallbackSubscription&>(lane.subscription);
+  const MessageInfo& info = envelope.info;
+  const Time now = std::max(clock.at_monotonic(begin_ns), info.publish_time);
+  lane.delivered.add();
+  subscription.latency.record((now - info.publish_time).count());
+  if (lane.options.ages) {
+    hold(info.origin);
+  }
+  ActivationRecord record;
+  record.cause = lane.options.is_external ? Cause::kExternal : Cause::kMessage;
+  record.publisher = info.publisher;
+  record.key = info.sequence;
+  record.time_ns = base::to_ns(now);
+  activate(ring, record, info.origin, begin_ns, [&] { subscription.callback(envelope); });
+  release(&envelope);
+}
+
+bool Actor::run_next(ActivationRing& ring) {
+  for (;;) {
+    const std::int64_t begin_ns = base::monotonic_ns();
+    TimerCore* timer = due_timer(base::to_ns(clock.at_monotonic(begin_ns)));
+    Inbox::Head head;
+    const bool has_message = inbox.peek(head);
+    // In simulated time the ticks of a round come first.
+    if (timer != nullptr &&
+        (!has_message || clock.is_simulated() || timer->due_ns <= head.head.time_ns)) {
+      tick(ring, *timer, begin_ns);
+      return true;
+    }
+    if (!has_message) {
+      return false;
+    }
+    if (Inbox::pop(head)) {
+      deliver(ring, head, begin_ns);
+      return true;
+    }
+  }
+}
+
+void Actor::run_turn(ActivationRing& ring) {
+  if (!inbox.begin()) {
+    return;
+  }
+  base::reset_floating_point();
+  ++turn_;
+  const std::int64_t turn_began = base::monotonic_ns();
+  int count = 0;
+  for (;;) {
+    if (inbox.take_bit(Inbox::kControlBit)) {
+      run_controls(ring);
+      continue;
+    }
+    if (!is_open_) {
+      publish_due();
+      if (inbox.try_end_unopened()) {
+        return;
+      }
+      continue;
+    }
+    if (count == kTurnActivations || (count > 0 && base::monotonic_ns() - turn_began > kTurnNs)) {
+      publish_due();
+      inbox.end_early();
+      return;
+    }
+    inbox.take_bit(Inbox::kTimerBit);
+    if (run_next(ring)) {
+      ++count;
+      continue;
+    }
+    publish_due();
+    if (inbox.try_end_idle()) {
+      return;
+    }
+  }
+}
+
+void Actor::run_round(ActivationRing& ring) {
+  if (!inbox.begin()) {
+    return;
+  }
+  base::reset_floating_point();
+  ++turn_;
+  for (;;) {
+    if (inbox.take_bit(Inbox::kControlBit)) {
+      run_controls(ring);
+      continue;
+    }
+    inbox.take_bit(Inbox::kTimerBit);
+    if (is_open_ && run_next(ring)) {
+      continue;
+    }
+    publish_due();
+    if (is_open_ ? inbox.try_end_idle() : inbox.try_end_unopened()) {
+      return;
+    }
+  }
+}
+
+void Actor::hand_over_stage() {
+  std::vector<Staged> staged;
+  staged.swap(staged_);
+  for (Staged& entry : staged) {
+    if (entry.publisher != nullptr) {
+      entry.publisher->deliver(entry.envelope);
+    } else {
+      entry.action();
+    }
+  }
+  staged.clear();
+  staged_.swap(staged);  // Keeps its capacity.
+}
+
+void Actor::start_timers(Time start) {
+  for (const auto& timer : timers_) {
+    if (timer->is_periodic()) {
+      timer->due_ns = base::to_ns(start + timer->options.phase + timer->options.period);
+    }
+  }
+}
+
+void Actor::cancel_timers() noexcept {
+  for (const auto& timer : timers_) {
+    timer->due_ns = base::kNever;
+  }
+}
+
+void Actor::publish_due() noexcept {
+  std::int64_t due_ns = base::kNever;
+  for (const auto& timer : timers_) {
+    due_ns = std::min(due_ns, timer->due_ns);
+  }
+  if (due_ns != base::kNever && !clock.is_simulated()) {
+    due_ns = clock.monotonic_at(base::from_ns(due_ns));
+  }
+  if (due_ns != armed_due_ns_.load(std::memory_order_relaxed)) {
+    armed_due_ns_.store(due_ns, std::memory_order_seq_cst);
+    if (due_ns != base::kNever) {
+      timer_watch->timer_armed(due_ns);
+    }
+  }
+}
+
+void Actor::close(DropReason reason) noexcept {
+  for (CallbackSubscription* subscription : callbacks) {
+    subscription->close(reason);
+  }
+  for (View* view : views) {
+    view->close(reason);
+  }
+}
+
+CallbackSubscription& Actor::subscribe(Topic& topic, const SubscriberOptions& options,
+                                       EnvelopeCallback callback) {
+  auto subscription =
+      std::make_unique<CallbackSubscription>(topic, *this, options, std::move(callback));
+  CallbackSubscription& result = *subscription;
+  topic.subscriptions.push_back(std::move(subscription));
+  callbacks.push_back(&result);
+  publishing.has_subscribers = true;
+  return result;
+}
+
+CallbackSubscription& Actor::subscribe_again(Topic& topic, const SubscriberOptions& options,
+                                             EnvelopeCallback callback) {
+  for (CallbackSubscription* old : callbacks) {
+    if (old->is_ended && &old->topic == &topic && old->depth == options.depth.value_or(old->depth) &&
+        old->overflow == options.overflow.value_or(old->overflow) && old->keep == options.keep) {
+      old->callback = std::move(callback);
+      old->is_ended = false;
+      return *old;
+    }
+  }
+  return subscribe(topic, options, std::move(callback));
+}
+
+void Actor::end(CallbackSubscription& subscription) noexcept {
+  if (std::exchange(subscription.is_ended, true)) {
+    return;
+  }
+  subscription.close(DropReason::kUnsubscribed);
+  dying_.push_back(std::exchange(subscription.callback, [](Envelope&) {}));
+}
+
+TimerCore& Actor::add_timer(const TimerOptions& options, TickCallback callback) {
+  timers_.push_back(
+      std::make_unique<TimerCore>(*this, timers_.size(), options, std::move(callback)));
+  return *timers_.back();
+}
+
+void Actor::arm(TimerCore& timer, Time due) noexcept {
+  timer.due_ns = std::max(base::to_ns(due), base::to_ns(publishing.now));
+  timer.armed_in_turn = turn_;
+}
+
+}  // namespace fastcycle::detail

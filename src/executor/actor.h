@@ -1,0 +1,232 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/clock.h"
+#include "base/histogram.h"
+#include "broker/publisher_core.h"
+#include "broker/subscription.h"
+#include "executor/activation_ring.h"
+#include "fastcycle/component.h"
+
+namespace fastcycle::detail {
+
+class Actor;
+
+/// A subscription whose messages are given to a callback.
+class CallbackSubscription final : public Subscription {
+ public:
+  CallbackSubscription(Topic& its_topic, Actor& its_actor, const SubscriberOptions& options,
+                       EnvelopeCallback its_callback);
+
+  Actor& actor;
+  EnvelopeCallback callback;
+  bool is_ended = false;
+};
+
+/// The last messages of a topic, taken over when an activation starts.
+class View final : public Subscription {
+ public:
+  View(Topic& its_topic, Actor& its_actor, Kind its_kind, std::size_t its_depth,
+       std::optional<Duration> its_span);
+  ~View() override;
+
+  /// Takes over `envelope` and its reference; the oldest gives way.
+  void insert(Envelope* envelope);
+  /// Lets go of what is older than the span.
+  void forget_old(Time now) noexcept;
+  void clear() noexcept;
+
+  Actor& actor;
+  const std::optional<Duration> span;
+  std::vector<Envelope*> held;  ///< By publish time, oldest first.
+};
+
+/// One timer of a component; periodic, or armed once.
+class TimerCore {
+ public:
+  TimerCore(Actor& its_actor, std::uint64_t its_number, const TimerOptions& its_options,
+            TickCallback its_callback)
+      : actor(its_actor),
+        number(its_number),
+        options(its_options),
+        callback(std::move(its_callback)) {}
+
+  [[nodiscard]] bool is_periodic() const noexcept { return options.period > Duration(0); }
+
+  Actor& actor;
+  const std::uint64_t number;
+  const TimerOptions options;
+  TickCallback callback;
+  std::int64_t due_ns = base::kNever;  ///< On the application's clock.
+  std::uint64_t armed_in_turn = 0;     ///< In simulated time a timer fires once a round.
+};
+
+/// Who is told when a component's next timer changes.
+class TimerWatch {
+ public:
+  TimerWatch() = default;
+  TimerWatch(const TimerWatch&) = delete;
+  TimerWatch& operator=(const TimerWatch&) = delete;
+  virtual ~TimerWatch() = default;
+
+  /// A timer of some component is due at `due_ns`: CLOCK_MONOTONIC when live, else simulated time.
+  virtual void timer_armed(std::int64_t due_ns) noexcept = 0;
+};
+
+/// What one component did, counted by the worker that serves it.
+struct ActorStatistics {
+  Counter activations;
+  Counter faults;
+  Counter overruns;           ///< Ticks skipped, over all timers.
+  base::Histogram callback;   ///< Time in callbacks, ns by CLOCK_MONOTONIC.
+  base::Histogram lateness;   ///< From a tick's due time to its callback, ns.
+};
+
+/// A component as the executor sees it: an inbox, timers, control causes, and one worker at a time
+/// that serves them in the order of their keys.
+///
+/// @threads  `post` is Safe; all else is confined to the worker that serves it, and to the control
+///           thread before the start and after the end.
+class Actor {
+ public:
+  Actor(std::string name, std::uint32_t index, const base::Clock& clock);
+  Actor(const Actor&) = delete;
+  Actor& operator=(const Actor&) = delete;
+  virtual ~Actor();
+
+  /// Puts a control cause in front of everything that waits. In simulated time, and from within a
+  /// callback, it is `from` that stages it until its round is over.
+  void post(Cause cause, std::function<void()> body, Actor* from = nullptr);
+
+  /// In simulated time: does `action` when the present round is over. From within a callback only.
+  void stage(std::function<void()> action) { staged_.push_back({.action = std::move(action)}); }
+
+  /// Serves a turn (live): at most 16 activations or 1 ms.
+  void run_turn(ActivationRing& ring);
+
+  /// Serves all causes up to the clock's time (simulated).
+  void run_round(ActivationRing& ring);
+
+  /// Hands over what was published and posted in a simulated round.
+  void hand_over_stage();
+
+  /// From now on messages and timers are served; until then only control causes are.
+  void open() noexcept { is_open_ = true; }
+  [[nodiscard]] bool is_open() const noexcept { return is_open_; }
+
+  /// Arms all periodic timers, as of `start`.
+  void start_timers(Time start);
+  void cancel_timers() noexcept;
+  /// Forgets all timers: what a restarted component declares again.
+  void clear_timers() noexcept { timers_.clear(); }
+
+  /// Closes all subscriptions: what waits and still comes is dropped for `reason`.
+  void close(DropReason reason) noexcept;
+
+  CallbackSubscription& subscribe(Topic& topic, const SubscriberOptions& options,
+                                  EnvelopeCallback callback);
+  /// As `subscribe`, in the place of an ended subscription of that topic, if there is one: a component
+  /// that subscribes again and again keeps one ledger.
+  CallbackSubscription& subscribe_again(Topic& topic, const SubscriberOptions& options,
+                                        EnvelopeCallback callback);
+  void end(CallbackSubscription& subscription) noexcept;
+  TimerCore& add_timer(const TimerOptions& options, TickCallback callback);
+  void arm(TimerCore& timer, Time due) noexcept;
+
+  /// Asks the world whether the component has nothing to do: for the end of a run.
+  [[nodiscard]] bool is_quiet() const noexcept { return inbox.is_quiet(); }
+
+  /// When the next timer is due, as `TimerWatch` says it.
+  [[nodiscard]] std::int64_t armed_due_ns() const noexcept {
+    return armed_due_ns_.load(std::memory_order_seq_cst);
+  }
+  /// Takes a due timer's word for it: true once for each time that it was armed.
+  bool take_due(std::int64_t due_ns) noexcept {
+    return armed_due_ns_.compare_exchange_strong(due_ns, base::kNever, std::memory_order_seq_cst);
+  }
+
+  // Constant once the application is built.
+  const std::string name;
+  const std::uint32_t index;
+  const base::Clock& clock;
+  TimerWatch* timer_watch = nullptr;
+
+  Inbox inbox;
+  PublishingComponent publishing;
+  ActorStatistics statistics;
+  std::vector<View*> views;
+  std::vector<CallbackSubscription*> callbacks;
+
+ protected:
+  /// A callback threw `what`; called in the same turn, after the activation ended.
+  virtual void on_fault(std::string_view what) = 0;
+
+ private:
+  struct Control {
+    Cause cause;
+    std::function<void()> body;
+  };
+  /// A message, or something else that must wait until a simulated round is over.
+  struct Staged {
+    PublisherCore* publisher = nullptr;
+    Envelope* envelope = nullptr;
+    std::function<void()> action = {};
+  };
+  class ActorStage final : public Stage {
+   public:
+    explicit ActorStage(Actor& actor) : actor_(actor) {}
+    void put(PublisherCore& publisher, Envelope* envelope) override {
+      actor_.staged_.push_back({.publisher = &publisher, .envelope = envelope});
+    }
+
+   private:
+    Actor& actor_;
+  };
+
+  /// The newest taken time delivered per root: what a timer's messages inherit.
+  struct HeldRoot {
+    PublisherId root = 0;
+    Time taken{};
+  };
+
+  template <typename Body>
+  void activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
+                std::int64_t begin_ns, const Body& body);
+  void run_controls(ActivationRing& ring);
+  bool run_next(ActivationRing& ring);
+  void tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns);
+  void deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t begin_ns);
+  void refresh_views();
+  void hold(const Origin& origin) noexcept;
+  [[nodiscard]] Origin oldest_held() const noexcept;
+  [[nodiscard]] TimerCore* due_timer(std::int64_t now_ns) noexcept;
+  void publish_due() noexcept;
+
+  ActorStage stage_;
+  bool is_open_ = false;
+  std::uint64_t number_ = 0;
+  std::uint64_t turn_ = 0;
+  std::vector<std::unique_ptr<TimerCore>> timers_;
+  std::array<HeldRoot, 16> held_{};
+  std::size_t held_count_ = 0;
+  std::vector<Staged> staged_;
+  std::vector<EnvelopeCallback> dying_;  ///< Callbacks of ended subscriptions, until they returned.
+  std::string fault_;
+
+  std::atomic<std::int64_t> armed_due_ns_{base::kNever};
+
+  // Taken only when a control cause is posted or served: connecting, life cycle, jobs done.
+  std::mutex control_mutex_;
+  std::vector<Control> controls_;
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,274 @@
+#include "executor/executor.h"
+
+#include <bit>
+#include <utility>
+
+#include "fastcycle/assert.h"
+
+namespace fastcycle::detail {
+namespace {
+
+constexpr std::int64_t kSpinNs = 50'000;
+
+/// Which executor the calling thread works for; null for all other threads.
+thread_local const Executor* t_executor = nullptr;
+
+void pause_briefly() noexcept {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+}  // namespace
+
+Executor::Executor(ExecutorOptions options, const base::Clock& clock)
+    : options_(std::move(options)), clock_(clock) {
+  FASTCYCLE_ASSERT(options_.threads > 0 && options_.threads <= base::Sleepers::kMaxWorkers,
+                   "an executor has 1 to 64 workers");
+}
+
+Executor::~Executor() { stop(); }
+
+void Executor::add(Actor& actor) {
+  actor.inbox.attach(*this, static_cast<std::uint32_t>(actors_.size()));
+  actor.timer_watch = this;
+  actors_.push_back(&actor);
+  ready_ = std::vector<std::atomic<std::uint64_t>>((actors_.size() + 63) / 64);
+}
+
+void Executor::start(std::vector<base::Refusal>& refusals) {
+  for (unsigned worker = 0; worker < options_.threads; ++worker) {
+    rings_.push_back(std::make_unique<ActivationRing>());
+  }
+  for (unsigned worker = 0; worker < options_.threads; ++worker) {
+    const std::string suffix = options_.threads == 1 ? "" : "-" + std::to_string(worker);
+    threads_.emplace_back(
+        base::ThreadOptions{options_.name + suffix, options_.cpus, options_.policy,
+                            options_.priority},
+        [this, worker] { work(worker); }, refusals);
+  }
+}
+
+void Executor::stop() {
+  is_stopping_.store(true);
+  for (unsigned worker = 0; worker < threads_.size(); ++worker) {
+    sleepers_.wake(worker);
+  }
+  for (base::Thread& thread : threads_) {
+    thread.join();
+  }
+  threads_.clear();
+}
+
+bool Executor::submit(std::function<void()> job) {
+  {
+    const std::lock_guard lock(job_mutex_);
+    if (jobs_.size() >= kMaxJobs) {
+      return false;
+    }
+    jobs_.push_back(std::move(job));
+    job_count_.fetch_add(1, std::memory_order_seq_cst);
+  }
+  sleepers_.wake_one();
+  return true;
+}
+
+void Executor::enqueue(std::uint32_t index) noexcept {
+  ready_[index / 64].fetch_or(std::uint64_t{1} << (index % 64), std::memory_order_seq_cst);
+}
+
+void Executor::wake() noexcept {
+  if (options_.hand_over && t_executor == this) {
+    return;
+  }
+  sleepers_.wake_one();
+}
+
+void Executor::timer_armed(std::int64_t due_ns) noexcept {
+  std::int64_t earliest = earliest_due_ns_.load(std::memory_order_seq_cst);
+  while (due_ns < earliest && !earliest_due_ns_.compare_exchange_weak(
+                                  earliest, due_ns, std::memory_order_seq_cst)) {
+  }
+  if (leader_deadline_ns_.load(std::memory_order_seq_cst) > due_ns) {
+    const unsigned leader = leader_.load(std::memory_order_seq_cst);
+    if (leader < base::Sleepers::kMaxWorkers) {
+      sleepers_.wake(leader);
+    }
+  }
+}
+
+bool Executor::has_work() const noexcept {
+  for (const auto& word : ready_) {
+    if (word.load(std::memory_order_seq_cst) != 0) {
+      return true;
+    }
+  }
+  return job_count_.load(std::memory_order_seq_cst) != 0 || is_stopping_.load();
+}
+
+bool Executor::is_quiet() const noexcept {
+  for (const Actor* actor : actors_) {
+    if (!actor->is_quiet() && actor->is_open()) {
+      return false;
+    }
+  }
+  return job_count_.load() == 0 && busy_jobs_.load() == 0;
+}
+
+void Executor::work(unsigned worker) {
+  t_executor = this;
+  while (!is_stopping_.load(std::memory_order_relaxed)) {
+    if (fire_timers()) {
+      continue;
+    }
+    if (run_ready(worker) || run_job()) {
+      continue;
+    }
+    idle(worker);
+  }
+}
+
+bool Executor::run_ready(unsigned worker) {
+  bool has_run = false;
+  for (std::size_t i = 0; i < ready_.size(); ++i) {
+    // Each worker begins somewhere else, so that they do not all fight for the first component.
+    auto& word = ready_[(i + worker) % ready_.size()];
+    const std::size_t base = ((i + worker) % ready_.size()) * 64;
+    std::uint64_t bits = word.load(std::memory_order_seq_cst);
+    // One pass over what was ready when it began: nobody waits longer than one turn of each other.
+    while (bits != 0) {
+      const auto bit = static_cast<unsigned>(std::countr_zero(bits));
+      const std::uint64_t flag = std::uint64_t{1} << bit;
+      bits &= ~flag;
+      if ((word.fetch_and(~flag, std::memory_order_seq_cst) & flag) == 0) {
+        continue;
+      }
+      if (word.load(std::memory_order_relaxed) != 0 && threads_.size() > 1) {
+        sleepers_.wake_one();
+      }
+      actors_[base + bit]->run_turn(*rings_[worker]);
+      has_run = true;
+      if (clock_.is_simulated() || earliest_due_ns_.load(std::memory_order_relaxed) != base::kNever) {
+        fire_timers();
+      }
+    }
+  }
+  return has_run;
+}
+
+bool Executor::run_job() {
+  if (job_count_.load(std::memory_order_seq_cst) == 0) {
+    return false;
+  }
+  std::function<void()> job;
+  {
+    const std::lock_guard lock(job_mutex_);
+    if (jobs_.empty()) {
+      return false;
+    }
+    job = std::move(jobs_.front());
+    jobs_.pop_front();
+    busy_jobs_.fetch_add(1);
+    job_count_.fetch_sub(1, std::memory_order_seq_cst);
+  }
+  job();
+  busy_jobs_.fetch_sub(1);
+  return true;
+}
+
+bool Executor::fire_timers() noexcept {
+  const std::int64_t earliest = earliest_due_ns_.load(std::memory_order_seq_cst);
+  if (earliest == base::kNever) {
+    return false;
+  }
+  const std::int64_t now_ns = base::monotonic_ns();
+  if (earliest > now_ns) {
+    return false;
+  }
+  earliest_due_ns_.store(base::kNever, std::memory_order_seq_cst);
+  bool has_fired = false;
+  std::int64_t next_ns = base::kNever;
+  for (Actor* actor : actors_) {
+    const std::int64_t due_ns = actor->armed_due_ns();
+    if (due_ns > now_ns) {
+      next_ns = std::min(next_ns, due_ns);
+    } else if (actor->take_due(due_ns)) {
+      actor->inbox.mark(Inbox::kTimerBit);
+      has_fired = true;
+    }
+  }
+  if (next_ns != base::kNever) {
+    timer_armed(next_ns);
+  }
+  return has_fired;
+}
+
+std::int64_t Executor::lead(unsigned worker) noexcept {
+  unsigned nobody = base::Sleepers::kMaxWorkers;
+  if (!leader_.compare_exchange_strong(nobody, worker, std::memory_order_seq_cst)) {
+    return base::kNever;
+  }
+  sleepers_.set_leader(worker);
+  std::int64_t deadline_ns = earliest_due_ns_.load(std::memory_order_seq_cst);
+  for (;;) {
+    leader_deadline_ns_.store(deadline_ns, std::memory_order_seq_cst);
+    // A timer armed before this store is seen here; one armed after it wakes the leader.
+    const std::int64_t again_ns = earliest_due_ns_.load(std::memory_order_seq_cst);
+    if (again_ns >= deadline_ns) {
+      return deadline_ns;
+    }
+    deadline_ns = again_ns;
+  }
+}
+
+void Executor::stop_leading(unsigned worker) noexcept {
+  if (leader_.load(std::memory_order_seq_cst) != worker) {
+    return;
+  }
+  leader_deadline_ns_.store(kNobodyLeads, std::memory_order_seq_cst);
+  sleepers_.set_leader(base::Sleepers::kMaxWorkers);
+  leader_.store(base::Sleepers::kMaxWorkers, std::memory_order_seq_cst);
+}
+
+bool Executor::spin_for_work(std::int64_t limit_ns) const noexcept {
+  const std::int64_t begin_ns = base::monotonic_ns();
+  for (;;) {
+    for (int i = 0; i < 16; ++i) {
+      if (has_work()) {
+        return true;
+      }
+      pause_briefly();
+    }
+    const std::int64_t now_ns = base::monotonic_ns();
+    if (now_ns >= earliest_due_ns_.load(std::memory_order_relaxed)) {
+      return true;
+    }
+    if (now_ns - begin_ns > limit_ns) {
+      return false;
+    }
+  }
+}
+
+void Executor::idle(unsigned worker) {
+  if (options_.wait != WaitMode::kPark &&
+      spin_for_work(options_.wait == WaitMode::kSpin ? base::kNever - 1 : kSpinNs)) {
+    return;
+  }
+  sleepers_.announce(worker);
+  const std::int64_t deadline_ns = lead(worker);
+  if (has_work()) {
+    sleepers_.withdraw(worker);
+  } else {
+    sleepers_.sleep(worker, deadline_ns);
+  }
+  const bool has_led = leader_.load(std::memory_order_seq_cst) == worker;
+  stop_leading(worker);
+  // Somebody must watch the timers while this worker is busy, if somebody else sleeps.
+  if (has_led && earliest_due_ns_.load(std::memory_order_seq_cst) != base::kNever) {
+    sleepers_.wake_one();
+  }
+}
+
+}  // namespace fastcycle::detail

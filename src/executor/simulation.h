@@ -1,0 +1,125 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "executor/actor.h"
+
+namespace fastcycle::detail {
+
+/// Serves components in simulated time, by rounds, in place of all executors.
+///
+/// A round is all causes with the smallest time. Its components run in parallel; what they publish is
+/// handed over when all are done, and makes the next round. Time advances, to the next timer, only
+/// when nothing is left to do at the present one and nobody holds it. So the result is the same for
+/// any number of workers, and as fast as the components compute.
+///
+/// @threads  `enqueue`, `hold`, `let_go`, `submit`, `stage_external`, `interrupt` are Safe; all else
+///           is confined to the thread that runs it.
+class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
+ public:
+  enum class End {
+    kReached,      ///< Time reached the limit that was asked for.
+    kIdle,         ///< Nothing is left that could ever happen.
+    kInterrupted,  ///< `interrupt` was called.
+  };
+
+  Simulation(base::Clock& clock, unsigned workers);
+  ~Simulation() override;
+
+  void add(Actor& actor);
+
+  /// Serves everything up to `limit`, and moves the clock there.
+  End run_until(Time limit);
+
+  /// Serves what is left to do at the present time, without advancing it.
+  void run_now();
+
+  /// Ends `run_until` after the present round; `clear_interrupt` allows the next one.
+  void interrupt() noexcept;
+  void clear_interrupt() noexcept { is_interrupted_.store(false); }
+
+  void hold() noexcept;
+  void let_go() noexcept;
+
+  /// Runs `job` when the present round is over; time does not advance before it is done.
+  [[nodiscard]] bool submit(std::function<void()> job);
+
+  /// As long as there are such threads, an idle simulation waits for what they publish.
+  void set_foreign_threads(bool has_some) noexcept { has_foreign_threads_ = has_some; }
+
+  /// Takes a message of an external publisher; it is delivered before the next round.
+  void put(PublisherCore& publisher, Envelope* envelope) override;
+
+  void enqueue(std::uint32_t index) noexcept override;
+  void wake() noexcept override {}
+  void timer_armed(std::int64_t due_ns) noexcept override;
+
+  [[nodiscard]] const std::vector<std::unique_ptr<ActivationRing>>& rings() const noexcept {
+    return rings_;
+  }
+
+ private:
+  struct External {
+    PublisherCore* publisher;
+    Envelope* envelope;
+  };
+
+  /// One component's part of a round.
+  struct Turn {
+    Actor* actor;
+    std::size_t index;
+  };
+
+  bool run_round();
+  void collect_round();
+  void serve(const Turn& turn, unsigned worker);
+  void serve_in_parallel();
+  [[nodiscard]] bool is_worth_helpers() const noexcept;
+  void help(unsigned worker, const std::stop_token& stop);
+  void serve_shared(unsigned worker);
+  void run_jobs();
+  void take_external();
+  [[nodiscard]] std::int64_t next_due_ns() const noexcept;
+  [[nodiscard]] std::uint64_t changes();
+  /// Waits until something came from outside since `seen`; false if nothing has to be waited for.
+  [[nodiscard]] bool wait_for_change(std::uint64_t seen, bool may_end);
+
+  base::Clock& clock_;
+  std::vector<Actor*> actors_;
+  std::vector<std::unique_ptr<ActivationRing>> rings_;
+
+  std::vector<std::atomic<std::uint64_t>> ready_;
+  std::atomic<bool> is_interrupted_{false};
+  std::atomic<bool> has_foreign_threads_{false};
+
+  // What other threads bring, and what wakes an idle simulation.
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<External> external_;
+  int holds_ = 0;
+  std::uint64_t changes_ = 0;
+
+  std::mutex job_mutex_;
+  std::vector<std::function<void()>> jobs_;
+
+  // One round. While helpers serve it, the running thread changes nothing of it.
+  std::vector<Turn> round_;
+  std::vector<std::int64_t> expected_ns_;  ///< By component: what its last turns cost.
+  std::atomic<std::size_t> next_in_round_{0};
+
+  std::mutex round_mutex_;
+  std::condition_variable_any round_begins_;
+  std::condition_variable round_ends_;
+  std::uint64_t round_number_ = 0;
+  std::size_t helpers_at_work_ = 0;
+  std::vector<std::jthread> helpers_;
+};
+
+}  // namespace fastcycle::detail

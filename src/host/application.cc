@@ -1,0 +1,555 @@
+#include "host/application.h"
+
+#include <algorithm>
+#include <chrono>
+#include <future>
+#include <set>
+#include <utility>
+
+#include "config/nearest.h"
+#include "config/params.h"
+
+namespace fastcycle::host {
+
+using detail::Cause;
+using detail::ComponentCore;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr auto kDrainLimit = 1s;
+
+unsigned cpu_count() { return std::max(1U, std::thread::hardware_concurrency()); }
+
+base::SchedulingPolicy to_policy(config::Policy policy) {
+  switch (policy) {
+    case config::Policy::kFifo:
+      return base::SchedulingPolicy::kFifo;
+    case config::Policy::kRr:
+      return base::SchedulingPolicy::kRoundRobin;
+    case config::Policy::kOther:
+      break;
+  }
+  return base::SchedulingPolicy::kOther;
+}
+
+detail::WaitMode to_wait(config::Wait wait) {
+  switch (wait) {
+    case config::Wait::kSpin:
+      return detail::WaitMode::kSpin;
+    case config::Wait::kAdaptive:
+      return detail::WaitMode::kAdaptive;
+    case config::Wait::kPark:
+      break;
+  }
+  return detail::WaitMode::kPark;
+}
+
+base::Clock make_clock(const ClockOptions& options) {
+  return options.is_simulated ? base::Clock::simulated() : base::Clock::live(options.rate);
+}
+
+}  // namespace
+
+const char* to_word(EndReason reason) noexcept {
+  switch (reason) {
+    case EndReason::kNone:
+      return "running";
+    case EndReason::kTimeOver:
+      return "time over";
+    case EndReason::kSourcesFinished:
+      return "input finished";
+    case EndReason::kIdle:
+      return "nothing left to do";
+    case EndReason::kRequested:
+      return "stopped on request";
+    case EndReason::kFault:
+      return "component fault";
+  }
+  return "?";
+}
+
+Application::Application(config::ApplicationDescription description, const ClockOptions& options)
+    : description_(std::move(description)), clock_(make_clock(options)) {
+  if (options.is_simulated) {
+    simulation_ = std::make_unique<detail::Simulation>(
+        clock_, options.workers == 0 ? cpu_count() : options.workers);
+  } else {
+    make_executors();
+  }
+  for (const config::TopicDescription& topic : description_.topics) {
+    topics_.set_options(topic.name, {.latched = static_cast<std::size_t>(topic.latched),
+                                     .ages = topic.ages,
+                                     .keep = topic.keep,
+                                     .pool_max = topic.pool_max.value_or(0),
+                                     .multiple_publishers = topic.multiple_publishers});
+  }
+}
+
+Application::~Application() { stop(); }
+
+void Application::make_executors() {
+  for (const config::ExecutorDescription& executor : description_.executors) {
+    executors_.push_back(std::make_unique<detail::Executor>(
+        detail::ExecutorOptions{.name = executor.name,
+                                .threads = static_cast<unsigned>(executor.threads),
+                                .cpus = executor.cpus,
+                                .policy = to_policy(executor.policy),
+                                .priority = executor.priority,
+                                .wait = to_wait(executor.wait),
+                                .hand_over = executor.hand_over},
+        clock_));
+  }
+  const bool needs_pool = std::any_of(description_.components.begin(), description_.components.end(),
+                                      [](const auto& component) { return component.executor.empty(); });
+  if (needs_pool) {
+    executors_.push_back(std::make_unique<detail::Executor>(
+        detail::ExecutorOptions{.name = "pool", .threads = std::min(cpu_count(), 64U), .cpus = {}},
+        clock_));
+  }
+}
+
+detail::Executor& Application::executor_of(const config::ComponentDescription& component) {
+  for (const auto& executor : executors_) {
+    if (executor->options().name == component.executor) {
+      return *executor;
+    }
+  }
+  return *executors_.back();
+}
+
+void Application::add_component(const config::ComponentDescription& component,
+                                const ComponentClass& its_class) {
+  auto core = std::make_unique<ComponentCore>(
+      *this, static_cast<std::uint32_t>(components_.size()), component, its_class, clock_);
+  if (simulation_ != nullptr) {
+    simulation_->add(*core);
+  } else {
+    executor_of(component).add(*core);
+  }
+  components_.push_back(std::move(core));
+}
+
+void Application::build(ComponentClasses& classes, config::Problems& problems,
+                        ConstructorFault on_throw) {
+  for (const config::ComponentDescription& component : description_.components) {
+    if (const ComponentClass* its_class = classes.find(component, problems)) {
+      add_component(component, *its_class);
+    }
+  }
+  std::set<std::string> declared;
+  for (const auto& component : components_) {
+    if (before_construct) {
+      before_construct(component->name);
+    }
+    const auto thrown = component->construct(problems);
+    declared.merge(component->declared_params);
+    if (!thrown) {
+      continue;
+    }
+    const std::string what = "its constructor threw: " + *thrown;
+    if (on_throw == ConstructorFault::kMistake) {
+      problems.add(config::mistake(component->description.place,
+                                   "component \"" + component->name + "\": " + what));
+    } else if (!problems.has_errors()) {
+      component->fail(what);
+    }
+  }
+  const bool is_complete = components_.size() == description_.components.size();
+  if (is_complete) {
+    config::check_shared(description_.shared_params, declared, problems);
+    add_conflicts(problems);
+  }
+  if (problems.has_errors()) {
+    return;
+  }
+  topics_.connect_all();
+  for (const auto& component : components_) {
+    if (component->state == ComponentCore::State::kFailed) {
+      component->close(detail::DropReason::kFault);
+    }
+  }
+  is_built_ = true;
+}
+
+void Application::add_conflicts(config::Problems& problems) const {
+  const auto place_of = [&](const std::string& name) {
+    for (const config::ComponentDescription& component : description_.components) {
+      if (component.name == name) {
+        return component.place;
+      }
+    }
+    return description_.place;
+  };
+  std::vector<std::string> published;
+  for (const auto& [name, topic] : topics_.all()) {
+    if (!topic->publishers.empty()) {
+      published.push_back(name);
+    }
+  }
+  for (const detail::TopicConflict& conflict : topics_.conflicts()) {
+    config::Problem problem;
+    problem.place = place_of(conflict.component);
+    const std::string topic = "topic \"" + conflict.topic + "\"";
+    switch (conflict.kind) {
+      case detail::TopicConflict::Kind::kTwoTypes:
+        problem.expected = conflict.expected;
+        problem.found = conflict.found;
+        problem.message = topic + " has two types: component \"" + conflict.component +
+                          "\" uses it as " + conflict.found + ", others as " + conflict.expected;
+        break;
+      case detail::TopicConflict::Kind::kTwoPublishers:
+        problem.expected = "one publisher";
+        problem.found = "\"" + conflict.expected + "\" and \"" + conflict.found + "\"";
+        problem.message = topic + " has two publishers, \"" + conflict.expected + "\" and \"" +
+                          conflict.found + "\"";
+        problem.hint = "if that is meant, say \"topics\": {\"" + conflict.topic +
+                       "\": {\"multiple_publishers\": true}}";
+        break;
+      case detail::TopicConflict::Kind::kNoPublisher:
+        problem.message = topic + ", which component \"" + conflict.component +
+                          "\" subscribes to, is published by nobody";
+        problem.hint = config::did_you_mean(config::nearest(conflict.topic, published));
+        problem.warning = true;
+        break;
+    }
+    problems.add(std::move(problem));
+  }
+  for (const config::TopicDescription& topic : description_.topics) {
+    const detail::Topic* known = topics_.find(topic.name);
+    if (known != nullptr && known->publishers.empty() && known->subscriptions.empty()) {
+      config::Problem problem = config::mistake(
+          topic.place, "topic \"" + topic.name + "\" is used by no component",
+          config::did_you_mean(config::nearest(topic.name, published)));
+      problem.warning = true;
+      problems.add(std::move(problem));
+    }
+  }
+}
+
+void Application::run_in(ComponentCore& component, Cause cause, std::function<void()> body) {
+  if (simulation_ != nullptr) {
+    component.post(cause, std::move(body));
+    simulation_->run_now();
+    return;
+  }
+  std::promise<void> done;
+  component.post(cause, [&] {
+    // Also when the body throws, which the activation turns into a fault.
+    const auto finish = [](std::promise<void>* promise) { promise->set_value(); };
+    const std::unique_ptr<std::promise<void>, decltype(finish)> guard(&done, finish);
+    body();
+  });
+  done.get_future().wait();
+}
+
+std::vector<base::Refusal> Application::start() {
+  start_ns_ = base::to_ns(clock_.now());
+  for (const auto& executor : executors_) {
+    executor->start(refusals_);
+  }
+  is_started_ = true;
+  for (const auto& component : components_) {
+    for (detail::PublisherCore* publisher : component->declared.publishers) {
+      if (publisher->options.is_external) {
+        const std::lock_guard lock(publisher->mutex());
+        publisher->set_external_stage(simulation_.get());
+        publisher->set_external_open(true);
+      }
+    }
+  }
+  for (const auto& component : components_) {
+    if (component->state == ComponentCore::State::kConstructed) {
+      run_in(*component, Cause::kMode, [&] { component->call_start(); });
+    }
+    if (end_reason() == EndReason::kFault || end_reason() == EndReason::kRequested) {
+      return refusals_;
+    }
+  }
+  start_ns_ = base::to_ns(clock_.now());
+  const Time start = start_time();
+  for (const auto& component : components_) {
+    component->post(Cause::kMode, [&component, start] {
+      if (component->state == ComponentCore::State::kRunning) {
+        component->start_timers(start);
+      }
+    });
+  }
+  start_threads();
+  return refusals_;
+}
+
+void Application::start_threads() {
+  for (const auto& component : components_) {
+    if (component->state != ComponentCore::State::kRunning) {
+      continue;
+    }
+    for (const auto& thread : component->threads) {
+      if (simulation_ != nullptr) {
+        simulation_->set_foreign_threads(true);
+      }
+      threads_.emplace_back(
+          base::ThreadOptions{.name = thread.name, .cpus = {}},
+          [&component, &thread, token = thread_stop_.get_token()] {
+            std::string what;
+            try {
+              thread.body(token);
+              return;
+            } catch (const std::exception& exception) {
+              what = exception.what();
+            } catch (...) {
+              what = "something was thrown that is no std::exception";
+            }
+            component->post(Cause::kFault, [&component, text = "its thread \"" + thread.name +
+                                                               "\" threw: " + what] {
+              throw std::runtime_error(text);
+            });
+          },
+          refusals_);
+    }
+  }
+}
+
+void Application::stop_threads() {
+  thread_stop_.request_stop();
+  for (base::Thread& thread : threads_) {
+    thread.join();
+  }
+  threads_.clear();
+  for (const auto& component : components_) {
+    for (detail::PublisherCore* publisher : component->declared.publishers) {
+      if (publisher->options.is_external) {
+        const std::lock_guard lock(publisher->mutex());
+        publisher->set_external_open(false);
+      }
+    }
+  }
+}
+
+void Application::request_end(EndReason reason) {
+  {
+    const std::lock_guard lock(end_mutex_);
+    // A fault is what the exit code must tell; otherwise the first reason stands.
+    if (end_reason_ == EndReason::kNone || reason == EndReason::kFault) {
+      end_reason_ = reason;
+    }
+    end_changed_.notify_all();
+  }
+  if (simulation_ != nullptr) {
+    simulation_->interrupt();
+  }
+}
+
+bool Application::sources_are_finished() const {
+  bool has_source = false;
+  for (const auto& component : components_) {
+    if (component->is_source.load()) {
+      has_source = true;
+      if (!component->is_source_finished.load()) {
+        return false;
+      }
+    }
+  }
+  return has_source;
+}
+
+detail::CallbackSubscription& Application::subscribe_late(
+    ComponentCore& component, const std::string& name,
+    const google::protobuf::Message& default_instance, const SubscriberOptions& options,
+    detail::EnvelopeCallback callback) {
+  const std::lock_guard lock(topics_mutex_);
+  detail::Topic* known = topics_.find(name);
+  const std::string type = default_instance.GetTypeName();
+  if (known != nullptr && !known->type.empty() && known->type != type) {
+    throw std::runtime_error("topic \"" + name + "\" has the type " + known->type + ", not " + type);
+  }
+  detail::Topic& topic = topics_.get(name, component.name, default_instance);
+  auto& subscription = component.subscribe_again(topic, options, std::move(callback));
+  for (const auto& publisher : topic.publishers) {
+    connect_late(component, *publisher, subscription);
+  }
+  return subscription;
+}
+
+void Application::connect_late(ComponentCore& component, detail::PublisherCore& publisher,
+                               detail::CallbackSubscription& subscription) {
+  const auto lane = detail::Topics::make_lane(publisher, subscription);
+  component.inbox.add(lane);
+  if (publisher.options.is_external) {
+    const std::lock_guard lock(publisher.mutex());
+    publisher.connect(lane, component.inbox);
+    return;
+  }
+  component_of(publisher).post(
+      Cause::kConnect,
+      [&publisher, lane, &inbox = component.inbox] { publisher.connect(lane, inbox); }, &component);
+}
+
+void Application::end_subscription(ComponentCore& component,
+                                   detail::CallbackSubscription& subscription) noexcept {
+  if (subscription.is_ended) {
+    return;
+  }
+  component.end(subscription);
+  for (const auto& lane : subscription.lanes()) {
+    component.inbox.remove(*lane);
+    lane->is_left_by_receiver = true;
+  }
+  const std::lock_guard lock(topics_mutex_);
+  for (const auto& publisher : subscription.topic.publishers) {
+    const auto leave = [&publisher, lanes = subscription.lanes()] {
+      for (const auto& lane : lanes) {
+        publisher->disconnect(*lane);
+      }
+    };
+    if (publisher->options.is_external) {
+      const std::lock_guard publisher_lock(publisher->mutex());
+      leave();
+    } else if (is_started_ && !is_stopped_) {
+      component_of(*publisher).post(Cause::kConnect, leave, &component);
+    }
+  }
+}
+
+ComponentCore& Application::component_of(const detail::PublisherCore& publisher) const {
+  const auto found = std::find_if(components_.begin(), components_.end(), [&](const auto& component) {
+    return &component->publishing == &publisher.owner;
+  });
+  return **found;
+}
+
+void Application::source_finished(ComponentCore& component) {
+  component.is_source_finished = true;
+  if (sources_are_finished()) {
+    request_end(EndReason::kSourcesFinished);
+  }
+}
+
+void Application::component_failed(ComponentCore& component) {
+  if (component.is_source.load() && !component.is_source_finished.load()) {
+    source_finished(component);
+  }
+}
+
+void Application::hold_time() {
+  if (simulation_ != nullptr) {
+    simulation_->hold();
+  }
+}
+
+void Application::let_time_go() {
+  if (simulation_ != nullptr) {
+    simulation_->let_go();
+  }
+}
+
+void Application::submit(const std::string& executor, ComponentCore& from,
+                         std::function<void()> job) {
+  if (simulation_ != nullptr) {
+    from.stage([this, job = std::move(job)] { static_cast<void>(simulation_->submit(job)); });
+    return;
+  }
+  std::vector<std::string> known;
+  for (const auto& candidate : executors_) {
+    if (candidate->options().name == executor) {
+      if (!candidate->submit(std::move(job))) {
+        throw std::runtime_error("executor \"" + executor + "\" has " +
+                                 std::to_string(detail::Executor::kMaxJobs) +
+                                 " jobs waiting and takes no more");
+      }
+      return;
+    }
+    known.push_back(candidate->options().name);
+  }
+  const std::string hint = config::did_you_mean(config::nearest(executor, known));
+  throw std::runtime_error("there is no executor \"" + executor + "\" to offload work to" +
+                           (hint.empty() ? "" : "; " + hint));
+}
+
+EndReason Application::run(std::optional<Duration> limit) {
+  if (simulation_ != nullptr) {
+    if (end_reason() == EndReason::kNone) {
+      simulation_->clear_interrupt();
+      const Time end = limit ? start_time() + *limit : Time::max();
+      switch (simulation_->run_until(end)) {
+        case detail::Simulation::End::kReached:
+          request_end(EndReason::kTimeOver);
+          break;
+        case detail::Simulation::End::kIdle:
+          request_end(EndReason::kIdle);
+          break;
+        case detail::Simulation::End::kInterrupted:
+          break;
+      }
+    }
+    return end_reason();
+  }
+  std::unique_lock lock(end_mutex_);
+  const auto has_ended = [&] { return end_reason_ != EndReason::kNone; };
+  if (!limit) {
+    end_changed_.wait(lock, has_ended);
+    return end_reason();
+  }
+  const auto wait = std::chrono::nanoseconds(clock_.monotonic_at(start_time() + *limit) -
+                                             base::monotonic_ns());
+  if (!end_changed_.wait_for(lock, wait, has_ended)) {
+    end_reason_ = EndReason::kTimeOver;
+  }
+  return end_reason();
+}
+
+void Application::advance_to(Time time) {
+  simulation_->clear_interrupt();
+  static_cast<void>(simulation_->run_until(time));
+}
+
+void Application::settle() { simulation_->run_now(); }
+
+bool Application::is_quiet() const {
+  return std::all_of(executors_.begin(), executors_.end(),
+                     [](const auto& executor) { return executor->is_quiet(); });
+}
+
+void Application::drain() {
+  if (simulation_ != nullptr) {
+    simulation_->run_now();
+    return;
+  }
+  // Twice quiet in a row: between two looks nothing was under way.
+  const std::int64_t limit_ns =
+      base::monotonic_ns() + std::chrono::nanoseconds(kDrainLimit).count();
+  int quiet_looks = 0;
+  while (quiet_looks < 2 && base::monotonic_ns() < limit_ns) {
+    quiet_looks = is_quiet() ? quiet_looks + 1 : 0;
+    std::this_thread::sleep_for(200us);
+  }
+}
+
+void Application::stop() {
+  if (std::exchange(is_stopped_, true)) {
+    return;
+  }
+  if (is_started_) {
+    stop_threads();
+    for (const auto& component : components_) {
+      run_in(*component, Cause::kMode, [&component] { component->cancel_timers(); });
+    }
+    drain();
+    end_time_ = clock_.now();
+    for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
+      ComponentCore& core = **component;
+      run_in(core, Cause::kMode, [&core] { core.call_stop(); });
+      run_in(core, Cause::kMode, [&core] { core.close(detail::DropReason::kShutdown); });
+    }
+    drain();
+  }
+  for (const auto& executor : executors_) {
+    executor->stop();
+  }
+  for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
+    (*component)->close(detail::DropReason::kShutdown);
+    (*component)->destroy();
+  }
+}
+
+}  // namespace fastcycle::host

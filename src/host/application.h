@@ -1,0 +1,185 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "broker/topics.h"
+#include "config/description.h"
+#include "config/problem.h"
+#include "executor/executor.h"
+#include "executor/simulation.h"
+#include "fastcycle/library.h"
+#include "host/component_core.h"
+
+namespace fastcycle::host {
+
+/// Why a run ended.
+enum class EndReason : std::uint8_t {
+  kNone,
+  kTimeOver,         ///< The time that was asked for is over.
+  kSourcesFinished,  ///< Every source said that its input is over.
+  kIdle,             ///< In simulated time nothing is left that could happen.
+  kRequested,        ///< Somebody asked for the end (Ctrl-C).
+  kFault,            ///< A component failed whose policy is to stop the application.
+};
+
+[[nodiscard]] const char* to_word(EndReason reason) noexcept;
+
+/// How time passes.
+struct ClockOptions {
+  bool is_simulated = false;
+  double rate = 1.0;     ///< Live only.
+  unsigned workers = 0;  ///< Simulated only; 0: as many as the machine has CPUs.
+};
+
+/// Where a component's code comes from.
+class ComponentClasses {
+ public:
+  ComponentClasses() = default;
+  ComponentClasses(const ComponentClasses&) = delete;
+  ComponentClasses& operator=(const ComponentClasses&) = delete;
+  virtual ~ComponentClasses() = default;
+
+  /// The class that `component` names, or null after adding to `problems` why there is none.
+  virtual const ComponentClass* find(const config::ComponentDescription& component,
+                                     config::Problems& problems) = 0;
+};
+
+/// What to do with a constructor that throws.
+enum class ConstructorFault : std::uint8_t {
+  kFault,    ///< A fault of the component: the others run on, or not, as the policy says.
+  kMistake,  ///< A mistake, for a check that starts nothing.
+};
+
+/// All components and topics of one process, from description to the end of the run.
+///
+///     Application application(description, {.is_simulated = true});
+///     application.build(libraries, problems, ConstructorFault::kFault);
+///     application.start();
+///     application.run(std::nullopt);
+///     application.stop();
+///
+/// @threads  Confined to the control thread; `request_end` is Safe.
+class Application {
+ public:
+  Application(config::ApplicationDescription description, const ClockOptions& clock);
+  Application(const Application&) = delete;
+  Application& operator=(const Application&) = delete;
+  ~Application();
+
+  /// Called with a component's name before its constructor.
+  std::function<void(const std::string& component)> before_construct;
+
+  /// Constructs all components, connects all topics, and finds what does not fit together.
+  void build(ComponentClasses& classes, config::Problems& problems, ConstructorFault on_throw);
+
+  /// Starts workers and components, in the order of the file, then the timers. Returns what the
+  /// machine refused.
+  std::vector<base::Refusal> start();
+
+  /// Lets the components work until `limit` of application time is over, or something else ends it.
+  EndReason run(std::optional<Duration> limit);
+
+  /// Simulated time only: serves everything up to `time`.
+  void advance_to(Time time);
+  /// Simulated time only: serves what is left to do at the present time.
+  void settle();
+
+  /// Sources and timers stop, what is under way is served for up to 1 s, then components stop in
+  /// reverse order; the rest is counted as dropped. Then destroys the components.
+  void stop();
+
+  void request_end(EndReason reason);
+  [[nodiscard]] EndReason end_reason() const { return end_reason_.load(); }
+
+  // What components use, through their context.
+  [[nodiscard]] const config::ApplicationDescription& description() const { return description_; }
+  [[nodiscard]] const base::Clock& clock() const { return clock_; }
+  [[nodiscard]] detail::Topics& topics() { return topics_; }
+  [[nodiscard]] const detail::Topics& topics() const { return topics_; }
+  /// Keeps the topics as they are while `look` reads their counters; any thread, at any time.
+  template <typename Look>
+  void look_at_topics(const Look& look) const {
+    const std::lock_guard lock(topics_mutex_);
+    look(topics_);
+  }
+  [[nodiscard]] detail::LogQueue& log_queue() { return log_queue_; }
+  [[nodiscard]] Time start_time() const { return base::from_ns(start_ns_.load()); }
+  [[nodiscard]] bool is_built() const { return is_built_; }
+  void log(LogLevel level, std::string_view component, std::string_view text) {
+    log_queue_.write(level, component, text);
+  }
+  void submit(const std::string& executor, detail::ComponentCore& from, std::function<void()> job);
+  /// Subscriptions that come and go while publishers run; in an activation of `component`.
+  detail::CallbackSubscription& subscribe_late(detail::ComponentCore& component,
+                                               const std::string& topic,
+                                               const google::protobuf::Message& default_instance,
+                                               const SubscriberOptions& options,
+                                               detail::EnvelopeCallback callback);
+  void end_subscription(detail::ComponentCore& component,
+                        detail::CallbackSubscription& subscription) noexcept;
+  void source_finished(detail::ComponentCore& component);
+  void component_failed(detail::ComponentCore& component);
+  void hold_time();
+  void let_time_go();
+  [[nodiscard]] detail::Simulation* simulation() { return simulation_.get(); }
+
+  [[nodiscard]] const std::vector<std::unique_ptr<detail::ComponentCore>>& components() const {
+    return components_;
+  }
+  [[nodiscard]] const std::vector<std::unique_ptr<detail::Executor>>& executors() const {
+    return executors_;
+  }
+  [[nodiscard]] const std::vector<base::Refusal>& refusals() const { return refusals_; }
+  [[nodiscard]] Time end_time() const { return end_time_; }
+
+ private:
+  void make_executors();
+  detail::Executor& executor_of(const config::ComponentDescription& component);
+  void add_component(const config::ComponentDescription& description, const ComponentClass& its_class);
+  void add_conflicts(config::Problems& problems) const;
+  void run_in(detail::ComponentCore& component, detail::Cause cause, std::function<void()> body);
+  void connect_late(detail::ComponentCore& component, detail::PublisherCore& publisher,
+                    detail::CallbackSubscription& subscription);
+  [[nodiscard]] detail::ComponentCore& component_of(const detail::PublisherCore& publisher) const;
+  void start_threads();
+  void stop_threads();
+  void drain();
+  [[nodiscard]] bool is_quiet() const;
+  [[nodiscard]] bool sources_are_finished() const;
+
+  const config::ApplicationDescription description_;
+  base::Clock clock_;
+  detail::LogQueue log_queue_;
+  mutable std::mutex topics_mutex_;  ///< Control plane: when subscriptions come and go.
+  detail::Topics topics_;
+  std::vector<std::unique_ptr<detail::ComponentCore>> components_;
+  std::vector<std::unique_ptr<detail::Executor>> executors_;
+  std::unique_ptr<detail::Simulation> simulation_;
+  std::vector<base::Refusal> refusals_;
+  std::vector<base::Thread> threads_;
+  std::stop_source thread_stop_;
+  bool is_built_ = false;
+  bool is_started_ = false;
+  bool is_stopped_ = false;
+  std::atomic<std::int64_t> start_ns_{0};
+  Time end_time_{};
+
+  std::mutex end_mutex_;
+  std::condition_variable end_changed_;
+  std::atomic<EndReason> end_reason_{EndReason::kNone};
+};
+
+}  // namespace fastcycle::host

@@ -1,0 +1,186 @@
+#include "host/component_core.h"
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+#include "config/nearest.h"
+#include "host/application.h"
+
+namespace fastcycle::detail {
+namespace {
+
+constexpr std::size_t kFaultsInWords = 16;
+constexpr std::uint32_t kMaxRestarts = 3;
+constexpr std::int64_t kRestartWindowNs = 10'000'000'000;
+
+}  // namespace
+
+ComponentCore::ComponentCore(host::Application& its_application, std::uint32_t its_index,
+                             config::ComponentDescription its_description,
+                             const ComponentClass& its_class, const base::Clock& its_clock)
+    : Actor(its_description.name, its_index, its_clock),
+      application(its_application),
+      description(std::move(its_description)),
+      component_class(its_class) {}
+
+ComponentCore::~ComponentCore() = default;
+
+std::optional<std::string> ComponentCore::construct(config::Problems& its_problems) {
+  problems = &its_problems;
+  params = std::make_unique<config::ParamReader>(
+      description.params, application.description().shared_params, its_problems);
+  is_constructing = true;
+  std::optional<std::string> thrown;
+  try {
+    component = component_class.create(context);
+    state = State::kConstructed;
+  } catch (const std::exception& exception) {
+    thrown = exception.what();
+  } catch (...) {
+    thrown = "something was thrown that is no std::exception";
+  }
+  is_constructing = false;
+  declared_params = params->declared();
+  if (!thrown) {
+    params->finish();
+    check_unused(its_problems);
+    if (description.serve_period) {
+      add_timer({.period = *description.serve_period, .phase = description.serve_phase},
+                [this](const Tick&) { component->serve(); });
+    }
+  }
+  params.reset();
+  problems = nullptr;
+  return thrown;
+}
+
+void ComponentCore::check_unused(config::Problems& its_problems) const {
+  const std::vector<std::string> known(topics_in_code.begin(), topics_in_code.end());
+  const auto check = [&](const std::string& topic, const config::Place& place, const char* where) {
+    if (!topics_in_code.contains(topic)) {
+      its_problems.add(config::mistake(
+          place,
+          std::string("component \"") + name + "\" names no topic \"" + topic + "\" (" + where + ")",
+          config::did_you_mean(config::nearest(topic, known))));
+    }
+  };
+  for (const auto& [topic, subscriber] : description.subscribers) {
+    check(topic, subscriber.place, "subscribers");
+  }
+  for (const auto& [topic, publisher] : description.publishers) {
+    check(topic, publisher.place, "publishers");
+  }
+  for (const auto& [topic, target] : description.remap) {
+    check(topic, description.place, "remap");
+  }
+}
+
+SubscriberOptions ComponentCore::subscriber_options(std::string_view topic,
+                                                    SubscriberOptions options) const {
+  const auto found = description.subscribers.find(std::string(topic));
+  if (found == description.subscribers.end()) {
+    return options;
+  }
+  if (found->second.depth) {
+    options.depth = found->second.depth;
+  }
+  if (found->second.overflow) {
+    options.overflow = *found->second.overflow == config::Overflow::kDropOldest
+                           ? Overflow::kDropOldest
+                           : Overflow::kDropNewest;
+  }
+  return options;
+}
+
+void ComponentCore::destroy() {
+  if (component == nullptr) {
+    return;
+  }
+  std::string error;
+  if (!component_class.destroy(std::exchange(component, nullptr), error)) {
+    note_fault("its destructor threw: " + error);
+  }
+}
+
+void ComponentCore::call_start() {
+  if (state != State::kConstructed) {
+    return;
+  }
+  component->start();
+  state = State::kRunning;
+  open();
+}
+
+void ComponentCore::call_stop() {
+  if (state == State::kRunning) {
+    state = State::kStopped;
+    component->stop();
+  }
+}
+
+void ComponentCore::note_fault(std::string_view what) {
+  ++fault_count;
+  if (faults.size() < kFaultsInWords) {
+    faults.emplace_back(what);
+  }
+  application.log(LogLevel::kError, name, what);
+  if (description.on_fault == config::OnFault::kStop) {
+    application.request_end(host::EndReason::kFault);
+  }
+}
+
+void ComponentCore::fail(std::string_view what) {
+  note_fault(what);
+  state = State::kFailed;
+  open();  // What still comes is taken out and counted, not left waiting.
+  cancel_timers();
+  close(DropReason::kFault);
+  application.component_failed(*this);
+}
+
+void ComponentCore::on_fault(std::string_view what) {
+  const bool was_running = state == State::kRunning;
+  if (state == State::kFailed || state == State::kStopped) {
+    note_fault(what);
+  } else if (description.on_fault == config::OnFault::kRestart && was_running) {
+    restart(what);
+  } else {
+    fail(what);
+  }
+}
+
+void ComponentCore::restart(std::string_view what) {
+  const std::int64_t now_ns = base::to_ns(publishing.now);
+  if (restarts == 0 || now_ns - first_restart_ns > kRestartWindowNs) {
+    restarts = 0;
+    first_restart_ns = now_ns;
+  }
+  if (restarts == kMaxRestarts) {
+    fail(std::string(what) + " (restarted 3 times within 10 s: it stays stopped)");
+    return;
+  }
+  ++restarts;
+  note_fault(std::string(what) + " (restarting)");
+  destroy();
+  clear_timers();
+  redeclared = {};
+  is_redeclaring = true;
+  config::Problems ignored;  // The same parameters were found right before.
+  const auto thrown = construct(ignored);
+  is_redeclaring = false;
+  if (thrown) {
+    fail("its constructor threw when it was restarted: " + *thrown);
+    return;
+  }
+  try {
+    call_start();
+    start_timers(publishing.now);
+  } catch (const std::exception& exception) {
+    fail(std::string("its start() threw when it was restarted: ") + exception.what());
+  } catch (...) {
+    fail("its start() threw when it was restarted");
+  }
+}
+
+}  // namespace fastcycle::detail

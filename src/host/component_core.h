@@ -1,0 +1,111 @@
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/description.h"
+#include "config/params.h"
+#include "executor/actor.h"
+#include "fastcycle/component.h"
+#include "fastcycle/library.h"
+
+namespace fastcycle::host {
+class Application;
+}  // namespace fastcycle::host
+
+namespace fastcycle::detail {
+
+/// One component of an application: its object, what it declared, and what became of it.
+///
+/// @threads  As `Actor`; what the report reads is read after the end of the run.
+class ComponentCore final : public Actor {
+ public:
+  enum class State : std::uint8_t { kDeclared, kConstructed, kRunning, kStopped, kFailed };
+
+  ComponentCore(host::Application& its_application, std::uint32_t its_index,
+                config::ComponentDescription its_description, const ComponentClass& its_class,
+                const base::Clock& its_clock);
+  ~ComponentCore() override;
+
+  /// Makes the component's object. Mistakes in its parameters go to `problems`.
+  /// Returns what its constructor threw, or nothing.
+  std::optional<std::string> construct(config::Problems& problems);
+
+  /// Destroys the object; what its destructor throws is a fault.
+  void destroy();
+
+  /// The lifecycle, each called in an activation.
+  void call_start();
+  void call_stop();
+
+  /// Ends the component after a fault: nothing is delivered to it any more.
+  void fail(std::string_view what);
+  void note_fault(std::string_view what);
+
+  /// The mistakes that show once the constructor ran: parameters, queues and topics that the file
+  /// names and nobody declared.
+  void check_unused(config::Problems& problems) const;
+
+  [[nodiscard]] std::string topic_name(std::string_view name_in_code) const {
+    return config::resolve_topic(description, name_in_code);
+  }
+  [[nodiscard]] SubscriberOptions subscriber_options(std::string_view topic,
+                                                     SubscriberOptions options) const;
+
+  /// What is declared again, in the same order, when the component is restarted.
+  struct Declared {
+    std::vector<PublisherCore*> publishers;
+    std::vector<CallbackSubscription*> subscriptions;
+    std::vector<View*> views;
+  };
+  struct NamedThread {
+    std::string name;
+    std::function<void(std::stop_token)> body;
+  };
+
+  host::Application& application;
+  const config::ComponentDescription description;
+  const ComponentClass component_class;
+  Context context{*this};
+  Component* component = nullptr;
+  std::atomic<State> state{State::kDeclared};
+
+  // Declarations.
+  bool is_constructing = false;
+  Declared declared;
+  Declared redeclared;  ///< How far a restarted constructor got, by its sizes.
+  bool is_redeclaring = false;
+  std::set<std::string, std::less<>> topics_in_code;
+  std::vector<NamedThread> threads;
+  std::unique_ptr<config::ParamReader> params;
+  config::Problems* problems = nullptr;
+  std::set<std::string> declared_params;
+
+  // What it says of itself and of the run; its own activations only.
+  std::map<std::string, ReportValue, std::less<>> results;
+  Health health = Health::kOk;
+  std::string health_reason;
+  std::optional<Random> random;
+  std::vector<std::string> faults;  ///< The first 16, in words.
+  std::uint64_t fault_count = 0;
+  std::uint32_t restarts = 0;
+  std::int64_t first_restart_ns = 0;
+
+  // A source that has not finished keeps the run going.
+  std::atomic<bool> is_source{false};
+  std::atomic<bool> is_source_finished{false};
+
+ protected:
+  void on_fault(std::string_view what) override;
+
+ private:
+  void restart(std::string_view what);
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,314 @@
+#include "host/component_library.h"
+
+#include <dlfcn.h>
+#include <elf.h>
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <span>
+#include <string_view>
+
+#include "base/floating_point.h"
+#include "config/nearest.h"
+
+namespace fastcycle::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kEntry = "fastcycle_component_library_v1";
+
+/// A file mapped for reading; empty, with a reason, if it is none.
+class MappedFile {
+ public:
+  explicit MappedFile(const fs::path& file) {
+    // O_NONBLOCK: a FIFO of that name must not hold up the start.
+    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (descriptor < 0) {
+      error = std::strerror(errno);
+      return;
+    }
+    struct stat status {};
+    if (fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
+      error = "not a regular file";
+    } else if (status.st_size > 0) {
+      size_ = static_cast<std::size_t>(status.st_size);
+      void* address = mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, descriptor, 0);
+      if (address == MAP_FAILED) {
+        error = std::strerror(errno);
+      } else {
+        address_ = address;
+      }
+    }
+    ::close(descriptor);
+  }
+  MappedFile(const MappedFile&) = delete;
+  MappedFile& operator=(const MappedFile&) = delete;
+  ~MappedFile() {
+    if (address_ != nullptr) {
+      munmap(address_, size_);
+    }
+  }
+
+  /// The bytes from `offset` on, if there are `size` of them.
+  [[nodiscard]] std::optional<std::string_view> at(std::uint64_t offset, std::uint64_t size) const {
+    if (address_ == nullptr || offset > size_ || size > size_ - offset) {
+      return std::nullopt;
+    }
+    return std::string_view(static_cast<const char*>(address_) + offset, size);
+  }
+
+  template <typename T>
+  [[nodiscard]] std::optional<T> read(std::uint64_t offset) const {
+    const auto bytes = at(offset, sizeof(T));
+    if (!bytes) {
+      return std::nullopt;
+    }
+    T value;
+    std::memcpy(&value, bytes->data(), sizeof(T));
+    return value;
+  }
+
+  std::string error;
+
+ private:
+  void* address_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+constexpr std::uint64_t round_up_to_4(std::uint64_t size) { return (size + 3) / 4 * 4; }
+
+/// The text of the note named "FastCycle" in the notes from `offset` on.
+std::optional<std::string> find_note(const MappedFile& file, std::uint64_t offset,
+                                     std::uint64_t size) {
+  const std::uint64_t end = offset + size;
+  while (offset < end) {
+    const auto header = file.read<Elf64_Nhdr>(offset);
+    if (!header) {
+      return std::nullopt;
+    }
+    const std::uint64_t name_offset = offset + sizeof(Elf64_Nhdr);
+    const std::uint64_t text_offset = name_offset + round_up_to_4(header->n_namesz);
+    const auto name = file.at(name_offset, header->n_namesz);
+    const auto text = file.at(text_offset, header->n_descsz);
+    if (!name || !text) {
+      return std::nullopt;
+    }
+    if (name->substr(0, name->find('\0')) == "FastCycle") {
+      return std::string(text->substr(0, text->find('\0')));
+    }
+    offset = text_offset + round_up_to_4(header->n_descsz);
+  }
+  return std::nullopt;
+}
+
+/// "sanitizer" of the first word in which the two differ, with both values.
+std::string first_difference(std::string_view expected, std::string_view found) {
+  const auto next_word = [](std::string_view& text) {
+    const auto end = text.find(' ');
+    const std::string_view word = text.substr(0, end);
+    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+    return word;
+  };
+  while (!expected.empty() || !found.empty()) {
+    const std::string_view a = next_word(expected);
+    const std::string_view b = next_word(found);
+    if (a != b) {
+      return std::string(a) + " here, " + std::string(b) + " there";
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+fs::path core_library_folder() {
+  Dl_info info{};
+  if (dladdr(reinterpret_cast<const void*>(&core_library_folder), &info) == 0 ||
+      info.dli_fname == nullptr) {
+    return {};
+  }
+  std::error_code ignored;
+  return fs::weakly_canonical(info.dli_fname, ignored).parent_path();
+}
+
+std::vector<fs::path> library_folders(const config::ApplicationDescription& description,
+                                      const std::vector<fs::path>& from_command_line) {
+  std::vector<fs::path> folders = from_command_line;
+  folders.insert(folders.end(), description.library_path.begin(), description.library_path.end());
+  const fs::path beside = description.file.parent_path();
+  folders.push_back(beside.empty() ? fs::path(".") : beside);
+  folders.push_back(core_library_folder() / "fastcycle");
+  return folders;
+}
+
+BuildNote read_build_note(const fs::path& path) {
+  const MappedFile file(path);
+  if (!file.error.empty()) {
+    return {{}, file.error};
+  }
+  const auto header = file.read<Elf64_Ehdr>(0);
+  if (!header || std::memcmp(header->e_ident, ELFMAG, SELFMAG) != 0) {
+    return {{}, "not an ELF file"};
+  }
+  if (header->e_ident[EI_CLASS] != ELFCLASS64 || header->e_type != ET_DYN) {
+    return {{}, "not a 64-bit shared library"};
+  }
+  for (unsigned i = 0; i < header->e_phnum; ++i) {
+    const auto program = file.read<Elf64_Phdr>(header->e_phoff + std::uint64_t{i} * header->e_phentsize);
+    if (!program) {
+      return {{}, "cut short"};
+    }
+    if (program->p_type == PT_LOAD && !file.at(program->p_offset, program->p_filesz)) {
+      return {{}, "cut short"};
+    }
+    if (program->p_type == PT_NOTE && program->p_filesz < 1U << 20) {
+      if (auto text = find_note(file, program->p_offset, program->p_filesz)) {
+        return {std::move(text), {}};
+      }
+    }
+  }
+  return {};
+}
+
+std::string host_build_note() { return FASTCYCLE_BUILD_NOTE; }
+
+LibraryLoader::LibraryLoader(std::vector<fs::path> folders) : folders_(std::move(folders)) {}
+
+fs::path LibraryLoader::file_of(const std::string& name) const {
+  for (const fs::path& folder : folders_) {
+    std::error_code ignored;
+    const fs::path file = folder / ("lib" + name + ".so");
+    if (fs::exists(fs::symlink_status(file, ignored))) {
+      return fs::absolute(file, ignored);
+    }
+  }
+  return {};
+}
+
+std::vector<std::string> LibraryLoader::known_names() const {
+  std::vector<std::string> names;
+  for (const fs::path& folder : folders_) {
+    std::error_code error;
+    for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      const std::string file = entry->path().filename().string();
+      if (file.size() > 6 && file.starts_with("lib") && file.ends_with(".so")) {
+        names.push_back(file.substr(3, file.size() - 6));
+      }
+    }
+  }
+  return names;
+}
+
+const ComponentLibrary* LibraryLoader::open(const std::string& name, const config::Place& place,
+                                            config::Problems& problems) {
+  const auto known = open_.find(name);
+  if (known != open_.end()) {
+    return known->second;
+  }
+  const ComponentLibrary* library = load(name, place, problems);
+  open_[name] = library;
+  return library;
+}
+
+const ComponentLibrary* LibraryLoader::load(const std::string& name, const config::Place& place,
+                                            config::Problems& problems) {
+  const fs::path file = file_of(name);
+  const std::string library = "library \"" + name + "\"";
+  if (file.empty()) {
+    std::string looked;
+    for (const fs::path& folder : folders_) {
+      looked += (looked.empty() ? "" : ", ") + folder.string();
+    }
+    problems.add(config::mistake(
+        place, library + " was not found: no lib" + name + ".so in " + looked,
+        config::did_you_mean(config::nearest(name, known_names()))));
+    return nullptr;
+  }
+  const BuildNote note = read_build_note(file);
+  if (!note.error.empty()) {
+    problems.add(config::mistake(place, library + " cannot be loaded: " + file.string() + " is " +
+                                            note.error));
+    return nullptr;
+  }
+  if (!note.text) {
+    problems.add(config::mistake(
+        place, library + " is no component library: " + file.string() + " has no FastCycle note",
+        "is FASTCYCLE_COMPONENT(YourClass) at the end of one of its sources?"));
+    return nullptr;
+  }
+  if (*note.text != host_build_note()) {
+    config::Problem problem;
+    problem.place = place;
+    problem.expected = host_build_note();
+    problem.found = *note.text;
+    problem.message = library + " was built for another FastCycle: " +
+                      first_difference(host_build_note(), *note.text) + " (" + file.string() + ")";
+    problem.hint = "build it again against the FastCycle that runs it";
+    problems.add(std::move(problem));
+    return nullptr;
+  }
+  void* handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+  base::reset_floating_point();
+  if (handle == nullptr) {
+    problems.add(config::mistake(place, library + " cannot be loaded: " + dlerror()));
+    return nullptr;
+  }
+  using Entry = const ComponentLibrary* (*)();
+  const auto entry = reinterpret_cast<Entry>(dlsym(handle, kEntry));
+  if (entry == nullptr) {
+    problems.add(config::mistake(place, library + " has no function " + kEntry + " (" +
+                                            file.string() + ")",
+                                 "is FASTCYCLE_COMPONENT(YourClass) in one of its sources?"));
+    return nullptr;
+  }
+  const ComponentLibrary* classes = entry();
+  if (classes == nullptr || classes->interface_version != kInterfaceVersion ||
+      classes->class_count == 0) {
+    problems.add(config::mistake(place, library + " has another interface than version " +
+                                            std::to_string(kInterfaceVersion)));
+    return nullptr;
+  }
+  return classes;
+}
+
+const ComponentClass* LibraryLoader::find(const config::ComponentDescription& component,
+                                          config::Problems& problems) {
+  const ComponentLibrary* library = open(component.library, component.place, problems);
+  if (library == nullptr) {
+    return nullptr;
+  }
+  const std::span classes(library->classes, library->class_count);
+  if (component.class_name.empty() && classes.size() == 1) {
+    return &classes.front();
+  }
+  std::vector<std::string> names;
+  for (const ComponentClass& candidate : classes) {
+    if (component.class_name == candidate.name) {
+      return &candidate;
+    }
+    names.emplace_back(candidate.name);
+  }
+  std::string all;
+  for (const std::string& name : names) {
+    all += (all.empty() ? "\"" : ", \"") + name + "\"";
+  }
+  if (component.class_name.empty()) {
+    problems.add(config::mistake(component.place, "library \"" + component.library + "\" has several "
+                                                  "classes: say \"class\": one of " + all));
+  } else {
+    problems.add(config::mistake(component.place,
+                                 "library \"" + component.library + "\" has no class \"" +
+                                     component.class_name + "\", only " + all,
+                                 config::did_you_mean(config::nearest(component.class_name, names))));
+  }
+  return nullptr;
+}
+
+}  // namespace fastcycle::host

@@ -1,0 +1,329 @@
+// What components ask of their context, answered by the application.
+
+#include <google/protobuf/util/json_util.h>
+
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include "config/params.h"
+#include "host/application.h"
+#include "host/component_core.h"
+
+namespace fastcycle {
+
+using host::Application;
+
+namespace detail {
+namespace {
+
+using config::Problems;
+using config::Value;
+
+std::optional<ParamElementValue> read_number(const ParamSpec& spec, const Value& value,
+                                             Problems& problems) {
+  switch (spec.kind) {
+    case ParamKind::kSigned:
+      return config::to_int64(
+          value, {.min = std::get<std::int64_t>(*spec.min), .max = std::get<std::int64_t>(*spec.max)},
+          problems);
+    case ParamKind::kUnsigned:
+      return config::to_uint64(value,
+                               {.min = std::get<std::uint64_t>(*spec.min),
+                                .max = std::get<std::uint64_t>(*spec.max)},
+                               problems);
+    default: {
+      config::Range<double> range;
+      if (spec.min) {
+        range.min = std::get<double>(*spec.min);
+      }
+      if (spec.max) {
+        range.max = std::get<double>(*spec.max);
+      }
+      return config::to_double(value, range, problems);
+    }
+  }
+}
+
+std::optional<ParamElementValue> read_element(const ParamSpec& spec, const Value& value,
+                                              Problems& problems) {
+  switch (spec.kind) {
+    case ParamKind::kBool:
+      return config::to_bool(value, problems);
+    case ParamKind::kSigned:
+    case ParamKind::kUnsigned:
+    case ParamKind::kDouble:
+      return read_number(spec, value, problems);
+    case ParamKind::kEnum:
+      if (const auto index = config::to_choice(value, spec.names, problems)) {
+        return static_cast<std::int64_t>(*index);
+      }
+      return std::nullopt;
+    case ParamKind::kString:
+    case ParamKind::kPath:
+      if (const auto text = config::to_text(value, problems)) {
+        return spec.kind == ParamKind::kPath ? value.as_path().string() : *text;
+      }
+      return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+/// Something of the right type to go on with, when a mistake will keep the application from starting.
+std::vector<ParamElementValue> stand_in(const ParamSpec& spec) {
+  if (spec.is_vector) {
+    return {};
+  }
+  switch (spec.kind) {
+    case ParamKind::kBool:
+      return {false};
+    case ParamKind::kSigned:
+    case ParamKind::kEnum:
+      return {std::int64_t{0}};
+    case ParamKind::kUnsigned:
+      return {std::uint64_t{0}};
+    case ParamKind::kDouble:
+      return {0.0};
+    case ParamKind::kString:
+    case ParamKind::kPath:
+      return {std::string()};
+  }
+  return {};
+}
+
+void assert_constructing(const ComponentCore& core) {
+  FASTCYCLE_ASSERT(core.is_constructing, "parameters, publishers, views and timers are declared in "
+                                         "the component's constructor");
+}
+
+/// The next of what a restarted component declares again; it must be what it was.
+template <typename T>
+T& redeclare(std::vector<T*>& first, std::vector<T*>& again,
+             const std::string& topic) {
+  if (again.size() >= first.size() || first[again.size()]->topic.name != topic) {
+    throw std::logic_error("a restarted component declares other topics than before: \"" + topic +
+                           "\"");
+  }
+  again.push_back(first[again.size()]);
+  return *again.back();
+}
+
+}  // namespace
+
+std::vector<ParamElementValue> read_param(ComponentCore& core, const ParamSpec& spec) {
+  assert_constructing(core);
+  const auto fallback = [&] { return spec.fallback ? *spec.fallback : stand_in(spec); };
+  const Value* value = spec.fallback ? core.params->find(spec.name) : core.params->require(spec.name);
+  if (value == nullptr) {
+    return fallback();
+  }
+  if (!spec.is_vector) {
+    const auto element = read_element(spec, *value, *core.problems);
+    return element ? std::vector<ParamElementValue>{*element} : fallback();
+  }
+  if (!value->is_array()) {
+    core.problems->add(config::unexpected(*value, "an array"));
+    return fallback();
+  }
+  std::vector<ParamElementValue> elements;
+  for (const Value& item : value->items()) {
+    if (const auto element = read_element(spec, item, *core.problems)) {
+      elements.push_back(*element);
+    }
+  }
+  return elements;
+}
+
+void read_message_param(ComponentCore& core, std::string_view name, std::string_view,
+                        bool has_fallback, google::protobuf::Message& message) {
+  assert_constructing(core);
+  const Value* value = has_fallback ? core.params->find(name) : core.params->require(name);
+  if (value == nullptr) {
+    return;
+  }
+  message.Clear();
+  google::protobuf::util::JsonParseOptions options;
+  options.ignore_unknown_fields = false;
+  const auto status =
+      google::protobuf::util::JsonStringToMessage(value->to_text(), &message, options);
+  if (!status.ok()) {
+    config::Problem problem =
+        config::unexpected(*value, "a message " + message.GetTypeName() + " as JSON");
+    problem.hint = std::string(status.message());
+    core.problems->add(std::move(problem));
+  }
+}
+
+PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
+                                const google::protobuf::Message& default_instance,
+                                const google::protobuf::Message* prototype, bool is_external) {
+  assert_constructing(core);
+  const std::string name = core.topic_name(topic);
+  core.topics_in_code.emplace(topic);
+  if (core.is_redeclaring) {
+    return redeclare(core.declared.publishers, core.redeclared.publishers, name);
+  }
+  PublisherCore& publisher = core.application.topics().add_publisher(
+      name, core.publishing, default_instance, prototype, is_external);
+  core.declared.publishers.push_back(&publisher);
+  return publisher;
+}
+
+Subscription& create_subscription(ComponentCore& core, std::string_view topic,
+                                  const google::protobuf::Message& default_instance,
+                                  const SubscriberOptions& options, EnvelopeCallback callback) {
+  const std::string name = core.topic_name(topic);
+  core.topics_in_code.emplace(topic);
+  if (core.is_redeclaring) {
+    CallbackSubscription& subscription =
+        redeclare(core.declared.subscriptions, core.redeclared.subscriptions, name);
+    subscription.callback = std::move(callback);
+    return subscription;
+  }
+  if (core.is_constructing) {
+    Topic& its_topic = core.application.topics().get(name, core.name, default_instance);
+    CallbackSubscription& subscription =
+        core.subscribe(its_topic, core.subscriber_options(topic, options), std::move(callback));
+    core.declared.subscriptions.push_back(&subscription);
+    return subscription;
+  }
+  FASTCYCLE_ASSERT(core.publishing.is_in_activation,
+                   "subscriptions are made in the constructor or in a callback");
+  return core.application.subscribe_late(core, name, default_instance,
+                                         core.subscriber_options(topic, options),
+                                         std::move(callback));
+}
+
+void end_subscription(Subscription& subscription) noexcept {
+  auto& callback = static_cast<CallbackSubscription&>(subscription);
+  auto& core = static_cast<ComponentCore&>(callback.actor);
+  core.application.end_subscription(core, callback);
+}
+
+View& create_view(ComponentCore& core, std::string_view topic,
+                  const google::protobuf::Message& default_instance, std::size_t depth,
+                  std::optional<Duration> span) {
+  assert_constructing(core);
+  const std::string name = core.topic_name(topic);
+  core.topics_in_code.emplace(topic);
+  if (core.is_redeclaring) {
+    return redeclare(core.declared.views, core.redeclared.views, name);
+  }
+  Topic& its_topic = core.application.topics().get(name, core.name, default_instance);
+  const auto kind = depth == 1 && !span ? Subscription::Kind::kLatest : Subscription::Kind::kHistory;
+  auto view = std::make_unique<View>(its_topic, core, kind, depth, span);
+  View& result = *view;
+  its_topic.subscriptions.push_back(std::move(view));
+  core.views.push_back(&result);
+  core.declared.views.push_back(&result);
+  core.publishing.has_subscribers = true;
+  return result;
+}
+
+std::size_t view_size(const View& view) noexcept { return view.held.size(); }
+Envelope& view_at(const View& view, std::size_t index) noexcept { return *view.held[index]; }
+Time view_now(const View& view) noexcept { return view.actor.publishing.now; }
+
+TimerCore& create_timer(ComponentCore& core, const TimerOptions& options, TickCallback callback) {
+  assert_constructing(core);
+  return core.add_timer(options, std::move(callback));
+}
+
+void arm_timer(TimerCore& timer, Time due) noexcept {
+  FASTCYCLE_ASSERT(!timer.is_periodic(), "a timer with a period arms itself");
+  FASTCYCLE_ASSERT(timer.actor.publishing.is_in_activation,
+                   "a component arms its timers only inside its callbacks");
+  timer.actor.arm(timer, due);
+}
+
+void cancel_timer(TimerCore& timer) noexcept { timer.due_ns = base::kNever; }
+
+}  // namespace detail
+
+using detail::ComponentCore;
+
+const std::string& Context::component_name() const { return core_.name; }
+const std::string& Context::application_name() const {
+  return core_.application.description().name;
+}
+
+void Context::create_thread(std::string name, std::function<void(std::stop_token)> body) {
+  if (!core_.is_redeclaring) {
+    detail::assert_constructing(core_);
+    core_.threads.push_back({std::move(name), std::move(body)});
+  }
+}
+
+void Context::offload(std::string_view executor, std::function<void()> work,
+                      std::function<void()> done) {
+  FASTCYCLE_ASSERT(core_.publishing.is_in_activation, "work is offloaded inside a callback");
+  ComponentCore& core = core_;
+  core.application.submit(
+      std::string(executor), core, [&core, work = std::move(work), done = std::move(done)] {
+        try {
+          work();
+        } catch (const std::exception& exception) {
+          core.post(detail::Cause::kFault, [what = std::string(exception.what())] {
+            throw std::runtime_error("offloaded work threw: " + what);
+          });
+          return;
+        } catch (...) {
+          core.post(detail::Cause::kFault,
+                    [] { throw std::runtime_error("offloaded work threw"); });
+          return;
+        }
+        core.post(detail::Cause::kJob, [&core, done] {
+          if (core.state == ComponentCore::State::kRunning) {
+            done();
+          }
+        });
+      });
+}
+
+Source Context::create_source() {
+  core_.is_source = true;
+  return Source(core_);
+}
+
+void Source::finish() {
+  if (!core_->is_source_finished.load()) {
+    core_->application.source_finished(*core_);
+  }
+}
+
+TimeHold::TimeHold(ComponentCore& core) : core_(&core) { core_->application.hold_time(); }
+
+TimeHold::~TimeHold() {
+  if (core_ != nullptr) {
+    core_->application.let_time_go();
+  }
+}
+
+void Context::report(std::string_view name, ReportValue value) {
+  core_.results.insert_or_assign(std::string(name), std::move(value));
+}
+
+Time Component::now() const { return context_.core().publishing.now; }
+Time Component::start_time() const { return context_.core().application.start_time(); }
+
+Log Component::log() const {
+  ComponentCore& core = context_.core();
+  return {core.application.log_queue(), core.name};
+}
+
+Random& Component::random() {
+  ComponentCore& core = context_.core();
+  if (!core.random) {
+    core.random.emplace(
+        detail::publisher_id(core.application.description().name, core.name));
+  }
+  return *core.random;
+}
+
+void Component::health(Health state, std::string_view reason) {
+  ComponentCore& core = context_.core();
+  core.health = state;
+  core.health_reason = reason;
+}
+
+}  // namespace fastcycle

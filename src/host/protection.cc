@@ -1,0 +1,44 @@
+#include "host/protection.h"
+
+#include <sys/prctl.h>
+#include <sys/resource.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+namespace fastcycle::host {
+namespace {
+
+/// The process that traces this one; 0 if none does.
+int tracer() {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word) {
+    if (word == "TracerPid:") {
+      int pid = 0;
+      status >> pid;
+      return pid;
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+std::optional<std::string> protect_process() {
+  // First close the door, then look who came in before.
+  if (prctl(PR_SET_DUMPABLE, 0) != 0) {
+    return std::string("its memory cannot be protected (PR_SET_DUMPABLE): ") + std::strerror(errno);
+  }
+  const rlimit no_core{0, 0};
+  setrlimit(RLIMIT_CORE, &no_core);
+  if (const int pid = tracer(); pid != 0) {
+    return "process " + std::to_string(pid) +
+           " traces it and could read every message; start it without a debugger, or with "
+           "--debuggable if that is meant";
+  }
+  return std::nullopt;
+}
+
+}  // namespace fastcycle::host

@@ -1,0 +1,417 @@
+#include "host/trial.h"
+
+#include <fcntl.h>
+#include <google/protobuf/descriptor.h>
+#include <poll.h>
+#include <spawn.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "host/component_library.h"
+#include "host/protection.h"
+
+namespace fastcycle::host {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr int kReportDescriptor = 3;
+
+json to_json(const config::Problem& problem) {
+  return {{"file", problem.place.file},   {"line", problem.place.line},
+          {"pointer", problem.place.pointer}, {"message", problem.message},
+          {"expected", problem.expected}, {"found", problem.found},
+          {"hint", problem.hint},         {"warning", problem.warning}};
+}
+
+config::Problem to_problem(const json& value) {
+  config::Problem problem;
+  problem.place = {value.at("file"), value.at("line"), value.at("pointer")};
+  problem.message = value.at("message");
+  problem.expected = value.at("expected");
+  problem.found = value.at("found");
+  problem.hint = value.at("hint");
+  problem.warning = value.at("warning");
+  return problem;
+}
+
+/// What parent and child tell each other at the start, as one JSON argument.
+json to_json(const TrialOptions& options, const std::set<std::string>& without,
+             const std::string& wanted_proto) {
+  json paths = json::array();
+  for (const fs::path& path : options.library_path) {
+    paths.push_back(path.string());
+  }
+  json overlays = json::array();
+  for (const fs::path& path : options.load.overlays) {
+    overlays.push_back(path.string());
+  }
+  return {{"file", options.load.file.string()},
+          {"overlays", overlays},
+          {"sets", options.load.sets},
+          {"variables", options.load.variables},
+          {"schema", options.load.schema_file.string()},
+          {"library_path", paths},
+          {"throw_is_mistake", options.on_throw == ConstructorFault::kMistake},
+          {"without", without},
+          {"wanted_proto", wanted_proto}};
+}
+
+/// How one child ended, and what it had said until then.
+struct ChildResult {
+  bool is_done = false;
+  std::string ending;         ///< In words, if it is not done: "ended by signal 6 (Aborted)".
+  std::string last_kind;      ///< "loading" or "constructing", if that is where it ended.
+  std::string last_name;      ///< Of the library or component.
+  std::string errors;         ///< The end of its standard error.
+  std::string proto_library;  ///< Which library has the wanted .proto.
+  std::vector<config::Problem> problems;
+};
+
+/// The child process, with a pipe for its report and one for its standard error.
+class Child {
+ public:
+  explicit Child(const std::string& argument) {
+    int report[2];
+    int errors[2];
+    if (pipe2(report, O_CLOEXEC) != 0 || pipe2(errors, O_CLOEXEC) != 0) {
+      return;
+    }
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_adddup2(&actions, errors[1], STDERR_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, report[1], kReportDescriptor);
+    // Signals that the host handles itself must end the child as usual.
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    sigset_t none;
+    sigemptyset(&none);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
+    const std::string program =
+        (core_library_folder() / "../libexec/fastcycle/fastcycle-trial").lexically_normal().string();
+    std::string name = "fastcycle-trial";
+    std::string copy = argument;
+    char* arguments[] = {name.data(), copy.data(), nullptr};
+    error = posix_spawn(&pid_, program.c_str(), &actions, &attributes, arguments, environ);
+    if (error != 0) {
+      pid_ = -1;
+    }
+    posix_spawnattr_destroy(&attributes);
+    posix_spawn_file_actions_destroy(&actions);
+    close(report[1]);
+    close(errors[1]);
+    report_ = report[0];
+    errors_ = errors[0];
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  ~Child() {
+    for (const int descriptor : {report_, errors_}) {
+      if (descriptor >= 0) {
+        close(descriptor);
+      }
+    }
+  }
+
+  [[nodiscard]] bool is_running() const { return pid_ > 0; }
+
+  /// Reads until both pipes are closed; false if nothing was reported for `limit`.
+  bool read(std::chrono::milliseconds limit, const std::function<void(std::string_view)>& on_line,
+            std::string& errors) {
+    std::string report;
+    bool report_open = true;
+    bool errors_open = true;
+    while (report_open || errors_open) {
+      pollfd descriptors[] = {{report_open ? report_ : -1, POLLIN, 0},
+                              {errors_open ? errors_ : -1, POLLIN, 0}};
+      const int ready = poll(descriptors, 2, static_cast<int>(limit.count()));
+      if (ready < 0 && errno == EINTR) {
+        continue;
+      }
+      if (ready <= 0) {
+        return false;
+      }
+      if (descriptors[0].revents != 0) {
+        report_open = append(report_, report);
+        for (auto end = report.find('\n'); end != std::string::npos; end = report.find('\n')) {
+          on_line(std::string_view(report).substr(0, end));
+          report.erase(0, end + 1);
+        }
+        if (!report_open && !errors_open) {
+          break;
+        }
+      }
+      if (descriptors[1].revents != 0) {
+        errors_open = append(errors_, errors);
+        constexpr std::size_t kKept = 16 * 1024;
+        if (errors.size() > kKept) {
+          errors.erase(0, errors.size() - kKept);
+        }
+      }
+      // A library may have left a process of its own behind, which keeps standard error open.
+      if (!report_open && ready > 0 && errors_open && waitpid(pid_, &status_, WNOHANG) == pid_) {
+        is_reaped_ = true;
+        break;
+      }
+    }
+    return true;
+  }
+
+  void kill() const { ::kill(pid_, SIGKILL); }
+
+  /// How it ended.
+  int wait() {
+    while (!is_reaped_ && waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
+    }
+    is_reaped_ = true;
+    return status_;
+  }
+
+  int error = 0;
+
+ private:
+  static bool append(int descriptor, std::string& text) {
+    char buffer[4096];
+    const ssize_t count = ::read(descriptor, buffer, sizeof(buffer));
+    if (count > 0) {
+      text.append(buffer, static_cast<std::size_t>(count));
+    }
+    return count > 0 || (count < 0 && (errno == EINTR || errno == EAGAIN));
+  }
+
+  pid_t pid_ = -1;
+  int report_ = -1;
+  int errors_ = -1;
+  int status_ = 0;
+  bool is_reaped_ = false;
+};
+
+std::string describe_end(int status) {
+  if (WIFSIGNALED(status)) {
+    const int number = WTERMSIG(status);
+    return "ended the process by signal " + std::to_string(number) + " (" + strsignal(number) + ")";
+  }
+  return "ended the process with exit code " + std::to_string(WEXITSTATUS(status));
+}
+
+ChildResult run_child(const TrialOptions& options, const std::set<std::string>& without,
+                      const std::string& wanted_proto) {
+  ChildResult result;
+  Child child(to_json(options, without, wanted_proto).dump(-1, ' ', false,
+                                                           json::error_handler_t::replace));
+  if (!child.is_running()) {
+    result.ending = std::string("could not be started: ") + std::strerror(child.error);
+    return result;
+  }
+  const bool is_in_time = child.read(
+      options.limit,
+      [&](std::string_view line) {
+        const json said = json::parse(line, nullptr, false);
+        if (said.is_discarded() || !said.contains("kind")) {
+          return;
+        }
+        const std::string kind = said["kind"];
+        if (kind == "problem") {
+          result.problems.push_back(to_problem(said["problem"]));
+        } else if (kind == "proto") {
+          result.proto_library = said["name"];
+        } else if (kind == "done") {
+          result.is_done = true;
+        } else {
+          result.last_kind = kind;
+          result.last_name = said.value("name", "");
+        }
+      },
+      result.errors);
+  if (!is_in_time) {
+    child.kill();
+  }
+  const int status = child.wait();
+  if (!result.is_done) {
+    result.ending = is_in_time
+                        ? describe_end(status)
+                        : "did not come back within " + std::to_string(options.limit.count()) + " s";
+  }
+  return result;
+}
+
+/// The .proto that two libraries brought, if that is what protobuf's registry died of.
+std::string duplicate_proto(const std::string& errors) {
+  constexpr std::string_view kMark = "File already exists in database: ";
+  const auto begin = errors.find(kMark);
+  if (begin == std::string::npos) {
+    return {};
+  }
+  const auto name = begin + kMark.size();
+  return errors.substr(name, errors.find_first_of("\r\n", name) - name);
+}
+
+std::string last_line(const std::string& text) {
+  const auto end = text.find_last_not_of("\r\n ");
+  if (end == std::string::npos) {
+    return {};
+  }
+  const auto begin = text.find_last_of('\n', end);
+  return text.substr(begin == std::string::npos ? 0 : begin + 1, end - begin);
+}
+
+config::Place place_of(const config::ApplicationDescription& description, const ChildResult& result) {
+  for (const config::ComponentDescription& component : description.components) {
+    if (result.last_kind == "loading" ? component.library == result.last_name
+                                      : component.name == result.last_name) {
+      return component.place;
+    }
+  }
+  return description.place;
+}
+
+config::Problem to_problem(const TrialOptions& options, const config::Place& place,
+                           const ChildResult& result, std::set<std::string> without) {
+  const bool is_loading = result.last_kind == "loading";
+  config::Problem problem;
+  problem.place = place;
+  if (const std::string proto = duplicate_proto(result.errors); is_loading && !proto.empty()) {
+    without.insert("library " + result.last_name);
+    const std::string other = run_child(options, without, proto).proto_library;
+    problem.message = "libraries \"" + (other.empty() ? "?" : other) + "\" and \"" +
+                      result.last_name + "\" both contain the messages of " + proto;
+    problem.hint = "make a message package of it, fastcycle_messages(NAME … PROTOS " + proto +
+                   "), and name that under MESSAGES of both components";
+    return problem;
+  }
+  problem.message = (is_loading ? "library \"" : "component \"") + result.last_name + "\" " +
+                    result.ending + (is_loading ? " while loading" : " while it was constructed");
+  if (const std::string line = last_line(result.errors); !line.empty()) {
+    problem.message += ": " + line;
+  }
+  return problem;
+}
+
+}  // namespace
+
+void try_application(const TrialOptions& options, config::Problems& problems) {
+  config::Problems ignored;
+  const config::ApplicationDescription description = config::load(options.load, ignored);
+  // One more child for each library and each component that ends one.
+  const std::size_t most = 2 * description.components.size() + 1;
+  std::set<std::string> without;
+  for (std::size_t attempt = 0; attempt < most; ++attempt) {
+    const ChildResult result = run_child(options, without, {});
+    if (result.is_done) {
+      for (const config::Problem& problem : result.problems) {
+        problems.add(problem);
+      }
+      return;
+    }
+    if (result.last_name.empty()) {
+      const std::string line = last_line(result.errors);
+      problems.add(config::mistake(description.place, "the trial of the libraries " +
+                                                          result.ending +
+                                                          (line.empty() ? "" : ": " + line)));
+      return;
+    }
+    problems.add(to_problem(options, place_of(description, result), result, without));
+    without.insert((result.last_kind == "loading" ? "library " : "component ") + result.last_name);
+  }
+}
+
+namespace {
+
+void say(const json& line) {
+  const std::string text = line.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
+  // A report that nobody reads any more is nobody's loss.
+  [[maybe_unused]] const ssize_t count = write(kReportDescriptor, text.data(), text.size());
+}
+
+/// Tells the parent what is being done, before it is done.
+class NarratingClasses final : public ComponentClasses {
+ public:
+  NarratingClasses(LibraryLoader& loader, std::set<std::string> without, std::string wanted_proto)
+      : loader_(loader), without_(std::move(without)), wanted_proto_(std::move(wanted_proto)) {}
+
+  const ComponentClass* find(const config::ComponentDescription& component,
+                             config::Problems& problems) override {
+    if (without_.contains("library " + component.library) ||
+        without_.contains("component " + component.name)) {
+      return nullptr;
+    }
+    say({{"kind", "loading"}, {"name", component.library}});
+    const ComponentClass* found = loader_.find(component, problems);
+    if (!wanted_proto_.empty() &&
+        google::protobuf::DescriptorPool::generated_pool()->FindFileByName(wanted_proto_)) {
+      say({{"kind", "proto"}, {"name", component.library}});
+      wanted_proto_.clear();
+    }
+    return found;
+  }
+
+ private:
+  LibraryLoader& loader_;
+  const std::set<std::string> without_;
+  std::string wanted_proto_;
+};
+
+std::vector<fs::path> to_paths(const json& list) {
+  std::vector<fs::path> paths;
+  for (const std::string path : list) {
+    paths.emplace_back(path);
+  }
+  return paths;
+}
+
+}  // namespace
+
+int run_trial_child(int argument_count, char** arguments) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  static_cast<void>(protect_process());
+  const json options =
+      argument_count == 2 ? json::parse(arguments[1], nullptr, false) : json::object();
+  if (options.is_discarded() || !options.contains("file") || fcntl(kReportDescriptor, F_GETFD) < 0) {
+    static_cast<void>(std::fprintf(
+        stderr, "fastcycle-trial is started by fastcycle itself, to try an application's libraries\n"));
+    return 2;
+  }
+  fcntl(kReportDescriptor, F_SETFD, FD_CLOEXEC);
+  config::Problems problems;
+  const config::LoadOptions load{.file = options["file"].get<std::string>(),
+                                 .overlays = to_paths(options["overlays"]),
+                                 .sets = options["sets"],
+                                 .variables = options["variables"],
+                                 .schema_file = options["schema"].get<std::string>()};
+  config::ApplicationDescription description = config::load(load, problems);
+  LibraryLoader loader(library_folders(description, to_paths(options["library_path"])));
+  NarratingClasses classes(loader, options["without"], options["wanted_proto"]);
+  auto application = std::make_unique<Application>(std::move(description),
+                                                   ClockOptions{.is_simulated = true, .workers = 1});
+  application->before_construct = [](const std::string& component) {
+    say({{"kind", "constructing"}, {"name", component}});
+  };
+  application->build(classes, problems,
+                     options["throw_is_mistake"] ? ConstructorFault::kMistake
+                                                 : ConstructorFault::kFault);
+  for (const config::Problem& problem : problems.all()) {
+    say({{"kind", "problem"}, {"problem", to_json(problem)}});
+  }
+  say({{"kind", "done"}});
+  // Destructors had their say in no run yet; they must not end this trial either.
+  std::fflush(nullptr);
+  _exit(0);
+}
+
+}  // namespace fastcycle::host
