@@ -1,7 +1,7 @@
 #include "config/problem.h"
 
 #include <algorithm>
-#include <tuple>
+#include <map>
 #include <utility>
 
 namespace fastcycle::config {
@@ -55,18 +55,18 @@ void Problems::add(Problem problem) {
 }
 
 std::vector<Problem> Problems::all() const {
-  std::vector<Problem> sorted = problems_;
-  const auto place_of = [](const Problem& problem) {
-    return std::tie(problem.place.file, problem.place.line);
-  };
-  std::ranges::stable_sort(sorted, {}, place_of);
+  // Those of one line keep the order in which they were found.
+  std::multimap<std::pair<std::string, int>, const Problem*> sorted;
+  for (const Problem& problem : problems_) {
+    sorted.emplace(std::pair(problem.place.file, problem.place.line), &problem);
+  }
   std::vector<Problem> result;
-  for (Problem& problem : sorted) {
+  for (const auto& [place, problem] : sorted) {
     const auto is_same = [&](const Problem& other) {
-      return other.place == problem.place && other.message == problem.message;
+      return other.place == problem->place && other.message == problem->message;
     };
     if (std::ranges::none_of(result, is_same)) {
-      result.push_back(std::move(problem));
+      result.push_back(*problem);
     }
   }
   return result;
