@@ -374,8 +374,7 @@ std::optional<std::string> read_file(const std::filesystem::path& file, const Pl
     return std::nullopt;
   };
   // O_NONBLOCK: opening a FIFO without a writer returns at once instead of waiting for one.
-  const Descriptor descriptor(
-      ::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));  // NOLINT: variadic.
+  const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
   if (descriptor.number() < 0) {
     return fail(reason_of(errno));
   }

@@ -171,7 +171,7 @@ const Value* Value::find(std::string_view key) const {
 }
 
 Value* Value::find(std::string_view key) {
-  return const_cast<Value*>(std::as_const(*this).find(key));  // NOLINT: the object is not const.
+  return const_cast<Value*>(std::as_const(*this).find(key));  // The object itself is not const.
 }
 
 const Value* Value::find_dotted(std::string_view name) const {
