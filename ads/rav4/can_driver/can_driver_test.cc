@@ -15,8 +15,8 @@ constexpr std::int64_t kMillisecond_ns = 1'000'000;
 
 TEST(CanDriver, FramesComeAtTheirTimesWithAllOfTheirContent) {
   const testing::SmallDrive drive("can_driver_times");
-  drive.can({0.0, 0.010, 0.010, 0.030}, {0xaa, 0x25, 0x210, 0x7ff}, {0, 128, 1, 0},
-            {"12345678", std::string(8, '\0'), "abcdefgh", "xxxxxxxx"});
+  drive.can({0.0, 0.010, 0.010, 0.030, 1.0}, {0xaa, 0x25, 0x210, 0x7ff, 1}, {0, 128, 1, 0, 0},
+            {"12345678", std::string(8, '\0'), "abcdefgh", "xxxxxxxx", "87654321"});
   Bench bench;
   bench.add<CanDriver>("can_driver", drive.configuration());
   auto frames = bench.output<can::Frame>("can/frames");

@@ -14,9 +14,9 @@ using std::chrono_literals::operator""ms;
 TEST(GnssDriver, FixesComeWhenTheyArrived) {
   const testing::SmallDrive drive("gnss_driver");
   drive.can({0.0}, {0xaa}, {0}, {"12345678"});
-  drive.stream(
-      "GNSS/live_gnss_ublox", 6, {0.05, 0.15},
-      {37.7, -122.4, 8.0, 1.5e12, 33.0, 2.0, 37.8, -122.5, 9.0, 1.5e12 + 100.0, 34.0, 3.0});
+  drive.stream("GNSS/live_gnss_ublox", 6, {0.05, 0.15, 1.0},
+               {37.7, -122.4, 8.0, 1.5e12, 33.0, 2.0, 37.8, -122.5, 9.0, 1.5e12 + 100.0, 34.0, 3.0,
+                0.0, 0.0, 0.0, 0.0, 0.0, 0.0});
   Bench bench;
   bench.add<GnssDriver>("gnss_driver", drive.configuration());
   auto fixes = bench.output<gnss::Fix>("gnss/fix");

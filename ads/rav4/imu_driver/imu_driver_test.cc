@@ -13,7 +13,8 @@ using std::chrono_literals::operator""ms;
 
 TEST(ImuDriver, BothSensorsComeAtTheirOwnTimes) {
   const testing::SmallDrive drive("imu_driver");
-  drive.stream("IMU/gyro", 3, {0.0, 0.010, 0.030}, {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9});
+  drive.stream("IMU/gyro", 3, {0.0, 0.010, 0.030, 1.0},
+               {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.0, 0.0, 0.0});
   drive.stream("IMU/accelerometer", 3, {0.020}, {1.0, 2.0, -9.8});
   Bench bench;
   bench.add<ImuDriver>("imu_driver", drive.configuration());

@@ -92,9 +92,10 @@ TEST_F(LocalizationTest, BadFixesAreRejectedAndCounted) {
   publish_fix(91.0);
   drive(1'000);
   publish_fix(kOrigin.latitude_deg + 1.0);
+  const auto poses = poses_.take();
   bench_.stop();
 
-  for (const auto& pose : poses_.take()) {
+  for (const auto& pose : poses) {
     ASSERT_TRUE(std::isfinite(pose.north_m()));
     ASSERT_LT(std::abs(pose.north_m()), 20.0);
   }
