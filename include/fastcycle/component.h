@@ -359,11 +359,15 @@ struct ParamCodec {
     } else {
       spec.unit = options.unit;
       if constexpr (std::integral<Element> && kKind != ParamKind::kBool) {
-        spec.min = encode(options.min.value_or(std::numeric_limits<Element>::min()), options);
-        spec.max = encode(options.max.value_or(std::numeric_limits<Element>::max()), options);
+        spec.min.emplace(encode(options.min.value_or(std::numeric_limits<Element>::min()), options));
+        spec.max.emplace(encode(options.max.value_or(std::numeric_limits<Element>::max()), options));
       } else if constexpr (kKind == ParamKind::kDouble) {
-        spec.min = options.min ? std::optional(encode(*options.min, options)) : std::nullopt;
-        spec.max = options.max ? std::optional(encode(*options.max, options)) : std::nullopt;
+        if (options.min) {
+          spec.min.emplace(encode(*options.min, options));
+        }
+        if (options.max) {
+          spec.max.emplace(encode(*options.max, options));
+        }
       }
     }
     if (options.fallback) {

@@ -1,5 +1,7 @@
 #include "base/log.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -27,7 +29,8 @@ const char* word_for(LogLevel level) {
 
 // The queue is the bounded one of Dmitry Vyukov: a slot's `turn` says whose turn it is to use it.
 // https://www.1024cores.net/home/lock-free-algorithms/queues/bounded-mpmc-queue
-LogQueue::LogQueue() : slots_(kCapacity) {
+LogQueue::LogQueue()
+    : line_begin_(isatty(STDERR_FILENO) == 0 ? "" : "\r\x1b[K"), slots_(kCapacity) {
   for (std::size_t i = 0; i < kCapacity; ++i) {
     slots_[i].turn.store(i, std::memory_order_relaxed);
   }
@@ -76,14 +79,10 @@ bool LogQueue::has_line() const noexcept {
 
 void LogQueue::print_line() noexcept {
   Slot& slot = slots_[head_ % kCapacity];
-  if (slot.component_size == 0) {
-    std::fprintf(stderr, "%s: %.*s\n", word_for(slot.level), static_cast<int>(slot.text_size),
-                 slot.text.data());
-  } else {
-    std::fprintf(stderr, "%s: %.*s: %.*s\n", word_for(slot.level),
-                 static_cast<int>(slot.component_size), slot.component.data(),
-                 static_cast<int>(slot.text_size), slot.text.data());
-  }
+  std::fprintf(stderr, "%s%s: %.*s%s%.*s\n", line_begin_, word_for(slot.level),
+               static_cast<int>(slot.component_size), slot.component.data(),
+               slot.component_size == 0 ? "" : ": ", static_cast<int>(slot.text_size),
+               slot.text.data());
   slot.turn.store(head_ + kCapacity, std::memory_order_release);
   ++head_;
 }

@@ -44,6 +44,8 @@ class LogQueue {
   void print_line() noexcept;
   void print_until_stopped() noexcept;
 
+  /// On a terminal it clears the line: something that is redrawn may stand there.
+  const char* const line_begin_;
   std::vector<Slot> slots_;
   alignas(64) std::atomic<std::size_t> tail_{0};
   std::atomic<std::uint64_t> dropped_{0};

@@ -11,9 +11,14 @@ namespace fastcycle::config {
 
 namespace {
 
+/// As JSON has it, but a whole number without ".0": limits are written for people.
 template <typename T>
 std::string as_json(T number) {
-  return nlohmann::json(number).dump();
+  std::string text = nlohmann::json(number).dump();
+  if (text.ends_with(".0")) {
+    text.resize(text.size() - 2);
+  }
+  return text;
 }
 
 template <typename T>

@@ -56,7 +56,7 @@ TEST_F(ParamsTest, OfTheWrongKindAreMistakesAndFallBack) {
   EXPECT_EQ(reader.read_path("on", "p"), "p");
 
   EXPECT_EQ(text_of(problems),
-            "app.json:1: /mode: expected a number in [0.0, 60.0], found \"slow\"\n"
+            "app.json:1: /mode: expected a number in [0, 60], found \"slow\"\n"
             "app.json:1: /limit_mps: expected an integer of at least 1, found 22.2\n"
             "app.json:1: /count: expected true or false, found 3\n"
             "app.json:1: /on: expected a string, found true\n");

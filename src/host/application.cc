@@ -259,11 +259,11 @@ std::vector<base::Refusal> Application::start() {
     }
   }
   for (const auto& component : components_) {
-    if (component->state == ComponentCore::State::kConstructed) {
-      run_in(*component, Cause::kMode, [&] { component->call_start(); });
-    }
     if (end_reason() == EndReason::kFault || end_reason() == EndReason::kRequested) {
       return refusals_;
+    }
+    if (component->state == ComponentCore::State::kConstructed) {
+      run_in(*component, Cause::kMode, [&] { component->call_start(); });
     }
   }
   start_ns_ = base::to_ns(clock_.now());

@@ -122,7 +122,7 @@ std::vector<ParamElementValue> read_param(ComponentCore& core, const ParamSpec& 
     return element ? std::vector<ParamElementValue>{*element} : fallback();
   }
   if (!value->is_array()) {
-    core.problems->add(config::unexpected(*value, "an array"));
+    core.problems->add(config::unexpected(*value, "a list"));
     return fallback();
   }
   std::vector<ParamElementValue> elements;

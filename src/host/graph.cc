@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <map>
 #include <string_view>
+#include <vector>
 
 namespace fastcycle::host {
 
@@ -48,10 +49,11 @@ std::string escaped(std::string_view text) {
   return result;
 }
 
-/// A label of two lines: what it is called, and small, what it is.
+/// A label: what it is called, and small, below that, what it is.
 std::string label(std::string_view name, std::string_view small) {
-  return "<<b>" + escaped(name) + "</b><br/><font point-size=\"9\" color=\"#475569\">" +
-         escaped(small) + "</font>>";
+  const std::string below =
+      "<br/><font point-size=\"9\" color=\"#475569\">" + escaped(small) + "</font>";
+  return "<<b>" + escaped(name) + "</b>" + (small.empty() ? "" : below) + ">";
 }
 
 std::string id_of(const ComponentCore& component) {
@@ -67,19 +69,27 @@ std::map<std::string, const char*> fills_of(const Application& application) {
   return fills;
 }
 
-std::string about(const config::ComponentDescription& description) {
-  std::string text = description.library;
+/// What a component is made of, unless its name says it.
+std::string about(const config::ComponentDescription& description, std::string_view name) {
+  std::vector<std::string> parts;
+  if (description.library != name) {
+    parts.push_back(description.library);
+  }
   if (!description.class_name.empty()) {
-    text += " · " + description.class_name;
+    parts.push_back(description.class_name);
   }
   if (description.serve_period) {
     std::array<char, 32> period{};
-    std::snprintf(period.data(), period.size(), " · every %g ms",
+    std::snprintf(period.data(), period.size(), "every %g ms",
                   std::chrono::duration<double, std::milli>(*description.serve_period).count());
-    text += period.data();
+    parts.emplace_back(period.data());
   }
   if (!description.executor.empty()) {
-    text += " · on " + description.executor;
+    parts.push_back("on " + description.executor);
+  }
+  std::string text;
+  for (const std::string& part : parts) {
+    text += (text.empty() ? "" : " · ") + part;
   }
   return text;
 }
@@ -92,7 +102,7 @@ std::string component_node(const ComponentCore& component, const char* fill) {
   }
   return id_of(component) +
          " [shape=box, style=\"rounded,filled\", color=\"#334155\", fillcolor=\"" + fill +
-         "\", label=" + label(name, about(description)) + "];\n";
+         "\", label=" + label(name, about(description, name)) + "];\n";
 }
 
 /// The components, those of one namespace in one frame.

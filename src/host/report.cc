@@ -302,6 +302,9 @@ std::string time_text(double ns) {
   if (!std::isfinite(ns)) {
     return "?";
   }
+  if (ns == 0) {
+    return "0";
+  }
   if (ns < 1e3) {
     return three_digits(ns) + " ns";
   }
