@@ -1,5 +1,6 @@
 // fastcycle: the command line. Each command has a file of its own; this one reads the words.
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -55,6 +56,13 @@ std::string unknown_words(const CLI::App& line) {
   return "there is no option " + option + (hint.empty() ? "" : "; " + hint);
 }
 
+/// What is missing, and what it is.
+std::string missing_word(const CLI::App& line, const CLI::RequiredError& error) {
+  const std::string sentence = error.what();
+  const CLI::Option* option = line.get_option_no_throw(sentence.substr(0, sentence.find(' ')));
+  return sentence + (option == nullptr ? "" : ": " + option->get_description());
+}
+
 /// A first word that is no command; empty if it is one, or an option.
 std::string unknown_command(const std::vector<Command>& commands, const std::string& word) {
   std::vector<std::string> names;
@@ -94,6 +102,8 @@ int run_program(int argument_count, char** arguments) {
     program.parse(argument_count, arguments);
   } catch (const CLI::Success& success) {
     return program.exit(success);  // Help and version, to standard output.
+  } catch (const CLI::RequiredError& error) {
+    return print_wrong(missing_word(*line, error), *line);
   } catch (const CLI::ParseError& error) {
     return print_wrong(error.what(), *line);
   }

@@ -1,0 +1,522 @@
+#include <csignal>
+#include <fstream>
+#include <initializer_list>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "config/test_folder.h"
+#include "fastcycle/version.h"
+#include "program.h"
+
+namespace fastcycle::launcher {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* kCounter =
+    R"({"name": "counter", "library": "launcher_parts", "class": "Counter", "serve_period_ms": 1})";
+constexpr const char* kAdder =
+    R"({"name": "adder", "library": "launcher_parts", "class": "Adder"})";
+
+std::string content_of(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+/// Applications in a folder of their own, and what came of the last program that was run on one.
+class Launcher : public testing::Test {
+ protected:
+  /// Writes app.json: some components, and what else the file says.
+  void write_application(std::initializer_list<std::string> components,
+                         const std::string& more = "") {
+    std::string list;
+    for (const std::string& component : components) {
+      list += (list.empty() ? "" : ",\n    ") + component;
+    }
+    folder_.write("app.json", "{\"name\": \"launched\"" + more + ",\n  \"components\": [\n    " +
+                                  list + "]\n}\n");
+  }
+
+  [[nodiscard]] std::string application() const { return (folder_ / "app.json").string(); }
+  [[nodiscard]] std::string report_file() const { return (folder_ / "report.json").string(); }
+
+  /// The words of a run that writes a report.
+  [[nodiscard]] std::vector<std::string> run_words(
+      const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> words{"run", application(), "--report", report_file()};
+    // A memory checker looks at its own process, which a protected one does not allow.
+    if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+      words.emplace_back("--debuggable");
+    }
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+
+  int launch(const std::vector<std::string>& words) {
+    Program program(words);
+    return take(program);
+  }
+  int run(const std::vector<std::string>& more = {}) { return launch(run_words(more)); }
+
+  int take(Program& program) {
+    const int code = program.wait();
+    output_ = program.output();
+    errors_ = program.errors();
+    return code;
+  }
+
+  [[nodiscard]] json report() const { return json::parse(content_of(report_file())); }
+  [[nodiscard]] bool has_report() const { return std::filesystem::exists(report_file()); }
+
+  config::TestFolder folder_;
+  std::string output_;
+  std::string errors_;
+};
+
+/// Whether the ledgers of all subscriptions in `report` add up.
+void expect_that_ledgers_add_up(const json& report) {
+  for (const auto& [name, topic] : report.at("topics").items()) {
+    for (const json& subscriber : topic.at("subscribers")) {
+      std::uint64_t sum = subscriber.at("delivered").get<std::uint64_t>() +
+                          subscriber.at("queued").get<std::uint64_t>();
+      for (const auto& [reason, count] : subscriber.at("dropped").items()) {
+        sum += count.get<std::uint64_t>();
+      }
+      EXPECT_EQ(subscriber.at("published"), sum) << name << ": " << subscriber;
+      EXPECT_TRUE(subscriber.at("adds_up")) << name;
+    }
+  }
+}
+
+std::string trouble(const std::string& where, const std::string& on_fault) {
+  return R"({"name": "trouble", "library": "launcher_parts", "class": "Trouble", )"
+         R"("serve_period_ms": 1, "params": {"where": ")" +
+         where + R"("}, "on_fault": ")" + on_fault + "\"}";
+}
+
+// ---- How a run ends ----
+
+TEST_F(Launcher, RunEndsWhenItsTimeIsOver) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(run({"--for", "200ms"}), 0) << errors_;
+
+  EXPECT_THAT(output_, HasSubstr("time over"));
+  EXPECT_THAT(output_, HasSubstr("numbers (launcher.Number)"));
+  EXPECT_THAT(output_, Not(HasSubstr("DOES NOT ADD UP")));
+  const json report = this->report();
+  EXPECT_EQ(report["application"], "launched");
+  EXPECT_EQ(report["clock"], "live");
+  EXPECT_EQ(report["end"], "time over");
+  EXPECT_GE(report["time_s"], 0.2);
+  EXPECT_GT(report["startup_ms"], 0.0);
+  EXPECT_GT(report["cpu_s"], 0.0);
+  EXPECT_GT(report["rss_max_kib"], 1000);
+  EXPECT_EQ(report["topics"]["numbers"]["published"], report["results"]["published"]);
+  expect_that_ledgers_add_up(report);
+}
+
+TEST_F(Launcher, RunEndsWhenTheInputIsOver) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(run({"--set", "counter.count=25"}), 0) << errors_;
+
+  EXPECT_EQ(report()["end"], "input finished");
+  EXPECT_EQ(report()["results"]["sum"], 25 * 26 / 2);
+}
+
+class LauncherOnSignal : public Launcher, public testing::WithParamInterface<int> {};
+
+TEST_P(LauncherOnSignal, RunEndsInOrderWithReport) {
+  write_application({kCounter, kAdder});
+  Program program(run_words());
+  ASSERT_TRUE(program.wait_for_error_text("heard ten numbers")) << program.errors();
+
+  program.send(GetParam());
+
+  EXPECT_EQ(take(program), 0);
+  EXPECT_THAT(errors_, HasSubstr("stopping… (Ctrl-C again ends at once)"));
+  EXPECT_THAT(output_, HasSubstr("stopped on request"));
+  const json report = this->report();
+  EXPECT_EQ(report["end"], "stopped on request");
+  EXPECT_GE(report["results"]["heard"], 10);
+  EXPECT_EQ(report["components"]["adder"]["state"], "stopped");
+  expect_that_ledgers_add_up(report);
+}
+
+INSTANTIATE_TEST_SUITE_P(Stop, LauncherOnSignal, testing::Values(SIGINT, SIGTERM, SIGHUP));
+
+TEST_F(Launcher, SimulatedRunEndsInOrderOnCtrlC) {
+  write_application({kCounter, kAdder});
+  Program program(run_words({"--clock", "simulated"}));
+  ASSERT_TRUE(program.wait_for_error_text("heard ten numbers")) << program.errors();
+
+  program.send(SIGINT);
+
+  EXPECT_EQ(take(program), 0);
+  EXPECT_EQ(report()["end"], "stopped on request");
+  expect_that_ledgers_add_up(report());
+}
+
+TEST_F(Launcher, SecondCtrlCEndsARunThatHangs) {
+  write_application({kCounter, trouble("hang in stop", "stop_component")});
+  Program program(run_words());
+  ASSERT_TRUE(program.wait_for_error_text("heard a number")) << program.errors();
+  program.send(SIGINT);
+  ASSERT_TRUE(program.wait_for_error_text("it hangs now")) << program.errors();
+
+  program.send(SIGINT);
+
+  EXPECT_EQ(take(program), 130);
+  EXPECT_FALSE(has_report());
+}
+
+TEST_F(Launcher, ReportMayGoToStandardOutput) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"run", application(), "--set", "counter.count=1", "--report", "/dev/stdout",
+                    "--quiet", "--debuggable"}),
+            0)
+      << errors_;
+
+  EXPECT_EQ(json::parse(output_)["end"], "input finished");
+}
+
+// ---- Faults ----
+
+class LauncherOnFault : public Launcher, public testing::WithParamInterface<std::string> {};
+
+TEST_P(LauncherOnFault, OthersGoOnWhenItsPolicyIsToStopTheComponent) {
+  write_application({kCounter, kAdder, trouble(GetParam(), "stop_component")});
+
+  EXPECT_EQ(run({"--set", "counter.count=100"}), 0) << errors_;
+
+  const json report = this->report();
+  EXPECT_EQ(report["end"], "input finished");
+  EXPECT_EQ(report["results"]["heard"], 100);
+  EXPECT_GE(report["components"]["trouble"]["faults"], 1);
+  EXPECT_THAT(report["components"]["trouble"]["fault_texts"][0].get<std::string>(),
+              HasSubstr("trouble in " + GetParam()));
+  EXPECT_THAT(output_, HasSubstr("fault of trouble: "));
+  EXPECT_THAT(output_, HasSubstr("trouble in " + GetParam()));
+  expect_that_ledgers_add_up(report);
+}
+
+TEST_P(LauncherOnFault, RunFailsWhenItsPolicyIsToStop) {
+  write_application({kCounter, kAdder, trouble(GetParam(), "stop")});
+
+  EXPECT_EQ(run({"--set", "counter.count=100"}), 1) << errors_;
+
+  EXPECT_EQ(report()["end"], "component fault");
+  EXPECT_THAT(output_, HasSubstr("trouble in " + GetParam()));
+  expect_that_ledgers_add_up(report());
+}
+
+INSTANTIATE_TEST_SUITE_P(In, LauncherOnFault,
+                         testing::Values("constructor", "start", "callback", "serve", "stop",
+                                         "destructor"));
+
+TEST_F(Launcher, ComponentIsMadeAnewWhenItsPolicyIsToRestart) {
+  write_application({kCounter, kAdder, trouble("callback", "restart")});
+
+  EXPECT_EQ(run({"--set", "counter.count=100"}), 0) << errors_;
+
+  EXPECT_EQ(report()["components"]["trouble"]["restarts"], 3);
+  EXPECT_EQ(report()["components"]["trouble"]["state"], "failed");
+  EXPECT_THAT(output_, HasSubstr("(restarting)"));
+  EXPECT_EQ(report()["results"]["heard"], 100);
+}
+
+// ---- The configuration ----
+
+TEST_F(Launcher, CommandLineStandsAboveTheFile) {
+  write_application({kCounter,
+                     R"({"name": "adder", "library": "launcher_parts", "class": "Adder",
+           "params": {"limits": {"high": 1}, "text": "${word}"}})"},
+                    R"(, "variables": {"word": "file"})");
+  const auto overlay = folder_.write(
+      "overlay.json", R"({"components": [{"name": "counter", "params": {"count": 7}}]})");
+
+  EXPECT_EQ(
+      run({"--set", "adder.limits.high=42", "--var", "word=line", "--overlay", overlay.string()}),
+      0)
+      << errors_;
+
+  EXPECT_EQ(report()["results"]["high"], 42);
+  EXPECT_EQ(report()["results"]["text"], "line");
+  EXPECT_EQ(report()["results"]["published"], 7);
+}
+
+TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
+  write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
+           "params": {"count": -1, "brust": 2}})",
+                     R"({"name": "adder", "library": "launcher_party"})",
+                     R"({"name": "other", "library": "launcher_parts", "class": "Ader"})"});
+
+  for (const std::string command : {"check", "run"}) {
+    EXPECT_EQ(launch({command, application()}), 2);
+
+    EXPECT_THAT(errors_, HasSubstr("/components/0/params/count"));
+    EXPECT_THAT(errors_, HasSubstr("did you mean \"burst\"?"));
+    EXPECT_THAT(errors_, HasSubstr("did you mean \"launcher_parts\"?"));
+    EXPECT_THAT(errors_, HasSubstr("did you mean \"Adder\"?"));
+    EXPECT_THAT(errors_, testing::EndsWith("app.json: 4 mistakes; nothing was started\n"));
+    EXPECT_EQ(output_, "");
+  }
+}
+
+TEST_F(Launcher, MistakesInTheFileAndInComponentsAreFoundTogether) {
+  write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
+                         "serve_period_ms": "often", "params": {"count": -1}})"});
+
+  EXPECT_EQ(launch({"check", application()}), 2);
+
+  EXPECT_THAT(errors_, HasSubstr("/components/0/serve_period_ms"));
+  EXPECT_THAT(errors_, HasSubstr("/components/0/params/count"));
+}
+
+TEST_F(Launcher, CheckCallsAConstructorThatThrowsAMistake) {
+  write_application({kCounter, trouble("constructor", "stop_component")});
+
+  EXPECT_EQ(launch({"check", application()}), 2);
+
+  EXPECT_THAT(errors_, HasSubstr("trouble in constructor"));
+}
+
+TEST_F(Launcher, WarningsAreShownAndDoNotStop) {
+  write_application({kAdder});  // Nobody publishes what it listens to.
+
+  EXPECT_EQ(launch({"check", application()}), 0);
+  EXPECT_THAT(errors_, HasSubstr("warning: "));
+  EXPECT_THAT(output_, HasSubstr("no mistakes, 1 warning"));
+
+  EXPECT_EQ(run({"--for", "10ms"}), 0) << errors_;
+  EXPECT_THAT(errors_, HasSubstr("warning: "));
+}
+
+TEST_F(Launcher, CheckPrintsTheEffectiveConfiguration) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"check", application(), "--print", "--set", "adder.limits.high=42"}), 0);
+  EXPECT_THAT(output_, HasSubstr("\"high\": 42"));
+  EXPECT_THAT(output_, HasSubstr("--set adder.limits.high=42"));
+
+  // What it prints can be run.
+  folder_.write("app.json", output_);
+  EXPECT_EQ(run({"--set", "counter.count=3"}), 0) << errors_;
+  EXPECT_EQ(report()["results"]["high"], 42);
+}
+
+TEST_F(Launcher, ReportThatCannotBeWrittenIsFoundBeforeTheStart) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"run", application(), "--report", (folder_ / "nowhere/r.json").string()}), 2);
+  EXPECT_THAT(errors_, HasSubstr("cannot be written"));
+  EXPECT_THAT(errors_, Not(HasSubstr("heard")));
+
+  EXPECT_EQ(launch({"run", application(), "--report", folder_.path().string()}), 2);
+  EXPECT_THAT(errors_, HasSubstr("it is a folder"));
+}
+
+TEST_F(Launcher, NothingIsLeftBesideTheReport) {
+  write_application({kCounter, kAdder});
+  folder_.write("report.json", "what was there before");
+
+  EXPECT_EQ(run({"--set", "counter.count=3"}), 0) << errors_;
+
+  EXPECT_EQ(report()["results"]["published"], 3);
+  const auto files = std::filesystem::directory_iterator(folder_.path());
+  EXPECT_EQ(std::distance(begin(files), end(files)), 2);
+}
+
+// ---- The command line ----
+
+TEST_F(Launcher, WrongCommandLineIsToldInASentence) {
+  write_application({kCounter, kAdder});
+  const std::string app = application();
+  struct Case {
+    std::vector<std::string> words;
+    std::string sentence;
+  };
+  const std::vector<Case> cases{
+      {{"rnu", app}, "there is no command \"rnu\"; did you mean \"run\"?"},
+      {{"run"}, "application is required"},
+      {{"run", app, "other.json"}, "does not know what to do with \"other.json\""},
+      {{"run", app, "--reprot=x"}, "there is no option --reprot; did you mean \"--report\"?"},
+      {{"run", app, "--for", "10"}, "--for wants a time above zero with its unit"},
+      {{"run", app, "--for", "0s"}, "--for wants a time above zero with its unit"},
+      {{"run", app, "--for", "-1s"}, "--for wants a time above zero with its unit"},
+      {{"run", app, "--clock", "sun"}, "--clock is \"live\" or \"simulated\", not \"sun\""},
+      {{"run", app, "--clock", "simulated", "--rate", "2"}, "--rate is for the clock \"live\""},
+      {{"run", app, "--workers", "2"}, "--workers is for --clock simulated"},
+      {{"run", app, "--clock", "simulated", "--workers", "0"}, "--workers wants a number"},
+      {{"run", app, "--rate", "0"}, "--rate wants a number"},
+      {{"run", app, "--rate", "nan"}, "--rate wants a number"},
+      {{"run", app, "--rate", "fast"}, "--rate"},
+      {{"run", app, "--for"}, "--for"},
+      {{"graph", app, "-o", "picture.bmp"}, "ends in .svg or .dot"},
+  };
+
+  for (const Case& each : cases) {
+    EXPECT_EQ(launch(each.words), 2) << each.sentence;
+
+    EXPECT_THAT(errors_, HasSubstr(each.sentence));
+    EXPECT_EQ(output_, "") << each.sentence;
+  }
+}
+
+TEST_F(Launcher, HelpIsGivenForEachCommandWithExamples) {
+  for (const std::string command : {"run", "check", "graph", "version"}) {
+    EXPECT_EQ(launch({command, "--help"}), 0);
+
+    EXPECT_THAT(output_, HasSubstr("Examples:\n  fastcycle " + command));
+    EXPECT_EQ(errors_, "");
+  }
+  EXPECT_EQ(launch({"--help"}), 0);
+  EXPECT_THAT(output_, HasSubstr("Exit codes:"));
+}
+
+TEST_F(Launcher, VersionNamesWhatItWasBuiltWith) {
+  EXPECT_EQ(launch({"version"}), 0);
+
+  EXPECT_THAT(output_, HasSubstr(FASTCYCLE_VERSION));
+  EXPECT_THAT(output_, HasSubstr(FASTCYCLE_BUILD_NOTE));
+}
+
+// ---- The graph ----
+
+TEST_F(Launcher, GraphShowsComponentsAndTopics) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"graph", application()}), 0);
+
+  EXPECT_THAT(output_, testing::StartsWith("digraph application {"));
+  EXPECT_THAT(output_, HasSubstr("<b>adder</b>"));
+  EXPECT_THAT(output_, HasSubstr("launcher.Number"));
+  EXPECT_THAT(output_, HasSubstr("component_0 -> topic_0"));
+  EXPECT_THAT(output_, HasSubstr("topic_0 -> component_1"));
+  EXPECT_THAT(errors_, HasSubstr("-o FILE.svg makes a picture of it"));
+}
+
+TEST_F(Launcher, GraphIsWrittenAsDotAndDrawnAsSvg) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"graph", application(), "-o", (folder_ / "app.dot").string()}), 0);
+  EXPECT_THAT(content_of(folder_ / "app.dot"), HasSubstr("digraph"));
+
+  if (system("dot -V >/dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "Graphviz is not installed";
+  }
+  EXPECT_EQ(launch({"graph", application(), "-o", (folder_ / "app.svg").string()}), 0) << errors_;
+  EXPECT_THAT(content_of(folder_ / "app.svg"), HasSubstr("<svg"));
+}
+
+// ---- Load, clocks, and the machine ----
+
+TEST_F(Launcher, QueueOfOneLosesMessagesAndCountsThem) {
+  write_application({kCounter, R"({"name": "adder", "library": "launcher_parts", "class": "Adder",
+                     "subscribers": {"numbers": {"depth": 1}}})"});
+
+  EXPECT_EQ(
+      run({"--clock", "simulated", "--set", "counter.count=500", "--set", "counter.burst=50"}), 0)
+      << errors_;
+
+  const json subscriber = report()["topics"]["numbers"]["subscribers"][0];
+  EXPECT_EQ(subscriber["depth"], 1);
+  EXPECT_EQ(subscriber["published"], 500);
+  EXPECT_EQ(subscriber["delivered"], 10);
+  EXPECT_EQ(subscriber["dropped"]["overflow"], 490);
+  EXPECT_THAT(output_, HasSubstr("500 = 10 delivered + 490 overflow"));
+  expect_that_ledgers_add_up(report());
+}
+
+TEST_F(Launcher, RateLetsTimeRunFaster) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(run({"--rate", "50", "--for", "5s"}), 0) << errors_;
+
+  EXPECT_GE(report()["time_s"], 5.0);
+  EXPECT_LT(report()["wall_s"].get<double>(), report()["time_s"].get<double>());
+  expect_that_ledgers_add_up(report());
+}
+
+/// What must be the same in every simulated run.
+json without_what_the_machine_says(json report) {
+  for (const char* key : {"startup_ms", "wall_s", "cpu_s", "rss_max_kib"}) {
+    report.erase(key);
+  }
+  for (json& component : report["components"]) {
+    component.erase("callback_us");
+  }
+  for (json& topic : report["topics"]) {
+    topic.erase("allocated");
+  }
+  return report;
+}
+
+TEST_F(Launcher, SimulatedRunsAreEqualForAnyNumberOfWorkers) {
+  write_application({kCounter, kAdder,
+                     R"({"name": "second", "library": "launcher_parts", "class": "Adder",
+                         "remap": {"sums": "other_sums"},
+                         "subscribers": {"numbers": {"depth": 3}}})"});
+  const std::vector<std::string> words{"--clock", "simulated",       "--for",    "3s",
+                                       "--set",   "counter.burst=5", "--workers"};
+  std::vector<json> reports;
+
+  for (const std::string workers : {"1", "1", "2", "4"}) {
+    auto with_workers = words;
+    with_workers.push_back(workers);
+    ASSERT_EQ(run(with_workers), 0) << errors_;
+    reports.push_back(without_what_the_machine_says(report()));
+  }
+
+  EXPECT_GT(reports[0]["results"]["heard"], 1000);
+  EXPECT_TRUE(reports[0]["results"].contains("second.hash"));
+  for (const json& report : reports) {
+    EXPECT_EQ(report, reports[0]);
+  }
+}
+
+TEST_F(Launcher, WhatTheMachineRefusesIsToldOnceAndFatalOnlyWhenStrict) {
+  write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
+           "serve_period_ms": 1, "executor": "far"})"},
+                    R"(, "executors": [{"name": "far", "threads": 2, "cpus": [1000, 1001]}])");
+
+  EXPECT_EQ(run({"--set", "counter.count=3"}), 0) << errors_;
+  EXPECT_THAT(errors_, HasSubstr("refused: "));
+  EXPECT_EQ(report()["end"], "input finished");
+
+  EXPECT_EQ(run({"--set", "counter.count=3", "--strict"}), 1) << errors_;
+  EXPECT_EQ(report()["end"], "refused by the machine");
+}
+
+TEST_F(Launcher, NothingIsDrawnWhereThereIsNoTerminal) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(run({"--for", "1200ms"}), 0);
+
+  EXPECT_THAT(errors_, Not(HasSubstr("\x1b")));
+  EXPECT_THAT(errors_, Not(HasSubstr("messages/s")));
+}
+
+TEST_F(Launcher, QuietRunPrintsNothingButTheLog) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(run({"--quiet", "--set", "counter.count=3"}), 0);
+
+  EXPECT_EQ(output_, "");
+  EXPECT_EQ(report()["results"]["published"], 3);
+}
+
+}  // namespace
+}  // namespace fastcycle::launcher
