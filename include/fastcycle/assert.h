@@ -10,7 +10,7 @@ namespace fastcycle::detail {
 
 /// Ends the process when `condition` does not hold, in every build: the caller broke the contract
 /// that `rule` states, and nothing that follows could be trusted.
-#define FASTCYCLE_ASSERT(condition, rule)                                                  \
-  (static_cast<bool>(condition)                                                            \
-       ? static_cast<void>(0)                                                              \
+#define FASTCYCLE_ASSERT(condition, rule) \
+  (static_cast<bool>(condition)           \
+       ? static_cast<void>(0)             \
        : ::fastcycle::detail::assertion_failed(#condition, rule, __FILE__, __LINE__))

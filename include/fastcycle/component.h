@@ -138,8 +138,8 @@ class TimeHold {
 /// What a component is given when it is made: here it declares its parameters, topics and timers.
 ///
 /// Everything is declared in the constructor; mistakes (a missing parameter, a wrong type, a topic
-/// with two types) are collected, and the application does not start. Subscriptions may also be made
-/// later, in an activation of the component.
+/// with two types) are collected, and the application does not start. Subscriptions may also be
+/// made later, in an activation of the component.
 ///
 /// @threads  Confined to its component: its constructor and its activations.
 /// @realtime Allocates: not for use on a hot path.
@@ -153,8 +153,8 @@ class Context {
   [[nodiscard]] const std::string& component_name() const;
   [[nodiscard]] const std::string& application_name() const;
 
-  /// Declares the parameter `name` (dots reach into objects: "limits.jerk") and gives its configured
-  /// value, else the value of the same name in `"shared_params"`, else its fallback.
+  /// Declares the parameter `name` (dots reach into objects: "limits.jerk") and gives its
+  /// configured value, else the value of the same name in `"shared_params"`, else its fallback.
   ///
   /// @errors  A missing value, a wrong type or one out of range is a start-up mistake; what is
   ///          returned then is the fallback, or an empty value.
@@ -181,7 +181,8 @@ class Context {
     return create_subscriber<T>(topic, SubscriberOptions{}, std::move(callback));
   }
   template <Message T, MessageCallback<T> F>
-  Subscribed create_subscriber(std::string_view topic, const SubscriberOptions& options, F callback);
+  Subscribed create_subscriber(std::string_view topic, const SubscriberOptions& options,
+                               F callback);
 
   /// The newest message of `topic`, without being called for it.
   template <Message T>
@@ -211,9 +212,9 @@ class Context {
   void create_thread(std::string name, std::function<void(std::stop_token)> body);
 
   /// Runs `work` on the workers of `executor` beside the component's callbacks, then `done` as an
-  /// activation of the component. `work` sees only what it captured, and must not touch the component.
-  /// A fault in `work` is a fault of the component. At most 1024 jobs of an executor wait; one more
-  /// is a fault.
+  /// activation of the component. `work` sees only what it captured, and must not touch the
+  /// component. A fault in `work` is a fault of the component. At most 1024 jobs of an executor
+  /// wait; one more is a fault.
   ///
   /// @pre  Called in an activation.
   void offload(std::string_view executor, std::function<void()> work, std::function<void()> done);
@@ -224,7 +225,8 @@ class Context {
   /// Keeps simulated time from advancing until the hold is gone; nothing with the clock `live`.
   [[nodiscard]] TimeHold hold_time() { return TimeHold(core_); }
 
-  /// Puts a result of the run into the final table and the report. A later value replaces an earlier.
+  /// Puts a result of the run into the final table and the report. A later value replaces an
+  /// earlier.
   void report(std::string_view name, ReportValue value);
 
   [[nodiscard]] detail::ComponentCore& core() noexcept { return core_; }
@@ -266,8 +268,9 @@ class Component {
   [[nodiscard]] Log log() const;
   [[nodiscard]] Random& random();
 
-  /// The result of `f`, which asks the world something that a repeated run could not know: a device,
-  /// a file that changes, another clock. Such values have a name, so that they can be recorded.
+  /// The result of `f`, which asks the world something that a repeated run could not know: a
+  /// device, a file that changes, another clock. Such values have a name, so that they can be
+  /// recorded.
   template <std::invocable F>
   auto observe([[maybe_unused]] std::string_view name, F f) {
     return f();
@@ -359,8 +362,10 @@ struct ParamCodec {
     } else {
       spec.unit = options.unit;
       if constexpr (std::integral<Element> && kKind != ParamKind::kBool) {
-        spec.min.emplace(encode(options.min.value_or(std::numeric_limits<Element>::min()), options));
-        spec.max.emplace(encode(options.max.value_or(std::numeric_limits<Element>::max()), options));
+        spec.min.emplace(
+            encode(options.min.value_or(std::numeric_limits<Element>::min()), options));
+        spec.max.emplace(
+            encode(options.max.value_or(std::numeric_limits<Element>::max()), options));
       } else if constexpr (kKind == ParamKind::kDouble) {
         if (options.min) {
           spec.min.emplace(encode(*options.min, options));
@@ -411,15 +416,17 @@ Param<T> Context::param(std::string_view name, ParamOptions<T> options) {
 
 template <Message T>
 Publisher<T> Context::create_publisher(std::string_view topic, const PublisherOptions<T>& options) {
-  return Publisher<T>(detail::create_publisher(
-      core_, topic, T::default_instance(), options.prototype ? &*options.prototype : nullptr, false));
+  return Publisher<T>(detail::create_publisher(core_, topic, T::default_instance(),
+                                               options.prototype ? &*options.prototype : nullptr,
+                                               false));
 }
 
 template <Message T>
 ExternalPublisher<T> Context::create_external_publisher(std::string_view topic,
                                                         const PublisherOptions<T>& options) {
-  return ExternalPublisher<T>(detail::create_publisher(
-      core_, topic, T::default_instance(), options.prototype ? &*options.prototype : nullptr, true));
+  return ExternalPublisher<T>(
+      detail::create_publisher(core_, topic, T::default_instance(),
+                               options.prototype ? &*options.prototype : nullptr, true));
 }
 
 template <Message T, MessageCallback<T> F>

@@ -96,12 +96,14 @@ struct LibraryNote {
 }  // namespace fastcycle
 
 /// Offers component classes to the host. Stands once in a library, at namespace scope.
-#define FASTCYCLE_COMPONENTS(...)                                                               \
-  __attribute__((section(".note.fastcycle"), used, aligned(4))) static const                   \
-      ::fastcycle::detail::LibraryNote fastcycle_library_note = {.text = FASTCYCLE_BUILD_NOTE}; \
-  extern "C" __attribute__((visibility("default"))) const ::fastcycle::ComponentLibrary*       \
-  fastcycle_component_library_v1() {                                                           \
-    return ::fastcycle::detail::library_of<__VA_ARGS__>(#__VA_ARGS__);                         \
+#define FASTCYCLE_COMPONENTS(...)                                                           \
+  __attribute__((                                                                           \
+      section(".note.fastcycle"), used,                                                     \
+      aligned(4))) static const ::fastcycle::detail::LibraryNote fastcycle_library_note = { \
+      .text = FASTCYCLE_BUILD_NOTE};                                                        \
+  extern "C" __attribute__((visibility("default"))) const ::fastcycle::ComponentLibrary*    \
+  fastcycle_component_library_v1() {                                                        \
+    return ::fastcycle::detail::library_of<__VA_ARGS__>(#__VA_ARGS__);                      \
   }
 
 /// Offers one component class to the host.

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <fmt/format.h>
-
 #include <array>
 #include <cstdint>
 #include <string_view>
 #include <utility>
+
+#include <fmt/format.h>
 
 namespace fastcycle {
 
@@ -22,7 +22,8 @@ void write_log(LogQueue& queue, LogLevel level, std::string_view component,
 ///
 /// @threads  Safe.
 /// @realtime Formats on the caller's stack (a line is cut at 400 bytes) and puts it into a bounded
-///           queue: no allocation, no lock, no file access. Lines that find the queue full are counted.
+///           queue: no allocation, no lock, no file access. Lines that find the queue full are
+///           counted.
 class Log {
  public:
   Log(detail::LogQueue& queue, std::string_view component) : queue_(queue), component_(component) {}

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <google/protobuf/message.h>
-
 #include <concepts>
 #include <cstdint>
+
+#include <google/protobuf/message.h>
 
 #include "fastcycle/time.h"
 

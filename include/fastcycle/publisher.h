@@ -111,7 +111,8 @@ class Publisher {
   ///
   /// @pre  `message` was borrowed from this publisher.
   void publish(Loan<T> message, const PublishOptions& options = {}) {
-    FASTCYCLE_ASSERT(message.publisher_ == core_, "a loan is published by the publisher that lent it");
+    FASTCYCLE_ASSERT(message.publisher_ == core_,
+                     "a loan is published by the publisher that lent it");
     detail::publish_loan(*core_, std::exchange(message.envelope_, nullptr), options);
   }
 
@@ -128,8 +129,8 @@ class Publisher {
   detail::PublisherCore* core_;
 };
 
-/// Sends messages from threads that are not FastCycle's own: a driver's receive thread, a callback of
-/// a vendor's library. Such topics are inputs of the application, and of every replay of it.
+/// Sends messages from threads that are not FastCycle's own: a driver's receive thread, a callback
+/// of a vendor's library. Such topics are inputs of the application, and of every replay of it.
 ///
 /// Made by `Context::create_external_publisher`.
 ///
@@ -151,7 +152,8 @@ class ExternalPublisher {
 
   /// Hands `message` to every subscriber; `taken_at` says when its content was measured.
   void publish(Loan<T> message, Time taken_at) {
-    FASTCYCLE_ASSERT(message.publisher_ == core_, "a loan is published by the publisher that lent it");
+    FASTCYCLE_ASSERT(message.publisher_ == core_,
+                     "a loan is published by the publisher that lent it");
     detail::publish_external(*core_, std::exchange(message.envelope_, nullptr), taken_at);
   }
 

@@ -20,9 +20,9 @@ Envelope* envelope_of(const Sample<T>& sample);
 /// A received message: shared by all who hold it, and const.
 ///
 /// A callback that takes `const Sample<T>&` may copy it to keep the message; no byte is copied, and
-/// the message goes back to its publisher when the last sample lets go. What a component keeps longer
-/// than its callback lasts is declared as `"keep"` of the subscription, so that the publisher's pool
-/// is large enough.
+/// the message goes back to its publisher when the last sample lets go. What a component keeps
+/// longer than its callback lasts is declared as `"keep"` of the subscription, so that the
+/// publisher's pool is large enough.
 ///
 /// @threads  Compatible; copies may live on different threads.
 /// @realtime Copying and letting go is one atomic step; nothing is allocated or freed.

@@ -19,9 +19,10 @@ enum class Overflow : std::uint8_t {
 /// How many messages may wait for a subscriber, and what happens to more. What the application file
 /// says under `"subscribers"` stands above what the code says.
 struct SubscriberOptions {
-  std::optional<std::size_t> depth = {};  ///< Messages that may wait, per publisher; 16 unless given.
+  std::optional<std::size_t> depth =
+      {};  ///< Messages that may wait, per publisher; 16 unless given.
   std::optional<Overflow> overflow = {};  ///< `kDropOldest` unless given.
-  std::size_t keep = 0;              ///< Samples that the component holds beyond its callbacks.
+  std::size_t keep = 0;  ///< Samples that the component holds beyond its callbacks.
 };
 
 namespace detail {
@@ -33,8 +34,8 @@ void end_subscription(Subscription& subscription) noexcept;
 /// called again. A callback may end its own subscription.
 ///
 ///     std::optional<fastcycle::Subscriber> goal_;
-///     goal_ = context.create_subscriber<demo::Goal>("mission/goal", [this](const demo::Goal& goal) {…});
-///     goal_.reset();
+///     goal_ = context.create_subscriber<demo::Goal>("mission/goal", [this](const demo::Goal& goal)
+///     {…}); goal_.reset();
 ///
 /// @threads  Confined to its component's activations.
 class Subscriber {

@@ -27,8 +27,8 @@ namespace fastcycle::testing {
 ///
 ///     EXPECT_EQ(limited.take().at(0).mps(), 20.0);
 ///
-/// Components, inputs and outputs are added before `start`. What is published is served at once, and
-/// all that follows from it, without time advancing; timers run in `advance`.
+/// Components, inputs and outputs are added before `start`. What is published is served at once,
+/// and all that follows from it, without time advancing; timers run in `advance`.
 ///
 /// @threads  Confined to the test's thread.
 /// @errors   std::runtime_error with every mistake when the components do not fit together or a
@@ -50,8 +50,8 @@ class Bench {
   /// and library: "params", "serve_period_ms", "subscribers", "remap", "on_fault", …
   template <std::derived_from<Component> T>
   void add(const std::string& name, std::string_view configuration = "{}") {
-    add_class(name, configuration, {name.c_str(), &detail::create_component<T>,
-                                    &detail::destroy_component<T>});
+    add_class(name, configuration,
+              {name.c_str(), &detail::create_component<T>, &detail::destroy_component<T>});
   }
 
   /// What the application file would say under "topics", "shared_params", … : merged into it.
@@ -117,9 +117,8 @@ template <Message T>
 class Collector final : public Component {
  public:
   explicit Collector(Context& context) : Component(context) {
-    context.create_subscriber<T>(
-        context.param<std::string>("topic").get(), {.depth = 65536},
-        [this](const T& message) { messages.push_back(message); });
+    context.create_subscriber<T>(context.param<std::string>("topic").get(), {.depth = 65536},
+                                 [this](const T& message) { messages.push_back(message); });
   }
 
   std::vector<T> messages;

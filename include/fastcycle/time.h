@@ -6,8 +6,8 @@ namespace fastcycle {
 
 /// A point in time of the application's clock, in nanoseconds since 1970-01-01 UTC.
 ///
-/// With the clock `live` it runs as the machine's monotonic clock does and never steps; its offset to
-/// Unix time is fixed when the application starts. With the clock `simulated` it begins at
+/// With the clock `live` it runs as the machine's monotonic clock does and never steps; its offset
+/// to Unix time is fixed when the application starts. With the clock `simulated` it begins at
 /// `kSimulatedStart` and moves from cause to cause.
 using Time = std::chrono::sys_time<std::chrono::nanoseconds>;
 

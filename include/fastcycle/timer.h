@@ -15,8 +15,9 @@ struct TimerOptions {
 
 /// One call of a timer's callback.
 struct Tick {
-  Time due{};                 ///< When it should have been called.
-  std::uint64_t skipped = 0;  ///< Ticks before this one that were skipped, since they came too late.
+  Time due{};  ///< When it should have been called.
+  std::uint64_t skipped =
+      0;  ///< Ticks before this one that were skipped, since they came too late.
 };
 
 namespace detail {
@@ -36,7 +37,8 @@ class Timer {
  public:
   explicit Timer(detail::TimerCore& core) : core_(&core) {}
 
-  /// Calls back once at `due`, or as soon as possible if that is past; replaces an earlier `arm_at`.
+  /// Calls back once at `due`, or as soon as possible if that is past; replaces an earlier
+  /// `arm_at`.
   ///
   /// @pre  The timer has no period.
   void arm_at(Time due) { detail::arm_timer(*core_, due); }

@@ -29,7 +29,7 @@
 
 /// What must be equal in host and component library: the core's version (its major and minor
 /// number), the ABI of the standard library, protobuf's version, the sanitizer.
-#define FASTCYCLE_BUILD_NOTE                                                       \
+#define FASTCYCLE_BUILD_NOTE \
   "fastcycle=" FASTCYCLE_TEXT_OF(FASTCYCLE_VERSION_MAJOR) "." FASTCYCLE_TEXT_OF(   \
       FASTCYCLE_VERSION_MINOR) " libstdc++=" FASTCYCLE_TEXT_OF(                    \
       _GLIBCXX_USE_CXX11_ABI) " protobuf=" FASTCYCLE_TEXT_OF(GOOGLE_PROTOBUF_VERSION) " sanitizer=" FASTCYCLE_SANITIZER

@@ -12,7 +12,8 @@ namespace fastcycle {
 /// How much a `History` holds: at most `depth` messages, none older than `span`.
 struct HistoryOptions {
   std::size_t depth = 64;
-  std::optional<Duration> span = {};  ///< Measured from the newest activation's time; no limit if absent.
+  std::optional<Duration> span =
+      {};  ///< Measured from the newest activation's time; no limit if absent.
 };
 
 namespace detail {

@@ -15,7 +15,9 @@ std::int64_t read_clock(clockid_t id) noexcept {
 
 }  // namespace
 
-std::int64_t monotonic_ns() noexcept { return read_clock(CLOCK_MONOTONIC); }
+std::int64_t monotonic_ns() noexcept {
+  return read_clock(CLOCK_MONOTONIC);
+}
 
 Clock::Clock(bool is_simulated, double rate, std::int64_t origin_ns,
              std::int64_t monotonic_origin_ns)
@@ -37,25 +39,28 @@ Clock Clock::live(double rate) {
   return {false, rate, read_clock(CLOCK_REALTIME), monotonic_ns()};
 }
 
-Clock Clock::simulated(Time start) { return {true, 1.0, to_ns(start), 0}; }
+Clock Clock::simulated(Time start) {
+  return {true, 1.0, to_ns(start), 0};
+}
 
-Time Clock::now() const noexcept { return at_monotonic(is_simulated_ ? 0 : monotonic_ns()); }
+Time Clock::now() const noexcept {
+  return at_monotonic(is_simulated_ ? 0 : monotonic_ns());
+}
 
 Time Clock::at_monotonic(std::int64_t monotonic) const noexcept {
   if (is_simulated_) {
     return from_ns(simulated_ns_.load(std::memory_order_acquire));
   }
   const std::int64_t elapsed = monotonic - monotonic_origin_ns_;
-  return from_ns(origin_ns_ + (rate_ == 1.0 ? elapsed
-                                            : static_cast<std::int64_t>(
-                                                  static_cast<double>(elapsed) * rate_)));
+  return from_ns(
+      origin_ns_ +
+      (rate_ == 1.0 ? elapsed : static_cast<std::int64_t>(static_cast<double>(elapsed) * rate_)));
 }
 
 std::int64_t Clock::monotonic_at(Time time) const noexcept {
   const std::int64_t ahead = to_ns(time) - origin_ns_;
   return monotonic_origin_ns_ +
-         (rate_ == 1.0 ? ahead
-                       : static_cast<std::int64_t>(static_cast<double>(ahead) / rate_) + 1);
+         (rate_ == 1.0 ? ahead : static_cast<std::int64_t>(static_cast<double>(ahead) / rate_) + 1);
 }
 
 void Clock::set_simulated(Time time) noexcept {

@@ -15,9 +15,9 @@ inline constexpr std::int64_t kNever = INT64_MAX;
 
 /// The application's clock: every time in an application comes from here.
 ///
-/// Live, it is CLOCK_MONOTONIC plus an offset to Unix time that is fixed when it is made, so that it
-/// never steps; at a rate other than 1 it runs that many times as fast. Simulated, it stands until
-/// the scheduler moves it.
+/// Live, it is CLOCK_MONOTONIC plus an offset to Unix time that is fixed when it is made, so that
+/// it never steps; at a rate other than 1 it runs that many times as fast. Simulated, it stands
+/// until the scheduler moves it.
 ///
 /// @threads  Safe; `set_simulated` is for the scheduler alone.
 /// @realtime One clock read, no lock.
@@ -35,7 +35,8 @@ class Clock {
 
   [[nodiscard]] Time now() const noexcept;
 
-  /// What a live clock shows when CLOCK_MONOTONIC is `monotonic`; a simulated one shows what it does.
+  /// What a live clock shows when CLOCK_MONOTONIC is `monotonic`; a simulated one shows what it
+  /// does.
   [[nodiscard]] Time at_monotonic(std::int64_t monotonic) const noexcept;
 
   /// The CLOCK_MONOTONIC nanoseconds at which a live clock will show `time`.
@@ -58,6 +59,8 @@ class Clock {
 [[nodiscard]] constexpr std::int64_t to_ns(Time time) noexcept {
   return time.time_since_epoch().count();
 }
-[[nodiscard]] constexpr Time from_ns(std::int64_t ns) noexcept { return Time(Duration(ns)); }
+[[nodiscard]] constexpr Time from_ns(std::int64_t ns) noexcept {
+  return Time(Duration(ns));
+}
 
 }  // namespace fastcycle::base

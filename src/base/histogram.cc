@@ -50,8 +50,7 @@ double Histogram::percentile(double share, std::uint64_t count) const noexcept {
   for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
     seen += buckets_[bucket].load(std::memory_order_relaxed);
     if (seen >= rank) {
-      return std::min(middle_of(bucket),
-                      static_cast<double>(max_.load(std::memory_order_relaxed)));
+      return std::min(middle_of(bucket), static_cast<double>(max_.load(std::memory_order_relaxed)));
     }
   }
   return static_cast<double>(max_.load(std::memory_order_relaxed));

@@ -1,10 +1,10 @@
 #include "base/log.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+
+#include <unistd.h>
 
 #include "base/clock.h"
 
@@ -35,7 +35,8 @@ LogQueue::LogQueue()
     slots_[i].turn.store(i, std::memory_order_relaxed);
   }
   std::vector<base::Refusal> refusals;
-  thread_ = base::Thread({.name = "fc-log", .cpus = {}}, [this] { print_until_stopped(); }, refusals);
+  thread_ =
+      base::Thread({.name = "fc-log", .cpus = {}}, [this] { print_until_stopped(); }, refusals);
 }
 
 LogQueue::~LogQueue() {

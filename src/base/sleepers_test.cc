@@ -1,8 +1,8 @@
 #include "base/sleepers.h"
 
-#include <gtest/gtest.h>
-
 #include <thread>
+
+#include <gtest/gtest.h>
 
 #include "base/clock.h"
 

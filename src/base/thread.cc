@@ -1,9 +1,5 @@
 #include "base/thread.h"
 
-#include <sched.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
-
 #include <cerrno>
 #include <cstring>
 #include <exception>
@@ -11,6 +7,10 @@
 #include <memory>
 #include <system_error>
 #include <utility>
+
+#include <sched.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
 
 #include "fastcycle/assert.h"
 
@@ -45,9 +45,10 @@ void pin(const ThreadOptions& options, std::vector<Refusal>& refusals) {
     CPU_SET(static_cast<std::size_t>(cpu), &set);
   }
   if (sched_setaffinity(0, sizeof(set), &set) != 0) {
-    refusals.push_back({"cpus " + list_of(options.cpus) + " for thread " + options.name + ": " +
-                            std::strerror(errno),
-                        "name CPUs that `nproc --all` counts and `taskset -p $$` shows as allowed"});
+    refusals.push_back(
+        {"cpus " + list_of(options.cpus) + " for thread " + options.name + ": " +
+             std::strerror(errno),
+         "name CPUs that `nproc --all` counts and `taskset -p $$` shows as allowed"});
   }
 }
 
@@ -118,7 +119,9 @@ Thread& Thread::operator=(Thread&& other) noexcept {
   return *this;
 }
 
-Thread::~Thread() { FASTCYCLE_ASSERT(!is_joinable_, "a thread is joined before it is destroyed"); }
+Thread::~Thread() {
+  FASTCYCLE_ASSERT(!is_joinable_, "a thread is joined before it is destroyed");
+}
 
 void Thread::join() {
   if (std::exchange(is_joinable_, false)) {

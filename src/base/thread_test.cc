@@ -1,10 +1,10 @@
 #include "base/thread.h"
 
+#include <array>
+
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/prctl.h>
-
-#include <array>
 
 namespace fastcycle::base {
 namespace {
@@ -14,10 +14,13 @@ TEST(Thread, HasItsNameAndATimerSlackOfOneNanosecond) {
   int slack_ns = 0;
   std::vector<Refusal> refusals;
 
-  Thread thread({.name = "control", .cpus = {}}, [&] {
-    pthread_getname_np(pthread_self(), name.data(), name.size());
-    slack_ns = prctl(PR_GET_TIMERSLACK);
-  }, refusals);
+  Thread thread(
+      {.name = "control", .cpus = {}},
+      [&] {
+        pthread_getname_np(pthread_self(), name.data(), name.size());
+        slack_ns = prctl(PR_GET_TIMERSLACK);
+      },
+      refusals);
   thread.join();
 
   EXPECT_STREQ(name.data(), "control");

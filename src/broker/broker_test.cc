@@ -1,7 +1,5 @@
-// From publish to inbox: publishers, lanes, inbox and ledger together, with a queue that only notes.
-
-#include <google/protobuf/wrappers.pb.h>
-#include <gtest/gtest.h>
+// From publish to inbox: publishers, lanes, inbox and ledger together, with a queue that only
+// notes.
 
 #include <atomic>
 #include <memory>
@@ -12,6 +10,9 @@
 #include <string>
 #include <thread>
 #include <vector>
+
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
 
 #include "broker/topics.h"
 
@@ -129,8 +130,8 @@ TEST_F(Broker, ForwardingHandsOnTheSameBytesWithTheForwardersInfo) {
   connect();
   Topics more;
   PublishingComponent forwarder{.name = "forwarder", .clock = &clock_, .is_in_activation = true};
-  PublisherCore& second = more.add_publisher("u", forwarder, Int64Value::default_instance(),
-                                             nullptr, false);
+  PublisherCore& second =
+      more.add_publisher("u", forwarder, Int64Value::default_instance(), nullptr, false);
   Receiver last;
   Topic& topic = more.get("u", "last", Int64Value::default_instance());
   topic.subscriptions.push_back(std::make_unique<Subscription>(
@@ -248,7 +249,8 @@ TEST_F(Broker, ADryPoolLendsAllTheSameAndCountsTheLossForEverySubscriber) {
   EXPECT_EQ(ledger.delivered, 4U);
   EXPECT_EQ(ledger.dropped[static_cast<std::size_t>(DropReason::kPool)], 10U);
   EXPECT_TRUE(ledger.adds_up());
-  EXPECT_EQ(speed.allocated(), 5U) << "the four that are held, and one that is lent again and again";
+  EXPECT_EQ(speed.allocated(), 5U)
+      << "the four that are held, and one that is lent again and again";
   for (Envelope* envelope : held) {
     release(envelope);
   }
@@ -321,8 +323,8 @@ TEST_F(Broker, ViewsCauseNoWakeUp) {
 
   EXPECT_EQ(reader.queue.wakes, 0);
   EXPECT_TRUE(reader.inbox.is_quiet());
-  EXPECT_EQ(reader.subscription->ledger().dropped[static_cast<std::size_t>(DropReason::kSuperseded)],
-            1U);
+  EXPECT_EQ(
+      reader.subscription->ledger().dropped[static_cast<std::size_t>(DropReason::kSuperseded)], 1U);
 }
 
 TEST_F(Broker, ConflictsAreFound) {
@@ -360,8 +362,8 @@ TEST_F(Broker, MoreThanSixtyLanesShareBitsAndLoseNothing) {
   EXPECT_EQ(reader.take_all(), expected);
 }
 
-// Two publishers push as fast as they can into depths of 1 and 8 while a worker takes: every message
-// is delivered once or dropped once, in order per publisher. The thread sanitizer watches.
+// Two publishers push as fast as they can into depths of 1 and 8 while a worker takes: every
+// message is delivered once or dropped once, in order per publisher. The thread sanitizer watches.
 TEST_F(Broker, NothingIsLostOrDoubledUnderConcurrentPushes) {
   constexpr int kMessages = 20'000;
   for (const std::size_t depth : {1U, 8U}) {
@@ -374,8 +376,9 @@ TEST_F(Broker, NothingIsLostOrDoubledUnderConcurrentPushes) {
     PublisherCore& b = topics.add_publisher("t", owner_b, type, nullptr, false);
     Receiver reader;
     Topic& topic = topics.get("t", "r", type);
-    topic.subscriptions.push_back(std::make_unique<Subscription>(
-        topic, reader.inbox, "r", Subscription::Kind::kCallback, SubscriberOptions{.depth = depth}));
+    topic.subscriptions.push_back(
+        std::make_unique<Subscription>(topic, reader.inbox, "r", Subscription::Kind::kCallback,
+                                       SubscriberOptions{.depth = depth}));
     Subscription& subscription = *topic.subscriptions.back();
     topics.connect_all();
     std::atomic<int> running{2};

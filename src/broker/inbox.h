@@ -33,8 +33,8 @@ class ReadyQueue {
 /// A push ends by setting its lane's bit; only the step from nothing to something queues the
 /// component, so that a busy receiver costs a publisher one atomic step. The worker that serves the
 /// component clears a bit only after finding the lane empty, and looks again. It takes the smallest
-/// publish time among the lanes' heads, and only if the word, read again, shows no ready lane that it
-/// did not look at: so if one push returned before another began, it is served first.
+/// publish time among the lanes' heads, and only if the word, read again, shows no ready lane that
+/// it did not look at: so if one push returned before another began, it is served first.
 ///
 /// @threads  `mark` is Safe; `begin`, `end`, `peek`, `pop` and the lists of lanes belong to the one
 ///           worker that serves the component, and before the start to the control thread.

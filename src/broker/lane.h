@@ -40,13 +40,13 @@ class Counter {
 
 /// The messages on their way from one publisher to one subscription, oldest first, at most `depth`.
 ///
-/// `tail` belongs to the publisher. `head` may be advanced from either end, by compare-and-swap: the
-/// receiver takes the oldest, and a publisher that finds the lane full drops the oldest. Since both
-/// count in 64 bits, a swap that succeeds means that nothing happened in between. A push never fails
-/// and never waits, and no other publisher can hold it up.
+/// `tail` belongs to the publisher. `head` may be advanced from either end, by compare-and-swap:
+/// the receiver takes the oldest, and a publisher that finds the lane full drops the oldest. Since
+/// both count in 64 bits, a swap that succeeds means that nothing happened in between. A push never
+/// fails and never waits, and no other publisher can hold it up.
 ///
-/// Invariants: `head <= tail <= head + depth`; the slots from `head` to `tail`, and only they, hold a
-/// message; published = popped by the receiver + dropped + queued.
+/// Invariants: `head <= tail <= head + depth`; the slots from `head` to `tail`, and only they, hold
+/// a message; published = popped by the receiver + dropped + queued.
 ///
 /// @threads  `push` by the publisher only; `peek`, `pop` by one receiver; counters by anyone.
 /// @realtime No allocation, no lock, no loop over messages.
@@ -78,8 +78,8 @@ class Lane {
   Lane(const Lane&) = delete;
   Lane& operator=(const Lane&) = delete;
 
-  /// Adds `envelope`; returns the one that had to give way and that the caller releases: the oldest,
-  /// `envelope` itself, or none.
+  /// Adds `envelope`; returns the one that had to give way and that the caller releases: the
+  /// oldest, `envelope` itself, or none.
   [[nodiscard]] Envelope* push(Envelope* envelope) noexcept {
     published.add();
     Envelope* displaced = nullptr;

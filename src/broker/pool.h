@@ -12,7 +12,8 @@ namespace fastcycle::detail {
 ///
 /// Readers on any thread push what they let go of on a stack; the owner takes the whole stack at
 /// once. Since nobody takes single entries from it, an entry that comes back early can confuse
-/// nothing (no ABA). The owner's free list is last-in first-out: the warmest message goes out first.
+/// nothing (no ABA). The owner's free list is last-in first-out: the warmest message goes out
+/// first.
 ///
 /// A pool outlives its publisher until its last message came back.
 ///
@@ -27,8 +28,8 @@ class Pool {
   Pool(const Pool&) = delete;
   Pool& operator=(const Pool&) = delete;
 
-  /// Adds `count` envelopes; their messages are copies of `prototype`, cleared but with its capacity,
-  /// so that a first publish of that size faults no page.
+  /// Adds `count` envelopes; their messages are copies of `prototype`, cleared but with its
+  /// capacity, so that a first publish of that size faults no page.
   void grow(std::size_t count, const google::protobuf::Message* prototype = nullptr);
 
   /// A free envelope, or null if all are out.

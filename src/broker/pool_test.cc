@@ -1,10 +1,10 @@
 #include "broker/pool.h"
 
-#include <google/protobuf/wrappers.pb.h>
-#include <gtest/gtest.h>
-
 #include <thread>
 #include <vector>
+
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
 
 namespace fastcycle::detail {
 namespace {

@@ -46,9 +46,15 @@ PriorityMutex::PriorityMutex() {
   pthread_mutexattr_destroy(&attributes);
 }
 
-PriorityMutex::~PriorityMutex() { pthread_mutex_destroy(&mutex_); }
-void PriorityMutex::lock() noexcept { pthread_mutex_lock(&mutex_); }
-void PriorityMutex::unlock() noexcept { pthread_mutex_unlock(&mutex_); }
+PriorityMutex::~PriorityMutex() {
+  pthread_mutex_destroy(&mutex_);
+}
+void PriorityMutex::lock() noexcept {
+  pthread_mutex_lock(&mutex_);
+}
+void PriorityMutex::unlock() noexcept {
+  pthread_mutex_unlock(&mutex_);
+}
 
 PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, PublisherId id_,
                              const google::protobuf::Message& default_instance,
@@ -94,8 +100,7 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
   const std::size_t more = lane->options.depth + 1 + lane->subscription.keep;
   needed_ += more;
   pool_->grow(more, prototype_.get());
-  const std::uint64_t bit =
-      lane->options.is_view ? 0 : std::uint64_t{1} << lane->bit;
+  const std::uint64_t bit = lane->options.is_view ? 0 : std::uint64_t{1} << lane->bit;
   for (Envelope* envelope : latched_) {
     retain(*envelope);
     if (Envelope* displaced = lane->push(envelope)) {
@@ -157,8 +162,7 @@ void PublisherCore::number(Envelope& envelope, const Origin& origin, Time now) n
   envelope.info.sequence = published_.get();
   // Simulated messages of one round share its time; their order is (publisher, sequence).
   const bool is_simulated = owner.stage != nullptr;
-  envelope.info.publish_time =
-      is_simulated ? now : std::max(now, last_publish_time_ + Duration(1));
+  envelope.info.publish_time = is_simulated ? now : std::max(now, last_publish_time_ + Duration(1));
   envelope.info.publisher = id;
   envelope.info.origin = origin;
   last_publish_time_ = envelope.info.publish_time;
@@ -275,9 +279,13 @@ void PublisherCore::keep_latched(Envelope* envelope) noexcept {
   latched_.push_back(envelope);
 }
 
-Envelope* take_loan(PublisherCore& publisher, bool cleared) { return publisher.loan(cleared); }
+Envelope* take_loan(PublisherCore& publisher, bool cleared) {
+  return publisher.loan(cleared);
+}
 
-void return_loan(PublisherCore& publisher, Envelope* loan) noexcept { publisher.return_loan(loan); }
+void return_loan(PublisherCore& publisher, Envelope* loan) noexcept {
+  publisher.return_loan(loan);
+}
 
 void publish_loan(PublisherCore& publisher, Envelope* loan, const PublishOptions& options) {
   publisher.publish(loan, options);

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <pthread.h>
-
 #include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include <pthread.h>
 
 #include "base/clock.h"
 #include "broker/inbox.h"
@@ -35,11 +35,11 @@ class Stage {
 struct PublishingComponent {
   std::string name;
   const base::Clock* clock = nullptr;
-  Stage* stage = nullptr;         ///< In simulated time; null when live.
-  bool has_subscribers = false;   ///< Then its messages inherit their origin.
-  bool is_in_activation = false;  ///< Only then it may publish.
-  Time now{};                     ///< The activation's time.
-  Origin origin{};                ///< The activation's origin; root 0 if nothing led to it.
+  Stage* stage = nullptr;           ///< In simulated time; null when live.
+  bool has_subscribers = false;     ///< Then its messages inherit their origin.
+  bool is_in_activation = false;    ///< Only then it may publish.
+  Time now{};                       ///< The activation's time.
+  Origin origin{};                  ///< The activation's origin; root 0 if nothing led to it.
   std::uint32_t publish_count = 0;  ///< In this activation.
 };
 
@@ -61,7 +61,8 @@ class PriorityMutex {
 ///
 /// @threads  Confined to the owner's activations; `connect` to the control thread before the start.
 ///           An external publisher's functions take its mutex.
-/// @realtime After warm-up no allocation, no lock (an external one takes its own), no hash, no string;
+/// @realtime After warm-up no allocation, no lock (an external one takes its own), no hash, no
+/// string;
 ///           at most one wake call per executor concerned, after all pushes.
 class PublisherCore {
  public:

@@ -47,7 +47,8 @@ struct TopicConflict {
 
 /// The registry of topics: used when topics are declared and connected, never while messages move.
 ///
-/// @threads  Confined to the control thread until the application runs; then whoever changes it must
+/// @threads  Confined to the control thread until the application runs; then whoever changes it
+/// must
 ///           exclude others.
 class Topics {
  public:

@@ -29,23 +29,25 @@ enum class Cause : std::uint8_t {
 /// How an activation ended.
 enum class Outcome : std::uint8_t { kRunning, kDone, kFault };
 
-/// One activation: written before the callback, so that a crash shows its cause, and completed after.
+/// One activation: written before the callback, so that a crash shows its cause, and completed
+/// after.
 struct ActivationRecord {
   std::uint32_t component = 0;  ///< The component's place in the application file.
   Cause cause{};
   Outcome outcome = Outcome::kRunning;
-  std::uint64_t number = 0;          ///< Of the component, from 1.
-  PublisherId publisher = 0;         ///< Of the message that caused it; else 0.
-  std::uint64_t key = 0;             ///< The message's sequence, or the timer's number.
-  std::uint64_t skipped = 0;         ///< Ticks skipped before this one.
-  std::int64_t time_ns = 0;          ///< The activation's time.
-  std::int64_t duration_ns = 0;      ///< By CLOCK_MONOTONIC, when ended.
-  std::uint32_t publish_count = 0;   ///< Messages published in it, when ended.
+  std::uint64_t number = 0;         ///< Of the component, from 1.
+  PublisherId publisher = 0;        ///< Of the message that caused it; else 0.
+  std::uint64_t key = 0;            ///< The message's sequence, or the timer's number.
+  std::uint64_t skipped = 0;        ///< Ticks skipped before this one.
+  std::int64_t time_ns = 0;         ///< The activation's time.
+  std::int64_t duration_ns = 0;     ///< By CLOCK_MONOTONIC, when ended.
+  std::uint32_t publish_count = 0;  ///< Messages published in it, when ended.
 };
 
 /// The last activations of one worker: always on, for crash reports, tracing and logs.
 ///
-/// @threads  One writer; `snapshot` by any thread: a record that is overwritten meanwhile is left out.
+/// @threads  One writer; `snapshot` by any thread: a record that is overwritten meanwhile is left
+/// out.
 /// @realtime No lock, no allocation.
 class ActivationRing {
  public:

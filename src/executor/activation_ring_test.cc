@@ -1,8 +1,8 @@
 #include "executor/activation_ring.h"
 
-#include <gtest/gtest.h>
-
 #include <thread>
+
+#include <gtest/gtest.h>
 
 namespace fastcycle::detail {
 namespace {

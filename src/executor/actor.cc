@@ -34,15 +34,17 @@ View::View(Topic& its_topic, Actor& its_actor, Kind its_kind, std::size_t its_de
   held.reserve(depth + 1);
 }
 
-View::~View() { clear(); }
+View::~View() {
+  clear();
+}
 
 void View::insert(Envelope* envelope) {
-  const auto place = std::upper_bound(
-      held.begin(), held.end(), envelope, [](const Envelope* a, const Envelope* b) {
-        return a->info.publish_time != b->info.publish_time
-                   ? a->info.publish_time < b->info.publish_time
-                   : a->info.publisher < b->info.publisher;
-      });
+  const auto place = std::upper_bound(held.begin(), held.end(), envelope,
+                                      [](const Envelope* a, const Envelope* b) {
+                                        return a->info.publish_time != b->info.publish_time
+                                                   ? a->info.publish_time < b->info.publish_time
+                                                   : a->info.publisher < b->info.publisher;
+                                      });
   held.insert(place, envelope);
   if (held.size() > depth) {
     release(held.front());
@@ -387,7 +389,8 @@ CallbackSubscription& Actor::subscribe(Topic& topic, const SubscriberOptions& op
 CallbackSubscription& Actor::subscribe_again(Topic& topic, const SubscriberOptions& options,
                                              EnvelopeCallback callback) {
   for (CallbackSubscription* old : callbacks) {
-    if (old->is_ended && &old->topic == &topic && old->depth == options.depth.value_or(old->depth) &&
+    if (old->is_ended && &old->topic == &topic &&
+        old->depth == options.depth.value_or(old->depth) &&
         old->overflow == options.overflow.value_or(old->overflow) && old->keep == options.keep) {
       old->callback = std::move(callback);
       old->is_ended = false;

@@ -86,9 +86,9 @@ class TimerWatch {
 struct ActorStatistics {
   Counter activations;
   Counter faults;
-  Counter overruns;           ///< Ticks skipped, over all timers.
-  base::Histogram callback;   ///< Time in callbacks, ns by CLOCK_MONOTONIC.
-  base::Histogram lateness;   ///< From a tick's due time to its callback, ns.
+  Counter overruns;          ///< Ticks skipped, over all timers.
+  base::Histogram callback;  ///< Time in callbacks, ns by CLOCK_MONOTONIC.
+  base::Histogram lateness;  ///< From a tick's due time to its callback, ns.
 };
 
 /// A component as the executor sees it: an inbox, timers, control causes, and one worker at a time
@@ -134,8 +134,8 @@ class Actor {
 
   CallbackSubscription& subscribe(Topic& topic, const SubscriberOptions& options,
                                   EnvelopeCallback callback);
-  /// As `subscribe`, in the place of an ended subscription of that topic, if there is one: a component
-  /// that subscribes again and again keeps one ledger.
+  /// As `subscribe`, in the place of an ended subscription of that topic, if there is one: a
+  /// component that subscribes again and again keeps one ledger.
   CallbackSubscription& subscribe_again(Topic& topic, const SubscriberOptions& options,
                                         EnvelopeCallback callback);
   void end(CallbackSubscription& subscription) noexcept;

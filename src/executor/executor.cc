@@ -23,13 +23,14 @@ void pause_briefly() noexcept {
 
 }  // namespace
 
-Executor::Executor(ExecutorOptions options, const base::Clock& clock)
-    : options_(std::move(options)), clock_(clock) {
+Executor::Executor(ExecutorOptions options) : options_(std::move(options)) {
   FASTCYCLE_ASSERT(options_.threads > 0 && options_.threads <= base::Sleepers::kMaxWorkers,
                    "an executor has 1 to 64 workers");
 }
 
-Executor::~Executor() { stop(); }
+Executor::~Executor() {
+  stop();
+}
 
 void Executor::add(Actor& actor) {
   actor.inbox.attach(*this, static_cast<std::uint32_t>(actors_.size()));
@@ -88,8 +89,8 @@ void Executor::wake() noexcept {
 
 void Executor::timer_armed(std::int64_t due_ns) noexcept {
   std::int64_t earliest = earliest_due_ns_.load(std::memory_order_seq_cst);
-  while (due_ns < earliest && !earliest_due_ns_.compare_exchange_weak(
-                                  earliest, due_ns, std::memory_order_seq_cst)) {
+  while (due_ns < earliest &&
+         !earliest_due_ns_.compare_exchange_weak(earliest, due_ns, std::memory_order_seq_cst)) {
   }
   if (leader_deadline_ns_.load(std::memory_order_seq_cst) > due_ns) {
     const unsigned leader = leader_.load(std::memory_order_seq_cst);
@@ -145,14 +146,12 @@ bool Executor::run_ready(unsigned worker) {
       if ((word.fetch_and(~flag, std::memory_order_seq_cst) & flag) == 0) {
         continue;
       }
-      if (word.load(std::memory_order_relaxed) != 0 && threads_.size() > 1) {
+      if (word.load(std::memory_order_relaxed) != 0 && options_.threads > 1) {
         sleepers_.wake_one();
       }
       actors_[base + bit]->run_turn(*rings_[worker]);
       has_run = true;
-      if (clock_.is_simulated() || earliest_due_ns_.load(std::memory_order_relaxed) != base::kNever) {
-        fire_timers();
-      }
+      fire_timers();
     }
   }
   return has_run;

@@ -35,9 +35,9 @@ struct ExecutorOptions {
 
 /// Workers that serve components on the machine's clock.
 ///
-/// Components that are ready are bits of a mask; a worker claims one and serves a turn of it. Nobody
-/// dispatches: the publisher itself sets the bit and wakes a sleeper. One of the sleeping workers, the
-/// leader, sleeps only until the next timer is due.
+/// Components that are ready are bits of a mask; a worker claims one and serves a turn of it.
+/// Nobody dispatches: the publisher itself sets the bit and wakes a sleeper. One of the sleeping
+/// workers, the leader, sleeps only until the next timer is due.
 ///
 /// @threads  `enqueue`, `wake`, `submit`, `timer_armed` are Safe; all else is the control thread's.
 /// @realtime `enqueue` and `wake` allocate nothing and take no lock; at most one system call.
@@ -45,10 +45,10 @@ class Executor final : public ReadyQueue, public TimerWatch {
  public:
   static constexpr std::size_t kMaxJobs = 1024;
 
-  Executor(ExecutorOptions options, const base::Clock& clock);
+  explicit Executor(ExecutorOptions options);
   ~Executor() override;
 
-  /// Serves `actor` from now on; before `start`. Its index in this executor is the return value.
+  /// Serves `actor` from now on; before `start`.
   void add(Actor& actor);
 
   /// Starts the workers; what the machine refused is added to `refusals`.
@@ -85,7 +85,6 @@ class Executor final : public ReadyQueue, public TimerWatch {
 
   // Constant after `start`.
   const ExecutorOptions options_;
-  const base::Clock& clock_;
   std::vector<Actor*> actors_;
   std::vector<std::unique_ptr<ActivationRing>> rings_;
 

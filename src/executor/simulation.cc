@@ -79,7 +79,8 @@ void Simulation::take_external() {
     const std::lock_guard lock(mutex_);
     external.swap(external_);
   }
-  // The order in which foreign threads published is theirs; per publisher it is that of its sequence.
+  // The order in which foreign threads published is theirs; per publisher it is that of its
+  // sequence.
   std::stable_sort(external.begin(), external.end(), [](const External& a, const External& b) {
     return a.publisher->id < b.publisher->id;
   });
@@ -195,7 +196,7 @@ void Simulation::run_jobs() {
 }
 
 void Simulation::run_now() {
-  while (run_round()) {
+  for (std::uint64_t rounds = 0; rounds < kMaxRoundsAtOnce && run_round(); ++rounds) {
   }
 }
 
@@ -224,6 +225,7 @@ bool Simulation::wait_for_change(std::uint64_t seen, bool may_end) {
 }
 
 Simulation::End Simulation::run_until(Time limit) {
+  std::uint64_t rounds_at_once = 0;
   for (;;) {
     if (is_interrupted_.load()) {
       return End::kInterrupted;
@@ -231,8 +233,12 @@ Simulation::End Simulation::run_until(Time limit) {
     // What comes from outside after this is seen as a change, and makes another pass.
     const std::uint64_t seen = changes();
     if (run_round()) {
+      if (++rounds_at_once > kMaxRoundsAtOnce) {
+        return End::kStuck;
+      }
       continue;
     }
+    rounds_at_once = 0;
     const std::int64_t next_ns = next_due_ns();
     const bool waits_for_threads = next_ns == base::kNever && has_foreign_threads_.load();
     if (wait_for_change(seen, !waits_for_threads)) {

@@ -15,12 +15,13 @@ namespace fastcycle::detail {
 
 /// Serves components in simulated time, by rounds, in place of all executors.
 ///
-/// A round is all causes with the smallest time. Its components run in parallel; what they publish is
-/// handed over when all are done, and makes the next round. Time advances, to the next timer, only
-/// when nothing is left to do at the present one and nobody holds it. So the result is the same for
-/// any number of workers, and as fast as the components compute.
+/// A round is all causes with the smallest time. Its components run in parallel; what they publish
+/// is handed over when all are done, and makes the next round. Time advances, to the next timer,
+/// only when nothing is left to do at the present one and nobody holds it. So the result is the
+/// same for any number of workers, and as fast as the components compute.
 ///
-/// @threads  `enqueue`, `hold`, `let_go`, `submit`, `stage_external`, `interrupt` are Safe; all else
+/// @threads  `enqueue`, `hold`, `let_go`, `submit`, `stage_external`, `interrupt` are Safe; all
+/// else
 ///           is confined to the thread that runs it.
 class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
  public:
@@ -28,6 +29,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
     kReached,      ///< Time reached the limit that was asked for.
     kIdle,         ///< Nothing is left that could ever happen.
     kInterrupted,  ///< `interrupt` was called.
+    kStuck,        ///< A million rounds at one moment: time would never advance.
   };
 
   Simulation(base::Clock& clock, unsigned workers);
@@ -38,7 +40,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   /// Serves everything up to `limit`, and moves the clock there.
   End run_until(Time limit);
 
-  /// Serves what is left to do at the present time, without advancing it.
+  /// Serves what is left to do at the present time, without advancing it; at most a million rounds.
   void run_now();
 
   /// Ends `run_until` after the present round; `clear_interrupt` allows the next one.
@@ -76,6 +78,8 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
     Actor* actor;
     std::size_t index;
   };
+
+  static constexpr std::uint64_t kMaxRoundsAtOnce = 1'000'000;
 
   bool run_round();
   void collect_round();

@@ -19,7 +19,9 @@ namespace {
 
 constexpr auto kDrainLimit = 1s;
 
-unsigned cpu_count() { return std::max(1U, std::thread::hardware_concurrency()); }
+unsigned cpu_count() {
+  return std::max(1U, std::thread::hardware_concurrency());
+}
 
 base::SchedulingPolicy to_policy(config::Policy policy) {
   switch (policy) {
@@ -65,6 +67,8 @@ const char* to_word(EndReason reason) noexcept {
       return "stopped on request";
     case EndReason::kFault:
       return "component fault";
+    case EndReason::kStuck:
+      return "simulated time does not advance";
   }
   return "?";
 }
@@ -86,7 +90,9 @@ Application::Application(config::ApplicationDescription description, const Clock
   }
 }
 
-Application::~Application() { stop(); }
+Application::~Application() {
+  stop();
+}
 
 void Application::make_executors() {
   for (const config::ExecutorDescription& executor : description_.executors) {
@@ -97,15 +103,14 @@ void Application::make_executors() {
                                 .policy = to_policy(executor.policy),
                                 .priority = executor.priority,
                                 .wait = to_wait(executor.wait),
-                                .hand_over = executor.hand_over},
-        clock_));
+                                .hand_over = executor.hand_over}));
   }
-  const bool needs_pool = std::any_of(description_.components.begin(), description_.components.end(),
-                                      [](const auto& component) { return component.executor.empty(); });
+  const bool needs_pool =
+      std::any_of(description_.components.begin(), description_.components.end(),
+                  [](const auto& component) { return component.executor.empty(); });
   if (needs_pool) {
-    executors_.push_back(std::make_unique<detail::Executor>(
-        detail::ExecutorOptions{.name = "pool", .threads = std::min(cpu_count(), 64U), .cpus = {}},
-        clock_));
+    executors_.push_back(std::make_unique<detail::Executor>(detail::ExecutorOptions{
+        .name = "pool", .threads = std::min(cpu_count(), 64U), .cpus = {}}));
   }
 }
 
@@ -120,8 +125,8 @@ detail::Executor& Application::executor_of(const config::ComponentDescription& c
 
 void Application::add_component(const config::ComponentDescription& component,
                                 const ComponentClass& its_class) {
-  auto core = std::make_unique<ComponentCore>(
-      *this, static_cast<std::uint32_t>(components_.size()), component, its_class, clock_);
+  auto core = std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
+                                              component, its_class, clock_);
   if (simulation_ != nullptr) {
     simulation_->add(*core);
   } else {
@@ -218,9 +223,9 @@ void Application::add_conflicts(config::Problems& problems) const {
   for (const config::TopicDescription& topic : description_.topics) {
     const detail::Topic* known = topics_.find(topic.name);
     if (known != nullptr && known->publishers.empty() && known->subscriptions.empty()) {
-      config::Problem problem = config::mistake(
-          topic.place, "topic \"" + topic.name + "\" is used by no component",
-          config::did_you_mean(config::nearest(topic.name, published)));
+      config::Problem problem =
+          config::mistake(topic.place, "topic \"" + topic.name + "\" is used by no component",
+                          config::did_you_mean(config::nearest(topic.name, published)));
       problem.warning = true;
       problems.add(std::move(problem));
     }
@@ -330,7 +335,8 @@ void Application::request_end(EndReason reason) {
   {
     const std::lock_guard lock(end_mutex_);
     // A fault is what the exit code must tell; otherwise the first reason stands.
-    if (end_reason_ == EndReason::kNone || reason == EndReason::kFault) {
+    if (end_reason_ == EndReason::kNone || reason == EndReason::kFault ||
+        reason == EndReason::kStuck) {
       end_reason_ = reason;
     }
     end_changed_.notify_all();
@@ -361,7 +367,8 @@ detail::CallbackSubscription& Application::subscribe_late(
   detail::Topic* known = topics_.find(name);
   const std::string type = default_instance.GetTypeName();
   if (known != nullptr && !known->type.empty() && known->type != type) {
-    throw std::runtime_error("topic \"" + name + "\" has the type " + known->type + ", not " + type);
+    throw std::runtime_error("topic \"" + name + "\" has the type " + known->type + ", not " +
+                             type);
   }
   detail::Topic& topic = topics_.get(name, component.name, default_instance);
   auto& subscription = component.subscribe_again(topic, options, std::move(callback));
@@ -412,9 +419,9 @@ void Application::end_subscription(ComponentCore& component,
 }
 
 ComponentCore& Application::component_of(const detail::PublisherCore& publisher) const {
-  const auto found = std::find_if(components_.begin(), components_.end(), [&](const auto& component) {
-    return &component->publishing == &publisher.owner;
-  });
+  const auto found = std::find_if(
+      components_.begin(), components_.end(),
+      [&](const auto& component) { return &component->publishing == &publisher.owner; });
   return **found;
 }
 
@@ -478,6 +485,12 @@ EndReason Application::run(std::optional<Duration> limit) {
         case detail::Simulation::End::kIdle:
           request_end(EndReason::kIdle);
           break;
+        case detail::Simulation::End::kStuck:
+          log(LogLevel::kError, {},
+              "simulated time does not advance: components answer each other without end at one "
+              "moment; let one of them answer from a timer");
+          request_end(EndReason::kStuck);
+          break;
         case detail::Simulation::End::kInterrupted:
           break;
       }
@@ -490,8 +503,8 @@ EndReason Application::run(std::optional<Duration> limit) {
     end_changed_.wait(lock, has_ended);
     return end_reason();
   }
-  const auto wait = std::chrono::nanoseconds(clock_.monotonic_at(start_time() + *limit) -
-                                             base::monotonic_ns());
+  const auto wait =
+      std::chrono::nanoseconds(clock_.monotonic_at(start_time() + *limit) - base::monotonic_ns());
   if (!end_changed_.wait_for(lock, wait, has_ended)) {
     end_reason_ = EndReason::kTimeOver;
   }
@@ -503,7 +516,9 @@ void Application::advance_to(Time time) {
   static_cast<void>(simulation_->run_until(time));
 }
 
-void Application::settle() { simulation_->run_now(); }
+void Application::settle() {
+  simulation_->run_now();
+}
 
 bool Application::is_quiet() const {
   return std::all_of(executors_.begin(), executors_.end(),

@@ -3,10 +3,11 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
-#include <map>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -32,7 +33,8 @@ enum class EndReason : std::uint8_t {
   kSourcesFinished,  ///< Every source said that its input is over.
   kIdle,             ///< In simulated time nothing is left that could happen.
   kRequested,        ///< Somebody asked for the end (Ctrl-C).
-  kFault,            ///< A component failed whose policy is to stop the application.
+  kFault,           ///< A component failed whose policy is to stop the application.
+  kStuck,           ///< Simulated time does not advance: components answer each other without end.
 };
 
 [[nodiscard]] const char* to_word(EndReason reason) noexcept;
@@ -148,7 +150,8 @@ class Application {
  private:
   void make_executors();
   detail::Executor& executor_of(const config::ComponentDescription& component);
-  void add_component(const config::ComponentDescription& description, const ComponentClass& its_class);
+  void add_component(const config::ComponentDescription& description,
+                     const ComponentClass& its_class);
   void add_conflicts(config::Problems& problems) const;
   void run_in(detail::ComponentCore& component, detail::Cause cause, std::function<void()> body);
   void connect_late(detail::ComponentCore& component, detail::PublisherCore& publisher,

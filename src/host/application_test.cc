@@ -1,13 +1,13 @@
 #include "host/application.h"
 
-#include <google/protobuf/wrappers.pb.h>
-#include <gtest/gtest.h>
-
 #include <array>
 #include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <thread>
+
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
 
 #include "fastcycle/fastcycle.h"
 #include "host/test_application.h"
@@ -666,14 +666,14 @@ TEST(Origin, IsInheritedFromTheCauseAndHeldByTimers) {
     explicit Judge(Context& context) : Component(context) {
       context.create_subscriber<Int64Value>("ticked", [this](const Sample<Int64Value>& number) {
         EXPECT_TRUE(number.info().origin.held);
-        EXPECT_EQ(number.info().origin.root,
-                  detail::publisher_id("counter", "numbers"));
+        EXPECT_EQ(number.info().origin.root, detail::publisher_id("counter", "numbers"));
         report("age_ms", static_cast<std::int64_t>((now() - number.info().origin.taken) / 1ms));
       });
     }
   };
   TestClasses classes;
-  classes.with<Counter>("counter").with<Relay>("relay").with<Witness>("witness").with<Judge>("judge");
+  classes.with<Counter>("counter").with<Relay>("relay").with<Witness>("witness").with<Judge>(
+      "judge");
   const auto application = make_application(
       R"({"name": "t", "components": [
         {"name": "counter", "library": "counter", "serve_period_ms": 10},
@@ -727,16 +727,18 @@ TEST(Simulation, GivesTheSameResultWithAnyNumberOfWorkers) {
     std::string name = topic;
     std::replace(name.begin(), name.end(), '-', '_');
     text += R"({"name": "counter_)" + name + R"(", "library": "counter", "serve_period_ms": 1,
-               "params": {"count": 40, "burst": 3}, "remap": {"numbers": ")" + name + R"("}},)";
+               "params": {"count": 40, "burst": 3}, "remap": {"numbers": ")" +
+            name + R"("}},)";
   }
   const auto mixed = [](int i) {
     return "mixed" + std::string(i < 0 ? "_" : "") + std::to_string(std::abs(i));
   };
   for (int i = 0; i < 6; ++i) {
-    text += (i == 0 ? "" : ",") + std::string(R"({"name": "m)") + std::to_string(i) +
-            R"(", "library": "mixer", "remap": {"mixed": ")" + mixed(i) + R"(", "b": ")" +
-            mixed(i - 1) + R"(", "c": ")" + mixed(i - 2) +
-            R"("}, "subscribers": {"b": {"depth": 2}, "c": {"depth": 1, "overflow": "drop_newest"}}})";
+    text +=
+        (i == 0 ? "" : ",") + std::string(R"({"name": "m)") + std::to_string(i) +
+        R"(", "library": "mixer", "remap": {"mixed": ")" + mixed(i) + R"(", "b": ")" +
+        mixed(i - 1) + R"(", "c": ")" + mixed(i - 2) +
+        R"("}, "subscribers": {"b": {"depth": 2}, "c": {"depth": 1, "overflow": "drop_newest"}}})";
   }
   text += "]}";
   std::vector<std::map<std::string, ReportValue, std::less<>>> results;
@@ -758,6 +760,34 @@ TEST(Simulation, GivesTheSameResultWithAnyNumberOfWorkers) {
   EXPECT_EQ(results[0], results[1]);
   EXPECT_EQ(results[0], results[2]);
   EXPECT_EQ(results[2], results[3]);
+}
+
+/// Answers every message with one to itself.
+class Echo final : public Component {
+ public:
+  explicit Echo(Context& context)
+      : Component(context), numbers_(context.create_publisher<Int64Value>("numbers")) {
+    context.create_subscriber<Int64Value>(
+        "numbers", [this](const Int64Value&) { numbers_.publish(numbers_.loan()); });
+  }
+  void start() override { numbers_.publish(numbers_.loan()); }
+
+ private:
+  Publisher<Int64Value> numbers_;
+};
+
+TEST(Simulation, ComponentsThatAnswerEachOtherWithoutEndAreReportedAndDoNotHang) {
+  TestClasses classes;
+  classes.with<Echo>("echo");
+  const auto application =
+      make_application(R"({"name": "t", "components": [{"name": "e", "library": "echo"}]})",
+                       classes, {.is_simulated = true});
+
+  application->start();
+  EXPECT_EQ(application->run(Duration(1s)), EndReason::kStuck);
+  application->stop();
+
+  EXPECT_TRUE(ledger_of(*application, "numbers", "e").adds_up());
 }
 
 }  // namespace

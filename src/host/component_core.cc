@@ -59,10 +59,10 @@ void ComponentCore::check_unused(config::Problems& its_problems) const {
   const std::vector<std::string> known(topics_in_code.begin(), topics_in_code.end());
   const auto check = [&](const std::string& topic, const config::Place& place, const char* where) {
     if (!topics_in_code.contains(topic)) {
-      its_problems.add(config::mistake(
-          place,
-          std::string("component \"") + name + "\" names no topic \"" + topic + "\" (" + where + ")",
-          config::did_you_mean(config::nearest(topic, known))));
+      its_problems.add(config::mistake(place,
+                                       std::string("component \"") + name + "\" names no topic \"" +
+                                           topic + "\" (" + where + ")",
+                                       config::did_you_mean(config::nearest(topic, known))));
     }
   };
   for (const auto& [topic, subscriber] : description.subscribers) {
@@ -161,6 +161,7 @@ void ComponentCore::restart(std::string_view what) {
     return;
   }
   ++restarts;
+  ++restart_count;
   note_fault(std::string(what) + " (restarting)");
   destroy();
   clear_timers();

@@ -94,7 +94,8 @@ class ComponentCore final : public Actor {
   std::optional<Random> random;
   std::vector<std::string> faults;  ///< The first 16, in words.
   std::uint64_t fault_count = 0;
-  std::uint32_t restarts = 0;
+  std::uint64_t restart_count = 0;
+  std::uint32_t restarts = 0;  ///< Within the window that began at `first_restart_ns`.
   std::int64_t first_restart_ns = 0;
 
   // A source that has not finished keeps the run going.

@@ -1,10 +1,10 @@
 // What components ask of their context, answered by the application.
 
-#include <google/protobuf/util/json_util.h>
-
 #include <limits>
 #include <stdexcept>
 #include <utility>
+
+#include <google/protobuf/util/json_util.h>
 
 #include "config/params.h"
 #include "host/application.h"
@@ -25,13 +25,14 @@ std::optional<ParamElementValue> read_number(const ParamSpec& spec, const Value&
   switch (spec.kind) {
     case ParamKind::kSigned:
       return config::to_int64(
-          value, {.min = std::get<std::int64_t>(*spec.min), .max = std::get<std::int64_t>(*spec.max)},
+          value,
+          {.min = std::get<std::int64_t>(*spec.min), .max = std::get<std::int64_t>(*spec.max)},
           problems);
     case ParamKind::kUnsigned:
-      return config::to_uint64(value,
-                               {.min = std::get<std::uint64_t>(*spec.min),
-                                .max = std::get<std::uint64_t>(*spec.max)},
-                               problems);
+      return config::to_uint64(
+          value,
+          {.min = std::get<std::uint64_t>(*spec.min), .max = std::get<std::uint64_t>(*spec.max)},
+          problems);
     default: {
       config::Range<double> range;
       if (spec.min) {
@@ -69,7 +70,8 @@ std::optional<ParamElementValue> read_element(const ParamSpec& spec, const Value
   return std::nullopt;
 }
 
-/// Something of the right type to go on with, when a mistake will keep the application from starting.
+/// Something of the right type to go on with, when a mistake will keep the application from
+/// starting.
 std::vector<ParamElementValue> stand_in(const ParamSpec& spec) {
   if (spec.is_vector) {
     return {};
@@ -92,14 +94,14 @@ std::vector<ParamElementValue> stand_in(const ParamSpec& spec) {
 }
 
 void assert_constructing(const ComponentCore& core) {
-  FASTCYCLE_ASSERT(core.is_constructing, "parameters, publishers, views and timers are declared in "
-                                         "the component's constructor");
+  FASTCYCLE_ASSERT(core.is_constructing,
+                   "parameters, publishers, views and timers are declared in "
+                   "the component's constructor");
 }
 
 /// The next of what a restarted component declares again; it must be what it was.
 template <typename T>
-T& redeclare(std::vector<T*>& first, std::vector<T*>& again,
-             const std::string& topic) {
+T& redeclare(std::vector<T*>& first, std::vector<T*>& again, const std::string& topic) {
   if (again.size() >= first.size() || first[again.size()]->topic.name != topic) {
     throw std::logic_error("a restarted component declares other topics than before: \"" + topic +
                            "\"");
@@ -113,7 +115,8 @@ T& redeclare(std::vector<T*>& first, std::vector<T*>& again,
 std::vector<ParamElementValue> read_param(ComponentCore& core, const ParamSpec& spec) {
   assert_constructing(core);
   const auto fallback = [&] { return spec.fallback ? *spec.fallback : stand_in(spec); };
-  const Value* value = spec.fallback ? core.params->find(spec.name) : core.params->require(spec.name);
+  const Value* value =
+      spec.fallback ? core.params->find(spec.name) : core.params->require(spec.name);
   if (value == nullptr) {
     return fallback();
   }
@@ -189,9 +192,8 @@ Subscription& create_subscription(ComponentCore& core, std::string_view topic,
   }
   FASTCYCLE_ASSERT(core.publishing.is_in_activation,
                    "subscriptions are made in the constructor or in a callback");
-  return core.application.subscribe_late(core, name, default_instance,
-                                         core.subscriber_options(topic, options),
-                                         std::move(callback));
+  return core.application.subscribe_late(
+      core, name, default_instance, core.subscriber_options(topic, options), std::move(callback));
 }
 
 void end_subscription(Subscription& subscription) noexcept {
@@ -210,7 +212,8 @@ View& create_view(ComponentCore& core, std::string_view topic,
     return redeclare(core.declared.views, core.redeclared.views, name);
   }
   Topic& its_topic = core.application.topics().get(name, core.name, default_instance);
-  const auto kind = depth == 1 && !span ? Subscription::Kind::kLatest : Subscription::Kind::kHistory;
+  const auto kind =
+      depth == 1 && !span ? Subscription::Kind::kLatest : Subscription::Kind::kHistory;
   auto view = std::make_unique<View>(its_topic, core, kind, depth, span);
   View& result = *view;
   its_topic.subscriptions.push_back(std::move(view));
@@ -220,9 +223,15 @@ View& create_view(ComponentCore& core, std::string_view topic,
   return result;
 }
 
-std::size_t view_size(const View& view) noexcept { return view.held.size(); }
-Envelope& view_at(const View& view, std::size_t index) noexcept { return *view.held[index]; }
-Time view_now(const View& view) noexcept { return view.actor.publishing.now; }
+std::size_t view_size(const View& view) noexcept {
+  return view.held.size();
+}
+Envelope& view_at(const View& view, std::size_t index) noexcept {
+  return *view.held[index];
+}
+Time view_now(const View& view) noexcept {
+  return view.actor.publishing.now;
+}
 
 TimerCore& create_timer(ComponentCore& core, const TimerOptions& options, TickCallback callback) {
   assert_constructing(core);
@@ -236,13 +245,17 @@ void arm_timer(TimerCore& timer, Time due) noexcept {
   timer.actor.arm(timer, due);
 }
 
-void cancel_timer(TimerCore& timer) noexcept { timer.due_ns = base::kNever; }
+void cancel_timer(TimerCore& timer) noexcept {
+  timer.due_ns = base::kNever;
+}
 
 }  // namespace detail
 
 using detail::ComponentCore;
 
-const std::string& Context::component_name() const { return core_.name; }
+const std::string& Context::component_name() const {
+  return core_.name;
+}
 const std::string& Context::application_name() const {
   return core_.application.description().name;
 }
@@ -291,7 +304,9 @@ void Source::finish() {
   }
 }
 
-TimeHold::TimeHold(ComponentCore& core) : core_(&core) { core_->application.hold_time(); }
+TimeHold::TimeHold(ComponentCore& core) : core_(&core) {
+  core_->application.hold_time();
+}
 
 TimeHold::~TimeHold() {
   if (core_ != nullptr) {
@@ -303,8 +318,12 @@ void Context::report(std::string_view name, ReportValue value) {
   core_.results.insert_or_assign(std::string(name), std::move(value));
 }
 
-Time Component::now() const { return context_.core().publishing.now; }
-Time Component::start_time() const { return context_.core().application.start_time(); }
+Time Component::now() const {
+  return context_.core().publishing.now;
+}
+Time Component::start_time() const {
+  return context_.core().application.start_time();
+}
 
 Log Component::log() const {
   ComponentCore& core = context_.core();
@@ -314,8 +333,7 @@ Log Component::log() const {
 Random& Component::random() {
   ComponentCore& core = context_.core();
   if (!core.random) {
-    core.random.emplace(
-        detail::publisher_id(core.application.description().name, core.name));
+    core.random.emplace(detail::publisher_id(core.application.description().name, core.name));
   }
   return *core.random;
 }

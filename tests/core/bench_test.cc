@@ -1,9 +1,9 @@
 // Testing components without a process, as a component's author does it.
 
+#include <algorithm>
+
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
-
-#include <algorithm>
 
 #include "fastcycle/fastcycle.h"
 #include "fastcycle/testing.h"

@@ -8,7 +8,9 @@ namespace {
 std::atomic<std::uint64_t> g_allocations{0};
 }  // namespace
 
-std::uint64_t allocation_count() noexcept { return g_allocations.load(); }
+std::uint64_t allocation_count() noexcept {
+  return g_allocations.load();
+}
 
 // Every allocation of the process, on any thread, is counted.
 void* operator new(std::size_t size) {
@@ -26,7 +28,15 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
   }
   throw std::bad_alloc();
 }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}

@@ -1,10 +1,10 @@
 // What must hold of publish: no copy, no allocation, no way to write into a published message.
 
-#include <google/protobuf/wrappers.pb.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <type_traits>
+
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
 
 #include "counting_allocator.h"
 #include "fastcycle/fastcycle.h"
@@ -68,8 +68,9 @@ class Camera final : public Component {
 class Viewer final : public Component {
  public:
   explicit Viewer(Context& context) : Component(context) {
-    context.create_subscriber<BytesValue>("images", {.depth = 4, .keep = 1},
-                                          [this](const Sample<BytesValue>& image) { last_ = image; });
+    context.create_subscriber<BytesValue>(
+        "images", {.depth = 4, .keep = 1},
+        [this](const Sample<BytesValue>& image) { last_ = image; });
   }
 
  private:
@@ -92,14 +93,14 @@ TEST(HotPath, AllocatesNothingPerPublishAfterWarmUpAtAnySize) {
   TestClasses classes;
   classes.with<Camera>("camera").with<Viewer>("viewer").with<Forwarder>("forwarder");
   for (const auto& [size, clears] : {std::pair{"64", "true"}, std::pair{"4194304", "false"}}) {
-    const auto application = host::make_application(
-        std::string(R"({"name": "t", "components": [
+    const auto application = host::make_application(std::string(R"({"name": "t", "components": [
           {"name": "camera", "library": "camera", "serve_period_ms": 0.2,
-           "params": {"size": )") + size + R"(, "clears": )" + clears + R"(}},
+           "params": {"size": )") + size + R"(, "clears": )" +
+                                                        clears + R"(}},
           {"name": "viewer", "library": "viewer"},
           {"name": "forwarder", "library": "forwarder"},
           {"name": "last", "library": "viewer", "remap": {"images": "forwarded"}}]})",
-        classes);
+                                                    classes);
 
     application->start();
     application->run(std::nullopt);
@@ -223,10 +224,9 @@ TEST(HotPathDeathTest, PublishingInAConstructorBreaksTheContract) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   TestClasses classes;
   classes.with<EarlyPublisher>("early");
-  EXPECT_DEATH(
-      host::make_application(
-          R"({"name": "t", "components": [{"name": "e", "library": "early"}]})", classes),
-      "a component publishes only inside its callbacks");
+  EXPECT_DEATH(host::make_application(
+                   R"({"name": "t", "components": [{"name": "e", "library": "early"}]})", classes),
+               "a component publishes only inside its callbacks");
 }
 
 }  // namespace
