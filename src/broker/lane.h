@@ -77,6 +77,7 @@ class Lane {
 
   Lane(const Lane&) = delete;
   Lane& operator=(const Lane&) = delete;
+  ~Lane() { drain(); }
 
   /// Adds `envelope`; returns the one that had to give way and that the caller releases: the
   /// oldest, `envelope` itself, or none.

@@ -90,9 +90,9 @@ void Actor::post(Cause cause, std::function<void()> body, Actor* from) {
   inbox.queue().wake();
 }
 
-template <typename Body>
+template <typename Body, typename Where>
 void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
-                     std::int64_t begin_ns, const Body& body) {
+                     std::int64_t begin_ns, const Body& body, const Where& where) {
   publishing.now = std::max(base::from_ns(record.time_ns), publishing.now);
   publishing.origin = origin;
   publishing.publish_count = 0;
@@ -107,10 +107,10 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
     body();
   } catch (const std::exception& exception) {
     outcome = Outcome::kFault;
-    fault_ = exception.what();
+    fault_ = where() + exception.what();
   } catch (...) {
     outcome = Outcome::kFault;
-    fault_ = "something was thrown that is no std::exception";
+    fault_ = where() + "something that is no std::exception";
   }
   const std::int64_t duration = base::monotonic_ns() - begin_ns;
   statistics.activations.add();
@@ -181,7 +181,7 @@ void Actor::run_controls(ActivationRing& ring) {
     ActivationRecord record;
     record.cause = control.cause;
     record.time_ns = base::to_ns(clock.at_monotonic(begin_ns));
-    activate(ring, record, oldest_held(), begin_ns, control.body);
+    activate(ring, record, oldest_held(), begin_ns, control.body, [] { return std::string(); });
   }
 }
 
@@ -218,7 +218,9 @@ void Actor::tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns) 
   record.key = timer.number;
   record.skipped = tick.skipped;
   record.time_ns = now_ns;
-  activate(ring, record, oldest_held(), begin_ns, [&] { timer.callback(tick); });
+  activate(
+      ring, record, oldest_held(), begin_ns, [&] { timer.callback(tick); },
+      [&] { return timer.label + " threw: "; });
 }
 
 void Actor::deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t begin_ns) {
@@ -237,7 +239,9 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t 
   record.publisher = info.publisher;
   record.key = info.sequence;
   record.time_ns = base::to_ns(now);
-  activate(ring, record, info.origin, begin_ns, [&] { subscription.callback(envelope); });
+  activate(
+      ring, record, info.origin, begin_ns, [&] { subscription.callback(envelope); },
+      [&] { return "its callback for \"" + subscription.topic.name + "\" threw: "; });
   release(&envelope);
 }
 

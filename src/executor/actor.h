@@ -66,6 +66,7 @@ class TimerCore {
   const std::uint64_t number;
   const TimerOptions options;
   TickCallback callback;
+  std::string label = "a timer";       ///< In words, for faults.
   std::int64_t due_ns = base::kNever;  ///< On the application's clock.
   std::uint64_t armed_in_turn = 0;     ///< In simulated time a timer fires once a round.
 };
@@ -198,9 +199,10 @@ class Actor {
     Time taken{};
   };
 
-  template <typename Body>
+  /// Calls `body` as an activation; `where()` says, for a fault, what it was that threw.
+  template <typename Body, typename Where>
   void activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
-                std::int64_t begin_ns, const Body& body);
+                std::int64_t begin_ns, const Body& body, const Where& where);
   void run_controls(ActivationRing& ring);
   bool run_next(ActivationRing& ring);
   void tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns);

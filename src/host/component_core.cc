@@ -47,7 +47,8 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
     check_unused(its_problems);
     if (description.serve_period) {
       add_timer({.period = *description.serve_period, .phase = description.serve_phase},
-                [this](const Tick&) { component->serve(); });
+                [this](const Tick&) { component->serve(); })
+          .label = "its serve()";
     }
   }
   params.reset();
@@ -141,7 +142,11 @@ void ComponentCore::fail(std::string_view what) {
 
 void ComponentCore::on_fault(std::string_view what) {
   const bool was_running = state == State::kRunning;
-  if (state == State::kFailed || state == State::kStopped) {
+  if (state == State::kConstructed) {
+    fail("its start() threw: " + std::string(what));
+  } else if (state == State::kStopped) {
+    note_fault("its stop() threw: " + std::string(what));
+  } else if (state == State::kFailed) {
     note_fault(what);
   } else if (description.on_fault == config::OnFault::kRestart && was_running) {
     restart(what);
