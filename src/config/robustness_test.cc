@@ -147,6 +147,11 @@ struct Robustness : testing::Test {
   Schema schema{{}, schema_problems};
 };
 
+/// The same in every plain run; another one with --gtest_shuffle, for long runs.
+unsigned run_seed() {
+  return static_cast<unsigned>(::testing::UnitTest::GetInstance()->random_seed());
+}
+
 TEST_F(Robustness, GoodFileIsTaken) {
   Problems problems;
 
@@ -162,14 +167,14 @@ TEST_F(Robustness, EveryBeginningOfAFileIsSurvived) {
 }
 
 TEST_F(Robustness, ThousandsOfDamagedFilesAreSurvived) {
-  Damage damage(1);
+  Damage damage(1 + run_seed());
   for (int round = 0; round < kRounds; ++round) {
     load_text(damage.damaged(std::string(kGood)));
   }
 }
 
 TEST_F(Robustness, NoiseIsSurvived) {
-  Damage damage(2);
+  Damage damage(2 + run_seed());
   for (int round = 0; round < kRounds / 10; ++round) {
     load_text(damage.noise());
   }
