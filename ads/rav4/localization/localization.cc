@@ -56,8 +56,10 @@ PoseFilterConfig read_filter_config(fastcycle::Context& context) {
                                   "Noise of one measurement of the gyroscope, 1 sigma");
   config.course_stddev_rad = value("course_stddev_rad", standard.course_stddev_rad, "rad",
                                    "Error of the course with which the heading begins, 1 sigma");
+  config.course_noise_rad = value("course_noise_rad", standard.course_noise_rad, "rad",
+                                  "Noise of every later course, 1 sigma");
   config.course_speed_min_mps = value("course_speed_min_mps", standard.course_speed_min_mps, "m/s",
-                                      "Speed from which the receiver's course is believed");
+                                      "Speed from which the receiver's course is used");
   config.rear_axle_to_point_m =
       context
           .param<double>("rear_axle_to_point_m",

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include <Eigen/LU>
@@ -22,6 +23,8 @@ constexpr double kLongestStep_s = 0.05;  // A longer gap is reckoned in parts.
 constexpr double kLongestGap_s = 10.0;   // Beyond it the last speed says nothing any more.
 constexpr double kUnknownPosition_m = 1e3;
 constexpr double kStandingAfter_s = 0.5;
+constexpr double kCourseGate = 10.8;  // 99.9 % of one dimension.
+constexpr double kNoGate = std::numeric_limits<double>::infinity();
 
 double squared(double value) {
   return value * value;
@@ -67,11 +70,21 @@ bool PoseFilter::on_fix(std::chrono::nanoseconds arrival, std::chrono::nanosecon
   if (!has_position_) {
     begin(fix, age_s);
   }
-  const bool is_good = update_position(fix, age_s);
-  if (!has_heading_) {
+  const Past past = look_back(age_s);
+  if (!update_position(fix, past)) {
+    outliers_in_a_row_ += 1;
+    if (outliers_in_a_row_ >= config_.fix_outliers_max) {
+      begin(fix, age_s);
+    }
+    return false;
+  }
+  outliers_in_a_row_ = 0;
+  if (has_heading_) {
+    update_course(fix, past);
+  } else {
     begin_heading(fix, age_s);
   }
-  return is_good;
+  return true;
 }
 
 PoseEstimate PoseFilter::estimate() const {
@@ -176,30 +189,29 @@ void PoseFilter::predict(const Step& step) {
   covariance_ = jacobian * covariance_ * jacobian.transpose() + noise;
 }
 
-// From now back in time. Where the memory ends before `duration_s`, its oldest step goes on.
-PoseFilter::Displacement PoseFilter::displacement_over(double duration_s) const {
-  Displacement total;
+// Where the memory ends before `age_s`, its oldest step goes on.
+PoseFilter::Past PoseFilter::look_back(double age_s) const {
+  Past past;
+  past.yaw_rad = state_[kYaw];
+  past.step = {.wheel_speed_mps = wheel_speed_mps_, .yaw_rate_radps = yaw_rate_radps_};
   if (!has_heading_) {
-    return total;
+    return past;
   }
-  Step step{.wheel_speed_mps = wheel_speed_mps_, .yaw_rate_radps = yaw_rate_radps_};
-  double yaw = state_[kYaw];
-  double left_s = duration_s;
   auto next = steps_.rbegin();
-  while (left_s > 0.0) {
+  for (double left_s = age_s; left_s > 0.0;) {
     double part_s = std::min(left_s, kLongestStep_s);
     if (next != steps_.rend()) {
-      step = *next++;
-      part_s = std::min(left_s, step.duration_s);
+      past.step = *next++;
+      part_s = std::min(left_s, past.step.duration_s);
     }
-    const double turned = (step.yaw_rate_radps - state_[kGyroBias]) * part_s;
-    const double yaw_mean = yaw - 0.5 * turned;
-    total.moved_m += part_s * velocity(yaw_mean, step);
-    total.per_wheel_scale_m += part_s * step.wheel_speed_mps * heading(yaw_mean);
-    yaw -= turned;
+    const double turned = (past.step.yaw_rate_radps - state_[kGyroBias]) * part_s;
+    const double yaw_mean = past.yaw_rad - 0.5 * turned;
+    past.moved_m += part_s * velocity(yaw_mean, past.step);
+    past.per_wheel_scale_m += part_s * past.step.wheel_speed_mps * heading(yaw_mean);
+    past.yaw_rad -= turned;
     left_s -= part_s;
   }
-  return total;
+  return past;
 }
 
 void PoseFilter::begin(const PlaneFix& fix, double age_s) {
@@ -232,7 +244,7 @@ void PoseFilter::begin_heading(const PlaneFix& fix, double age_s) {
   covariance_.row(kYaw).setZero();
   covariance_.col(kYaw).setZero();
   covariance_(kYaw, kYaw) = squared(config_.course_stddev_rad);
-  const Displacement since = displacement_over(age_s);
+  const Past since = look_back(age_s);
   state_.segment<2>(kEast) += since.moved_m;
   covariance_.block<2, 1>(kEast, kYaw) = covariance_(kYaw, kYaw) * left_of(since.moved_m);
   covariance_.block<1, 2>(kYaw, kEast) = covariance_.block<2, 1>(kEast, kYaw).transpose();
@@ -240,28 +252,23 @@ void PoseFilter::begin_heading(const PlaneFix& fix, double age_s) {
       covariance_(kYaw, kYaw) * left_of(since.moved_m) * left_of(since.moved_m).transpose();
 }
 
-bool PoseFilter::update_position(const PlaneFix& fix, double age_s) {
-  const Displacement since = displacement_over(age_s);
+bool PoseFilter::update_position(const PlaneFix& fix, const Past& past) {
   FixJacobian jacobian = FixJacobian::Zero();
   jacobian.block<2, 2>(0, kEast).setIdentity();
   jacobian.block<2, 2>(0, kFixBias).setIdentity();
   if (has_heading_) {
-    jacobian.block<2, 1>(0, kYaw) = -left_of(since.moved_m);
-    jacobian.block<2, 1>(0, kScale) = -since.per_wheel_scale_m;
+    jacobian.block<2, 1>(0, kYaw) = -left_of(past.moved_m);
+    jacobian.block<2, 1>(0, kScale) = -past.per_wheel_scale_m;
   }
   const Eigen::Vector2d expected =
-      state_.segment<2>(kEast) - since.moved_m + state_.segment<2>(kFixBias);
+      state_.segment<2>(kEast) - past.moved_m + state_.segment<2>(kFixBias);
   const Eigen::Vector2d innovation = fix.position_m - expected;
   const Eigen::Matrix2d noise = squared(config_.fix_noise_m) * Eigen::Matrix2d::Identity();
   const Eigen::Matrix2d spread = jacobian * covariance_ * jacobian.transpose() + noise;
   const Eigen::Matrix2d inverse = spread.inverse();
   if (innovation.dot(inverse * innovation) > config_.fix_gate) {
-    if (++outliers_in_a_row_ >= config_.fix_outliers_max) {
-      begin(fix, age_s);
-    }
     return false;
   }
-  outliers_in_a_row_ = 0;
   const Eigen::Matrix<double, kSize, 2> gain = covariance_ * jacobian.transpose() * inverse;
   state_ += gain * innovation;
   state_[kYaw] = wrapped(state_[kYaw]);
@@ -271,14 +278,40 @@ bool PoseFilter::update_position(const PlaneFix& fix, double age_s) {
   return true;
 }
 
+// The point moves where the heading points, but for its own turning about the rear axle.
+void PoseFilter::update_course(const PlaneFix& fix, const Past& past) {
+  const bool is_fast =
+      std::min(fix.speed_mps, past.step.wheel_speed_mps) >= config_.course_speed_min_mps;
+  if (!fix.yaw_rad || !is_fast) {
+    return;
+  }
+  const Eigen::Vector2d moving = velocity(past.yaw_rad, past.step);
+  State jacobian = State::Zero();
+  jacobian[kYaw] = 1.0;
+  update_scalar(jacobian, {.innovation = wrapped(*fix.yaw_rad - std::atan2(moving.y(), moving.x())),
+                           .noise = config_.course_noise_rad,
+                           .gate = kCourseGate});
+}
+
 void PoseFilter::update_gyro_bias() {
-  const double spread = covariance_(kGyroBias, kGyroBias) + squared(config_.gyro_noise_radps);
-  const State gain = covariance_.col(kGyroBias) / spread;
-  state_ += gain * (yaw_rate_radps_ - state_[kGyroBias]);
-  Covariance rest = Covariance::Identity();
-  rest.col(kGyroBias) -= gain;
-  covariance_ = rest * covariance_ * rest.transpose() +
-                squared(config_.gyro_noise_radps) * gain * gain.transpose();
+  State jacobian = State::Zero();
+  jacobian[kGyroBias] = 1.0;
+  update_scalar(jacobian, {.innovation = yaw_rate_radps_ - state_[kGyroBias],
+                           .noise = config_.gyro_noise_radps,
+                           .gate = kNoGate});
+}
+
+void PoseFilter::update_scalar(const State& jacobian, const Scalar& scalar) {
+  const double spread = jacobian.dot(covariance_ * jacobian) + squared(scalar.noise);
+  if (squared(scalar.innovation) > scalar.gate * spread) {
+    return;
+  }
+  const State gain = covariance_ * jacobian / spread;
+  state_ += gain * scalar.innovation;
+  state_[kYaw] = wrapped(state_[kYaw]);
+  const Covariance rest = Covariance::Identity() - gain * jacobian.transpose();
+  covariance_ =
+      rest * covariance_ * rest.transpose() + squared(scalar.noise) * gain * gain.transpose();
 }
 
 }  // namespace rav4

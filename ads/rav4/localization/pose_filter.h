@@ -37,9 +37,12 @@ struct PoseFilterConfig {
   /// Noise of one measurement of the gyroscope, when it is averaged in a standing car.
   double gyro_noise_radps = 0.01;
 
-  /// The receiver's course is believed to this when the heading begins, and from this speed on.
-  double course_stddev_rad = 0.09;
+  /// The receiver's course is used from this speed on. The heading begins with it, believed to
+  /// `course_stddev_rad`; later courses count with `course_noise_rad`, which is more than they
+  /// deviate, because their errors last for several fixes.
   double course_speed_min_mps = 2.0;
+  double course_stddev_rad = 0.09;
+  double course_noise_rad = 0.05;
 
   /// From the middle of the rear axle forward to the point whose position is estimated.
   double rear_axle_to_point_m = 1.6;
@@ -118,20 +121,31 @@ class PoseFilter {
     double wheel_speed_mps = 0.0;
     double yaw_rate_radps = 0.0;
   };
-  // How the point moved from a past time until now, and how that depends on the wheel scale.
-  struct Displacement {
-    Eigen::Vector2d moved_m{0.0, 0.0};
-    Eigen::Vector2d per_wheel_scale_m{0.0, 0.0};
+  // A past time, reckoned back from the present state.
+  struct Past {
+    Eigen::Vector2d moved_m{0.0, 0.0};            // Of the point, from then until now.
+    Eigen::Vector2d per_wheel_scale_m{0.0, 0.0};  // How that depends on the wheel scale.
+    double yaw_rad = 0.0;                         // What it was then.
+    Step step;                                    // What the sensors said then.
+  };
+
+  // A measurement of one dimension.
+  struct Scalar {
+    double innovation = 0.0;
+    double noise = 0.0;  // 1 sigma.
+    double gate = 0.0;   // Squared Mahalanobis distance beyond which it does not count.
   };
 
   void advance_to(std::chrono::nanoseconds time);
   void remember(const Step& step);
   void predict(const Step& step);
-  [[nodiscard]] Displacement displacement_over(double duration_s) const;
+  [[nodiscard]] Past look_back(double age_s) const;
   void begin(const PlaneFix& fix, double age_s);
   void begin_heading(const PlaneFix& fix, double age_s);
-  bool update_position(const PlaneFix& fix, double age_s);
+  bool update_position(const PlaneFix& fix, const Past& past);
+  void update_course(const PlaneFix& fix, const Past& past);
   void update_gyro_bias();
+  void update_scalar(const State& jacobian, const Scalar& scalar);
   [[nodiscard]] Eigen::Vector2d velocity(double yaw_rad, const Step& step) const;
 
   // Constant after construction.

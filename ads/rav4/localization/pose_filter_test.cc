@@ -64,9 +64,11 @@ class Drive {
     const double age_s = std::chrono::duration<double>(fix_age).count();
     Drive past = *this;
     past.move(-age_s);
-    const Eigen::Vector2d before = past.point();
+    const double turning_mps = yaw_rate_radps * config_.rear_axle_to_point_m;
     filter.on_fix(time_, fix_age,
-                  {.position_m = before + fix_error_m, .yaw_rad = yaw_rad, .speed_mps = speed_mps});
+                  {.position_m = past.point() + fix_error_m,
+                   .yaw_rad = past.yaw_rad + std::atan2(turning_mps, speed_mps),
+                   .speed_mps = std::hypot(speed_mps, turning_mps)});
   }
 
   void move(nanoseconds duration) {
@@ -164,6 +166,18 @@ TEST(PoseFilter, SingleOutlierIsRejected) {
 
   EXPECT_FALSE(is_good);
   EXPECT_LT(drive.error_m(), 0.05);
+}
+
+TEST(PoseFilter, DriftOfTheFixesDoesNotTurnTheHeading) {
+  Drive drive;
+  drive.go_on(10s);
+  for (int step = 0; step < 200; ++step) {
+    drive.fix_error_m.x() += 0.01;
+    drive.go_on(100ms);
+  }
+
+  EXPECT_NEAR(drive.filter.estimate().yaw_rad, 0.5 * kPi, 0.005);
+  EXPECT_LT(drive.error_m(), 1.8);
 }
 
 TEST(PoseFilter, LastingJumpOfTheFixesIsBelievedInTheEnd) {

@@ -1,6 +1,7 @@
 #include "supervision.h"
 
 #include <chrono>
+#include <filesystem>
 #include <fstream>
 
 #include <fmt/format.h>
@@ -124,6 +125,7 @@ void Supervision::stop() {
   }
   if (!picture_file_.get().empty()) {
     draw(spans);
+    report("picture", std::filesystem::absolute(picture_file_.get()).lexically_normal().string());
   }
 }
 
@@ -170,8 +172,8 @@ void Supervision::judge_now() {
   }
   Judgement judgement = judge(streams_, position_stddev_m_, position_limits_, now());
   if (judgement.verdict != judgement_.verdict) {
-    log().info("{} -> {} {}", text_of(judgement_.verdict), text_of(judgement.verdict),
-               judgement.reason);
+    log().info("{} -> {}{}{}", text_of(judgement_.verdict), text_of(judgement.verdict),
+               judgement.reason.empty() ? "" : ": ", judgement.reason);
     remember_span();
   }
   judgement_ = std::move(judgement);
