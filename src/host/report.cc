@@ -93,7 +93,7 @@ ComponentReport report_component(const ComponentCore& core) {
   report.overruns = core.statistics.overruns.get();
   report.faults = core.fault_count;
   report.fault_texts = core.faults;
-  report.restarts = core.restarts;
+  report.restarts = core.restart_count;
   report.health = core.health;
   report.health_reason = core.health_reason;
   return report;
@@ -264,7 +264,7 @@ ordered_json json_of(const TopicReport& topic) {
 // ---- Text ----
 
 constexpr std::size_t kColumns = 120;
-constexpr std::size_t kNameColumns = 32;
+constexpr std::size_t kNameColumns = 24;
 
 /// `text` fit for one line of a terminal: what would move the cursor is a blank.
 std::string on_one_line(std::string text) {
@@ -348,8 +348,6 @@ std::string value_text(const ReportValue& value) {
 /// others to the right.
 class Rows {
  public:
-  explicit Rows(std::string indent) : indent_(std::move(indent)) {}
-
   void add(std::vector<std::string> cells) {
     widths_.resize(std::max(widths_.size(), cells.size()));
     for (std::size_t i = 0; i < cells.size(); ++i) {
@@ -359,7 +357,7 @@ class Rows {
   }
 
   [[nodiscard]] std::string line(std::size_t row) const {
-    std::string text = indent_;
+    std::string text;
     for (std::size_t i = 0; i < rows_[row].size(); ++i) {
       const std::string& cell = rows_[row][i];
       const std::string padding(widths_[i] - width(cell), ' ');
@@ -377,7 +375,6 @@ class Rows {
   }
 
  private:
-  const std::string indent_;
   std::vector<std::vector<std::string>> rows_;
   std::vector<std::size_t> widths_;
 };
@@ -393,7 +390,7 @@ std::string wrapped(std::string text, const std::string& indent) {
         --end;  // Not within a character.
       }
     }
-    lines += text.substr(0, end) + "\n";
+    lines += text.substr(0, text.find_last_not_of(' ', end - 1) + 1) + "\n";
     text = indent + text.substr(text[end] == ' ' ? end + 1 : end);
   }
   return lines + text + "\n";
@@ -414,8 +411,8 @@ std::string head_text(const RunReport& report) {
 }
 
 std::string components_text(const RunReport& report) {
-  Rows rows("");
-  rows.add({"COMPONENT", "STATE", "ACTIVATIONS", "CALLBACK p50", "p99", "max", "TIMER LATE p99",
+  Rows rows;
+  rows.add({"COMPONENT", "STATE", "ACTIVATIONS", "CALLBACK p50", "p99", "max", "LATE p99",
             "OVERRUNS", "FAULTS"});
   for (const ComponentReport& component : report.components) {
     const HistogramSummary& callback = component.callback;
@@ -469,7 +466,7 @@ std::string ledger_text(const detail::Ledger& ledger) {
 
 std::vector<std::string> subscriber_cells(const SubscriberReport& subscriber) {
   const HistogramSummary& latency = subscriber.latency;
-  std::string name = shortened(subscriber.component, kNameColumns);
+  std::string name = "  " + shortened(subscriber.component, kNameColumns);
   if (subscriber.kind != detail::Subscription::Kind::kCallback) {
     name += std::string(" (") + to_word(subscriber.kind) + ")";
   }
@@ -502,16 +499,16 @@ std::string with_ledger(const std::string& line, const detail::Ledger& ledger) {
 }
 
 std::string topics_text(const RunReport& report) {
-  Rows rows("  ");
-  rows.add({"", "LATENCY mean", "sd", "p50", "p99", "p99.9", "max"});
+  Rows rows;
+  rows.add({"TOPIC", "LATENCY mean", "sd", "p50", "p99", "p99.9", "max"});
   for (const TopicReport& topic : report.topics) {
     for (const SubscriberReport& subscriber : topic.subscribers) {
       rows.add(subscriber_cells(subscriber));
     }
   }
   std::string text = rows.line(0);
-  text.replace(0, 5, "TOPIC");
-  text += "   PUBLISHED = DELIVERED + DROPPED + QUEUED\n";
+  const std::string ledger = "   PUBLISHED = DELIVERED + DROPPED + QUEUED";
+  text += (width(text) + width(ledger) <= kColumns ? ledger : "   LEDGER") + "\n";
   std::size_t row = 1;
   for (const TopicReport& topic : report.topics) {
     text += topic_head(topic);

@@ -18,35 +18,35 @@ namespace fastcycle::host {
 
 /// What one component did in a run. Times are in nanoseconds.
 struct ComponentReport {
-  std::string name;
+  std::string name = {};
   detail::ComponentCore::State state{};
   std::uint64_t activations = 0;
-  base::HistogramSummary callback;
-  base::HistogramSummary timer_lateness;
+  base::HistogramSummary callback = {};
+  base::HistogramSummary timer_lateness = {};
   std::uint64_t overruns = 0;
   std::uint64_t faults = 0;
-  std::vector<std::string> fault_texts;  ///< Of the first faults.
+  std::vector<std::string> fault_texts = {};  ///< Of the first faults.
   std::uint64_t restarts = 0;
   Health health = Health::kOk;
-  std::string health_reason;
+  std::string health_reason = {};
 };
 
 /// What became of one topic's messages on the way to one subscriber.
 struct SubscriberReport {
-  std::string component;
+  std::string component = {};
   detail::Subscription::Kind kind{};
   std::size_t depth = 0;
-  detail::Ledger ledger;
-  base::HistogramSummary latency;  ///< From publish to callback, ns.
+  detail::Ledger ledger = {};
+  base::HistogramSummary latency = {};  ///< From publish to callback, ns.
 };
 
 struct TopicReport {
-  std::string name;
-  std::string type;
+  std::string name = {};
+  std::string type = {};
   std::uint64_t published = 0;
   std::uint64_t allocated = 0;  ///< Messages that were ever made for it.
   double rate_hz = 0;           ///< Per second of the application's time.
-  std::vector<SubscriberReport> subscribers;
+  std::vector<SubscriberReport> subscribers = {};
 };
 
 /// What there is to say of a run: plain values, which outlive the application.
@@ -55,8 +55,8 @@ struct TopicReport {
 struct RunReport {
   std::string application;
   std::string clock;  ///< "live" or "simulated".
-  std::optional<double>
-      startup_ms;     ///< From the process's start to the first message; none: no message.
+  /// From the process's start to the first message; none if there was no message.
+  std::optional<double> startup_ms;
   double time_s = 0;  ///< The application's time that passed.
   double wall_s = 0;  ///< The same on the wall, the stop included.
   double cpu_s = 0;   ///< Of the whole process since it began.
