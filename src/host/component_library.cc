@@ -1,17 +1,18 @@
 #include "host/component_library.h"
 
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <span>
+#include <string_view>
+
 #include <dlfcn.h>
 #include <elf.h>
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <span>
-#include <string_view>
 
 #include "base/floating_point.h"
 #include "config/nearest.h"
@@ -33,7 +34,7 @@ class MappedFile {
       error = std::strerror(errno);
       return;
     }
-    struct stat status {};
+    struct stat status{};
     if (fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
       error = "not a regular file";
     } else if (status.st_size > 0) {
@@ -81,7 +82,9 @@ class MappedFile {
   std::size_t size_ = 0;
 };
 
-constexpr std::uint64_t round_up_to_4(std::uint64_t size) { return (size + 3) / 4 * 4; }
+constexpr std::uint64_t round_up_to_4(std::uint64_t size) {
+  return (size + 3) / 4 * 4;
+}
 
 /// The text of the note named "FastCycle" in the notes from `offset` on.
 std::optional<std::string> find_note(const MappedFile& file, std::uint64_t offset,
@@ -105,6 +108,29 @@ std::optional<std::string> find_note(const MappedFile& file, std::uint64_t offse
     offset = text_offset + round_up_to_4(header->n_descsz);
   }
   return std::nullopt;
+}
+
+// What the ELF header of a library for this machine says.
+#if defined(__x86_64__)
+constexpr Elf64_Half kMachine = EM_X86_64;
+#elif defined(__aarch64__)
+constexpr Elf64_Half kMachine = EM_AARCH64;
+#else
+constexpr Elf64_Half kMachine = EM_NONE;  // Not known: the loader judges.
+#endif
+constexpr unsigned char kByteOrder =
+    std::endian::native == std::endian::little ? ELFDATA2LSB : ELFDATA2MSB;
+
+/// Why a library that was loaded has no classes to offer; empty if it has.
+std::string find_wrong(const ComponentLibrary* library) {
+  if (library == nullptr) {
+    return std::string("offers nothing: its ") + kEntry + " returns null";
+  }
+  if (library->interface_version != kInterfaceVersion) {
+    return "has the interface version " + std::to_string(library->interface_version) + ", not " +
+           std::to_string(kInterfaceVersion);
+  }
+  return library->class_count == 0 ? "offers no class" : "";
 }
 
 /// "sanitizer" of the first word in which the two differ, with both values.
@@ -159,24 +185,28 @@ BuildNote read_build_note(const fs::path& path) {
   if (header->e_ident[EI_CLASS] != ELFCLASS64 || header->e_type != ET_DYN) {
     return {{}, "not a 64-bit shared library"};
   }
+  if (header->e_ident[EI_DATA] != kByteOrder ||
+      (kMachine != EM_NONE && header->e_machine != kMachine)) {
+    return {{}, "built for another processor"};
+  }
+  std::optional<std::string> text;
   for (unsigned i = 0; i < header->e_phnum; ++i) {
-    const auto program = file.read<Elf64_Phdr>(header->e_phoff + std::uint64_t{i} * header->e_phentsize);
-    if (!program) {
+    const auto program =
+        file.read<Elf64_Phdr>(header->e_phoff + std::uint64_t{i} * header->e_phentsize);
+    if (!program ||
+        (program->p_type == PT_LOAD && !file.at(program->p_offset, program->p_filesz))) {
       return {{}, "cut short"};
     }
-    if (program->p_type == PT_LOAD && !file.at(program->p_offset, program->p_filesz)) {
-      return {{}, "cut short"};
-    }
-    if (program->p_type == PT_NOTE && program->p_filesz < 1U << 20) {
-      if (auto text = find_note(file, program->p_offset, program->p_filesz)) {
-        return {std::move(text), {}};
-      }
+    if (!text && program->p_type == PT_NOTE && program->p_filesz < 1U << 20) {
+      text = find_note(file, program->p_offset, program->p_filesz);
     }
   }
-  return {};
+  return {std::move(text), {}};
 }
 
-std::string host_build_note() { return FASTCYCLE_BUILD_NOTE; }
+std::string host_build_note() {
+  return FASTCYCLE_BUILD_NOTE;
+}
 
 LibraryLoader::LibraryLoader(std::vector<fs::path> folders) : folders_(std::move(folders)) {}
 
@@ -226,15 +256,15 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
     for (const fs::path& folder : folders_) {
       looked += (looked.empty() ? "" : ", ") + folder.string();
     }
-    problems.add(config::mistake(
-        place, library + " was not found: no lib" + name + ".so in " + looked,
-        config::did_you_mean(config::nearest(name, known_names()))));
+    problems.add(config::mistake(place,
+                                 library + " was not found: no lib" + name + ".so in " + looked,
+                                 config::did_you_mean(config::nearest(name, known_names()))));
     return nullptr;
   }
   const BuildNote note = read_build_note(file);
   if (!note.error.empty()) {
-    problems.add(config::mistake(place, library + " cannot be loaded: " + file.string() + " is " +
-                                            note.error));
+    problems.add(config::mistake(
+        place, library + " cannot be loaded: " + file.string() + ": " + note.error));
     return nullptr;
   }
   if (!note.text) {
@@ -263,16 +293,14 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
   using Entry = const ComponentLibrary* (*)();
   const auto entry = reinterpret_cast<Entry>(dlsym(handle, kEntry));
   if (entry == nullptr) {
-    problems.add(config::mistake(place, library + " has no function " + kEntry + " (" +
-                                            file.string() + ")",
-                                 "is FASTCYCLE_COMPONENT(YourClass) in one of its sources?"));
+    problems.add(
+        config::mistake(place, library + " has no function " + kEntry + " (" + file.string() + ")",
+                        "is FASTCYCLE_COMPONENT(YourClass) in one of its sources?"));
     return nullptr;
   }
   const ComponentLibrary* classes = entry();
-  if (classes == nullptr || classes->interface_version != kInterfaceVersion ||
-      classes->class_count == 0) {
-    problems.add(config::mistake(place, library + " has another interface than version " +
-                                            std::to_string(kInterfaceVersion)));
+  if (const std::string wrong = find_wrong(classes); !wrong.empty()) {
+    problems.add(config::mistake(place, library + " " + wrong + " (" + file.string() + ")"));
     return nullptr;
   }
   return classes;
@@ -300,13 +328,16 @@ const ComponentClass* LibraryLoader::find(const config::ComponentDescription& co
     all += (all.empty() ? "\"" : ", \"") + name + "\"";
   }
   if (component.class_name.empty()) {
-    problems.add(config::mistake(component.place, "library \"" + component.library + "\" has several "
-                                                  "classes: say \"class\": one of " + all));
+    problems.add(config::mistake(component.place, "library \"" + component.library +
+                                                      "\" has several "
+                                                      "classes: say \"class\": one of " +
+                                                      all));
   } else {
-    problems.add(config::mistake(component.place,
-                                 "library \"" + component.library + "\" has no class \"" +
-                                     component.class_name + "\", only " + all,
-                                 config::did_you_mean(config::nearest(component.class_name, names))));
+    problems.add(
+        config::mistake(component.place,
+                        "library \"" + component.library + "\" has no class \"" +
+                            component.class_name + "\", only " + all,
+                        config::did_you_mean(config::nearest(component.class_name, names))));
   }
   return nullptr;
 }

@@ -1,23 +1,25 @@
 #include "host/trial.h"
 
-#include <fcntl.h>
-#include <google/protobuf/descriptor.h>
-#include <poll.h>
-#include <spawn.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <functional>
-#include <nlohmann/json.hpp>
+#include <limits>
 #include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
+
+#include <fcntl.h>
+#include <google/protobuf/descriptor.h>
+#include <nlohmann/json.hpp>
+#include <poll.h>
+#include <spawn.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include "host/component_library.h"
 #include "host/protection.h"
@@ -31,10 +33,14 @@ using nlohmann::json;
 constexpr int kReportDescriptor = 3;
 
 json to_json(const config::Problem& problem) {
-  return {{"file", problem.place.file},   {"line", problem.place.line},
-          {"pointer", problem.place.pointer}, {"message", problem.message},
-          {"expected", problem.expected}, {"found", problem.found},
-          {"hint", problem.hint},         {"warning", problem.warning}};
+  return {{"file", problem.place.file},
+          {"line", problem.place.line},
+          {"pointer", problem.place.pointer},
+          {"message", problem.message},
+          {"expected", problem.expected},
+          {"found", problem.found},
+          {"hint", problem.hint},
+          {"warning", problem.warning}};
 }
 
 config::Problem to_problem(const json& value) {
@@ -81,14 +87,26 @@ struct ChildResult {
   std::vector<config::Problem> problems;
 };
 
-/// The child process, with a pipe for its report and one for its standard error.
+/// The child process, with a pipe for its report and one for its standard error. It leads a process
+/// group, so that whatever a library starts in it ends with it.
 class Child {
  public:
   explicit Child(const std::string& argument) {
     int report[2];
     int errors[2];
-    if (pipe2(report, O_CLOEXEC) != 0 || pipe2(errors, O_CLOEXEC) != 0) {
+    if (pipe2(report, O_CLOEXEC) != 0) {
+      error = errno;
       return;
+    }
+    report_ = report[0];
+    if (pipe2(errors, O_CLOEXEC) != 0) {
+      error = errno;
+      close(report[1]);
+      return;
+    }
+    errors_ = errors[0];
+    for (const int descriptor : {report_, errors_}) {
+      fcntl(descriptor, F_SETFL, O_NONBLOCK);
     }
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
@@ -102,27 +120,29 @@ class Child {
     sigset_t none;
     sigemptyset(&none);
     posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
-    const std::string program =
-        (core_library_folder() / "../libexec/fastcycle/fastcycle-trial").lexically_normal().string();
+    posix_spawnattr_setpgroup(&attributes, 0);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
+    const std::string program = (core_library_folder() / "../libexec/fastcycle/fastcycle-trial")
+                                    .lexically_normal()
+                                    .string();
     std::string name = "fastcycle-trial";
     std::string copy = argument;
     char* arguments[] = {name.data(), copy.data(), nullptr};
     error = posix_spawn(&pid_, program.c_str(), &actions, &attributes, arguments, environ);
     if (error != 0) {
       pid_ = -1;
+    } else {
+      end_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
     }
     posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
     close(report[1]);
     close(errors[1]);
-    report_ = report[0];
-    errors_ = errors[0];
   }
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
   ~Child() {
-    for (const int descriptor : {report_, errors_}) {
+    for (const int descriptor : {report_, errors_, end_}) {
       if (descriptor >= 0) {
         close(descriptor);
       }
@@ -131,75 +151,89 @@ class Child {
 
   [[nodiscard]] bool is_running() const { return pid_ > 0; }
 
-  /// Reads until both pipes are closed; false if nothing was reported for `limit`.
+  /// Reads until the child has ended; false if it reported nothing for `limit`. What it writes to
+  /// standard error is no report.
   bool read(std::chrono::milliseconds limit, const std::function<void(std::string_view)>& on_line,
             std::string& errors) {
+    using std::chrono::steady_clock;
     std::string report;
-    bool report_open = true;
-    bool errors_open = true;
-    while (report_open || errors_open) {
-      pollfd descriptors[] = {{report_open ? report_ : -1, POLLIN, 0},
-                              {errors_open ? errors_ : -1, POLLIN, 0}};
-      const int ready = poll(descriptors, 2, static_cast<int>(limit.count()));
+    auto deadline = steady_clock::now() + limit;
+    pollfd descriptors[] = {{report_, POLLIN, 0}, {errors_, POLLIN, 0}, {end_, POLLIN, 0}};
+    bool has_ended = false;
+    while (!has_ended) {
+      const auto left =
+          std::chrono::ceil<std::chrono::milliseconds>(deadline - steady_clock::now());
+      constexpr std::int64_t kMost = std::numeric_limits<int>::max();
+      const int ready = left.count() <= 0
+                            ? 0
+                            : poll(descriptors, 3, static_cast<int>(std::min(left.count(), kMost)));
       if (ready < 0 && errno == EINTR) {
         continue;
       }
       if (ready <= 0) {
         return false;
       }
-      if (descriptors[0].revents != 0) {
-        report_open = append(report_, report);
-        for (auto end = report.find('\n'); end != std::string::npos; end = report.find('\n')) {
-          on_line(std::string_view(report).substr(0, end));
-          report.erase(0, end + 1);
-        }
-        if (!report_open && !errors_open) {
-          break;
-        }
+      // Without the descriptor of its end, the end of its output must do.
+      has_ended = descriptors[2].revents != 0 ||
+                  (end_ < 0 && descriptors[0].fd < 0 && descriptors[1].fd < 0);
+      if (has_ended) {
+        kill();
       }
-      if (descriptors[1].revents != 0) {
-        errors_open = append(errors_, errors);
-        constexpr std::size_t kKept = 16 * 1024;
-        if (errors.size() > kKept) {
-          errors.erase(0, errors.size() - kKept);
-        }
+      // At its end whatever it still said is in the pipes, which hold 64 KiB.
+      constexpr int kReadsToEmptyAPipe = 32;
+      for (int i = 0; i < (has_ended ? kReadsToEmptyAPipe : 1); ++i) {
+        append(descriptors[0], report);
+        append(descriptors[1], errors);
       }
-      // A library may have left a process of its own behind, which keeps standard error open.
-      if (!report_open && ready > 0 && errors_open && waitpid(pid_, &status_, WNOHANG) == pid_) {
-        is_reaped_ = true;
-        break;
+      for (auto end = report.find('\n'); end != std::string::npos; end = report.find('\n')) {
+        on_line(std::string_view(report).substr(0, end));
+        report.erase(0, end + 1);
+        deadline = steady_clock::now() + limit;
       }
+      keep_end(report, 1024 * 1024);
+      keep_end(errors, 16 * 1024);
     }
     return true;
   }
 
-  void kill() const { ::kill(pid_, SIGKILL); }
+  /// Ends the child and what it started. How the child ended stays as it is, if it did.
+  void kill() const { ::kill(-pid_, SIGKILL); }
 
   /// How it ended.
   int wait() {
-    while (!is_reaped_ && waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
+    int status = 0;
+    while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
     }
-    is_reaped_ = true;
-    return status_;
+    return status;
   }
 
   int error = 0;
 
  private:
-  static bool append(int descriptor, std::string& text) {
+  /// Appends what is there to read; takes the descriptor out of the poll if nothing will come.
+  static void append(pollfd& descriptor, std::string& text) {
+    if (descriptor.fd < 0) {
+      return;
+    }
     char buffer[4096];
-    const ssize_t count = ::read(descriptor, buffer, sizeof(buffer));
+    const ssize_t count = ::read(descriptor.fd, buffer, sizeof(buffer));
     if (count > 0) {
       text.append(buffer, static_cast<std::size_t>(count));
+    } else if (count == 0 || (errno != EINTR && errno != EAGAIN)) {
+      descriptor.fd = -1;
     }
-    return count > 0 || (count < 0 && (errno == EINTR || errno == EAGAIN));
+  }
+
+  static void keep_end(std::string& text, std::size_t size) {
+    if (text.size() > size) {
+      text.erase(0, text.size() - size);
+    }
   }
 
   pid_t pid_ = -1;
   int report_ = -1;
   int errors_ = -1;
-  int status_ = 0;
-  bool is_reaped_ = false;
+  int end_ = -1;  ///< Readable once the child has ended.
 };
 
 std::string describe_end(int status) {
@@ -210,11 +244,16 @@ std::string describe_end(int status) {
   return "ended the process with exit code " + std::to_string(WEXITSTATUS(status));
 }
 
+std::string in_words(std::chrono::milliseconds time) {
+  return time.count() % 1000 == 0 ? std::to_string(time.count() / 1000) + " s"
+                                  : std::to_string(time.count()) + " ms";
+}
+
 ChildResult run_child(const TrialOptions& options, const std::set<std::string>& without,
                       const std::string& wanted_proto) {
   ChildResult result;
-  Child child(to_json(options, without, wanted_proto).dump(-1, ' ', false,
-                                                           json::error_handler_t::replace));
+  Child child(
+      to_json(options, without, wanted_proto).dump(-1, ' ', false, json::error_handler_t::replace));
   if (!child.is_running()) {
     result.ending = std::string("could not be started: ") + std::strerror(child.error);
     return result;
@@ -244,9 +283,8 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
   }
   const int status = child.wait();
   if (!result.is_done) {
-    result.ending = is_in_time
-                        ? describe_end(status)
-                        : "did not come back within " + std::to_string(options.limit.count()) + " s";
+    result.ending =
+        is_in_time ? describe_end(status) : "did not come back within " + in_words(options.limit);
   }
   return result;
 }
@@ -267,11 +305,14 @@ std::string last_line(const std::string& text) {
   if (end == std::string::npos) {
     return {};
   }
-  const auto begin = text.find_last_of('\n', end);
-  return text.substr(begin == std::string::npos ? 0 : begin + 1, end - begin);
+  const auto line_begin = text.find_last_of('\n', end);
+  const auto begin =
+      text.find_first_not_of(" \t", line_begin == std::string::npos ? 0 : line_begin + 1);
+  return text.substr(begin, end + 1 - begin);
 }
 
-config::Place place_of(const config::ApplicationDescription& description, const ChildResult& result) {
+config::Place place_of(const config::ApplicationDescription& description,
+                       const ChildResult& result) {
   for (const config::ComponentDescription& component : description.components) {
     if (result.last_kind == "loading" ? component.library == result.last_name
                                       : component.name == result.last_name) {
@@ -321,9 +362,9 @@ void try_application(const TrialOptions& options, config::Problems& problems) {
     }
     if (result.last_name.empty()) {
       const std::string line = last_line(result.errors);
-      problems.add(config::mistake(description.place, "the trial of the libraries " +
-                                                          result.ending +
-                                                          (line.empty() ? "" : ": " + line)));
+      problems.add(config::mistake(
+          description.place,
+          "the trial of the libraries " + result.ending + (line.empty() ? "" : ": " + line)));
       return;
     }
     problems.add(to_problem(options, place_of(description, result), result, without));
@@ -382,9 +423,11 @@ int run_trial_child(int argument_count, char** arguments) {
   static_cast<void>(protect_process());
   const json options =
       argument_count == 2 ? json::parse(arguments[1], nullptr, false) : json::object();
-  if (options.is_discarded() || !options.contains("file") || fcntl(kReportDescriptor, F_GETFD) < 0) {
+  if (options.is_discarded() || !options.contains("file") ||
+      fcntl(kReportDescriptor, F_GETFD) < 0) {
     static_cast<void>(std::fprintf(
-        stderr, "fastcycle-trial is started by fastcycle itself, to try an application's libraries\n"));
+        stderr,
+        "fastcycle-trial is started by fastcycle itself, to try an application's libraries\n"));
     return 2;
   }
   fcntl(kReportDescriptor, F_SETFD, FD_CLOEXEC);
@@ -397,14 +440,14 @@ int run_trial_child(int argument_count, char** arguments) {
   config::ApplicationDescription description = config::load(load, problems);
   LibraryLoader loader(library_folders(description, to_paths(options["library_path"])));
   NarratingClasses classes(loader, options["without"], options["wanted_proto"]);
-  auto application = std::make_unique<Application>(std::move(description),
-                                                   ClockOptions{.is_simulated = true, .workers = 1});
+  auto application = std::make_unique<Application>(
+      std::move(description), ClockOptions{.is_simulated = true, .workers = 1});
   application->before_construct = [](const std::string& component) {
     say({{"kind", "constructing"}, {"name", component}});
   };
-  application->build(classes, problems,
-                     options["throw_is_mistake"] ? ConstructorFault::kMistake
-                                                 : ConstructorFault::kFault);
+  application->build(
+      classes, problems,
+      options["throw_is_mistake"] ? ConstructorFault::kMistake : ConstructorFault::kFault);
   for (const config::Problem& problem : problems.all()) {
     say({{"kind", "problem"}, {"problem", to_json(problem)}});
   }

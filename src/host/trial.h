@@ -17,14 +17,15 @@ struct TrialOptions {
   std::vector<std::filesystem::path> library_path;
   ConstructorFault on_throw = ConstructorFault::kFault;
   /// How long one library may load, or one component construct.
-  std::chrono::seconds limit{10};
+  std::chrono::milliseconds limit{10'000};
 };
 
-/// Loads all libraries and constructs all components in a child process, and adds to `problems` what
-/// went wrong there, also what ended or hung the child: a library that aborts, exits or never returns
-/// is a named mistake of the application, not the end of the host.
+/// Loads all libraries and constructs all components in a child process, and adds to `problems`
+/// what went wrong there, also what ended or hung the child: a library that aborts, exits or never
+/// returns is a named mistake of the application, not the end of the host.
 ///
 /// After a library ended the child, another child goes on without it, so that every mistake shows.
+/// Processes that a library started in the child end with it, unless they left its process group.
 ///
 /// @threads  Safe; the calling process may have other threads.
 /// @errors   Everything goes to `problems`.

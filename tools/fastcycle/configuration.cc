@@ -1,7 +1,10 @@
 #include "configuration.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
+
+#include "duration.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -31,14 +34,25 @@ void Configuration::add_to(CLI::App& line) {
                  "Merge this file over the application, in the order given. Repeatable");
   add_repeatable(line, "--library-path", library_path, "DIR",
                  "Look for component libraries here first. Repeatable");
+  line.add_option("--load-timeout", load_timeout,
+                  "How long one library may load, or one component construct, in the trial before "
+                  "the start: 500ms, 10s (the default), 2min")
+      ->type_name("TIME")
+      ->check([](const std::string& text) {
+        return parse_duration(text) ? "" : "wants a time above zero with its unit, as 500ms or 10s";
+      });
 }
 
 config::ApplicationDescription Configuration::read(host::ConstructorFault on_throw,
                                                    config::Problems& problems) const {
   config::ApplicationDescription description = config::load(load, problems);
   if (!description.components.empty()) {
-    host::try_application({.load = load, .library_path = library_path, .on_throw = on_throw},
-                          problems);
+    host::try_application(
+        {.load = load,
+         .library_path = library_path,
+         .on_throw = on_throw,
+         .limit = std::chrono::ceil<std::chrono::milliseconds>(*parse_duration(load_timeout))},
+        problems);
   }
   return description;
 }

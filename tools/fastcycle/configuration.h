@@ -17,6 +17,7 @@ namespace fastcycle::tool {
 struct Configuration {
   config::LoadOptions load;
   std::vector<std::filesystem::path> library_path;
+  std::string load_timeout = "10s";
 
   void add_to(CLI::App& line);
 
