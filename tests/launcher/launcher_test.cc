@@ -382,8 +382,10 @@ TEST_F(Launcher, HelpIsGivenForEachCommandWithExamples) {
     EXPECT_THAT(output_, HasSubstr("Examples:\n  fastcycle " + command));
     EXPECT_EQ(errors_, "");
   }
-  EXPECT_EQ(launch({"--help"}), 0);
-  EXPECT_THAT(output_, HasSubstr("Exit codes:"));
+  for (const std::string word : {"--help", "help"}) {
+    EXPECT_EQ(launch({word}), 0);
+    EXPECT_THAT(output_, HasSubstr("Exit codes:"));
+  }
 }
 
 TEST_F(Launcher, VersionNamesWhatItWasBuiltWith) {

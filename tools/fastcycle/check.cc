@@ -26,7 +26,7 @@ int check(const CheckOptions& options) {
   }
   std::fprintf(options.print ? stderr : stdout, "%s; %zu components fit together\n",
                summary(problems, file).c_str(), description.components.size());
-  return kDone;
+  return flush_output();
 }
 
 }  // namespace

@@ -30,4 +30,7 @@ Command add_version(CLI::App& program);
 /// The examples at the end of a command's help.
 [[nodiscard]] std::string examples(const std::string& lines);
 
+/// `kDone` if all that was printed to standard output arrived there; else says why not.
+[[nodiscard]] int flush_output();
+
 }  // namespace fastcycle::tool

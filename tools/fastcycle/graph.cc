@@ -61,7 +61,7 @@ int write_graph(const std::string& dot, const std::filesystem::path& output) {
   if (output.empty()) {
     std::fputs(dot.c_str(), stdout);
     std::fputs("fastcycle graph: -o FILE.svg makes a picture of it\n", stderr);
-    return kDone;
+    return flush_output();
   }
   const std::string obstacle =
       output.extension() == ".svg" ? write_svg(dot, output) : ReportFile(output).write(dot);

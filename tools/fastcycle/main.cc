@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -17,6 +18,14 @@ namespace fastcycle::tool {
 
 std::string examples(const std::string& lines) {
   return "Examples:\n" + lines;
+}
+
+int flush_output() {
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) {
+    return kDone;
+  }
+  std::perror("fastcycle: standard output");
+  return kFailed;
 }
 
 namespace {
@@ -87,6 +96,10 @@ int run_program(int argument_count, char** arguments) {
   if (argument_count < 2) {
     std::fputs(program.help().c_str(), stderr);
     return kWrong;
+  }
+  if (argument_count == 2 && std::string_view(arguments[1]) == "help") {
+    std::fputs(program.help().c_str(), stdout);
+    return kDone;
   }
   if (const std::string wrong = unknown_command(commands, arguments[1]); !wrong.empty()) {
     return print_wrong(wrong, program);

@@ -138,7 +138,8 @@ int run_application(const config::ApplicationDescription& description, const Run
     std::fprintf(stderr, "fastcycle run: the report %s was not written: %s\n",
                  options.report.c_str(), obstacle.c_str());
   }
-  const bool has_failed = application.end_reason() == host::EndReason::kFault;
+  const bool has_failed = application.end_reason() == host::EndReason::kFault ||
+                          application.end_reason() == host::EndReason::kStuck;
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
 }
 
