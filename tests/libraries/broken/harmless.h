@@ -1,0 +1,13 @@
+#pragma once
+
+#include <fastcycle/fastcycle.h>
+
+namespace broken {
+
+/// A component without a mistake: what is wrong is the library around it.
+class Harmless final : public fastcycle::Component {
+ public:
+  explicit Harmless(fastcycle::Context& context) : Component(context) {}
+};
+
+}  // namespace broken

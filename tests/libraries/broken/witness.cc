@@ -1,0 +1,47 @@
+// A component without a mistake, that leaves the file `started` where the program works once it is
+// started, and that computes with the smallest of numbers.
+
+#include <fstream>
+#include <limits>
+
+#include <fastcycle/fastcycle.h>
+
+namespace {
+
+bool keeps_small_numbers() {
+  const volatile double smallest = std::numeric_limits<double>::min();
+  const volatile double half = smallest / 2;
+  return half > 0;
+}
+
+class Witness final : public fastcycle::Component {
+ public:
+  explicit Witness(fastcycle::Context& context)
+      : Component(context), kept_in_constructor_(keeps_small_numbers()) {}
+
+  void start() override {
+    std::ofstream("started") << "yes\n";
+    kept_in_start_ = keeps_small_numbers();
+  }
+
+  void serve() override {
+    if (!keeps_small_numbers()) {
+      kept_in_serve_ = false;
+    }
+  }
+
+  void stop() override {
+    report("kept_in_constructor", kept_in_constructor_);
+    report("kept_in_start", kept_in_start_);
+    report("kept_in_serve", kept_in_serve_);
+  }
+
+ private:
+  const bool kept_in_constructor_;
+  bool kept_in_start_ = false;
+  bool kept_in_serve_ = true;
+};
+
+}  // namespace
+
+FASTCYCLE_COMPONENT(Witness)

@@ -1,0 +1,268 @@
+// Component libraries with a mistake: whatever they do when they are loaded or when their
+// components are constructed, the program names them and starts nothing.
+//
+// Every folder of cases/ is one: `app.json`, `expected.txt` with the lines that have to be said
+// ("…" stands for any text), and for some `arguments.txt`, one word a line.
+
+#include <sstream>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <elf.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "expectation.h"
+#include "process/process.h"
+
+namespace fastcycle::test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+const fs::path kCases = fs::path(FASTCYCLE_SOURCE_FOLDER) / "tests/libraries/cases";
+const fs::path kLibraries = FASTCYCLE_BROKEN_LIBRARIES;
+
+/// Leak detection needs a process that can be traced.
+std::vector<std::string> sanitizer_arguments([[maybe_unused]] const std::string& command) {
+#if defined(__SANITIZE_ADDRESS__)
+  if (command == "run") {
+    return {"--debuggable"};
+  }
+#endif
+  return {};
+}
+
+/// A good library, changed by `change`, as another library beside the application.
+template <typename Change>
+void make_library(const Folder& folder, const std::string& name, Change change) {
+  std::string bytes = read_file(kLibraries / "libbroken_witness.so");
+  change(bytes);
+  folder.write("lib" + name + ".so", bytes);
+}
+
+template <typename T>
+void overwrite(std::string& bytes, std::size_t offset, T value) {
+  bytes.replace(offset, sizeof(T), reinterpret_cast<const char*>(&value), sizeof(T));
+}
+
+/// What is no library at all, or none for this machine.
+void make_files(const Folder& folder) {
+  folder.write("libmade_text.so", "INPUT(libbroken_witness.so)\n");
+  make_library(folder, "made_truncated", [](std::string& bytes) { bytes.resize(4096); });
+  make_library(folder, "made_32_bits", [](auto& bytes) { bytes[EI_CLASS] = ELFCLASS32; });
+  make_library(folder, "made_object", [](auto& bytes) {
+    overwrite<Elf64_Half>(bytes, offsetof(Elf64_Ehdr, e_type), ET_REL);
+  });
+  make_library(folder, "made_processor", [](auto& bytes) {
+    overwrite<Elf64_Half>(bytes, offsetof(Elf64_Ehdr, e_machine), EM_S390);
+  });
+  fs::create_directory(folder / "libmade_folder.so");
+  mkfifo((folder / "libmade_fifo.so").c_str(), 0600);
+}
+
+/// What the program said, and whether it ended as a program ends that starts nothing.
+std::vector<std::string> refusal_of(const Folder& folder, const std::string& command,
+                                    const std::vector<std::string>& more) {
+  ProcessOptions options{.program = FASTCYCLE_PROGRAM,
+                         .arguments = {command, "app.json", "--library-path", kLibraries.string()},
+                         .folder = folder.path()};
+  for (const auto& words : {more, sanitizer_arguments(command)}) {
+    options.arguments.insert(options.arguments.end(), words.begin(), words.end());
+  }
+  Process process(options);
+  const Ending& ending = process.wait();
+
+  EXPECT_FALSE(ending.was_too_late);
+  EXPECT_EQ(ending.signal, 0);
+  EXPECT_EQ(ending.exit_code, 2) << process.errors();
+  EXPECT_EQ(process.output(), "");
+  EXPECT_FALSE(fs::exists(folder / "started"));
+  return lines_of(std::istringstream(process.errors()));
+}
+
+class BrokenLibrary : public testing::TestWithParam<std::tuple<std::string, const char*>> {};
+
+TEST_P(BrokenLibrary, IsNamedAndNothingStarts) {
+  const auto& [name, command] = GetParam();
+  const Folder folder;
+  make_files(folder);
+  fs::copy(kCases / name / "app.json", folder.path());
+  const std::vector<std::string> expected = lines_of(kCases / name / "expected.txt");
+
+  const std::vector<std::string> said =
+      refusal_of(folder, command, lines_of(kCases / name / "arguments.txt"));
+
+  // One line for each mistake, and the last one.
+  ASSERT_EQ(said.size(), expected.size() + 1) << testing::PrintToString(said);
+  for (const std::string& part : expected) {
+    EXPECT_TRUE(any_contains(said, part)) << part << "\n" << testing::PrintToString(said);
+  }
+  EXPECT_EQ(said.back(), "app.json: 1 mistake; nothing was started");
+}
+
+INSTANTIATE_TEST_SUITE_P(Cases, BrokenLibrary,
+                         testing::Combine(testing::ValuesIn(folders_in(kCases)),
+                                          testing::Values("run", "check")),
+                         [](const auto& name) {
+                           return std::get<0>(name.param) + "_in_" + std::get<1>(name.param);
+                         });
+
+/// One application with the components of all cases, and what has to be said of them.
+std::string all_cases(std::vector<std::string>& expected) {
+  json components = json::array();
+  for (const std::string& name : folders_in(kCases)) {
+    const json application = json::parse(read_file(kCases / name / "app.json"));
+    for (json component : application["components"]) {
+      if (component["name"] != "witness") {
+        component["name"] = name + "_" + component["name"].get<std::string>();
+        components.push_back(std::move(component));
+      }
+    }
+    for (std::string part : lines_of(kCases / name / "expected.txt")) {
+      part.erase(0, part.find(": /components/"));
+      part.erase(0, part.find(": ", 2));
+      const std::string component = "component \"suspect\"";
+      if (const auto at = part.find(component); at != std::string::npos) {
+        part.replace(at, component.size(), "component \"" + name + "_suspect\"");
+      }
+      expected.push_back(part);
+    }
+  }
+  components.push_back({{"name", "witness"}, {"library", "broken_witness"}});
+  return json{{"name", "all"}, {"components", components}}.dump(1);
+}
+
+TEST(BrokenLibraries, AllOfOneApplicationAreNamedAtOnce) {
+  const Folder folder;
+  make_files(folder);
+  std::vector<std::string> expected;
+  folder.write("app.json", all_cases(expected));
+
+  const std::vector<std::string> said = refusal_of(folder, "run", {"--load-timeout", "2s"});
+
+  for (const std::string& part : expected) {
+    EXPECT_TRUE(any_contains(said, part)) << part << "\n" << testing::PrintToString(said);
+  }
+  ASSERT_FALSE(said.empty());
+  EXPECT_EQ(said.back(),
+            "app.json: " + std::to_string(expected.size()) + " mistakes; nothing was started");
+}
+
+TEST(BrokenLibraries, OneWithoutPermissionIsNamed) {
+  if (geteuid() == 0) {
+    GTEST_SKIP() << "root may read everything";
+  }
+  const Folder folder;
+  folder.write("libsecret.so", "");
+  chmod((folder / "libsecret.so").c_str(), 0);
+  folder.write("app.json", R"({"name": "a", "components": [{"name": "a", "library": "secret"}]})");
+
+  EXPECT_TRUE(any_contains(refusal_of(folder, "check", {}), "libsecret.so: Permission denied"));
+}
+
+/// The application of a library, or class, that may be loaded, with the witness.
+std::string application_of(const std::string& suspect) {
+  return R"({"name": "good", "components": [
+  {"name": "suspect", )" +
+         suspect + R"(},
+  {"name": "witness", "library": "broken_witness", "serve_period_ms": 5}
+]})";
+}
+
+ProcessOptions good_run(const Folder& folder) {
+  ProcessOptions options{.program = FASTCYCLE_PROGRAM,
+                         .arguments = {"run", "app.json", "--library-path", kLibraries.string(),
+                                       "--for", "100ms", "--report", "report.json"},
+                         .folder = folder.path()};
+  for (const std::string& word : sanitizer_arguments("run")) {
+    options.arguments.push_back(word);
+  }
+  return options;
+}
+
+constexpr const char* kThrowing = R"("library": "broken_constructors", "class": "Throws")";
+
+TEST(AConstructorThatThrows, IsAMistakeForCheck) {
+  const Folder folder;
+  folder.write("app.json", application_of(kThrowing));
+
+  const std::vector<std::string> said = refusal_of(folder, "check", {});
+
+  EXPECT_TRUE(any_contains(said,
+                           "app.json:2: /components/0: component \"suspect\": its constructor "
+                           "threw: the map has no roads"))
+      << testing::PrintToString(said);
+}
+
+TEST(AConstructorThatThrows, IsAFaultOfItsComponentForRun) {
+  const Folder folder;
+  folder.write("app.json", application_of(kThrowing));
+  Process process(good_run(folder));
+
+  EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+  EXPECT_NE(process.errors().find("the map has no roads"), std::string::npos);
+  EXPECT_TRUE(fs::exists(folder / "started"));
+}
+
+TEST(AConstructorThatThrows, EndsTheRunIfThatIsThePolicy) {
+  const Folder folder;
+  folder.write("app.json", application_of(std::string(kThrowing) + R"(, "on_fault": "stop")"));
+  Process process(good_run(folder));
+
+  EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
+  EXPECT_NE(process.errors().find("the map has no roads"), std::string::npos);
+}
+
+TEST(ALibraryThatFlushesSmallNumbersToZero, DoesSoForNobodyElse) {
+#if !defined(__SSE2__)
+  GTEST_SKIP() << "it sets the mode of SSE";
+#endif
+  const Folder folder;
+  folder.write("app.json", application_of(R"("library": "broken_fast_math")"));
+  Process process(good_run(folder));
+
+  ASSERT_EQ(process.wait().exit_code, 0) << process.errors();
+  const json results = json::parse(read_file(folder / "report.json"))["results"];
+  EXPECT_EQ(results["kept_while_loading"], false) << "the library did not change the mode";
+  EXPECT_EQ(results["kept_in_constructor"], true);
+  EXPECT_EQ(results["kept_in_start"], true);
+  EXPECT_EQ(results["kept_in_serve"], true);
+}
+
+TEST(ALibraryThatStartsAProcess, HoldsNothingUpAndLeavesNothingBehind) {
+  const Folder folder;
+  folder.write("app.json", application_of(R"("library": "broken_forks")"));
+  Process process({.program = FASTCYCLE_PROGRAM,
+                   .arguments = {"check", "app.json", "--library-path", kLibraries.string(),
+                                 "--load-timeout", "10min"},
+                   .folder = folder.path()});
+
+  EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+  // It was sent the signal that ends it, which takes a moment.
+  for (int look = 0; look < 1000 && processes_of_session(process.pid()) > 0; ++look) {
+    usleep(10'000);
+  }
+  EXPECT_EQ(processes_of_session(process.pid()), 0);
+}
+
+TEST(LoadTimeout, MustBeATime) {
+  const Folder folder;
+  folder.write("app.json", application_of(R"("library": "broken_witness")"));
+  for (const char* text : {"2", "soon", "-1s", "0s"}) {
+    Process process({.program = FASTCYCLE_PROGRAM,
+                     .arguments = {"check", "app.json", "--load-timeout", text},
+                     .folder = folder.path()});
+
+    EXPECT_EQ(process.wait().exit_code, 2) << text;
+    EXPECT_TRUE(contains(process.errors(), "--load-timeout…wants a time above zero"))
+        << process.errors();
+  }
+}
+
+}  // namespace
+}  // namespace fastcycle::test
