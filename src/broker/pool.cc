@@ -44,7 +44,7 @@ void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
 }
 
 Envelope* Pool::take() noexcept {
-  if (free_ == nullptr) {
+  if (free_ == nullptr && !is_collected_by_hand_) {
     free_ = returned_.exchange(nullptr, std::memory_order_acquire);
   }
   Envelope* envelope = free_;
@@ -52,6 +52,13 @@ Envelope* Pool::take() noexcept {
     free_ = envelope->next;
   }
   return envelope;
+}
+
+void Pool::collect() noexcept {
+  Envelope* list = returned_.exchange(nullptr, std::memory_order_acquire);
+  while (list != nullptr) {
+    put_back(std::exchange(list, list->next));
+  }
 }
 
 void Pool::put_back(Envelope* envelope) noexcept {

@@ -35,6 +35,12 @@ class Pool {
   /// A free envelope, or null if all are out.
   [[nodiscard]] Envelope* take() noexcept;
 
+  /// From now on `take` gives only what the last `collect` found: in simulated time, what comes
+  /// back while a round runs must not decide how many messages there are.
+  void collect_by_hand() noexcept { is_collected_by_hand_ = true; }
+  /// Takes over what came back.
+  void collect() noexcept;
+
   /// Takes back what the owner did not publish after all.
   void put_back(Envelope* envelope) noexcept;
 
@@ -59,6 +65,7 @@ class Pool {
 
   // Owner only.
   Envelope* free_ = nullptr;
+  bool is_collected_by_hand_ = false;
   std::atomic<std::size_t> size_{0};
 
   alignas(64) std::atomic<Envelope*> returned_{nullptr};

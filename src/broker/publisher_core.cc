@@ -72,6 +72,10 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
   // One being written, one more that a component may borrow beside it, and what is kept.
   needed_ = 2 + options.keep + options.latched;
   pool_->grow(needed_, prototype_.get());
+  if (owner.stage != nullptr) {
+    pool_->collect_by_hand();
+    forwards_->collect_by_hand();
+  }
 }
 
 PublisherCore::~PublisherCore() {
@@ -197,6 +201,9 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
 
 void PublisherCore::forward(Envelope* received) {
   FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  if (forwards_->size() == 0) {
+    forwards_->grow(needed_);
+  }
   Envelope* envelope = take_from(*forwards_, scratch_forwards_);
   Envelope* foreign = received->foreign != nullptr ? received->foreign : received;
   retain(*foreign);
@@ -241,6 +248,10 @@ void PublisherCore::drop_scratch(Envelope* scratch) noexcept {
 }
 
 void PublisherCore::deliver(Envelope* envelope) noexcept {
+  if (owner.stage != nullptr) {
+    pool_->collect();
+    forwards_->collect();
+  }
   if (envelope->is_scratch) {
     drop_scratch(envelope);
     return;

@@ -512,8 +512,10 @@ EndReason Application::run(std::optional<Duration> limit) {
 }
 
 void Application::advance_to(Time time) {
-  simulation_->clear_interrupt();
-  static_cast<void>(simulation_->run_until(time));
+  // What would end a run, such as the end of all input, is no reason to stop here.
+  do {
+    simulation_->clear_interrupt();
+  } while (simulation_->run_until(time) == detail::Simulation::End::kInterrupted);
 }
 
 void Application::settle() {

@@ -81,8 +81,10 @@ class Forwarder final : public Component {
  public:
   explicit Forwarder(Context& context)
       : Component(context), out_(context.create_publisher<BytesValue>("forwarded")) {
+    // What it forwards waits for its own subscriber: up to 4, one more being read, one kept.
     context.create_subscriber<BytesValue>(
-        "images", {.depth = 4}, [this](const Sample<BytesValue>& image) { out_.publish(image); });
+        "images", {.depth = 4, .keep = 6},
+        [this](const Sample<BytesValue>& image) { out_.publish(image); });
   }
 
  private:
