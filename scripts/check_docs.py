@@ -1,0 +1,59 @@
+#!/usr/bin/env python3
+"""Says which links of the documents lead nowhere, and which code of README.md is not the code that the
+tests build and run. Exits with 1 if there is any."""
+
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+# What README.md shows, and where it is built and run.
+SNIPPETS = [("cpp", "tests/consumer/project/speed_limiter.cc")]
+
+
+def documents():
+    for document in sorted(ROOT.rglob("*.md")):
+        if "build" not in document.relative_to(ROOT).parts[:1]:
+            yield document
+
+
+def without_code(text):
+    return re.sub(r"```.*?```|`[^`\n]*`", "", text, flags=re.S)
+
+
+def dead_links(document):
+    text = without_code(document.read_text(encoding="utf-8"))
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path = target.split("#")[0]
+        if path and not (document.parent / path).exists():
+            yield f"{document.relative_to(ROOT)}: the link to {target} leads nowhere"
+
+
+def code_blocks(text, language):
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.S)
+
+
+def words(text):
+    """Code without comments that stand alone and without layout."""
+    return re.sub(r"\s+", " ", re.sub(r"^\s*//.*$", "", text, flags=re.M)).strip()
+
+
+def strange_snippets():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for language, file in SNIPPETS:
+        built = words((ROOT / file).read_text(encoding="utf-8"))
+        if not any(words(block) in built for block in code_blocks(readme, language)):
+            yield f"README.md: its {language} code is not that of {file}"
+
+
+def main():
+    problems = [problem for document in documents() for problem in dead_links(document)]
+    problems += strange_snippets()
+    print("\n".join(problems) if problems else "check_docs: links lead somewhere, README's code is built")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
