@@ -27,15 +27,12 @@ using nlohmann::json;
 const fs::path kCases = fs::path(FASTCYCLE_SOURCE_FOLDER) / "tests/libraries/cases";
 const fs::path kLibraries = FASTCYCLE_BROKEN_LIBRARIES;
 
-/// Leak detection needs a process that can be traced.
-std::vector<std::string> sanitizer_arguments([[maybe_unused]] const std::string& command) {
+/// Leak detection needs a process that can be traced, which the program is not.
 #if defined(__SANITIZE_ADDRESS__)
-  if (command == "run") {
-    return {"--debuggable"};
-  }
+const std::vector<std::string> kEnvironment = {"ASAN_OPTIONS=detect_leaks=0"};
+#else
+const std::vector<std::string> kEnvironment = {};
 #endif
-  return {};
-}
 
 /// A good library, changed by `change`, as another library beside the application.
 template <typename Change>
@@ -70,10 +67,9 @@ std::vector<std::string> refusal_of(const Folder& folder, const std::string& com
                                     const std::vector<std::string>& more) {
   ProcessOptions options{.program = FASTCYCLE_PROGRAM,
                          .arguments = {command, "app.json", "--library-path", kLibraries.string()},
-                         .folder = folder.path()};
-  for (const auto& words : {more, sanitizer_arguments(command)}) {
-    options.arguments.insert(options.arguments.end(), words.begin(), words.end());
-  }
+                         .folder = folder.path(),
+                         .environment = kEnvironment};
+  options.arguments.insert(options.arguments.end(), more.begin(), more.end());
   Process process(options);
   const Ending& ending = process.wait();
 
@@ -175,14 +171,11 @@ std::string application_of(const std::string& suspect) {
 }
 
 ProcessOptions good_run(const Folder& folder) {
-  ProcessOptions options{.program = FASTCYCLE_PROGRAM,
-                         .arguments = {"run", "app.json", "--library-path", kLibraries.string(),
-                                       "--for", "100ms", "--report", "report.json"},
-                         .folder = folder.path()};
-  for (const std::string& word : sanitizer_arguments("run")) {
-    options.arguments.push_back(word);
-  }
-  return options;
+  return {.program = FASTCYCLE_PROGRAM,
+          .arguments = {"run", "app.json", "--library-path", kLibraries.string(), "--for", "100ms",
+                        "--report", "report.json"},
+          .folder = folder.path(),
+          .environment = kEnvironment};
 }
 
 constexpr const char* kThrowing = R"("library": "broken_constructors", "class": "Throws")";
