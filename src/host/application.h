@@ -33,8 +33,8 @@ enum class EndReason : std::uint8_t {
   kSourcesFinished,  ///< Every source said that its input is over.
   kIdle,             ///< In simulated time nothing is left that could happen.
   kRequested,        ///< Somebody asked for the end (Ctrl-C).
-  kFault,           ///< A component failed whose policy is to stop the application.
-  kStuck,           ///< Simulated time does not advance: components answer each other without end.
+  kFault,            ///< A component failed whose policy is to stop the application.
+  kStuck,            ///< Simulated time does not advance: components answer each other without end.
 };
 
 [[nodiscard]] const char* to_word(EndReason reason) noexcept;

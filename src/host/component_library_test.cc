@@ -1,11 +1,10 @@
 #include "host/component_library.h"
 
-#include <gtest/gtest.h>
-
-#include <sys/stat.h>
-
 #include <cstdlib>
 #include <fstream>
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
 
 namespace fastcycle::host {
 namespace {

@@ -1,11 +1,11 @@
 #include "host/protection.h"
 
-#include <sys/prctl.h>
-#include <sys/resource.h>
-
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+
+#include <sys/prctl.h>
+#include <sys/resource.h>
 
 namespace fastcycle::host {
 namespace {

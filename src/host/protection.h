@@ -5,8 +5,8 @@
 
 namespace fastcycle::host {
 
-/// Makes the process's memory unreadable to other processes of the same user, and keeps its messages
-/// out of core dumps.
+/// Makes the process's memory unreadable to other processes of the same user, and keeps its
+/// messages out of core dumps.
 ///
 /// Returns why it must not go on, if another process traces it already: it could read everything.
 ///

@@ -1,8 +1,9 @@
 #include "fastcycle/testing.h"
 
 #include <map>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
+
+#include <nlohmann/json.hpp>
 
 #include "config/describe.h"
 #include "config/parse.h"
@@ -16,8 +17,8 @@ using nlohmann::json;
 json parse_configuration(std::string_view text, const std::string& of) {
   json parsed = json::parse(text, nullptr, false, true);
   if (!parsed.is_object()) {
-    throw std::runtime_error("the configuration of " + of + " is no JSON object: " +
-                             std::string(text));
+    throw std::runtime_error("the configuration of " + of +
+                             " is no JSON object: " + std::string(text));
   }
   return parsed;
 }
@@ -101,11 +102,17 @@ void Bench::start() {
   state_->running->settle();
 }
 
-void Bench::advance(Duration span) { state_->running->advance_to(now() + span); }
+void Bench::advance(Duration span) {
+  state_->running->advance_to(now() + span);
+}
 
-void Bench::stop() { state_->running->stop(); }
+void Bench::stop() {
+  state_->running->stop();
+}
 
-Time Bench::now() const { return state_->running->clock().now(); }
+Time Bench::now() const {
+  return state_->running->clock().now();
+}
 
 ReportValue Bench::result(const std::string& name, const std::string& result) const {
   return state_->core(name).results.at(result);
