@@ -8,6 +8,8 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <fcntl.h>
+#include <unistd.h>
 
 #include "command.h"
 #include "config/nearest.h"
@@ -131,10 +133,23 @@ int run_program(int argument_count, char** arguments) {
   return print_wrong("a command is missing", program);
 }
 
+/// Gives the numbers of standard streams that the caller has closed to something harmless: a file
+/// that is opened later would get them, and with them what is printed.
+void occupy_standard_streams() {
+  int descriptor = 0;
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) {
+    descriptor = open("/dev/null", O_RDONLY | O_CLOEXEC);  // Not to be written: that still fails.
+  }
+  if (descriptor >= 0) {
+    close(descriptor);
+  }
+}
+
 }  // namespace
 }  // namespace fastcycle::tool
 
 int main(int argument_count, char** arguments) {
+  fastcycle::tool::occupy_standard_streams();
   try {
     return fastcycle::tool::run_program(argument_count, arguments);
   } catch (const std::exception& error) {
