@@ -59,6 +59,10 @@ struct MadeFile {
   const char* expected;
 };
 
+void PrintTo(const MadeFile& file, std::ostream* stream) {
+  *stream << file.name;
+}
+
 class MadeConfiguration : public testing::TestWithParam<MadeFile> {};
 
 TEST_P(MadeConfiguration, IsRefusedByCheck) {

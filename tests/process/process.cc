@@ -106,6 +106,11 @@ void Process::start(const ProcessOptions& options, int output, int errors) const
                         dup2(errors, STDERR_FILENO) >= 0 &&
                         (options.folder.empty() || chdir(options.folder.c_str()) == 0) &&
                         (!options.is_traced || ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0);
+  if (options.has_no_streams) {
+    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+      close(stream);
+    }
+  }
   if (is_ready) {
     execve(options.program.c_str(), pointers_to(words).data(), pointers_to(variables).data());
   }
@@ -221,10 +226,9 @@ int processes_of_session(pid_t leader) {
   return count;
 }
 
-bool become_ordinary_user() {
+bool become_ordinary_user(unsigned id) {
   if (geteuid() == 0) {
-    if (setgroups(0, nullptr) != 0 || setresgid(kNobody, kNobody, kNobody) != 0 ||
-        setresuid(kNobody, kNobody, kNobody) != 0) {
+    if (setgroups(0, nullptr) != 0 || setresgid(id, id, id) != 0 || setresuid(id, id, id) != 0) {
       return false;
     }
   }
@@ -232,7 +236,7 @@ bool become_ordinary_user() {
   return prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
 }
 
-std::string as_ordinary_user(const std::function<std::string()>& body) {
+std::string as_ordinary_user(const std::function<std::string()>& body, unsigned id) {
   int result[2];
   if (pipe2(result, O_CLOEXEC) != 0) {
     throw std::runtime_error("no pipe could be made");
@@ -245,7 +249,7 @@ std::string as_ordinary_user(const std::function<std::string()>& body) {
     close(result[0]);
     std::string text = "it was not possible to become an ordinary user";
     try {
-      if (become_ordinary_user()) {
+      if (become_ordinary_user(id)) {
         text = body();
       }
     } catch (const std::exception& error) {

@@ -21,8 +21,9 @@ struct ProcessOptions {
   std::filesystem::path folder = {};          ///< Where it works; empty: where the test does.
   std::vector<std::string> environment = {};  ///< "NAME=value", beside what the test has.
   bool is_ordinary_user = false;              ///< See `become_ordinary_user`.
-  bool is_traced = false;      ///< It asks to be traced by the test before it starts.
-  bool may_dump_core = false;  ///< `ulimit -c unlimited`; else what the test has.
+  bool is_traced = false;       ///< It asks to be traced by the test before it starts.
+  bool has_no_streams = false;  ///< Its standard streams are closed, not read.
+  bool may_dump_core = false;   ///< `ulimit -c unlimited`; else what the test has.
 };
 
 /// How a program ended.
@@ -97,11 +98,12 @@ class Folder {
 /// How many processes there are in the session that `leader` leads or led.
 [[nodiscard]] int processes_of_session(pid_t leader);
 
-/// Gives up root, if the process is root: all ids become `kNobody`, no capability and no further
+/// Gives up root, if the process is root: all ids become `id`, no capability and no further
 /// group is left. For a process that was made for it. False if that is not possible.
-[[nodiscard]] bool become_ordinary_user();
+[[nodiscard]] bool become_ordinary_user(unsigned id = kNobody);
 
 /// What `body` returns, run in a process of its own as an ordinary user; "" if it was killed.
-[[nodiscard]] std::string as_ordinary_user(const std::function<std::string()>& body);
+[[nodiscard]] std::string as_ordinary_user(const std::function<std::string()>& body,
+                                           unsigned id = kNobody);
 
 }  // namespace fastcycle::test

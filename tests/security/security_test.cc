@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -146,14 +147,33 @@ std::string attack_plain_process() {
   return results;
 }
 
-TEST_F(Security, AnotherProcessOfTheSameUserIsRefusedEverything) {
-  const auto results = from_text(as_ordinary_user([&] { return attack_run(run()); }));
-
+void expect_refused(const std::map<std::string, Result>& results) {
   EXPECT_GE(results.size(), 20U);
   for (const auto& [name, result] : results) {
     EXPECT_TRUE(result == Result::kRefused || result == Result::kMissing)
         << name << ": " << static_cast<char>(result);
   }
+}
+
+TEST_F(Security, AnotherProcessOfTheSameUserIsRefusedEverything) {
+  const auto results = from_text(as_ordinary_user([&] { return attack_run(run()); }));
+
+  expect_refused(results);
+}
+
+TEST_F(Security, AnotherUserIsRefusedEverythingEvenIfDebuggable) {
+  if (!is_root()) {
+    GTEST_SKIP() << "only root can be two users";
+  }
+  Process victim(run({"--debuggable"}));
+  const auto address = address_of_secret(victim);
+  ASSERT_TRUE(address) << victim.errors();
+  constexpr unsigned kStranger = kNobody - 1;
+
+  const auto results = from_text(as_ordinary_user(
+      [&] { return to_text(attack(victim.pid(), *address, kSecret)); }, kStranger));
+
+  expect_refused(results);
 }
 
 TEST_F(Security, WithDebuggableTheSameAttacksSucceed) {
@@ -220,6 +240,10 @@ struct Crash {
   const char* then;
   int signal;
 };
+
+void PrintTo(const Crash& crash, std::ostream* stream) {
+  *stream << crash.then;
+}
 
 class SecurityOfACrash : public Security, public testing::WithParamInterface<Crash> {};
 
