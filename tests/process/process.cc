@@ -48,8 +48,7 @@ void append(pollfd& stream, std::string& text) {
 
 }  // namespace
 
-Process::Process(const ProcessOptions& options)
-    : limit_(steady_clock::now() + kLongest), is_traced_(options.is_traced) {
+Process::Process(const ProcessOptions& options) : limit_(steady_clock::now() + kLongest) {
   int output[2];
   int errors[2];
   if (pipe2(output, O_CLOEXEC) != 0 || pipe2(errors, O_CLOEXEC) != 0) {

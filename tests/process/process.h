@@ -66,7 +66,6 @@ class Process {
   [[nodiscard]] bool try_reap();
 
   const std::chrono::steady_clock::time_point limit_;
-  const bool is_traced_;
   pid_t pid_ = -1;
   bool has_ended_ = false;
   Ending ending_;
