@@ -15,7 +15,7 @@ function(fastcycle_core_library)
   target_link_options(fastcycle PRIVATE -Wl,-Bsymbolic-functions)
   fastcycle_refuse_undefined(fastcycle)
   fastcycle_run_path(run_path ${FASTCYCLE_LIBRARY_DIR} ${FASTCYCLE_LIBRARY_DIR})
-  set_target_properties(fastcycle PROPERTIES
+  set_target_properties(fastcycle PROPERTIES INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}"
     VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}
     INSTALL_RPATH ${run_path})
   install(TARGETS fastcycle EXPORT FastCycleTargets LIBRARY DESTINATION ${FASTCYCLE_LIBRARY_DIR})
@@ -39,7 +39,8 @@ function(fastcycle_library name)
   endforeach()
 
   add_library(fastcycle_${name} OBJECT ${LIB_SOURCES})
-  set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON
+    INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}")
   target_compile_options(fastcycle_${name} PRIVATE ${FASTCYCLE_WARNINGS} -fno-semantic-interposition)
   target_include_directories(fastcycle_${name} PRIVATE
     ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)

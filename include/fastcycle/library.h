@@ -44,7 +44,7 @@ std::array<std::string, N> split_names(std::string_view list) {
     if (const auto scope = word.rfind(':'); scope != std::string_view::npos) {
       word.remove_prefix(scope + 1);
     }
-    name = word;
+    name.assign(word.begin(), word.end());
     list.remove_prefix(end == std::string_view::npos ? list.size() : end + 1);
   }
   return names;

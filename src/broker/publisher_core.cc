@@ -72,6 +72,7 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
   // One being written, one more that a component may borrow beside it, and what is kept.
   needed_ = 2 + options.keep + options.latched;
   pool_->grow(needed_, prototype_.get());
+  latched_.reserve(options.latched);
   if (owner.stage != nullptr) {
     pool_->collect_by_hand();
     forwards_->collect_by_hand();
