@@ -72,6 +72,7 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
   // One being written, one more that a component may borrow beside it, and what is kept.
   needed_ = 2 + options.keep + options.latched;
   pool_->grow(needed_, prototype_.get());
+  provided_ = needed_;
   latched_.reserve(options.latched);
   if (owner.stage != nullptr) {
     pool_->collect_by_hand();
@@ -101,10 +102,21 @@ std::size_t PublisherCore::pool_limit() const noexcept {
   return options.pool_max != 0 ? options.pool_max : 2 * needed_ + 64;
 }
 
+namespace {
+
+/// How many messages a subscription may hold: those that wait, the one in its callback, the kept.
+std::size_t held_by(const Lane& lane) noexcept {
+  return lane.options.depth + 1 + lane.subscription.keep;
+}
+
+}  // namespace
+
 void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
-  const std::size_t more = lane->options.depth + 1 + lane->subscription.keep;
-  needed_ += more;
-  pool_->grow(more, prototype_.get());
+  needed_ += held_by(*lane);
+  if (needed_ > provided_) {
+    pool_->grow(needed_ - provided_, prototype_.get());
+    provided_ = needed_;
+  }
   const std::uint64_t bit = lane->options.is_view ? 0 : std::uint64_t{1} << lane->bit;
   for (Envelope* envelope : latched_) {
     retain(*envelope);
@@ -113,6 +125,9 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
     }
   }
   targets_.push_back({lane, &inbox, bit});
+  if (lane->is_closed()) {
+    lane->dropped_after_close.add(lane->drain());
+  }
   if (!latched_.empty() && bit != 0 && inbox.mark(bit)) {
     inbox.queue().wake();
   }
@@ -124,6 +139,7 @@ void PublisherCore::disconnect(const Lane& lane) noexcept {
       return false;
     }
     target.lane->is_left_by_publisher.store(true);
+    needed_ -= held_by(lane);
     return true;
   });
 }

@@ -133,7 +133,8 @@ class PublisherCore {
   const std::unique_ptr<google::protobuf::Message> prototype_;
   Pool* const pool_;
   Pool* const forwards_;
-  std::size_t needed_ = 0;
+  std::size_t needed_ = 0;    ///< By the subscriptions that there are now, and by the owner.
+  std::size_t provided_ = 0;  ///< The most that were ever needed: so many were made.
 
   // Lent when the pool is dry and may not grow; as many as the component ever borrowed at once.
   Envelope* scratch_loans_ = nullptr;
