@@ -24,7 +24,7 @@ CallbackSubscription::CallbackSubscription(Topic& its_topic, Actor& its_actor,
                                            EnvelopeCallback its_callback)
     : Subscription(its_topic, its_actor.inbox, its_actor.name, Kind::kCallback, options),
       actor(its_actor),
-      callback(std::move(its_callback)) {}
+      callback(std::make_unique<EnvelopeCallback>(std::move(its_callback))) {}
 
 View::View(Topic& its_topic, Actor& its_actor, Kind its_kind, std::size_t its_depth,
            std::optional<Duration> its_span)
@@ -82,9 +82,17 @@ void Actor::post(Cause cause, std::function<void()> body, Actor* from) {
     from->stage([this, cause, body = std::move(body)] { post(cause, body); });
     return;
   }
+  put_in_front({cause, std::move(body)});
+}
+
+void Actor::post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished) {
+  put_in_front({cause, std::move(body), std::move(finished)});
+}
+
+void Actor::put_in_front(Control control) {
   {
     const std::lock_guard lock(control_mutex_);
-    controls_.push_back({cause, std::move(body)});
+    controls_.push_back(std::move(control));
   }
   inbox.mark_control();
   inbox.queue().wake();
@@ -182,6 +190,9 @@ void Actor::run_controls(ActivationRing& ring) {
     record.cause = control.cause;
     record.time_ns = base::to_ns(clock.at_monotonic(begin_ns));
     activate(ring, record, oldest_held(), begin_ns, control.body, [] { return std::string(); });
+    if (control.finished) {
+      control.finished();
+    }
   }
 }
 
@@ -240,7 +251,7 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t 
   record.key = info.sequence;
   record.time_ns = base::to_ns(now);
   activate(
-      ring, record, info.origin, begin_ns, [&] { subscription.callback(envelope); },
+      ring, record, info.origin, begin_ns, [&] { (*subscription.callback)(envelope); },
       [&] { return "its callback for \"" + subscription.topic.name + "\" threw: "; });
   release(&envelope);
 }
@@ -260,10 +271,17 @@ bool Actor::run_next(ActivationRing& ring) {
     if (!has_message) {
       return false;
     }
-    if (Inbox::pop(head)) {
-      deliver(ring, head, begin_ns);
-      return true;
+    if (!Inbox::pop(head)) {
+      continue;
     }
+    if (head.lane->is_closed()) {
+      // Its publisher saw the end too late, and has not taken it back yet.
+      head.lane->drained.add();
+      release(head.head.envelope);
+      continue;
+    }
+    deliver(ring, head, begin_ns);
+    return true;
   }
 }
 
@@ -396,7 +414,7 @@ CallbackSubscription& Actor::subscribe_again(Topic& topic, const SubscriberOptio
     if (old->is_ended && &old->topic == &topic &&
         old->depth == options.depth.value_or(old->depth) &&
         old->overflow == options.overflow.value_or(old->overflow) && old->keep == options.keep) {
-      old->callback = std::move(callback);
+      old->callback = std::make_unique<EnvelopeCallback>(std::move(callback));
       old->is_ended = false;
       return *old;
     }
@@ -409,7 +427,7 @@ void Actor::end(CallbackSubscription& subscription) noexcept {
     return;
   }
   subscription.close(DropReason::kUnsubscribed);
-  dying_.push_back(std::exchange(subscription.callback, [](Envelope&) {}));
+  dying_.push_back(std::move(subscription.callback));
 }
 
 TimerCore& Actor::add_timer(const TimerOptions& options, TickCallback callback) {

@@ -28,7 +28,8 @@ class CallbackSubscription final : public Subscription {
                        EnvelopeCallback its_callback);
 
   Actor& actor;
-  EnvelopeCallback callback;
+  /// On the heap, so that it stays where it is when the subscription ends while it runs.
+  std::unique_ptr<EnvelopeCallback> callback;
   bool is_ended = false;
 };
 
@@ -107,6 +108,8 @@ class Actor {
   /// Puts a control cause in front of everything that waits. In simulated time, and from within a
   /// callback, it is `from` that stages it until its round is over.
   void post(Cause cause, std::function<void()> body, Actor* from = nullptr);
+  /// As `post`; calls `finished` when the activation has ended, its fault, if any, included.
+  void post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished);
 
   /// In simulated time: does `action` when the present round is over. From within a callback only.
   void stage(std::function<void()> action) { staged_.push_back({.action = std::move(action)}); }
@@ -175,6 +178,7 @@ class Actor {
   struct Control {
     Cause cause;
     std::function<void()> body;
+    std::function<void()> finished = {};
   };
   /// A message, or something else that must wait until a simulated round is over.
   struct Staged {
@@ -205,6 +209,7 @@ class Actor {
                 std::int64_t begin_ns, const Body& body, const Where& where);
   void run_controls(ActivationRing& ring);
   bool run_next(ActivationRing& ring);
+  void put_in_front(Control control);
   void tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns);
   void deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t begin_ns);
   void refresh_views();
@@ -221,7 +226,8 @@ class Actor {
   std::array<HeldRoot, 16> held_{};
   std::size_t held_count_ = 0;
   std::vector<Staged> staged_;
-  std::vector<EnvelopeCallback> dying_;  ///< Callbacks of ended subscriptions, until they returned.
+  /// Callbacks of ended subscriptions, until they returned.
+  std::vector<std::unique_ptr<EnvelopeCallback>> dying_;
   std::string fault_;
 
   std::atomic<std::int64_t> armed_due_ns_{base::kNever};

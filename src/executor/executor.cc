@@ -124,7 +124,9 @@ void Executor::work(unsigned worker) {
     if (fire_timers()) {
       continue;
     }
-    if (run_ready(worker) || run_job()) {
+    // A job has its turn also where components are always ready.
+    const bool has_run = run_ready(worker);
+    if (run_job() || has_run) {
       continue;
     }
     idle(worker);

@@ -32,7 +32,7 @@ void Simulation::add(Actor& actor) {
 void Simulation::enqueue(std::uint32_t index) noexcept {
   ready_[index / 64].fetch_or(std::uint64_t{1} << (index % 64), std::memory_order_seq_cst);
   // Whoever brings work from outside while the simulation waits must end its waiting.
-  if (has_foreign_threads_.load(std::memory_order_relaxed)) {
+  if (foreign_threads_.load(std::memory_order_relaxed) != 0) {
     const std::lock_guard lock(mutex_);
     ++changes_;
     changed_.notify_all();
@@ -56,6 +56,13 @@ void Simulation::hold() noexcept {
 void Simulation::let_go() noexcept {
   const std::lock_guard lock(mutex_);
   --holds_;
+  ++changes_;
+  changed_.notify_all();
+}
+
+void Simulation::foreign_thread_ends() noexcept {
+  const std::lock_guard lock(mutex_);
+  foreign_threads_.fetch_sub(1);
   ++changes_;
   changed_.notify_all();
 }
@@ -240,14 +247,14 @@ Simulation::End Simulation::run_until(Time limit) {
     }
     rounds_at_once = 0;
     const std::int64_t next_ns = next_due_ns();
-    const bool waits_for_threads = next_ns == base::kNever && has_foreign_threads_.load();
+    const bool waits_for_threads = next_ns == base::kNever && foreign_threads_.load() != 0;
     if (wait_for_change(seen, !waits_for_threads)) {
       continue;
     }
+    if (next_ns == base::kNever && limit == Time::max()) {
+      return End::kIdle;
+    }
     if (next_ns > base::to_ns(limit)) {
-      if (next_ns == base::kNever && limit == Time::max()) {
-        return End::kIdle;
-      }
       clock_.set_simulated(limit);
       return End::kReached;
     }

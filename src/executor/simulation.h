@@ -54,7 +54,8 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   [[nodiscard]] bool submit(std::function<void()> job);
 
   /// As long as there are such threads, an idle simulation waits for what they publish.
-  void set_foreign_threads(bool has_some) noexcept { has_foreign_threads_ = has_some; }
+  void foreign_thread_begins() noexcept { foreign_threads_.fetch_add(1); }
+  void foreign_thread_ends() noexcept;
 
   /// Takes a message of an external publisher; it is delivered before the next round.
   void put(PublisherCore& publisher, Envelope* envelope) override;
@@ -101,7 +102,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
 
   std::vector<std::atomic<std::uint64_t>> ready_;
   std::atomic<bool> is_interrupted_{false};
-  std::atomic<bool> has_foreign_threads_{false};
+  std::atomic<int> foreign_threads_{0};
 
   // What other threads bring, and what wakes an idle simulation.
   std::mutex mutex_;

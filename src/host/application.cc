@@ -239,12 +239,8 @@ void Application::run_in(ComponentCore& component, Cause cause, std::function<vo
     return;
   }
   std::promise<void> done;
-  component.post(cause, [&] {
-    // Also when the body throws, which the activation turns into a fault.
-    const auto finish = [](std::promise<void>* promise) { promise->set_value(); };
-    const std::unique_ptr<std::promise<void>, decltype(finish)> guard(&done, finish);
-    body();
-  });
+  // Once what it threw is handled too: who waits asks what became of the component.
+  component.post_and_tell(cause, std::move(body), [&done] { done.set_value(); });
   done.get_future().wait();
 }
 
@@ -291,11 +287,16 @@ void Application::start_threads() {
     }
     for (const auto& thread : component->threads) {
       if (simulation_ != nullptr) {
-        simulation_->set_foreign_threads(true);
+        simulation_->foreign_thread_begins();
       }
       threads_.emplace_back(
           base::ThreadOptions{.name = thread.name, .cpus = {}},
-          [&component, &thread, token = thread_stop_.get_token()] {
+          [this, &component, &thread, token = thread_stop_.get_token()] {
+            // Last of all: until then a simulation waits for what comes from here.
+            const auto end = [](detail::Simulation* simulation) {
+              simulation->foreign_thread_ends();
+            };
+            const std::unique_ptr<detail::Simulation, decltype(end)> guard(simulation_.get(), end);
             std::string what;
             try {
               thread.body(token);
@@ -387,9 +388,29 @@ void Application::connect_late(ComponentCore& component, detail::PublisherCore& 
     publisher.connect(lane, component.inbox);
     return;
   }
-  component_of(publisher).post(
-      Cause::kConnect,
-      [&publisher, lane, &inbox = component.inbox] { publisher.connect(lane, inbox); }, &component);
+  run_at(publisher, component,
+         [&publisher, lane, &inbox = component.inbox] { publisher.connect(lane, inbox); });
+}
+
+void Application::run_at(detail::PublisherCore& publisher, ComponentCore& from,
+                         std::function<void()> action) {
+  ComponentCore& owner = component_of(publisher);
+  if (simulation_ != nullptr) {
+    // What reaches another component waits until the round is over, latched messages too.
+    action = [&owner, staged = std::move(action)] { owner.stage(staged); };
+  }
+  owner.post(Cause::kConnect, std::move(action), &from);
+}
+
+void Application::reopen_subscription(ComponentCore& component,
+                                      detail::CallbackSubscription& subscription) {
+  if (!std::exchange(subscription.is_ended, false)) {
+    return;
+  }
+  const std::lock_guard lock(topics_mutex_);
+  for (const auto& publisher : subscription.topic.publishers) {
+    connect_late(component, *publisher, subscription);
+  }
 }
 
 void Application::end_subscription(ComponentCore& component,
@@ -413,7 +434,7 @@ void Application::end_subscription(ComponentCore& component,
       const std::lock_guard publisher_lock(publisher->mutex());
       leave();
     } else if (is_started_ && !is_stopped_) {
-      component_of(*publisher).post(Cause::kConnect, leave, &component);
+      run_at(*publisher, component, leave);
     }
   }
 }
@@ -543,7 +564,7 @@ void Application::drain() {
 }
 
 void Application::stop() {
-  if (std::exchange(is_stopped_, true)) {
+  if (is_stopped_.exchange(true)) {
     return;
   }
   if (is_started_) {

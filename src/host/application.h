@@ -132,6 +132,9 @@ class Application {
                                                detail::EnvelopeCallback callback);
   void end_subscription(detail::ComponentCore& component,
                         detail::CallbackSubscription& subscription) noexcept;
+  /// Connects again what had ended, for a component that is made anew.
+  void reopen_subscription(detail::ComponentCore& component,
+                           detail::CallbackSubscription& subscription);
   void source_finished(detail::ComponentCore& component);
   void component_failed(detail::ComponentCore& component);
   void hold_time();
@@ -156,6 +159,8 @@ class Application {
   void run_in(detail::ComponentCore& component, detail::Cause cause, std::function<void()> body);
   void connect_late(detail::ComponentCore& component, detail::PublisherCore& publisher,
                     detail::CallbackSubscription& subscription);
+  void run_at(detail::PublisherCore& publisher, detail::ComponentCore& from,
+              std::function<void()> action);
   [[nodiscard]] detail::ComponentCore& component_of(const detail::PublisherCore& publisher) const;
   void start_threads();
   void stop_threads();
@@ -176,7 +181,7 @@ class Application {
   std::stop_source thread_stop_;
   bool is_built_ = false;
   bool is_started_ = false;
-  bool is_stopped_ = false;
+  std::atomic<bool> is_stopped_{false};
   std::atomic<std::int64_t> start_ns_{0};
   Time end_time_{};
 

@@ -114,10 +114,20 @@ void ComponentCore::call_start() {
 }
 
 void ComponentCore::call_stop() {
-  if (state == State::kRunning) {
-    state = State::kStopped;
-    component->stop();
+  if (state != State::kRunning) {
+    return;
   }
+  state = State::kStopped;
+  // What `stop` gives back nobody may use any more: no message comes after it, and no tick, not
+  // even one that it arms itself.
+  close(DropReason::kShutdown);
+  try {
+    component->stop();
+  } catch (...) {
+    cancel_timers();
+    throw;
+  }
+  cancel_timers();
 }
 
 void ComponentCore::note_fault(std::string_view what) {
@@ -155,7 +165,26 @@ void ComponentCore::on_fault(std::string_view what) {
   }
 }
 
+void ComponentCore::end_late_subscriptions() {
+  for (CallbackSubscription* subscription : callbacks) {
+    if (std::find(declared.subscriptions.begin(), declared.subscriptions.end(), subscription) ==
+        declared.subscriptions.end()) {
+      application.end_subscription(*this, *subscription);
+    }
+  }
+}
+
+bool ComponentCore::is_redeclared() const noexcept {
+  return redeclared.publishers.size() == declared.publishers.size() &&
+         redeclared.subscriptions.size() == declared.subscriptions.size() &&
+         redeclared.views.size() == declared.views.size();
+}
+
 void ComponentCore::restart(std::string_view what) {
+  if (!threads.empty()) {
+    fail(std::string(what) + " (its threads use its object: it stays stopped)");
+    return;
+  }
   const std::int64_t now_ns = base::to_ns(publishing.now);
   if (restarts == 0 || now_ns - first_restart_ns > kRestartWindowNs) {
     restarts = 0;
@@ -169,6 +198,7 @@ void ComponentCore::restart(std::string_view what) {
   ++restart_count;
   note_fault(std::string(what) + " (restarting)");
   destroy();
+  end_late_subscriptions();
   clear_timers();
   redeclared = {};
   is_redeclaring = true;
@@ -177,6 +207,10 @@ void ComponentCore::restart(std::string_view what) {
   is_redeclaring = false;
   if (thrown) {
     fail("its constructor threw when it was restarted: " + *thrown);
+    return;
+  }
+  if (!is_redeclared()) {
+    fail("it declared fewer topics than before when it was restarted");
     return;
   }
   try {

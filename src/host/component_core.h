@@ -107,6 +107,9 @@ class ComponentCore final : public Actor {
 
  private:
   void restart(std::string_view what);
+  /// Ends what the old object subscribed to in its callbacks.
+  void end_late_subscriptions();
+  [[nodiscard]] bool is_redeclared() const noexcept;
 };
 
 }  // namespace fastcycle::detail

@@ -180,7 +180,8 @@ Subscription& create_subscription(ComponentCore& core, std::string_view topic,
   if (core.is_redeclaring) {
     CallbackSubscription& subscription =
         redeclare(core.declared.subscriptions, core.redeclared.subscriptions, name);
-    subscription.callback = std::move(callback);
+    subscription.callback = std::make_unique<EnvelopeCallback>(std::move(callback));
+    core.application.reopen_subscription(core, subscription);
     return subscription;
   }
   if (core.is_constructing) {
@@ -272,7 +273,8 @@ void Context::offload(std::string_view executor, std::function<void()> work,
   FASTCYCLE_ASSERT(core_.publishing.is_in_activation, "work is offloaded inside a callback");
   ComponentCore& core = core_;
   core.application.submit(
-      std::string(executor), core, [&core, work = std::move(work), done = std::move(done)] {
+      std::string(executor), core,
+      [&core, object = core.restart_count, work = std::move(work), done = std::move(done)] {
         try {
           work();
         } catch (const std::exception& exception) {
@@ -285,8 +287,9 @@ void Context::offload(std::string_view executor, std::function<void()> work,
                     [] { throw std::runtime_error("offloaded work threw"); });
           return;
         }
-        core.post(detail::Cause::kJob, [&core, done] {
-          if (core.state == ComponentCore::State::kRunning) {
+        core.post(detail::Cause::kJob, [&core, done, object] {
+          // A restarted component is another object than the one that asked.
+          if (core.state == ComponentCore::State::kRunning && core.restart_count == object) {
             done();
           }
         });
