@@ -41,14 +41,17 @@ bool Inbox::peek_bit(unsigned bit, Head& best) noexcept {
 }
 
 bool Inbox::peek(Head& found) noexcept {
+  Head last;
   for (;;) {
     Head best;
     std::uint64_t seen = 0;
+    bool has_shared_bits = false;
     std::uint64_t ready = state_.load(std::memory_order_seq_cst) & kLaneMask;
     while (ready != 0) {
       const auto bit = static_cast<unsigned>(std::countr_zero(ready));
       const std::uint64_t flag = std::uint64_t{1} << bit;
       ready &= ~flag;
+      has_shared_bits = has_shared_bits || lanes_[bit].size() > 1;
       if (peek_bit(bit, best)) {
         seen |= flag;
         continue;
@@ -60,10 +63,17 @@ bool Inbox::peek(Head& found) noexcept {
         seen |= flag;
       }
     }
-    if ((state_.load(std::memory_order_seq_cst) & kLaneMask & ~seen) == 0) {
+    if ((state_.load(std::memory_order_seq_cst) & kLaneMask & ~seen) != 0) {
+      continue;
+    }
+    // Lanes that share a bit hide behind each other: one found empty may have been filled before
+    // another that was looked at after it. What is found twice came before all that came between.
+    const bool is_found_again = best.lane == last.lane && best.head.position == last.head.position;
+    if (best.lane == nullptr || !has_shared_bits || is_found_again) {
       found = best;
       return best.lane != nullptr;
     }
+    last = best;
   }
 }
 
