@@ -214,6 +214,11 @@ TEST_F(Broker, AFullQueueThatDropsTheNewestKeepsWhatCameFirst) {
   EXPECT_TRUE(reader.subscription->ledger().adds_up());
 }
 
+TEST_F(Broker, AQueueForNothingBreaksTheContract) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_DEATH(receiver({.depth = 0}), "at least one message may wait");
+}
+
 TEST_F(Broker, DroppedMessagesGoBackToThePool) {
   PublisherCore& speed = publisher("planner");
   receiver({.depth = 1});

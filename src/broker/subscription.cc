@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "broker/inbox.h"
+#include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
 
@@ -42,7 +43,9 @@ Subscription::Subscription(Topic& topic_, Inbox& inbox_, std::string component_,
       kind(kind_),
       depth(options.depth.value_or(kDefaultDepth)),
       overflow(options.overflow.value_or(Overflow::kDropOldest)),
-      keep(options.keep) {}
+      keep(options.keep) {
+  FASTCYCLE_ASSERT(depth > 0, "at least one message may wait for a subscription");
+}
 
 Subscription::~Subscription() = default;
 
