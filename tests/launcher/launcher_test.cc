@@ -12,12 +12,13 @@
 
 #include "config/test_folder.h"
 #include "fastcycle/version.h"
-#include "program.h"
+#include "process/process.h"
 
 namespace fastcycle::launcher {
 namespace {
 
 using nlohmann::json;
+using test::Process;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -63,16 +64,21 @@ class Launcher : public testing::Test {
   }
 
   int launch(const std::vector<std::string>& words) {
-    Program program(words);
+    Process program(started_with(words));
     return take(program);
   }
   int run(const std::vector<std::string>& more = {}) { return launch(run_words(more)); }
 
-  int take(Program& program) {
-    const int code = program.wait();
+  [[nodiscard]] static test::ProcessOptions started_with(const std::vector<std::string>& words) {
+    return {.program = FASTCYCLE_PROGRAM, .arguments = words};
+  }
+
+  /// Waits for the end. Returns the exit code; 1000 + the number of the signal that ended it.
+  int take(Process& program) {
+    const test::Ending& ending = program.wait();
     output_ = program.output();
     errors_ = program.errors();
-    return code;
+    return ending.signal != 0 ? 1000 + ending.signal : ending.exit_code;
   }
 
   [[nodiscard]] json report() const { return json::parse(content_of(report_file())); }
@@ -139,8 +145,8 @@ class LauncherOnSignal : public Launcher, public testing::WithParamInterface<int
 
 TEST_P(LauncherOnSignal, RunEndsInOrderWithReport) {
   write_application({kCounter, kAdder});
-  Program program(run_words());
-  ASSERT_TRUE(program.wait_for_error_text("heard ten numbers")) << program.errors();
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
 
   program.send(GetParam());
 
@@ -158,8 +164,8 @@ INSTANTIATE_TEST_SUITE_P(Stop, LauncherOnSignal, testing::Values(SIGINT, SIGTERM
 
 TEST_F(Launcher, SimulatedRunEndsInOrderOnCtrlC) {
   write_application({kCounter, kAdder});
-  Program program(run_words({"--clock", "simulated"}));
-  ASSERT_TRUE(program.wait_for_error_text("heard ten numbers")) << program.errors();
+  Process program(started_with(run_words({"--clock", "simulated"})));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
 
   program.send(SIGINT);
 
@@ -170,10 +176,10 @@ TEST_F(Launcher, SimulatedRunEndsInOrderOnCtrlC) {
 
 TEST_F(Launcher, SecondCtrlCEndsARunThatHangs) {
   write_application({kCounter, trouble("hang in stop", "stop_component")});
-  Program program(run_words());
-  ASSERT_TRUE(program.wait_for_error_text("heard a number")) << program.errors();
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("heard a number")) << program.errors();
   program.send(SIGINT);
-  ASSERT_TRUE(program.wait_for_error_text("it hangs now")) << program.errors();
+  ASSERT_TRUE(program.wait_for("it hangs now")) << program.errors();
 
   program.send(SIGINT);
 
