@@ -203,10 +203,10 @@ class Context {
     return Timer(detail::create_timer(core_, {}, detail::tick_callback(std::move(callback))));
   }
 
-  /// Runs `body` on a thread of its own from `start` to `stop`, for drivers that must wait for a
-  /// device. It ends when its `stop_token` says so, and is joined after the component's `stop()`
-  /// was asked for. What it throws is a fault of the component. It publishes by an
-  /// `ExternalPublisher`.
+  /// Runs `body` on a thread of its own from `start` on, for drivers that must wait for a device.
+  /// At the end of the run its `stop_token` asks it to end; it has a second to do so before `stop`
+  /// is called, which may close the device that it waits for, and is joined after that. What it
+  /// throws is a fault of the component. It publishes by an `ExternalPublisher`.
   ///
   /// @errors  A name longer than 15 bytes is cut: the system shows no more.
   void create_thread(std::string name, std::function<void(std::stop_token)> body);

@@ -58,9 +58,9 @@ void LogQueue::write(LogLevel level, std::string_view component, std::string_vie
       if (tail_.compare_exchange_weak(position, position + 1, std::memory_order_relaxed)) {
         slot.level = level;
         slot.component_size = std::min(component.size(), slot.component.size());
-        std::memcpy(slot.component.data(), component.data(), slot.component_size);
+        std::copy_n(component.begin(), slot.component_size, slot.component.begin());
         slot.text_size = std::min(text.size(), slot.text.size());
-        std::memcpy(slot.text.data(), text.data(), slot.text_size);
+        std::copy_n(text.begin(), slot.text_size, slot.text.begin());
         slot.turn.store(position + 1, std::memory_order_seq_cst);
         sleepers_.wake_one();
         return;

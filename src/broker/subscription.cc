@@ -9,8 +9,6 @@
 
 namespace fastcycle::detail {
 
-constexpr std::size_t kDefaultDepth = 16;
-
 std::uint64_t Ledger::dropped_total() const noexcept {
   return std::accumulate(dropped.begin(), dropped.end(), std::uint64_t{0});
 }

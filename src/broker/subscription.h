@@ -41,6 +41,8 @@ class Subscription {
  public:
   enum class Kind : std::uint8_t { kCallback, kLatest, kHistory };
 
+  static constexpr std::size_t kDefaultDepth = 16;
+
   Subscription(Topic& topic, Inbox& inbox, std::string component, Kind kind,
                const SubscriberOptions& options);
   Subscription(const Subscription&) = delete;

@@ -412,8 +412,9 @@ CallbackSubscription& Actor::subscribe_again(Topic& topic, const SubscriberOptio
                                              EnvelopeCallback callback) {
   for (CallbackSubscription* old : callbacks) {
     if (old->is_ended && &old->topic == &topic &&
-        old->depth == options.depth.value_or(old->depth) &&
-        old->overflow == options.overflow.value_or(old->overflow) && old->keep == options.keep) {
+        old->depth == options.depth.value_or(Subscription::kDefaultDepth) &&
+        old->overflow == options.overflow.value_or(Overflow::kDropOldest) &&
+        old->keep == options.keep) {
       old->callback = std::make_unique<EnvelopeCallback>(std::move(callback));
       old->is_ended = false;
       return *old;

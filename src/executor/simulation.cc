@@ -247,7 +247,9 @@ Simulation::End Simulation::run_until(Time limit) {
     }
     rounds_at_once = 0;
     const std::int64_t next_ns = next_due_ns();
-    const bool waits_for_threads = next_ns == base::kNever && foreign_threads_.load() != 0;
+    // Threads that hold no time do not keep it from reaching the limit.
+    const bool waits_for_threads =
+        next_ns == base::kNever && limit == Time::max() && foreign_threads_.load() != 0;
     if (wait_for_change(seen, !waits_for_threads)) {
       continue;
     }

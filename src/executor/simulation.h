@@ -29,7 +29,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
     kReached,      ///< Time reached the limit that was asked for.
     kIdle,         ///< Nothing is left that could ever happen.
     kInterrupted,  ///< `interrupt` was called.
-    kStuck,        ///< A million rounds at one moment: time would never advance.
+    kStuck,        ///< A hundred thousand rounds at one moment: time would never advance.
   };
 
   Simulation(base::Clock& clock, unsigned workers);
@@ -40,7 +40,8 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   /// Serves everything up to `limit`, and moves the clock there.
   End run_until(Time limit);
 
-  /// Serves what is left to do at the present time, without advancing it; at most a million rounds.
+  /// Serves what is left to do at the present time, without advancing it; at most a hundred
+  /// thousand rounds.
   void run_now();
 
   /// Ends `run_until` after the present round; `clear_interrupt` allows the next one.
@@ -80,7 +81,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
     std::size_t index;
   };
 
-  static constexpr std::uint64_t kMaxRoundsAtOnce = 1'000'000;
+  static constexpr std::uint64_t kMaxRoundsAtOnce = 100'000;
 
   bool run_round();
   void collect_round();

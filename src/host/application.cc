@@ -18,6 +18,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr auto kDrainLimit = 1s;
+constexpr const char* kPoolName = "pool";  // Of those that name no executor.
 
 unsigned cpu_count() {
   return std::max(1U, std::thread::hardware_concurrency());
@@ -45,6 +46,15 @@ detail::WaitMode to_wait(config::Wait wait) {
       break;
   }
   return detail::WaitMode::kPark;
+}
+
+/// For the end of a run, when nothing is driven any more: looks every 200 µs.
+template <typename Condition>
+void wait_up_to(std::chrono::nanoseconds limit, const Condition& condition) {
+  const std::int64_t limit_ns = base::monotonic_ns() + limit.count();
+  while (!condition() && base::monotonic_ns() < limit_ns) {
+    std::this_thread::sleep_for(200us);
+  }
 }
 
 base::Clock make_clock(const ClockOptions& options) {
@@ -105,13 +115,15 @@ void Application::make_executors() {
                                 .wait = to_wait(executor.wait),
                                 .hand_over = executor.hand_over}));
   }
-  const bool needs_pool =
-      std::any_of(description_.components.begin(), description_.components.end(),
-                  [](const auto& component) { return component.executor.empty(); });
-  if (needs_pool) {
+  if (needs_pool()) {
     executors_.push_back(std::make_unique<detail::Executor>(detail::ExecutorOptions{
-        .name = "pool", .threads = std::min(cpu_count(), 64U), .cpus = {}}));
+        .name = kPoolName, .threads = std::min(cpu_count(), 64U), .cpus = {}}));
   }
+}
+
+bool Application::needs_pool() const {
+  return std::any_of(description_.components.begin(), description_.components.end(),
+                     [](const auto& component) { return component.executor.empty(); });
 }
 
 detail::Executor& Application::executor_of(const config::ComponentDescription& component) {
@@ -289,14 +301,19 @@ void Application::start_threads() {
       if (simulation_ != nullptr) {
         simulation_->foreign_thread_begins();
       }
+      running_threads_.fetch_add(1);
       threads_.emplace_back(
           base::ThreadOptions{.name = thread.name, .cpus = {}},
           [this, &component, &thread, token = thread_stop_.get_token()] {
-            // Last of all: until then a simulation waits for what comes from here.
-            const auto end = [](detail::Simulation* simulation) {
-              simulation->foreign_thread_ends();
+            // Last of all: until then a simulation, and the end of the run, wait for what comes
+            // from here.
+            const auto end = [](Application* application) {
+              if (application->simulation_ != nullptr) {
+                application->simulation_->foreign_thread_ends();
+              }
+              application->running_threads_.fetch_sub(1);
             };
-            const std::unique_ptr<detail::Simulation, decltype(end)> guard(simulation_.get(), end);
+            const std::unique_ptr<Application, decltype(end)> guard(this, end);
             std::string what;
             try {
               thread.body(token);
@@ -318,10 +335,8 @@ void Application::start_threads() {
 
 void Application::stop_threads() {
   thread_stop_.request_stop();
-  for (base::Thread& thread : threads_) {
-    thread.join();
-  }
-  threads_.clear();
+  // One that waits for its device ends when `stop` of its component closes that.
+  wait_up_to(kDrainLimit, [this] { return running_threads_.load() == 0; });
   for (const auto& component : components_) {
     for (detail::PublisherCore* publisher : component->declared.publishers) {
       if (publisher->options.is_external) {
@@ -473,25 +488,33 @@ void Application::let_time_go() {
 
 void Application::submit(const std::string& executor, ComponentCore& from,
                          std::function<void()> job) {
+  const std::vector<std::string> known = executor_names();
+  const auto found = std::find(known.begin(), known.end(), executor);
+  if (found == known.end()) {
+    const std::string hint = config::did_you_mean(config::nearest(executor, known));
+    throw std::runtime_error("there is no executor \"" + executor + "\" to offload work to" +
+                             (hint.empty() ? "" : "; " + hint));
+  }
   if (simulation_ != nullptr) {
     from.stage([this, job = std::move(job)] { static_cast<void>(simulation_->submit(job)); });
     return;
   }
-  std::vector<std::string> known;
-  for (const auto& candidate : executors_) {
-    if (candidate->options().name == executor) {
-      if (!candidate->submit(std::move(job))) {
-        throw std::runtime_error("executor \"" + executor + "\" has " +
-                                 std::to_string(detail::Executor::kMaxJobs) +
-                                 " jobs waiting and takes no more");
-      }
-      return;
-    }
-    known.push_back(candidate->options().name);
+  if (!executors_[static_cast<std::size_t>(found - known.begin())]->submit(std::move(job))) {
+    throw std::runtime_error("executor \"" + executor + "\" has " +
+                             std::to_string(detail::Executor::kMaxJobs) +
+                             " jobs waiting and takes no more");
   }
-  const std::string hint = config::did_you_mean(config::nearest(executor, known));
-  throw std::runtime_error("there is no executor \"" + executor + "\" to offload work to" +
-                           (hint.empty() ? "" : "; " + hint));
+}
+
+std::vector<std::string> Application::executor_names() const {
+  std::vector<std::string> names;
+  for (const config::ExecutorDescription& executor : description_.executors) {
+    names.push_back(executor.name);
+  }
+  if (needs_pool()) {
+    names.emplace_back(kPoolName);
+  }
+  return names;
 }
 
 EndReason Application::run(std::optional<Duration> limit) {
@@ -554,13 +577,11 @@ void Application::drain() {
     return;
   }
   // Twice quiet in a row: between two looks nothing was under way.
-  const std::int64_t limit_ns =
-      base::monotonic_ns() + std::chrono::nanoseconds(kDrainLimit).count();
   int quiet_looks = 0;
-  while (quiet_looks < 2 && base::monotonic_ns() < limit_ns) {
+  wait_up_to(kDrainLimit, [&] {
     quiet_looks = is_quiet() ? quiet_looks + 1 : 0;
-    std::this_thread::sleep_for(200us);
-  }
+    return quiet_looks == 2;
+  });
 }
 
 void Application::stop() {
@@ -578,6 +599,9 @@ void Application::stop() {
       ComponentCore& core = **component;
       run_in(core, Cause::kMode, [&core] { core.call_stop(); });
       run_in(core, Cause::kMode, [&core] { core.close(detail::DropReason::kShutdown); });
+    }
+    for (base::Thread& thread : threads_) {
+      thread.join();
     }
     drain();
   }

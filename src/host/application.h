@@ -152,6 +152,9 @@ class Application {
 
  private:
   void make_executors();
+  [[nodiscard]] bool needs_pool() const;
+  /// In the order of `executors_`; in simulated time, where there are none, the same names.
+  [[nodiscard]] std::vector<std::string> executor_names() const;
   detail::Executor& executor_of(const config::ComponentDescription& component);
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
@@ -178,6 +181,7 @@ class Application {
   std::unique_ptr<detail::Simulation> simulation_;
   std::vector<base::Refusal> refusals_;
   std::vector<base::Thread> threads_;
+  std::atomic<int> running_threads_{0};
   std::stop_source thread_stop_;
   bool is_built_ = false;
   bool is_started_ = false;

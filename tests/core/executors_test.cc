@@ -187,5 +187,60 @@ TEST(Simulation, TimeStandsWhileAForeignThreadHoldsIt) {
   EXPECT_LE(std::get<std::int64_t>(result(*application, "ticks")), 1);
 }
 
+/// Its thread waits for a device, and hears of the end only when `stop` closes that.
+class BlockingDriver final : public Component {
+ public:
+  explicit BlockingDriver(Context& context) : Component(context) {
+    context.create_thread("device", [this](const std::stop_token&) {
+      while (!is_closed_.load()) {
+        std::this_thread::yield();
+      }
+    });
+  }
+  void stop() override { is_closed_ = true; }
+
+ private:
+  std::atomic<bool> is_closed_{false};
+};
+
+TEST(ComponentThreads, ThatWaitForADeviceEndWhenStopClosesIt) {
+  TestClasses classes;
+  classes.with<BlockingDriver>("driver");
+  for (const bool is_simulated : {false, true}) {
+    const auto application = host::make_application(
+        R"({"name": "t", "components": [{"name": "d", "library": "driver"}]})", classes,
+        {.is_simulated = is_simulated});
+
+    application->start();
+    EXPECT_EQ(application->run(Duration(1ms)), EndReason::kTimeOver);
+    application->stop();
+  }
+}
+
+class WrongDelegator final : public Component {
+ public:
+  explicit WrongDelegator(Context& context) : Component(context) {}
+  void start() override {
+    context().offload("polo", [] {}, [] {});
+  }
+};
+
+TEST(Offload, ToAnExecutorThatDoesNotExistIsAFaultWithTheNearestName) {
+  TestClasses classes;
+  classes.with<WrongDelegator>("delegator");
+  for (const bool is_simulated : {false, true}) {
+    const auto application = host::make_application(
+        R"({"name": "t", "components": [{"name": "d", "library": "delegator"}]})", classes,
+        {.is_simulated = is_simulated});
+
+    application->start();
+    application->stop();
+
+    ASSERT_EQ(application->components()[0]->faults.size(), 1U);
+    EXPECT_NE(application->components()[0]->faults[0].find("did you mean \"pool\"?"),
+              std::string::npos);
+  }
+}
+
 }  // namespace
 }  // namespace fastcycle
