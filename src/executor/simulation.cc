@@ -88,8 +88,10 @@ void Simulation::take_external() {
   }
   // The order in which foreign threads published is theirs; per publisher it is that of its
   // sequence.
-  std::stable_sort(external.begin(), external.end(), [](const External& a, const External& b) {
-    return a.publisher->id < b.publisher->id;
+  std::sort(external.begin(), external.end(), [](const External& a, const External& b) {
+    return a.publisher->id != b.publisher->id
+               ? a.publisher->id < b.publisher->id
+               : a.envelope->info.sequence < b.envelope->info.sequence;
   });
   for (const External& entry : external) {
     const std::lock_guard lock(entry.publisher->mutex());
