@@ -249,6 +249,9 @@ const ComponentLibrary* LibraryLoader::open(const std::string& name, const confi
 
 const ComponentLibrary* LibraryLoader::load(const std::string& name, const config::Place& place,
                                             config::Problems& problems) {
+  if (name.empty()) {
+    return nullptr;  // Reading the application already found that it is missing.
+  }
   const fs::path file = file_of(name);
   const std::string library = "library \"" + name + "\"";
   if (file.empty()) {

@@ -281,6 +281,15 @@ TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
   }
 }
 
+TEST_F(Launcher, MissingLibraryIsOneMistake) {
+  write_application({R"({"name": "nothing"})"});
+
+  EXPECT_EQ(launch({"check", application()}), 2);
+
+  EXPECT_THAT(errors_, HasSubstr("/components/0: the key \"library\" is missing"));
+  EXPECT_THAT(errors_, HasSubstr("1 mistake;"));
+}
+
 TEST_F(Launcher, MistakesInTheFileAndInComponentsAreFoundTogether) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
                          "serve_period_ms": "often", "params": {"count": -1}})"});
