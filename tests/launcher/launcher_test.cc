@@ -535,5 +535,19 @@ TEST_F(Launcher, QuietRunPrintsNothingButTheLog) {
   EXPECT_EQ(report()["results"]["published"], 3);
 }
 
+TEST_F(Launcher, TableThatCannotBePrintedIsTold) {
+  write_application({kCounter, kAdder});
+  std::string line = std::string("exec '") + FASTCYCLE_PROGRAM + "'";
+  for (const std::string& word : run_words({"--set", "counter.count=3"})) {
+    line += " '" + word + "'";
+  }
+  Process program({.program = "/bin/sh", .arguments = {"-c", line + " >/dev/full"}});
+
+  EXPECT_EQ(take(program), 0) << errors_;
+
+  EXPECT_THAT(errors_, HasSubstr("standard output: No space left on device"));
+  EXPECT_EQ(report()["results"]["published"], 3);
+}
+
 }  // namespace
 }  // namespace fastcycle::launcher

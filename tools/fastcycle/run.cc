@@ -132,7 +132,7 @@ int run_application(const config::ApplicationDescription& description, const Run
   const std::string obstacle = report_file.write(to_text(host::to_json(report)));
   if (!options.is_quiet) {
     std::fputs(host::to_table(report).c_str(), stdout);
-    std::fflush(stdout);
+    static_cast<void>(flush_output());  // It says why not; the run itself has not failed.
   }
   if (!obstacle.empty()) {
     std::fprintf(stderr, "fastcycle run: the report %s was not written: %s\n",
