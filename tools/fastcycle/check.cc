@@ -1,3 +1,4 @@
+#include <cstddef>
 #include <cstdio>
 #include <memory>
 
@@ -24,8 +25,9 @@ int check(const CheckOptions& options) {
   if (!may_start(problems, file)) {
     return kWrong;
   }
-  std::fprintf(options.print ? stderr : stdout, "%s; %zu components fit together\n",
-               summary(problems, file).c_str(), description.components.size());
+  const std::size_t count = description.components.size();
+  std::fprintf(options.print ? stderr : stdout, "%s; %zu %s\n", summary(problems, file).c_str(),
+               count, count == 1 ? "component is right" : "components fit together");
   return flush_output();
 }
 
