@@ -38,7 +38,7 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
   } catch (const std::exception& exception) {
     thrown = exception.what();
   } catch (...) {
-    thrown = "something was thrown that is no std::exception";
+    thrown = "something that is no std::exception";
   }
   is_constructing = false;
   declared_params = params->declared();
