@@ -321,12 +321,10 @@ void Application::start_threads() {
             } catch (const std::exception& exception) {
               what = exception.what();
             } catch (...) {
-              what = "something was thrown that is no std::exception";
+              what = "something that is no std::exception";
             }
-            component->post(Cause::kFault, [&component, text = "its thread \"" + thread.name +
-                                                               "\" threw: " + what] {
-              throw std::runtime_error(text);
-            });
+            component->post(Cause::kFault, [text = "its thread \"" + thread.name + "\" threw: " +
+                                                   what] { throw std::runtime_error(text); });
           },
           refusals_);
     }
