@@ -38,8 +38,10 @@ Topic& Topics::get(const std::string& name, const std::string& component,
   const std::string type = default_instance.GetTypeName();
   if (topic->type.empty()) {
     topic->type = type;
+    topic->type_from = component;
   } else if (topic->type != type) {
-    type_conflicts_.push_back({TopicConflict::Kind::kTwoTypes, name, component, topic->type, type});
+    type_conflicts_.push_back(
+        {TopicConflict::Kind::kTwoTypes, name, component, topic->type_from, type, topic->type});
   }
   return *topic;
 }
@@ -87,14 +89,12 @@ std::vector<TopicConflict> Topics::conflicts() const {
     if (topic->publishers.size() > 1 && !topic->options.multiple_publishers) {
       for (std::size_t i = 1; i < topic->publishers.size(); ++i) {
         conflicts.push_back({TopicConflict::Kind::kTwoPublishers, name,
-                             topic->publishers[i]->owner.name, topic->publishers[0]->owner.name,
-                             topic->publishers[i]->owner.name});
+                             topic->publishers[i]->owner.name, topic->publishers[0]->owner.name});
       }
     }
     if (topic->publishers.empty()) {
       for (const auto& subscription : topic->subscriptions) {
-        conflicts.push_back(
-            {TopicConflict::Kind::kNoPublisher, name, subscription->component, {}, {}});
+        conflicts.push_back({TopicConflict::Kind::kNoPublisher, name, subscription->component});
       }
     }
   }

@@ -31,6 +31,7 @@ class Topic {
 
   // Control plane.
   std::string type;
+  std::string type_from;  ///< The component that declared it first.
   std::vector<std::unique_ptr<PublisherCore>> publishers;
   std::vector<std::unique_ptr<Subscription>> subscriptions;
 };
@@ -40,16 +41,16 @@ struct TopicConflict {
   enum class Kind { kTwoTypes, kTwoPublishers, kNoPublisher };
   Kind kind;
   std::string topic;
-  std::string component;  ///< Whose declaration does not fit.
-  std::string expected;
-  std::string found;
+  std::string component;        ///< Whose declaration does not fit.
+  std::string other = {};       ///< With whose it does not.
+  std::string type = {};        ///< Of two types: that of `component`,
+  std::string other_type = {};  ///< and that of `other`.
 };
 
 /// The registry of topics: used when topics are declared and connected, never while messages move.
 ///
 /// @threads  Confined to the control thread until the application runs; then whoever changes it
-/// must
-///           exclude others.
+///           must exclude others.
 class Topics {
  public:
   /// Sets what the application file says of `name`; before anything is declared.

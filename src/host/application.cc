@@ -210,16 +210,17 @@ void Application::add_conflicts(config::Problems& problems) const {
     const std::string topic = "topic \"" + conflict.topic + "\"";
     switch (conflict.kind) {
       case detail::TopicConflict::Kind::kTwoTypes:
-        problem.expected = conflict.expected;
-        problem.found = conflict.found;
+        problem.expected = conflict.other_type;
+        problem.found = conflict.type;
         problem.message = topic + " has two types: component \"" + conflict.component +
-                          "\" uses it as " + conflict.found + ", others as " + conflict.expected;
+                          "\" uses it as " + conflict.type + ", component \"" + conflict.other +
+                          "\" as " + conflict.other_type;
         break;
       case detail::TopicConflict::Kind::kTwoPublishers:
         problem.expected = "one publisher";
-        problem.found = "\"" + conflict.expected + "\" and \"" + conflict.found + "\"";
-        problem.message = topic + " has two publishers, \"" + conflict.expected + "\" and \"" +
-                          conflict.found + "\"";
+        problem.found = "\"" + conflict.other + "\" and \"" + conflict.component + "\"";
+        problem.message = topic + " has two publishers, \"" + conflict.other + "\" and \"" +
+                          conflict.component + "\"";
         problem.hint = "if that is meant, say \"topics\": {\"" + conflict.topic +
                        "\": {\"multiple_publishers\": true}}";
         break;

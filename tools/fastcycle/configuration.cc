@@ -35,8 +35,7 @@ void Configuration::add_to(CLI::App& line) {
   add_repeatable(line, "--library-path", library_path, "DIR",
                  "Look for component libraries here first. Repeatable");
   line.add_option("--load-timeout", load_timeout,
-                  "How long one library may load, or one component construct, in the trial before "
-                  "the start: 500ms, 10s (the default), 2min")
+                  "Limit of loading a library or constructing a component (10s)")
       ->type_name("TIME")
       ->check([](const std::string& text) {
         return parse_duration(text) ? "" : "wants a time above zero with its unit, as 500ms or 10s";

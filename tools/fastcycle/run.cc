@@ -189,8 +189,7 @@ Command add_run(CLI::App& program) {
                    "End after this much of the application's time: 500ms, 10s, 2min, 1h")
       ->type_name("TIME");
   line->add_option("--clock", options->clock,
-                   "\"live\" is the machine's clock; with \"simulated\" time runs as fast as the "
-                   "components compute, and each run gives the same result")
+                   "The machine's clock, or one as fast as the components compute")
       ->type_name("live|simulated");
   line->add_option("--rate", options->rate, "Live only: let time run this many times as fast")
       ->type_name("X");
