@@ -385,6 +385,8 @@ TEST_F(Broker, LanesThatShareABitAreServedInTheOrderOfTheirPushes) {
       if (const auto value = to.take()) {
         swapped += *value == taken + 1 ? 0 : 1;
         ++taken;
+      } else {
+        std::this_thread::yield();
       }
     }
   });
@@ -451,6 +453,7 @@ TEST_F(Broker, NothingIsLostOrDoubledUnderConcurrentPushes) {
     };
     while (running > 0) {
       serve();
+      std::this_thread::yield();
     }
     thread_a.join();
     thread_b.join();
