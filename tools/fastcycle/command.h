@@ -25,6 +25,7 @@ struct Command {
 Command add_run(CLI::App& program);
 Command add_check(CLI::App& program);
 Command add_graph(CLI::App& program);
+Command add_bench(CLI::App& program);
 Command add_version(CLI::App& program);
 
 /// The examples at the end of a command's help.

@@ -94,7 +94,7 @@ int run_program(int argument_count, char** arguments) {
   program.footer(kExitCodes);
   program.get_formatter()->column_width(28);
   const std::vector<Command> commands = {add_run(program), add_check(program), add_graph(program),
-                                         add_version(program)};
+                                         add_bench(program), add_version(program)};
   if (argument_count < 2) {
     std::fputs(program.help().c_str(), stderr);
     return kWrong;

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+
+#include "measure/samples.h"
+#include "measure/usage.h"
+
+namespace fastcycle::measure {
+
+/// One point to measure.
+struct Plan {
+  std::int64_t size = 32 * 1024;  ///< Payload, bytes.
+  std::int64_t count = 5000;      ///< Messages, without the warm-up.
+  std::int64_t warmup = 200;
+  std::int64_t interval_us = 1000;
+};
+
+/// What a floor measured: stamps, warm-up included, and what the process used after the warm-up.
+struct Measured {
+  Samples samples;
+  Usage usage;
+};
+
+enum class Waiting : std::uint8_t { kFutex, kSpin };
+
+/// The least that a hand-over between two threads costs on this machine: a sender that fills a
+/// recycled payload every interval and stores its address in a ring, and a receiver that sleeps on
+/// a futex, or spins, until it is there. No counts, no statistics, no choice.
+[[nodiscard]] Measured floor_latency(const Plan& plan, Waiting waiting);
+
+/// There and back: the second thread answers with the same payload. `arrived_ns` is when the answer
+/// is back.
+[[nodiscard]] Measured floor_rtt(const Plan& plan, Waiting waiting);
+
+}  // namespace fastcycle::measure
