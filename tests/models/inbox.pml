@@ -1,0 +1,284 @@
+/*
+ * Lanes and the inbox: what publishers push, one worker takes.
+ *
+ * Mirrors  Lane::push, Lane::peek, Lane::pop (src/broker/lane.h); Inbox::mark, begin, peek,
+ *          peek_bit, try_end_idle (src/broker/inbox.{h,cc}); the loop of PublisherCore::deliver.
+ * Leaves out  what an envelope is: a message is its number, given where the publish time is
+ *          taken, so that a smaller number is an earlier time. Counts are not 64 bits wide, but
+ *          no run comes near their end. Several workers: actor_state.pml. Closing:
+ *          subscriber_removal.pml.
+ * Checks   every message is delivered or dropped exactly once; published = delivered + dropped;
+ *          nothing is left behind when all is still (no lost wake-up); if push A returned before
+ *          push B began, A is not served after B, also where lanes share a bit; a slot is never
+ *          read half old, half new.
+ *
+ * run short: two publishers, depth 1     -DN0=2 -DN1=2
+ * run short: depth 2                     -DN0=3 -DN1=1 -DDEPTH=2
+ * run short: lanes share a bit           -DSHARED -DN0=1 -DN1=2
+ * run short: drop_newest                 -DN0=2 -DN1=1 -DDROP_NEWEST
+ * run long: two publishers, depth 1      -DN0=3 -DN1=2
+ * run long: depth 2                      -DN0=3 -DN1=3 -DDEPTH=2
+ * run long: lanes share a bit            -DSHARED -DN0=2 -DN1=2
+ * run long: three lanes, two on one bit  -DSHARED -DLANES=3 -DN0=1 -DN1=1 -DN2=1
+ * run long: three lanes                  -DLANES=3 -DN0=1 -DN1=1 -DN2=1
+ * run long: drop_newest                  -DN0=3 -DN1=2 -DDROP_NEWEST
+ * bug BUG_NO_SECOND_LOOK: the worker clears a bit and does not look again     -DN0=2 -DN1=1
+ * bug BUG_WORD_READ_ONCE: the state word is not read again after the look     -DN0=1 -DN1=2
+ * bug BUG_ONE_LOOK: lanes that share a bit are looked at once  -DSHARED -DN0=1 -DN1=2
+ * bug BUG_BLIND_POP: `head` is advanced without comparing its position        -DN0=2 -DN1=1
+ * bug BUG_BLIND_DROP: the publisher drops what may be gone already            -DN0=2 -DN1=1
+ * bug BUG_MARK_FIRST: the bit is set before the message is there              -DN0=1 -DN1=1
+ * bug BUG_LATE_READ: the slot is read after `head` was advanced               -DN0=2 -DN1=1
+ * bug BUG_BLIND_END: a turn ends without comparing the state word             -DN0=1 -DN1=1
+ */
+#ifndef LANES
+#define LANES 2
+#endif
+#ifndef DEPTH
+#define DEPTH 1
+#endif
+#ifndef N2
+#define N2 0
+#endif
+#define MESSAGES (N0 + N1 + N2)
+#define NONE 255
+
+#ifdef SHARED
+#define BIT_OF(lane) ((lane) / 2) /* lanes 0 and 1 share bit 0 */
+#else
+#define BIT_OF(lane) (lane)
+#endif
+#define BITS (BIT_OF(LANES - 1) + 1)
+#define FLAG(nr) (1 << (nr))
+#define LANE_MASK ((1 << BITS) - 1)
+#define RUNNING 128
+#define SLOT(lane, position) ((lane) * DEPTH + (position) % DEPTH)
+
+byte state = 0;       /* Inbox::state_ */
+bool queued = false;  /* the component's bit in the executor's mask */
+byte head[LANES], tail[LANES];
+byte slot_time[LANES * DEPTH], slot_envelope[LANES * DEPTH];
+
+/* What is observed. */
+byte next_message = 0;
+byte returned = 0;          /* bit m: the push of message m returned */
+byte before[MESSAGES];      /* what had returned when message m began */
+byte gone[MESSAGES];        /* how often message m was delivered or dropped */
+byte published = 0, delivered = 0, dropped = 0;
+byte publishers_done = 0;
+
+inline mark(nr) {
+  atomic { old_state = state; state = state | FLAG(nr) }
+  if
+  :: old_state == 0 -> queued = true
+  :: else
+  fi;
+  old_state = 0
+}
+
+inline push(lane) {
+  d_step { m = next_message; next_message++; before[m] = returned; published++ }
+  at = head[lane];
+#ifdef BUG_MARK_FIRST
+  mark(BIT_OF(lane));
+#endif
+  if
+  :: tail[lane] - at >= DEPTH ->
+#ifdef DROP_NEWEST
+     d_step { gone[m]++; dropped++; is_refused = true }
+#else
+     oldest = slot_envelope[SLOT(lane, at)];
+     atomic {
+       if
+#ifdef BUG_BLIND_DROP
+       :: head[lane] = head[lane] + 1; gone[oldest]++; dropped++
+#else
+       :: head[lane] == at -> head[lane] = head[lane] + 1; gone[oldest]++; dropped++
+       :: else
+#endif
+       fi;
+       oldest = 0
+     }
+#endif
+  :: else
+  fi;
+  if
+  :: is_refused -> is_refused = false
+  :: else ->
+     slot_time[SLOT(lane, tail[lane])] = m;
+     slot_envelope[SLOT(lane, tail[lane])] = m;
+     tail[lane] = tail[lane] + 1
+  fi;
+#ifndef BUG_MARK_FIRST
+  mark(BIT_OF(lane));
+#endif
+  d_step { returned = returned | FLAG(m); m = 0; at = 0 }
+}
+
+proctype Publisher(byte lane; byte count) {
+  byte m, at, oldest, old_state, i;
+  bool is_refused;
+  do
+  :: i < count -> push(lane); i++
+  :: else -> break
+  od;
+  publishers_done++
+}
+
+/* The head of every lane of `nr`; the earliest of all becomes `best`. */
+inline peek_bit(nr) {
+  d_step { is_ready = false; lane = 0 }
+  do
+  :: lane < LANES && BIT_OF(lane) == nr ->
+     do
+     :: at = head[lane];
+        if
+        :: tail[lane] == at -> break
+        :: else
+        fi;
+        time = slot_time[SLOT(lane, at)];
+        envelope = slot_envelope[SLOT(lane, at)];
+        if
+        :: head[lane] == at ->
+           d_step {
+             assert(time == envelope);
+             is_ready = true;
+             if
+             :: best_lane == NONE || time < best_time ->
+                best_lane = lane; best_time = time; best_at = at; best_envelope = envelope
+             :: else
+             fi
+           }
+           break
+        :: else
+        fi
+     od;
+     atomic { lane++; at = 0; time = 0; envelope = 0 }
+  :: lane < LANES && BIT_OF(lane) != nr -> lane++
+  :: else -> break
+  od;
+  lane = 0
+}
+
+inline deliver() {
+  d_step {
+    gone[best_envelope]++;
+    delivered++;
+    m = 0;
+    do
+    :: m < MESSAGES -> assert(!(before[best_envelope] & FLAG(m)) || gone[m] == 1); m++
+    :: else -> break
+    od;
+    m = 0
+  }
+}
+
+proctype Worker() {
+  byte ready, seen, nr, lane, at, time, envelope, m;
+  byte best_lane = NONE, best_at, best_time, best_envelope;
+  byte last_lane = NONE, last_at;
+  bool is_ready, has_shared_bits;
+
+end_asleep:
+  atomic {
+    queued -> queued = false;
+    assert((state & RUNNING) == 0);
+    state = state | RUNNING
+  }
+take:
+  atomic { last_lane = NONE; last_at = 0 }
+look:
+  atomic {
+    best_lane = NONE; best_at = 0; best_time = 0; best_envelope = 0;
+    seen = 0; has_shared_bits = false; nr = 0;
+    ready = state & LANE_MASK
+  }
+  do
+  :: nr < BITS && (ready & FLAG(nr)) ->
+#if defined(SHARED) && !defined(BUG_ONE_LOOK)
+     has_shared_bits = has_shared_bits || (nr == 0);
+#endif
+     peek_bit(nr);
+     if
+     :: is_ready -> seen = seen | FLAG(nr)
+     :: else ->
+        state = state & ~FLAG(nr);
+#ifndef BUG_NO_SECOND_LOOK
+        peek_bit(nr);
+        if
+        :: is_ready -> state = state | FLAG(nr); seen = seen | FLAG(nr)
+        :: else
+        fi
+#endif
+     fi;
+     nr++
+  :: nr < BITS && !(ready & FLAG(nr)) -> nr++
+  :: else -> break
+  od;
+#ifndef BUG_WORD_READ_ONCE
+  if
+  :: (state & LANE_MASK & ~seen) -> goto look
+  :: else
+  fi;
+#endif
+  if
+  :: best_lane == NONE -> goto idle
+  :: best_lane != NONE && has_shared_bits && !(best_lane == last_lane && best_at == last_at) ->
+     d_step { last_lane = best_lane; last_at = best_at }
+     goto look
+  :: else
+  fi;
+#ifdef BUG_BLIND_POP
+  head[best_lane] = head[best_lane] + 1;
+#else
+  atomic {
+    if
+    :: head[best_lane] == best_at -> head[best_lane] = head[best_lane] + 1
+    :: else -> goto take
+    fi
+  }
+#endif
+#ifdef BUG_LATE_READ
+  best_envelope = slot_envelope[SLOT(best_lane, best_at)];
+#endif
+  deliver();
+  goto take;
+idle:
+#ifdef BUG_BLIND_END
+  state = 0;
+  goto end_asleep;
+#else
+  atomic {
+    if
+    :: state == RUNNING -> state = 0; goto end_asleep
+    :: else -> goto take
+    fi
+  }
+#endif
+}
+
+init {
+  byte m;
+  atomic {
+    run Publisher(0, N0);
+    run Publisher(1, N1);
+#if LANES > 2
+    run Publisher(2, N2);
+#endif
+    run Worker()
+  }
+  publishers_done == LANES;
+  timeout -> d_step {
+    assert(state == 0 && !queued);
+    do
+    :: m < LANES -> assert(head[m] == tail[m]); m++
+    :: else -> break
+    od;
+    assert(published == MESSAGES && published == delivered + dropped);
+    m = 0;
+    do
+    :: m < MESSAGES -> assert(gone[m] == 1); m++
+    :: else -> break
+    od
+  }
+}
