@@ -1,0 +1,173 @@
+"""The bounds that FastCycle must hold, computed from the rows. A bound is judged by the median over the
+rounds of what is left to the limit, each round against its own floor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from contenders import Contender
+from rounds import Measurements, Pair, enough, median
+
+PARK, SPIN = "fastcycle-park", "fastcycle-spin"
+FUTEX, SPIN_FLOOR, DEQUE = "floor-futex", "floor-spin", "floor-mutex-deque"
+HELD, NOT_HELD, NOT_MEASURED, TOO_SMALL = "held", "not held", "not measured", "n too small"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the acceptance table. Figure and limit are medians over the rounds."""
+
+    what: str
+    size: int | None
+    verdict: str
+    figure: float | None = None
+    limit: float | None = None
+    left: float | None = None  # to the limit, median over the rounds; below 0: not held
+    rounds_held: int = 0
+    rounds: int = 0
+    unit: str = "µs"
+    note: str = ""
+
+
+def judge(
+    what: str,
+    size: int | None,
+    rounds: Sequence[tuple[float, float]],
+    *,
+    is_enough: bool = True,
+    at_least: bool = False,
+    unit: str = "µs",
+    note: str = "",
+) -> Check:
+    """A check from (figure, limit) of every round."""
+    if not rounds:
+        return Check(what, size, NOT_MEASURED, unit=unit, note=note)
+    left = [(figure - limit) if at_least else (limit - figure) for figure, limit in rounds]
+    middle = median(left)
+    verdict = HELD if middle is not None and middle >= 0 else NOT_HELD
+    if not is_enough:
+        verdict = f"{TOO_SMALL} ({verdict} by these few)"
+    return Check(
+        what,
+        size,
+        verdict,
+        median(figure for figure, _ in rounds),
+        median(limit for _, limit in rounds),
+        middle,
+        sum(1 for value in left if value >= 0),
+        len(left),
+        unit,
+        note,
+    )
+
+
+def against_floor(
+    data: Measurements, what: str, mode: str, who: str, floor: str, size: int, key: str,
+    limit: Callable[[float], float],
+) -> Check:  # fmt: skip
+    pairs = data.pairs(mode, who, floor, size, key)
+    is_enough = all(enough(key, data.total(mode, name, size)) for name in (who, floor))
+    return judge(what, size, [(p.value, limit(p.other)) for p in pairs], is_enough=is_enough)
+
+
+def _of_sizes(data: Measurements) -> Iterable[Check]:
+    for size in data.sizes("latency"):
+        for what, key, limit in (
+            ("park p50 ≤ 1.15 × floor + 0.5 µs", "p50_us", lambda floor: 1.15 * floor + 0.5),
+            ("park p90 ≤ 1.3 × floor", "p90_us", lambda floor: 1.3 * floor),
+            ("park p99 ≤ 1.3 × floor + 5 µs", "p99_us", lambda floor: 1.3 * floor + 5),
+        ):
+            yield against_floor(data, what, "latency", PARK, FUTEX, size, key, limit)
+    for size in data.sizes("latency"):
+        yield against_floor(data, "spin p50 ≤ max(0.3 µs, 1.5 × spinning floor)", "latency", SPIN, SPIN_FLOOR,
+                            size, "p50_us", lambda floor: max(0.3, 1.5 * floor))  # fmt: skip
+    for size in data.sizes("rtt"):
+        yield against_floor(data, "round trip p50 ≤ 1.15 × floor + 1 µs", "rtt", PARK, FUTEX, size, "p50_us",
+                            lambda floor: 1.15 * floor + 1)  # fmt: skip
+
+
+def name_of_size(size: int) -> str:
+    return f"{size >> 20} MB" if size >= 1 << 20 and size % (1 << 20) == 0 else f"{size / 1024:g} KB"
+
+
+def _flat(data: Measurements) -> Iterable[Check]:
+    sizes = data.sizes("latency")
+    if len(sizes) < 2:
+        return
+    small, large = sizes[0], sizes[-1]
+    at_small, at_large = (data.rounds("latency", PARK, size) for size in (small, large))
+    pairs = [
+        (at_large[number]["p50_us"], 1.1 * at_small[number]["p50_us"] + 1)
+        for number in sorted(at_large)
+        if number in at_small
+    ]
+    few = min(data.total("latency", PARK, size) for size in (small, large))
+    yield judge(f"flat: park p50 ≤ 1.1 × that of {name_of_size(small)} + 1 µs", large, pairs,
+                is_enough=enough("p50_us", few))  # fmt: skip
+    yield against_floor(data, "with filling the payload: park p50 ≤ 1.1 × floor + 1 µs", "latency", PARK, FUTEX, large,
+                        "e2e_p50_us", lambda floor: 1.1 * floor + 1)  # fmt: skip
+
+
+def nearest(pairs_of: dict[str, list[Pair]], at_least: bool) -> str | None:
+    """The peer that leaves least room, by the median over the rounds."""
+    room = {
+        name: median((p.value - p.other) if at_least else (p.other - p.value) for p in pairs)
+        for name, pairs in pairs_of.items()
+        if pairs
+    }
+    return min(room, key=lambda name: room[name] or 0.0) if room else None
+
+
+def _below_peers(data: Measurements, peers: Sequence[Contender]) -> Iterable[Check]:
+    """Below every peer that hands over between threads; those that spin are compared with us spinning."""
+    for ours, spins, kind in ((PARK, False, "that hands over"), (SPIN, True, "that spins")):
+        rivals = [p.name for p in peers if p.hands_over and p.spins == spins]
+        if spins and not rivals:
+            continue
+        for key in ("p50_us", "p99_us"):
+            for size in data.sizes("latency"):
+                pairs = {name: data.pairs("latency", ours, name, size, key) for name in rivals}
+                yield _against_nearest(data, f"{ours} {key[:-3]} below every peer {kind}", "latency", ours, size, key,
+                                       pairs)  # fmt: skip
+
+
+def _against_nearest(
+    data: Measurements, what: str, mode: str, ours: str, size: int, key: str, pairs_of: dict[str, list[Pair]],
+    at_least: bool = False, unit: str = "µs",
+) -> Check:  # fmt: skip
+    name = nearest(pairs_of, at_least)
+    if name is None:
+        return Check(what, size, NOT_MEASURED, unit=unit, note="no such peer was measured")
+    is_enough = at_least or all(enough(key, data.total(mode, who, size)) for who in (ours, name))
+    rounds = [(p.value, p.other) for p in pairs_of[name]]
+    return judge(what, size, rounds, is_enough=is_enough, at_least=at_least, unit=unit, note=f"nearest: {name}")
+
+
+def flood_size(data: Measurements, name: str) -> int:
+    return next((row["size"] for row in data.of_mode("flood") if row["peer"] == name), 0)
+
+
+def flood_pairs(data: Measurements, ours: str, other: str) -> list[Pair]:
+    """Rates of the same round. The flood of a contender has one size of its own."""
+    mine = data.rounds("flood", ours, flood_size(data, ours))
+    theirs = data.rounds("flood", other, flood_size(data, other))
+    return [
+        Pair(number, mine[number]["rate_per_s"], theirs[number]["rate_per_s"])
+        for number in sorted(mine)
+        if number in theirs and "rate_per_s" in mine[number] and "rate_per_s" in theirs[number]
+    ]
+
+
+def _flood(data: Measurements, peers: Sequence[Contender]) -> Iterable[Check]:
+    pairs = flood_pairs(data, PARK, DEQUE)
+    yield judge("flood ≥ 0.7 × a deque under a mutex", None, [(p.value, 0.7 * p.other) for p in pairs],
+                at_least=True, unit="messages/s")  # fmt: skip
+    typed = {p.name: flood_pairs(data, PARK, p.name) for p in peers if p.typed}
+    yield _against_nearest(data, "flood above every typed peer", "flood", PARK, 0, "rate_per_s", typed,
+                           at_least=True, unit="messages/s")  # fmt: skip
+
+
+def checks(data: Measurements, peers: Sequence[Contender]) -> list[Check]:
+    """All bounds. A bound whose points are missing is "not measured", never left out."""
+    return [*_of_sizes(data), *_flat(data), *_flood(data, peers), *_below_peers(data, peers)]

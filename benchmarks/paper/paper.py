@@ -1,0 +1,222 @@
+#!/usr/bin/env python3
+"""Repeats the evaluation of the FastCycle paper on this machine: latency, round trip and jitter at 32 KB to
+4 MB, beside the floors of the machine and other frameworks. `./dev bench paper` calls it.
+
+Rows are kept as they are measured. The same command goes on where an interrupted one ended."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pathlib
+import sys
+import time
+
+import facts
+import install
+import plan
+import plots
+import rows
+from contenders import OWN
+from plan import Job, Options
+from report import Report
+from rounds import Measurements
+from run_record import RunRecord, begin
+from runner import Runner
+from sources import Failed, FastcycleBench, Peers
+from tables import Field
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+RESULTS = ROOT / "benchmarks" / "results"
+QUICK_DEADLINE_S = 40
+INTERRUPTED, WRONG_USE = 130, 2
+
+
+def sizes_of(text: str) -> tuple[int, ...]:
+    """Bytes, or 32K, 4M."""
+    units = {"K": 1 << 10, "M": 1 << 20}
+    found = []
+    for word in text.upper().replace("B", "").split(","):
+        word = word.strip()
+        found.append(int(word[:-1]) * units[word[-1]] if word[-1:] in units else int(word))
+    return tuple(found)
+
+
+def arguments(words: list[str]) -> argparse.Namespace:
+    line = argparse.ArgumentParser(prog="./dev bench paper", description=__doc__,
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    line.add_argument("--rounds", type=int, help="9 unless given; p99.9 needs 10 with --count 5000")
+    line.add_argument("--count", type=int, help="messages a point and round, 5000 unless given")
+    line.add_argument("--peer-count", type=int, help="the same for peers; count / rounds unless given")
+    line.add_argument("--sizes", type=sizes_of, help="such as 32K,4M; the paper's five unless given")
+    line.add_argument("--only", default="", metavar="NAME,…", help="only these contenders, with their floors")
+    line.add_argument("--quick", action="store_true", help="1 round, 50 messages, two sizes, nothing is installed")
+    line.add_argument("--out", type=pathlib.Path, help="where the report goes, benchmarks/results/local unless given")
+    line.add_argument("--fresh", action="store_true", help="throws away what --out holds of an earlier run")
+    line.add_argument("--skip-install", action="store_true", help="measures with what is installed and built")
+    line.add_argument("--build", type=pathlib.Path, help="the build folder, build/release unless given")
+    line.add_argument("--report-only", type=pathlib.Path, metavar="DIR", help="makes the report of DIR again")
+    line.add_argument("--readme", action="store_true", help="prints the gist as Markdown")
+    line.add_argument("--dry-run", action="store_true", help="says what would run and for how long")
+    line.add_argument("--fastcycle", type=pathlib.Path, help=argparse.SUPPRESS)  # tests put programs in here
+    line.add_argument("--peers", type=pathlib.Path, default=ROOT / "benchmarks" / "peers", help=argparse.SUPPRESS)
+    chosen = line.parse_args(words)
+    for name in ("rounds", "count", "peer_count"):
+        if getattr(chosen, name) is not None and getattr(chosen, name) < 1:
+            line.error(f"--{name.replace('_', '-')} must be at least 1")
+    return chosen
+
+
+def options_of(chosen: argparse.Namespace) -> Options:
+    if chosen.quick:
+        small = Options(rounds=1, count=50, peer_count=50, sizes=(32 << 10, 4 << 20), warmup=20)
+    else:
+        small = Options()
+    rounds = chosen.rounds or small.rounds
+    count = chosen.count or small.count
+    share = 50 if chosen.quick else Options.peers_share(max(count, 5000), rounds)
+    return Options(rounds, count, chosen.peer_count or min(share, count), chosen.sizes or small.sizes, small.warmup)
+
+
+def command_of(words: list[str]) -> str:
+    """The command without the folder that the results went to."""
+    return " ".join(["./dev bench paper", *words])
+
+
+def load(folder: pathlib.Path) -> tuple[RunRecord, list[rows.Row], dict[str, dict[str, dict[str, int]]]]:
+    """A run as it was kept: JSON lines if they are there, else what is committed."""
+    record = RunRecord.read(folder / "run.json")
+    lines = folder / "rows.jsonl"
+    if lines.exists():
+        found = rows.newest(rows.read_lines(lines))
+        return record, found, rows.pooled_histograms(rows.measured(found))
+    kept = folder / "histograms.json"
+    pooled = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
+    return record, rows.read_csv(folder / "rows.csv"), pooled
+
+
+def write_report(folder: pathlib.Path) -> Report:
+    """report.md, rows.csv, histograms.json and the pictures, from what the folder holds."""
+    record, found, pooled = load(folder)
+    if (folder / "rows.jsonl").exists():
+        rows.write_csv(folder / "rows.csv", found)
+        (folder / "histograms.json").write_text(json.dumps(pooled, separators=(",", ":")) + "\n", encoding="utf-8")
+    data = Measurements(found)
+    series_file = folder / "series.csv"
+    series = plots.read_series(series_file) if series_file.exists() else {}
+    size = record.options.sizes[0]
+    field = Field(tuple(record.contenders), record.options.interval_us)
+    drawn = plots.all_pictures(data, pooled, field, series, size)
+    for name, picture in drawn.items():
+        (folder / name).write_text(picture, encoding="utf-8")
+    there = [*drawn, *(["series.svg"] if (folder / "series.svg").exists() else [])]
+    report = Report(record, data, there)
+    (folder / "report.md").write_text(report.text(), encoding="utf-8")
+    return report
+
+
+def take_series(bench: FastcycleBench, folder: pathlib.Path, options: Options, own: list[str]) -> None:
+    """The stamps of every message of one more round, for the picture of the time series."""
+    file = folder / "series.csv"
+    if file.exists() or not bench.knows("--raw") or "fastcycle-park" not in own:
+        return
+    names = ("floor-futex", "fastcycle-park")
+    job = Job("latency", 1, options.sizes[0], names, options.count, options.warmup, options.interval_us)
+    try:
+        bench.run(job, 3 * job.seconds() + 60, raw=file)
+    except Failed as failure:
+        print(f"paper: no time series: {failure}", file=sys.stderr)
+
+
+def measure(chosen: argparse.Namespace, words: list[str]) -> int:
+    options = options_of(chosen)
+    folder = (chosen.out or RESULTS / "local").resolve()
+    build = (chosen.build or ROOT / "build" / "release").resolve()
+    not_installed: dict[str, str] = {}
+    if not (chosen.quick or chosen.skip_install or chosen.build or chosen.dry_run):
+        not_installed = install.packages(chosen.peers / "packages.txt")
+        for name, why in not_installed.items():
+            print(f"paper: going on without {name}: {why}", file=sys.stderr)
+        if not install.build(ROOT, (chosen.peers / "CMakeLists.txt").exists()):
+            print("paper: the build failed; measuring what is built", file=sys.stderr)
+    bench = FastcycleBench(chosen.fastcycle or build / "bin" / "fastcycle", cap=1000 if chosen.quick else None)
+    if not bench.is_there():
+        print(f"paper: there is no fastcycle in {build}; ./dev build release makes one", file=sys.stderr)
+        return WRONG_USE
+    with Peers(chosen.peers, build) as peers:
+        known = peers.contenders()
+        own, rivals, unknown = plan.chosen([w for w in chosen.only.split(",") if w], known)
+        if unknown:
+            names = ", ".join(c.name for c in [*OWN, *known])
+            print(f"paper: --only: there is no {', '.join(unknown)}; there are: {names}", file=sys.stderr)
+            return WRONG_USE
+        jobs = plan.all_jobs(options, own, rivals)
+        minutes = sum(job.seconds() for job in jobs) / 60
+        print(f"paper: {len(jobs)} points, about {minutes:.0f} minutes; results in {folder}", file=sys.stderr)
+        if chosen.dry_run:
+            return 0
+        record = RunRecord(
+            options, command_of(words), facts.machine(), facts.build(build, ROOT),
+            facts.packages(chosen.peers / "packages.txt"), [*(c for c in OWN if c.name in own), *rivals],
+            {**not_installed, **({} if chosen.only else peers.missing)},
+        )  # fmt: skip
+        if problem := prepare(folder, record, chosen.fresh):
+            print(f"paper: {problem}", file=sys.stderr)
+            return WRONG_USE
+        runner = Runner(bench, peers, folder / "rows.jsonl", QUICK_DEADLINE_S if chosen.quick else None)
+        run(record, runner, jobs, folder)
+        if not runner.is_interrupted:
+            take_series(bench, folder, options, own)
+    report = write_report(folder)
+    print(report.readme() if chosen.readme else f"{folder / 'report.md'}")
+    return INTERRUPTED if runner.is_interrupted else 0
+
+
+def prepare(folder: pathlib.Path, record: RunRecord, is_fresh: bool) -> str:
+    """Makes the folder ready, to begin or to go on. Returns why it cannot."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "run.json"
+    if is_fresh:
+        for name in ("run.json", "rows.jsonl", "rows.csv", "histograms.json", "series.csv", "report.md", *plots.NAMES):
+            (folder / name).unlink(missing_ok=True)
+    if not (folder / "rows.jsonl").exists():
+        if file.exists():
+            return f"{folder} holds a finished run; --fresh replaces it, another --out keeps it"
+        return ""
+    if not file.exists():
+        return f"{folder} holds rows of an unknown run; --fresh throws them away"
+    earlier = RunRecord.read(file)
+    if difference := earlier.differs(record):
+        return f"{folder} holds a run {difference}; --fresh throws it away, another --out keeps it"
+    record.sessions = earlier.sessions
+    return ""
+
+
+def run(record: RunRecord, runner: Runner, jobs: list[Job], folder: pathlib.Path) -> None:
+    """Runs the jobs, and keeps beside the rows what the machine did meanwhile."""
+    session = begin()
+    record.sessions.append(session)
+    record.write(folder / "run.json")
+    steal, begun = facts.steal_s(), time.monotonic()
+    try:
+        runner.run(jobs)
+    finally:
+        session.ended, session.load_after = facts.now(), facts.load_average()
+        session.steal_s, session.seconds = facts.steal_s() - steal, time.monotonic() - begun
+        record.write(folder / "run.json")
+
+
+def main(words: list[str]) -> int:
+    chosen = arguments(words)
+    if chosen.report_only:
+        if not (chosen.report_only / "run.json").exists():
+            print(f"paper: there is no run in {chosen.report_only}", file=sys.stderr)
+            return WRONG_USE
+        report = write_report(chosen.report_only)
+        print(report.readme() if chosen.readme else chosen.report_only / "report.md")
+        return 0
+    return measure(chosen, words)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

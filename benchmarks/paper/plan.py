@@ -1,0 +1,109 @@
+"""The plan of a run: which points, in which order, and how long they take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from contenders import OWN, Contender
+
+PAPER_SIZES = (32 << 10, 128 << 10, 512 << 10, 1 << 20, 4 << 20)
+# Modes of `fastcycle bench` beside latency and rtt. Each is one call a round, with its own defaults.
+OWN_MODES = ("flood", "fanout", "timer", "chain", "startup")
+PEER_MODES = ("latency", "rtt", "flood")
+FLOOD_SIZE = 32 << 10
+PROCESS_START_S = 0.6  # to start a process and load libraries, once a point
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is measured. A run that goes on after an interruption must have the same."""
+
+    rounds: int = 9
+    count: int = 5000
+    peer_count: int = 556
+    sizes: tuple[int, ...] = PAPER_SIZES
+    warmup: int = 200
+    interval_us: int = 1000
+    modes: tuple[str, ...] = ("latency", "rtt", *OWN_MODES)
+
+    @staticmethod
+    def peers_share(count: int, rounds: int) -> int:
+        """So that the peers' messages of all rounds together are at least one round of ours."""
+        return math.ceil(count / rounds)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One call that measures one point, or the few points that are measured side by side."""
+
+    mode: str
+    round: int
+    size: int
+    names: tuple[str, ...]  # the rows it must give; empty: whatever the mode gives
+    count: int = 0
+    warmup: int = 0
+    interval_us: int = 1000
+    contender: Contender | None = field(default=None, compare=False)  # none: `fastcycle bench`
+
+    def seconds(self) -> float:
+        """How long it should take."""
+        if self.mode in ("latency", "rtt"):
+            calls = 1 if self.contender else max(len(self.names), 1)
+            return calls * ((self.count + self.warmup) * self.interval_us / 1e6 + PROCESS_START_S)
+        return 2.0 if self.contender else 20.0
+
+    def label(self) -> str:
+        return self.names[0] if self.contender else "fastcycle and floors"
+
+
+def _own(options: Options, mode: str, number: int, size: int, names: Sequence[str]) -> Job:
+    return Job(mode, number, size, tuple(names), options.count, options.warmup, options.interval_us)
+
+
+def _of_peer(options: Options, mode: str, number: int, size: int, contender: Contender) -> Job:
+    interval = contender.interval_us(size, options.interval_us)
+    return Job(mode, number, size, (contender.name,), options.peer_count, options.warmup, interval, contender)
+
+
+def rotated(jobs: list[Job], steps: int) -> list[Job]:
+    """The same jobs, beginning elsewhere: over the rounds each stands early, in the middle, and late."""
+    start = steps % len(jobs) if jobs else 0
+    return jobs[start:] + jobs[:start]
+
+
+def jobs_of_round(options: Options, number: int, own: Sequence[str], peers: Sequence[Contender]) -> list[Job]:
+    """All of one round. FastCycle and its floors are one call, so that they are measured in the same
+    seconds; the peers follow or precede them in an order that moves on with every round."""
+    jobs: list[Job] = []
+    for mode in options.modes:
+        if mode in ("latency", "rtt"):
+            for place, size in enumerate(options.sizes):
+                row = [_own(options, mode, number, size, own)] if own else []
+                row += [_of_peer(options, mode, number, size, peer) for peer in peers]
+                shift = max(1, len(row) // options.rounds)
+                jobs += rotated(row, (number - 1) * shift + place)
+        else:
+            row = [Job(mode, number, 0, ())] if own else []
+            if mode in PEER_MODES:
+                row += [_of_peer(options, mode, number, FLOOD_SIZE, peer) for peer in peers]
+            jobs += rotated(row, number - 1)
+    return jobs
+
+
+def all_jobs(options: Options, own: Sequence[str], peers: Sequence[Contender]) -> list[Job]:
+    return [job for number in range(1, options.rounds + 1) for job in jobs_of_round(options, number, own, peers)]
+
+
+def chosen(only: Sequence[str], peers: Sequence[Contender]) -> tuple[list[str], list[Contender], list[str]]:
+    """Names of our own and peers that `--only` leaves, and the words that name nobody. A floor comes with
+    whom it is the floor of; a word also stands for all that begin with it."""
+    own_names = [c.name for c in OWN]
+    if not only:
+        return own_names, list(peers), []
+    named = [c for c in [*OWN, *peers] if any(c.name == word or c.name.startswith(word + "-") for word in only)]
+    floors = {c.floor for c in named}
+    unknown = [w for w in only if not any(c.name == w or c.name.startswith(w + "-") for c in [*OWN, *peers])]
+    own = [c.name for c in OWN if c in named or c.name in floors]
+    return own, [c for c in peers if c in named], unknown

@@ -1,0 +1,313 @@
+"""The report: what was measured, how, on which machine, and what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import acceptance
+import published
+import tables
+from acceptance import HELD, NOT_HELD, Check, name_of_size
+from contenders import OURS, PEER
+from markdown import NOT_THERE, number, table
+from plan import OWN_MODES
+from rounds import Measurements
+from run_record import RunRecord
+from tables import Field
+
+PICTURES = {
+    "latency.svg": "Latency against the size of the message: p50 above, p99 below",
+    "rtt.svg": "Round trip against the size of the message: p50 above, p99 below",
+    "histograms.svg": "How latencies are spread: the futex floor, FastCycle, and the best peers",
+    "series.svg": "Every message of one round",
+    "jitter.svg": "Jitter: standard deviation of the latency, and of receive minus send interval",
+}
+WHAT_MODES_ARE = {
+    "fanout": "One publisher, several subscribers in components of their own: from publish to the last callback.",
+    "timer": "How late timers are.",
+    "chain": "Several components in a row, each publishing what it received.",
+    "startup": "From the start of the process to the first callback.",
+}
+
+
+class Report:
+    """Builds report.md from a run."""
+
+    def __init__(self, record: RunRecord, data: Measurements, pictures: Sequence[str]) -> None:
+        self._record = record
+        self._data = data
+        self._pictures = pictures
+        self._field = Field(tuple(record.contenders), record.options.interval_us)
+        peers = [c for c in record.contenders if c.kind == PEER]
+        self._checks = acceptance.checks(data, peers)
+
+    def text(self) -> str:
+        parts = [
+            self._head(),
+            self._bounds(),
+            self._paper_tables(),
+            self._tails(),
+            self._ratios(),
+            self._costs(),
+            self._flood(),
+            self._own_modes(),
+            self._table_three(),
+            self._machine(),
+            self._method(),
+            self._not_measured(),
+        ]
+        return "\n".join(part for part in parts if part)
+
+    def _picture(self, name: str) -> str:
+        return f"![{PICTURES[name]}]({name})\n" if name in self._pictures else ""
+
+    def _head(self) -> str:
+        held = sum(1 for c in self._checks if c.verdict == HELD)
+        judged = sum(1 for c in self._checks if c.verdict in (HELD, NOT_HELD))
+        options = self._record.options
+        done = max((row["round"] for row in self._data.rows), default=0)
+        partial = f" **Only {done} of {options.rounds} rounds are there.**" if done < options.rounds else ""
+        failed = len(self._data.failures())
+        return f"""# The paper's evaluation, measured here
+
+{self._machine_in_words()}, {self._record.build.get("FastCycle", "")}. {self._counts()}{partial}
+{failed} points failed twice; they are listed at the end. Of {len(self._checks)} bounds {judged} could be judged,
+{held} are held, {judged - held} are not.
+
+Made by `{self._record.command}`. The rows behind every figure are in [rows.csv](rows.csv);
+[how it was measured](#how-it-was-measured) says what the figures are.
+
+{self._picture("latency.svg")}"""
+
+    def _machine_in_words(self) -> str:
+        machine = self._record.machine
+        cores = machine.get("cores", "?").split(" ")[0]
+        kind = "virtual machine" if machine.get("virtualization", "").startswith("virtual") else "machine"
+        return f"A {cores}-core {kind} ({machine.get('CPU', 'unknown')})"
+
+    def _counts(self) -> str:
+        options = self._record.options
+        return (
+            f"{options.rounds} round{'s' if options.rounds != 1 else ''}, in each {options.count:,} messages a point "
+            f"for FastCycle and the floors, {options.peer_count:,} for each peer, "
+            f"one every {options.interval_us / 1000:g} ms."
+        )
+
+    def _bounds(self) -> str:
+        return f"""## Bounds
+
+What FastCycle has to hold on any machine, beside the floors of that machine. Figure and limit are medians over
+the rounds; *left* is the median over the rounds of what is left to the limit, each round against its own floor,
+and decides: below 0 the bound is not held.
+
+{tables.acceptance_table(self._checks)}"""
+
+    def _paper_tables(self) -> str:
+        data, field = self._data, self._field
+        return f"""## Table I: latency
+
+Mean ± standard deviation of *l = T_S − T_P*, from publish to the first statement of the callback; of both the
+median over the rounds.{self._legend()}
+
+{tables.paper_table(data, field, "latency")}
+The paper's own figures, **from another machine** ({published.MACHINE}) and not comparable with the above line by
+line:
+
+{published.published_table(published.LATENCY)}
+## Table II: round trip
+
+Mean ± standard deviation of *r = T_P1 − T_P0*, there and back.
+
+{tables.paper_table(data, field, "rtt")}
+The paper's own figures, **from another machine**:
+
+{published.published_table(published.ROUND_TRIP)}
+{self._picture("rtt.svg")}"""
+
+    def _legend(self) -> str:
+        words = ""
+        if any(not c.hands_over for c in self._record.contenders):
+            words += (
+                "\n\n† runs the callback in the publisher's thread. Nothing is handed over there: no thread is woken, "
+                "a slow\ncallback delays the publisher. It is shown, and not compared with those that hand over."
+            )
+        if any(c.intervals_us for c in self._record.contenders):
+            words += (
+                "\n\n‡ copies so long at this size that a message every "
+                f"{self._record.options.interval_us / 1000:g} ms would measure its queue: measured at a longer "
+                "interval: " + "; ".join(self._intervals()) + "."
+            )
+        return words
+
+    def _intervals(self) -> list[str]:
+        found = []
+        for c in self._record.contenders:
+            for least, interval in c.intervals_us:
+                found.append(f"{c.name} from {name_of_size(least)}: {interval / 1000:g} ms")
+        return found
+
+    def _tails(self) -> str:
+        parts = [
+            "## Tails and jitter\n\n"
+            "Medians over the rounds of each round's percentile; *worst of all rounds* is the single slowest message. "
+            "*sd* is the jitter of the paper's tables; *interval sd* is the standard deviation of receive interval "
+            "minus send interval, what the paper's words compare. p99.9 is n/a below 50,000 messages in all.\n",
+            self._picture("jitter.svg"),
+            self._picture("histograms.svg"),
+            self._picture("series.svg"),
+        ]
+        for mode, words in (("latency", "Latency"), ("rtt", "Round trip")):
+            for size in self._data.sizes(mode):
+                table_of_size = tables.tail_table(self._data, self._field, mode, size)
+                parts.append(f"### {words} at {name_of_size(size)}\n\n{table_of_size}")
+        return "\n".join(part for part in parts if part)
+
+    def _ratios(self) -> str:
+        data, field = self._data, self._field
+        return f"""## Ratios to the floor
+
+How many times the floor of the same round, median of the ratios. The floor is `floor-futex`; for those that spin
+it is `floor-spin`.
+
+### Latency, p50
+
+{tables.ratio_table(data, field, "latency", "p50_us")}
+### Latency, p99
+
+{tables.ratio_table(data, field, "latency", "p99_us")}
+### Round trip, p50
+
+{tables.ratio_table(data, field, "rtt", "p50_us")}"""
+
+    def _costs(self) -> str:
+        sizes = self._data.sizes("latency")
+        if not sizes:
+            return ""
+        shown = [sizes[0], sizes[-1]] if len(sizes) > 1 else sizes
+        parts = ["## What a message costs\n\nOf the whole process, publisher and filling the payload included.\n"]
+        for size in shown:
+            parts.append(f"### At {name_of_size(size)}\n\n{tables.cost_table(self._data, self._field, size)}")
+        return "\n".join(parts)
+
+    def _flood(self) -> str:
+        if not self._data.of_mode("flood"):
+            return ""
+        return (
+            "## Flood\n\nA publisher as fast as it can. Medians over the rounds.\n\n"
+            f"{tables.flood_table(self._data, self._field)}"
+        )
+
+    def _own_modes(self) -> str:
+        parts = []
+        for mode in OWN_MODES:
+            if mode == "flood" or not self._data.of_mode(mode):
+                continue
+            parts.append(f"## {mode.capitalize()}\n\n{WHAT_MODES_ARE[mode]}\n\n{tables.mode_table(self._data, mode)}")
+            if mode == "fanout":
+                parts.append(self._slopes())
+        return "\n".join(parts)
+
+    def _slopes(self) -> str:
+        data = self._data
+        lines = []
+        for name in data.peers("fanout"):
+            slopes = [tables.slope_us(data, "fanout", name, key, "subscribers") for key in ("p50_us", "p99_us")]
+            if any(slope is not None for slope in slopes):
+                lines.append([name, *map(number, slopes)])
+        return table(["µs for one more subscriber", "p50", "p99"], lines) if lines else ""
+
+    def _table_three(self) -> str:
+        return f"""## Table III: modularity, performance, security, reliability
+
+The paper's third table gives marks. Here each line of ours names the command that shows it:
+
+{published.shown_table()}
+What others say of themselves. **By their documentation only; nothing of it was tried here:**
+
+{published.says_table()}"""
+
+    def _machine(self) -> str:
+        record = self._record
+        lines = [*record.machine.items(), *record.build.items()]
+        lines += [(f"package {name}", version) for name, version in record.packages.items()]
+        starts = []
+        for s in record.sessions:
+            cut = "" if s.ended else " (cut off)"
+            starts.append([s.begun + cut, s.ended or NOT_THERE, _loads(s.load_before), _loads(s.load_after),
+                           f"{s.steal_s:.2f} s", f"{s.seconds / 60:.1f} min"])  # fmt: skip
+        header = ["begun", "ended", "load average before", "after", "steal during the run", "took"]
+        return f"""## The machine
+
+Read by code when the run was started.
+
+{table(["", ""], [[a, b] for a, b in lines], text_columns=2)}
+{table(header, starts, text_columns=2)}
+*Steal* is what the hypervisor kept from all cores together; `steal_ms` in rows.csv has it for every point. On a
+virtual machine p99.9 and max contain stalls of the machine, not of the programs."""
+
+    def _method(self) -> str:
+        options = self._record.options
+        said = [f"- `{c.name}`: {c.says}" + (f" ({c.version})" if c.version else "") for c in self._field.ordered()
+                if c.says]  # fmt: skip
+        lines = "\n".join(said)
+        return f"""## How it was measured
+
+- Each round measures every size with every contender. FastCycle and the floors run right after each other; peers
+  come before or after them in an order that moves on with every round, so that drift of the machine hits all.
+- Each contender is a process of its own, for each point started anew. {options.warmup} messages before the first
+  one that counts.
+- Clocks are CLOCK_MONOTONIC, read by publisher and callback in the same machine. The payload is filled before the
+  first stamp; figures with filling are called so (`e2e` in rows.csv).
+- No message is left out of a round's figures. A point that fails is tried once more, then marked.
+- Statistics are taken within a round, and their median over the rounds is shown. *{tables.SMALL}* marks a figure
+  from fewer messages than its percentile needs: {_needed()}.
+
+{lines}
+"""
+
+    def _not_measured(self) -> str:
+        parts = []
+        if self._record.missing:
+            reasons = [f"- {name}: not measured: {why}" for name, why in self._record.missing.items()]
+            parts.append("## Not measured\n\n" + "\n".join(reasons) + "\n")
+        failed = [[mode, name, name_of_size(size) if size else "", str(turn), why]
+                  for mode, name, size, turn, why in self._data.failures()]  # fmt: skip
+        if failed:
+            header = ["mode", "contender", "size", "round", "reason"]
+            parts.append("## Points that failed twice\n\n" + table(header, failed, text_columns=5))
+        return "\n".join(parts)
+
+    def readme(self) -> str:
+        """The gist, for a README: the same figures, and the command that made them."""
+        data, field = self._data, self._field
+        ours = Field(tuple(c for c in field.contenders if c.kind != PEER or c.hands_over), field.usual_interval_us)
+        kept = {c.name for c in ours.contenders if c.kind in (OURS,) or c.name == acceptance.FUTEX}
+        sizes = data.sizes("latency")
+        if sizes:
+            rivals = [c for c in ours.of(PEER) if data.median("latency", c.name, sizes[0], "p50_us") is not None]
+            rivals.sort(key=lambda c: data.median("latency", c.name, sizes[0], "p50_us") or 0.0)
+            kept |= {c.name for c in rivals[:4]}
+        few = Field(tuple(c for c in ours.contenders if c.name in kept), field.usual_interval_us)
+        judged = [c for c in self._checks if c.verdict in (HELD, NOT_HELD)]
+        held = sum(1 for c in judged if c.verdict == HELD)
+        return f"""`./dev bench paper` repeats the paper's evaluation. {self._machine_in_words()}, {self._counts()}
+Latency from publish to callback, mean ± standard deviation in µs:
+
+{tables.paper_table(data, few, "latency")}
+{_sentence(self._checks)} {held} of {len(judged)} bounds are held.
+"""
+
+
+def _sentence(checks: Sequence[Check]) -> str:
+    first = next((c for c in checks if c.figure is not None), None)
+    if first is None or first.size is None:
+        return ""
+    return f"At {name_of_size(first.size)} FastCycle's p50 is {number(first.figure)} µs."
+
+
+def _loads(loads: Sequence[float]) -> str:
+    return ", ".join(f"{load:.2f}" for load in loads) or NOT_THERE
+
+
+def _needed() -> str:
+    return "100 for p50, mean and sd, 200 for p90, 1,000 for p99, 50,000 for p99.9"

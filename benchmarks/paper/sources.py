@@ -1,0 +1,156 @@
+"""Where rows come from: `fastcycle bench`, and the peers' programs. Both only run what a job says."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import pathlib
+import subprocess
+import sys
+from types import ModuleType
+from typing import Any, Protocol
+
+from contenders import Contender, of_peer
+from plan import Job
+from rows import Row
+
+
+class Failed(Exception):
+    """A point could not be measured; the text says why, in one line."""
+
+
+class Source(Protocol):
+    def run(self, job: Job, timeout_s: float) -> list[Row]: ...
+
+
+def last_line(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return lines[-1][:200] if lines else ""
+
+
+class FastcycleBench:
+    """Rows of `fastcycle bench`: our own, and the floors of the machine."""
+
+    def __init__(self, program: pathlib.Path, cap: int | None = None) -> None:
+        self._program = program
+        self._cap = cap  # Messages of the modes that have a count of their own.
+        self._help = self._read_help()
+
+    def _read_help(self) -> str:
+        try:
+            done = subprocess.run([self._program, "bench", "--help"], capture_output=True, text=True,
+                                  timeout=30, check=False)  # fmt: skip
+        except (OSError, subprocess.TimeoutExpired):
+            return ""
+        return done.stdout + done.stderr
+
+    def is_there(self) -> bool:
+        return bool(self._help)
+
+    def knows(self, option: str) -> bool:
+        return option in self._help
+
+    def arguments(self, job: Job, raw: pathlib.Path | None = None) -> list[str]:
+        words = [str(self._program), "bench", job.mode, "--rounds", "1"]
+        if job.mode in ("latency", "rtt"):
+            waits = ["park"] if any("park" in n or "futex" in n for n in job.names) else []
+            waits += ["spin"] if any("spin" in n for n in job.names) else []
+            words += ["--size", str(job.size), "--count", str(job.count), "--warmup", str(job.warmup)]
+            words += ["--interval-us", str(job.interval_us), "--wait", ",".join(waits)]
+        elif self._cap:
+            words += ["--count", str(self._cap)]
+        if self.knows("--json"):
+            words.append("--json")
+        if raw:
+            words += ["--raw", str(raw)]
+        return words
+
+    def run(self, job: Job, timeout_s: float, raw: pathlib.Path | None = None) -> list[Row]:
+        try:
+            done = subprocess.run(self.arguments(job, raw), capture_output=True, text=True,
+                                  timeout=timeout_s, check=False)  # fmt: skip
+        except subprocess.TimeoutExpired as late:
+            raise Failed(f"no result within {timeout_s:.0f} s") from late
+        except OSError as error:
+            raise Failed(f"fastcycle does not start: {error.strerror}") from error
+        rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+        if job.names:
+            rows = [row for row in rows if row.get("peer") in job.names]
+        if not rows:
+            raise Failed(last_line(done.stderr) or last_line(done.stdout) or f"exit code {done.returncode}")
+        return rows
+
+
+class Peers:
+    """Rows of the peers' programs, by the PeerSession of run_peer.py."""
+
+    def __init__(self, folder: pathlib.Path, build: pathlib.Path) -> None:
+        self._build = build
+        self._module = self._load(folder / "run_peer.py")
+        self._session: Any = None
+        self.missing: dict[str, str] = {}  # name → why it is not measured
+
+    @staticmethod
+    def _load(file: pathlib.Path) -> ModuleType | None:
+        if not file.exists():
+            return None
+        if str(file.parent) not in sys.path:
+            sys.path.append(str(file.parent))
+        spec = importlib.util.spec_from_file_location("run_peer", file)
+        if spec is None or spec.loader is None:
+            return None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules["run_peer"] = module
+        spec.loader.exec_module(module)
+        return module
+
+    def __enter__(self) -> Peers:
+        if self._module is not None:
+            self._session = self._module.PeerSession(self._build)
+            self._session.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        if self._session is not None:
+            self._session.__exit__(*exception)
+            self._session = None
+
+    def contenders(self) -> list[Contender]:
+        """Who can be measured; the others are in `missing`."""
+        found = []
+        listed = self._listed()
+        for peer, variant, info in listed:
+            contender = of_peer(peer, variant, info)
+            reason = info.get("missing") or info.get("reason")
+            if reason:
+                self.missing[contender.name] = str(reason)
+            else:
+                found.append(contender)
+        if not listed and not self.missing:
+            self.missing["peers"] = "their programs are not built (cmake -DFASTCYCLE_PEERS=ON)"
+        return found
+
+    def _listed(self) -> list[tuple[str, str | None, dict[str, Any]]]:
+        if self._session is None:
+            return []
+        available = getattr(self._session, "available", None) or self._module.available  # type: ignore[union-attr]
+        return [(peer, variant, dict(info or {})) for peer, variant, info in available()]
+
+    def run(self, job: Job, timeout_s: float) -> list[Row]:
+        contender = job.contender
+        if self._session is None or contender is None:
+            raise Failed("not built")
+        try:
+            row = self._session.run(
+                contender.peer, variant=contender.variant or None, mode=job.mode, size=job.size,
+                count=job.count, warmup=job.warmup, interval_us=job.interval_us, round=job.round,
+            )  # fmt: skip
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except Exception as error:  # whatever a peer's program does, the run goes on
+            raise Failed(last_line(str(error)) or type(error).__name__) from error
+        if not row:
+            raise Failed("no row")
+        if row.get("error"):
+            raise Failed(last_line(str(row["error"])))
+        return [{**row, "peer": contender.name}]
