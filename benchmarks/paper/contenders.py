@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 FLOOR, OURS, PEER = "floor", "ours", "peer"
+# How a message comes to the code that uses it. Numbers of different ways are not compared.
+THREADS, PROCESSES, PUBLISHER = "between threads", "between processes", "publisher's thread"
 
 
 @dataclass(frozen=True)
@@ -15,15 +17,20 @@ class Contender:
     name: str
     kind: str = PEER
     floor: str = "floor-futex"  # what it is compared with, round by round
-    hands_over: bool = True  # false: the callback runs in the publisher's thread
+    delivery: str = THREADS
     typed: bool = False  # messages are objects of a type, not bytes
-    inter_process: bool = False
     spins: bool = False
     says: str = ""  # one line for the reader
+    copies: str = ""  # of the payload, on its way
     version: str = ""
     peer: str = ""  # as run_peer.py names it
     variant: str = ""
     intervals_us: tuple[tuple[int, int], ...] = ()  # (from this size, interval)
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether it is compared with FastCycle: another thread of the process runs the callback."""
+        return self.delivery == THREADS
 
     def interval_us(self, size: int, usual: int) -> int:
         """The interval between messages: longer where copying a message takes longer than the usual one."""
@@ -47,26 +54,24 @@ OWN = (
 )  # fmt: skip
 
 
+def _delivery(words: str) -> str:
+    return PROCESSES if "processes" in words else PUBLISHER if "publisher" in words else THREADS
+
+
 def of_peer(peer: str, variant: str | None, info: dict[str, Any]) -> Contender:
-    """A contender from what run_peer.py says of it."""
-    hint = info.get("interval_hint_us")
-    if isinstance(hint, dict):
-        intervals = tuple(sorted((int(size), int(interval)) for size, interval in hint.items()))
-    elif hint:
-        intervals = ((int(info.get("interval_hint_from", 1 << 20)), int(hint)),)
-    else:
-        intervals = ()
+    """A contender from what its program says of itself (`peer_NAME --list`)."""
+    hints = {int(size): int(interval) for size, interval in (info.get("interval_hint_us") or {}).items()}
     spins = bool(info.get("spins", False))
     return Contender(
-        name=f"{peer}-{variant}" if variant else peer,
+        name=peer if variant in (None, "", "default") else f"{peer}-{variant}",
         floor="floor-spin" if spins else "floor-futex",
-        hands_over=bool(info.get("hands_over", info.get("handover", not info.get("same_thread", False)))),
+        delivery=_delivery(info.get("class", "")),
         typed=bool(info.get("typed", False)),
-        inter_process=bool(info.get("inter_process", False)),
         spins=spins,
-        says=str(info.get("says", info.get("note", ""))),
+        says=str(info.get("about", "")),
+        copies=str(info.get("copies", "")),
         version=str(info.get("version", "")),
         peer=peer,
         variant=variant or "",
-        intervals_us=intervals,
+        intervals_us=tuple(sorted(hints.items())),
     )

@@ -11,6 +11,7 @@ import sys
 import time
 from typing import Any
 
+NOT_INSTALLED = "not installed"
 TRY_FIFO = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
 
 
@@ -116,16 +117,16 @@ def revision(root: pathlib.Path) -> str:
 
 def packages(file: pathlib.Path) -> dict[str, str]:
     """The peers' packages, and the versions that are installed."""
-    versions = {}
-    for name in package_names(file):
-        versions[name] = output("dpkg-query", "-W", "-f", "${Version}", name) or "not installed"
-    return versions
+    installed = {}
+    for name in peers_of_packages(file):
+        installed[name] = output("dpkg-query", "-W", "-f", "${Version}", name) or NOT_INSTALLED
+    return installed
 
 
-def package_names(file: pathlib.Path) -> list[str]:
-    """One package a line; `a|b` is either; what follows # is a comment."""
-    lines = (line.split("#")[0].strip() for line in text_of(str(file)).splitlines())
-    return [name for line in lines for name in line.split()]
+def peers_of_packages(file: pathlib.Path) -> dict[str, str]:
+    """Package → the peer that needs it, from lines "package peer"; what follows # is a comment."""
+    lines = (line.split("#")[0].split() for line in text_of(str(file)).splitlines())
+    return {words[0]: words[1] if len(words) > 1 else words[0] for words in lines if words}
 
 
 def now() -> str:

@@ -24,7 +24,7 @@ def _run(command: list[str], timeout_s: float, *, is_quiet: bool = False) -> boo
 def packages(file: pathlib.Path) -> dict[str, str]:
     """Installs what is missing of the list, one package at a time after all together failed. Returns what
     is still missing, and why."""
-    missing = [name for name, version in facts.packages(file).items() if version == "not installed"]
+    missing = [name for name, version in facts.packages(file).items() if version == facts.NOT_INSTALLED]
     if not missing:
         return {}
     if not shutil.which("apt-get"):
@@ -41,7 +41,7 @@ def packages(file: pathlib.Path) -> dict[str, str]:
     if not _run([*get, *missing], 1200, is_quiet=True):
         for name in missing:
             _run([*get, name], 600, is_quiet=True)
-    left = [name for name, version in facts.packages(file).items() if version == "not installed"]
+    left = [name for name, version in facts.packages(file).items() if version == facts.NOT_INSTALLED]
     return {name: "apt-get could not install it" for name in left}
 
 

@@ -23,8 +23,12 @@ def mean_and_sd(mean: float | None, sd: float | None) -> str:
     return NOT_THERE if mean is None or sd is None else f"{number(mean)} ± {number(sd)}"
 
 
-def table(header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: int = 1) -> str:
+def table(
+    header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: int = 1, has_text_last: bool = False
+) -> str:
     """A table whose first columns are text and whose others are numbers, set to the right."""
     rule = ["---" if place < text_columns else "---:" for place in range(len(header))]
+    if has_text_last:
+        rule[-1] = "---"
     every = [list(header), rule, *[[cell.replace("|", "\\|") for cell in line] for line in lines]]
     return "\n".join("| " + " | ".join(line) + " |" for line in every) + "\n"

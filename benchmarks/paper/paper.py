@@ -79,8 +79,15 @@ def options_of(chosen: argparse.Namespace) -> Options:
 
 
 def command_of(words: list[str]) -> str:
-    """The command without the folder that the results went to."""
-    return " ".join(["./dev bench paper", *words])
+    """The command that repeats the run anywhere: without folders of this machine."""
+    of_here = ("--out", "--build", "--fastcycle", "--peers")
+    kept, waiting = [], iter(words)
+    for word in waiting:
+        if word in of_here:
+            next(waiting, None)
+        elif word not in ("--fresh", "--readme") and not word.startswith(tuple(f"{name}=" for name in of_here)):
+            kept.append(word)
+    return " ".join(["./dev bench paper", *kept])
 
 
 def load(folder: pathlib.Path) -> tuple[RunRecord, list[rows.Row], dict[str, dict[str, dict[str, int]]]]:

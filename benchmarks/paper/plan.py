@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from contenders import OWN, Contender
 
@@ -12,7 +12,8 @@ PAPER_SIZES = (32 << 10, 128 << 10, 512 << 10, 1 << 20, 4 << 20)
 # Modes of `fastcycle bench` beside latency and rtt. Each is one call a round, with its own defaults.
 OWN_MODES = ("flood", "fanout", "timer", "chain", "startup")
 PEER_MODES = ("latency", "rtt", "flood")
-FLOOD_SIZE = 32 << 10
+FLOOD_SIZE = 64
+FLOOD_COUNT = 100_000
 PROCESS_START_S = 0.6  # to start a process and load libraries, once a point
 
 
@@ -87,7 +88,8 @@ def jobs_of_round(options: Options, number: int, own: Sequence[str], peers: Sequ
         else:
             row = [Job(mode, number, 0, ())] if own else []
             if mode in PEER_MODES:
-                row += [_of_peer(options, mode, number, FLOOD_SIZE, peer) for peer in peers]
+                flood = replace(options, peer_count=FLOOD_COUNT if options.peer_count >= 100 else 20 * options.peer_count)
+                row += [_of_peer(flood, mode, number, FLOOD_SIZE, peer) for peer in peers]
             jobs += rotated(row, number - 1)
     return jobs
 

@@ -6,7 +6,7 @@ import csv
 import pathlib
 
 from acceptance import FUTEX, PARK, name_of_size
-from contenders import PEER
+from contenders import PEER, PUBLISHER
 from rounds import Measurements
 from svg import INK, SOFT, Drawing, Scale, around, spread
 from tables import Field
@@ -31,7 +31,7 @@ class Look:
     def __init__(self, field: Field) -> None:
         peers = [c.name for c in field.ordered() if c.kind == PEER]
         self._place = {name: place for place, name in enumerate(peers)}
-        self._same_thread = {c.name for c in field.contenders if not c.hands_over}
+        self._same_thread = {c.name for c in field.contenders if c.delivery == PUBLISHER}
 
     def colour(self, name: str) -> str:
         return OWN_COLOURS.get(name) or COLOURS[self._place.get(name, 0) % len(COLOURS)]
@@ -103,13 +103,13 @@ def histograms(pooled: Histograms, data: Measurements, field: Field) -> str | No
     if not sizes:
         return None
     look = Look(field)
-    drawing = Drawing(800, 60 + 340 * len(sizes), "How latencies are spread")
+    drawing = Drawing(800, 60 + 310 * len(sizes), "How latencies are spread")
     for place, size in enumerate(sizes):
         pools = pooled[f"latency {size}"]
         names = [name for name in (FUTEX, PARK, *best_peers(data, field, size)) if name in pools]
         curves = {name: steps(pools[name]) for name in names}
         if curves:
-            _histogram_panel(drawing, look, curves, 62 + 340 * place, name_of_size(size))
+            _histogram_panel(drawing, look, curves, 62 + 310 * place, name_of_size(size))
     return str(drawing)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import acceptance
 import published
 import tables
 from acceptance import HELD, NOT_HELD, Check, name_of_size
-from contenders import OURS, PEER
+from contenders import OURS, PEER, PROCESSES, PUBLISHER, Contender
 from markdown import NOT_THERE, number, table
 from plan import OWN_MODES
 from rounds import Measurements
@@ -28,6 +29,16 @@ WHAT_MODES_ARE = {
     "chain": "Several components in a row, each publishing what it received.",
     "startup": "From the start of the process to the first callback.",
 }
+
+
+def wrapped(text: str) -> str:
+    """Paragraphs in lines of the width that documents here have; tables and lists stay as they are."""
+    lines: list[str] = []
+    for block in text.split("\n\n"):
+        is_plain = not block.lstrip("\n").startswith(("|", "#", "!", "- "))
+        lines.append("\n" * (len(block) - len(block.lstrip("\n"))) + textwrap.fill(
+            block.strip("\n"), 110, break_long_words=False, break_on_hyphens=False) if is_plain else block)  # fmt: skip
+    return "\n\n".join(lines).rstrip("\n") + "\n"
 
 
 class Report:
@@ -56,7 +67,7 @@ class Report:
             self._method(),
             self._not_measured(),
         ]
-        return "\n".join(part for part in parts if part)
+        return wrapped("\n".join(part for part in parts if part))
 
     def _picture(self, name: str) -> str:
         return f"![{PICTURES[name]}]({name})\n" if name in self._pictures else ""
@@ -126,12 +137,18 @@ The paper's own figures, **from another machine**:
 
     def _legend(self) -> str:
         words = ""
-        if any(not c.hands_over for c in self._record.contenders):
+        ways = {c.delivery for c in self._record.contenders}
+        if PROCESSES in ways:
+            words += (
+                "\n\n§ goes from one process to another: more than a hand-over between threads, and not compared "
+                "with it."
+            )
+        if PUBLISHER in ways:
             words += (
                 "\n\n† runs the callback in the publisher's thread. Nothing is handed over there: no thread is woken, "
                 "a slow\ncallback delays the publisher. It is shown, and not compared with those that hand over."
             )
-        if any(c.intervals_us for c in self._record.contenders):
+        if self._intervals():
             words += (
                 "\n\n‡ copies so long at this size that a message every "
                 f"{self._record.options.interval_us / 1000:g} ms would measure its queue: measured at a longer "
@@ -141,9 +158,15 @@ The paper's own figures, **from another machine**:
 
     def _intervals(self) -> list[str]:
         found = []
+        usual = self._record.options.interval_us
         for c in self._record.contenders:
-            for least, interval in c.intervals_us:
-                found.append(f"{c.name} from {name_of_size(least)}: {interval / 1000:g} ms")
+            longer = [
+                f"{name_of_size(size)} every {c.interval_us(size, usual) / 1000:g} ms"
+                for size in self._record.options.sizes
+                if c.interval_us(size, usual) > usual
+            ]
+            if longer:
+                found.append(f"{c.name} {', '.join(longer)}")
         return found
 
     def _tails(self) -> str:
@@ -247,9 +270,7 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
 
     def _method(self) -> str:
         options = self._record.options
-        said = [f"- `{c.name}`: {c.says}" + (f" ({c.version})" if c.version else "") for c in self._field.ordered()
-                if c.says]  # fmt: skip
-        lines = "\n".join(said)
+        lines = "\n".join(f"- `{c.name}`: {_about(c)}" for c in self._field.ordered() if c.says)
         return f"""## How it was measured
 
 - Each round measures every size with every contender. FastCycle and the floors run right after each other; peers
@@ -303,6 +324,13 @@ def _sentence(checks: Sequence[Check]) -> str:
     if first is None or first.size is None:
         return ""
     return f"At {name_of_size(first.size)} FastCycle's p50 is {number(first.figure)} µs."
+
+
+def _about(who: Contender) -> str:
+    more = [f"version {who.version}"] if who.version else []
+    if who.kind == PEER:
+        more += [who.delivery, "typed" if who.typed else "bytes", f"copies: {who.copies or 'unknown'}"]
+    return who.says.rstrip(".") + (f"; {', '.join(more)}" if more else "")
 
 
 def _loads(loads: Sequence[float]) -> str:

@@ -10,6 +10,7 @@ import sys
 from types import ModuleType
 from typing import Any, Protocol
 
+import facts
 from contenders import Contender, of_peer
 from plan import Job
 from rows import Row
@@ -86,6 +87,7 @@ class Peers:
 
     def __init__(self, folder: pathlib.Path, build: pathlib.Path) -> None:
         self._build = build
+        self._packages = folder / "packages.txt"
         self._module = self._load(folder / "run_peer.py")
         self._session: Any = None
         self.missing: dict[str, str] = {}  # name → why it is not measured
@@ -117,24 +119,23 @@ class Peers:
 
     def contenders(self) -> list[Contender]:
         """Who can be measured; the others are in `missing`."""
-        found = []
-        listed = self._listed()
-        for peer, variant, info in listed:
-            contender = of_peer(peer, variant, info)
-            reason = info.get("missing") or info.get("reason")
-            if reason:
-                self.missing[contender.name] = str(reason)
-            else:
-                found.append(contender)
-        if not listed and not self.missing:
-            self.missing["peers"] = "their programs are not built (cmake -DFASTCYCLE_PEERS=ON)"
+        found = [of_peer(peer, variant, info) for peer, variant, info in self._listed()]
+        there = {contender.peer for contender in found}
+        for package, version in facts.packages(self._packages).items():
+            peer = facts.peers_of_packages(self._packages)[package]
+            if peer in there or peer in self.missing:
+                continue
+            if version == facts.NOT_INSTALLED:
+                self.missing[peer] = f"package {package} is not installed"
+        for peer in facts.peers_of_packages(self._packages).values():
+            if peer not in there:
+                self.missing.setdefault(peer, "not built (cmake -DFASTCYCLE_PEERS=ON)")
         return found
 
     def _listed(self) -> list[tuple[str, str | None, dict[str, Any]]]:
         if self._session is None:
             return []
-        available = getattr(self._session, "available", None) or self._module.available  # type: ignore[union-attr]
-        return [(peer, variant, dict(info or {})) for peer, variant, info in available()]
+        return list(self._session.available())
 
     def run(self, job: Job, timeout_s: float) -> list[Row]:
         contender = job.contender
@@ -144,6 +145,7 @@ class Peers:
             row = self._session.run(
                 contender.peer, variant=contender.variant or None, mode=job.mode, size=job.size,
                 count=job.count, warmup=job.warmup, interval_us=job.interval_us, round=job.round,
+                timeout=timeout_s,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):
             raise
@@ -151,6 +153,4 @@ class Peers:
             raise Failed(last_line(str(error)) or type(error).__name__) from error
         if not row:
             raise Failed("no row")
-        if row.get("error"):
-            raise Failed(last_line(str(row["error"])))
         return [{**row, "peer": contender.name}]

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from acceptance import Check, name_of_size
-from contenders import FLOOR, OURS, PEER, Contender
+from contenders import FLOOR, OURS, PEER, PROCESSES, PUBLISHER, THREADS, Contender
 from markdown import NOT_ENOUGH, NOT_THERE, mean_and_sd, number, table
 from rounds import Measurements, enough, median
 from rows import Row
 
 SMALL = "n too small"
-SAME_THREAD = " †"
+MARKS = {THREADS: "", PROCESSES: " §", PUBLISHER: " †"}
 OTHER_INTERVAL = " ‡"
 
 
@@ -23,16 +23,17 @@ class Field:
     contenders: tuple[Contender, ...]
     usual_interval_us: int = 1000
 
-    def of(self, kind: str, hands_over: bool = True) -> list[Contender]:
-        return [c for c in self.contenders if c.kind == kind and c.hands_over == hands_over]
+    def of(self, kind: str, delivery: str = THREADS) -> list[Contender]:
+        return [c for c in self.contenders if c.kind == kind and c.delivery == delivery]
 
     def ordered(self) -> list[Contender]:
-        return [*self.of(FLOOR), *self.of(OURS), *self.of(PEER), *self.of(PEER, hands_over=False)]
+        peers = [c for delivery in MARKS for c in self.of(PEER, delivery)]
+        return [*self.of(FLOOR), *self.of(OURS), *peers]
 
 
 def label(contender: Contender) -> str:
     name = f"**{contender.name}**" if contender.kind == OURS else contender.name
-    return name if contender.hands_over else name + SAME_THREAD
+    return name + MARKS[contender.delivery]
 
 
 def value(data: Measurements, mode: str, who: str, size: int, key: str) -> str:
@@ -130,7 +131,7 @@ def acceptance_table(checks: Iterable[Check]) -> str:
         figures = [number(c.figure) + (unit if c.figure is not None else ""), number(c.limit), number(c.left)]
         verdict = c.verdict if c.verdict == "held" else f"**{c.verdict}**"
         lines.append([c.what, size, c.note, *figures, f"{c.rounds_held}/{c.rounds}", verdict])
-    return table(["bound", "size", "", "figure", "limit", "left", "rounds held", "verdict"], lines, text_columns=3)
+    return table(["bound", "size", "", "figure", "limit", "left", "rounds held", "verdict"], lines, 3, has_text_last=True)
 
 
 def flood_table(data: Measurements, field: Field) -> str:

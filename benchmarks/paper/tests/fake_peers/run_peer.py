@@ -20,15 +20,11 @@ def _rows():
 
 ROWS = _rows()
 LISTED = [
-    ("zeromq", "inproc", {"says": "made up", "hands_over": True, "version": "4.3"}),
-    ("iceoryx", "inter", {"hands_over": True, "typed": True, "interval_hint_us": {1 << 20: 5000}}),
-    ("direct", "call", {"hands_over": False, "typed": True}),
-    ("gone", None, {"missing": "package gone-dev is not installed"}),
-]
-
-
-def available():
-    return LISTED
+    ("zeromq", "inproc", {"about": "made up", "class": "hands over between threads", "version": "4.3"}),
+    ("iceoryx", "inter", {"class": "between processes", "typed": True,
+                          "interval_hint_us": {"32768": 1000, "4194304": 5000}}),
+    ("direct", "default", {"class": "runs in the publisher's thread", "typed": True}),
+]  # fmt: skip
 
 
 class PeerSession:
@@ -44,12 +40,13 @@ class PeerSession:
     def available(self):
         return LISTED
 
-    def run(self, peer, variant=None, mode="latency", size=0, count=0, warmup=0, interval_us=0, round=1):
+    def run(self, peer, variant=None, mode="latency", size=0, count=0, warmup=0, interval_us=0, round=1,
+            timeout=None):  # fmt: skip
         if os.environ.get("FAKE_INTERRUPT") == f"{peer} {mode} {round}":
             raise KeyboardInterrupt
         if os.environ.get("FAKE_BROKEN") == peer:
             raise RuntimeError(f"{peer} lost its connection")
-        name = f"{peer}-{variant}" if variant else peer
+        name = f"{peer}-{variant}"
         if mode == "flood":
             return {"peer": name, "mode": mode, "size": size, "round": round, "n": count, "sent": count,
                     "received": count, "rate_per_s": 4.0e5}  # fmt: skip

@@ -1,0 +1,102 @@
+"""The bounds, computed from rows."""
+
+import support
+import unittest
+
+import acceptance
+from acceptance import HELD, NOT_HELD, NOT_MEASURED
+from contenders import Contender
+from rounds import Measurements
+
+FUTEX, PARK, SIZE = "floor-futex", "fastcycle-park", 32768
+
+
+def checks(rows, peers=()):
+    return {(c.what, c.size): c for c in acceptance.checks(Measurements(rows), peers)}
+
+
+def flood_row(peer, rate, number=1):
+    return {"mode": "flood", "peer": peer, "size": 64, "round": number, "n": 100_000, "rate_per_s": rate}
+
+
+class Acceptance(unittest.TestCase):
+    P50 = ("park p50 ≤ 1.15 × floor + 0.5 µs", SIZE)
+
+    def test_on_the_limit_is_held_and_beyond_it_is_not(self):
+        for p50, verdict in ((12.0, HELD), (12.01, NOT_HELD)):  # the limit is 1.15 × 10 + 0.5 = 12
+            found = checks([support.latency_row(FUTEX), support.latency_row(PARK, p50=p50)])[self.P50]
+            self.assertEqual((found.verdict, found.figure, found.limit), (verdict, p50, 12.0))
+
+    def test_each_round_is_judged_by_its_own_floor(self):
+        rows = [support.latency_row(FUTEX, n, p50=p) for n, p in ((1, 10.0), (2, 30.0), (3, 10.0))]
+        rows += [support.latency_row(PARK, n, p50=p) for n, p in ((1, 11.0), (2, 33.0), (3, 33.0))]
+        found = checks(rows)[self.P50]
+        self.assertEqual((found.verdict, found.rounds_held, found.rounds), (HELD, 2, 3))
+        # The floor of round 2 does not excuse round 3.
+        rows[5] = support.latency_row(PARK, 2, p50=36.0)
+        rows = rows[:4] + [rows[5], support.latency_row(PARK, 3, p50=33.0)]
+        self.assertEqual(checks(rows)[self.P50].verdict, NOT_HELD)
+
+    def test_tails_have_limits_of_their_own(self):
+        rows = [support.latency_row(FUTEX), support.latency_row(PARK, p90_us=13.1, p99_us=18.0)]
+        found = checks(rows)
+        self.assertEqual(found["park p90 ≤ 1.3 × floor", SIZE].verdict, NOT_HELD)
+        self.assertEqual(found["park p99 ≤ 1.3 × floor + 5 µs", SIZE].verdict, HELD)
+
+    def test_spinning_has_at_least_300_ns(self):
+        what = ("spin p50 ≤ max(0.3 µs, 1.5 × spinning floor)", SIZE)
+        for floor, p50, verdict in ((0.1, 0.3, HELD), (0.1, 0.31, NOT_HELD), (0.4, 0.6, HELD)):
+            rows = [support.latency_row("floor-spin", p50=floor), support.latency_row("fastcycle-spin", p50=p50)]
+            self.assertEqual(checks(rows)[what].verdict, verdict)
+
+    def test_round_trip_and_filling(self):
+        rows = [support.latency_row(FUTEX, mode="rtt"), support.latency_row(PARK, mode="rtt", p50=12.6)]
+        self.assertEqual(checks(rows)["round trip p50 ≤ 1.15 × floor + 1 µs", SIZE].verdict, NOT_HELD)
+        large = 4 << 20
+        rows = [support.latency_row(name, size=size) for name in (FUTEX, PARK) for size in (SIZE, large)]
+        rows[-1]["e2e_p50_us"] = 12.1
+        what = ("with filling the payload: park p50 ≤ 1.1 × floor + 1 µs", large)
+        self.assertEqual(checks(rows)[what].verdict, NOT_HELD)
+
+    def test_flat_compares_the_largest_size_with_the_smallest(self):
+        large = 4 << 20
+        for p50, verdict in ((12.0, HELD), (12.1, NOT_HELD)):
+            rows = [support.latency_row(PARK), support.latency_row(PARK, size=large, p50=p50)]
+            self.assertEqual(checks(rows)["flat: park p50 ≤ 1.1 × that of 32 KB + 1 µs", large].verdict, verdict)
+
+    def test_few_messages_do_not_judge(self):
+        found = checks([support.latency_row(FUTEX, n=50), support.latency_row(PARK, n=50, p50=99.0)])[self.P50]
+        self.assertEqual(found.verdict, "n too small (not held by these few)")
+
+    def test_what_was_not_measured_is_said(self):
+        found = checks([support.latency_row(PARK)])
+        self.assertEqual(found[self.P50].verdict, NOT_MEASURED)
+        self.assertEqual(found["flood ≥ 0.7 × a deque under a mutex", None].verdict, NOT_MEASURED)
+
+    def test_peers_that_hand_over_are_rivals_and_others_are_not(self):
+        peers = [
+            Contender("queue"),
+            Contender("slow"),
+            Contender("same", delivery="publisher's thread"),
+            Contender("far", delivery="between processes"),
+        ]
+        rows = [support.latency_row(PARK, p50=10.0)]
+        rows += [support.latency_row(n, p50=p) for n, p in (("queue", 11.0), ("slow", 50.0), ("same", 0.1), ("far", 5.0))]
+        what = (f"{PARK} p50 below every peer that hands over", SIZE)
+        found = checks(rows, peers)[what]
+        self.assertEqual((found.verdict, found.limit, found.note), (HELD, 11.0, "nearest: queue"))
+        rows[1]["p50_us"] = 9.0
+        self.assertEqual(checks(rows, peers)[what].verdict, NOT_HELD)
+
+    def test_flood_must_be_high_enough(self):
+        peers = [Contender("typed", typed=True), Contender("bytes")]
+        rows = [flood_row("floor-mutex-deque", 1e6), flood_row(PARK, 0.8e6), flood_row("typed", 0.9e6),
+                flood_row("bytes", 9e6)]  # fmt: skip
+        found = checks(rows, peers)
+        self.assertEqual(found["flood ≥ 0.7 × a deque under a mutex", None].verdict, HELD)
+        above = found["flood above every typed peer", None]
+        self.assertEqual((above.verdict, above.note), (NOT_HELD, "nearest: typed"))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,126 @@
+"""Tables, numbers, rows in files."""
+
+import re
+import support
+import unittest
+
+import published
+import rows
+import tables
+from contenders import OWN, Contender
+from markdown import number, table
+from plan import Options, all_jobs, chosen, jobs_of_round, rotated
+from rounds import Measurements
+
+FIELD = tables.Field((*OWN, Contender("zeromq", delivery="publisher's thread", intervals_us=((1 << 20, 5000),))))
+
+
+class Tables(unittest.TestCase):
+    def test_numbers_have_three_digits_that_count(self):
+        shown = [number(v) for v in (0.0512, 1.234, 12.34, 123.4, 1234.5, None)]
+        self.assertEqual(shown, ["0.05", "1.23", "12.3", "123", "1,234", "–"])
+
+    def test_numbers_stand_to_the_right(self):
+        self.assertEqual(table(["a", "b"], [["x|y", "1"]]), "| a | b |\n| --- | ---: |\n| x\\|y | 1 |\n")
+
+    def test_the_papers_table_has_mean_and_sd_and_its_marks(self):
+        found = [support.latency_row("fastcycle-park"), support.latency_row("zeromq", size=4 << 20, mean_us=20.0)]
+        text = tables.paper_table(Measurements(found), FIELD, "latency")
+        self.assertIn("| **fastcycle-park** | 10.0 ± 1.00 | – |", text)
+        self.assertIn("| zeromq † | – | 20.0 ± 1.00 ‡ |", text)
+
+    def test_a_point_that_failed_is_in_the_table(self):
+        found = [support.latency_row("fastcycle-park"),
+                 {"mode": "latency", "peer": "zeromq", "size": 32768, "round": 1, "failed": "late"}]  # fmt: skip
+        self.assertIn("| zeromq † | failed |", tables.paper_table(Measurements(found), FIELD, "latency"))
+
+    def test_p999_needs_50000_messages(self):
+        for n, cell in ((45_000, "n/a"), (50_000, "10.0")):
+            text = tables.tail_table(Measurements([support.latency_row("fastcycle-park", n=n)]), FIELD, "latency", 32768)
+            self.assertEqual(text.splitlines()[2].split(" | ")[5], cell)
+
+    def test_few_messages_are_marked(self):
+        text = tables.paper_table(Measurements([support.latency_row("fastcycle-park", n=50)]), FIELD, "latency")
+        self.assertIn("10.0 ± 1.00 (n too small)", text)
+
+    def test_modes_with_several_cases_have_a_line_each(self):
+        found = [{"mode": "fanout", "peer": "fastcycle-park", "round": r, "size": 64, "subscribers": s, "p50_us": 2.0 * s}
+                 for r in (1, 2) for s in (1, 8)]  # fmt: skip
+        data = Measurements(found)
+        self.assertIn("| fastcycle-park | 8 | 16.0 |", tables.mode_table(data, "fanout"))
+        self.assertAlmostEqual(tables.slope_us(data, "fanout", "fastcycle-park", "p50_us", "subscribers"), 2.0)
+
+
+class Rows(support.InAFolder):
+    def test_csv_keeps_all_but_the_histogram(self):
+        row = {**support.latency_row("a"), "typed": True, "histogram_us": {"1": 2}}
+        rows.write_csv(self.folder / "rows.csv", [row, {"mode": "x", "peer": "b", "round": 1, "failed": "so, so"}])
+        back = rows.read_csv(self.folder / "rows.csv")
+        self.assertEqual(back[0], {k: v for k, v in row.items() if k != "histogram_us"})
+        self.assertEqual(back[1]["failed"], "so, so")
+
+    def test_a_line_that_was_cut_off_is_left_out(self):
+        file = self.folder / "rows.jsonl"
+        rows.append(file, support.latency_row("a"))
+        file.write_text(file.read_text() + '{"mode":"latency","pe')
+        self.assertEqual(len(rows.read_lines(file)), 1)
+
+    def test_a_point_measured_later_replaces_its_failure(self):
+        failed = {"mode": "latency", "peer": "a", "size": 32768, "round": 1, "failed": "late"}
+        good = support.latency_row("a")
+        self.assertEqual(rows.newest([failed, good]), [good])
+        self.assertEqual(rows.newest([failed]), [failed])
+
+    def test_histograms_of_all_rounds_are_added(self):
+        found = [{**support.latency_row("a", n), "histogram_us": {"4.000": 3}} for n in (1, 2)]
+        self.assertEqual(rows.pooled_histograms(found), {"latency 32768": {"a": {"4.000": 6}}})
+
+
+class Plan(unittest.TestCase):
+    OPTIONS = Options(rounds=3, sizes=(32768, 4 << 20), modes=("latency", "flood"))
+    PEERS = (Contender("a", peer="a"), Contender("b", peer="b", intervals_us=((4 << 20, 8000),)))
+
+    def test_every_round_has_every_point_in_another_order(self):
+        own = [c.name for c in OWN]
+        rounds = [jobs_of_round(self.OPTIONS, n, own, self.PEERS) for n in (1, 2, 3)]
+        points = [{(j.mode, j.size, j.names) for j in jobs} for jobs in rounds]
+        self.assertEqual(points[0], points[1])
+        first = [next(j.label() for j in jobs if j.size == 32768) for jobs in rounds]
+        self.assertEqual(len(set(first)), 3)
+
+    def test_copying_peers_get_their_interval(self):
+        jobs = [j for j in all_jobs(self.OPTIONS, (), self.PEERS) if j.names == ("b",) and j.mode == "latency"]
+        self.assertEqual({(j.size, j.interval_us) for j in jobs}, {(32768, 1000), (4 << 20, 8000)})
+
+    def test_only_keeps_the_floor(self):
+        own, peers, unknown = chosen(["fastcycle-spin", "b", "c"], self.PEERS)
+        self.assertEqual(own, ["floor-futex", "floor-spin", "fastcycle-spin"])
+        self.assertEqual(([p.name for p in peers], unknown), (["b"], ["c"]))
+
+    def test_peers_have_the_papers_5000_in_all(self):
+        self.assertEqual(Options.peers_share(5000, 9), 556)
+        self.assertEqual(rotated([], 3), [])
+
+
+class Claims(unittest.TestCase):
+    """Each command of Table III names tests that are there."""
+
+    def test_tests_and_labels_of_table_three_exist(self):
+        sources = "\n".join(f.read_text(encoding="utf-8") for top in ("src", "tests") for f in
+                            (support.ROOT / top).rglob("*_test.cc"))  # fmt: skip
+        builds = "\n".join(f.read_text() for f in [*support.ROOT.rglob("CMakeLists.txt"), *support.ROOT.glob("cmake/*")])
+        text = published.shown_table().replace("\\|", "|")
+        for words in re.findall(r"-R '?([\w.|]+)", text):
+            for name in words.split("|"):
+                suite, _, case = name.partition(".")[2].partition(".")
+                if suite:
+                    pattern = rf"TEST(?:_F|_P)?\({suite}\w*, {case}"
+                    self.assertRegex(sources, pattern, name)
+                else:
+                    self.assertIn(f"NAME {name}.", builds)
+        for label in re.findall(r"-L (\w+)", text):
+            self.assertRegex(builds, rf"LABELS {label}\b")
+
+
+if __name__ == "__main__":
+    unittest.main()
