@@ -3,9 +3,9 @@
 
 #include <fastcycle/fastcycle.h>
 
-#include "benchmark/payload.pb.h"
+#include "components/payload.h"
+#include "components/results.h"
 #include "measure/clock.h"
-#include "measure/payload.h"
 #include "measure/samples.h"
 
 namespace {
@@ -33,19 +33,14 @@ class BenchmarkSink final : public fastcycle::Component {
 
   void stop() override {
     report("damaged", damaged_);
-    if (!samples_file_.get().empty()) {
-      report("samples", fastcycle::measure::write_samples(samples_file_.get(), samples_));
-    }
+    fastcycle::benchmark::report_samples(context(), samples_file_.get(), samples_);
   }
 
  private:
   void take(const Payload& payload) {
     const std::int64_t arrived_ns = fastcycle::measure::now_ns();
     samples_.push_back({payload.number(), payload.made_ns(), payload.sent_ns(), arrived_ns});
-    if (!fastcycle::measure::is_filled(payload.data().data(), payload.data().size(),
-                                       payload.number())) {
-      ++damaged_;
-    }
+    damaged_ += fastcycle::benchmark::is_whole(payload) ? 0 : 1;
   }
 
   fastcycle::Param<fastcycle::Path> samples_file_;

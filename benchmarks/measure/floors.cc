@@ -8,11 +8,14 @@
 #include <vector>
 
 #include <linux/futex.h>
+#include <pthread.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
 #include "measure/clock.h"
+#include "measure/pacing.h"
 #include "measure/payload.h"
 
 namespace fastcycle::measure {
@@ -31,34 +34,41 @@ struct Message {
   void* data = nullptr;
 };
 
-/// A few places for messages on their way, so that a receiver that is late loses none.
+/// Places for messages on their way, more than any stall needs at 1 kHz.
 class Slots {
  public:
   void put(const Message& message, Waiting waiting) noexcept {
-    messages_[sent_.load(std::memory_order_relaxed) % kCount] = message;
-    sent_.fetch_add(1, std::memory_order_release);
+    const std::uint32_t sent = sent_.load(std::memory_order_relaxed);
+    messages_[sent % kCount] = message;
+    sent_.store(sent + 1, std::memory_order_release);
     if (waiting == Waiting::kFutex) {
       syscall(SYS_futex, &sent_, FUTEX_WAKE_PRIVATE, 1, nullptr, nullptr, 0);
     }
+    // Only after the message is on its way: what is full must not lose the next one.
+    while (sent + 1 - taken_.load(std::memory_order_acquire) > kCount - 4) {
+      std::this_thread::yield();
+    }
   }
 
-  /// Waits for the next message, which stays where it is until 63 more were put.
+  /// Waits for the next message, which stays as it is until the next is taken.
   const Message& take(Waiting waiting) noexcept {
-    while (sent_.load(std::memory_order_acquire) == taken_) {
+    const std::uint32_t taken = taken_.load(std::memory_order_relaxed);
+    while (sent_.load(std::memory_order_acquire) == taken) {
       if (waiting == Waiting::kFutex) {
-        syscall(SYS_futex, &sent_, FUTEX_WAIT_PRIVATE, taken_, nullptr, nullptr, 0);
+        syscall(SYS_futex, &sent_, FUTEX_WAIT_PRIVATE, taken, nullptr, nullptr, 0);
       } else {
         pause_briefly();
       }
     }
-    return messages_[taken_++ % kCount];
+    taken_.store(taken + 1, std::memory_order_release);
+    return messages_[taken % kCount];
   }
 
  private:
-  static constexpr std::uint32_t kCount = 1024;  // A second at 1 kHz: more than any stall seen.
+  static constexpr std::uint32_t kCount = 1024;
 
   alignas(64) std::atomic<std::uint32_t> sent_{0};
-  alignas(64) std::uint32_t taken_ = 0;
+  alignas(64) std::atomic<std::uint32_t> taken_{0};
   std::array<Message, kCount> messages_;
 };
 
@@ -83,31 +93,19 @@ class Payloads {
   std::array<std::vector<unsigned char>, 3> data_;
 };
 
-/// As FastCycle's own workers: timers to the nanosecond.
-void set_up_thread() noexcept {
-  prctl(PR_SET_TIMERSLACK, 1UL);
-}
-
-std::int64_t total(const Plan& plan) noexcept {
-  return plan.warmup + plan.count;
-}
-
-/// Calls `send(number)` once an interval; returns what was used after the warm-up.
-template <typename Send>
-Usage send_all(const Plan& plan, const Send& send) {
-  Usage at_begin = Usage::now();
-  const std::int64_t begin_ns = now_ns();
-  for (std::int64_t number = 0; number < total(plan); ++number) {
-    sleep_until(begin_ns + (number + 1) * plan.interval_us * 1000);
-    if (number == plan.warmup) {
-      at_begin = Usage::now();
-    }
-    send(number);
-  }
-  return Usage::now() - at_begin;
-}
+/// What the receiver sees last.
+constexpr Message kEnd{.stamps = {.number = -1}};
 
 }  // namespace
+
+void set_up_thread(const Plan& plan) noexcept {
+  prctl(PR_SET_TIMERSLACK, 1UL);
+  if (plan.is_fifo) {
+    sched_param parameter{};
+    parameter.sched_priority = kFifoPriority;
+    static_cast<void>(pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter));
+  }
+}
 
 Measured floor_latency(const Plan& plan, Waiting waiting) {
   Measured result;
@@ -115,21 +113,25 @@ Measured floor_latency(const Plan& plan, Waiting waiting) {
   Payloads payloads(plan.size);
   const auto slots = std::make_unique<Slots>();
   std::thread receiver([&] {
-    set_up_thread();
-    for (std::int64_t i = 0; i < total(plan); ++i) {
+    set_up_thread(plan);
+    for (;;) {
       const Message& message = slots->take(waiting);
       const std::int64_t arrived_ns = now_ns();
+      if (message.stamps.number < 0) {
+        return;
+      }
       result.samples.push_back(message.stamps);
       result.samples.back().arrived_ns = arrived_ns;
     }
   });
   std::thread sender([&] {
-    set_up_thread();
-    result.usage = send_all(plan, [&](std::int64_t number) {
+    set_up_thread(plan);
+    result.usage = each_interval(plan, [&](std::int64_t number, std::int64_t) {
       Message message = payloads.next(number);
       message.stamps.sent_ns = now_ns();
       slots->put(message, waiting);
     });
+    slots->put(kEnd, waiting);
   });
   sender.join();
   receiver.join();
@@ -143,14 +145,18 @@ Measured floor_rtt(const Plan& plan, Waiting waiting) {
   const auto there = std::make_unique<Slots>();
   const auto back = std::make_unique<Slots>();
   std::thread echo([&] {
-    set_up_thread();
-    for (std::int64_t i = 0; i < total(plan); ++i) {
-      back->put(there->take(waiting), waiting);
+    set_up_thread(plan);
+    for (;;) {
+      const Message& message = there->take(waiting);
+      if (message.stamps.number < 0) {
+        return;
+      }
+      back->put(message, waiting);
     }
   });
   std::thread sender([&] {
-    set_up_thread();
-    result.usage = send_all(plan, [&](std::int64_t number) {
+    set_up_thread(plan);
+    result.usage = each_interval(plan, [&](std::int64_t number, std::int64_t) {
       Message message = payloads.next(number);
       message.stamps.sent_ns = now_ns();
       there->put(message, waiting);
@@ -158,9 +164,25 @@ Measured floor_rtt(const Plan& plan, Waiting waiting) {
       sample.arrived_ns = now_ns();
       result.samples.push_back(sample);
     });
+    there->put(kEnd, waiting);
   });
   sender.join();
   echo.join();
+  return result;
+}
+
+Measured floor_timer(const Plan& plan) {
+  Measured result;
+  result.samples.reserve(static_cast<std::size_t>(total(plan)));
+  std::thread timer([&] {
+    set_up_thread(plan);
+    result.usage = each_interval(plan, [&](std::int64_t number, std::int64_t due_ns) {
+      const std::int64_t arrived_ns = now_ns();
+      result.samples.push_back(
+          {.number = number, .made_ns = due_ns, .sent_ns = due_ns, .arrived_ns = arrived_ns});
+    });
+  });
+  timer.join();
   return result;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 
 #include "measure/samples.h"
@@ -13,7 +14,12 @@ struct Plan {
   std::int64_t count = 5000;      ///< Messages, without the warm-up.
   std::int64_t warmup = 200;
   std::int64_t interval_us = 1000;
+  bool is_fifo = false;                     ///< Threads run as SCHED_FIFO, where granted.
+  const std::atomic<bool>* stop = nullptr;  ///< Ends the measurement early once it is true.
 };
+
+/// The priority of what runs as SCHED_FIFO: of the floors' threads and of FastCycle's workers.
+inline constexpr int kFifoPriority = 80;
 
 /// What a floor measured: stamps, warm-up included, and what the process used after the warm-up.
 struct Measured {
@@ -31,5 +37,9 @@ enum class Waiting : std::uint8_t { kFutex, kSpin };
 /// There and back: the second thread answers with the same payload. `arrived_ns` is when the answer
 /// is back.
 [[nodiscard]] Measured floor_rtt(const Plan& plan, Waiting waiting);
+
+/// The least that a timer is late: a loop of clock_nanosleep to absolute times. `sent_ns` is when a
+/// tick was due, `arrived_ns` when the thread ran.
+[[nodiscard]] Measured floor_timer(const Plan& plan);
 
 }  // namespace fastcycle::measure

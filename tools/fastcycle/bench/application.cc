@@ -3,48 +3,34 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <optional>
 #include <stdexcept>
 #include <utility>
+#include <variant>
 
-#include <nlohmann/json.hpp>
+#include <sched.h>
 
+#include "base/clock.h"
 #include "config/load.h"
 #include "config/problem.h"
-#include "host/application.h"
 #include "host/component_library.h"
+#include "measure/clock.h"
+#include "measure/floors.h"
 
 namespace fastcycle::tool::bench {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-Json executor(const std::string& name, const Profile& profile) {
-  Json json = {{"name", name}, {"threads", 1}, {"wait", profile.wait}};
-  if (profile.is_fifo) {
-    json["policy"] = "fifo";
-    json["priority"] = 80;
+/// The last CPUs that this process may use; the first is the machine's own.
+int cpu_of(int place) {
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  sched_getaffinity(0, sizeof(cpus), &cpus);
+  int left = place;
+  for (int cpu = CPU_SETSIZE - 1; cpu >= 0; --cpu) {
+    if (CPU_ISSET(cpu, &cpus) && left-- == 0) {
+      return cpu;
+    }
   }
-  return json;
-}
-
-/// A publisher and a subscriber on two executors, and where the stamps go.
-Json two_executors(const measure::Plan& plan, const Profile& profile) {
-  Json source = {{"name", "source"},
-                 {"library", "benchmark_source"},
-                 {"executor", "publisher"},
-                 {"params",
-                  {{"size_bytes", plan.size},
-                   {"count", plan.count},
-                   {"warmup", plan.warmup},
-                   {"interval_us", plan.interval_us}}}};
-  Json sink = {{"name", "sink"},
-               {"library", "benchmark_sink"},
-               {"executor", "subscriber"},
-               {"params", {{"expected", plan.warmup + plan.count}}}};
-  return {{"name", "benchmark"},
-          {"executors", {executor("publisher", profile), executor("subscriber", profile)}},
-          {"components", {std::move(source), std::move(sink)}}};
+  return 0;
 }
 
 [[noreturn]] void refuse(const config::Problems& problems) {
@@ -55,43 +41,181 @@ Json two_executors(const measure::Plan& plan, const Profile& profile) {
   throw std::runtime_error(text);
 }
 
+/// What a component or the application says of its failure; empty if it ended well.
+std::string find_failure(const host::Application& application) {
+  for (const auto& component : application.components()) {
+    if (!component->faults.empty()) {
+      return "component \"" + component->name + "\" failed: " + component->faults.front();
+    }
+    const auto trouble = component->results.find("trouble");
+    if (trouble != component->results.end()) {
+      if (const auto* text = std::get_if<std::string>(&trouble->second); !text->empty()) {
+        return *text;
+      }
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
-std::string latency_application(const measure::Plan& plan, const Profile& profile,
-                                const std::string& folder) {
-  Json json = two_executors(plan, profile);
-  json["components"][1]["params"]["samples"] = folder + "/samples";
-  return json.dump(2);
+Json executor(const Options& options, const std::string& name, const std::string& wait, int place) {
+  Json json = {{"name", name}, {"threads", 1}, {"wait", wait}};
+  if (options.is_fifo) {
+    json["policy"] = "fifo";
+    json["priority"] = measure::kFifoPriority;
+    if (wait == "spin") {
+      json["cpus"] = {cpu_of(place)};
+    }
+  }
+  return json;
 }
 
-std::string rtt_application(const measure::Plan& plan, const Profile& profile,
-                            const std::string& folder) {
-  Json json = two_executors(plan, profile);
-  json["components"][0]["params"]["takes_echo"] = true;
-  json["components"][0]["params"]["samples"] = folder + "/samples";
-  json["components"][1]["params"]["echoes"] = true;
-  return json.dump(2);
+Json component(const std::string& name, const std::string& library, const std::string& executor,
+               Json params) {
+  return {
+      {"name", name}, {"library", library}, {"executor", executor}, {"params", std::move(params)}};
 }
 
-host::RunReport run_application(const std::string& text, const std::string& folder) {
+Json application(Json executors, Json components) {
+  return {{"name", "benchmark"},
+          {"executors", std::move(executors)},
+          {"components", std::move(components)}};
+}
+
+Json source(const Options& options, std::int64_t size) {
+  return component("source", "benchmark_source", "publisher",
+                   {{"size_bytes", size},
+                    {"count", options.count},
+                    {"warmup", options.warmup},
+                    {"interval_us", options.interval_us}});
+}
+
+Json sink(const Options& options, const std::string& name, std::int64_t size) {
+  Json json = component(name, "benchmark_sink", "subscriber",
+                        {{"expected", options.warmup + options.count}});
+  json["subscribers"]["payload"]["depth"] = depth_for(size);
+  return json;
+}
+
+void write_samples_to(Json& component, const std::string& folder) {
+  if (!folder.empty()) {
+    component["params"]["samples"] = folder + "/" + component["name"].get<std::string>();
+  }
+}
+
+double Finished::number(const std::string& component, const std::string& name) const {
+  const auto& its_results = results.at(component);
+  if (const auto found = its_results.find(name); found != its_results.end()) {
+    if (const auto* real = std::get_if<double>(&found->second)) {
+      return *real;
+    }
+    if (const auto* whole = std::get_if<std::int64_t>(&found->second)) {
+      return static_cast<double>(*whole);
+    }
+  }
+  throw std::runtime_error("the benchmark's component \"" + component + "\" did not report \"" +
+                           name + "\"");
+}
+
+std::int64_t Finished::whole(const std::string& component, const std::string& name) const {
+  const auto& its_results = results.at(component);
+  if (const auto found = its_results.find(name); found != its_results.end()) {
+    return std::get<std::int64_t>(found->second);
+  }
+  throw std::runtime_error("the benchmark's component \"" + component + "\" did not report \"" +
+                           name + "\"");
+}
+
+measure::Usage Finished::usage(const std::string& component) const {
+  return {.cpu_us = number(component, "cpu_us"),
+          .minor_faults = whole(component, "minor_faults"),
+          .major_faults = whole(component, "major_faults"),
+          .voluntary_switches = whole(component, "voluntary_switches"),
+          .involuntary_switches = whole(component, "involuntary_switches")};
+}
+
+std::int64_t Finished::sum(const std::string& name) const {
+  std::int64_t total = 0;
+  for (const auto& [component, its_results] : results) {
+    if (its_results.contains(name)) {
+      total += whole(component, name);
+    }
+  }
+  return total;
+}
+
+/// The application that `request_end` ends, as long as it lives.
+class Runner::Announcement {
+ public:
+  Announcement(Runner& runner, host::Application& application) : runner_(runner) {
+    const std::lock_guard lock(runner_.mutex_);
+    runner_.running_ = &application;
+    if (runner_.is_ended_) {
+      application.request_end(host::EndReason::kRequested);
+    }
+  }
+  Announcement(const Announcement&) = delete;
+  Announcement& operator=(const Announcement&) = delete;
+  ~Announcement() {
+    const std::lock_guard lock(runner_.mutex_);
+    runner_.running_ = nullptr;
+  }
+
+ private:
+  Runner& runner_;
+};
+
+Finished Runner::run(const Json& json, const std::string& folder, const RunHooks& hooks) {
+  Finished finished;
   const std::filesystem::path file = folder + "/benchmark.json";
-  std::ofstream(file) << text;
+  std::ofstream(file) << json.dump(2);
+  finished.stages.begin_ns = measure::now_ns();
   config::Problems problems;
   const config::ApplicationDescription description = config::load({.file = file}, problems);
   if (problems.has_errors()) {
     refuse(problems);
   }
+  finished.stages.read_ns = measure::now_ns();
   host::LibraryLoader libraries(host::library_folders(description, {}));
-  host::Application application(description, {});
+  host::Application application(description, hooks.clock);
   application.build(libraries, problems, host::ConstructorFault::kMistake);
   if (problems.has_errors()) {
     refuse(problems);
   }
-  const auto began = std::chrono::steady_clock::now();
-  application.start();
-  application.run(std::nullopt);
+  finished.stages.built_ns = measure::now_ns();
+  const Announcement announcement(*this, application);
+  finished.refusals = application.start();
+  finished.stages.started_ns = measure::now_ns();
+  if (hooks.after_start) {
+    hooks.after_start();
+  }
+  application.run(hooks.limit);
+  if (hooks.before_stop) {
+    hooks.before_stop();
+  }
   application.stop();
-  return host::make_report(application, std::chrono::steady_clock::now() - began);
+
+  if (const std::string failure = find_failure(application); !failure.empty()) {
+    throw std::runtime_error(failure);
+  }
+  finished.report = host::make_report(
+      application, std::chrono::nanoseconds(measure::now_ns() - finished.stages.started_ns));
+  for (const auto& component : application.components()) {
+    finished.results[component->name] = component->results;
+  }
+  if (!hooks.clock.is_simulated) {
+    finished.clock_offset_ns = base::to_ns(application.clock().at_monotonic(0));
+  }
+  return finished;
+}
+
+void Runner::request_end() {
+  const std::lock_guard lock(mutex_);
+  is_ended_ = true;
+  if (running_ != nullptr) {
+    running_->request_end(host::EndReason::kRequested);
+  }
 }
 
 }  // namespace fastcycle::tool::bench

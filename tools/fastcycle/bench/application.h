@@ -1,30 +1,93 @@
 #pragma once
 
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include <nlohmann/json.hpp>
+
+#include "base/thread.h"
+#include "bench/options.h"
+#include "fastcycle/component.h"
+#include "host/application.h"
 #include "host/report.h"
-#include "measure/floors.h"
-#include "measure/row.h"
+#include "measure/usage.h"
 
 namespace fastcycle::tool::bench {
 
-/// How the executors of publisher and subscriber wait and run.
-struct Profile {
-  std::string wait = "park";  ///< As in an application file: park, spin, adaptive.
-  bool is_fifo = false;
+using Json = nlohmann::ordered_json;
+
+// The pieces of an application file, as `fastcycle run` accepts it.
+
+/// Two executors on one machine: with SCHED_FIFO and `spin` each gets a CPU, named by `place`.
+[[nodiscard]] Json executor(const Options& options, const std::string& name,
+                            const std::string& wait, int place);
+[[nodiscard]] Json component(const std::string& name, const std::string& library,
+                             const std::string& executor, Json params);
+[[nodiscard]] Json application(Json executors, Json components);
+
+/// What `benchmark_source` needs, for one point.
+[[nodiscard]] Json source(const Options& options, std::int64_t size);
+/// A `benchmark_sink` in front of which a few of these payloads may wait.
+[[nodiscard]] Json sink(const Options& options, const std::string& name, std::int64_t size);
+/// Makes `component` write its stamps into `folder`; nothing without a folder.
+void write_samples_to(Json& component, const std::string& folder);
+
+/// When the steps of a run were done, CLOCK_MONOTONIC.
+struct Stages {
+  std::int64_t begin_ns = 0;
+  std::int64_t read_ns = 0;     ///< The JSON file.
+  std::int64_t built_ns = 0;    ///< Libraries loaded, components made, topics connected.
+  std::int64_t started_ns = 0;  ///< Components started, timers run.
 };
 
-/// The application file of a mode: JSON that `fastcycle run` accepts as well. `folder` is where the
-/// components write the stamps.
-[[nodiscard]] std::string latency_application(const measure::Plan& plan, const Profile& profile,
-                                              const std::string& folder);
-[[nodiscard]] std::string rtt_application(const measure::Plan& plan, const Profile& profile,
-                                          const std::string& folder);
+/// A run that is over.
+struct Finished {
+  host::RunReport report;
+  std::map<std::string, std::map<std::string, ReportValue, std::less<>>> results;
+  std::vector<base::Refusal> refusals;
+  Stages stages;
+  std::int64_t clock_offset_ns = 0;  ///< The application's clock minus CLOCK_MONOTONIC, live.
 
-/// Runs the application as `fastcycle run` does: read from a file in `folder`, libraries loaded and
-/// components made by the host.
+  [[nodiscard]] double number(const std::string& component, const std::string& name) const;
+  [[nodiscard]] std::int64_t whole(const std::string& component, const std::string& name) const;
+  /// What `component` says that the process used.
+  [[nodiscard]] measure::Usage usage(const std::string& component) const;
+  /// The sum over all components that report it.
+  [[nodiscard]] std::int64_t sum(const std::string& name) const;
+};
+
+/// What is done at certain points of a run.
+struct RunHooks {
+  host::ClockOptions clock = {};
+  std::optional<Duration> limit = {};
+  std::function<void()> after_start = {};
+  std::function<void()> before_stop = {};
+};
+
+/// Runs applications one after the other as `fastcycle run` does: read from a file, libraries
+/// loaded and components made by the host.
 ///
-/// @errors  std::runtime_error with all there is to say if it did not start or did not end well.
-host::RunReport run_application(const std::string& text, const std::string& folder);
+/// @threads  `request_end` is Safe; all else is confined to its owner.
+class Runner {
+ public:
+  /// @errors  std::runtime_error with all there is to say if it did not start or did not end well.
+  [[nodiscard]] Finished run(const Json& json, const std::string& folder,
+                             const RunHooks& hooks = {});
+
+  /// Ends the application that runs now.
+  void request_end();
+
+ private:
+  class Announcement;
+
+  std::mutex mutex_;
+  host::Application* running_ = nullptr;
+  bool is_ended_ = false;
+};
 
 }  // namespace fastcycle::tool::bench

@@ -1,142 +1,79 @@
 // fastcycle bench: what messages cost on this machine, beside the floors of the machine.
 
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
+#include <map>
 #include <memory>
-#include <stdexcept>
 #include <string>
-#include <variant>
-#include <vector>
 
-#include <CLI/CLI.hpp>
-
-#include "bench/application.h"
+#include "bench/modes.h"
+#include "bench/options.h"
+#include "bench/session.h"
 #include "command.h"
-#include "host/report.h"
-#include "measure/floors.h"
-#include "measure/row.h"
 
 namespace fastcycle::tool {
 namespace {
 
-using measure::Measured;
-using measure::Plan;
-using measure::Row;
+using bench::Mode;
+using bench::Options;
+using bench::Session;
 
-struct BenchOptions {
-  std::string mode;
-  std::vector<std::int64_t> sizes = {32 << 10, 128 << 10, 512 << 10, 1 << 20, 4 << 20};
-  Plan plan;
-  std::int64_t rounds = 1;
-  std::vector<std::string> waits = {"park"};
-};
-
-/// A folder of its own, gone with it.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "fastcycle-bench-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) {
-      throw std::runtime_error("cannot make a folder like " + name);
-    }
-    path_ = name;
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  [[nodiscard]] std::string path() const { return path_.string(); }
-
- private:
-  std::filesystem::path path_;
-};
-
-double number_of(const host::RunReport& report, const std::string& name) {
-  for (const auto& [key, value] : report.results) {
-    if (key == name) {
-      if (const auto* number = std::get_if<double>(&value)) {
-        return *number;
-      }
-      if (const auto* number = std::get_if<std::int64_t>(&value)) {
-        return static_cast<double>(*number);
-      }
-    }
-  }
-  throw std::runtime_error("the benchmark's components did not report \"" + name + "\"");
+Mode mode_of(const Options& options, Session* session) {
+  using Make = Mode (*)(const Options&, Session*);
+  static const std::map<std::string, Make> kModes = {
+      {"latency", &bench::latency_mode}, {"rtt", &bench::latency_mode},
+      {"flood", &bench::flood_mode},     {"fanout", &bench::fanout_mode},
+      {"timer", &bench::timer_mode},     {"chain", &bench::chain_mode},
+      {"startup", &bench::startup_mode}};
+  return kModes.at(options.mode)(options, session);
 }
 
-Measured measure_fastcycle(const Plan& plan, const bench::Profile& profile, bool is_rtt) {
-  const TemporaryFolder folder;
-  const host::RunReport report =
-      bench::run_application(is_rtt ? bench::rtt_application(plan, profile, folder.path())
-                                    : bench::latency_application(plan, profile, folder.path()),
-                             folder.path());
-  Measured result;
-  if (const std::string error = measure::read_samples(folder.path() + "/samples", result.samples);
-      !error.empty()) {
-    throw std::runtime_error(error);
+int run_bench(Options& options, const CLI::App& line) {
+  if (const std::string wrong = bench::complete(options, line); !wrong.empty()) {
+    std::fprintf(stderr, "fastcycle bench: %s\n  fastcycle bench --help says more\n",
+                 wrong.c_str());
+    return kWrong;
   }
-  const auto whole = [&](const std::string& name) {
-    return static_cast<std::int64_t>(number_of(report, name));
-  };
-  result.usage = {.cpu_us = number_of(report, "cpu_us"),
-                  .minor_faults = whole("minor_faults"),
-                  .major_faults = whole("major_faults"),
-                  .voluntary_switches = whole("voluntary_switches"),
-                  .involuntary_switches = whole("involuntary_switches")};
-  return result;
+  if (options.prints_application) {
+    std::printf("%s\n", mode_of(options, nullptr).application.dump(2).c_str());
+    return flush_output();
+  }
+  Session session(options);
+  return session.run(mode_of(options, &session));
 }
 
-void print_row(const BenchOptions& options, const Plan& plan, const std::string& peer,
-               std::int64_t round, const Measured& measured) {
-  Row row{.peer = peer,
-          .mode = options.mode,
-          .size = plan.size,
-          .round = round,
-          .warmup = plan.warmup,
-          .interval_us = plan.interval_us};
-  measure_into(row, measured.samples, plan.count, measured.usage);
-  std::printf("%s\n", to_json(row).c_str());
-  std::fflush(stdout);
-}
-
-int bench_latency(const BenchOptions& options) {
-  const bool is_rtt = options.mode == "rtt";
-  const auto floor = is_rtt ? &measure::floor_rtt : &measure::floor_latency;
-  for (std::int64_t round = 1; round <= options.rounds; ++round) {
-    for (const std::int64_t size : options.sizes) {
-      Plan plan = options.plan;
-      plan.size = size;
-      print_row(options, plan, "floor-futex", round, floor(plan, measure::Waiting::kFutex));
-      for (const std::string& wait : options.waits) {
-        if (wait == "spin") {
-          print_row(options, plan, "floor-spin", round, floor(plan, measure::Waiting::kSpin));
-        }
-        print_row(options, plan, "fastcycle-" + wait, round,
-                  measure_fastcycle(plan, {.wait = wait}, is_rtt));
-      }
-    }
-  }
-  return kDone;
-}
+constexpr const char* kModesText =
+    "Modes:\n"
+    "  latency  from publish to callback, one message an interval\n"
+    "  rtt      there and back\n"
+    "  flood    messages a second, as fast as possible, without loss unless --no-credits\n"
+    "  fanout   what publishing costs for each further subscriber\n"
+    "  timer    how late timers are, and that they do not drift\n"
+    "  chain    several components in a row, on one thread and on two\n"
+    "  startup  from nothing to the first messages; memory; an idle application\n"
+    "\n"
+    "Two component libraries are loaded from JSON by the host, as `fastcycle run` does; what they\n"
+    "are compared with are floors: the least that this machine needs for the same with bare "
+    "system\n"
+    "calls, measured in turn with them. With --wait spin the subscriber spins; the publisher\n"
+    "spins only in rtt and flood, since in the others it sleeps between its messages.\n";
 
 }  // namespace
 
 Command add_bench(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "bench", "Measure what messages cost on this machine, beside its floors");
-  const auto options = std::make_shared<BenchOptions>();
-  line->add_option("mode", options->mode, "latency or rtt")->required()->type_name("MODE");
-  line->add_option("--size", options->sizes, "Payload in bytes")->type_name("N")->delimiter(',');
-  line->add_option("--count", options->plan.count, "Messages a point")->type_name("N");
-  line->add_option("--warmup", options->plan.warmup, "Messages before")->type_name("N");
-  line->add_option("--interval-us", options->plan.interval_us, "Between messages")->type_name("N");
-  line->add_option("--rounds", options->rounds, "Rounds")->type_name("R");
-  line->add_option("--wait", options->waits, "park, spin, adaptive")->delimiter(',');
-  return {line, [options] { return bench_latency(*options); }};
+      "bench", "Measure what messages cost on this machine, beside the least it needs");
+  line->footer(kModesText + ("\n" + examples("  fastcycle bench latency\n"
+                                             "  fastcycle bench rtt --size 64,32K,4M --wait "
+                                             "park,spin --rounds 5\n"
+                                             "  fastcycle bench flood --json > flood.jsonl\n"
+                                             "  fastcycle bench startup --components 200 --topics "
+                                             "2000\n"
+                                             "\n"
+                                             "Exit codes: 0 done, 1 stopped, or something arrived "
+                                             "damaged, 2 a mistake, 130 ended at once.\n")));
+  const auto options = std::make_shared<Options>();
+  bench::add_options(*line, *options);
+  return {line, [options, line] { return run_bench(*options, *line); }};
 }
 
 }  // namespace fastcycle::tool

@@ -1,0 +1,156 @@
+// Both ends of a flood: one sends as fast as it can, the other counts.
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <utility>
+
+#include <fastcycle/fastcycle.h>
+
+#include "components/payload.h"
+#include "components/results.h"
+#include "measure/clock.h"
+#include "measure/usage.h"
+
+namespace {
+
+using fastcycle::benchmark::Credit;
+using fastcycle::benchmark::Payload;
+using fastcycle::measure::now_ns;
+using fastcycle::measure::Usage;
+
+constexpr std::int64_t kBatches = 4;  // A window is given back in quarters.
+
+/// Sends `count` payloads, a batch for each credit, at first a whole window. Without credits it
+/// sends batch after batch from a timer that it arms again, whatever became of them.
+class FloodSource final : public fastcycle::Component {
+ public:
+  explicit FloodSource(fastcycle::Context& context)
+      : Component(context),
+        size_(static_cast<std::size_t>(
+            context.param<std::int64_t>("size_bytes", {.fallback = 64, .min = 0, .max = 1 << 30})
+                .get())),
+        count_(context.param<std::int64_t>("count", {.fallback = 1'000'000, .min = 1}).get()),
+        window_(context.param<std::int64_t>("window", {.fallback = 1024, .min = kBatches}).get()),
+        waits_for_credits_(context.param<bool>("waits_for_credits", {.fallback = true}).get()),
+        payload_(context.create_publisher<Payload>(
+            "payload", {.prototype = fastcycle::benchmark::prototype(size_)})),
+        source_(context.create_source()),
+        timer_(context.create_timer([this] { on_timer(); })) {
+    if (waits_for_credits_) {
+      context.create_subscriber<Credit>("credit", [this](const Credit& credit) { take(credit); });
+    }
+  }
+
+  void start() override { timer_.arm_at(now() + kPause); }
+
+  void stop() override {
+    report("sent", number_);
+    report("first_sent_ns", first_sent_ns_);
+    fastcycle::benchmark::report_usage(context(), usage_);
+  }
+
+ private:
+  /// Before the first message, so that all has started; after the last, so that it has arrived.
+  static constexpr std::chrono::milliseconds kPause{20};
+
+  void on_timer() {
+    if (number_ == 0) {
+      at_begin_ = Usage::now();
+      first_sent_ns_ = now_ns();
+    }
+    if (number_ == count_) {
+      finish();
+      return;
+    }
+    send_up_to(number_ + (waits_for_credits_ ? window_ : window_ / kBatches));
+    if (!waits_for_credits_) {
+      timer_.arm_at(number_ == count_ ? now() + kPause : now());
+    }
+  }
+
+  void take(const Credit& credit) {
+    send_up_to(credit.received() + window_);
+    if (credit.received() == count_) {
+      finish();
+    }
+  }
+
+  void send_up_to(std::int64_t end) {
+    for (end = std::min(end, count_); number_ < end; ++number_) {
+      auto payload = payload_.loan_uncleared();
+      payload->mutable_data()->resize(size_);
+      fastcycle::measure::fill(payload->mutable_data()->data(), size_, number_);
+      payload->set_number(number_);
+      payload_.publish(std::move(payload));
+    }
+  }
+
+  void finish() {
+    usage_ = Usage::now() - at_begin_;
+    source_.finish();
+  }
+
+  const std::size_t size_;
+  const std::int64_t count_;
+  const std::int64_t window_;
+  const bool waits_for_credits_;
+  fastcycle::Publisher<Payload> payload_;
+  fastcycle::Source source_;
+  fastcycle::Timer timer_;
+  std::int64_t number_ = 0;
+  std::int64_t first_sent_ns_ = 0;
+  Usage at_begin_;
+  Usage usage_;
+};
+
+/// Counts what arrives, and gives credits back if it is asked to. The clock is read where the last
+/// message comes; where that one may be lost, for each.
+class FloodSink final : public fastcycle::Component {
+ public:
+  explicit FloodSink(fastcycle::Context& context)
+      : Component(context),
+        count_(context.param<std::int64_t>("count", {.fallback = 1'000'000, .min = 1}).get()),
+        batch_(context.param<std::int64_t>("window", {.fallback = 1024, .min = kBatches}).get() /
+               kBatches),
+        gives_credits_(context.param<bool>("gives_credits", {.fallback = true}).get()),
+        credit_(context.create_publisher<Credit>("credit")) {
+    context.create_subscriber<Payload>("payload",
+                                       [this](const Payload& payload) { take(payload); });
+  }
+
+  void stop() override {
+    report("received", received_);
+    report("damaged", damaged_);
+    report("last_received_ns", last_received_ns_);
+  }
+
+ private:
+  void take(const Payload& payload) {
+    const bool is_in_order = payload.number() > last_number_;
+    last_number_ = payload.number();
+    damaged_ += is_in_order && fastcycle::benchmark::is_whole(payload) ? 0 : 1;
+    ++received_;
+    if (!gives_credits_ || received_ == count_) {
+      last_received_ns_ = now_ns();
+    }
+    if (gives_credits_ && (received_ % batch_ == 0 || received_ == count_)) {
+      auto credit = credit_.loan();
+      credit->set_received(received_);
+      credit_.publish(std::move(credit));
+    }
+  }
+
+  const std::int64_t count_;
+  const std::int64_t batch_;
+  const bool gives_credits_;
+  fastcycle::Publisher<Credit> credit_;
+  std::int64_t received_ = 0;
+  std::int64_t damaged_ = 0;
+  std::int64_t last_number_ = -1;
+  std::int64_t last_received_ns_ = 0;
+};
+
+}  // namespace
+
+FASTCYCLE_COMPONENTS(FloodSource, FloodSink)

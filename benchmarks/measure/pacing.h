@@ -1,0 +1,40 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "measure/clock.h"
+#include "measure/floors.h"
+#include "measure/usage.h"
+
+namespace fastcycle::measure {
+
+/// As FastCycle's own workers: timers to the nanosecond, and the policy that `plan` asks for.
+void set_up_thread(const Plan& plan) noexcept;
+
+[[nodiscard]] inline std::int64_t total(const Plan& plan) noexcept {
+  return plan.warmup + plan.count;
+}
+
+[[nodiscard]] inline bool is_stopped(const Plan& plan) noexcept {
+  return plan.stop != nullptr && plan.stop->load(std::memory_order_relaxed);
+}
+
+/// Calls `act(number)` once an interval, until the plan is done or stopped; returns what was used
+/// after the warm-up.
+template <typename Act>
+Usage each_interval(const Plan& plan, const Act& act) {
+  Usage at_begin = Usage::now();
+  const std::int64_t begin_ns = now_ns();
+  for (std::int64_t number = 0; number < total(plan) && !is_stopped(plan); ++number) {
+    const std::int64_t due_ns = begin_ns + (number + 1) * plan.interval_us * 1000;
+    sleep_until(due_ns);
+    if (number == plan.warmup) {
+      at_begin = Usage::now();
+    }
+    act(number, due_ns);
+  }
+  return Usage::now() - at_begin;
+}
+
+}  // namespace fastcycle::measure

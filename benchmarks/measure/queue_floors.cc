@@ -1,0 +1,161 @@
+#include "measure/queue_floors.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdlib>
+#include <deque>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "measure/clock.h"
+#include "measure/pacing.h"
+#include "measure/payload.h"
+
+namespace fastcycle::measure {
+namespace {
+
+struct Message {
+  Sample stamps;
+  void* data = nullptr;
+};
+
+/// A queue as in every textbook.
+template <typename T>
+class LockedQueue {
+ public:
+  void put(T item) {
+    bool is_awaited = false;
+    {
+      const std::lock_guard lock(mutex_);
+      items_.push_back(item);
+      is_awaited = is_awaited_;
+    }
+    if (is_awaited) {
+      filled_.notify_one();
+    }
+  }
+
+  T take() {
+    std::unique_lock lock(mutex_);
+    while (items_.empty()) {
+      is_awaited_ = true;
+      filled_.wait(lock);
+    }
+    is_awaited_ = false;
+    const T item = items_.front();
+    items_.pop_front();
+    return item;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable filled_;
+  std::deque<T> items_;
+  bool is_awaited_ = false;
+};
+
+/// How many messages the sender may still send; given back in batches.
+class Credits {
+ public:
+  explicit Credits(std::int64_t count) : count_(count) {}
+
+  void give(std::int64_t count) {
+    {
+      const std::lock_guard lock(mutex_);
+      count_ += count;
+    }
+    given_.notify_one();
+  }
+
+  /// Waits until there are some, and takes them all.
+  std::int64_t take() {
+    std::unique_lock lock(mutex_);
+    given_.wait(lock, [this] { return count_ > 0; });
+    return std::exchange(count_, 0);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable given_;
+  std::int64_t count_;
+};
+
+}  // namespace
+
+Measured floor_malloc(const Plan& plan) {
+  Measured result;
+  result.samples.reserve(static_cast<std::size_t>(total(plan)));
+  const auto size = static_cast<std::size_t>(plan.size);
+  LockedQueue<Message> queue;
+  std::thread receiver([&] {
+    set_up_thread(plan);
+    for (Message message = queue.take(); message.stamps.number >= 0; message = queue.take()) {
+      message.stamps.arrived_ns = now_ns();
+      result.samples.push_back(message.stamps);
+      std::free(message.data);
+    }
+  });
+  std::thread sender([&] {
+    set_up_thread(plan);
+    result.usage = each_interval(plan, [&](std::int64_t number, std::int64_t) {
+      Message message{.stamps = {.number = number, .made_ns = now_ns()}, .data = std::malloc(size)};
+      fill(message.data, message.data == nullptr ? 0 : size, number);
+      message.stamps.sent_ns = now_ns();
+      queue.put(message);
+    });
+    queue.put({.stamps = {.number = -1}});
+  });
+  sender.join();
+  receiver.join();
+  return result;
+}
+
+Flood floor_flood(const Plan& plan, std::int64_t window) {
+  struct Item {
+    std::int64_t number = 0;
+    std::vector<unsigned char> data;
+  };
+  std::vector<Item> pool(static_cast<std::size_t>(window));
+  for (Item& item : pool) {
+    item.data.assign(static_cast<std::size_t>(plan.size), 1);
+  }
+  Flood result;
+  LockedQueue<Item*> queue;
+  Credits credits(window);
+  const std::int64_t batch = std::max<std::int64_t>(window / 4, 1);
+  std::thread receiver([&] {
+    set_up_thread(plan);
+    for (const Item* item = queue.take(); item != nullptr; item = queue.take()) {
+      const bool is_whole = item->number == result.received &&
+                            is_filled(item->data.data(), item->data.size(), item->number);
+      result.damaged += is_whole ? 0 : 1;
+      if (++result.received % batch == 0) {
+        credits.give(batch);
+      }
+    }
+    result.last_received_ns = now_ns();
+  });
+  std::thread sender([&] {
+    set_up_thread(plan);
+    const Usage at_begin = Usage::now();
+    result.first_sent_ns = now_ns();
+    while (result.sent < plan.count && !is_stopped(plan)) {
+      for (std::int64_t left = credits.take(); left > 0 && result.sent < plan.count; --left) {
+        Item& item = pool[static_cast<std::size_t>(result.sent % window)];
+        item.number = result.sent++;
+        fill(item.data.data(), item.data.size(), item.number);
+        queue.put(&item);
+      }
+    }
+    queue.put(nullptr);
+    receiver.join();
+    result.usage = Usage::now() - at_begin;
+  });
+  sender.join();
+  return result;
+}
+
+}  // namespace fastcycle::measure

@@ -1,0 +1,123 @@
+// latency: from publish to callback. rtt: there and back.
+
+#include <string>
+
+#include <fmt/format.h>
+
+#include "bench/modes.h"
+#include "measure/queue_floors.h"
+
+namespace fastcycle::tool::bench {
+namespace {
+
+/// Who waits how: the publisher of "latency" sleeps between its messages anyway, and so does the
+/// floor's sender.
+std::string publisher_wait(const std::string& wait, bool is_rtt) {
+  return wait == "spin" && !is_rtt ? "park" : wait;
+}
+
+Json latency_application(const Options& options, std::int64_t size, const std::string& wait,
+                         const std::string& folder) {
+  const bool is_rtt = options.mode == "rtt";
+  Json its_source = source(options, size);
+  Json its_sink = sink(options, "sink", size);
+  if (is_rtt) {
+    its_source["params"]["takes_echo"] = true;
+    its_source["subscribers"]["echo"]["depth"] = depth_for(size);
+    its_sink["params"]["echoes"] = true;
+  }
+  write_samples_to(is_rtt ? its_source : its_sink, folder);
+  return application({executor(options, "publisher", publisher_wait(wait, is_rtt), 1),
+                      executor(options, "subscriber", wait, 0)},
+                     {its_source, its_sink});
+}
+
+Finding measure_floor(const Session& session, const std::string& peer,
+                      const measure::Measured& measured, std::int64_t size) {
+  Finding finding{.row = session.row(peer, size), .samples = measured.samples};
+  measure_into(finding.row, measured.samples, session.options().count, measured.usage);
+  return finding;
+}
+
+Finding measure_fastcycle(Session& session, const std::string& wait, std::int64_t size) {
+  const bool is_rtt = session.options().mode == "rtt";
+  const Finished finished =
+      session.run_application(latency_application(session.options(), size, wait, session.folder()));
+  Finding finding{.row = session.row("fastcycle-" + wait, size),
+                  .samples = session.samples_of(is_rtt ? "source" : "sink")};
+  measure_into(finding.row, finding.samples, finished.whole("source", "sent"),
+               finished.usage("source"));
+  const std::int64_t damaged = finished.sum("damaged");
+  finding.row.more = damaged_json(damaged);
+  finding.trouble = damaged_trouble(damaged);
+  return finding;
+}
+
+Point make_point(const Options& options, Session* session, std::int64_t size) {
+  Point point;
+  const bool is_rtt = options.mode == "rtt";
+  const auto floor = is_rtt ? &measure::floor_rtt : &measure::floor_latency;
+  const auto add_floor = [&](const std::string& peer, const auto& run) {
+    if (options.floors != "none") {
+      point.steps.push_back({.peer = peer, .measure = [session, peer, size, run] {
+                               return measure_floor(*session, peer, run(session->plan(size)), size);
+                             }});
+    }
+  };
+  const auto uses = [&](bool is_spin) {
+    for (const std::string& wait : options.waits) {
+      if ((wait == "spin") == is_spin) {
+        return true;
+      }
+    }
+    return options.floors == "all";
+  };
+  if (uses(false)) {
+    add_floor("floor-futex",
+              [floor](const measure::Plan& plan) { return floor(plan, measure::Waiting::kFutex); });
+  }
+  if (uses(true)) {
+    add_floor("floor-spin",
+              [floor](const measure::Plan& plan) { return floor(plan, measure::Waiting::kSpin); });
+  }
+  if (options.floors == "all" && !is_rtt) {
+    add_floor("floor-malloc", &measure::floor_malloc);
+  }
+  for (const std::string& wait : options.waits) {
+    point.steps.push_back(
+        {.peer = "fastcycle-" + wait,
+         .measure = [session, wait, size] { return measure_fastcycle(*session, wait, size); },
+         .floor = wait == "spin" ? "floor-spin" : "floor-futex"});
+  }
+  return point;
+}
+
+}  // namespace
+
+Mode latency_mode(const Options& options, Session* session) {
+  Mode mode;
+  mode.application = latency_application(options, options.sizes.front(), options.waits.front(), {});
+  mode.title = fmt::format("{}, µs; {} messages a point after {} of warm-up, one each {} µs",
+                           options.mode == "rtt" ? "there and back" : "from publish to callback",
+                           options.count, options.warmup, options.interval_us);
+  mode.columns = {{"size", "size"},
+                  {"peer", "peer"},
+                  {"p50", "p50_us"},
+                  {"p90", "p90_us"},
+                  {"p99", "p99_us"},
+                  {"p99.9", "p999_us"},
+                  {"max", "max_us"},
+                  {"mean", "mean_us"},
+                  {"sd", "std_us"},
+                  {"with fill", "e2e_p50_us"},
+                  {"cpu/msg", "cpu_us_per_msg"},
+                  {"lost", "lost", 0},
+                  {"damaged", "damaged", 0},
+                  {"p50/floor", kRatioKey, 2}};
+  for (const std::int64_t size : options.sizes) {
+    mode.points.push_back(make_point(options, session, size));
+  }
+  return mode;
+}
+
+}  // namespace fastcycle::tool::bench

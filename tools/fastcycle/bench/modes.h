@@ -1,0 +1,15 @@
+#pragma once
+
+#include "bench/session.h"
+
+namespace fastcycle::tool::bench {
+
+// Each mode in a file of its own. Without a session only its application can be asked for.
+[[nodiscard]] Mode latency_mode(const Options& options, Session* session);  ///< And rtt.
+[[nodiscard]] Mode flood_mode(const Options& options, Session* session);
+[[nodiscard]] Mode fanout_mode(const Options& options, Session* session);
+[[nodiscard]] Mode timer_mode(const Options& options, Session* session);
+[[nodiscard]] Mode chain_mode(const Options& options, Session* session);
+[[nodiscard]] Mode startup_mode(const Options& options, Session* session);
+
+}  // namespace fastcycle::tool::bench

@@ -1,0 +1,307 @@
+#include "bench/options.h"
+
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <optional>
+#include <set>
+#include <string_view>
+
+#include <CLI/CLI.hpp>
+#include <sched.h>
+
+#include "config/nearest.h"
+#include "config/problem.h"
+#include "duration.h"
+#include "report_file.h"
+
+namespace fastcycle::tool::bench {
+namespace {
+
+using Numbers = std::vector<std::int64_t>;
+
+constexpr std::int64_t kKiB = 1024;
+constexpr std::int64_t kMaxSize = 1 << 30;  // As the component's param.
+constexpr std::int64_t kMaxCount = 100'000'000;
+
+/// What a mode is, and what it takes unless told otherwise.
+struct Mode {
+  std::set<std::string> options;  ///< Of those that not every mode has.
+  Numbers sizes;
+  std::int64_t count = 0;
+  std::int64_t warmup = 0;
+};
+
+const std::map<std::string, Mode>& modes() {
+  static const Numbers kLarge = {32 * kKiB, 128 * kKiB, 512 * kKiB, 1024 * kKiB, 4096 * kKiB};
+  static const std::map<std::string, Mode> kModes = {
+      {"latency",
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait"}, kLarge, 5000, 200}},
+      {"rtt",
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait"}, kLarge, 5000, 200}},
+      {"flood", {{"--size", "--count", "--window", "--no-credits", "--wait"}, {64}, 1'000'000, 0}},
+      {"fanout",
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--subs", "--wait"},
+        {64},
+        2000,
+        200}},
+      {"timer",
+       {{"--count", "--warmup", "--interval-us", "--raw", "--clock", "--wait"}, {0}, 5000, 200}},
+      {"chain",
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--hops", "--wait"},
+        {64},
+        2000,
+        200}},
+      {"startup", {{"--components", "--topics", "--for"}, {0}, 1000, 200}}};
+  return kModes;
+}
+
+/// "32K" as bytes; none if it is no size.
+std::optional<std::int64_t> parse_size(std::string_view word) {
+  std::int64_t number = 0;
+  const char* const end = word.data() + word.size();
+  const auto [rest, error] = std::from_chars(word.data(), end, number);
+  const std::string_view unit(rest, static_cast<std::size_t>(end - rest));
+  const std::int64_t factor = unit.empty()                 ? 1
+                              : unit == "K" || unit == "k" ? kKiB
+                              : unit == "M"                ? kKiB * kKiB
+                              : unit == "G"                ? kKiB * kKiB * kKiB
+                                                           : 0;
+  if (error != std::errc() || factor == 0 || number < 0 || number > kMaxSize / factor) {
+    return std::nullopt;
+  }
+  return number * factor;
+}
+
+/// Bytes that the machine can still give; a large number if it does not say.
+std::int64_t available_memory() {
+  std::ifstream file("/proc/meminfo");
+  std::string name;
+  std::int64_t kib = 0;
+  std::string unit;
+  while (file >> name >> kib >> unit) {
+    if (name == "MemAvailable:") {
+      return kib * kKiB;
+    }
+  }
+  return std::numeric_limits<std::int64_t>::max();
+}
+
+std::string out_of_range(const std::string& option, std::int64_t value, std::int64_t min,
+                         std::int64_t max) {
+  return value >= min && value <= max
+             ? std::string()
+             : option + " wants a number from " + std::to_string(min) + " to " +
+                   std::to_string(max) + ", not " + std::to_string(value);
+}
+
+std::string out_of_range(const std::string& option, const Numbers& values, std::int64_t min,
+                         std::int64_t max) {
+  for (const std::int64_t value : values) {
+    if (std::string wrong = out_of_range(option, value, min, max); !wrong.empty()) {
+      return wrong;
+    }
+  }
+  return {};
+}
+
+std::string find_unknown_word(const Options& options) {
+  static const std::vector<std::string> kWaits = {"park", "spin", "adaptive"};
+  static const std::vector<std::string> kFloors = {"default", "all", "none"};
+  for (const std::string& wait : options.waits) {
+    if (std::find(kWaits.begin(), kWaits.end(), wait) == kWaits.end()) {
+      return "--wait is \"park\", \"spin\" or \"adaptive\", or several of them with commas, not "
+             "\"" +
+             wait + "\"";
+    }
+  }
+  if (std::find(kFloors.begin(), kFloors.end(), options.floors) == kFloors.end()) {
+    return R"(--floors is "default", "all" or "none", not ")" + options.floors + "\"";
+  }
+  if (options.clock != "live" && options.clock != "simulated") {
+    return R"(--clock is "live" or "simulated", not ")" + options.clock + "\"";
+  }
+  return {};
+}
+
+/// An option that this mode has no use for.
+std::string find_foreign(const Options& options, const Mode& mode, const CLI::App& line) {
+  std::set<std::string> particular;
+  for (const auto& [name, other] : modes()) {
+    particular.insert(other.options.begin(), other.options.end());
+  }
+  for (const std::string& option : particular) {
+    if (line.get_option(option)->count() > 0 && !mode.options.contains(option)) {
+      std::string users;
+      for (const auto& [name, other] : modes()) {
+        if (other.options.contains(option)) {
+          users += (users.empty() ? "" : ", ") + name;
+        }
+      }
+      return option + " means nothing for " + options.mode + "; it is for " + users;
+    }
+  }
+  return {};
+}
+
+std::string find_bad_number(const Options& options) {
+  // The credits come in quarters, and what waits for a subscriber is at most 65536 messages.
+  for (const auto& wrong : {out_of_range("--count", options.count, 1, kMaxCount),
+                            out_of_range("--warmup", options.warmup, 0, kMaxCount),
+                            out_of_range("--interval-us", options.interval_us, 1, 60'000'000),
+                            out_of_range("--rounds", options.rounds, 1, 10'000),
+                            out_of_range("--load", options.load, 0, 1024),
+                            out_of_range("--window", options.window, 4, 65536),
+                            out_of_range("--subs", options.subs, 1, 1000),
+                            out_of_range("--hops", options.hops, 1, 1000),
+                            out_of_range("--components", options.components, 1, 10'000),
+                            out_of_range("--topics", options.topics, 1, 100'000)}) {
+    if (!wrong.empty()) {
+      return wrong;
+    }
+  }
+  return {};
+}
+
+/// Whether the largest pool fits; said before the machine begins to swap.
+std::string find_too_large(const Options& options) {
+  const std::int64_t size = *std::max_element(options.sizes.begin(), options.sizes.end());
+  const bool is_flood = options.mode == "flood";
+  const std::int64_t depth = is_flood ? options.window : depth_for(size);
+  std::int64_t pools = 1;
+  if (options.mode == "fanout") {
+    pools = *std::max_element(options.subs.begin(), options.subs.end());
+  } else if (options.mode == "chain") {
+    pools = *std::max_element(options.hops.begin(), options.hops.end());
+  }
+  constexpr std::int64_t kStamps = 32;
+  const std::int64_t stamps =
+      is_flood || options.is_simulated() ? 0 : (options.count + options.warmup) * kStamps * pools;
+  const std::int64_t needed = size * (depth + 3) * pools + 2 * stamps;
+  if (const std::int64_t available = available_memory(); needed > available / 2) {
+    return "this needs about " + std::to_string(needed >> 20) + " MiB, and the machine has " +
+           std::to_string(available >> 20) + " MiB left: take a smaller --size" +
+           (is_flood ? ", --window" : ", --count");
+  }
+  return {};
+}
+
+int usable_cpus() {
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  return sched_getaffinity(0, sizeof(cpus), &cpus) == 0 ? CPU_COUNT(&cpus) : 1;
+}
+
+std::string find_contradiction(const Options& options) {
+  const bool spins =
+      std::find(options.waits.begin(), options.waits.end(), "spin") != options.waits.end();
+  if (options.is_fifo && spins && usable_cpus() < 3) {
+    return "--fifo with --wait spin takes two CPUs for itself, and leaves none here; say one of "
+           "the two";
+  }
+  if (options.is_simulated() && (options.is_fifo || !options.raw_file.empty() || spins)) {
+    return "--clock simulated measures no time: --fifo, --raw and --wait mean nothing there";
+  }
+  return {};
+}
+
+}  // namespace
+
+std::int64_t depth_for(std::int64_t size) {
+  constexpr std::int64_t kMemory = 16 * kKiB * kKiB;
+  return std::clamp<std::int64_t>(kMemory / std::max<std::int64_t>(size, 1), 4, 64);
+}
+
+void add_options(CLI::App& line, Options& options) {
+  line.add_option("mode", options.mode,
+                  "latency, rtt, flood, fanout, timer, chain or startup; see below")
+      ->required()
+      ->type_name("MODE");
+  const auto add = [&](const char* name, auto& value, const char* type, const char* text) {
+    line.add_option(name, value, text)->type_name(type);
+  };
+  const auto add_list = [&](const char* name, auto& values, const char* type, const char* text) {
+    line.add_option(name, values, text)->type_name(type)->delimiter(',');
+  };
+  add_list("--size", options.size_words, "N,…",
+           "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; else 64)");
+  add("--count", options.given_count, "N", "Messages a point, after the warm-up");
+  add("--warmup", options.given_warmup, "N", "Messages before, not measured (200)");
+  add("--interval-us", options.interval_us, "N", "Time from message to message (1000)");
+  add("--rounds", options.rounds, "R", "Measure all that often, in turn with the floors (1)");
+  add_list("--wait", options.waits, "WAY,…", "park, spin, adaptive: how workers wait (park)");
+  add("--load", options.load, "N", "Keep N threads busy beside it, in processes of their own");
+  line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
+  add("--floors", options.floors, "WHICH", "default, all (with malloc) or none");
+  line.add_flag("--json", options.is_json, "One JSON object a line for each point and round");
+  add("--raw", options.raw_file, "FILE.csv", "Write the stamps of every message");
+  line.add_flag("--print-application", options.prints_application,
+                "Print the application of the first point, and measure nothing");
+  add_list("--subs", options.subs, "N,…", "fanout: subscribers (1,2,4,8,16,32,64)");
+  add_list("--hops", options.hops, "N,…", "chain: hand-overs in a row (1,2,4,8)");
+  add("--window", options.window, "W", "flood: messages under way at most (1024)");
+  line.add_flag("--no-credits", options.has_no_credits,
+                "flood: send without regard for the receiver, and count what is lost");
+  add("--clock", options.clock, "CLOCK", "timer: live, or simulated for a million periods");
+  add("--components", options.components, "N", "startup: how many (12)");
+  add("--topics", options.topics, "M", "startup: how many (24)");
+  add("--for", options.idle_word, "TIME",
+      "startup: how long the idle application is watched (10s)");
+}
+
+std::string complete(Options& options, const CLI::App& line) {
+  const auto found = modes().find(options.mode);
+  if (found == modes().end()) {
+    std::vector<std::string> names;
+    std::string list;
+    for (const auto& [name, mode] : modes()) {
+      names.push_back(name);
+      list += (list.empty() ? "" : ", ") + name;
+    }
+    const std::string hint = config::did_you_mean(config::nearest(options.mode, names));
+    return "there is no mode \"" + options.mode + "\"; " +
+           (hint.empty() ? "there are " + list : hint);
+  }
+  const Mode& mode = found->second;
+  options.sizes = mode.sizes;
+  if (!options.size_words.empty()) {
+    options.sizes.clear();
+    for (const std::string& word : options.size_words) {
+      const std::optional<std::int64_t> size = parse_size(word);
+      if (!size) {
+        return "--size wants bytes up to 1G, as 64, 32K or 4M, not \"" + word + "\"";
+      }
+      options.sizes.push_back(*size);
+    }
+  }
+  options.count = options.given_count.value_or(options.is_simulated() ? 1'000'000 : mode.count);
+  options.warmup = options.given_warmup.value_or(options.is_simulated() ? 0 : mode.warmup);
+  const std::optional<Duration> idle = parse_duration(options.idle_word);
+  if (!idle) {
+    return "--for wants a time above zero with its unit, as 500ms, 10s or 2min, not \"" +
+           options.idle_word + "\"";
+  }
+  options.idle = *idle;
+  for (const auto& check : {find_unknown_word, find_bad_number}) {
+    if (std::string wrong = check(options); !wrong.empty()) {
+      return wrong;
+    }
+  }
+  if (std::string wrong = find_foreign(options, mode, line); !wrong.empty()) {
+    return wrong;
+  }
+  if (const std::string obstacle = ReportFile(options.raw_file).find_obstacle();
+      !obstacle.empty()) {
+    return "--raw " + options.raw_file.string() + " cannot be written: " + obstacle;
+  }
+  for (const auto& check : {find_contradiction, find_too_large}) {
+    if (std::string wrong = check(options); !wrong.empty()) {
+      return wrong;
+    }
+  }
+  return {};
+}
+
+}  // namespace fastcycle::tool::bench

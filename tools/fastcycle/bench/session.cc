@@ -1,0 +1,204 @@
+#include "bench/session.h"
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include "command.h"
+
+namespace fastcycle::tool::bench {
+namespace {
+
+bool is_terminal() {
+  return isatty(STDERR_FILENO) != 0;
+}
+
+}  // namespace
+
+std::string damaged_json(std::int64_t damaged) {
+  return fmt::format("\"damaged\":{}", damaged);
+}
+
+std::string damaged_trouble(std::int64_t damaged) {
+  return damaged == 0 ? std::string() : fmt::format("{} payloads arrived damaged", damaged);
+}
+
+Session::Folder::Folder() {
+  path = (std::filesystem::temp_directory_path() / "fastcycle-bench-XXXXXX").string();
+  if (mkdtemp(path.data()) == nullptr) {
+    throw std::runtime_error("bench: no folder " + path +
+                             " could be made: " + std::strerror(errno) + "; TMPDIR says where");
+  }
+}
+
+Session::Folder::~Folder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path, ignored);
+}
+
+Session::Session(const Options& options)
+    : options_(options), load_(options.load), signals_(block_stop_signals(), [this] {
+        std::fprintf(stderr, "%sstopping… (Ctrl-C again ends at once)\n",
+                     is_terminal() ? "\r\x1b[K" : "");
+        is_stopped_ = true;
+        runner_.request_end();
+      }) {
+  if (!options.raw_file.empty()) {
+    raw_.reset(std::fopen(options.raw_file.c_str(), "we"));
+    if (raw_ == nullptr) {
+      throw std::runtime_error("bench: --raw " + options.raw_file.string() + ": " +
+                               std::strerror(errno));
+    }
+    std::fputs("peer,mode,size,round,number,made_ns,sent_ns,arrived_ns\n", raw_.get());
+  }
+}
+
+measure::Row Session::row(const std::string& peer, std::int64_t size) const {
+  return {.peer = peer,
+          .mode = options_.mode,
+          .size = size,
+          .warmup = options_.warmup,
+          .interval_us = options_.interval_us};
+}
+
+measure::Plan Session::plan(std::int64_t size) const {
+  return {.size = size,
+          .count = options_.count,
+          .warmup = options_.warmup,
+          .interval_us = options_.interval_us,
+          .is_fifo = options_.is_fifo,
+          .stop = &is_stopped_};
+}
+
+Finished Session::run_application(const Json& json, const RunHooks& hooks) {
+  Finished finished = runner_.run(json, folder_.path, hooks);
+  if (!finished.refusals.empty() && !std::exchange(is_refused_, true)) {
+    const base::Refusal& refusal = finished.refusals.front();
+    std::fprintf(stderr, "refused: %s; %s\n", refusal.what.c_str(), refusal.remedy.c_str());
+  }
+  return finished;
+}
+
+measure::Samples Session::samples_of(const std::string& name) const {
+  measure::Samples samples;
+  if (const std::string error = measure::read_samples(folder_.path + "/" + name, samples);
+      !error.empty()) {
+    throw std::runtime_error("bench: " + error);
+  }
+  return samples;
+}
+
+void Session::show_progress(const std::string& text) const {
+  if (is_terminal()) {
+    std::fprintf(stderr, "\r\x1b[K%s", text.c_str());
+    std::fflush(stderr);
+  }
+}
+
+void Session::write_raw(const measure::Row& row, const measure::Samples& samples) {
+  for (const measure::Sample& sample : samples) {
+    fmt::print(raw_.get(), "{},{},{},{},{},{},{},{}\n", row.peer, row.mode, row.size, row.round,
+               sample.number, sample.made_ns, sample.sent_ns, sample.arrived_ns);
+  }
+}
+
+void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t round,
+                            std::vector<Line>& lines) {
+  const std::vector<Step>& steps = mode.points[point].steps;
+  for (std::size_t i = 0; i < steps.size() && !is_stopped(); ++i) {
+    // Whatever one leaves behind (warm caches, a fast clock) does not always favour the same other.
+    const std::size_t step = (i + static_cast<std::size_t>(round) - 1) % steps.size();
+    show_progress(fmt::format("round {} of {}, point {} of {}: {}", round, options_.rounds,
+                              point + 1, mode.points.size(), steps[step].peer));
+    Finding finding = steps[step].measure();
+    show_progress({});
+    if (is_stopped()) {
+      return;  // Cut short: no measurement.
+    }
+    finding.row.round = round;
+    if (!finding.trouble.empty()) {
+      std::fprintf(stderr, "fastcycle bench: %s, %s: %s\n", finding.row.peer.c_str(),
+                   size_text(finding.row.size).c_str(), finding.trouble.c_str());
+      has_failed_ = true;
+    }
+    if (options_.is_fifo) {
+      finding.row.more += std::string(finding.row.more.empty() ? "" : ",") + "\"policy\":\"" +
+                          (is_refused_ ? "other" : "fifo") + "\"";
+    }
+    if (raw_ != nullptr) {
+      write_raw(finding.row, finding.samples);
+    }
+    if (options_.is_json && !mode.after_round) {
+      std::printf("%s\n", to_json(finding.row).c_str());
+      std::fflush(stdout);
+    }
+    lines.push_back({point, step, std::move(finding.row)});
+  }
+}
+
+void Session::tabulate(const Mode& mode, const std::vector<Line>& lines, Table& table) const {
+  for (const Line& line : lines) {
+    nlohmann::json json = nlohmann::json::parse(to_json(line.row));
+    const Point& point = mode.points[line.point];
+    for (const Line& other : lines) {
+      if (other.point == line.point && other.row.peer == point.steps[line.step].floor) {
+        const nlohmann::json floor = nlohmann::json::parse(to_json(other.row));
+        const double its_figure = floor.value(mode.ratio_of, 0.0) * point.floor_times;
+        if (json.contains(mode.ratio_of) && its_figure > 0) {
+          json[kRatioKey] = json.at(mode.ratio_of).get<double>() / its_figure;
+        }
+      }
+    }
+    table.add({line.point, line.step}, std::move(json));
+  }
+}
+
+int Session::run(const Mode& mode) {
+  Table table(mode.columns, mode.is_upright);
+  std::int64_t rounds = 0;
+  for (std::int64_t round = 1; round <= options_.rounds && !is_stopped(); ++round) {
+    std::vector<Line> lines;
+    for (std::size_t point = 0; point < mode.points.size() && !is_stopped(); ++point) {
+      measure_point(mode, point, round, lines);
+    }
+    if (is_stopped()) {
+      break;
+    }
+    if (mode.after_round) {
+      std::vector<measure::Row> rows;
+      for (const Line& line : lines) {
+        rows.push_back(line.row);
+      }
+      mode.after_round(rows);
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        lines[i].row = rows[i];
+        if (options_.is_json) {
+          std::printf("%s\n", to_json(rows[i]).c_str());
+        }
+      }
+    }
+    tabulate(mode, lines, table);
+    ++rounds;
+  }
+  if (!options_.is_json && rounds > 0) {
+    std::printf("%s%s\n\n%s", mode.title.c_str(),
+                rounds > 1 ? fmt::format("; medians over {} rounds", rounds).c_str() : "",
+                table.to_text().c_str());
+  }
+  const int flushed = flush_output();
+  if (is_stopped()) {
+    std::fprintf(stderr, "fastcycle bench: stopped after %lld of %lld rounds\n",
+                 static_cast<long long>(rounds), static_cast<long long>(options_.rounds));
+    return kFailed;
+  }
+  return has_failed_ ? static_cast<int>(kFailed) : flushed;
+}
+
+}  // namespace fastcycle::tool::bench
