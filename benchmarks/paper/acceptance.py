@@ -88,6 +88,8 @@ def _of_sizes(data: Measurements) -> Iterable[Check]:
 
 
 def name_of_size(size: int) -> str:
+    if size < 1 << 10:
+        return f"{size} B"
     return f"{size >> 20} MB" if size >= 1 << 20 and size % (1 << 20) == 0 else f"{size / 1024:g} KB"
 
 

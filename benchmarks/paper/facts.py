@@ -54,10 +54,10 @@ def _memory() -> str:
 
 
 def _virtualization() -> str:
-    named = output("systemd-detect-virt")
-    if re.search(r"^flags\s*:.*\bhypervisor\b", text_of("/proc/cpuinfo"), re.M):
-        return f"virtual machine ({named})" if named and named != "none" else "virtual machine"
-    return named or "none seen"
+    named = output("systemd-detect-virt", "--vm")
+    if named or re.search(r"^flags\s*:.*\bhypervisor\b", text_of("/proc/cpuinfo"), re.M):
+        return f"virtual machine ({named})" if named else "virtual machine"
+    return "none seen"
 
 
 def _may_use_fifo() -> bool:

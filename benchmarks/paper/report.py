@@ -67,7 +67,7 @@ class Report:
             self._method(),
             self._not_measured(),
         ]
-        return wrapped("\n".join(part for part in parts if part))
+        return wrapped("\n\n".join(part.strip("\n") for part in parts if part))
 
     def _picture(self, name: str) -> str:
         return f"![{PICTURES[name]}]({name})\n" if name in self._pictures else ""
@@ -174,7 +174,8 @@ The paper's own figures, **from another machine**:
             "## Tails and jitter\n\n"
             "Medians over the rounds of each round's percentile; *worst of all rounds* is the single slowest message. "
             "*sd* is the jitter of the paper's tables; *interval sd* is the standard deviation of receive interval "
-            "minus send interval, what the paper's words compare. p99.9 is n/a below 50,000 messages in all.\n",
+            "minus send interval, what the paper's words compare. p99.9 is n/a below 50,000 messages in all. "
+            "Marks are those of Table I.\n",
             self._picture("jitter.svg"),
             self._picture("histograms.svg"),
             self._picture("series.svg"),
@@ -190,7 +191,7 @@ The paper's own figures, **from another machine**:
         return f"""## Ratios to the floor
 
 How many times the floor of the same round, median of the ratios. The floor is `floor-futex`; for those that spin
-it is `floor-spin`.
+it is `floor-spin`. Marks are those of Table I.
 
 ### Latency, p50
 
@@ -275,10 +276,13 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
 
 - Each round measures every size with every contender. FastCycle and the floors run right after each other; peers
   come before or after them in an order that moves on with every round, so that drift of the machine hits all.
-- Each contender is a process of its own, for each point started anew. {options.warmup} messages before the first
-  one that counts.
-- Clocks are CLOCK_MONOTONIC, read by publisher and callback in the same machine. The payload is filled before the
-  first stamp; figures with filling are called so (`e2e` in rows.csv).
+- Every point is a process started anew, with {options.warmup} messages before the first one that counts. FastCycle
+  and its floors are measured one after the other in one process of `fastcycle bench`; FastCycle is two components,
+  loaded as shared libraries from JSON by the ordinary host. Each peer is a program of its own
+  (`benchmarks/peers`), alone on a loopback network where the rights suffice.
+- All stamps are of CLOCK_MONOTONIC: before the payload is borrowed and filled, right before the publish call, and
+  in the first statement of the callback. Latency is from the second to the third; figures with filling are called
+  so (`e2e` in rows.csv) and are from the first to the third.
 - No message is left out of a round's figures. A point that fails is tried once more, then marked.
 - Statistics are taken within a round, and their median over the rounds is shown. *{tables.SMALL}* marks a figure
   from fewer messages than its percentile needs: {_needed()}.

@@ -154,53 +154,49 @@ def flood_table(data: Measurements, field: Field) -> str:
     return table(header, lines, text_columns=2)
 
 
-# Keys of a row that do not tell which case it is.
-_FIGURES = {"round", "n", "lost", "warmup", "interval_us", "steal_ms", "wall_s", "sent", "received", "mode", "peer"}
+# What a table of a mode shows, as far as its rows have it; then whatever else the mode measures.
+_SHOWN = ("n", "lost", "mean_us", "std_us", "p50_us", "p90_us", "p99_us", "p999_us", "max_us", "cpu_us_per_msg")
+# What rows.csv has and these tables leave out.
+_LEFT_OUT = {"mode", "peer", "round", "warmup", "interval_us", "steal_ms", "wall_s", "min_us", "interval_std_us",
+             "e2e_p50_us", "e2e_p99_us", "e2e_mean_us", "minor_faults", "major_faults", "voluntary_switches",
+             "involuntary_switches"}  # fmt: skip
+_UNITS = {"us": "µs", "ns": "ns", "ms": "ms", "s": "s"}
 
 
 def _is_figure(key: str) -> bool:
-    return key in _FIGURES or key.endswith(("_us", "_ns", "_ms", "_s", "_per_s", "_per_msg", "faults", "switches"))
+    words = key.split("_")
+    return key in _SHOWN or key in ("sent", "received") or words[-1] in _UNITS or "per" in words
 
 
-def _cases(found: Sequence[Row]) -> dict[tuple[object, ...], list[Row]]:
+def _cases(found: Sequence[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
     """Rows by contender and by what else tells them apart, such as the number of subscribers."""
-    names = sorted({k for row in found for k, v in row.items() if not _is_figure(k) and isinstance(v, int | str)})
     cases: dict[tuple[object, ...], list[Row]] = {}
     for row in found:
-        cases.setdefault((row["peer"], *[(name, row.get(name)) for name in names]), []).append(row)
+        cases.setdefault((row["peer"], *[row.get(name) for name in names]), []).append(row)
     return cases
 
 
 def mode_table(data: Measurements, mode: str) -> str:
-    """Any other mode: one line a case, medians over the rounds of all that it measures."""
+    """Any other mode: one line a case, medians over the rounds of what it measures."""
     found = data.of_mode(mode)
-    cases = _cases(found)
-    telling = sorted(
-        {name for name, _ in _tails(cases) if len({dict(_tail(case)).get(name) for case in cases}) > 1}
-    )
-    skipped = {"interval_us", "steal_ms", "wall_s", "warmup", "round"}
-    figures = list(dict.fromkeys(k for row in found for k, v in row.items()
-                                 if _is_figure(k) and k not in skipped and isinstance(v, int | float)))  # fmt: skip
+    keys = [key for key in dict.fromkeys(k for row in found for k in row) if key not in _LEFT_OUT]
+    telling = [key for key in keys if not _is_figure(key) and len({str(row.get(key)) for row in found}) > 1]
+    figures = [key for key in _SHOWN if key in keys] + [k for k in keys if _is_figure(k) and k not in _SHOWN]
     lines = []
-    for case, members in cases.items():
-        tail = dict(_tail(case))
-        cells = []
-        for key in figures:
-            total = sum(row.get("n", 0) for row in members)
-            if key == "p999_us" and not enough(key, total):
-                cells.append(NOT_ENOUGH)
-            else:
-                cells.append(number(median(row[key] for row in members if key in row)))
-        lines.append([str(case[0]), *[_case_text(name, tail.get(name)) for name in telling], *cells])
-    return table([mode, *telling, *[_nice(key) for key in figures]], lines, text_columns=1)
+    for (name, *case), members in _cases(found, telling).items():
+        described = [_case_text(key, word) for key, word in zip(telling, case, strict=True)]
+        lines.append([str(name), *described, *[_figure(members, key) for key in figures]])
+    return table([mode, *telling, *map(_nice, figures)], lines)
 
 
-def _tail(case: tuple[object, ...]) -> list[tuple[str, object]]:
-    return [part for part in case[1:] if isinstance(part, tuple)]
-
-
-def _tails(cases: Iterable[tuple[object, ...]]) -> list[tuple[str, object]]:
-    return [part for case in cases for part in _tail(case)]
+def _figure(members: Sequence[Row], key: str) -> str:
+    values = [row[key] for row in members if isinstance(row.get(key), int | float)]
+    total = sum(row.get("n", 0) for row in members)
+    if key in ("n", "lost", "sent", "received"):
+        return f"{sum(values):,}"
+    if not enough(key, total):
+        return NOT_ENOUGH if key == "p999_us" else f"{number(median(values))} ({SMALL})"
+    return number(median(values))
 
 
 def _case_text(name: str, found: object) -> str:
@@ -210,10 +206,11 @@ def _case_text(name: str, found: object) -> str:
 
 
 def _nice(key: str) -> str:
-    for ending, unit in (("_us", " µs"), ("_ns", " ns"), ("_ms", " ms")):
-        if key.endswith(ending):
-            return key[: -len(ending)].replace("p999", "p99.9").replace("_", " ") + unit
-    return key.replace("_", " ")
+    if key == "cpu_us_per_msg":
+        return "CPU µs a message"
+    *words, last = key.split("_")
+    name = " ".join(words).replace("p999", "p99.9").replace("std", "sd")
+    return f"{name} {_UNITS[last]}" if last in _UNITS else key.replace("_", " ")
 
 
 def slope_us(data: Measurements, mode: str, name: str, figure: str, by: str) -> float | None:

@@ -44,10 +44,10 @@ class Tables(unittest.TestCase):
         self.assertIn("10.0 ± 1.00 (n too small)", text)
 
     def test_modes_with_several_cases_have_a_line_each(self):
-        found = [{"mode": "fanout", "peer": "fastcycle-park", "round": r, "size": 64, "subscribers": s, "p50_us": 2.0 * s}
+        found = [{"mode": "fanout", "peer": "fastcycle-park", "round": r, "n": 500, "subscribers": s, "p50_us": 2.0 * s}
                  for r in (1, 2) for s in (1, 8)]  # fmt: skip
         data = Measurements(found)
-        self.assertIn("| fastcycle-park | 8 | 16.0 |", tables.mode_table(data, "fanout"))
+        self.assertIn("| fastcycle-park | 8 | 1,000 | 16.0 |", tables.mode_table(data, "fanout"))
         self.assertAlmostEqual(tables.slope_us(data, "fanout", "fastcycle-park", "p50_us", "subscribers"), 2.0)
 
 
