@@ -129,8 +129,7 @@ void Run::in_second_process(const std::function<void()>& receive) {
     status = EXIT_FAILURE;
   }
   board_->second_usage = measure::Usage::now() - usage_at_begin_;
-  std::fflush(nullptr);
-  _exit(status);
+  std::exit(status);  // With the destructors of the peer's own globals.
 }
 
 void Run::wait_for_second_ready() const {
