@@ -59,8 +59,12 @@ void Sleepers::withdraw(unsigned index) noexcept {
 bool Sleepers::sleep(unsigned index, std::int64_t deadline_ns) noexcept {
   auto& is_woken = slots_[index].is_woken;
   while (is_woken.load(std::memory_order_acquire) == 0) {
-    if (!wait_while_zero(is_woken, deadline_ns) && take_off(index)) {
-      return false;
+    if (!wait_while_zero(is_woken, deadline_ns)) {
+      if (take_off(index)) {
+        return false;
+      }
+      // A waker was faster, and may need this CPU to go on: wait for it without a limit.
+      deadline_ns = kNever;
     }
   }
   is_woken.store(0, std::memory_order_relaxed);

@@ -1,6 +1,8 @@
 #include "base/sleepers.h"
 
+#include <atomic>
 #include <thread>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -84,6 +86,44 @@ TEST(Sleepers, NoWakeUpIsLostBetweenTwoThreads) {
   other.join();
 
   EXPECT_EQ(turn.load(), kTurns);
+}
+
+// Sleepers whose time is over meet their wakers; one of them leads in turn. Each wake-up that was
+// given is taken once.
+TEST(Sleepers, EachWakeUpIsTakenOnceAlsoAtTheDeadline) {
+  constexpr unsigned kSleepers = 3;
+  constexpr int kRounds = 3'000;
+  Sleepers sleepers;
+  std::atomic<unsigned> sleeping{kSleepers};
+  std::atomic<int> given{0};
+  std::atomic<int> taken{0};
+  std::vector<std::thread> threads;
+  for (unsigned index = 0; index < kSleepers; ++index) {
+    threads.emplace_back([&, index] {
+      for (int i = 0; i < kRounds; ++i) {
+        sleepers.announce(index);
+        sleepers.set_leader(index);
+        taken += sleepers.sleep(index, monotonic_ns() + i % 4 * 1'000) ? 1 : 0;
+      }
+      --sleeping;
+    });
+  }
+  threads.emplace_back([&] {
+    for (unsigned index = 0; sleeping > 0; index = (index + 1) % kSleepers) {
+      given += sleepers.wake(index) ? 1 : 0;
+      std::this_thread::yield();
+    }
+  });
+  while (sleeping > 0) {
+    given += sleepers.wake_one() ? 1 : 0;
+    std::this_thread::yield();
+  }
+  for (std::thread& thread : threads) {
+    thread.join();
+  }
+
+  EXPECT_EQ(given, taken);
+  EXPECT_FALSE(sleepers.has_sleepers());
 }
 
 }  // namespace
