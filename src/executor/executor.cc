@@ -92,7 +92,12 @@ void Executor::timer_armed(std::int64_t due_ns) noexcept {
   while (due_ns < earliest &&
          !earliest_due_ns_.compare_exchange_weak(earliest, due_ns, std::memory_order_seq_cst)) {
   }
-  if (leader_deadline_ns_.load(std::memory_order_seq_cst) > due_ns) {
+  const std::int64_t watched_ns = leader_deadline_ns_.load(std::memory_order_seq_cst);
+  if (watched_ns == kNobodyLeads) {
+    // Who sleeps now began while another led: it must watch, since this worker may be busy for
+    // long.
+    sleepers_.wake_one();
+  } else if (watched_ns > due_ns) {
     const unsigned leader = leader_.load(std::memory_order_seq_cst);
     if (leader < base::Sleepers::kMaxWorkers) {
       sleepers_.wake(leader);
@@ -100,13 +105,17 @@ void Executor::timer_armed(std::int64_t due_ns) noexcept {
   }
 }
 
-bool Executor::has_work() const noexcept {
+bool Executor::has_ready() const noexcept {
   for (const auto& word : ready_) {
     if (word.load(std::memory_order_seq_cst) != 0) {
       return true;
     }
   }
-  return job_count_.load(std::memory_order_seq_cst) != 0 || is_stopping_.load();
+  return false;
+}
+
+bool Executor::has_work() const noexcept {
+  return has_ready() || job_count_.load(std::memory_order_seq_cst) != 0 || is_stopping_.load();
 }
 
 bool Executor::is_quiet() const noexcept {
@@ -148,7 +157,7 @@ bool Executor::run_ready(unsigned worker) {
       if ((word.fetch_and(~flag, std::memory_order_seq_cst) & flag) == 0) {
         continue;
       }
-      if (word.load(std::memory_order_relaxed) != 0 && options_.threads > 1) {
+      if (options_.threads > 1 && has_ready()) {
         sleepers_.wake_one();
       }
       actors_[base + bit]->run_turn(*rings_[worker]);

@@ -78,6 +78,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
   bool run_job();
   bool fire_timers() noexcept;
   void idle(unsigned worker);
+  [[nodiscard]] bool has_ready() const noexcept;
   [[nodiscard]] bool has_work() const noexcept;
   [[nodiscard]] bool spin_for_work(std::int64_t limit_ns) const noexcept;
   std::int64_t lead(unsigned worker) noexcept;

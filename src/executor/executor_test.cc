@@ -1,0 +1,150 @@
+#include "executor/executor.h"
+
+#include <atomic>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
+
+#include "broker/topics.h"
+
+namespace fastcycle::detail {
+namespace {
+
+using google::protobuf::Int64Value;
+using namespace std::chrono_literals;
+
+class TestActor final : public Actor {
+ public:
+  using Actor::Actor;
+
+ private:
+  void on_fault(std::string_view what) override { ADD_FAILURE() << name << ": " << what; }
+};
+
+/// One topic, from the test's own thread to some components of one executor.
+class Executors : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    owner_.name = "publisher";
+    owner_.clock = &clock_;
+    owner_.is_in_activation = true;
+  }
+
+  void make(const ExecutorOptions& options, std::size_t count) {
+    executor_ = std::make_unique<Executor>(options);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      actors_.push_back(std::make_unique<TestActor>("c" + std::to_string(i), i, clock_));
+      executor_->add(*actors_.back());
+      actors_.back()->open();
+    }
+  }
+
+  void subscribe(Actor& actor, const std::string& topic, std::function<void()> callback) {
+    actor.subscribe(topics_.get(topic, actor.name, Int64Value::default_instance()), {},
+                    [callback = std::move(callback)](Envelope&) { callback(); });
+  }
+
+  PublisherCore& publisher(const std::string& topic, PublishingComponent& owner) {
+    return topics_.add_publisher(topic, owner, Int64Value::default_instance(), nullptr, false);
+  }
+
+  void start() {
+    topics_.connect_all();
+    std::vector<base::Refusal> refusals;
+    executor_->start(refusals);
+  }
+
+  static void publish(PublisherCore& publisher) { publisher.publish(publisher.loan(true), {}); }
+
+  /// Waits for what must happen, and gives up where a test would otherwise hang.
+  template <typename Condition>
+  static bool wait_for(const Condition& condition) {
+    const std::int64_t end_ns = base::monotonic_ns() + 10'000'000'000;
+    while (!condition()) {
+      if (base::monotonic_ns() > end_ns) {
+        return false;
+      }
+      std::this_thread::yield();
+    }
+    return true;
+  }
+
+  base::Clock clock_ = base::Clock::live();
+  PublishingComponent owner_;
+  std::vector<std::unique_ptr<TestActor>> actors_;
+  Topics topics_;
+  std::unique_ptr<Executor> executor_;
+};
+
+// A publish wakes one worker, which wakes the next for what it leaves, also where that stands in
+// another word of the mask.
+TEST_F(Executors, ABusyWorkerLeavesNoComponentWaitingWhileAnotherSleeps) {
+  constexpr int kRounds = 50;
+  make({.threads = 2, .cpus = {}}, 65);
+  std::atomic<int> began{0};
+  std::atomic<int> ended{0};
+  std::atomic<bool> has_waited{false};
+  int round = 1;
+  // Each of the two ends once the other has begun: that takes both workers.
+  const auto meet = [&] {
+    ++began;
+    has_waited = has_waited || !wait_for([&] { return began >= 2 * round; });
+    ++ended;
+  };
+  subscribe(*actors_.front(), "t", meet);
+  subscribe(*actors_.back(), "t", meet);
+  PublisherCore& to_both = publisher("t", owner_);
+  start();
+
+  for (; round <= kRounds && !has_waited; ++round) {
+    // Time to fall asleep: awake, both would look by themselves.
+    std::this_thread::sleep_for(100us);
+    publish(to_both);
+    ASSERT_TRUE(wait_for([&] { return ended >= 2 * round; }));
+  }
+  executor_->stop();
+
+  EXPECT_FALSE(has_waited);
+}
+
+// One component arms its timer, then another keeps the worker busy until that timer fired: the
+// other worker must watch it, whoever led before.
+TEST_F(Executors, ATimerIsWatchedWhileItsWorkerIsBusy) {
+  constexpr int kRounds = 100;
+  make({.threads = 2, .cpus = {}, .hand_over = true}, 3);
+  Actor& arming = *actors_[0];
+  std::atomic<int> ticks{0};
+  std::atomic<int> rounds{0};
+  std::atomic<bool> has_waited{false};
+  TimerCore& timer = arming.add_timer({}, [&](const Tick&) { ++ticks; });
+  PublisherCore& to_busy = publisher("busy", arming.publishing);
+  subscribe(arming, "arm", [&] {
+    arming.arm(timer, clock_.now() + 20us);
+    publish(to_busy);
+  });
+  subscribe(*actors_[1], "busy", [&] {
+    const int round = rounds + 1;
+    has_waited = has_waited || !wait_for([&] { return ticks >= round; });
+    ++rounds;
+  });
+  subscribe(*actors_[2], "other", [] {});
+  PublisherCore& to_arming = publisher("arm", owner_);
+  PublisherCore& to_other = publisher("other", owner_);
+  start();
+
+  for (int round = 1; round <= kRounds && !has_waited; ++round) {
+    // Two workers wake and go to sleep at the same time, in any order.
+    publish(to_other);
+    publish(to_arming);
+    ASSERT_TRUE(wait_for([&] { return rounds >= round; }));
+  }
+  executor_->stop();
+
+  EXPECT_FALSE(has_waited);
+}
+
+}  // namespace
+}  // namespace fastcycle::detail
