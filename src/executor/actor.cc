@@ -298,7 +298,7 @@ void Actor::run_turn(ActivationRing& ring) {
       run_controls(ring);
       continue;
     }
-    if (!is_open_) {
+    if (!is_open()) {
       publish_due();
       if (inbox.try_end_unopened()) {
         return;
@@ -334,11 +334,11 @@ void Actor::run_round(ActivationRing& ring) {
       continue;
     }
     inbox.take_bit(Inbox::kTimerBit);
-    if (is_open_ && run_next(ring)) {
+    if (is_open() && run_next(ring)) {
       continue;
     }
     publish_due();
-    if (is_open_ ? inbox.try_end_idle() : inbox.try_end_unopened()) {
+    if (is_open() ? inbox.try_end_idle() : inbox.try_end_unopened()) {
       return;
     }
   }

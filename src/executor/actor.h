@@ -124,8 +124,8 @@ class Actor {
   void hand_over_stage();
 
   /// From now on messages and timers are served; until then only control causes are.
-  void open() noexcept { is_open_ = true; }
-  [[nodiscard]] bool is_open() const noexcept { return is_open_; }
+  void open() noexcept { is_open_.store(true, std::memory_order_relaxed); }
+  [[nodiscard]] bool is_open() const noexcept { return is_open_.load(std::memory_order_relaxed); }
 
   /// Arms all periodic timers, as of `start`.
   void start_timers(Time start);
@@ -219,7 +219,7 @@ class Actor {
   void publish_due() noexcept;
 
   ActorStage stage_;
-  bool is_open_ = false;
+  std::atomic<bool> is_open_{false};  ///< Written by its worker, read by who waits for the end.
   std::uint64_t number_ = 0;
   std::uint64_t turn_ = 0;
   std::vector<std::unique_ptr<TimerCore>> timers_;
