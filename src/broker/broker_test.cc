@@ -2,6 +2,7 @@
 // notes.
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <numeric>
@@ -467,6 +468,64 @@ TEST_F(Broker, NothingIsLostOrDoubledUnderConcurrentPushes) {
     EXPECT_EQ(last[a.id], static_cast<std::uint64_t>(kMessages)) << "the newest is never dropped";
     EXPECT_EQ(last[b.id], static_cast<std::uint64_t>(kMessages));
   }
+}
+
+// A subscription ends and is made again, as Application does it, while its publisher pushes:
+// connects and disconnects reach the publisher's thread between two messages.
+TEST_F(Broker, ASubscriptionThatEndsWhileItsPublisherPushesLosesNothing) {
+  constexpr int kSubscribed = 200;
+  PublisherCore& speed = publisher("planner", {.latched = 1});
+  Receiver& reader = receiver({.depth = 2});
+  Subscription& subscription = *reader.subscription;
+  std::mutex mutex;
+  std::vector<std::function<void()>> causes;
+  const auto post = [&](std::function<void()> cause) {
+    const std::lock_guard lock(mutex);
+    causes.push_back(std::move(cause));
+  };
+  const auto apply = [&] {
+    std::vector<std::function<void()>> taken;
+    {
+      const std::lock_guard lock(mutex);
+      taken.swap(causes);
+    }
+    for (const auto& cause : taken) {
+      cause();
+    }
+  };
+  std::atomic<bool> is_over{false};
+  std::thread pushing([&] {
+    for (std::int64_t i = 0; !is_over; ++i) {
+      apply();
+      publish(speed, i);
+      std::this_thread::yield();
+    }
+    apply();
+  });
+
+  std::uint64_t taken = 0;
+  for (int i = 0; i < kSubscribed; ++i) {
+    const auto lane = Topics::make_lane(speed, subscription);
+    reader.inbox.add(lane);
+    post([&speed, lane, &reader] { speed.connect(lane, reader.inbox); });
+    // Some end before they were connected, some with messages in their lane.
+    while (i % 3 != 0 && lane->delivered.get() < 3) {
+      taken += reader.take() ? 1U : 0U;
+      std::this_thread::yield();
+    }
+    subscription.close(DropReason::kUnsubscribed);
+    reader.inbox.remove(*lane);
+    lane->is_left_by_receiver = true;
+    post([&speed, lane] { speed.disconnect(*lane); });
+  }
+  is_over = true;
+  pushing.join();
+
+  const Ledger ledger = subscription.ledger();
+  EXPECT_TRUE(ledger.adds_up());
+  EXPECT_EQ(ledger.delivered, taken);
+  EXPECT_EQ(ledger.queued, 0U);
+  EXPECT_GT(ledger.dropped[static_cast<std::size_t>(DropReason::kUnsubscribed)], 0U);
 }
 
 }  // namespace

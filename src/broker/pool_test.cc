@@ -1,5 +1,6 @@
 #include "broker/pool.h"
 
+#include <atomic>
 #include <thread>
 #include <vector>
 
@@ -115,6 +116,47 @@ TEST(Pool, GetsBackWhatManyThreadsLetGo) {
     pool->put_back(envelope);
   }
   pool->close();
+}
+
+// The sanitizers judge: whoever is last frees the pool, be it a reader or the publisher.
+TEST(Pool, IsFreedOnceWhenItsPublisherGoesWhileMessagesComeBack) {
+  constexpr int kRounds = 100;
+  constexpr int kReaders = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    auto* pool = new Pool(&BytesValue::default_instance());
+    pool->grow(4);
+    std::vector<Envelope*> out;
+    while (Envelope* envelope = pool->take()) {
+      envelope->references = kReaders;
+      out.push_back(envelope);
+    }
+    std::atomic<int> ready{0};
+    std::vector<std::thread> readers;
+    for (int i = 0; i < kReaders; ++i) {
+      readers.emplace_back([&] {
+        ++ready;
+        while (ready <= kReaders) {
+          std::this_thread::yield();
+        }
+        for (Envelope* envelope : out) {
+          release(envelope);
+        }
+      });
+    }
+    while (ready < kReaders) {
+      std::this_thread::yield();
+    }
+    ++ready;
+    if (round % 2 == 0) {
+      std::this_thread::yield();
+    }
+
+    pool->close();
+
+    for (std::thread& reader : readers) {
+      reader.join();
+    }
+  }
 }
 
 }  // namespace
