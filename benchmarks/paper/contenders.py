@@ -52,6 +52,7 @@ OWN = (
     Contender("fastcycle-spin", OURS, "floor-spin", typed=True, spins=True,
               says="FastCycle, workers that spin (`\"wait\": \"spin\"`)"),
 )  # fmt: skip
+FLOORS = ("floor-futex", "floor-spin")
 
 
 def _delivery(words: str) -> str:

@@ -12,6 +12,8 @@ def number(value: float | None, digits: int = 3) -> str:
     """Three digits that count, and no more than they are worth."""
     if value is None:
         return NOT_THERE
+    if value == 0:
+        return "0"
     size = abs(value)
     if size >= 1000:
         return f"{value:,.0f}"

@@ -110,7 +110,7 @@ def write_report(folder: pathlib.Path) -> Report:
         (folder / "histograms.json").write_text(json.dumps(pooled, separators=(",", ":")) + "\n", encoding="utf-8")
     data = Measurements(found)
     series_file = folder / "series.csv"
-    series = plots.read_series(series_file) if series_file.exists() else {}
+    series = plots.read_series(series_file, record.options.warmup) if series_file.exists() else {}
     size = record.options.sizes[0]
     field = Field(tuple(record.contenders), record.options.interval_us)
     drawn = plots.all_pictures(data, pooled, field, series, size)
@@ -146,7 +146,7 @@ def measure(chosen: argparse.Namespace, words: list[str]) -> int:
             print(f"paper: going on without {name}: {why}", file=sys.stderr)
         if not install.build(ROOT, (chosen.peers / "CMakeLists.txt").exists()):
             print("paper: the build failed; measuring what is built", file=sys.stderr)
-    bench = FastcycleBench(chosen.fastcycle or build / "bin" / "fastcycle", cap=1000 if chosen.quick else None)
+    bench = FastcycleBench(chosen.fastcycle or build / "bin" / "fastcycle", chosen.quick)
     if not bench.is_there():
         print(f"paper: there is no fastcycle in {build}; ./dev build release makes one", file=sys.stderr)
         return WRONG_USE

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from contenders import OWN, Contender
+from contenders import FLOORS, OWN, Contender
 
 PAPER_SIZES = (32 << 10, 128 << 10, 512 << 10, 1 << 20, 4 << 20)
 # Modes of `fastcycle bench` beside latency and rtt. Each is one call a round, with its own defaults.
@@ -14,6 +14,7 @@ OWN_MODES = ("flood", "fanout", "timer", "chain", "startup")
 PEER_MODES = ("latency", "rtt", "flood")
 FLOOD_SIZE = 64
 FLOOD_COUNT = 100_000
+OWN_MODE_S = {"flood": 6.0, "fanout": 18.0, "timer": 12.0, "chain": 30.0, "startup": 16.0}
 PROCESS_START_S = 0.6  # to start a process and load libraries, once a point
 
 
@@ -37,7 +38,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Job:
-    """One call that measures one point, or the few points that are measured side by side."""
+    """One call that measures one point, or FastCycle and its floor, which are measured side by side."""
 
     mode: str
     round: int
@@ -53,14 +54,18 @@ class Job:
         if self.mode in ("latency", "rtt"):
             calls = 1 if self.contender else max(len(self.names), 1)
             return calls * ((self.count + self.warmup) * self.interval_us / 1e6 + PROCESS_START_S)
-        return 2.0 if self.contender else 20.0
+        return 1.5 if self.contender else OWN_MODE_S.get(self.mode, 20.0)
 
     def label(self) -> str:
-        return self.names[0] if self.contender else "fastcycle and floors"
+        return " and ".join(self.names) or "fastcycle"
 
 
-def _own(options: Options, mode: str, number: int, size: int, names: Sequence[str]) -> Job:
-    return Job(mode, number, size, tuple(names), options.count, options.warmup, options.interval_us)
+def _own(options: Options, mode: str, number: int, size: int, own: Sequence[str]) -> list[Job]:
+    """One call for each floor, with whom it is the floor of."""
+    pairs = [tuple(c.name for c in OWN if c.floor == floor and c.name in own) for floor in FLOORS]
+    return [
+        Job(mode, number, size, names, options.count, options.warmup, options.interval_us) for names in pairs if names
+    ]
 
 
 def _of_peer(options: Options, mode: str, number: int, size: int, contender: Contender) -> Job:
@@ -75,18 +80,18 @@ def rotated(jobs: list[Job], steps: int) -> list[Job]:
 
 
 def jobs_of_round(options: Options, number: int, own: Sequence[str], peers: Sequence[Contender]) -> list[Job]:
-    """All of one round. FastCycle and its floors are one call, so that they are measured in the same
-    seconds; the peers follow or precede them in an order that moves on with every round."""
+    """All of one round. FastCycle and its floor are one call, so that they are measured in the same
+    seconds; everything else stands in an order that moves on with every round."""
     jobs: list[Job] = []
     for mode in options.modes:
         if mode in ("latency", "rtt"):
             for place, size in enumerate(options.sizes):
-                row = [_own(options, mode, number, size, own)] if own else []
+                row = _own(options, mode, number, size, own)
                 row += [_of_peer(options, mode, number, size, peer) for peer in peers]
                 shift = max(1, len(row) // options.rounds)
                 jobs += rotated(row, (number - 1) * shift + place)
         else:
-            row = [Job(mode, number, 0, ())] if own else []
+            row = [Job(mode, number, 0, ())] if any(name.startswith("fastcycle") for name in own) else []
             if mode in PEER_MODES:
                 flood = replace(options, peer_count=FLOOD_COUNT if options.peer_count >= 100 else 20 * options.peer_count)
                 row += [_of_peer(flood, mode, number, FLOOD_SIZE, peer) for peer in peers]

@@ -6,40 +6,38 @@ import csv
 import pathlib
 
 from acceptance import FUTEX, PARK, name_of_size
-from contenders import PEER, PUBLISHER
+from contenders import PEER, PROCESSES, PUBLISHER, THREADS
 from rounds import Measurements
 from svg import INK, SOFT, Drawing, Scale, around, spread
 from tables import Field
 
 NAMES = ("latency.svg", "rtt.svg", "histograms.svg", "series.svg", "jitter.svg")
 
-# Colours that stay apart for colour-blind eyes; peers beyond them share colours and differ by their dashes.
+# Colours that stay apart for colour-blind eyes. Dashes say how a message is delivered.
 OWN_COLOURS = {
     "floor-futex": "#7b8794",
-    "floor-spin": "#b0b8c1",
+    "floor-spin": "#a3acb6",
     "fastcycle-park": "#0b62c4",
     "fastcycle-spin": "#17a2d8",
 }
 COLOURS = ("#d55e00", "#009e73", "#a3428b", "#b58900", "#7a4a2a", "#5b3fb0", "#c2185b", "#4c6b00")
-DASHES = ("", "6 3", "2 2")
-SAME_THREAD_DASH = "1 3"
+DASHES = {THREADS: "", PROCESSES: "6 3", PUBLISHER: "1 3"}
+WHAT_DASHES_SAY = "solid: between threads · dashed: between processes · dotted: in the publisher's thread"
 
 
 class Look:
     """A colour and a dash for each contender, the same in every picture."""
 
     def __init__(self, field: Field) -> None:
-        peers = [c.name for c in field.ordered() if c.kind == PEER]
-        self._place = {name: place for place, name in enumerate(peers)}
-        self._same_thread = {c.name for c in field.contenders if c.delivery == PUBLISHER}
+        peers = [c for c in field.ordered() if c.kind == PEER]
+        self._place = {c.name: place for place, c in enumerate(peers)}
+        self._dash = {c.name: DASHES[c.delivery] for c in peers}
 
     def colour(self, name: str) -> str:
         return OWN_COLOURS.get(name) or COLOURS[self._place.get(name, 0) % len(COLOURS)]
 
     def dash(self, name: str) -> str:
-        if name in self._same_thread:
-            return SAME_THREAD_DASH
-        return DASHES[self._place.get(name, 0) // len(COLOURS) % len(DASHES)]
+        return self._dash.get(name, "")
 
     def width(self, name: str) -> float:
         return 3.0 if name.startswith("fastcycle") else 2.0 if name.startswith("floor") else 1.5
@@ -51,11 +49,12 @@ def latency_against_size(data: Measurements, field: Field, mode: str = "latency"
     names = [c.name for c in field.ordered() if c.name in data.peers(mode)]
     if len(sizes) < 2 or not names:
         return None
-    height = max(330, 15 * len(names) + 20)
+    height = max(330, 18 * len(names))
     words = "Latency" if mode == "latency" else "Round trip"
-    drawing = Drawing(800, 2 * (height + 80) + 40, f"{words} against size of the message")
+    drawing = Drawing(800, 2 * (height + 80) + 60, f"{words} against size of the message")
+    drawing.text(16, 46, WHAT_DASHES_SAY, size=12, colour=SOFT)
     for place, key in enumerate(("p50_us", "p99_us")):
-        top = 62 + place * (height + 80)
+        top = 82 + place * (height + 80)
         bottom = top + height
         curves = {
             name: [(size, value) for size in sizes if (value := data.median(mode, name, size, key)) is not None]
@@ -181,13 +180,14 @@ def jitter_bars(data: Measurements, field: Field, size: int) -> str | None:
 Series = list[tuple[float, float]]
 
 
-def read_series(file: pathlib.Path) -> dict[str, Series]:
+def read_series(file: pathlib.Path, warmup: int) -> dict[str, Series]:
     """(seconds since the first message, latency in µs) by contender, from a file of raw stamps."""
     stamps: dict[str, list[tuple[int, int]]] = {}
     with file.open(encoding="utf-8", newline="") as lines:
         for row in csv.DictReader(lines):
-            found = stamps.setdefault(row.get("peer") or PARK, [])
-            found.append((int(row["sent_ns"]), int(row["arrived_ns"])))
+            if int(row["number"]) >= warmup:
+                found = stamps.setdefault(row["peer"], [])
+                found.append((int(row["sent_ns"]), int(row["arrived_ns"])))
     return {
         name: [((sent - found[0][0]) / 1e9, (arrived - sent) / 1e3) for sent, arrived in found]
         for name, found in stamps.items()

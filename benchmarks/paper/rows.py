@@ -13,6 +13,8 @@ Row = dict[str, Any]
 # What says which point a row is, in the order of the CSV's columns.
 KEYS = ("mode", "peer", "size", "round")
 HISTOGRAM = "histogram_us"
+# The same for all rows of a contender; run.json has it.
+DESCRIPTION = {"class", "copies", "version", "about"}
 ONE_ROW_MODES = ("latency", "rtt", "flood")
 FAILED = "failed"
 
@@ -60,7 +62,7 @@ def measured(rows: Iterable[Row]) -> list[Row]:
 def _columns(rows: list[Row]) -> list[str]:
     columns = list(KEYS)
     for row in rows:
-        columns += [key for key in row if key not in columns and key != HISTOGRAM]
+        columns += [key for key in row if key not in columns and key != HISTOGRAM and key not in DESCRIPTION]
     return columns
 
 
@@ -70,7 +72,7 @@ def write_csv(file: pathlib.Path, rows: list[Row]) -> None:
         writer = csv.DictWriter(out, _columns(rows), extrasaction="ignore", lineterminator="\n")
         writer.writeheader()
         for row in rows:
-            writer.writerow({k: str(v).lower() if isinstance(v, bool) else v for k, v in row.items()})
+            writer.writerow({k: json.dumps(v) if isinstance(v, bool | dict) else v for k, v in row.items()})
 
 
 def _value(text: str) -> Any:

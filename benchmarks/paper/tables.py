@@ -154,75 +154,119 @@ def flood_table(data: Measurements, field: Field) -> str:
     return table(header, lines, text_columns=2)
 
 
-# What a table of a mode shows, as far as its rows have it; then whatever else the mode measures.
-_SHOWN = ("n", "lost", "mean_us", "std_us", "p50_us", "p90_us", "p99_us", "p999_us", "max_us", "cpu_us_per_msg")
-# What rows.csv has and these tables leave out.
-_LEFT_OUT = {"mode", "peer", "round", "warmup", "interval_us", "steal_ms", "wall_s", "min_us", "interval_std_us",
-             "e2e_p50_us", "e2e_p99_us", "e2e_mean_us", "minor_faults", "major_faults", "voluntary_switches",
-             "involuntary_switches"}  # fmt: skip
-_UNITS = {"us": "µs", "ns": "ns", "ms": "ms", "s": "s"}
+@dataclass(frozen=True)
+class ModeTable:
+    """What the table of a mode of `fastcycle bench` shows."""
+
+    cases: tuple[str, ...]  # keys that tell rows of one contender apart
+    columns: tuple[tuple[str, str], ...]  # heading, key
 
 
-def _is_figure(key: str) -> bool:
-    words = key.split("_")
-    return key in _SHOWN or key in ("sent", "received") or words[-1] in _UNITS or "per" in words
+_COST = ("CPU µs a message", "cpu_us_per_msg")
+_LOST = ("lost", "lost")
+MODES = {
+    "fanout": ModeTable(
+        ("subscribers",),
+        (("publish p50 µs", "p50_us"), ("publish p99 µs", "p99_us"), ("last p50 µs", "last_p50_us"),
+         ("last p99 µs", "last_p99_us"), _COST, _LOST),
+    ),
+    "timer": ModeTable(
+        (),
+        (("p50 µs", "p50_us"), ("p90 µs", "p90_us"), ("p99 µs", "p99_us"), ("p99.9 µs", "p999_us"),
+         ("max µs", "max_us"), ("CPU µs a tick", "cpu_us_per_msg"), ("drift µs", "drift_us"),
+         ("overruns", "overruns")),
+    ),
+    "chain": ModeTable(
+        ("hops", "executors"),
+        (("p50 µs", "p50_us"), ("p90 µs", "p90_us"), ("p99 µs", "p99_us"), ("max µs", "max_us"), _COST, _LOST),
+    ),
+}  # fmt: skip
+_COUNTS = ("n", "lost", "overruns")
 
 
-def _cases(found: Sequence[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
-    """Rows by contender and by what else tells them apart, such as the number of subscribers."""
+def _cases(found: Iterable[Row], keys: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
+    """Rows by contender and case, such as the number of subscribers."""
     cases: dict[tuple[object, ...], list[Row]] = {}
     for row in found:
-        cases.setdefault((row["peer"], *[row.get(name) for name in names]), []).append(row)
+        cases.setdefault((row["peer"], *[row.get(key) for key in keys]), []).append(row)
     return cases
 
 
 def mode_table(data: Measurements, mode: str) -> str:
-    """Any other mode: one line a case, medians over the rounds of what it measures."""
-    found = data.of_mode(mode)
-    keys = [key for key in dict.fromkeys(k for row in found for k in row) if key not in _LEFT_OUT]
-    telling = [key for key in keys if not _is_figure(key) and len({str(row.get(key)) for row in found}) > 1]
-    figures = [key for key in _SHOWN if key in keys] + [k for k in keys if _is_figure(k) and k not in _SHOWN]
-    lines = []
-    for (name, *case), members in _cases(found, telling).items():
-        described = [_case_text(key, word) for key, word in zip(telling, case, strict=True)]
-        lines.append([str(name), *described, *[_figure(members, key) for key in figures]])
-    return table([mode, *telling, *map(_nice, figures)], lines)
+    """One line a case: counts of all rounds, and medians over the rounds of what the mode measures."""
+    shape = MODES[mode]
+    cases = _cases(data.of_mode(mode), shape.cases)
+    lines = [
+        [str(name), *[NOT_THERE if part is None else str(part) for part in case],
+         f"{sum(row.get('n', 0) for row in members):,}", *[_figure(members, key) for _, key in shape.columns]]
+        for (name, *case), members in cases.items()
+    ]  # fmt: skip
+    return table([mode, *shape.cases, "n", *[heading for heading, _ in shape.columns]], lines)
 
 
 def _figure(members: Sequence[Row], key: str) -> str:
     values = [row[key] for row in members if isinstance(row.get(key), int | float)]
-    total = sum(row.get("n", 0) for row in members)
-    if key in ("n", "lost", "sent", "received"):
+    if not values:
+        return NOT_THERE
+    if key in _COUNTS:
         return f"{sum(values):,}"
-    if not enough(key, total):
+    if not enough(key, sum(row.get("n", 0) for row in members)):
         return NOT_ENOUGH if key == "p999_us" else f"{number(median(values))} ({SMALL})"
     return number(median(values))
 
 
-def _case_text(name: str, found: object) -> str:
-    if found is None:
-        return NOT_THERE
-    return name_of_size(found) if name == "size" and isinstance(found, int) else str(found)
+def slope_table(data: Measurements) -> str:
+    """What one more subscriber costs a publish: the slope of each round, median over the rounds."""
+    lines = []
+    for name in data.peers("fanout"):
+        slopes = {row["round"]: row.get("publish_ns_per_subscriber") for row in data.of_mode("fanout")
+                  if row["peer"] == name}  # fmt: skip
+        lines.append([name, number(median(slope for slope in slopes.values() if slope is not None))])
+    return table(["publish, ns for one more subscriber", "slope"], lines)
 
 
-def _nice(key: str) -> str:
-    if key == "cpu_us_per_msg":
-        return "CPU µs a message"
-    *words, last = key.split("_")
-    name = " ".join(words).replace("p999", "p99.9").replace("std", "sd")
-    return f"{name} {_UNITS[last]}" if last in _UNITS else key.replace("_", " ")
+def hop_table(data: Measurements) -> str:
+    """What one hop of a chain takes, and how many times the floor of the same round it is."""
+    floors: dict[int, float] = {}
+    for number_of_round in {row["round"] for row in data.of_mode("chain")}:
+        floor = median(row["p50_us"] for row in data.of_mode("chain")
+                       if row["round"] == number_of_round and row["peer"] == "floor-futex" and "p50_us" in row)  # fmt: skip
+        if floor:
+            floors[number_of_round] = floor
+    lines = []
+    ours = [row for row in data.of_mode("chain") if not row["peer"].startswith("floor") and "p50_us" in row]
+    for (name, hops, executors), members in _cases(ours, ("hops", "executors")).items():
+        a_hop = median(row["p50_us"] / row["hops"] for row in members)
+        ratio = median(row["p50_us"] / row["hops"] / floors[row["round"]] for row in members if row["round"] in floors)
+        lines.append([str(name), str(hops), str(executors), number(a_hop), number(ratio)])
+    return table(["chain", "hops", "executors", "p50 µs a hop", "times the floor"], lines)
 
 
-def slope_us(data: Measurements, mode: str, name: str, figure: str, by: str) -> float | None:
-    """How much `figure` grows for one more of `by`: least squares over the medians of the cases."""
-    points: dict[int, list[float]] = {}
-    for row in data.of_mode(mode):
-        if row["peer"] == name and by in row and figure in row:
-            points.setdefault(row[by], []).append(row[figure])
-    if len(points) < 2:
-        return None
-    xs = [float(x) for x in points]
-    ys = [median(found) or 0.0 for found in points.values()]
-    mean_x, mean_y = sum(xs) / len(xs), sum(ys) / len(ys)
-    spread = sum((x - mean_x) ** 2 for x in xs)
-    return sum((x - mean_x) * (y - mean_y) for x, y in zip(xs, ys, strict=True)) / spread
+STARTUP = (
+    ("from nothing to all first messages, ms", "startup_ms"),
+    ("the JSON file read and checked, ms", "read_ms"),
+    ("libraries loaded, all constructed and connected, ms", "build_ms"),
+    ("components started, ms", "start_ms"),
+    ("resident before, KiB", "rss_before_kib"),
+    ("resident after, KiB", "rss_after_kib"),
+    ("heap a component, bytes", "bytes_per_component"),
+    ("heap a topic, beside its messages, bytes", "bytes_per_topic"),
+    ("heap a subscription, beside its messages, bytes", "bytes_per_subscription"),
+    ("publish() beside them, p50, µs", "publish_us"),
+    ("publish() in an application of its own, p50, µs", "publish_alone_us"),
+    ("idle: resident, KiB", "idle_rss_kib"),
+    ("idle: percent of one CPU", "idle_cpu_percent"),
+    ("idle: context switches a second", "idle_switches_per_s"),
+)
+
+
+def startup_table(data: Measurements) -> str:
+    """Medians over the rounds, and the range."""
+    lines = []
+    for words, key in STARTUP:
+        values = [row[key] for row in data.of_mode("startup") if row.get(key) is not None]
+        if values:
+            lines.append([words, *map(number, (median(values), min(values), max(values)))])
+    shape = next(iter(data.of_mode("startup")), {})
+    heading = f"{shape.get('components', '?')} components, {shape.get('topics', '?')} topics"
+    return table([heading, "median", "least", "most"], lines)

@@ -44,11 +44,19 @@ class Tables(unittest.TestCase):
         self.assertIn("10.0 ± 1.00 (n too small)", text)
 
     def test_modes_with_several_cases_have_a_line_each(self):
-        found = [{"mode": "fanout", "peer": "fastcycle-park", "round": r, "n": 500, "subscribers": s, "p50_us": 2.0 * s}
-                 for r in (1, 2) for s in (1, 8)]  # fmt: skip
+        found = [{"mode": "fanout", "peer": "fastcycle-park", "round": r, "n": 500, "subscribers": s, "p50_us": 2.0 * s,
+                  "publish_ns_per_subscriber": 100.0 * r} for r in (1, 2, 3) for s in (1, 8)]  # fmt: skip
         data = Measurements(found)
-        self.assertIn("| fastcycle-park | 8 | 1,000 | 16.0 |", tables.mode_table(data, "fanout"))
-        self.assertAlmostEqual(tables.slope_us(data, "fanout", "fastcycle-park", "p50_us", "subscribers"), 2.0)
+        self.assertIn("| fastcycle-park | 8 | 1,500 | 16.0 |", tables.mode_table(data, "fanout"))
+        self.assertIn("| fastcycle-park | 200 |", tables.slope_table(data))
+
+    def test_a_hop_is_compared_with_the_floor_of_its_round(self):
+        found = []
+        for number_of_round, floor in ((1, 5.0), (2, 10.0), (3, 10.0)):
+            found.append(support.latency_row("floor-futex", number_of_round, 64, "chain", p50=floor, hops=1))
+            row = support.latency_row("fastcycle-park", number_of_round, 64, "chain", p50=4.4 * floor)
+            found.append({**row, "hops": 4, "executors": 2})
+        self.assertIn("| fastcycle-park | 4 | 2 | 11.0 | 1.10 |", tables.hop_table(Measurements(found)))
 
 
 class Rows(support.InAFolder):
