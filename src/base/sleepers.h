@@ -37,6 +37,12 @@ class Sleepers {
   /// Wakes one sleeper, if there is one: the one that leads only if there is no other.
   bool wake_one() noexcept;
 
+  /// Brings near what `wake_one` will write.
+  void prepare_wake() const noexcept {
+    __builtin_prefetch(&sleeping_, 1);
+    __builtin_prefetch(&slots_[0], 1);
+  }
+
   /// Wakes worker `index` if it sleeps.
   bool wake(unsigned index) noexcept;
 

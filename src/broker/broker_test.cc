@@ -27,6 +27,7 @@ using google::protobuf::Int64Value;
 class NotingQueue final : public ReadyQueue {
  public:
   void enqueue(std::uint32_t) noexcept override { is_queued = true; }
+  void prepare(std::uint32_t) noexcept override {}
   void wake() noexcept override { ++wakes; }
 
   std::atomic<bool> is_queued{false};

@@ -26,6 +26,9 @@ class ReadyQueue {
 
   /// Wakes a worker for what was queued, if one sleeps.
   virtual void wake() noexcept = 0;
+
+  /// Brings near what `enqueue` and `wake` will write.
+  virtual void prepare(std::uint32_t index) noexcept = 0;
 };
 
 /// All lanes that lead to one component, and one word that says what is ready.
@@ -72,7 +75,13 @@ class Inbox {
   [[nodiscard]] const std::vector<std::shared_ptr<Lane>>& views() const noexcept { return views_; }
 
   /// Sets bits; returns true if that queued the component, whose queue must then be woken.
+  ///
+  /// Bits that are set already need no write: the worker clears a bit before it looks for the last
+  /// time, so whoever finds it set after a push knows that this push will be seen.
   bool mark(std::uint64_t bits) noexcept {
+    if ((state_.load(std::memory_order_seq_cst) & bits) == bits) {
+      return false;
+    }
     if (state_.fetch_or(bits, std::memory_order_seq_cst) == 0) {
       queue_->enqueue(index_);
       return true;
@@ -80,10 +89,26 @@ class Inbox {
     return false;
   }
 
+  /// Brings near what `mark` and the wake after it will write.
+  void prepare_mark() noexcept {
+    __builtin_prefetch(&state_, 1);
+    queue_->prepare(index_);
+  }
+
   /// As `mark`, but queues the component in any case: for causes that are served when others wait.
   void mark_control() noexcept {
     state_.fetch_or(kControlBit, std::memory_order_seq_cst);
     queue_->enqueue(index_);
+  }
+
+  /// Brings near what a turn will read first. Worker.
+  void prepare_serve() const noexcept {
+    __builtin_prefetch(&state_, 1);
+    for (const Lane* lane : first_lanes_) {
+      if (lane != nullptr) {
+        lane->prepare_peek();
+      }
+    }
   }
 
   /// Starts a turn; false if another worker serves the component already.
@@ -128,16 +153,21 @@ class Inbox {
   }
 
  private:
+  void find_first_lanes() noexcept;
   bool peek_bit(unsigned bit, Head& best) noexcept;
 
-  alignas(64) std::atomic<std::uint64_t> state_{0};
+  // Constant once attached.
   ReadyQueue* queue_ = nullptr;
   std::uint32_t index_ = 0;
   std::atomic<unsigned> next_bit_{0};
 
+  /// Written by publishers and worker, on a line of its own.
+  alignas(64) std::atomic<std::uint64_t> state_{0};
+
   // Worker only.
-  std::array<std::vector<std::shared_ptr<Lane>>, kLaneBits> lanes_;
+  alignas(64) std::array<std::vector<std::shared_ptr<Lane>>, kLaneBits> lanes_;
   std::vector<std::shared_ptr<Lane>> views_;
+  std::array<const Lane*, 2> first_lanes_{};  ///< Of `lanes_`: those looked at before all others.
 };
 
 }  // namespace fastcycle::detail

@@ -85,14 +85,18 @@ class Lane {
     published.add();
     Envelope* displaced = nullptr;
     const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
-    std::uint64_t head = head_.load(std::memory_order_acquire);
-    if (tail - head >= options.depth) {
+    // `head` only grows: what was room once is room still, and its line is not asked for.
+    if (tail - known_head_ >= options.depth) {
+      known_head_ = head_.load(std::memory_order_acquire);
+    }
+    if (tail - known_head_ >= options.depth) {
       if (options.overflow == Overflow::kDropNewest) {
         overflowed.add();
         return envelope;
       }
-      Envelope* oldest = slots_[head & mask_].envelope.load(std::memory_order_relaxed);
-      if (head_.compare_exchange_strong(head, head + 1, std::memory_order_seq_cst)) {
+      Envelope* oldest = slots_[known_head_ & mask_].envelope.load(std::memory_order_relaxed);
+      if (head_.compare_exchange_strong(known_head_, known_head_ + 1, std::memory_order_seq_cst)) {
+        ++known_head_;
         displaced = oldest;
         overflowed.add();
       }
@@ -106,18 +110,18 @@ class Lane {
     return displaced;
   }
 
-  /// The oldest message, which stays; false if there is none.
-  [[nodiscard]] bool peek(Head& found) const noexcept {
+  /// The oldest message, which stays; false if there is none. The receiver's.
+  [[nodiscard]] bool peek(Head& found) noexcept {
     for (;;) {
       const std::uint64_t head = head_.load(std::memory_order_acquire);
-      if (tail_.load(std::memory_order_seq_cst) == head) {
-        return false;
+      // `tail` only grows: what was there once is there, or `head` has passed it.
+      if (head >= known_tail_) {
+        known_tail_ = tail_.load(std::memory_order_seq_cst);
+        if (head >= known_tail_) {
+          return false;
+        }
       }
-      const Slot& slot = slots_[head & mask_];
-      found.time_ns = slot.time_ns.load(std::memory_order_acquire);
-      found.envelope = slot.envelope.load(std::memory_order_acquire);
-      found.position = head;
-      if (head_.load(std::memory_order_acquire) == head) {
+      if (read(head, found)) {
         return true;
       }
     }
@@ -132,14 +136,28 @@ class Lane {
   /// Takes out and releases all that waits; returns how many. Either end may call it.
   std::uint64_t drain() noexcept {
     std::uint64_t count = 0;
-    Head found;
-    while (peek(found)) {
-      if (pop(found)) {
+    for (;;) {
+      const std::uint64_t head = head_.load(std::memory_order_acquire);
+      if (tail_.load(std::memory_order_seq_cst) == head) {
+        return count;
+      }
+      Head found;
+      if (read(head, found) && pop(found)) {
         release(found.envelope);
         ++count;
       }
     }
-    return count;
+  }
+
+  /// Brings near what the next push writes.
+  void prepare_push() const noexcept {
+    __builtin_prefetch(&slots_[tail_.load(std::memory_order_relaxed) & mask_], 1);
+    __builtin_prefetch(&tail_, 1);
+  }
+  /// Brings near what the next `peek` reads.
+  void prepare_peek() const noexcept {
+    __builtin_prefetch(&tail_);
+    __builtin_prefetch(&slots_[head_.load(std::memory_order_relaxed) & mask_]);
   }
 
   [[nodiscard]] std::uint64_t queued() const noexcept {
@@ -153,30 +171,52 @@ class Lane {
   const PublisherId publisher;
   const unsigned bit;  ///< In the inbox's state word.
 
-  // Written by the publisher.
-  Counter published;
-  Counter overflowed;
-  Counter dropped_by_pool;
-  Counter dropped_after_close;
-  Counter dropped_outside;  ///< Published by an external thread before the start or after the stop.
-  std::atomic<bool> is_left_by_publisher{false};
+ private:
+  struct Slot {
+    std::atomic<std::int64_t> time_ns{0};
+    std::atomic<Envelope*> envelope{nullptr};
+  };
 
-  // Written by the receiver.
-  Counter delivered;
-  Counter drained;  ///< Taken out when it was closed, for `close_reason`.
-  std::atomic<bool> is_left_by_receiver{false};
+  const std::size_t mask_;
+  const std::unique_ptr<Slot[]> slots_;
 
+ public:
   /// Set once by the receiver; `kCount` while the lane is open.
   std::atomic<DropReason> close_reason{DropReason::kCount};
   [[nodiscard]] bool is_closed() const noexcept {
     return close_reason.load(std::memory_order_seq_cst) != DropReason::kCount;
   }
 
+  // Written by the publisher, on a line of its own.
+  alignas(64) Counter published;
+  Counter overflowed;
+  Counter dropped_by_pool;
+  Counter dropped_after_close;
+  Counter dropped_outside;  ///< Published by an external thread before the start or after the stop.
+  std::atomic<bool> is_left_by_publisher{false};
+
  private:
-  struct Slot {
-    std::atomic<std::int64_t> time_ns{0};
-    std::atomic<Envelope*> envelope{nullptr};
-  };
+  std::atomic<std::uint64_t> tail_{0};
+  std::uint64_t known_head_ = 0;  ///< The publisher's: `head` is at least this.
+
+ public:
+  // Written by the receiver, on a line of its own.
+  alignas(64) Counter delivered;
+  Counter drained;  ///< Taken out when it was closed, for `close_reason`.
+  std::atomic<bool> is_left_by_receiver{false};
+
+ private:
+  std::atomic<std::uint64_t> head_{0};
+  std::uint64_t known_tail_ = 0;  ///< The receiver's: `tail` is at least this.
+
+  /// What stands at `head`; false if that has moved on meanwhile.
+  [[nodiscard]] bool read(std::uint64_t head, Head& found) const noexcept {
+    const Slot& slot = slots_[head & mask_];
+    found.time_ns = slot.time_ns.load(std::memory_order_acquire);
+    found.envelope = slot.envelope.load(std::memory_order_acquire);
+    found.position = head;
+    return head_.load(std::memory_order_acquire) == head;
+  }
 
   static std::size_t round_up(std::size_t depth) noexcept {
     std::size_t size = 1;
@@ -185,11 +225,6 @@ class Lane {
     }
     return size;
   }
-
-  const std::size_t mask_;
-  const std::unique_ptr<Slot[]> slots_;
-  alignas(64) std::atomic<std::uint64_t> head_{0};
-  alignas(64) std::atomic<std::uint64_t> tail_{0};
 };
 
 }  // namespace fastcycle::detail

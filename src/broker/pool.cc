@@ -55,6 +55,9 @@ Envelope* Pool::take() noexcept {
 }
 
 void Pool::collect() noexcept {
+  if (returned_.load(std::memory_order_relaxed) == nullptr) {
+    return;
+  }
   Envelope* list = returned_.exchange(nullptr, std::memory_order_acquire);
   while (list != nullptr) {
     put_back(std::exchange(list, list->next));

@@ -163,6 +163,11 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
 }
 
 Envelope* PublisherCore::loan(bool is_cleared) {
+  // What came back last is warm, in caches and in pages; but in a burst its list belongs to the
+  // readers.
+  if (owner.publish_count == 0 && owner.stage == nullptr) {
+    pool_->collect();
+  }
   Envelope* envelope = take_from(*pool_, scratch_loans_);
   if (is_cleared) {
     envelope->own->Clear();
@@ -175,6 +180,15 @@ void PublisherCore::return_loan(Envelope* loan) noexcept {
     loan->next = std::exchange(scratch_loans_, loan);
   } else {
     pool_->put_back(loan);
+  }
+}
+
+void PublisherCore::prepare() const noexcept {
+  // The lines that the receivers wrote last travel here together, not one after the other.
+  const std::size_t count = std::min<std::size_t>(targets_.size(), 4);
+  for (std::size_t i = 0; i < count; ++i) {
+    targets_[i].lane->prepare_push();
+    targets_[i].inbox->prepare_mark();
   }
 }
 
@@ -209,6 +223,7 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   if (options_.taken_at || origin.root == 0) {
     origin = {.taken = options_.taken_at.value_or(owner.now), .root = id};
   }
+  prepare();
   ++owner.publish_count;
   loan->payload = loan->own;
   const bool is_simulated = owner.stage != nullptr;

@@ -125,6 +125,7 @@ class PublisherCore {
 
   [[nodiscard]] std::size_t pool_limit() const noexcept;
   [[nodiscard]] Envelope* take_from(Pool& pool, Envelope*& scratch);
+  void prepare() const noexcept;
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
   void send(Envelope* envelope, Stage* stage) noexcept;
   void drop_scratch(Envelope* scratch) noexcept;

@@ -100,7 +100,8 @@ void Actor::put_in_front(Control control) {
 
 template <typename Body, typename Where>
 void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
-                     std::int64_t begin_ns, const Body& body, const Where& where) {
+                     const Body& body, const Where& where) {
+  const std::int64_t begin_ns = read_ns_;
   publishing.now = std::max(base::from_ns(record.time_ns), publishing.now);
   publishing.origin = origin;
   publishing.publish_count = 0;
@@ -120,7 +121,8 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
     outcome = Outcome::kFault;
     fault_ = where() + "something that is no std::exception";
   }
-  const std::int64_t duration = base::monotonic_ns() - begin_ns;
+  read_ns_ = base::monotonic_ns();
+  const std::int64_t duration = read_ns_ - begin_ns;
   statistics.activations.add();
   statistics.callback.record(duration);
   ring.end(place, outcome, duration, publishing.publish_count);
@@ -185,11 +187,11 @@ void Actor::run_controls(ActivationRing& ring) {
     controls.swap(controls_);
   }
   for (const Control& control : controls) {
-    const std::int64_t begin_ns = base::monotonic_ns();
+    read_ns_ = base::monotonic_ns();
     ActivationRecord record;
     record.cause = control.cause;
-    record.time_ns = base::to_ns(clock.at_monotonic(begin_ns));
-    activate(ring, record, oldest_held(), begin_ns, control.body, [] { return std::string(); });
+    record.time_ns = base::to_ns(clock.at_monotonic(read_ns_));
+    activate(ring, record, oldest_held(), control.body, [] { return std::string(); });
     if (control.finished) {
       control.finished();
     }
@@ -209,8 +211,8 @@ TimerCore* Actor::due_timer(std::int64_t now_ns) noexcept {
   return earliest;
 }
 
-void Actor::tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns) {
-  const std::int64_t now_ns = base::to_ns(clock.at_monotonic(begin_ns));
+void Actor::tick(ActivationRing& ring, TimerCore& timer) {
+  const std::int64_t now_ns = base::to_ns(clock.at_monotonic(read_ns_));
   const std::int64_t late_ns = now_ns - timer.due_ns;
   Tick tick{.due = base::from_ns(timer.due_ns)};
   if (timer.is_periodic()) {
@@ -230,18 +232,17 @@ void Actor::tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns) 
   record.skipped = tick.skipped;
   record.time_ns = now_ns;
   activate(
-      ring, record, oldest_held(), begin_ns, [&] { timer.callback(tick); },
+      ring, record, oldest_held(), [&] { timer.callback(tick); },
       [&] { return timer.label + " threw: "; });
 }
 
-void Actor::deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t begin_ns) {
+void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   Lane& lane = *head.lane;
   Envelope& envelope = *head.head.envelope;
   auto& subscription = static_cast<CallbackSubscription&>(lane.subscription);
   const MessageInfo& info = envelope.info;
-  const Time now = std::max(clock.at_monotonic(begin_ns), info.publish_time);
+  const Time now = std::max(clock.at_monotonic(read_ns_), info.publish_time);
   lane.delivered.add();
-  subscription.latency.record((now - info.publish_time).count());
   if (lane.options.ages) {
     hold(info.origin);
   }
@@ -251,21 +252,21 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t 
   record.key = info.sequence;
   record.time_ns = base::to_ns(now);
   activate(
-      ring, record, info.origin, begin_ns, [&] { (*subscription.callback)(envelope); },
+      ring, record, info.origin, [&] { (*subscription.callback)(envelope); },
       [&] { return "its callback for \"" + subscription.topic.name + "\" threw: "; });
+  subscription.latency.record((now - info.publish_time).count());
   release(&envelope);
 }
 
 bool Actor::run_next(ActivationRing& ring) {
   for (;;) {
-    const std::int64_t begin_ns = base::monotonic_ns();
-    TimerCore* timer = due_timer(base::to_ns(clock.at_monotonic(begin_ns)));
+    TimerCore* timer = due_timer(base::to_ns(clock.at_monotonic(read_ns_)));
     Inbox::Head head;
     const bool has_message = inbox.peek(head);
     // In simulated time the ticks of a round come first.
     if (timer != nullptr &&
         (!has_message || clock.is_simulated() || timer->due_ns <= head.head.time_ns)) {
-      tick(ring, *timer, begin_ns);
+      tick(ring, *timer);
       return true;
     }
     if (!has_message) {
@@ -280,7 +281,7 @@ bool Actor::run_next(ActivationRing& ring) {
       release(head.head.envelope);
       continue;
     }
-    deliver(ring, head, begin_ns);
+    deliver(ring, head);
     return true;
   }
 }
@@ -291,7 +292,8 @@ void Actor::run_turn(ActivationRing& ring) {
   }
   base::reset_floating_point();
   ++turn_;
-  const std::int64_t turn_began = base::monotonic_ns();
+  read_ns_ = base::monotonic_ns();
+  const std::int64_t turn_began = read_ns_;
   int count = 0;
   for (;;) {
     if (inbox.take_bit(Inbox::kControlBit)) {
@@ -305,7 +307,7 @@ void Actor::run_turn(ActivationRing& ring) {
       }
       continue;
     }
-    if (count == kTurnActivations || (count > 0 && base::monotonic_ns() - turn_began > kTurnNs)) {
+    if (count == kTurnActivations || read_ns_ - turn_began > kTurnNs) {
       publish_due();
       inbox.end_early();
       return;
@@ -319,6 +321,7 @@ void Actor::run_turn(ActivationRing& ring) {
     if (inbox.try_end_idle()) {
       return;
     }
+    read_ns_ = base::monotonic_ns();
   }
 }
 
@@ -328,6 +331,7 @@ void Actor::run_round(ActivationRing& ring) {
   }
   base::reset_floating_point();
   ++turn_;
+  read_ns_ = base::monotonic_ns();
   for (;;) {
     if (inbox.take_bit(Inbox::kControlBit)) {
       run_controls(ring);

@@ -206,12 +206,12 @@ class Actor {
   /// Calls `body` as an activation; `where()` says, for a fault, what it was that threw.
   template <typename Body, typename Where>
   void activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
-                std::int64_t begin_ns, const Body& body, const Where& where);
+                const Body& body, const Where& where);
   void run_controls(ActivationRing& ring);
   bool run_next(ActivationRing& ring);
   void put_in_front(Control control);
-  void tick(ActivationRing& ring, TimerCore& timer, std::int64_t begin_ns);
-  void deliver(ActivationRing& ring, const Inbox::Head& head, std::int64_t begin_ns);
+  void tick(ActivationRing& ring, TimerCore& timer);
+  void deliver(ActivationRing& ring, const Inbox::Head& head);
   void refresh_views();
   void hold(const Origin& origin) noexcept;
   [[nodiscard]] Origin oldest_held() const noexcept;
@@ -220,6 +220,8 @@ class Actor {
 
   ActorStage stage_;
   std::atomic<bool> is_open_{false};  ///< Written by its worker, read by who waits for the end.
+  /// CLOCK_MONOTONIC as last read in this turn: when an activation ends, the next one begins.
+  std::int64_t read_ns_ = 0;
   std::uint64_t number_ = 0;
   std::uint64_t turn_ = 0;
   std::vector<std::unique_ptr<TimerCore>> timers_;

@@ -40,6 +40,9 @@ void Executor::add(Actor& actor) {
 }
 
 void Executor::start(std::vector<base::Refusal>& refusals) {
+  if (options_.threads == 1) {
+    leader_.store(0);
+  }
   for (unsigned worker = 0; worker < options_.threads; ++worker) {
     rings_.push_back(std::make_unique<ActivationRing>());
   }
@@ -87,6 +90,13 @@ void Executor::wake() noexcept {
   sleepers_.wake_one();
 }
 
+void Executor::prepare(std::uint32_t index) noexcept {
+  if (options_.wait == WaitMode::kPark) {  // A spinning worker would only ask for the line back.
+    __builtin_prefetch(&ready_[index / 64], 1);
+  }
+  sleepers_.prepare_wake();
+}
+
 void Executor::timer_armed(std::int64_t due_ns) noexcept {
   std::int64_t earliest = earliest_due_ns_.load(std::memory_order_seq_cst);
   while (due_ns < earliest &&
@@ -130,15 +140,13 @@ bool Executor::is_quiet() const noexcept {
 void Executor::work(unsigned worker) {
   t_executor = this;
   while (!is_stopping_.load(std::memory_order_relaxed)) {
-    if (fire_timers()) {
-      continue;
+    // Jobs and timers have their turn also where components are always ready.
+    bool is_busy = run_ready(worker);
+    is_busy |= run_job();
+    is_busy |= fire_timers();
+    if (!is_busy) {
+      idle(worker);
     }
-    // A job has its turn also where components are always ready.
-    const bool has_run = run_ready(worker);
-    if (run_job() || has_run) {
-      continue;
-    }
-    idle(worker);
   }
 }
 
@@ -146,8 +154,9 @@ bool Executor::run_ready(unsigned worker) {
   bool has_run = false;
   for (std::size_t i = 0; i < ready_.size(); ++i) {
     // Each worker begins somewhere else, so that they do not all fight for the first component.
-    auto& word = ready_[(i + worker) % ready_.size()];
-    const std::size_t base = ((i + worker) % ready_.size()) * 64;
+    const std::size_t place = ready_.size() == 1 ? 0 : (i + worker) % ready_.size();
+    auto& word = ready_[place];
+    const std::size_t base = place * 64;
     std::uint64_t bits = word.load(std::memory_order_seq_cst);
     // One pass over what was ready when it began: nobody waits longer than one turn of each other.
     while (bits != 0) {
@@ -157,6 +166,7 @@ bool Executor::run_ready(unsigned worker) {
       if ((word.fetch_and(~flag, std::memory_order_seq_cst) & flag) == 0) {
         continue;
       }
+      actors_[base + bit]->inbox.prepare_serve();
       if (options_.threads > 1 && has_ready()) {
         sleepers_.wake_one();
       }
@@ -221,6 +231,10 @@ std::int64_t Executor::lead(unsigned worker) noexcept {
     return base::kNever;
   }
   sleepers_.set_leader(worker);
+  return announce_deadline();
+}
+
+std::int64_t Executor::announce_deadline() noexcept {
   std::int64_t deadline_ns = earliest_due_ns_.load(std::memory_order_seq_cst);
   for (;;) {
     leader_deadline_ns_.store(deadline_ns, std::memory_order_seq_cst);
@@ -267,11 +281,17 @@ void Executor::idle(unsigned worker) {
     return;
   }
   sleepers_.announce(worker);
-  const std::int64_t deadline_ns = lead(worker);
+  // A single worker leads for ever: a deadline that it has left behind only costs whoever arms an
+  // earlier timer a look whether it sleeps.
+  const bool is_alone = options_.threads == 1;
+  const std::int64_t deadline_ns = is_alone ? announce_deadline() : lead(worker);
   if (has_work()) {
     sleepers_.withdraw(worker);
   } else {
     sleepers_.sleep(worker, deadline_ns);
+  }
+  if (is_alone) {
+    return;
   }
   const bool has_led = leader_.load(std::memory_order_seq_cst) == worker;
   stop_leading(worker);

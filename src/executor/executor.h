@@ -62,6 +62,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
 
   void enqueue(std::uint32_t index) noexcept override;
   void wake() noexcept override;
+  void prepare(std::uint32_t index) noexcept override;
   void timer_armed(std::int64_t due_ns) noexcept override;
 
   [[nodiscard]] const ExecutorOptions& options() const noexcept { return options_; }
@@ -82,6 +83,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
   [[nodiscard]] bool has_work() const noexcept;
   [[nodiscard]] bool spin_for_work(std::int64_t limit_ns) const noexcept;
   std::int64_t lead(unsigned worker) noexcept;
+  std::int64_t announce_deadline() noexcept;
   void stop_leading(unsigned worker) noexcept;
 
   // Constant after `start`.

@@ -62,6 +62,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void put(PublisherCore& publisher, Envelope* envelope) override;
 
   void enqueue(std::uint32_t index) noexcept override;
+  void prepare(std::uint32_t) noexcept override {}
   void wake() noexcept override {}
   void timer_armed(std::int64_t due_ns) noexcept override;
 

@@ -6,6 +6,7 @@
 #include <set>
 #include <utility>
 
+#include "base/memory.h"
 #include "config/nearest.h"
 #include "config/params.h"
 
@@ -259,6 +260,14 @@ void Application::run_in(ComponentCore& component, Cause cause, std::function<vo
 
 std::vector<base::Refusal> Application::start() {
   start_ns_ = base::to_ns(clock_.now());
+  const bool is_real_time = std::ranges::any_of(executors_, [](const auto& executor) {
+    return executor->options().policy != base::SchedulingPolicy::kOther;
+  });
+  if (is_real_time) {
+    if (auto refused = base::lock_memory_as_touched()) {
+      refusals_.push_back(std::move(*refused));
+    }
+  }
   for (const auto& executor : executors_) {
     executor->start(refusals_);
   }

@@ -39,7 +39,11 @@ void recycle(Envelope* envelope) noexcept;
 
 /// Lets go of one reference; the last one gives the message back to its pool.
 inline void release(Envelope* envelope) noexcept {
-  if (envelope->references.fetch_sub(1, std::memory_order_acq_rel) == 1) {
+  // Who holds the only reference needs no atomic step: nobody else can add one.
+  if (envelope->references.load(std::memory_order_acquire) == 1) {
+    envelope->references.store(0, std::memory_order_relaxed);
+    recycle(envelope);
+  } else if (envelope->references.fetch_sub(1, std::memory_order_acq_rel) == 1) {
     recycle(envelope);
   }
 }

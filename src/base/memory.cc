@@ -1,0 +1,46 @@
+#include "base/memory.h"
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <string>
+
+#include <linux/capability.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+namespace fastcycle::base {
+namespace {
+
+bool may_lock_without_limit() noexcept {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY) {
+    return true;
+  }
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  __user_cap_data_struct data[_LINUX_CAPABILITY_U32S_3] = {};
+  return syscall(SYS_capget, &header, data) == 0 &&
+         (data[0].effective & (std::uint32_t{1} << CAP_IPC_LOCK)) != 0;
+}
+
+Refusal refusal(const std::string& why) {
+  return {"memory that stays in memory, for real-time executors: " + why,
+          "grant it with `sudo setcap cap_sys_nice,cap_ipc_lock=eip PATH_OF_fastcycle`, or with a "
+          "line `@realtime - memlock unlimited` in /etc/security/limits.conf for a group of yours"};
+}
+
+}  // namespace
+
+std::optional<Refusal> lock_memory_as_touched() {
+  if (!may_lock_without_limit()) {
+    return refusal("the limit on locked memory (`ulimit -l`) could be reached while running");
+  }
+  if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
+    return refusal(std::strerror(errno));
+  }
+  return std::nullopt;
+}
+
+}  // namespace fastcycle::base
