@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import time
-from typing import Any
 
 NOT_INSTALLED = "not installed"
 TRY_FIFO = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
@@ -61,7 +60,8 @@ def _virtualization() -> str:
 
 
 def _may_use_fifo() -> bool:
-    return subprocess.run([sys.executable, "-c", TRY_FIFO], capture_output=True, timeout=20, check=False).returncode == 0
+    tried = subprocess.run([sys.executable, "-c", TRY_FIFO], capture_output=True, timeout=20, check=False)
+    return tried.returncode == 0
 
 
 def _system() -> str:

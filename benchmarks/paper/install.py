@@ -49,5 +49,6 @@ def build(root: pathlib.Path, has_peers: bool) -> bool:
     """Builds the preset release, with the peers' programs. What cannot be built is missing later."""
     jobs = os.environ.get("FASTCYCLE_JOBS") or str(os.cpu_count() or 2)
     configure = ["cmake", "--preset", "release"] + (["-DFASTCYCLE_PEERS=ON"] if has_peers else [])
+    build_all = ["cmake", "--build", "--preset", "release"]  # -k 0: one peer that does not build stops no other
     os.chdir(root)
-    return _run(configure, 600, is_quiet=True) and _run(["cmake", "--build", "--preset", "release", "-j", jobs], 3600)
+    return _run(configure, 600, is_quiet=True) and _run([*build_all, "-j", jobs, "--", "-k", "0"], 3600)

@@ -165,7 +165,7 @@ def measure(chosen: argparse.Namespace, words: list[str]) -> int:
         record = RunRecord(
             options, command_of(words), facts.machine(), facts.build(build, ROOT),
             facts.packages(chosen.peers / "packages.txt"), [*(c for c in OWN if c.name in own), *rivals],
-            {**not_installed, **({} if chosen.only else peers.missing)},
+            {} if chosen.only else {**peers.missing, **{f"package {name}": why for name, why in not_installed.items()}},
         )  # fmt: skip
         if problem := prepare(folder, record, chosen.fresh):
             print(f"paper: {problem}", file=sys.stderr)

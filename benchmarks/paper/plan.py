@@ -93,7 +93,8 @@ def jobs_of_round(options: Options, number: int, own: Sequence[str], peers: Sequ
         else:
             row = [Job(mode, number, 0, ())] if any(name.startswith("fastcycle") for name in own) else []
             if mode in PEER_MODES:
-                flood = replace(options, peer_count=FLOOD_COUNT if options.peer_count >= 100 else 20 * options.peer_count)
+                few = options.peer_count < FLOOD_COUNT // 1000
+                flood = replace(options, peer_count=20 * options.peer_count if few else FLOOD_COUNT)
                 row += [_of_peer(flood, mode, number, FLOOD_SIZE, peer) for peer in peers]
             jobs += rotated(row, number - 1)
     return jobs

@@ -161,8 +161,8 @@ def jitter_bars(data: Measurements, field: Field, size: int) -> str | None:
     low, high = around([v for pair in figures.values() for v in pair if v])
     bottom = 70 + 30 * len(names)
     drawing = Drawing(800, bottom + 50, f"Jitter at {name_of_size(size)}, median over the rounds")
-    drawing.text(16, 46, "upper bar: standard deviation of the latency; lower, pale bar: of receive minus send interval",
-                 size=12, colour=SOFT)  # fmt: skip
+    words = "upper bar: standard deviation of the latency; lower, pale bar: of receive minus send interval"
+    drawing.text(16, 46, words, size=12, colour=SOFT)
     x = Scale(low, high, 230, 720)
     drawing.x_axis(x, bottom, 62, "µs, logarithmic")
     for place, name in enumerate(names):

@@ -146,8 +146,8 @@ The paper's own figures, **from another machine**:
             )
         if PUBLISHER in ways:
             words += (
-                "\n\n† runs the callback in the publisher's thread. Nothing is handed over there: no thread is woken, "
-                "a slow\ncallback delays the publisher. It is shown, and not compared with those that hand over."
+                "\n\n† runs the callback in the publisher's thread. Nothing is handed over there: no thread is "
+                "woken, a slow callback delays the publisher. It is shown, and not compared with those that hand over."
             )
         if self._intervals():
             words += (

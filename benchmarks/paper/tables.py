@@ -68,7 +68,8 @@ def paper_table(data: Measurements, field: Field, mode: str) -> str:
             return value(data, mode, who.name, size, "mean_us")
         if not enough("mean_us", data.total(mode, who.name, size)):
             return f"{text} ({SMALL})"
-        return text + (OTHER_INTERVAL if who.interval_us(size, field.usual_interval_us) != field.usual_interval_us else "")
+        is_usual = who.interval_us(size, field.usual_interval_us) == field.usual_interval_us
+        return text if is_usual else text + OTHER_INTERVAL
 
     return _per_size(data, field, mode, cell)
 
@@ -131,7 +132,8 @@ def acceptance_table(checks: Iterable[Check]) -> str:
         figures = [number(c.figure) + (unit if c.figure is not None else ""), number(c.limit), number(c.left)]
         verdict = c.verdict if c.verdict == "held" else f"**{c.verdict}**"
         lines.append([c.what, size, c.note, *figures, f"{c.rounds_held}/{c.rounds}", verdict])
-    return table(["bound", "size", "", "figure", "limit", "left", "rounds held", "verdict"], lines, 3, has_text_last=True)
+    header = ["bound", "size", "", "figure", "limit", "left", "rounds held", "verdict"]
+    return table(header, lines, text_columns=3, has_text_last=True)
 
 
 def flood_table(data: Measurements, field: Field) -> str:
@@ -227,17 +229,20 @@ def slope_table(data: Measurements) -> str:
 
 def hop_table(data: Measurements) -> str:
     """What one hop of a chain takes, and how many times the floor of the same round it is."""
-    floors: dict[int, float] = {}
-    for number_of_round in {row["round"] for row in data.of_mode("chain")}:
-        floor = median(row["p50_us"] for row in data.of_mode("chain")
-                       if row["round"] == number_of_round and row["peer"] == "floor-futex" and "p50_us" in row)  # fmt: skip
-        if floor:
-            floors[number_of_round] = floor
+    rows = [row for row in data.of_mode("chain") if "p50_us" in row]
+    floors = {
+        number_of_round: median(
+            row["p50_us"] for row in rows if row["round"] == number_of_round and row["peer"] == "floor-futex"
+        )
+        for number_of_round in {row["round"] for row in rows}
+    }
     lines = []
-    ours = [row for row in data.of_mode("chain") if not row["peer"].startswith("floor") and "p50_us" in row]
+    ours = [row for row in rows if not row["peer"].startswith("floor")]
     for (name, hops, executors), members in _cases(ours, ("hops", "executors")).items():
         a_hop = median(row["p50_us"] / row["hops"] for row in members)
-        ratio = median(row["p50_us"] / row["hops"] / floors[row["round"]] for row in members if row["round"] in floors)
+        ratio = median(
+            row["p50_us"] / row["hops"] / floor for row in members if (floor := floors[row["round"]]) is not None
+        )
         lines.append([str(name), str(hops), str(executors), number(a_hop), number(ratio)])
     return table(["chain", "hops", "executors", "p50 µs a hop", "times the floor"], lines)
 

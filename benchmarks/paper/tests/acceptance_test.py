@@ -81,7 +81,8 @@ class Acceptance(unittest.TestCase):
             Contender("far", delivery="between processes"),
         ]
         rows = [support.latency_row(PARK, p50=10.0)]
-        rows += [support.latency_row(n, p50=p) for n, p in (("queue", 11.0), ("slow", 50.0), ("same", 0.1), ("far", 5.0))]
+        for name, p50 in (("queue", 11.0), ("slow", 50.0), ("same", 0.1), ("far", 5.0)):
+            rows.append(support.latency_row(name, p50=p50))
         what = (f"{PARK} p50 below every peer that hands over", SIZE)
         found = checks(rows, peers)[what]
         self.assertEqual((found.verdict, found.limit, found.note), (HELD, 11.0, "nearest: queue"))

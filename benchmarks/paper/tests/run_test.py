@@ -39,7 +39,8 @@ class Run(support.InAFolder):
         self.assertIn("points are there already", done.stderr)
         after = self.rows()
         self.assertEqual(after[: len(kept)], kept)
-        points = [(r["mode"], r["peer"], r["size"], r["round"]) for r in after if r["mode"] in ("latency", "rtt", "flood")]
+        single = [r for r in after if r["mode"] in ("latency", "rtt", "flood")]
+        points = [(r["mode"], r["peer"], r["size"], r["round"]) for r in single]
         self.assertEqual(len(points), len(set(points)))
         self.assertEqual(self.report().count(" UTC | "), 4)  # two sessions, begun and ended
 

@@ -36,7 +36,8 @@ class Tables(unittest.TestCase):
 
     def test_p999_needs_50000_messages(self):
         for n, cell in ((45_000, "n/a"), (50_000, "10.0")):
-            text = tables.tail_table(Measurements([support.latency_row("fastcycle-park", n=n)]), FIELD, "latency", 32768)
+            data = Measurements([support.latency_row("fastcycle-park", n=n)])
+            text = tables.tail_table(data, FIELD, "latency", 32768)
             self.assertEqual(text.splitlines()[2].split(" | ")[5], cell)
 
     def test_few_messages_are_marked(self):
@@ -116,7 +117,9 @@ class Claims(unittest.TestCase):
     def test_tests_and_labels_of_table_three_exist(self):
         sources = "\n".join(f.read_text(encoding="utf-8") for top in ("src", "tests") for f in
                             (support.ROOT / top).rglob("*_test.cc"))  # fmt: skip
-        builds = "\n".join(f.read_text() for f in [*support.ROOT.rglob("CMakeLists.txt"), *support.ROOT.glob("cmake/*")])
+        files = [file for top in ("src", "tests", "cmake") for name in ("CMakeLists.txt", "*.cmake")
+                 for file in (support.ROOT / top).rglob(name)]  # fmt: skip
+        builds = "\n".join(file.read_text(encoding="utf-8") for file in files)
         text = published.shown_table().replace("\\|", "|")
         for words in re.findall(r"-R '?([\w.|]+)", text):
             for name in words.split("|"):
