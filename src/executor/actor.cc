@@ -384,7 +384,7 @@ void Actor::publish_due() noexcept {
   if (due_ns != base::kNever && !clock.is_simulated()) {
     due_ns = clock.monotonic_at(base::from_ns(due_ns));
   }
-  if (due_ns != armed_due_ns_.load(std::memory_order_relaxed)) {
+  if (due_ns != armed_due_ns_.load(std::memory_order_seq_cst)) {
     armed_due_ns_.store(due_ns, std::memory_order_seq_cst);
     if (due_ns != base::kNever) {
       timer_watch->timer_armed(due_ns);

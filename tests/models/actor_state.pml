@@ -68,12 +68,16 @@ byte writers_ended = 0;
 #define enqueue(component) ready = ready | FLAG(component)
 
 inline mark(component, bits) {
-  atomic { was = state[component]; state[component] = was | bits }
   if
-  :: was == 0 -> enqueue(component)
-  :: else
-  fi;
-  was = 0
+  :: (state[component] & bits) == bits /* set already: nothing to write */
+  :: else ->
+     atomic { was = state[component]; state[component] = was | bits }
+     if
+     :: was == 0 -> enqueue(component)
+     :: else
+     fi;
+     was = 0
+  fi
 }
 
 inline mark_control(component) {
@@ -100,7 +104,7 @@ inline run_next(component) {
   atomic {
     has_run = ticks[component] > 0;
     if
-    :: has_run -> ticks[component]--
+    :: has_run -> ticks[component] = 0 /* what is late replaces the ticks that it missed */
     :: else
     fi
   }

@@ -18,10 +18,11 @@
  * another. Component 0 may arm its timer ARMS times. LONGS turns may last for good.
  *
  * run short: a burst for two workers                -DBURST=2 -DCOMPONENTS=2
- * run short: one turn lasts, another component has a timer   -DARMS=1 -DLONGS=1
  * run short: messages are handed over, one turn lasts        -DHAND_OVER -DARMS=1 -DLONGS=1
  * run short: components in two words of the mask    -DWORDS=2 -DBURST=2 -DLONGS=1
  * run short: all workers end                        -DSTOP -DARMS=1 -DCOMPONENTS=1
+ * run short: a single worker                        -DWORKERS=1 -DARMS=2 -DCOMPONENTS=3 -DEND=3
+ * run long: one turn lasts, another component has a timer    -DARMS=1 -DLONGS=1
  * run long: a burst and one more                    -DBURST=2 -DCOMPONENTS=3 -DLONGS=1
  * run long: a timer armed twice                     -DARMS=2 -DLONGS=1 -DEND=3
  * run long: three workers, two of them kept busy    -DWORKERS=3 -DARMS=1 -DLONGS=2 -DCOMPONENTS=1
@@ -133,12 +134,16 @@ inline wake_one() {
 
 /* Inbox::mark */
 inline mark(component) {
-  atomic { was = state[component]; state[component] = was | SOMETHING }
   if
-  :: was == 0 -> ready[WORD_OF(component)] = ready[WORD_OF(component)] | FLAG(component)
-  :: else
-  fi;
-  was = 0
+  :: (state[component] & SOMETHING) /* set already: nothing to write */
+  :: else ->
+     atomic { was = state[component]; state[component] = was | SOMETHING }
+     if
+     :: was == 0 -> ready[WORD_OF(component)] = ready[WORD_OF(component)] | FLAG(component)
+     :: else
+     fi;
+     was = 0
+  fi
 }
 
 inline timer_armed(time) {
@@ -316,8 +321,12 @@ inline take_off() {
   atomic { is_taken = (sleeping & FLAG(me)) != 0; sleeping = sleeping & ~FLAG(me) }
 }
 
+/* A single worker leads for ever. */
 inline lead() {
   deadline = NEVER;
+#if WORKERS == 1
+  is_taken = true;
+#else
   atomic {
     is_taken = leader == NOBODY;
     if
@@ -325,9 +334,12 @@ inline lead() {
     :: else
     fi
   }
+#endif
   if
   :: is_taken ->
+#if WORKERS > 1
      preferred_last = me;
+#endif
      deadline = earliest;
      do
      :: leader_deadline = deadline;
@@ -369,14 +381,10 @@ proctype Worker(byte me) {
   do
   :: is_stopping -> break
   :: else ->
+     run_ready();
      fire_timers();
      if
-     :: has_fired -> has_fired = false; goto again
-     :: else
-     fi;
-     run_ready();
-     if
-     :: has_run -> has_run = false; goto again
+     :: has_run || has_fired -> has_run = false; has_fired = false; goto again
      :: else
      fi;
      /* idle */
@@ -415,7 +423,7 @@ end_asleep:
            fi
         od
      fi;
-     atomic { is_taken = false; deadline = 0; has_led = leader == me }
+     atomic { is_taken = false; deadline = 0; has_led = WORKERS > 1 && leader == me }
      stop_leading();
      if
      :: has_led ->
@@ -479,6 +487,9 @@ init {
     :: else -> break
     od;
     arms[0] = ARMS;
+#if WORKERS == 1
+    leader = 0;
+#endif
     i = 0;
     do
     :: i < WORKERS -> run Worker(i); i++

@@ -12,10 +12,12 @@
  *          push B began, A is not served after B, also where lanes share a bit; a slot is never
  *          read half old, half new.
  *
- * run short: two publishers, depth 1     -DN0=2 -DN1=2
+ * run short: two publishers, depth 1     -DN0=2 -DN1=1
+ * run short: the other sends twice       -DN0=1 -DN1=2
  * run short: depth 2                     -DN0=3 -DN1=1 -DDEPTH=2
  * run short: lanes share a bit           -DSHARED -DN0=1 -DN1=2
  * run short: drop_newest                 -DN0=2 -DN1=1 -DDROP_NEWEST
+ * run long: two publishers, two each     -DN0=2 -DN1=2
  * run long: two publishers, depth 1      -DN0=3 -DN1=2
  * run long: depth 2                      -DN0=3 -DN1=3 -DDEPTH=2
  * run long: lanes share a bit            -DSHARED -DN0=2 -DN1=2
@@ -27,6 +29,7 @@
  * bug BUG_ONE_LOOK: lanes that share a bit are looked at once  -DSHARED -DN0=1 -DN1=2
  * bug BUG_BLIND_POP: `head` is advanced without comparing its position        -DN0=2 -DN1=1
  * bug BUG_BLIND_DROP: the publisher drops what may be gone already            -DN0=2 -DN1=1
+ * bug BUG_MARK_SKIPPED_EARLY: whether the bit is set is read before the message is there  -DN0=2 -DN1=1
  * bug BUG_MARK_FIRST: the bit is set before the message is there              -DN0=1 -DN1=1
  * bug BUG_LATE_READ: the slot is read after `head` was advanced               -DN0=2 -DN1=1
  * bug BUG_BLIND_END: a turn ends without comparing the state word             -DN0=1 -DN1=1
@@ -57,6 +60,8 @@
 byte state = 0;       /* Inbox::state_ */
 bool queued = false;  /* the component's bit in the executor's mask */
 byte head[LANES], tail[LANES];
+byte known_head[LANES]; /* the publisher's */
+byte known_tail[LANES]; /* the receiver's */
 byte slot_time[LANES * DEPTH], slot_envelope[LANES * DEPTH];
 
 /* What is observed. */
@@ -68,33 +73,48 @@ byte published = 0, delivered = 0, dropped = 0;
 byte publishers_done = 0;
 
 inline mark(nr) {
-  atomic { old_state = state; state = state | FLAG(nr) }
   if
-  :: old_state == 0 -> queued = true
-  :: else
-  fi;
-  old_state = 0
+#ifdef BUG_MARK_SKIPPED_EARLY
+  :: was_set
+#else
+  :: (state & FLAG(nr)) /* set already: nothing to write */
+#endif
+  :: else ->
+     atomic { old_state = state; state = state | FLAG(nr) }
+     if
+     :: old_state == 0 -> queued = true
+     :: else
+     fi;
+     old_state = 0
+  fi
 }
 
 inline push(lane) {
   d_step { m = next_message; next_message++; before[m] = returned; published++ }
-  at = head[lane];
+#ifdef BUG_MARK_SKIPPED_EARLY
+  was_set = (state & FLAG(BIT_OF(lane))) != 0;
+#endif
 #ifdef BUG_MARK_FIRST
   mark(BIT_OF(lane));
 #endif
   if
-  :: tail[lane] - at >= DEPTH ->
+  :: tail[lane] - known_head[lane] >= DEPTH -> known_head[lane] = head[lane]
+  :: else
+  fi;
+  if
+  :: tail[lane] - known_head[lane] >= DEPTH ->
 #ifdef DROP_NEWEST
      d_step { gone[m]++; dropped++; is_refused = true }
 #else
-     oldest = slot_envelope[SLOT(lane, at)];
+     oldest = slot_envelope[SLOT(lane, known_head[lane])];
      atomic {
        if
 #ifdef BUG_BLIND_DROP
        :: head[lane] = head[lane] + 1; gone[oldest]++; dropped++
 #else
-       :: head[lane] == at -> head[lane] = head[lane] + 1; gone[oldest]++; dropped++
-       :: else
+       :: head[lane] == known_head[lane] ->
+          head[lane] = head[lane] + 1; known_head[lane] = head[lane]; gone[oldest]++; dropped++
+       :: else -> known_head[lane] = head[lane]
 #endif
        fi;
        oldest = 0
@@ -112,12 +132,15 @@ inline push(lane) {
 #ifndef BUG_MARK_FIRST
   mark(BIT_OF(lane));
 #endif
-  d_step { returned = returned | FLAG(m); m = 0; at = 0 }
+  d_step { returned = returned | FLAG(m); m = 0 }
 }
 
 proctype Publisher(byte lane; byte count) {
-  byte m, at, oldest, old_state, i;
+  byte m, oldest, old_state, i;
   bool is_refused;
+#ifdef BUG_MARK_SKIPPED_EARLY
+  bool was_set;
+#endif
   do
   :: i < count -> push(lane); i++
   :: else -> break
@@ -133,7 +156,12 @@ inline peek_bit(nr) {
      do
      :: at = head[lane];
         if
-        :: tail[lane] == at -> break
+        :: at >= known_tail[lane] ->
+           known_tail[lane] = tail[lane];
+           if
+           :: at >= known_tail[lane] -> break
+           :: else
+           fi
         :: else
         fi;
         time = slot_time[SLOT(lane, at)];

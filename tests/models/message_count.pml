@@ -2,7 +2,7 @@
  * A message's count of references, and the pool that it goes back to.
  *
  * Mirrors  retain, release, recycle (include/fastcycle/detail/envelope.h, src/broker/pool.cc);
- *          Pool::take, give_back, close, forget (src/broker/pool.{h,cc}); the count that
+ *          Pool::take, collect, give_back, close, forget (src/broker/pool.{h,cc}); the count that
  *          PublisherCore::deliver stores, and the reference that forward takes
  *          (src/broker/publisher_core.cc).
  * Leaves out  lanes, which are channels of depth 1 here; a publisher that finds one full takes the
@@ -107,11 +107,16 @@ inline give_back(e) {
 
 /* Lets go of one reference; `is_last` says whether it was the last one. */
 inline let_go(e) {
-  d_step {
-    assert(!is_freed[e] && references[e] > 0);
-    references[e]--;
-    is_last = references[e] == 0
-  }
+  atomic { assert(!is_freed[e] && references[e] > 0); is_last = references[e] == 1 }
+  if
+  :: is_last -> references[e] = 0 /* the only holder: nobody else can add one */
+  :: else ->
+     d_step {
+       assert(!is_freed[e] && references[e] > 0);
+       references[e]--;
+       is_last = references[e] == 0
+     }
+  fi;
 #ifdef BUG_COUNT_READ_AGAIN
   is_last = references[e] == 0;
 #endif
@@ -136,6 +141,22 @@ inline release(e) {
      fi;
      other = 0;
      give_back(e)
+  :: else
+  fi
+}
+
+/* Pool::collect, at the first loan of an activation. */
+inline collect(pool) {
+  if
+  :: returned[pool] != NIL ->
+     atomic { top = returned[pool]; returned[pool] = NIL }
+     d_step {
+       do
+       :: top != NIL -> mine = next[top]; next[top] = free[pool]; free[pool] = top; top = mine
+       :: else -> break
+       od;
+       top = 0; mine = 0
+     }
   :: else
   fi
 }
@@ -219,6 +240,10 @@ proctype Publisher() {
   bool is_last;
   do
   :: i < PUBLISHED ->
+     if
+     :: collect(0)
+     :: true
+     fi;
      take(0);
      if
      :: mine != NIL ->

@@ -50,6 +50,8 @@
 
 /* The lanes, one each time that the receiver subscribes. */
 byte head[SUBSCRIBED], tail[SUBSCRIBED], slot[SUBSCRIBED * DEPTH];
+byte known_head[SUBSCRIBED]; /* the publisher's */
+byte known_tail[SUBSCRIBED]; /* the receiver's */
 bool is_closed[SUBSCRIBED];
 bool is_left_by_publisher[SUBSCRIBED], is_left_by_receiver[SUBSCRIBED];
 byte published[SUBSCRIBED], overflowed[SUBSCRIBED], after_close[SUBSCRIBED]; /* the publisher's */
@@ -101,22 +103,26 @@ inline drain(lane) {
 
 inline push(lane, message) {
   d_step { assert(!is_left_by_publisher[lane]); published[lane]++; pushed++ }
-  at = head[lane];
   if
-  :: tail[lane] - at >= DEPTH ->
-     envelope = slot[SLOT(lane, at)];
+  :: tail[lane] - known_head[lane] >= DEPTH -> known_head[lane] = head[lane]
+  :: else
+  fi;
+  if
+  :: tail[lane] - known_head[lane] >= DEPTH ->
+     envelope = slot[SLOT(lane, known_head[lane])];
      atomic {
        if
-       :: head[lane] == at ->
-          head[lane] = head[lane] + 1; gone[COPY(lane, envelope)]++; overflowed[lane]++
-       :: else
+       :: head[lane] == known_head[lane] ->
+          head[lane] = head[lane] + 1; known_head[lane] = head[lane];
+          gone[COPY(lane, envelope)]++; overflowed[lane]++
+       :: else -> known_head[lane] = head[lane]
        fi
      }
   :: else
   fi;
   slot[SLOT(lane, tail[lane])] = message;
   tail[lane] = tail[lane] + 1;
-  atomic { at = 0; envelope = 0 }
+  envelope = 0
 }
 
 inline take_back(lane) {
@@ -249,7 +255,11 @@ inline unsubscribe(lane) {
 inline receive(lane) {
   at = head[lane];
   if
-  :: tail[lane] == at
+  :: at >= known_tail[lane] -> known_tail[lane] = tail[lane]
+  :: else
+  fi;
+  if
+  :: at >= known_tail[lane]
   :: else ->
      envelope = slot[SLOT(lane, at)];
      if
