@@ -85,7 +85,7 @@ def command_of(words: list[str]) -> str:
     for word in waiting:
         if word in of_here:
             next(waiting, None)
-        elif word not in ("--fresh", "--readme") and not word.startswith(tuple(f"{name}=" for name in of_here)):
+        elif word not in ("--fresh", "--readme", "--skip-install") and not word.startswith(tuple(f"{name}=" for name in of_here)):
             kept.append(word)
     return " ".join(["./dev bench paper", *kept])
 
@@ -120,6 +120,12 @@ def write_report(folder: pathlib.Path) -> Report:
     report = Report(record, data, there)
     (folder / "report.md").write_text(report.text(), encoding="utf-8")
     return report
+
+
+def link_to(folder: pathlib.Path) -> str:
+    """Where the report is, seen from the top of the repository."""
+    file = folder.resolve() / "report.md"
+    return str(file.relative_to(ROOT)) if file.is_relative_to(ROOT) else file.name
 
 
 def take_series(bench: FastcycleBench, folder: pathlib.Path, options: Options, own: list[str]) -> None:
@@ -175,7 +181,7 @@ def measure(chosen: argparse.Namespace, words: list[str]) -> int:
         if not runner.is_interrupted:
             take_series(bench, folder, options, own)
     report = write_report(folder)
-    print(report.readme() if chosen.readme else f"{folder / 'report.md'}")
+    print(report.readme(link_to(folder)) if chosen.readme else folder / "report.md")
     return INTERRUPTED if runner.is_interrupted else 0
 
 
@@ -220,7 +226,8 @@ def main(words: list[str]) -> int:
             print(f"paper: there is no run in {chosen.report_only}", file=sys.stderr)
             return WRONG_USE
         report = write_report(chosen.report_only)
-        print(report.readme() if chosen.readme else chosen.report_only / "report.md")
+        folder = chosen.report_only
+        print(report.readme(link_to(folder)) if chosen.readme else folder / "report.md")
         return 0
     return measure(chosen, words)
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import re
 import textwrap
 from collections.abc import Sequence
 
 import acceptance
 import published
 import tables
-from acceptance import HELD, NOT_HELD, Check, name_of_size
+from acceptance import HELD, NOT_HELD, name_of_size
 from contenders import OURS, PEER, PROCESSES, PUBLISHER, Contender
-from markdown import NOT_THERE, number, table
+from markdown import NOT_THERE, table
 from rounds import Measurements
 from run_record import RunRecord
 from tables import Field
@@ -32,14 +34,26 @@ WHAT_MODES_ARE = {
 }
 
 
+WIDTH = 110
+
+
+def _fill(text: str, indent: str = "") -> str:
+    return textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+
+
 def wrapped(text: str) -> str:
-    """Paragraphs in lines of the width that documents here have; tables and lists stay as they are."""
-    lines: list[str] = []
+    """Paragraphs and lists in lines of the width that documents here have; all else stays as it is."""
+    blocks = []
     for block in text.split("\n\n"):
-        is_plain = not block.lstrip("\n").startswith(("|", "#", "!", "- "))
-        lines.append("\n" * (len(block) - len(block.lstrip("\n"))) + textwrap.fill(
-            block.strip("\n"), 110, break_long_words=False, break_on_hyphens=False) if is_plain else block)  # fmt: skip
-    return "\n\n".join(lines).rstrip("\n") + "\n"
+        block = block.strip("\n")
+        if block.startswith("- "):
+            items = re.split(r"\n(?=- )", block)
+            blocks.append("\n".join(_fill(" ".join(item.split()), "  ") for item in items))
+        elif block and not block.startswith(("|", "#", "!")):
+            blocks.append(_fill(block))
+        elif block:
+            blocks.append(block)
+    return "\n\n".join(blocks) + "\n"
 
 
 class Report:
@@ -299,32 +313,47 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
             parts.append("## Points that failed twice\n\n" + table(header, failed, text_columns=5))
         return "\n".join(parts)
 
-    def readme(self) -> str:
-        """The gist, for a README: the same figures, and the command that made them."""
-        data, field = self._data, self._field
-        ours = Field(tuple(c for c in field.contenders if c.kind != PEER or c.hands_over), field.usual_interval_us)
-        kept = {c.name for c in ours.contenders if c.kind in (OURS,) or c.name == acceptance.FUTEX}
-        sizes = data.sizes("latency")
-        if sizes:
-            rivals = [c for c in ours.of(PEER) if data.median("latency", c.name, sizes[0], "p50_us") is not None]
-            rivals.sort(key=lambda c: data.median("latency", c.name, sizes[0], "p50_us") or 0.0)
-            kept |= {c.name for c in rivals[:4]}
-        few = Field(tuple(c for c in ours.contenders if c.name in kept), field.usual_interval_us)
+    def readme(self, place: str) -> str:
+        """The gist, for a README: the same figures, the command that made them, and where the report is."""
+        data, sizes = self._data, self._data.sizes("latency")
+        if not sizes:
+            return "Nothing was measured.\n"
+        small, large = sizes[0], sizes[-1]
+        columns = [
+            (f"p50 at {name_of_size(small)}", "latency", small, "p50_us"),
+            ("p99", "latency", small, "p99_us"),
+            ("sd", "latency", small, "std_us"),
+            (f"p50 at {name_of_size(large)}", "latency", large, "p50_us"),
+            ("p99", "latency", large, "p99_us"),
+            (f"round trip p50 at {name_of_size(small)}", "rtt", small, "p50_us"),
+        ]
+        lines = [
+            [tables.label(c), *[tables.value(data, mode, c.name, size, key) for _, mode, size, key in columns]]
+            for c in self._gist(small)
+        ]
         judged = [c for c in self._checks if c.verdict in (HELD, NOT_HELD)]
         held = sum(1 for c in judged if c.verdict == HELD)
-        return f"""`./dev bench paper` repeats the paper's evaluation. {self._machine_in_words()}, {self._counts()}
-Latency from publish to callback, mean ± standard deviation in µs:
+        said = f"{held} of {len(judged)} bounds are held" if judged else "no bound could be judged: n too small"
+        words = (
+            f"`{self._record.command}` repeats the paper's evaluation. {self._machine_in_words()}; {self._counts()} "
+            "Latency from publish to callback beside the least that two threads need on the same machine "
+            "(`floor-futex`), medians over the rounds:"
+        )
+        more = f"[The report]({place}) has all sizes, contenders, tails and costs; {said}."
+        return f"{_fill(words)}\n\n{table(['µs', *[heading for heading, *_ in columns]], lines)}\n{_fill(more)}\n"
 
-{tables.paper_table(data, few, "latency")}
-{_sentence(self._checks)} {held} of {len(judged)} bounds are held.
-"""
+    def _gist(self, size: int) -> list[Contender]:
+        """The floor, FastCycle, and the fastest peers that hand over between threads, one variant each."""
+        rivals: dict[str, Contender] = {}
+        for c in sorted(self._field.of(PEER), key=lambda c: self._p50(c, size)):
+            rivals.setdefault(c.peer, c)
+        few = [c for c in rivals.values() if self._p50(c, size) < math.inf][:5]
+        own = [c for c in self._field.contenders if c.kind == OURS or c.name == acceptance.FUTEX]
+        return [*sorted(own, key=lambda c: c.kind), *few]
 
-
-def _sentence(checks: Sequence[Check]) -> str:
-    first = next((c for c in checks if c.figure is not None), None)
-    if first is None or first.size is None:
-        return ""
-    return f"At {name_of_size(first.size)} FastCycle's p50 is {number(first.figure)} µs."
+    def _p50(self, who: Contender, size: int) -> float:
+        found = self._data.median("latency", who.name, size, "p50_us")
+        return math.inf if found is None else found
 
 
 def _about(who: Contender) -> str:

@@ -49,7 +49,7 @@ class FastcycleBench:
 
     def _read_help(self) -> str:
         try:
-            done = subprocess.run([self._program, "bench", "--help"], capture_output=True, text=True,
+            done = subprocess.run([self._program, "bench", "--help"], capture_output=True, text=True, errors="replace",
                                   timeout=30, check=False)  # fmt: skip
         except (OSError, subprocess.TimeoutExpired):
             return ""
@@ -79,7 +79,7 @@ class FastcycleBench:
 
     def run(self, job: Job, timeout_s: float, raw: pathlib.Path | None = None) -> list[Row]:
         try:
-            done = subprocess.run(self.arguments(job, raw), capture_output=True, text=True,
+            done = subprocess.run(self.arguments(job, raw), capture_output=True, text=True, errors="replace",
                                   timeout=timeout_s, check=False)  # fmt: skip
         except subprocess.TimeoutExpired as late:
             raise Failed(f"no result within {timeout_s:.0f} s") from late

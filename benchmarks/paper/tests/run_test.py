@@ -77,7 +77,7 @@ class Run(support.InAFolder):
         done = self.run_paper("--report-only", str(self.folder / "out"), "--readme")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(self.report(), first)
-        self.assertIn("`./dev bench paper` repeats the paper's evaluation", done.stdout)
+        self.assertIn("`./dev bench paper --quick` repeats the paper's evaluation", done.stdout)
 
     def test_a_finished_run_is_not_overwritten_by_accident(self):
         self.run_paper()
