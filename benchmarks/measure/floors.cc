@@ -107,6 +107,16 @@ void set_up_thread(const Plan& plan) noexcept {
   }
 }
 
+bool may_use_fifo() {
+  int policy = SCHED_OTHER;
+  std::thread([&policy] {
+    set_up_thread({.is_fifo = true});
+    sched_param parameter{};
+    pthread_getschedparam(pthread_self(), &policy, &parameter);
+  }).join();
+  return policy == SCHED_FIFO;
+}
+
 Measured floor_latency(const Plan& plan, Waiting waiting) {
   Measured result;
   result.samples.reserve(static_cast<std::size_t>(total(plan)));

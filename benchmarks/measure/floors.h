@@ -21,6 +21,9 @@ struct Plan {
 /// The priority of what runs as SCHED_FIFO: of the floors' threads and of FastCycle's workers.
 inline constexpr int kFifoPriority = 80;
 
+/// Whether this process may run threads as SCHED_FIFO with that priority.
+[[nodiscard]] bool may_use_fifo();
+
 /// What a floor measured: stamps, warm-up included, and what the process used after the warm-up.
 struct Measured {
   Samples samples;

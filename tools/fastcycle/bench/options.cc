@@ -231,7 +231,8 @@ void add_options(CLI::App& line, Options& options) {
   add("--warmup", options.given_warmup, "N", "Messages before, not measured (200)");
   add("--interval-us", options.interval_us, "N", "Time from message to message (1000)");
   add("--rounds", options.rounds, "R", "Measure all that often, in turn with the floors (1)");
-  add_list("--wait", options.waits, "WAY,…", "park, spin, adaptive: how workers wait (park)");
+  add_list("--wait", options.waits, "WAY,…",
+           "park, spin, adaptive: how workers wait (park; fanout: park,spin)");
   add("--load", options.load, "N", "Keep N threads busy beside it, in processes of their own");
   line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
   add("--floors", options.floors, "WHICH", "default, all (with malloc) or none");
@@ -274,6 +275,12 @@ std::string complete(Options& options, const CLI::App& line) {
         return "--size wants bytes up to 1G, as 64, 32K or 4M, not \"" + word + "\"";
       }
       options.sizes.push_back(*size);
+    }
+  }
+  if (options.waits.empty()) {
+    options.waits = {"park"};
+    if (options.mode == "fanout") {
+      options.waits.emplace_back("spin");  // Without the system call that wakes a sleeper.
     }
   }
   options.count = options.given_count.value_or(options.is_simulated() ? 1'000'000 : mode.count);

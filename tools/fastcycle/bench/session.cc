@@ -44,7 +44,10 @@ Session::Folder::~Folder() {
 }
 
 Session::Session(const Options& options)
-    : options_(options), load_(options.load), signals_(block_stop_signals(), [this] {
+    : options_(options),
+      load_(options.load),
+      has_fifo_(options.is_fifo && measure::may_use_fifo()),
+      signals_(block_stop_signals(), [this] {
         std::fprintf(stderr, "%sstopping… (Ctrl-C again ends at once)\n",
                      is_terminal() ? "\r\x1b[K" : "");
         is_stopped_ = true;
@@ -109,6 +112,20 @@ void Session::write_raw(const measure::Row& row, const measure::Samples& samples
   }
 }
 
+std::optional<Finding> Session::measure_unless_stopped(const Step& step) const {
+  try {
+    Finding finding = step.measure();
+    if (!is_stopped()) {
+      return finding;
+    }
+  } catch (const std::exception&) {
+    if (!is_stopped()) {
+      throw;
+    }
+  }
+  return std::nullopt;  // What was cut short is no measurement.
+}
+
 void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t round,
                             std::vector<Line>& lines) {
   const std::vector<Step>& steps = mode.points[point].steps;
@@ -117,11 +134,12 @@ void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t ro
     const std::size_t step = (i + static_cast<std::size_t>(round) - 1) % steps.size();
     show_progress(fmt::format("round {} of {}, point {} of {}: {}", round, options_.rounds,
                               point + 1, mode.points.size(), steps[step].peer));
-    Finding finding = steps[step].measure();
+    const std::optional<Finding> found = measure_unless_stopped(steps[step]);
     show_progress({});
-    if (is_stopped()) {
-      return;  // Cut short: no measurement.
+    if (!found) {
+      return;
     }
+    Finding finding = *found;
     finding.row.round = round;
     if (!finding.trouble.empty()) {
       std::fprintf(stderr, "fastcycle bench: %s, %s: %s\n", finding.row.peer.c_str(),
@@ -130,7 +148,7 @@ void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t ro
     }
     if (options_.is_fifo) {
       finding.row.more += std::string(finding.row.more.empty() ? "" : ",") + "\"policy\":\"" +
-                          (is_refused_ ? "other" : "fifo") + "\"";
+                          (has_fifo_ ? "fifo" : "other") + "\"";
     }
     if (raw_ != nullptr) {
       write_raw(finding.row, finding.samples);

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -82,6 +83,8 @@ class Session {
     measure::Row row;
   };
 
+  /// None if it was stopped meanwhile.
+  [[nodiscard]] std::optional<Finding> measure_unless_stopped(const Step& step) const;
   void measure_point(const Mode& mode, std::size_t point, std::int64_t round,
                      std::vector<Line>& lines);
   void tabulate(const Mode& mode, const std::vector<Line>& lines, Table& table) const;
@@ -104,6 +107,7 @@ class Session {
   const Options& options_;
   const Folder folder_;
   const Load load_;
+  const bool has_fifo_;
   Runner runner_;
   std::atomic<bool> is_stopped_{false};
   const StopSignals signals_;
