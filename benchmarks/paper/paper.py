@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import pathlib
+import signal
 import sys
 import time
 
@@ -137,7 +138,8 @@ def take_series(bench: FastcycleBench, folder: pathlib.Path, options: Options, o
     job = Job("latency", 1, options.sizes[0], names, options.count, options.warmup, options.interval_us)
     try:
         bench.run(job, 3 * job.seconds() + 60, raw=file)
-    except Failed as failure:
+    except (Failed, KeyboardInterrupt) as failure:
+        file.unlink(missing_ok=True)
         print(f"paper: no time series: {failure}", file=sys.stderr)
 
 
@@ -219,7 +221,20 @@ def run(record: RunRecord, runner: Runner, jobs: list[Job], folder: pathlib.Path
         record.write(folder / "run.json")
 
 
+def interrupt(*_: object) -> None:
+    """A request to end, such as that of `timeout`, ends the run as Ctrl-C does."""
+    raise KeyboardInterrupt
+
+
 def main(words: list[str]) -> int:
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        return start(words)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def start(words: list[str]) -> int:
     chosen = arguments(words)
     if chosen.report_only:
         if not (chosen.report_only / "run.json").exists():

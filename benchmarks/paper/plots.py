@@ -209,7 +209,8 @@ def time_series(series: dict[str, Series], size: int) -> str | None:
         drawing.text(66, top - 10, name, size=13, weight="bold", colour=OWN_COLOURS.get(name, INK))
         drawing.x_axis(x, top + 180, top, "seconds since the first message")
         drawing.y_axis(y, 66, 784, "latency, µs")
-        drawing.dots([(x.at(s), y.at(latency)) for s, latency in found], OWN_COLOURS.get(name, COLOURS[0]))
+        points = [(x.at(s), y.at(latency)) for s, latency in found]
+        drawing.dots(points, OWN_COLOURS.get(name, COLOURS[0]), width=1.8 if len(points) > 1000 else 4)
     return str(drawing)
 
 

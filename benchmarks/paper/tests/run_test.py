@@ -44,6 +44,11 @@ class Run(support.InAFolder):
         self.assertEqual(len(points), len(set(points)))
         self.assertEqual(self.report().count(" UTC | "), 4)  # two sessions, begun and ended
 
+    def test_a_request_to_end_leaves_a_report(self):
+        stopped = self.run_paper(FAKE_TERMINATE="iceoryx rtt 1")
+        self.assertEqual(stopped.returncode, 130, stopped.stderr)
+        self.assertIn("## Table I", self.report())
+
     def test_a_run_with_other_options_does_not_go_on(self):
         self.run_paper(FAKE_INTERRUPT="iceoryx rtt 1")
         other = self.run_paper("--count", "60")

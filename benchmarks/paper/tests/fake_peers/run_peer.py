@@ -4,6 +4,7 @@ import importlib.machinery
 import importlib.util
 import os
 import pathlib
+import signal
 import sys
 
 FAKE = pathlib.Path(__file__).resolve().parents[1] / "fake_fastcycle"
@@ -44,6 +45,8 @@ class PeerSession:
             timeout=None):  # fmt: skip
         if os.environ.get("FAKE_INTERRUPT") == f"{peer} {mode} {round}":
             raise KeyboardInterrupt
+        if os.environ.get("FAKE_TERMINATE") == f"{peer} {mode} {round}":
+            os.kill(os.getpid(), signal.SIGTERM)
         if os.environ.get("FAKE_BROKEN") == peer:
             raise RuntimeError(f"{peer} lost its connection")
         name = f"{peer}-{variant}"
