@@ -29,6 +29,7 @@ import tempfile
 import time
 
 CLONE_NEWNET = 0x40000000
+PR_SET_PDEATHSIG = 1
 HERE = pathlib.Path(__file__).resolve().parent
 LIBC = ctypes.CDLL(None, use_errno=True)
 
@@ -58,7 +59,8 @@ class Network:
         if os.geteuid() == 0:
             self.file = self._make()
 
-    def _make(self):
+    @staticmethod
+    def _make():
         """Opens the namespace of a child that only makes it; the open file keeps it alive."""
         child_says, says = os.pipe()
         hears, tell_child = os.pipe()
@@ -86,7 +88,8 @@ class Network:
             os.waitpid(child, 0)
 
     def enter(self):
-        """Called in a child, between fork and exec."""
+        """Called in a child, between fork and exec. The child will not outlive its parent."""
+        LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if self.file is not None and LIBC.setns(self.file, CLONE_NEWNET) != 0:
             fail_errno("setns")
 
@@ -169,7 +172,8 @@ class PeerSession:
     """Network and daemons for a series of runs. Use it in a `with` statement.
 
     build_dir is the folder of a preset, which has `peers/`. A daemon starts with the first run that
-    needs it and stays until the end.
+    needs it and stays until the end. All calls come from one thread, which lives as long as that: what
+    it starts is killed when it ends.
     """
 
     def __init__(self, build_dir):
@@ -177,6 +181,7 @@ class PeerSession:
         self.network = None
         self.daemons = {}
         self.environment = dict(os.environ)
+        self._listed = {}
         self.folder = None
         self._temporary = None
 
@@ -195,22 +200,15 @@ class PeerSession:
 
     def available(self):
         """(peer, variant, info) of all that are built; info is the object of `--list`."""
-        result = []
-        for program in sorted(self.programs.glob("peer_*")):
-            listed = subprocess.run([program, "--list"], capture_output=True, text=True, timeout=30)
-            if listed.returncode != 0:
-                raise PeerError(f"{program} --list failed: {listed.stderr.strip()}")
-            for line in listed.stdout.splitlines():
-                info = json.loads(line)
-                result.append((info["peer"], info["variant"], info))
-        return result
+        peers = sorted(program.name.removeprefix("peer_") for program in self.programs.glob("peer_*"))
+        return [(peer, info["variant"], info) for peer in peers for info in self._list(peer)]
 
     def info(self, peer, variant=None):
         """The object of `--list` of one variant, by default the first."""
-        for listed_peer, listed_variant, info in self.available():
-            if listed_peer == peer and variant in (None, listed_variant):
+        for info in self._list(peer):
+            if variant in (None, info["variant"]):
                 return info
-        raise PeerError(f"there is no peer {peer} {variant or ''} in {self.programs}")
+        raise PeerError(f"peer {peer} has no variant '{variant}'")
 
     def run(self, peer, variant=None, mode="latency", timeout=None, **options):
         """One run, as a dictionary. Options are those of the command line: size, count, warmup,
@@ -227,17 +225,31 @@ class PeerSession:
     def run_program(self, peer, arguments, timeout=None, variant=None):
         """(exit status, standard output, standard error). Without a timeout it may take 10 minutes."""
         self._start_daemon(self.info(peer, variant)["daemon"])
-        process = subprocess.Popen(
-            [self.programs / f"peer_{peer}", *arguments], stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self.environment,
-            preexec_fn=self.network.enter, cwd=self.folder)
+        process = None
         try:
+            process = subprocess.Popen(
+                [self.programs / f"peer_{peer}", *arguments], stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self.environment,
+                preexec_fn=self.network.enter, cwd=self.folder)
             output, errors = process.communicate(timeout=timeout or 600)
         except subprocess.TimeoutExpired as error:
             raise PeerError(f"peer_{peer} {' '.join(arguments)}: not done in time") from error
         finally:
-            stop_process(process)
+            if process:
+                stop_process(process)
         return process.returncode, output, errors
+
+    def _list(self, peer):
+        """The objects of `--list` of one peer."""
+        if peer not in self._listed:
+            program = self.programs / f"peer_{peer}"
+            if not program.is_file():
+                raise PeerError(f"peer {peer} is not built in {self.programs}")
+            listed = subprocess.run([program, "--list"], capture_output=True, text=True, timeout=30)
+            if listed.returncode != 0:
+                raise PeerError(f"{program} --list failed: {listed.stderr.strip()}")
+            self._listed[peer] = [json.loads(line) for line in listed.stdout.splitlines()]
+        return self._listed[peer]
 
     def _start_daemon(self, name):
         if name and name not in self.daemons:

@@ -51,9 +51,8 @@ std::size_t Run::mapped_bytes() const noexcept {
 }
 
 void Run::arrived(const Stamps& stamps, const void* data, std::int64_t arrived_ns) noexcept {
-  if (second_ == 0 && stamps.number >= plan_.warmup &&
-      !board_->is_second_measuring.exchange(true)) {
-    usage_at_begin_ = measure::Usage::now();  // Only read where this is the second process.
+  if (is_second_ && stamps.number >= plan_.warmup && !is_second_measuring_.exchange(true)) {
+    usage_at_begin_ = measure::Usage::now();
   }
   const std::int64_t index = board_->received.fetch_add(1, std::memory_order_acq_rel);
   if (!is_flood() && index < total()) {
@@ -118,6 +117,7 @@ void Run::in_second_process(const std::function<void()>& receive) {
     second_ = child;
     return;
   }
+  is_second_ = true;
   prctl(PR_SET_PDEATHSIG, SIGKILL);  // It must not outlive the first process.
   int status = getppid() == parent ? EXIT_SUCCESS : EXIT_FAILURE;
   try {

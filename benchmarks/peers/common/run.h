@@ -77,7 +77,6 @@ class Run {
     std::atomic<std::int64_t> damaged{0};
     alignas(64) std::atomic<bool> is_over{false};
     std::atomic<bool> is_second_ready{false};
-    std::atomic<bool> is_second_measuring{false};
     measure::Usage second_usage;
   };
 
@@ -96,7 +95,9 @@ class Run {
   measure::Usage usage_;
   std::int64_t began_ns_ = 0;
   std::int64_t given_up_ = 0;  // Messages of a flood that no longer count as on their way.
-  pid_t second_ = 0;
+  pid_t second_ = 0;           // In the first process, once there is a second.
+  bool is_second_ = false;     // This is the second process.
+  std::atomic<bool> is_second_measuring_{false};  // Its `usage_at_begin_` is taken.
 };
 
 template <typename Send>

@@ -163,5 +163,5 @@ int main(int argc, char** argv) {
                      .is_typed = true,
                      .copies = "2: into the writer's sample, out of it",
                      .measure = measure_threads,
-                     .busy_us_per_mib = 400}}});
+                     .busy_us_per_mib = 300}}});
 }

@@ -147,5 +147,5 @@ int main(int argc, char** argv) {
             .is_typed = true,
             .copies = "none",
             .measure = [](Run& run) { measure_queue(run, Memory::kFreshPages); },
-            .busy_us_per_mib = 150}}});
+            .busy_us_per_mib = 600}}});
 }

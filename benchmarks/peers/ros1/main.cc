@@ -27,6 +27,6 @@ int main(int argc, char** argv) {
                      .is_typed = true,
                      .copies = "4: serialized, into and out of the socket, read",
                      .measure = measure_inter,
-                     .busy_us_per_mib = 1000,
+                     .busy_us_per_mib = 1800,
                      .daemon = "rosmaster"}}});
 }
