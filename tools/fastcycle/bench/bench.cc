@@ -51,11 +51,10 @@ constexpr const char* kModesText =
     "  chain    several components in a row, on one thread and on two\n"
     "  startup  from nothing to the first messages; memory; an idle application\n"
     "\n"
-    "Two component libraries are loaded from JSON by the host, as `fastcycle run` does; what they\n"
-    "are compared with are floors: the least that this machine needs for the same with bare "
-    "system\n"
-    "calls, measured in turn with them. With --wait spin the subscriber spins; the publisher\n"
-    "spins only in rtt and flood, since in the others it sleeps between its messages.\n";
+    "Component libraries are loaded from JSON by the host, as `fastcycle run` does. They are\n"
+    "compared with floors: the least that this machine needs for the same with bare system calls,\n"
+    "measured in turn with them. With --wait spin the subscriber's worker spins; the publisher's\n"
+    "too, but in latency and fanout, where it sleeps between its messages as the floors do.\n";
 
 }  // namespace
 
