@@ -54,24 +54,25 @@ SHOWN = (
 
 # What the documentation of others says. Nothing of it was tried here.
 SAYS = (
-    ("modularity", "nodelets: plug-ins loaded into one manager process ([nodelet](https://wiki.ros.org/nodelet))",
-     "components composed in one process at run time "
+    ("modularity", "nodelets: shared libraries loaded into one manager process "
+     "([nodelet](https://wiki.ros.org/nodelet))",
+     "components: shared libraries, composed in one process or in several when deployed "
      "([composition](https://docs.ros.org/en/jazzy/Concepts/Intermediate/About-Composition.html))",
-     "components as shared libraries, started by DAG files "
-     "([Cyber RT](https://github.com/ApolloAuto/apollo/tree/master/cyber))"),
-    ("performance", "no copy between nodelets of one manager (the same page)",
-     "intra-process communication without copies under conditions "
+     "components, named in DAG files and started by launch files "
+     "([Quick Start](https://github.com/ApolloAuto/apollo/blob/master/docs/04_CyberRT/CyberRT_Quick_Start.md))"),
+    ("performance", "no copy between nodelets of one manager (nodelet)",
+     "lower overhead in one process, without copies under conditions "
      "([intra-process](https://docs.ros.org/en/jazzy/Tutorials/Demos/Intra-Process-Communication.html))",
-     "messages within a process by shared pointer, else shared memory or RTPS (the same page)"),
-    ("security", "none built in: access to the network is access to the system "
+     "shared memory lowers the latency where it is enabled (its FAQ)"),
+    ("security", "by default any host that reaches the master may publish, subscribe and set parameters "
      "([security](https://wiki.ros.org/Security))",
-     "authentication, encryption and access control of DDS, if enabled "
-     "([SROS 2](https://docs.ros.org/en/jazzy/Concepts/Intermediate/About-Security.html))",
+     "authentication, encryption and access control, where enabled "
+     "([security](https://docs.ros.org/en/jazzy/Concepts/Intermediate/About-Security.html))",
      "nothing found"),
     ("reliability", "nodes in processes of their own, restarted by `respawn` "
      "([roslaunch](https://wiki.ros.org/roslaunch/XML/node))",
-     "nodes in processes of their own; in one process they share its fate (composition, as above)",
-     "groups of components in processes of their own (the same page)"),
+     "fault isolation between nodes in processes of their own (composition)",
+     "nothing found"),
 )  # fmt: skip
 
 
