@@ -1,27 +1,15 @@
 #include "base/histogram.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 namespace fastcycle::base {
-namespace {
-
-template <typename T>
-void add(std::atomic<T>& counter, T amount) noexcept {
-  counter.store(counter.load(std::memory_order_relaxed) + amount, std::memory_order_relaxed);
-}
-
-}  // namespace
-
-std::size_t Histogram::bucket_of(std::uint64_t value) noexcept {
-  if (value < (1U << kSubBits)) {
-    return static_cast<std::size_t>(value);
+std::uint64_t Histogram::count() const noexcept {
+  std::uint64_t sum = 0;
+  for (const auto& bucket : buckets_) {
+    sum += bucket.load(std::memory_order_relaxed);
   }
-  const unsigned exponent = static_cast<unsigned>(std::bit_width(value)) - 1;
-  const std::uint64_t sub = (value >> (exponent - kSubBits)) & ((1U << kSubBits) - 1);
-  const std::size_t bucket = ((exponent - kSubBits + 1) << kSubBits) + sub;
-  return std::min(bucket, kBuckets - 1);
+  return sum;
 }
 
 double Histogram::middle_of(std::size_t bucket) noexcept {
@@ -31,17 +19,6 @@ double Histogram::middle_of(std::size_t bucket) noexcept {
   const unsigned octave = static_cast<unsigned>(bucket >> kSubBits);
   const auto sub = static_cast<double>(bucket & ((1U << kSubBits) - 1));
   return std::ldexp((1 << kSubBits) + sub + 0.5, static_cast<int>(octave) - 1);
-}
-
-void Histogram::record(std::int64_t nanoseconds) noexcept {
-  const auto value = static_cast<std::uint64_t>(std::max<std::int64_t>(nanoseconds, 0));
-  add(buckets_[bucket_of(value)], std::uint64_t{1});
-  add(sum_, static_cast<double>(value));
-  add(square_sum_, static_cast<double>(value) * static_cast<double>(value));
-  if (value > max_.load(std::memory_order_relaxed)) {
-    max_.store(value, std::memory_order_relaxed);
-  }
-  add(count_, std::uint64_t{1});
 }
 
 double Histogram::percentile(double share, std::uint64_t count) const noexcept {

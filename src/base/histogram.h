@@ -2,6 +2,8 @@
 
 #include <array>
 #include <atomic>
+#include <bit>
+#include <cstddef>
 #include <cstdint>
 
 namespace fastcycle::base {
@@ -26,11 +28,18 @@ struct HistogramSummary {
 /// @realtime No lock, no allocation; a handful of additions.
 class Histogram {
  public:
-  void record(std::int64_t nanoseconds) noexcept;
-
-  [[nodiscard]] std::uint64_t count() const noexcept {
-    return count_.load(std::memory_order_relaxed);
+  void record(std::int64_t nanoseconds) noexcept {
+    const auto value = static_cast<std::uint64_t>(nanoseconds > 0 ? nanoseconds : 0);
+    const auto real = static_cast<double>(value);
+    add(buckets_[bucket_of(value)], std::uint64_t{1});
+    add(sum_, real);
+    add(square_sum_, real * real);
+    if (value > max_.load(std::memory_order_relaxed)) {
+      max_.store(value, std::memory_order_relaxed);
+    }
   }
+
+  [[nodiscard]] std::uint64_t count() const noexcept;
   [[nodiscard]] HistogramSummary summary() const noexcept;
 
  private:
@@ -38,13 +47,24 @@ class Histogram {
   static constexpr unsigned kOctaves = 32;
   static constexpr std::size_t kBuckets = (kOctaves << kSubBits);
 
-  [[nodiscard]] static std::size_t bucket_of(std::uint64_t value) noexcept;
+  template <typename T>
+  static void add(std::atomic<T>& counter, T amount) noexcept {
+    counter.store(counter.load(std::memory_order_relaxed) + amount, std::memory_order_relaxed);
+  }
+  [[nodiscard]] static std::size_t bucket_of(std::uint64_t value) noexcept {
+    if (value < (1U << kSubBits)) {
+      return static_cast<std::size_t>(value);
+    }
+    const unsigned exponent = static_cast<unsigned>(std::bit_width(value)) - 1;
+    const std::uint64_t sub = (value >> (exponent - kSubBits)) & ((1U << kSubBits) - 1);
+    const std::size_t bucket = ((exponent - kSubBits + 1) << kSubBits) + sub;
+    return bucket < kBuckets ? bucket : kBuckets - 1;
+  }
   [[nodiscard]] static double middle_of(std::size_t bucket) noexcept;
   [[nodiscard]] double percentile(double share, std::uint64_t count) const noexcept;
 
   // One writer: plain additions, as relaxed loads and stores so that a reader may look.
   std::array<std::atomic<std::uint64_t>, kBuckets> buckets_{};
-  std::atomic<std::uint64_t> count_{0};
   std::atomic<double> sum_{0};
   std::atomic<double> square_sum_{0};
   std::atomic<std::uint64_t> max_{0};

@@ -6,8 +6,6 @@
 namespace fastcycle::detail {
 namespace {
 
-constexpr std::uint64_t kLaneMask = (std::uint64_t{1} << Inbox::kLaneBits) - 1;
-
 /// Earlier publish time first; of two publishers in the same nanosecond the smaller id.
 bool is_before(const Lane& a, std::int64_t a_ns, const Lane& b, std::int64_t b_ns) noexcept {
   return a_ns != b_ns ? a_ns < b_ns : a.publisher < b.publisher;
@@ -54,7 +52,7 @@ bool Inbox::peek_bit(unsigned bit, Head& best) noexcept {
   return is_ready;
 }
 
-bool Inbox::peek(Head& found) noexcept {
+bool Inbox::peek_all(Head& found) noexcept {
   Head last;
   for (;;) {
     Head best;

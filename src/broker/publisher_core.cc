@@ -223,8 +223,9 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   if (options_.taken_at || origin.root == 0) {
     origin = {.taken = options_.taken_at.value_or(owner.now), .root = id};
   }
-  prepare();
-  ++owner.publish_count;
+  if (owner.publish_count++ == 0) {
+    prepare();
+  }
   loan->payload = loan->own;
   const bool is_simulated = owner.stage != nullptr;
   number(*loan, origin, is_simulated ? owner.now : owner.clock->now());

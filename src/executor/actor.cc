@@ -106,7 +106,9 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   publishing.origin = origin;
   publishing.publish_count = 0;
   publishing.is_in_activation = true;
-  refresh_views();
+  if (!views.empty()) {
+    refresh_views();
+  }
   record.component = index;
   record.number = ++number_;
   record.time_ns = base::to_ns(publishing.now);
@@ -126,7 +128,9 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   statistics.activations.add();
   statistics.callback.record(duration);
   ring.end(place, outcome, duration, publishing.publish_count);
-  dying_.clear();
+  if (!dying_.empty()) {
+    dying_.clear();
+  }
   if (outcome == Outcome::kFault) {
     statistics.faults.add();
     on_fault(fault_);
