@@ -75,7 +75,7 @@ def machine() -> dict[str, str]:
     return {
         "CPU": _cpu(),
         "cores": f"{os.cpu_count()} seen, {len(os.sched_getaffinity(0))} usable",
-        "threads per core": text_of(f"{cpu}/smt/control") or "unknown",
+        "CPUs on the core of CPU 0": text_of(f"{cpu}/cpu0/topology/thread_siblings_list") or "unknown",
         "memory": _memory(),
         "virtualization": _virtualization(),
         "system": _system(),
@@ -84,7 +84,7 @@ def machine() -> dict[str, str]:
         "clock source": text_of("/sys/devices/system/clocksource/clocksource0/current_clocksource") or "unknown",
         "frequency governor": text_of(f"{cpu}/cpu0/cpufreq/scaling_governor") or "none shown to this machine",
         "idle driver": text_of(f"{cpu}/cpuidle/current_driver") or "none shown to this machine",
-        "rights": "SCHED_FIFO is granted (not used unless a table says so)" if _may_use_fifo() else "no SCHED_FIFO",
+        "rights": "SCHED_FIFO is granted, and not used here" if _may_use_fifo() else "no SCHED_FIFO",
     }
 
 
