@@ -15,14 +15,16 @@
  *          workers end when they are told to.
  *
  * A publisher makes the first BURST components ready with one wake call, then each other one with
- * another. Component 0 may arm its timer ARMS times. LONGS turns may last for good.
+ * another. Component 0 may arm its timer ARMS times. LONGS turns may last for good. EARLY_CLOCK: a
+ * turn may have read the clock before a timer was due that fired.
  *
  * run short: a burst for two workers                -DBURST=2 -DCOMPONENTS=2
  * run short: messages are handed over, one turn lasts        -DHAND_OVER -DARMS=1 -DLONGS=1
  * run short: components in two words of the mask    -DWORDS=2 -DBURST=2 -DLONGS=1
  * run short: all workers end                        -DSTOP -DARMS=1 -DCOMPONENTS=1
- * run short: a single worker                        -DWORKERS=1 -DARMS=2 -DCOMPONENTS=3 -DEND=3
+ * run short: a single worker                        -DWORKERS=1 -DARMS=2 -DCOMPONENTS=3 -DEND=3 -DEARLY_CLOCK
  * run long: one turn lasts, another component has a timer    -DARMS=1 -DLONGS=1
+ * run long: handed over, the clock read early       -DHAND_OVER -DARMS=1 -DLONGS=1 -DEARLY_CLOCK
  * run long: a burst and one more                    -DBURST=2 -DCOMPONENTS=3 -DLONGS=1
  * run long: a timer armed twice                     -DARMS=2 -DLONGS=1 -DEND=3
  * run long: three workers, two of them kept busy    -DWORKERS=3 -DARMS=1 -DLONGS=2 -DCOMPONENTS=1
@@ -230,7 +232,11 @@ inline run_turn(component) {
      atomic {
        if
        :: due[component] <= now -> due[component] = NEVER /* a tick */
+#ifdef EARLY_CLOCK
+       :: true /* or the turn read the clock too early to see it */
+#else
        :: else
+#endif
        fi;
        if
        :: arms[component] > 0 && now < END -> arms[component]--; due[component] = now + 1
