@@ -4,7 +4,8 @@
  * Mirrors  Lane::push, Lane::peek, Lane::pop (src/broker/lane.h); Inbox::mark, begin, peek,
  *          peek_bit, try_end_idle (src/broker/inbox.{h,cc}); the loop of PublisherCore::deliver.
  * Leaves out  what an envelope is: a message is its number, given where the publish time is
- *          taken, so that a smaller number is an earlier time. Counts are not 64 bits wide, but
+ *          taken, so that a smaller number is an earlier time. Inbox::peek's short way for one
+ *          ready lane, which is the same look. Counts are not 64 bits wide, but
  *          no run comes near their end. Several workers: actor_state.pml. Closing:
  *          subscriber_removal.pml.
  * Checks   every message is delivered or dropped exactly once; published = delivered + dropped;
@@ -221,6 +222,10 @@ look:
     seen = 0; has_shared_bits = false; nr = 0;
     ready = state & LANE_MASK
   }
+  if
+  :: ready == 0 && last_lane == NONE -> goto idle
+  :: else
+  fi;
   do
   :: nr < BITS && (ready & FLAG(nr)) ->
 #if defined(SHARED) && !defined(BUG_ONE_LOOK)
