@@ -144,7 +144,7 @@ class Inbox {
   [[nodiscard]] bool peek(Head& found) noexcept {
     // As most of the time: one lane is ready, alone on its bit, and holds something.
     const std::uint64_t ready = state_.load(std::memory_order_seq_cst) & kLaneMask;
-    if (std::has_single_bit(ready)) {
+    if (ready != 0 && (ready & (ready - 1)) == 0) {
       const auto& list = lanes_[static_cast<unsigned>(std::countr_zero(ready))];
       if (list.size() == 1 && list.front()->peek(found.head) &&
           (state_.load(std::memory_order_seq_cst) & kLaneMask) == ready) {
