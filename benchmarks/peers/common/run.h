@@ -103,16 +103,21 @@ class Run {
 template <typename Send>
 void Run::publish_all(const Send& send) {
   const std::int64_t begin_ns = now_ns();
-  for (std::int64_t number = 0; number < total(); ++number) {
-    if (!is_flood()) {
-      measure::sleep_until(begin_ns + (number + 1) * plan_.interval_us * 1000);
-    } else if (has_window_) {
-      wait_for_window(number);
+  try {
+    for (std::int64_t number = 0; number < total(); ++number) {
+      if (!is_flood()) {
+        measure::sleep_until(begin_ns + (number + 1) * plan_.interval_us * 1000);
+      } else if (has_window_) {
+        wait_for_window(number);
+      }
+      if (number == plan_.warmup) {
+        begin_measuring();
+      }
+      send(number);
     }
-    if (number == plan_.warmup) {
-      begin_measuring();
-    }
-    send(number);
+  } catch (...) {
+    board_->is_over.store(true);  // So that receivers end, and their threads can be joined.
+    throw;
   }
   wait_for_rest();
 }

@@ -8,6 +8,7 @@
 
 #include "benchmark/payload.pb.h"
 #include "peers/common/peer.h"
+#include "peers/common/wait.h"
 
 namespace fastcycle::peers {
 namespace {
@@ -25,13 +26,7 @@ cyber::ReaderConfig reader_of(const char* channel) {
 }
 
 void wait_for_reader(cyber::Writer<Payload>& writer) {
-  const std::int64_t deadline_ns = now_ns() + 10'000'000'000;
-  while (!writer.HasReader()) {
-    if (now_ns() > deadline_ns) {
-      throw std::runtime_error("nobody reads " + writer.GetChannelName());
-    }
-    measure::sleep_until(now_ns() + 1'000'000);
-  }
+  wait_until("somebody reads " + writer.GetChannelName(), [&] { return writer.HasReader(); });
 }
 
 /// Writer and readers of one process: its default transport for that hands over the shared pointer,

@@ -1,7 +1,6 @@
 // Cyclone DDS between two threads of one process. https://cyclonedds.io
 
 #include <memory>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -12,6 +11,8 @@
 
 #include "payload.h"
 #include "peers/common/peer.h"
+#include "peers/common/thread.h"
+#include "peers/common/wait.h"
 
 namespace fastcycle::peers {
 namespace {
@@ -65,15 +66,11 @@ struct Link {
   }
 
   void wait_until_matched() const {
-    const std::int64_t deadline_ns = now_ns() + 10'000'000'000;
-    dds_publication_matched_status_t status{};
-    while (dds_get_publication_matched_status(writer, &status) == DDS_RETCODE_OK &&
-           status.current_count == 0) {
-      if (now_ns() > deadline_ns) {
-        throw std::runtime_error("writer and reader do not find each other");
-      }
-      measure::sleep_until(now_ns() + 1'000'000);
-    }
+    wait_until("writer and reader find each other", [this] {
+      dds_publication_matched_status_t status{};
+      checked(dds_get_publication_matched_status(writer, &status), "matched status");
+      return status.current_count > 0;
+    });
   }
 
   dds_entity_t writer;
@@ -115,14 +112,14 @@ void measure_threads(Run& run) {
   const Link back(domain, "echo");
   there.wait_until_matched();
   back.wait_until_matched();
-  std::optional<std::thread> echo;
+  std::jthread echo;
   if (run.is_rtt()) {
-    echo.emplace([&] {
+    echo = start_thread([&] {
       receive_all(run, domain, there.reader,
                   [&](const Payload& payload, std::int64_t) { dds_write(back.writer, &payload); });
     });
   }
-  std::thread receiver([&] {
+  const std::jthread receiver = start_thread([&] {
     receive_all(run, domain, (run.is_rtt() ? back : there).reader,
                 [&](const Payload& payload, std::int64_t arrived_ns) {
                   run.arrived({payload.number, payload.made_ns, payload.sent_ns},
@@ -141,10 +138,6 @@ void measure_threads(Run& run) {
         .data = {._maximum = length, ._length = length, ._buffer = data.data(), ._release = false}};
     checked(dds_write(there.writer, &payload), "dds_write");
   });
-  receiver.join();
-  if (echo) {
-    echo->join();
-  }
 }
 
 }  // namespace

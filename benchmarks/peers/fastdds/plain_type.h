@@ -33,8 +33,8 @@ struct PlainBytes {
 };
 FASTDDS_SEQUENCE(PlainSequence, PlainBytes);
 
-/// A plain type of one size. "Zero-Copy ... the DataWriter and DataReader data type must be plain
-/// ... and bounded" (Zero-Copy communication, Constraints): then a loan is the serialized form.
+/// A plain, bounded type of one size, which is what Fast DDS wants for loans ("Zero-Copy
+/// communication", constraints): what is lent is the serialized form itself.
 class PlainType final : public eprosima::fastdds::dds::TopicDataType {
  public:
   using Payload = eprosima::fastrtps::rtps::SerializedPayload_t;

@@ -16,6 +16,8 @@
 
 #include "peers/common/peer.h"
 #include "peers/common/plain_message.h"
+#include "peers/common/thread.h"
+#include "peers/common/wait.h"
 
 namespace fastcycle::peers {
 namespace {
@@ -24,6 +26,7 @@ using iox::popo::UntypedPublisher;
 using iox::popo::UntypedSubscriber;
 
 constexpr std::uint32_t kAlignment = alignof(PlainMessage);
+constexpr std::size_t kLargest = 4 << 20;
 
 /// One runtime a process, with a name of its own.
 void join_system(const char* role) {
@@ -52,17 +55,6 @@ iox::popo::SubscriberOptions subscriber_options(std::size_t size) {
   constexpr std::size_t kSmall = 4096;
   options.queueCapacity = size < kSmall ? 256 : 8;  // 256 is the most; roudi.toml has the chunks.
   return options;
-}
-
-template <typename Condition>
-void wait_until(const char* what, const Condition& condition) {
-  const std::int64_t deadline_ns = now_ns() + 10'000'000'000;
-  while (!condition()) {
-    if (now_ns() > deadline_ns) {
-      throw std::runtime_error(std::string("waited in vain until ") + what);
-    }
-    measure::sleep_until(now_ns() + 1'000'000);
-  }
 }
 
 void wait_for_subscriber(const UntypedPublisher& publisher) {
@@ -131,15 +123,18 @@ void receive_in_second_process(Run& run) {
 }
 
 void measure_waitset(Run& run) {
+  if (run.size() > kLargest) {
+    throw std::runtime_error("roudi.toml has chunks for payloads of up to 4 MiB only");
+  }
   run.holds_back_by_itself();
   run.in_second_process([&] { receive_in_second_process(run); });
   join_system("publisher");
   UntypedPublisher publisher(service("payload"), publisher_options());
   std::optional<UntypedSubscriber> echo;
-  std::optional<std::thread> receiver;
+  std::jthread receiver;
   if (run.is_rtt()) {
     echo.emplace(service("echo"), subscriber_options(run.size()));
-    receiver.emplace([&] { take_down(run, *echo); });
+    receiver = start_thread([&] { take_down(run, *echo); });
   }
   run.wait_for_second_ready();
   wait_for_subscriber(publisher);
@@ -150,9 +145,6 @@ void measure_waitset(Run& run) {
     message->stamps = {.number = number, .made_ns = made_ns, .sent_ns = now_ns()};
     publisher.publish(message);
   });
-  if (receiver) {
-    receiver->join();
-  }
 }
 
 }  // namespace

@@ -9,7 +9,6 @@
 #include <memory>
 #include <mutex>
 #include <new>
-#include <optional>
 #include <thread>
 #include <utility>
 
@@ -17,6 +16,7 @@
 
 #include "peers/common/peer.h"
 #include "peers/common/plain_message.h"
+#include "peers/common/thread.h"
 
 namespace fastcycle::peers {
 namespace {
@@ -92,24 +92,33 @@ class Queue {
   bool is_closed_ = false;
 };
 
+/// Lets the receivers end, however the publisher ends.
+struct Closing {
+  Queue& queue;
+
+  ~Closing() { queue.close(); }
+};
+
 void measure_queue(Run& run, Memory memory) {
   Queue there;
   Queue back;
   Queue& last = run.is_rtt() ? back : there;
-  std::optional<std::thread> echo;
+  std::jthread echo;
   if (run.is_rtt()) {
-    echo.emplace([&] {
+    echo = start_thread([&] {
       while (Owned message = there.take()) {
         back.put(std::move(message));
       }
     });
   }
-  std::thread receiver([&] {
+  const std::jthread receiver = start_thread([&] {
     while (const Owned message = last.take()) {
       const std::int64_t arrived_ns = now_ns();
       run.arrived(message->stamps, message->data(), arrived_ns);
     }
   });
+  const Closing closing_there{there};
+  const Closing closing_back{back};
   run.publish_all([&](std::int64_t number) {
     const std::int64_t made_ns = now_ns();
     Owned message = allocate(memory, run.size());
@@ -117,12 +126,6 @@ void measure_queue(Run& run, Memory memory) {
     message->stamps = {.number = number, .made_ns = made_ns, .sent_ns = now_ns()};
     there.put(std::move(message));
   });
-  there.close();
-  back.close();
-  receiver.join();
-  if (echo) {
-    echo->join();
-  }
 }
 
 }  // namespace

@@ -2,15 +2,14 @@
 
 #include <cstdint>
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
 
 #include <rclcpp/rclcpp.hpp>
 
-#include "measure/clock.h"
 #include "peers/common/run.h"
+#include "peers/common/wait.h"
 #include "peers/rclcpp/message.h"
 
 namespace fastcycle::peers {
@@ -47,13 +46,8 @@ inline rclcpp::QoS quality() {
 }
 
 inline void wait_for_subscriber(const rclcpp::Publisher<RosMessage>& publisher) {
-  const std::int64_t deadline_ns = now_ns() + 10'000'000'000;
-  while (publisher.get_subscription_count() == 0) {
-    if (now_ns() > deadline_ns) {
-      throw std::runtime_error(std::string("nobody subscribes to ") + publisher.get_topic_name());
-    }
-    measure::sleep_until(now_ns() + 1'000'000);
-  }
+  wait_until(std::string("somebody subscribes to ") + publisher.get_topic_name(),
+             [&] { return publisher.get_subscription_count() > 0; });
 }
 
 /// Takes messages down that arrive at a topic: by shared pointer to const, for which rclcpp copies

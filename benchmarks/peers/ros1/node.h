@@ -9,6 +9,7 @@
 
 #include "measure/payload.h"
 #include "peers/common/run.h"
+#include "peers/common/wait.h"
 #include "peers/ros1/payload.h"
 
 namespace fastcycle::peers {
@@ -26,19 +27,15 @@ inline void init_node(const char* name) {
   }
 }
 
-/// "tcpNoDelay: a TCP connection with the Nagle algorithm off, for lower latency" (TransportHints).
+/// For low latency, without Nagle's algorithm (wiki.ros.org/roscpp/Overview/Publishers and
+/// Subscribers, Transport Hints).
 inline ros::TransportHints fast_transport() {
   return ros::TransportHints().tcpNoDelay();
 }
 
 inline void wait_for_subscriber(const ros::Publisher& publisher) {
-  const std::int64_t deadline_ns = now_ns() + 10'000'000'000;
-  while (publisher.getNumSubscribers() == 0) {
-    if (now_ns() > deadline_ns) {
-      throw std::runtime_error("nobody subscribes to " + publisher.getTopic());
-    }
-    measure::sleep_until(now_ns() + 1'000'000);
-  }
+  wait_until("somebody subscribes to " + publisher.getTopic(),
+             [&] { return publisher.getNumSubscribers() > 0; });
 }
 
 /// Sends all messages of the run: a new one each time, by shared pointer, which roscpp does not

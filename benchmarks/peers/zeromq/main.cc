@@ -3,7 +3,6 @@
 #include <cstdlib>
 #include <memory>
 #include <new>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -12,6 +11,7 @@
 
 #include "peers/common/peer.h"
 #include "peers/common/plain_message.h"
+#include "peers/common/thread.h"
 
 namespace fastcycle::peers {
 namespace {
@@ -90,15 +90,15 @@ void measure_inproc(Run& run) {
   const Pair there(context.get(), "inproc://payload");
   const Pair back(context.get(), "inproc://echo");
   run.holds_back_by_itself();  // The high water marks: 1000 messages on each side.
-  std::optional<std::thread> echo;
+  std::jthread echo;
   if (run.is_rtt()) {
     // A socket goes from thread to thread with a full fence, which starting a thread is.
-    echo.emplace([&] {
+    echo = start_thread([&] {
       receive_all(run, there.receiver.get(),
                   [&](zmq_msg_t& message) { zmq_msg_send(&message, back.sender.get(), 0); });
     });
   }
-  std::thread receiver([&] {
+  const std::jthread receiver = start_thread([&] {
     receive_all(run, (run.is_rtt() ? back : there).receiver.get(), [&](zmq_msg_t& envelope) {
       const std::int64_t arrived_ns = now_ns();
       const auto* message = static_cast<const PlainMessage*>(zmq_msg_data(&envelope));
@@ -112,10 +112,6 @@ void measure_inproc(Run& run) {
     message->stamps = {.number = number, .made_ns = made_ns, .sent_ns = now_ns()};
     send(there.sender.get(), message, PlainMessage::bytes(run.size()));
   });
-  receiver.join();
-  if (echo) {
-    echo->join();
-  }
 }
 
 std::string version() {
