@@ -39,16 +39,14 @@ struct Free {
 };
 using Owned = std::unique_ptr<PlainMessage, Free>;
 
+void* fresh_pages(std::size_t bytes) {
+  void* pages = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  return pages == MAP_FAILED ? nullptr : pages;
+}
+
 Owned allocate(Memory memory, std::size_t size) {
   const std::size_t bytes = PlainMessage::bytes(size);
-  void* place = nullptr;
-  if (memory == Memory::kMalloc) {
-    place = std::malloc(bytes);
-  } else if (place =
-                 mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-             place == MAP_FAILED) {
-    place = nullptr;
-  }
+  void* place = memory == Memory::kMalloc ? std::malloc(bytes) : fresh_pages(bytes);
   if (place == nullptr) {
     throw std::bad_alloc();
   }
