@@ -13,12 +13,13 @@ std::uint64_t Histogram::count() const noexcept {
 }
 
 double Histogram::middle_of(std::size_t bucket) noexcept {
+  constexpr double kStep = 1U << kStepBits;
   if (bucket < (1U << kSubBits)) {
-    return static_cast<double>(bucket);
+    return (static_cast<double>(bucket) + 0.5) * kStep;
   }
   const unsigned octave = static_cast<unsigned>(bucket >> kSubBits);
   const auto sub = static_cast<double>(bucket & ((1U << kSubBits) - 1));
-  return std::ldexp((1 << kSubBits) + sub + 0.5, static_cast<int>(octave) - 1);
+  return std::ldexp((1 << kSubBits) + sub + 0.5, static_cast<int>(octave) - 1) * kStep;
 }
 
 double Histogram::percentile(double share, std::uint64_t count) const noexcept {

@@ -20,8 +20,8 @@ struct HistogramSummary {
 };
 
 /// Durations in nanoseconds, in buckets that grow with the value: each at most 1/16 of its value
-/// wide, from 0 to 34 s; what is longer counts in the last one. Mean, deviation and maximum are
-/// exact.
+/// wide, or 4 ns, from 0 to 4.3 s; what is longer counts in the last one. Mean, deviation and
+/// maximum are exact.
 ///
 /// @threads  `record` by one thread at a time; `summary` by any thread, and exact when nothing is
 ///           being recorded.
@@ -43,8 +43,9 @@ class Histogram {
   [[nodiscard]] HistogramSummary summary() const noexcept;
 
  private:
+  static constexpr unsigned kStepBits = 2;  ///< What is shorter than 4 ns is not told apart.
   static constexpr unsigned kSubBits = 4;
-  static constexpr unsigned kOctaves = 32;
+  static constexpr unsigned kOctaves = 27;  ///< The memory of every subscription counts this.
   static constexpr std::size_t kBuckets = (kOctaves << kSubBits);
 
   template <typename T>
@@ -52,11 +53,12 @@ class Histogram {
     counter.store(counter.load(std::memory_order_relaxed) + amount, std::memory_order_relaxed);
   }
   [[nodiscard]] static std::size_t bucket_of(std::uint64_t value) noexcept {
-    if (value < (1U << kSubBits)) {
-      return static_cast<std::size_t>(value);
+    const std::uint64_t steps = value >> kStepBits;
+    if (steps < (1U << kSubBits)) {
+      return static_cast<std::size_t>(steps);
     }
-    const unsigned exponent = static_cast<unsigned>(std::bit_width(value)) - 1;
-    const std::uint64_t sub = (value >> (exponent - kSubBits)) & ((1U << kSubBits) - 1);
+    const unsigned exponent = static_cast<unsigned>(std::bit_width(steps)) - 1;
+    const std::uint64_t sub = (steps >> (exponent - kSubBits)) & ((1U << kSubBits) - 1);
     const std::size_t bucket = ((exponent - kSubBits + 1) << kSubBits) + sub;
     return bucket < kBuckets ? bucket : kBuckets - 1;
   }

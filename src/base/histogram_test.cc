@@ -48,6 +48,15 @@ TEST(Histogram, MeanAndDeviationAreExact) {
   EXPECT_DOUBLE_EQ(histogram.summary().standard_deviation, 1000.0);
 }
 
+TEST(Histogram, ShortTimesAreToldApartByFourNanoseconds) {
+  Histogram histogram;
+  histogram.record(0);
+  histogram.record(41);
+  histogram.record(90);
+
+  EXPECT_NEAR(histogram.summary().p50, 41, 4);
+}
+
 TEST(Histogram, TakesAnyValue) {
   Histogram histogram;
 

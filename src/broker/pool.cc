@@ -25,8 +25,10 @@ Pool::Pool(const google::protobuf::Message* default_instance)
     : default_instance_(default_instance) {}
 
 void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
+  // Side by side: less memory than one by one, and fewer pages.
+  slabs_.push_back(std::make_unique<Envelope[]>(count));
   for (std::size_t i = 0; i < count; ++i) {
-    auto envelope = std::make_unique<Envelope>();
+    Envelope* envelope = &slabs_.back()[i];
     envelope->pool = this;
     if (default_instance_ != nullptr) {
       std::unique_ptr<google::protobuf::Message> message(default_instance_->New());
@@ -37,7 +39,7 @@ void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
       envelope->own = message.release();
     }
     envelope->next = free_;
-    free_ = envelope.release();
+    free_ = envelope;
     size_.fetch_add(1, std::memory_order_relaxed);
     outstanding_.fetch_add(1, std::memory_order_relaxed);
   }
@@ -87,7 +89,6 @@ std::size_t Pool::free_all(Envelope* list) noexcept {
   while (list != nullptr) {
     Envelope* next = list->next;
     delete list->own;
-    delete list;
     list = next;
     ++count;
   }

@@ -3,6 +3,8 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <vector>
 
 #include "fastcycle/detail/envelope.h"
 
@@ -47,8 +49,8 @@ class Pool {
   /// Takes back an envelope to which nobody holds a reference any more.
   void give_back(Envelope* envelope) noexcept;
 
-  /// Ends the owner's part: what is free is freed, what is out is freed when it comes back, and the
-  /// last one frees the pool.
+  /// Ends the owner's part: messages that are free are freed, those that are out when they come
+  /// back, and the last one frees the pool.
   void close() noexcept;
 
   /// All envelopes ever made.
@@ -64,6 +66,7 @@ class Pool {
   const google::protobuf::Message* const default_instance_;
 
   // Owner only.
+  std::vector<std::unique_ptr<Envelope[]>> slabs_;  ///< All envelopes, as long as the pool lives.
   Envelope* free_ = nullptr;
   bool is_collected_by_hand_ = false;
   std::atomic<std::size_t> size_{0};
