@@ -234,6 +234,9 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
 
 void PublisherCore::forward(Envelope* received) {
   FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  if (owner.publish_count++ == 0) {
+    prepare();
+  }
   if (forwards_->size() == 0) {
     forwards_->grow(needed_);
   }
@@ -242,7 +245,6 @@ void PublisherCore::forward(Envelope* received) {
   retain(*foreign);
   envelope->foreign = foreign;
   envelope->payload = foreign->payload;
-  ++owner.publish_count;
   Origin origin = owner.origin;
   if (origin.root == 0) {
     origin = received->info.origin;
