@@ -122,6 +122,14 @@ TEST_F(Bench, LatencyStandsBesideItsFloors) {
   EXPECT_THAT(left_behind(), IsEmpty());
 }
 
+TEST_F(Bench, OptionsMayStandBeforeTheMode) {
+  const auto found = rows({"--size", "64", "--wait", "park", "--count", "5", "--warmup", "0",
+                           "--floors", "none", "latency"});
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found.front().at("n"), 5);
+}
+
 TEST_F(Bench, RoundTripsAreMeasuredWhereTheyBegan) {
   const auto found =
       rows({"rtt", "--size", "4M", "--count", "50", "--warmup", "5", "--interval-us", "20000"});

@@ -69,7 +69,8 @@ Command add_bench(CLI::App& program) {
                                              "2000\n"
                                              "\n"
                                              "Exit codes: 0 done, 1 stopped, or something arrived "
-                                             "damaged, 2 a mistake, 130 ended at once.\n")));
+                                             "damaged or does not add up,\n2 a mistake, 130 "
+                                             "ended at once.\n")));
   const auto options = std::make_shared<Options>();
   bench::add_options(*line, *options);
   return {line, [options, line] { return run_bench(*options, *line); }};

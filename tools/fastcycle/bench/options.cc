@@ -223,15 +223,15 @@ void add_options(CLI::App& line, Options& options) {
     line.add_option(name, value, text)->type_name(type);
   };
   const auto add_list = [&](const char* name, auto& values, const char* type, const char* text) {
-    line.add_option(name, values, text)->type_name(type)->delimiter(',');
+    line.add_option(name, values, text)->type_name(type)->delimiter(',')->allow_extra_args(false);
   };
-  add_list("--size", options.size_words, "N,…",
+  add_list("--size", options.size_words, "N,N",
            "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; else 64)");
   add("--count", options.given_count, "N", "Messages a point, after the warm-up");
   add("--warmup", options.given_warmup, "N", "Messages before, not measured (200)");
   add("--interval-us", options.interval_us, "N", "Time from message to message (1000)");
-  add("--rounds", options.rounds, "R", "Measure all that often, in turn with the floors (1)");
-  add_list("--wait", options.waits, "WAY,…",
+  add("--rounds", options.rounds, "R", "Measure everything so often, in turn with the floors (1)");
+  add_list("--wait", options.waits, "WAY,WAY",
            "park, spin, adaptive: how workers wait (park; fanout: park,spin)");
   add("--load", options.load, "N", "Keep N threads busy beside it, in processes of their own");
   line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
@@ -240,8 +240,8 @@ void add_options(CLI::App& line, Options& options) {
   add("--raw", options.raw_file, "FILE.csv", "Write the stamps of every message");
   line.add_flag("--print-application", options.prints_application,
                 "Print the application of the first point, and measure nothing");
-  add_list("--subs", options.subs, "N,…", "fanout: subscribers (1,2,4,8,16,32,64)");
-  add_list("--hops", options.hops, "N,…", "chain: hand-overs in a row (1,2,4,8)");
+  add_list("--subs", options.subs, "N,N", "fanout: subscribers (1,2,4,8,16,32,64)");
+  add_list("--hops", options.hops, "N,N", "chain: hand-overs in a row (1,2,4,8)");
   add("--window", options.window, "W", "flood: messages under way at most (1024)");
   line.add_flag("--no-credits", options.has_no_credits,
                 "flood: send without regard for the receiver, and count what is lost");
