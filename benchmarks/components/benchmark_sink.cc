@@ -18,8 +18,8 @@ class BenchmarkSink final : public fastcycle::Component {
   explicit BenchmarkSink(fastcycle::Context& context)
       : Component(context),
         samples_file_(context.param<fastcycle::Path>("samples", {.fallback = fastcycle::Path()})) {
-    samples_.reserve(static_cast<std::size_t>(
-        context.param<std::int64_t>("expected", {.fallback = 6000, .min = 0}).get()));
+    fastcycle::measure::reserve(
+        samples_, context.param<std::int64_t>("expected", {.fallback = 6000, .min = 0}).get());
     if (context.param<bool>("echoes", {.fallback = false}).get()) {
       echo_ = context.create_publisher<Payload>("echo");
       context.create_subscriber<Payload>(

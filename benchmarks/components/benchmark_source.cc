@@ -46,7 +46,7 @@ class BenchmarkSource final : public fastcycle::Component {
       context.create_subscriber<Payload>("echo", [this](const Payload& echo) { take(echo); });
     }
     if (takes_echo || stamps_publish_) {
-      samples_.reserve(static_cast<std::size_t>(warmup_ + count_));
+      fastcycle::measure::reserve(samples_, warmup_ + count_);
     }
   }
 

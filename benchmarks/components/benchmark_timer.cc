@@ -23,7 +23,7 @@ class BenchmarkTimer final : public fastcycle::Component {
     const auto interval_us =
         context.param<std::int64_t>("interval_us", {.fallback = 1000, .min = 1, .unit = "µs"});
     if (!samples_file_.get().empty()) {
-      samples_.reserve(static_cast<std::size_t>(warmup_ + count_));
+      fastcycle::measure::reserve(samples_, warmup_ + count_);
     }
     context.create_timer({.period = std::chrono::microseconds(interval_us.get())},
                          [this](const fastcycle::Tick& tick) { take(tick); });

@@ -119,7 +119,7 @@ bool may_use_fifo() {
 
 Measured floor_latency(const Plan& plan, Waiting waiting) {
   Measured result;
-  result.samples.reserve(static_cast<std::size_t>(total(plan)));
+  reserve(result.samples, total(plan));
   Payloads payloads(plan.size);
   const auto slots = std::make_unique<Slots>();
   std::thread receiver([&] {
@@ -150,7 +150,7 @@ Measured floor_latency(const Plan& plan, Waiting waiting) {
 
 Measured floor_rtt(const Plan& plan, Waiting waiting) {
   Measured result;
-  result.samples.reserve(static_cast<std::size_t>(total(plan)));
+  reserve(result.samples, total(plan));
   Payloads payloads(plan.size);
   const auto there = std::make_unique<Slots>();
   const auto back = std::make_unique<Slots>();
@@ -183,7 +183,7 @@ Measured floor_rtt(const Plan& plan, Waiting waiting) {
 
 Measured floor_timer(const Plan& plan) {
   Measured result;
-  result.samples.reserve(static_cast<std::size_t>(total(plan)));
+  reserve(result.samples, total(plan));
   std::thread timer([&] {
     set_up_thread(plan);
     result.usage = each_interval(plan, [&](std::int64_t number, std::int64_t due_ns) {

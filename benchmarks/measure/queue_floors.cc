@@ -87,7 +87,7 @@ class Credits {
 
 Measured floor_malloc(const Plan& plan) {
   Measured result;
-  result.samples.reserve(static_cast<std::size_t>(total(plan)));
+  reserve(result.samples, total(plan));
   const auto size = static_cast<std::size_t>(plan.size);
   LockedQueue<Message> queue;
   std::thread receiver([&] {

@@ -19,6 +19,12 @@ std::string trouble(const std::filesystem::path& file) {
 
 }  // namespace
 
+void reserve(Samples& samples, std::int64_t count) {
+  const std::size_t size = samples.size();
+  samples.resize(size + static_cast<std::size_t>(count));
+  samples.resize(size);
+}
+
 std::string write_samples(const std::filesystem::path& file, const Samples& samples) {
   File stream(std::fopen(file.c_str(), "wbe"));
   if (!stream) {

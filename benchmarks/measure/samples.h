@@ -16,6 +16,9 @@ struct Sample {
 };
 using Samples = std::vector<Sample>;
 
+/// Room for `count` more, with every page of it touched, so that taking a stamp faults none.
+void reserve(Samples& samples, std::int64_t count);
+
 /// Stamps go from component to benchmark in a file of 32 bytes a message, in the machine's order.
 /// Returns what went wrong; empty if nothing did.
 [[nodiscard]] std::string write_samples(const std::filesystem::path& file, const Samples& samples);

@@ -26,17 +26,17 @@ constexpr std::int64_t kKiB = 1024;
 constexpr std::int64_t kMaxSize = 1 << 30;  // As the component's param.
 constexpr std::int64_t kMaxCount = 100'000'000;
 
-/// What a mode is, and what it takes unless told otherwise.
-struct Mode {
+/// What a mode takes unless told otherwise.
+struct Defaults {
   std::set<std::string> options;  ///< Of those that not every mode has.
   Numbers sizes;
   std::int64_t count = 0;
   std::int64_t warmup = 0;
 };
 
-const std::map<std::string, Mode>& modes() {
+const std::map<std::string, Defaults>& modes() {
   static const Numbers kLarge = {32 * kKiB, 128 * kKiB, 512 * kKiB, 1024 * kKiB, 4096 * kKiB};
-  static const std::map<std::string, Mode> kModes = {
+  static const std::map<std::string, Defaults> kModes = {
       {"latency",
        {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait"}, kLarge, 5000, 200}},
       {"rtt",
@@ -127,7 +127,7 @@ std::string find_unknown_word(const Options& options) {
 }
 
 /// An option that this mode has no use for.
-std::string find_foreign(const Options& options, const Mode& mode, const CLI::App& line) {
+std::string find_foreign(const Options& options, const Defaults& mode, const CLI::App& line) {
   std::set<std::string> particular;
   for (const auto& [name, other] : modes()) {
     particular.insert(other.options.begin(), other.options.end());
@@ -265,7 +265,7 @@ std::string complete(Options& options, const CLI::App& line) {
     return "there is no mode \"" + options.mode + "\"; " +
            (hint.empty() ? "there are " + list : hint);
   }
-  const Mode& mode = found->second;
+  const Defaults& mode = found->second;
   options.sizes = mode.sizes;
   if (!options.size_words.empty()) {
     options.sizes.clear();
