@@ -52,8 +52,20 @@ Envelope* Pool::take() noexcept {
   Envelope* envelope = free_;
   if (envelope != nullptr) {
     free_ = envelope->next;
+    prepare_following();
   }
   return envelope;
+}
+
+void Pool::prepare_following() const noexcept {
+  // In a burst the next ones were read by another CPU just now.
+  if (free_ == nullptr) {
+    return;
+  }
+  __builtin_prefetch(free_->own, 1);
+  const auto* second = reinterpret_cast<const char*>(free_->next);
+  __builtin_prefetch(second, 1);
+  __builtin_prefetch(second + 64, 1);
 }
 
 void Pool::collect() noexcept {

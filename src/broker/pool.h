@@ -59,6 +59,7 @@ class Pool {
  private:
   ~Pool() = default;
 
+  void prepare_following() const noexcept;
   std::size_t free_all(Envelope* list) noexcept;
   void forget(std::size_t count) noexcept;
 
