@@ -49,7 +49,8 @@ namespace detail {
 
 class ComponentCore;
 
-using EnvelopeCallback = std::function<void(Envelope&)>;
+/// The payload is given beside its envelope, which need not be read for it.
+using EnvelopeCallback = std::function<void(Envelope&, const google::protobuf::Message&)>;
 using TickCallback = std::function<void(const Tick&)>;
 
 /// One value of a parameter; a vector has several.
@@ -434,12 +435,14 @@ Subscribed Context::create_subscriber(std::string_view topic, const SubscriberOp
                                       F callback) {
   detail::EnvelopeCallback erased;
   if constexpr (std::invocable<F&, const Sample<T>&>) {
-    erased = [callback = std::move(callback)](detail::Envelope& envelope) mutable {
+    erased = [callback = std::move(callback)](detail::Envelope& envelope,
+                                              const google::protobuf::Message&) mutable {
       callback(detail::share<T>(envelope));
     };
   } else {
-    erased = [callback = std::move(callback)](detail::Envelope& envelope) mutable {
-      callback(static_cast<const T&>(*envelope.payload));
+    erased = [callback = std::move(callback)](detail::Envelope&,
+                                              const google::protobuf::Message& payload) mutable {
+      callback(static_cast<const T&>(payload));
     };
   }
   return Subscribed(

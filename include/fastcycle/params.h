@@ -76,7 +76,9 @@ class Param {
  public:
   explicit Param(T value) : value_(std::move(value)) {}
 
-  [[nodiscard]] const T& get() const noexcept { return value_; }
+  [[nodiscard]] const T& get() const& noexcept { return value_; }
+  /// Of a parameter that is not kept, its value.
+  [[nodiscard]] T get() && { return std::move(value_); }
 
  private:
   T value_;

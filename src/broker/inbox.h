@@ -103,7 +103,7 @@ class Inbox {
     queue_->enqueue(index_);
   }
 
-  /// Brings near what a turn will read first. Worker.
+  /// Brings near what a turn will read first. Only by the one worker that may serve the component.
   void prepare_serve() const noexcept {
     __builtin_prefetch(&state_, 1);
     for (const Lane* lane : first_lanes_) {

@@ -60,10 +60,14 @@ class Lane {
     bool ages = true;          ///< Counts for the origin of what timers publish.
   };
 
+  /// A message in the lane, with what its receiver must know before its callback: the envelope
+  /// itself is still in the publisher's cache.
   struct Head {
     std::uint64_t position = 0;
-    std::int64_t time_ns = 0;
+    std::int64_t time_ns = 0;  ///< When it was published.
+    std::uint64_t sequence = 0;
     Envelope* envelope = nullptr;
+    const google::protobuf::Message* payload = nullptr;
   };
 
   Lane(Subscription& its_subscription, PublisherId its_publisher, unsigned its_bit,
@@ -105,6 +109,7 @@ class Lane {
     // Released, so that a receiver which reads this slot too late also sees that `head` moved on.
     slot.time_ns.store(envelope->info.publish_time.time_since_epoch().count(),
                        std::memory_order_release);
+    slot.sequence.store(envelope->info.sequence, std::memory_order_release);
     slot.payload.store(envelope->payload, std::memory_order_release);
     slot.envelope.store(envelope, std::memory_order_release);
     tail_.store(tail + 1, std::memory_order_seq_cst);
@@ -176,8 +181,9 @@ class Lane {
  private:
   struct alignas(32) Slot {
     std::atomic<std::int64_t> time_ns{0};
+    std::atomic<std::uint64_t> sequence{0};
+    std::atomic<const google::protobuf::Message*> payload{nullptr};
     std::atomic<Envelope*> envelope{nullptr};
-    std::atomic<const void*> payload{nullptr};  ///< Only to be brought near.
   };
 
   const std::size_t mask_;
@@ -229,6 +235,8 @@ class Lane {
   [[nodiscard]] bool read(std::uint64_t head, Head& found) const noexcept {
     const Slot& slot = slots_[head & mask_];
     found.time_ns = slot.time_ns.load(std::memory_order_acquire);
+    found.sequence = slot.sequence.load(std::memory_order_acquire);
+    found.payload = slot.payload.load(std::memory_order_acquire);
     found.envelope = slot.envelope.load(std::memory_order_acquire);
     found.position = head;
     return head_.load(std::memory_order_acquire) == head;

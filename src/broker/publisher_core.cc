@@ -169,6 +169,7 @@ Envelope* PublisherCore::loan(bool is_cleared) {
     pool_->collect();
   }
   Envelope* envelope = take_from(*pool_, scratch_loans_);
+  __builtin_prefetch(&envelope->info, 1);
   if (is_cleared) {
     envelope->own->Clear();
   }
@@ -219,7 +220,7 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
   FASTCYCLE_ASSERT(!options_.taken_at || !owner.has_subscribers,
                    "taken_at is for components without subscribers: others inherit it");
-  Origin origin = owner.origin;
+  Origin origin = *owner.origin;
   if (options_.taken_at || origin.root == 0) {
     origin = {.taken = options_.taken_at.value_or(owner.now), .root = id};
   }
@@ -245,7 +246,7 @@ void PublisherCore::forward(Envelope* received) {
   retain(*foreign);
   envelope->foreign = foreign;
   envelope->payload = foreign->payload;
-  Origin origin = owner.origin;
+  Origin origin = *owner.origin;
   if (origin.root == 0) {
     origin = received->info.origin;
   }

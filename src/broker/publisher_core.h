@@ -35,11 +35,14 @@ class Stage {
 struct PublishingComponent {
   std::string name;
   const base::Clock* clock = nullptr;
-  Stage* stage = nullptr;           ///< In simulated time; null when live.
-  bool has_subscribers = false;     ///< Then its messages inherit their origin.
-  bool is_in_activation = false;    ///< Only then it may publish.
-  Time now{};                       ///< The activation's time.
-  Origin origin{};                  ///< The activation's origin; root 0 if nothing led to it.
+  Stage* stage = nullptr;         ///< In simulated time; null when live.
+  bool has_subscribers = false;   ///< Then its messages inherit their origin.
+  bool is_in_activation = false;  ///< Only then it may publish.
+  Time now{};                     ///< The activation's time.
+  /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
+  /// something is published.
+  const Origin* origin = &kNoOrigin;
+  static constexpr Origin kNoOrigin{};
   std::uint32_t publish_count = 0;  ///< In this activation.
 };
 

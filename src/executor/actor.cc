@@ -103,7 +103,7 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
                      const Body& body, const Where& where) {
   const std::int64_t begin_ns = read_ns_;
   publishing.now = std::max(base::from_ns(record.time_ns), publishing.now);
-  publishing.origin = origin;
+  publishing.origin = &origin;
   publishing.publish_count = 0;
   publishing.is_in_activation = true;
   if (!views.empty()) {
@@ -136,6 +136,7 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
     on_fault(fault_);
   }
   publishing.is_in_activation = false;
+  publishing.origin = &PublishingComponent::kNoOrigin;
 }
 
 void Actor::refresh_views() {
@@ -244,21 +245,24 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   Lane& lane = *head.lane;
   Envelope& envelope = *head.head.envelope;
   auto& subscription = static_cast<CallbackSubscription&>(lane.subscription);
-  const MessageInfo& info = envelope.info;
-  const Time now = std::max(clock.at_monotonic(read_ns_), info.publish_time);
+  const bool ages = lane.options.ages;  // The callback may end the subscription, and its lane.
+  const Time published = base::from_ns(head.head.time_ns);
+  const Time now = std::max(clock.at_monotonic(read_ns_), published);
   lane.delivered.add();
-  if (lane.options.ages) {
-    hold(info.origin);
-  }
   ActivationRecord record;
   record.cause = lane.options.is_external ? Cause::kExternal : Cause::kMessage;
-  record.publisher = info.publisher;
-  record.key = info.sequence;
+  record.publisher = lane.publisher;
+  record.key = head.head.sequence;
   record.time_ns = base::to_ns(now);
   activate(
-      ring, record, info.origin, [&] { (*subscription.callback)(envelope); },
+      ring, record, envelope.info.origin,
+      [&] { (*subscription.callback)(envelope, *head.head.payload); },
       [&] { return "its callback for \"" + subscription.topic.name + "\" threw: "; });
-  subscription.latency.record((now - info.publish_time).count());
+  // The callback must not wait for what only statistics and later timers need.
+  subscription.latency.record((now - published).count());
+  if (ages) {
+    hold(envelope.info.origin);
+  }
   release(&envelope);
 }
 

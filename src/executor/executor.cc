@@ -3,6 +3,8 @@
 #include <bit>
 #include <utility>
 
+#include <sched.h>
+
 #include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
@@ -163,10 +165,12 @@ bool Executor::run_ready(unsigned worker) {
       const auto bit = static_cast<unsigned>(std::countr_zero(bits));
       const std::uint64_t flag = std::uint64_t{1} << bit;
       bits &= ~flag;
+      if (options_.threads == 1) {  // Else another worker may be changing its lanes.
+        actors_[base + bit]->inbox.prepare_serve();
+      }
       if ((word.fetch_and(~flag, std::memory_order_seq_cst) & flag) == 0) {
         continue;
       }
-      actors_[base + bit]->inbox.prepare_serve();
       if (options_.threads > 1 && has_ready()) {
         sleepers_.wake_one();
       }
@@ -264,6 +268,9 @@ bool Executor::spin_for_work(std::int64_t limit_ns) const noexcept {
         return true;
       }
       pause_briefly();
+    }
+    if (options_.wait == WaitMode::kAdaptive) {
+      sched_yield();  // Whoever will publish may be waiting for this very CPU.
     }
     const std::int64_t now_ns = base::monotonic_ns();
     if (now_ns >= earliest_due_ns_.load(std::memory_order_relaxed)) {

@@ -44,7 +44,9 @@ class Executors : public ::testing::Test {
 
   void subscribe(Actor& actor, const std::string& topic, std::function<void()> callback) {
     actor.subscribe(topics_.get(topic, actor.name, Int64Value::default_instance()), {},
-                    [callback = std::move(callback)](Envelope&) { callback(); });
+                    [callback = std::move(callback)](Envelope&, const google::protobuf::Message&) {
+                      callback();
+                    });
   }
 
   PublisherCore& publisher(const std::string& topic, PublishingComponent& owner) {
