@@ -15,6 +15,9 @@ PEER_MODES = ("latency", "rtt", "flood")
 FLOOD_SIZE = 64
 FLOOD_COUNT = 100_000
 OWN_MODE_S = {"flood": 6.0, "fanout": 18.0, "timer": 12.0, "chain": 30.0, "startup": 16.0}
+# What says the same in each round, or only serves for comparison, is measured in every third.
+SPARSE_MODES = ("fanout", "chain", "startup")
+SPARSE_STEP = 3
 PROCESS_START_S = 0.6  # to start a process and load libraries, once a point
 
 
@@ -83,11 +86,15 @@ def jobs_of_round(options: Options, number: int, own: Sequence[str], peers: Sequ
     """All of one round. FastCycle and its floor are one call, so that they are measured in the same
     seconds; everything else stands in an order that moves on with every round."""
     jobs: list[Job] = []
+    is_full = number % SPARSE_STEP == 1
     for mode in options.modes:
+        if mode in SPARSE_MODES and not is_full:
+            continue
         if mode in ("latency", "rtt"):
             for place, size in enumerate(options.sizes):
                 row = _own(options, mode, number, size, own)
-                row += [_of_peer(options, mode, number, size, peer) for peer in peers]
+                if mode == "latency" or is_full:
+                    row += [_of_peer(options, mode, number, size, peer) for peer in peers]
                 shift = max(1, len(row) // options.rounds)
                 jobs += rotated(row, (number - 1) * shift + place)
         else:

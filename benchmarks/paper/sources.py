@@ -71,6 +71,8 @@ class FastcycleBench:
         else:
             words += ["--wait", "park,spin"] if job.mode == "flood" else []
             words += QUICK.get(job.mode, []) if self._is_quick else []
+        if self.knows("--first-round"):  # who begins is another in each round
+            words += ["--first-round", str(job.round)]
         if self.knows("--json"):
             words.append("--json")
         if raw:

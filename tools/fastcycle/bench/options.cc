@@ -152,6 +152,7 @@ std::string find_bad_number(const Options& options) {
                             out_of_range("--warmup", options.warmup, 0, kMaxCount),
                             out_of_range("--interval-us", options.interval_us, 1, 60'000'000),
                             out_of_range("--rounds", options.rounds, 1, 10'000),
+                            out_of_range("--first-round", options.first_round, 1, 10'000),
                             out_of_range("--load", options.load, 0, 1024),
                             out_of_range("--window", options.window, 4, 65536),
                             out_of_range("--subs", options.subs, 1, 1000),
@@ -231,6 +232,8 @@ void add_options(CLI::App& line, Options& options) {
   add("--warmup", options.given_warmup, "N", "Messages before, not measured (200)");
   add("--interval-us", options.interval_us, "N", "Time from message to message (1000)");
   add("--rounds", options.rounds, "R", "Measure everything so often, in turn with the floors (1)");
+  add("--first-round", options.first_round, "R",
+      "Count the rounds from this one, which says who begins (1)");
   add_list("--wait", options.waits, "WAY,WAY",
            "park, spin, adaptive: how workers wait (park; fanout: park,spin)");
   add("--load", options.load, "N", "Keep N threads busy beside it, in processes of their own");

@@ -20,6 +20,7 @@ struct Options {
   std::optional<std::int64_t> given_warmup;
   std::int64_t interval_us = 1000;
   std::int64_t rounds = 1;
+  std::int64_t first_round = 1;
   std::vector<std::string> waits;
   std::int64_t load = 0;
   bool is_fifo = false;

@@ -132,8 +132,9 @@ void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t ro
   for (std::size_t i = 0; i < steps.size() && !is_stopped(); ++i) {
     // Whatever one leaves behind (warm caches, a fast clock) does not always favour the same other.
     const std::size_t step = (i + static_cast<std::size_t>(round) - 1) % steps.size();
-    show_progress(fmt::format("round {} of {}, point {} of {}: {}", round, options_.rounds,
-                              point + 1, mode.points.size(), steps[step].peer));
+    show_progress(fmt::format("round {} of {}, point {} of {}: {}", round,
+                              options_.first_round + options_.rounds - 1, point + 1,
+                              mode.points.size(), steps[step].peer));
     const std::optional<Finding> found = measure_unless_stopped(steps[step]);
     show_progress({});
     if (!found) {
@@ -181,7 +182,8 @@ void Session::tabulate(const Mode& mode, const std::vector<Line>& lines, Table& 
 int Session::run(const Mode& mode) {
   Table table(mode.columns, mode.is_upright);
   std::int64_t rounds = 0;
-  for (std::int64_t round = 1; round <= options_.rounds && !is_stopped(); ++round) {
+  const std::int64_t end = options_.first_round + options_.rounds;
+  for (std::int64_t round = options_.first_round; round < end && !is_stopped(); ++round) {
     std::vector<Line> lines;
     for (std::size_t point = 0; point < mode.points.size() && !is_stopped(); ++point) {
       measure_point(mode, point, round, lines);
