@@ -164,8 +164,8 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
 
 Envelope* PublisherCore::loan(bool is_cleared) {
   // What came back last is warm, in caches and in pages; but in a burst its list belongs to the
-  // readers.
-  if (owner.publish_count == 0 && owner.stage == nullptr) {
+  // readers. An external publisher is in no activation, and may not look at its owner's.
+  if (owner.stage == nullptr && (options.is_external || owner.publish_count == 0)) {
     pool_->collect();
   }
   Envelope* envelope = take_from(*pool_, scratch_loans_);

@@ -1,7 +1,11 @@
 #include "executor/executor.h"
 
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -146,6 +150,37 @@ TEST_F(Executors, ATimerIsWatchedWhileItsWorkerIsBusy) {
   executor_->stop();
 
   EXPECT_FALSE(has_waited);
+}
+
+
+// The thread sanitizer judges: an external publisher shares nothing with the callbacks of its
+// component but its mutex.
+TEST_F(Executors, AnExternalThreadLendsWhileItsComponentPublishes) {
+  constexpr int kMessages = 2'000;
+  make({.threads = 1, .cpus = {}}, 2);
+  Actor& owner = *actors_[0];
+  std::atomic<int> received{0};
+  PublisherCore& inside = publisher("inside", owner.publishing);
+  PublisherCore& outside = topics_.add_publisher("outside", owner.publishing,
+                                                 Int64Value::default_instance(), nullptr, true);
+  outside.set_external_open(true);
+  subscribe(owner, "in", [&] { publish(inside); });
+  subscribe(*actors_[1], "inside", [&] { ++received; });
+  subscribe(*actors_[1], "outside", [] {});
+  PublisherCore& to_owner = publisher("in", owner_);
+  start();
+
+  std::thread foreign([&] {
+    for (int i = 0; i < kMessages; ++i) {
+      publish_external(outside, take_external_loan(outside, true), clock_.now());
+    }
+  });
+  for (int i = 0; i < kMessages; ++i) {
+    publish(to_owner);
+  }
+  foreign.join();
+  EXPECT_TRUE(wait_for([&] { return received > 0; }));
+  executor_->stop();
 }
 
 }  // namespace
