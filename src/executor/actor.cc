@@ -134,6 +134,7 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   if (outcome == Outcome::kFault) {
     statistics.faults.add();
     on_fault(fault_);
+    read_ns_ = base::monotonic_ns();  // A restart takes long.
   }
   publishing.is_in_activation = false;
   publishing.origin = &PublishingComponent::kNoOrigin;

@@ -183,5 +183,62 @@ TEST_F(Executors, AnExternalThreadLendsWhileItsComponentPublishes) {
   executor_->stop();
 }
 
+// An actor which is busy with a fault as long as its test says.
+class SlowlyFaulting final : public Actor {
+ public:
+  using Actor::Actor;
+  std::function<void()> handling;
+
+ private:
+  void on_fault(std::string_view) override { handling(); }
+};
+
+// Handling a fault takes time, and a timer and a message may come meanwhile: the time of what is
+// served next is that of its own beginning, and the older of both goes first.
+TEST_F(Executors, WhatComesWhileAFaultIsHandledIsServedInOrderAndInItsTime) {
+  executor_ = std::make_unique<Executor>(ExecutorOptions{.threads = 1, .cpus = {}});
+  SlowlyFaulting actor("c", 0, clock_);
+  executor_->add(actor);
+  actor.open();
+  std::string order;
+  Time handled{};
+  Time message_time{};
+  std::atomic<int> served{0};
+  PublisherCore& to_actor = publisher("m", owner_);
+  TimerCore& timer = actor.add_timer({}, [&](const Tick&) {
+    order += 't';
+    ++served;
+  });
+  subscribe(actor, "fault", [&] {
+    actor.arm(timer, clock_.now() + 1ms);
+    throw std::runtime_error("on purpose");
+  });
+  subscribe(actor, "m", [&] {
+    order += 'm';
+    message_time = actor.publishing.now;
+    ++served;
+  });
+  actor.handling = [&] {
+    // The timer is due, then the message comes, then the fault is handled.
+    std::this_thread::sleep_for(2ms);
+    publish(to_actor);
+    std::this_thread::sleep_for(2ms);
+    handled = clock_.now();
+  };
+  PublishingComponent elsewhere;
+  elsewhere.name = "elsewhere";
+  elsewhere.clock = &clock_;
+  elsewhere.is_in_activation = true;
+  PublisherCore& to_fault = publisher("fault", elsewhere);
+  start();
+
+  publish(to_fault);
+  ASSERT_TRUE(wait_for([&] { return served == 2; }));
+  executor_->stop();
+
+  EXPECT_EQ(order, "tm");
+  EXPECT_GE(message_time, handled);
+}
+
 }  // namespace
 }  // namespace fastcycle::detail
