@@ -269,9 +269,13 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
 
 bool Actor::run_next(ActivationRing& ring) {
   for (;;) {
-    TimerCore* timer = due_timer(base::to_ns(clock.at_monotonic(read_ns_)));
     Inbox::Head head;
     const bool has_message = inbox.peek(head);
+    if (has_message && !timers_.empty() && !clock.is_simulated()) {
+      // It may have come after the clock was read, and after a timer that was due meanwhile.
+      read_ns_ = std::max(read_ns_, clock.monotonic_at(base::from_ns(head.head.time_ns)));
+    }
+    TimerCore* timer = due_timer(base::to_ns(clock.at_monotonic(read_ns_)));
     // In simulated time the ticks of a round come first.
     if (timer != nullptr &&
         (!has_message || clock.is_simulated() || timer->due_ns <= head.head.time_ns)) {

@@ -240,5 +240,37 @@ TEST_F(Executors, WhatComesWhileAFaultIsHandledIsServedInOrderAndInItsTime) {
   EXPECT_GE(message_time, handled);
 }
 
+// A tick's key is its due time, a message's its publish time: the smaller one goes first, also when
+// both came after the worker read its clock, and before it looked for what is next.
+TEST_F(Executors, AMessageDoesNotOvertakeATickThatWasDueBeforeIt) {
+  make({.threads = 1, .cpus = {}}, 1);
+  Actor& actor = *actors_[0];
+  std::string order;
+  std::atomic<int> served{0};
+  TimerCore& timer = actor.add_timer({}, [&](const Tick& tick) {
+    EXPECT_GE(actor.publishing.now, tick.due);
+    order += 't';
+    ++served;
+  });
+  subscribe(actor, "m", [&] {
+    order += 'm';
+    ++served;
+  });
+  PublisherCore& to_actor = publisher("m", owner_);
+  start();
+
+  actor.post_and_tell(
+      Cause::kMode, [&] { actor.arm(timer, clock_.now() + 1ms); },
+      [&] {
+        // Between two activations, as if the worker had been preempted there.
+        std::this_thread::sleep_for(2ms);
+        publish(to_actor);
+      });
+  ASSERT_TRUE(wait_for([&] { return served == 2; }));
+  executor_->stop();
+
+  EXPECT_EQ(order, "tm");
+}
+
 }  // namespace
 }  // namespace fastcycle::detail
