@@ -150,6 +150,8 @@ void Actor::refresh_views() {
         if (lane->options.ages) {
           hold(head.envelope->info.origin);
         }
+        // It may have come after the clock was read.
+        publishing.now = std::max(publishing.now, base::from_ns(head.time_ns));
         view.insert(head.envelope);
       }
     }

@@ -272,5 +272,42 @@ TEST_F(Executors, AMessageDoesNotOvertakeATickThatWasDueBeforeIt) {
   EXPECT_EQ(order, "tm");
 }
 
+// What a view shows when an activation starts is not from that activation's future.
+TEST_F(Executors, AViewShowsNothingFromTheFuture) {
+  make({.threads = 1, .cpus = {}}, 1);
+  Actor& actor = *actors_[0];
+  Topic& seen = topics_.get("seen", actor.name, Int64Value::default_instance());
+  auto owned = std::make_unique<View>(seen, actor, Subscription::Kind::kLatest, 1, std::nullopt);
+  View& view = *owned;
+  seen.subscriptions.push_back(std::move(owned));
+  actor.views.push_back(&view);
+  std::atomic<int> served{0};
+  Duration age{-1};
+  subscribe(actor, "m", [&] {
+    age = actor.publishing.now - view.held.back()->info.publish_time;
+    ++served;
+  });
+  PublisherCore& to_view = publisher("seen", owner_);
+  PublishingComponent elsewhere;
+  elsewhere.name = "elsewhere";
+  elsewhere.clock = &clock_;
+  elsewhere.is_in_activation = true;
+  PublisherCore& to_actor = publisher("m", elsewhere);
+  start();
+
+  actor.post_and_tell(
+      Cause::kMode, [] {},
+      [&] {
+        // Between two activations, as if the worker had been preempted there.
+        publish(to_actor);
+        std::this_thread::sleep_for(1ms);
+        publish(to_view);
+      });
+  ASSERT_TRUE(wait_for([&] { return served == 1; }));
+  executor_->stop();
+
+  EXPECT_GE(age, Duration(0));
+}
+
 }  // namespace
 }  // namespace fastcycle::detail
