@@ -25,6 +25,22 @@ bool may_lock_without_limit() noexcept {
          (data[0].effective & (std::uint32_t{1} << CAP_IPC_LOCK)) != 0;
 }
 
+/// Whether more than the limit may be locked: in a user namespace of its own, as in a rootless
+/// container, a process has the capability without its effect. Once all that is mapped is locked.
+bool is_limit_in_force() noexcept {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_MEMLOCK, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) {
+    return false;
+  }
+  void* probe = mmap(nullptr, limit.rlim_cur + 1, PROT_NONE,
+                     MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (probe == MAP_FAILED) {
+    return errno == EAGAIN;
+  }
+  munmap(probe, limit.rlim_cur + 1);
+  return false;
+}
+
 Refusal refusal(const std::string& why) {
   return {"memory that stays in memory, for real-time executors: " + why,
           "grant it with `sudo setcap cap_sys_nice,cap_ipc_lock=eip PATH_OF_fastcycle`, or with a "
@@ -39,6 +55,10 @@ std::optional<Refusal> lock_memory_as_touched() {
   }
   if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
     return refusal(std::strerror(errno));
+  }
+  if (is_limit_in_force()) {
+    munlockall();
+    return refusal("the limit on locked memory (`ulimit -l`) holds, whatever the capability says");
   }
   return std::nullopt;
 }

@@ -1,5 +1,6 @@
 #include "base/memory.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -7,6 +8,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -63,6 +66,34 @@ TEST(Memory, IsNotLockedUnderALimitThatCouldBeReachedLater) {
 
   if (status == 77) {
     GTEST_SKIP() << "this process may not lower its own rights";
+  }
+  EXPECT_EQ(status, 0);
+}
+
+// Root of a user namespace of its own, as in a rootless container, has the right by name only.
+TEST(Memory, IsNotLockedByARightThatHoldsInItsOwnNamespaceOnly) {
+  static constexpr rlim_t kLimit = rlim_t{1} << 30;
+  const int status = in_child([] {
+    rlimit limit{};
+    const bool may_try = getrlimit(RLIMIT_MEMLOCK, &limit) == 0 &&
+                         (limit.rlim_cur = limit.rlim_max = std::min(limit.rlim_max, kLimit),
+                          setrlimit(RLIMIT_MEMLOCK, &limit) == 0) &&
+                         (getuid() != 0 || setuid(65534) == 0) && unshare(CLONE_NEWUSER) == 0;
+    if (!may_try) {
+      return 77;
+    }
+    if (lock_memory_as_touched()) {
+      return locked_kib() == 0 ? 0 : 1;
+    }
+    // Then nothing may run into the limit.
+    return mmap(nullptr, 2 * kLimit, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) ==
+                   MAP_FAILED
+               ? 2
+               : 0;
+  });
+
+  if (status == 77) {
+    GTEST_SKIP() << "this process may not make a user namespace";
   }
   EXPECT_EQ(status, 0);
 }
