@@ -309,5 +309,62 @@ TEST_F(Executors, AViewShowsNothingFromTheFuture) {
   EXPECT_GE(age, Duration(0));
 }
 
+// Messages from another thread, timers that callbacks arm, jobs, and a stop in the midst of it:
+// nothing is forgotten by a worker that waits, however it waits.
+TEST_F(Executors, NothingIsForgottenByAWorkerThatWaits) {
+  for (const WaitMode wait : {WaitMode::kPark, WaitMode::kAdaptive, WaitMode::kSpin}) {
+    for (const unsigned threads : {1U, 2U, 3U}) {
+      for (const bool hand_over : {false, true}) {
+        Executor executor({.threads = threads, .cpus = {}, .wait = wait, .hand_over = hand_over});
+        TestActor first("first", 0, clock_);
+        TestActor second("second", 1, clock_);
+        executor.add(first);
+        executor.add(second);
+        first.open();
+        second.open();
+        Topics topics;
+        const auto& type = Int64Value::default_instance();
+        PublisherCore& to_first = topics.add_publisher("in", owner_, type, nullptr, false);
+        PublisherCore& to_second =
+            topics.add_publisher("mid", first.publishing, type, nullptr, false);
+        std::atomic<int> ticks{0};
+        std::atomic<int> jobs{0};
+        std::atomic<int> done{0};
+        TimerCore& timer = second.add_timer({}, [&](const Tick& tick) {
+          EXPECT_EQ(tick.skipped, 0U);
+          EXPECT_GE(second.publishing.now, tick.due);
+          ++ticks;
+        });
+        first.subscribe(topics.get("in", "first", type), {},
+                        [&](Envelope&, const google::protobuf::Message&) {
+                          publish(to_second);
+                          EXPECT_TRUE(executor.submit([&] {
+                            ++jobs;
+                            second.post(Cause::kJob, [&] { ++done; });
+                          }));
+                        });
+        second.subscribe(topics.get("mid", "second", type), {},
+                         [&](Envelope&, const google::protobuf::Message&) {
+                           second.arm(timer, clock_.now() + 30us);
+                         });
+        topics.connect_all();
+        std::vector<base::Refusal> refusals;
+        executor.start(refusals);
+        for (int round = 1; round <= 10; ++round) {
+          publish(to_first);
+          ASSERT_TRUE(wait_for([&] { return ticks >= round && done >= round && jobs >= round; }))
+              << static_cast<int>(wait) << ' ' << threads << ' ' << hand_over << " round " << round
+              << ": " << ticks << ' ' << jobs << ' ' << done;
+          if (round % 4 == 0) {
+            std::this_thread::sleep_for(60us);
+          }
+        }
+        publish(to_first);
+        executor.stop();
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace fastcycle::detail
