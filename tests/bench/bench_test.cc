@@ -237,6 +237,7 @@ TEST_F(Bench, StartupReachesEverySubscriber) {
   const json& row = found.front();
   EXPECT_EQ(row.at("n"), 70);
   EXPECT_EQ(row.at("lost"), 0);
+  EXPECT_GE(row.at("idle_s"), 0.199);
   for (const char* key :
        {"startup_ms", "rss_before_kib", "rss_after_kib", "bytes_per_topic",
         "bytes_per_subscription", "publish_us", "publish_alone_us", "idle_cpu_percent"}) {
@@ -309,6 +310,38 @@ TEST_F(Bench, OneControlCEndsItAndLeavesNothingBehind) {
   }
 }
 
+TEST_F(Bench, ReaderThatGoesAwayEndsItAndLeavesNothingBehind) {
+  const std::string pipeline = std::string(FASTCYCLE_PROGRAM) +
+                               " bench latency --size 64 --count 20 --warmup 0 --floors none "
+                               "--rounds 10000 --json | head -1";
+  Process program({.program = "/bin/sh",
+                   .arguments = {"-c", pipeline},
+                   .environment = {"TMPDIR=" + temporary_.path().string()}});
+
+  EXPECT_EQ(take(program), 0);
+
+  EXPECT_THAT(output_, HasSubstr("\"round\":1"));
+  EXPECT_THAT(errors_, HasSubstr("standard output: Broken pipe"));
+  EXPECT_THAT(left_behind(), IsEmpty());
+}
+
+TEST_F(Bench, OutputThatCannotBeWrittenIsAFailure) {
+  EXPECT_EQ(launch(few({"latency", "--size", "64", "--raw", "/dev/full"})), 1);
+
+  EXPECT_THAT(errors_, HasSubstr("--raw /dev/full: No space left on device"));
+  EXPECT_THAT(left_behind(), IsEmpty());
+}
+
+TEST_F(Bench, FolderForTemporaryFilesIsNamedIfItIsMissing) {
+  auto options = started_with({"latency", "--size", "64"});
+  options.environment = {"TMPDIR=/nonexistent"};
+  Process program(options);
+
+  EXPECT_EQ(take(program), 1);
+
+  EXPECT_THAT(errors_, AllOf(HasSubstr("/nonexistent: No such file"), HasSubstr("TMPDIR")));
+}
+
 // ---- Wrong command lines ----
 
 TEST_F(Bench, WrongWordsSayWhatIsRight) {
@@ -327,6 +360,9 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
       {{"startup", "--for", "10"}, "with its unit"},
       {{"timer", "--clock", "sundial"}, "--clock is"},
       {{"timer", "--clock", "simulated", "--fifo"}, "measures no time"},
+      {{"timer", "--clock", "simulated", "--wait", "park"}, "--wait means nothing"},
+      {{"fanout", "--floors", "all"}, "it is for chain"},
+      {{"startup", "--floors", "none"}, "--floors means nothing"},
       {{"flood", "--size", "1G", "--window", "65536"}, "take a smaller --size"},
       {{"latency", "--raw", "/nonexistent/x.csv"}, "cannot be written"},
       {{"latency", "--sise", "64"}, "did you mean \"--size\"?"}};

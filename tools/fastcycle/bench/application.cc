@@ -1,6 +1,8 @@
 #include "bench/application.h"
 
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -169,7 +171,13 @@ class Runner::Announcement {
 Finished Runner::run(const Json& json, const std::string& folder, const RunHooks& hooks) {
   Finished finished;
   const std::filesystem::path file = folder + "/benchmark.json";
-  std::ofstream(file) << json.dump(2);
+  std::ofstream stream(file);
+  stream << json.dump(2);
+  stream.close();
+  if (!stream) {
+    throw std::runtime_error("bench: " + file.string() + " could not be written: " +
+                             std::strerror(errno) + "; TMPDIR says where");
+  }
   finished.stages.begin_ns = measure::now_ns();
   config::Problems problems;
   const config::ApplicationDescription description = config::load({.file = file}, problems);

@@ -1,5 +1,6 @@
 // fastcycle bench: what messages cost on this machine, beside the floors of the machine.
 
+#include <csignal>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -37,6 +38,8 @@ int run_bench(Options& options, const CLI::App& line) {
     std::printf("%s\n", mode_of(options, nullptr).application.dump(2).c_str());
     return flush_output();
   }
+  // A reader that goes away must not leave the folder of the session behind.
+  std::signal(SIGPIPE, SIG_IGN);
   Session session(options);
   return session.run(mode_of(options, &session));
 }
@@ -61,16 +64,17 @@ constexpr const char* kModesText =
 Command add_bench(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
       "bench", "Measure what messages cost on this machine, beside the least it needs");
-  line->footer(kModesText + ("\n" + examples("  fastcycle bench latency\n"
-                                             "  fastcycle bench rtt --size 64,32K,4M --wait "
-                                             "park,spin --rounds 5\n"
-                                             "  fastcycle bench flood --json > flood.jsonl\n"
-                                             "  fastcycle bench startup --components 200 --topics "
-                                             "2000\n"
-                                             "\n"
-                                             "Exit codes: 0 done, 1 stopped, or something arrived "
-                                             "damaged or does not add up,\n2 a mistake, 130 "
-                                             "ended at once.\n")));
+  line->footer(kModesText +
+               ("\n" + examples("  fastcycle bench latency\n"
+                                "  fastcycle bench rtt --size 64,32K,4M --wait "
+                                "park,spin --rounds 5\n"
+                                "  fastcycle bench flood --json > flood.jsonl\n"
+                                "  fastcycle bench startup --components 200 --topics "
+                                "2000\n"
+                                "\n"
+                                "Exit codes: 0 done, 1 stopped, could not be measured "
+                                "or written, or what arrived is\ndamaged or does not add up, "
+                                "2 a mistake, 130 ended at once.\n")));
   const auto options = std::make_shared<Options>();
   bench::add_options(*line, *options);
   return {line, [options, line] { return run_bench(*options, *line); }};

@@ -38,19 +38,32 @@ const std::map<std::string, Defaults>& modes() {
   static const Numbers kLarge = {32 * kKiB, 128 * kKiB, 512 * kKiB, 1024 * kKiB, 4096 * kKiB};
   static const std::map<std::string, Defaults> kModes = {
       {"latency",
-       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait"}, kLarge, 5000, 200}},
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait", "--floors"},
+        kLarge,
+        5000,
+        200}},
       {"rtt",
-       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait"}, kLarge, 5000, 200}},
-      {"flood", {{"--size", "--count", "--window", "--no-credits", "--wait"}, {64}, 1'000'000, 0}},
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait", "--floors"},
+        kLarge,
+        5000,
+        200}},
+      {"flood",
+       {{"--size", "--count", "--window", "--no-credits", "--wait", "--floors"},
+        {64},
+        1'000'000,
+        0}},
       {"fanout",
        {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--subs", "--wait"},
         {64},
         2000,
         200}},
       {"timer",
-       {{"--count", "--warmup", "--interval-us", "--raw", "--clock", "--wait"}, {0}, 5000, 200}},
+       {{"--count", "--warmup", "--interval-us", "--raw", "--clock", "--wait", "--floors"},
+        {0},
+        5000,
+        200}},
       {"chain",
-       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--hops", "--wait"},
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--hops", "--wait", "--floors"},
         {64},
         2000,
         200}},
@@ -146,6 +159,17 @@ std::string find_foreign(const Options& options, const Defaults& mode, const CLI
   return {};
 }
 
+/// An option that measures time, where none passes.
+std::string find_meaningless_in_simulation(const Options& options, const Defaults& /*mode*/,
+                                           const CLI::App& line) {
+  for (const char* const option : {"--fifo", "--raw", "--wait", "--floors"}) {
+    if (options.is_simulated() && line.get_option(option)->count() > 0) {
+      return std::string("--clock simulated measures no time: ") + option + " means nothing there";
+    }
+  }
+  return {};
+}
+
 std::string find_bad_number(const Options& options) {
   // The credits come in quarters, and what waits for a subscriber is at most 65536 messages.
   for (const auto& wrong : {out_of_range("--count", options.count, 1, kMaxCount),
@@ -184,7 +208,10 @@ std::string find_too_large(const Options& options) {
   if (const std::int64_t available = available_memory(); needed > available / 2) {
     return "this needs about " + std::to_string(needed >> 20) + " MiB, and the machine has " +
            std::to_string(available >> 20) + " MiB left: take a smaller --size" +
-           (is_flood ? ", --window" : ", --count");
+           (is_flood                   ? " or --window"
+            : options.mode == "fanout" ? ", --count or --subs"
+            : options.mode == "chain"  ? ", --count or --hops"
+                                       : " or --count");
   }
   return {};
 }
@@ -201,9 +228,6 @@ std::string find_contradiction(const Options& options) {
   if (options.is_fifo && spins && usable_cpus() < 3) {
     return "--fifo with --wait spin takes two CPUs for itself, and leaves none here; say one of "
            "the two";
-  }
-  if (options.is_simulated() && (options.is_fifo || !options.raw_file.empty() || spins)) {
-    return "--clock simulated measures no time: --fifo, --raw and --wait mean nothing there";
   }
   return {};
 }
@@ -228,7 +252,8 @@ void add_options(CLI::App& line, Options& options) {
   };
   add_list("--size", options.size_words, "N,N",
            "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; else 64)");
-  add("--count", options.given_count, "N", "Messages a point, after the warm-up");
+  add("--count", options.given_count, "N",
+      "Messages a point (5000; fanout, chain: 2000; flood: 1000000)");
   add("--warmup", options.given_warmup, "N", "Messages before, not measured (200)");
   add("--interval-us", options.interval_us, "N", "Time from message to message (1000)");
   add("--rounds", options.rounds, "R", "Measure everything so often, in turn with the floors (1)");
@@ -236,9 +261,9 @@ void add_options(CLI::App& line, Options& options) {
       "Count the rounds from this one, which says who begins (1)");
   add_list("--wait", options.waits, "WAY,WAY",
            "park, spin, adaptive: how workers wait (park; fanout: park,spin)");
-  add("--load", options.load, "N", "Keep N threads busy beside it, in processes of their own");
+  add("--load", options.load, "N", "Keep N other processes busy meanwhile (0)");
   line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
-  add("--floors", options.floors, "WHICH", "default, all (with malloc) or none");
+  add("--floors", options.floors, "WHICH", "default, all (latency: with malloc) or none");
   line.add_flag("--json", options.is_json, "One JSON object a line for each point and round");
   add("--raw", options.raw_file, "FILE.csv", "Write the stamps of every message");
   line.add_flag("--print-application", options.prints_application,
@@ -299,8 +324,10 @@ std::string complete(Options& options, const CLI::App& line) {
       return wrong;
     }
   }
-  if (std::string wrong = find_foreign(options, mode, line); !wrong.empty()) {
-    return wrong;
+  for (const auto& check : {find_foreign, find_meaningless_in_simulation}) {
+    if (std::string wrong = check(options, mode, line); !wrong.empty()) {
+      return wrong;
+    }
   }
   if (const std::string obstacle = ReportFile(options.raw_file).find_obstacle();
       !obstacle.empty()) {

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -31,10 +32,13 @@ std::string damaged_trouble(std::int64_t damaged) {
 }
 
 Session::Folder::Folder() {
-  path = (std::filesystem::temp_directory_path() / "fastcycle-bench-XXXXXX").string();
+  const char* const given = std::getenv("TMPDIR");
+  const std::string place =
+      std::filesystem::absolute(given == nullptr || *given == '\0' ? "/tmp" : given).string();
+  path = place + "/fastcycle-bench-XXXXXX";
   if (mkdtemp(path.data()) == nullptr) {
-    throw std::runtime_error("bench: no folder " + path +
-                             " could be made: " + std::strerror(errno) + "; TMPDIR says where");
+    throw std::runtime_error("bench: no folder for temporary files could be made in " + place +
+                             ": " + std::strerror(errno) + "; TMPDIR says where");
   }
 }
 
@@ -82,9 +86,10 @@ measure::Plan Session::plan(std::int64_t size) const {
 
 Finished Session::run_application(const Json& json, const RunHooks& hooks) {
   Finished finished = runner_.run(json, folder_.path, hooks);
-  if (!finished.refusals.empty() && !std::exchange(is_refused_, true)) {
-    const base::Refusal& refusal = finished.refusals.front();
-    std::fprintf(stderr, "refused: %s; %s\n", refusal.what.c_str(), refusal.remedy.c_str());
+  for (const base::Refusal& refusal : finished.refusals) {
+    if (told_refusals_.insert(refusal.what).second) {
+      std::fprintf(stderr, "refused: %s; %s\n", refusal.what.c_str(), refusal.remedy.c_str());
+    }
   }
   return finished;
 }
@@ -105,10 +110,28 @@ void Session::show_progress(const std::string& text) const {
   }
 }
 
+void Session::print_json(const measure::Row& row) {
+  if (has_lost_output_) {
+    return;
+  }
+  std::printf("%s\n", to_json(row).c_str());
+  if (flush_output() != kDone) {
+    has_lost_output_ = true;
+    is_stopped_ = true;  // Nobody would see the rest.
+  }
+}
+
 void Session::write_raw(const measure::Row& row, const measure::Samples& samples) {
+  std::string text;
   for (const measure::Sample& sample : samples) {
-    fmt::print(raw_.get(), "{},{},{},{},{},{},{},{}\n", row.peer, row.mode, row.size, row.round,
-               sample.number, sample.made_ns, sample.sent_ns, sample.arrived_ns);
+    fmt::format_to(std::back_inserter(text), "{},{},{},{},{},{},{},{}\n", row.peer, row.mode,
+                   row.size, row.round, sample.number, sample.made_ns, sample.sent_ns,
+                   sample.arrived_ns);
+  }
+  if (std::fwrite(text.data(), 1, text.size(), raw_.get()) != text.size() ||
+      std::fflush(raw_.get()) != 0) {
+    throw std::runtime_error("bench: --raw " + options_.raw_file.string() + ": " +
+                             std::strerror(errno));
   }
 }
 
@@ -155,8 +178,7 @@ void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t ro
       write_raw(finding.row, finding.samples);
     }
     if (options_.is_json && !mode.after_round) {
-      std::printf("%s\n", to_json(finding.row).c_str());
-      std::fflush(stdout);
+      print_json(finding.row);
     }
     lines.push_back({point, step, std::move(finding.row)});
   }
@@ -200,7 +222,7 @@ int Session::run(const Mode& mode) {
       for (std::size_t i = 0; i < rows.size(); ++i) {
         lines[i].row = rows[i];
         if (options_.is_json) {
-          std::printf("%s\n", to_json(rows[i]).c_str());
+          print_json(rows[i]);
         }
       }
     }
@@ -212,13 +234,15 @@ int Session::run(const Mode& mode) {
                 rounds > 1 ? fmt::format("; medians over {} rounds", rounds).c_str() : "",
                 table.to_text().c_str());
   }
-  const int flushed = flush_output();
+  if (has_lost_output_ || flush_output() != kDone) {
+    return kFailed;
+  }
   if (is_stopped()) {
     std::fprintf(stderr, "fastcycle bench: stopped after %lld of %lld rounds\n",
                  static_cast<long long>(rounds), static_cast<long long>(options_.rounds));
     return kFailed;
   }
-  return has_failed_ ? static_cast<int>(kFailed) : flushed;
+  return has_failed_ ? kFailed : kDone;
 }
 
 }  // namespace fastcycle::tool::bench

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -89,6 +90,8 @@ class Session {
                      std::vector<Line>& lines);
   void tabulate(const Mode& mode, const std::vector<Line>& lines, Table& table) const;
   void show_progress(const std::string& text) const;
+  /// Stops the session if nobody reads it any more.
+  void print_json(const measure::Row& row);
   void write_raw(const measure::Row& row, const measure::Samples& samples);
 
   /// Gone with the session.
@@ -113,7 +116,8 @@ class Session {
   const StopSignals signals_;
   std::unique_ptr<std::FILE, Close> raw_;
   bool has_failed_ = false;
-  bool is_refused_ = false;
+  bool has_lost_output_ = false;
+  std::set<std::string> told_refusals_;
 };
 
 /// `"damaged":0`, what every row of ours says beside the rest.

@@ -151,6 +151,7 @@ double publish_us(Session& session, Shape shape) {
 
 /// The application with nothing to do, for the time of --for.
 std::string idle_json(Session& session, Shape shape) {
+  constexpr Duration kSettling{100'000'000};  // In nanoseconds; the first messages are the start's.
   shape.ends_run = false;
   malloc_trim(0);  // What the applications before had.
   measure::Usage used;
@@ -158,12 +159,11 @@ std::string idle_json(Session& session, Shape shape) {
   std::int64_t end_ns = 0;
   Memory memory;
   static_cast<void>(session.run_application(nodes_application(session.options(), shape),
-                                            {.limit = session.options().idle,
+                                            {.limit = session.options().idle + kSettling,
                                              .after_start =
                                                  [&] {
-                                                   // The first messages are the start's.
                                                    measure::sleep_until(measure::now_ns() +
-                                                                        100'000'000);
+                                                                        kSettling.count());
                                                    begin_ns = measure::now_ns();
                                                    used = measure::Usage::now();
                                                  },
@@ -175,7 +175,7 @@ std::string idle_json(Session& session, Shape shape) {
                                                  }}));
   const double seconds = static_cast<double>(end_ns - begin_ns) / 1e9;
   return fmt::format(
-      "\"idle_s\":{:.1f},\"idle_rss_kib\":{},\"idle_cpu_percent\":{:.4f},"
+      "\"idle_s\":{:.3f},\"idle_rss_kib\":{},\"idle_cpu_percent\":{:.4f},"
       "\"idle_switches_per_s\":{:.2f}",
       seconds, memory.rss_kib, used.cpu_us / seconds / 1e4,
       static_cast<double>(used.voluntary_switches + used.involuntary_switches) / seconds);
@@ -222,7 +222,7 @@ Mode startup_mode(const Options& options, Session* session) {
                   {"heap a subscription, beside its messages, bytes", "bytes_per_subscription", 0},
                   {"publish() beside them, p50, µs", "publish_us", 2},
                   {"publish() in an application of its own, p50, µs", "publish_alone_us", 2},
-                  {"idle: seconds watched", "idle_s", 1},
+                  {"idle: seconds watched", "idle_s", 2},
                   {"idle: resident, KiB", "idle_rss_kib", 0},
                   {"idle: percent of one CPU", "idle_cpu_percent", 4},
                   {"idle: context switches a second", "idle_switches_per_s", 2}};
