@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import pathlib
+import re
 import signal
 import sys
 import time
@@ -35,12 +37,11 @@ INTERRUPTED, WRONG_USE = 130, 2
 
 def sizes_of(text: str) -> tuple[int, ...]:
     """Bytes, or 32K, 4M."""
-    units = {"K": 1 << 10, "M": 1 << 20}
-    found = []
-    for word in text.upper().replace("B", "").split(","):
-        word = word.strip()
-        found.append(int(word[:-1]) * units[word[-1]] if word[-1:] in units else int(word))
-    return tuple(found)
+    units = {"": 1, "K": 1 << 10, "M": 1 << 20}
+    found = [re.fullmatch(r"([1-9][0-9]*)([KM]?)B?", word.strip().upper()) for word in text.split(",")]
+    if not all(found):
+        raise argparse.ArgumentTypeError(f'wants bytes above 0, as 64, 32K or 4M, with commas, not "{text}"')
+    return tuple(int(word[1]) * units[word[2]] for word in found if word)
 
 
 def arguments(words: list[str]) -> argparse.Namespace:
@@ -167,7 +168,8 @@ def measure(chosen: argparse.Namespace, words: list[str]) -> int:
             return WRONG_USE
         jobs = plan.all_jobs(options, own, rivals)
         minutes = sum(job.seconds() for job in jobs) / 60
-        print(f"paper: {len(jobs)} points, about {minutes:.0f} minutes; results in {folder}", file=sys.stderr)
+        duration = "less than a minute" if chosen.quick else f"about {minutes:.0f} minutes"
+        print(f"paper: {len(jobs)} points, {duration}; results in {folder}", file=sys.stderr)
         if chosen.dry_run:
             return 0
         record = RunRecord(
@@ -189,7 +191,12 @@ def measure(chosen: argparse.Namespace, words: list[str]) -> int:
 
 def prepare(folder: pathlib.Path, record: RunRecord, is_fresh: bool) -> str:
     """Makes the folder ready, to begin or to go on. Returns why it cannot."""
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            return f"--out {folder} cannot be written"
+    except OSError as error:
+        return f"--out {folder} cannot be used: {error.strerror}"
     file = folder / "run.json"
     if is_fresh:
         for name in ("run.json", "rows.jsonl", "rows.csv", "histograms.json", "series.csv", "report.md", *plots.NAMES):

@@ -122,9 +122,9 @@ Made by `{self._record.command}`. The rows behind every figure are in [rows.csv]
     def _bounds(self) -> str:
         return f"""## Bounds
 
-What FastCycle has to hold on any machine, beside the floors of that machine. Figure and limit are medians over
-the rounds; *left* is the median over the rounds of what is left to the limit, each round against its own floor,
-and decides: below 0 the bound is not held.
+What FastCycle has to hold on any machine, beside the floors of that machine. Figure and limit are in µs unless
+another unit stands there, and medians over the rounds; *left* is the median over the rounds of what is left to
+the limit, each round against its own floor, and decides: below 0 the bound is not held.
 
 {tables.acceptance_table(self._checks)}"""
 
@@ -304,7 +304,7 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
     def _not_measured(self) -> str:
         parts = []
         if self._record.missing:
-            reasons = [f"- {name}: not measured: {why}" for name, why in self._record.missing.items()]
+            reasons = [f"- {name}: {why}" for name, why in self._record.missing.items()]
             parts.append("## Not measured\n\n" + "\n".join(reasons) + "\n")
         failed = [[mode, name, name_of_size(size) if size else "", str(turn), why]
                   for mode, name, size, turn, why in self._data.failures()]  # fmt: skip

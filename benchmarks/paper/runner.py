@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 
 import facts
 import rows
+from acceptance import name_of_size
 from plan import Job
 from rows import Row
 from sources import Failed, Source
@@ -128,7 +129,7 @@ class Runner:
 
     @staticmethod
     def _progress(place: int, total: int, job: Job, result: str, left_s: float) -> None:
-        size = f"{job.size // 1024} KB" if job.size else ""
+        size = name_of_size(job.size) if job.size else ""
         line = f"{place}/{total}  round {job.round}  {job.mode:8}{size:>8}  {job.label():28} {result:34}"
         print(f"{line} {left_s / 60:.0f} min left", file=sys.stderr, flush=True)
 

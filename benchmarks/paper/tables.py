@@ -52,11 +52,11 @@ def _measured(data: Measurements, field: Field, mode: str) -> list[Contender]:
 
 
 def _per_size(
-    data: Measurements, field: Field, mode: str, cell: Callable[[Contender, int], str], more: Sequence[str] = ()
+    data: Measurements, field: Field, mode: str, unit: str, cell: Callable[[Contender, int], str]
 ) -> str:
     sizes = data.sizes(mode)
     lines = [[label(c), *[cell(c, size) for size in sizes]] for c in _measured(data, field, mode)]
-    return table(["µs", *map(name_of_size, sizes), *more], lines)
+    return table([unit, *map(name_of_size, sizes)], lines)
 
 
 def paper_table(data: Measurements, field: Field, mode: str) -> str:
@@ -71,7 +71,7 @@ def paper_table(data: Measurements, field: Field, mode: str) -> str:
         is_usual = who.interval_us(size, field.usual_interval_us) == field.usual_interval_us
         return text if is_usual else text + OTHER_INTERVAL
 
-    return _per_size(data, field, mode, cell)
+    return _per_size(data, field, mode, "µs", cell)
 
 
 def ratio_table(data: Measurements, field: Field, mode: str, key: str) -> str:
@@ -79,10 +79,10 @@ def ratio_table(data: Measurements, field: Field, mode: str, key: str) -> str:
 
     def cell(who: Contender, size: int) -> str:
         found = data.ratio(mode, who.name, who.floor, size, key)
-        return NOT_THERE if found is None else f"{found:.2f}"
+        return NOT_THERE if found is None else f"{found:,.2f}"
 
     others = Field(tuple(c for c in field.contenders if c.kind != FLOOR), field.usual_interval_us)
-    return _per_size(data, others, mode, cell)
+    return _per_size(data, others, mode, "times the floor", cell)
 
 
 TAIL = (
@@ -113,7 +113,7 @@ def cost_table(data: Measurements, field: Field, size: int) -> str:
     def per_message(who: Contender, key: str) -> str:
         rounds = data.rounds("latency", who.name, size).values()
         found = median(row[key] / row["n"] for row in rounds if row.get("n") and row.get(key) is not None)
-        return NOT_THERE if found is None else f"{found:.2f}"
+        return NOT_THERE if found is None else f"{found:,.2f}"
 
     keys = ("minor_faults", "major_faults", "voluntary_switches", "involuntary_switches")
     lines = [

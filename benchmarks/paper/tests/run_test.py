@@ -26,7 +26,7 @@ class Run(support.InAFolder):
 
     def test_peers_that_are_not_there_are_named_with_the_reason(self):
         self.run_paper()
-        self.assertIn("- gone: not measured: package no-such-package-dev is not installed", self.report())
+        self.assertIn("- gone: package no-such-package-dev is not installed", self.report())
 
     def test_an_interrupted_run_keeps_its_rows_and_goes_on(self):
         stopped = self.run_paper(FAKE_INTERRUPT="iceoryx rtt 1")
@@ -88,6 +88,16 @@ class Run(support.InAFolder):
         self.run_paper()
         (self.folder / "out" / "rows.jsonl").unlink()
         self.assertEqual(self.run_paper().returncode, 2)
+
+    def test_a_wrong_size_or_place_is_told(self):
+        for sizes in ("5X", "0", "-4", "32K,", ""):
+            done = self.run_paper(f"--sizes={sizes}")
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("wants bytes above 0, as 64, 32K or 4M", done.stderr)
+        done = self.run_paper("--out", "/dev/null")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--out /dev/null cannot be used", done.stderr)
+        self.assertNotIn("Traceback", done.stderr)
 
     def test_a_name_that_nobody_has_is_told(self):
         done = self.run_paper("--only", "zeromqq")
