@@ -89,8 +89,7 @@ TEST(Memory, IsNotLockedByARightThatHoldsInItsOwnNamespaceOnly) {
       return locked_kib() == 0 ? 0 : 1;
     }
     // Then nothing may run into the limit.
-    return mmap(nullptr, 2 * kLimit, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) ==
-                   MAP_FAILED
+    return mmap(nullptr, 2 * kLimit, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) == MAP_FAILED
                ? 2
                : 0;
   });

@@ -540,9 +540,9 @@ TEST_F(Broker, AHeadTellsWhatItsMessageTells) {
       PublisherCore& from = topics.add_publisher("t", owner, type, nullptr, false);
       Receiver reader;
       Topic& topic = topics.get("t", "r", type);
-      topic.subscriptions.push_back(std::make_unique<Subscription>(
-          topic, reader.inbox, "r", Subscription::Kind::kCallback,
-          SubscriberOptions{.depth = depth, .overflow = overflow}));
+      topic.subscriptions.push_back(
+          std::make_unique<Subscription>(topic, reader.inbox, "r", Subscription::Kind::kCallback,
+                                         SubscriberOptions{.depth = depth, .overflow = overflow}));
       Subscription& subscription = *topic.subscriptions.back();
       topics.connect_all();
       std::atomic<bool> is_over{false};
@@ -566,12 +566,11 @@ TEST_F(Broker, AHeadTellsWhatItsMessageTells) {
         }
         head.lane->delivered.add();
         const Envelope& envelope = *head.head.envelope;
-        const bool is_right =
-            head.head.sequence == envelope.info.sequence && head.head.sequence > last &&
-            head.head.payload == envelope.payload &&
-            head.head.time_ns == base::to_ns(envelope.info.publish_time) &&
-            static_cast<const Int64Value&>(*head.head.payload).value() ==
-                static_cast<std::int64_t>(head.head.sequence);
+        const bool is_right = head.head.sequence == envelope.info.sequence &&
+                              head.head.sequence > last && head.head.payload == envelope.payload &&
+                              head.head.time_ns == base::to_ns(envelope.info.publish_time) &&
+                              static_cast<const Int64Value&>(*head.head.payload).value() ==
+                                  static_cast<std::int64_t>(head.head.sequence);
         wrong += is_right ? 0 : 1;
         last = head.head.sequence;
         release(head.head.envelope);

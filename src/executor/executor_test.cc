@@ -152,7 +152,6 @@ TEST_F(Executors, ATimerIsWatchedWhileItsWorkerIsBusy) {
   EXPECT_FALSE(has_waited);
 }
 
-
 // The thread sanitizer judges: an external publisher shares nothing with the callbacks of its
 // component but its mutex.
 TEST_F(Executors, AnExternalThreadLendsWhileItsComponentPublishes) {
