@@ -38,6 +38,9 @@ int cpu_of(int place) {
 [[noreturn]] void refuse(const config::Problems& problems) {
   std::string text;
   for (const config::Problem& problem : problems.all()) {
+    if (problem.warning) {
+      continue;  // Of what a mistake leads to.
+    }
     text += (text.empty() ? "" : "\n") + config::to_string(problem);
   }
   throw std::runtime_error(text);

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <new>
+#include <stdexcept>
 #include <string>
 
 #include "bench/modes.h"
@@ -41,7 +43,11 @@ int run_bench(Options& options, const CLI::App& line) {
   // A reader that goes away must not leave the folder of the session behind.
   std::signal(SIGPIPE, SIG_IGN);
   Session session(options);
-  return session.run(mode_of(options, &session));
+  try {
+    return session.run(mode_of(options, &session));
+  } catch (const std::bad_alloc&) {
+    throw std::runtime_error("bench: the memory is not enough: take a smaller --size or --count");
+  }
 }
 
 constexpr const char* kModesText =

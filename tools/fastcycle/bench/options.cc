@@ -25,6 +25,8 @@ using Numbers = std::vector<std::int64_t>;
 constexpr std::int64_t kKiB = 1024;
 constexpr std::int64_t kMaxSize = 1 << 30;  // As the component's param.
 constexpr std::int64_t kMaxCount = 100'000'000;
+/// What an application file may have; source and sink are among them, or beside the nodes.
+constexpr std::int64_t kMaxComponents = 1000;
 
 /// What a mode takes unless told otherwise.
 struct Defaults {
@@ -179,9 +181,9 @@ std::string find_bad_number(const Options& options) {
                             out_of_range("--first-round", options.first_round, 1, 10'000),
                             out_of_range("--load", options.load, 0, 1024),
                             out_of_range("--window", options.window, 4, 65536),
-                            out_of_range("--subs", options.subs, 1, 1000),
-                            out_of_range("--hops", options.hops, 1, 1000),
-                            out_of_range("--components", options.components, 1, 10'000),
+                            out_of_range("--subs", options.subs, 1, kMaxComponents - 1),
+                            out_of_range("--hops", options.hops, 1, kMaxComponents - 1),
+                            out_of_range("--components", options.components, 1, kMaxComponents - 2),
                             out_of_range("--topics", options.topics, 1, 100'000)}) {
     if (!wrong.empty()) {
       return wrong;
