@@ -38,8 +38,7 @@ void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
       }
       envelope->own = message.release();
     }
-    envelope->next = free_;
-    free_ = envelope;
+    put_back(envelope);
     size_.fetch_add(1, std::memory_order_relaxed);
     outstanding_.fetch_add(1, std::memory_order_relaxed);
   }
@@ -47,11 +46,16 @@ void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
 
 Envelope* Pool::take() noexcept {
   if (free_ == nullptr && !is_collected_by_hand_) {
-    free_ = returned_.exchange(nullptr, std::memory_order_acquire);
+    collect();
   }
   Envelope* envelope = free_;
   if (envelope != nullptr) {
     free_ = envelope->next;
+    if (free_ == nullptr) {
+      free_ = envelope->next_list;
+    } else {
+      free_->next_list = envelope->next_list;
+    }
     prepare_following();
   }
   return envelope;
@@ -73,12 +77,12 @@ void Pool::collect() noexcept {
     return;
   }
   Envelope* list = returned_.exchange(nullptr, std::memory_order_acquire);
-  while (list != nullptr) {
-    put_back(std::exchange(list, list->next));
-  }
+  list->next_list = free_;
+  free_ = list;
 }
 
 void Pool::put_back(Envelope* envelope) noexcept {
+  envelope->next_list = free_ != nullptr ? free_->next_list : nullptr;
   envelope->next = free_;
   free_ = envelope;
 }
@@ -114,7 +118,10 @@ void Pool::forget(std::size_t count) noexcept {
 }
 
 void Pool::close() noexcept {
-  std::size_t freed = free_all(std::exchange(free_, nullptr));
+  std::size_t freed = 0;
+  while (free_ != nullptr) {
+    freed += free_all(std::exchange(free_, free_->next_list));
+  }
   freed += free_all(returned_.exchange(closed_mark(), std::memory_order_acq_rel));
   forget(freed + 1);
 }

@@ -68,6 +68,7 @@ class Pool {
 
   // Owner only.
   std::vector<std::unique_ptr<Envelope[]>> slabs_;  ///< All envelopes, as long as the pool lives.
+  /// A list of lists: what came back together stays together. Its first envelope knows the next.
   Envelope* free_ = nullptr;
   bool is_collected_by_hand_ = false;
   std::atomic<std::size_t> size_{0};

@@ -39,6 +39,41 @@ TEST(Pool, LendsTheWarmestMessageFirst) {
   pool->close();
 }
 
+TEST(Pool, LendsFirstWhatCameBackLast) {
+  auto* pool = new Pool(&BytesValue::default_instance());
+  pool->grow(5);
+  std::vector<Envelope*> out;
+  for (int i = 0; i < 3; ++i) {
+    out.push_back(pool->take());
+    out.back()->references = 1;
+  }
+  for (Envelope* envelope : out) {
+    release(envelope);
+  }
+  pool->collect();
+
+  Envelope* first = pool->take();
+  EXPECT_EQ(first, out[2]);
+  pool->put_back(first);
+  first = pool->take();
+  EXPECT_EQ(first, out[2]);
+  EXPECT_EQ(pool->take(), out[1]);
+  out[2]->references = 1;
+  release(out[2]);
+  pool->collect();
+  std::vector<Envelope*> rest;
+  while (Envelope* envelope = pool->take()) {
+    rest.push_back(envelope);
+  }
+  EXPECT_EQ(rest.size(), 4U) << "nothing is lost between what came back at different times";
+  EXPECT_EQ(rest.front(), out[2]);
+  rest.push_back(out[1]);
+  for (Envelope* envelope : rest) {
+    pool->put_back(envelope);
+  }
+  pool->close();
+}
+
 TEST(Pool, AMessageOfAPrototypeIsEmptyButHasItsCapacity) {
   BytesValue prototype;
   prototype.set_value(std::string(100'000, 'x'));

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 
@@ -346,6 +347,112 @@ TEST(Executors, AJobRunsAlsoWhenComponentsAreAlwaysReady) {
   application->start();
   EXPECT_EQ(application->run(5s), EndReason::kSourcesFinished);
   application->stop();
+}
+
+/// Publishes as fast as it is served.
+class Flood final : public Component {
+ public:
+  explicit Flood(Context& context)
+      : Component(context),
+        timer_(context.create_timer([this] {
+          for (int i = 0; i < 8; ++i) {
+            publish(numbers_, ++sent_);
+          }
+          timer_.arm_at(now());
+        })),
+        numbers_(context.create_publisher<Int64Value>("numbers")) {}
+  void start() override { timer_.arm_at(now()); }
+
+ private:
+  Timer timer_;
+  Publisher<Int64Value> numbers_;
+  std::int64_t sent_ = 0;
+};
+
+/// Ends its subscription in its callback and makes it again, forwards, keeps, throws, is restarted.
+class Churn final : public Component {
+ public:
+  explicit Churn(Context& context)
+      : Component(context),
+        out_(context.create_publisher<Int64Value>("out")),
+        latest_(context.create_latest<Int64Value>("numbers")),
+        source_(context.create_source()) {
+    static std::atomic<int> objects{0};
+    object_ = ++objects % 3;
+  }
+  void start() override {
+    publish(out_, 0);
+    subscribe();
+  }
+
+ private:
+  void subscribe() {
+    subscriber_ = this->context().create_subscriber<Int64Value>(
+        "numbers", {.depth = 1}, [this](const Sample<Int64Value>& number) {
+          const auto newest = latest_.get();
+          EXPECT_TRUE(!newest || latest_.age() >= Duration(0));
+          kept_ = number;
+          subscriber_.reset();
+          subscribe();
+          out_.publish(number);
+          if (++count_ == 100 && object_ != 0) {
+            throw std::runtime_error("on purpose");
+          }
+          if (count_ == 300) {
+            source_.finish();
+          }
+        });
+  }
+
+  Publisher<Int64Value> out_;
+  Latest<Int64Value> latest_;
+  Source source_;
+  std::optional<Subscriber> subscriber_;
+  Sample<Int64Value> kept_;
+  int count_ = 0;
+  int object_ = 0;
+};
+
+/// Reads what was forwarded, and its origin.
+class Sink final : public Component {
+ public:
+  explicit Sink(Context& context) : Component(context) {
+    context.create_subscriber<Int64Value>("out", {.depth = 2},
+                                          [this](const Sample<Int64Value>& number) {
+                                            EXPECT_NE(number.info().origin.root, 0U);
+                                            EXPECT_LE(number.info().origin.taken,
+                                                      number.info().publish_time);
+                                            kept_ = number;
+                                          });
+  }
+
+ private:
+  Sample<Int64Value> kept_;
+};
+
+// The sanitizers judge: the lane of a message may be gone when its callback returns, and its
+// component may be another object.
+TEST(Restart, OfAComponentThatEndsAndMakesItsSubscriptionInEachCallback) {
+  for (const std::string threads : {"1", "3"}) {
+    TestClasses classes;
+    classes.with<Flood>("flood").with<Churn>("churn").with<Sink>("sink");
+    const auto application = host::make_application(
+        R"({"name": "t", "executors": [{"name": "a", "threads": 1}, {"name": "b", "threads": )" +
+            threads + R"(}], "components": [
+          {"name": "flood", "library": "flood", "executor": "a"},
+          {"name": "churn", "library": "churn", "executor": "b", "on_fault": "restart"},
+          {"name": "sink", "library": "sink", "executor": "b"}]})",
+        classes);
+    application->start();
+    EXPECT_EQ(application->run(Duration(20s)), EndReason::kSourcesFinished);
+    application->stop();
+    for (const char* topic : {"numbers", "out"}) {
+      for (const auto& subscription : application->topics().find(topic)->subscriptions) {
+        EXPECT_TRUE(subscription->ledger().adds_up()) << topic;
+        EXPECT_EQ(subscription->ledger().queued, 0U) << topic;
+      }
+    }
+  }
 }
 
 // ---- The end ----

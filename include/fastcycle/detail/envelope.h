@@ -26,6 +26,7 @@ struct alignas(64) Envelope {
   google::protobuf::Message* own = nullptr;  ///< The message made for this envelope, or none.
   Envelope* foreign = nullptr;               ///< Whose payload this is, when forwarded.
   Envelope* next = nullptr;                  ///< In the pool's lists.
+  Envelope* next_list = nullptr;             ///< Of the first in the pool's free list; see there.
   Pool* pool = nullptr;
 };
 
