@@ -40,13 +40,18 @@ class Counter {
 
 /// The messages on their way from one publisher to one subscription, oldest first, at most `depth`.
 ///
-/// `tail` belongs to the publisher. `head` may be advanced from either end, by compare-and-swap:
-/// the receiver takes the oldest, and a publisher that finds the lane full drops the oldest. Since
-/// both count in 64 bits, a swap that succeeds means that nothing happened in between. A push never
-/// fails and never waits, and no other publisher can hold it up.
+/// `head` may be advanced from either end, by compare-and-swap: the receiver takes the oldest, and
+/// a publisher that finds the lane full drops the oldest. Since it counts in 64 bits, a swap that
+/// succeeds means that nothing happened in between. A push never fails and never waits, and no
+/// other publisher can hold it up.
 ///
-/// Invariants: `head <= tail <= head + depth`; the slots from `head` to `tail`, and only they, hold
-/// a message; published = popped by the receiver + dropped + queued.
+/// A slot itself says whether what it holds was pushed in this lap around the slots, so that its
+/// line is all that travels from publisher to receiver. `tail` belongs to the publisher; who only
+/// looks on, or ahead, reads it too. The receiver may be past it by the one message whose push has
+/// not written it yet.
+///
+/// Invariants: `head - 1 <= tail <= head + depth`; the slot at `head` shows its lap if and only if
+/// a message waits; published = popped by the receiver + dropped + queued.
 ///
 /// @threads  `push` by the publisher only; `peek`, `pop` by one receiver; counters by anyone.
 /// @realtime No allocation, no lock, no loop over messages.
@@ -98,7 +103,8 @@ class Lane {
         overflowed.add();
         return envelope;
       }
-      Envelope* oldest = slots_[known_head_ & mask_].envelope.load(std::memory_order_relaxed);
+      Envelope* oldest =
+          envelope_of(slots_[known_head_ & mask_].envelope.load(std::memory_order_relaxed));
       if (head_.compare_exchange_strong(known_head_, known_head_ + 1, std::memory_order_seq_cst)) {
         ++known_head_;
         displaced = oldest;
@@ -111,8 +117,9 @@ class Lane {
                        std::memory_order_release);
     slot.sequence.store(envelope->info.sequence, std::memory_order_release);
     slot.payload.store(envelope->payload, std::memory_order_release);
-    slot.envelope.store(envelope, std::memory_order_release);
-    tail_.store(tail + 1, std::memory_order_seq_cst);
+    slot.envelope.store(reinterpret_cast<std::uintptr_t>(envelope) | lap(tail),
+                        std::memory_order_seq_cst);
+    tail_.store(tail + 1, std::memory_order_release);
     return displaced;
   }
 
@@ -120,17 +127,18 @@ class Lane {
   [[nodiscard]] bool peek(Head& found) noexcept {
     for (;;) {
       const std::uint64_t head = head_.load(std::memory_order_acquire);
-      // `tail` only grows: what was there once is there, or `head` has passed it.
-      if (head >= known_tail_) {
-        known_tail_ = tail_.load(std::memory_order_seq_cst);
-        if (head >= known_tail_) {
+      if (!read(head, found)) {
+        if (head_.load(std::memory_order_seq_cst) == head) {
+          was_empty_ = true;
           return false;
         }
+        continue;
       }
-      if (read(head, found)) {
+      if (!was_empty_) {
         prepare_following(head);
-        return true;
       }
+      was_empty_ = false;
+      return true;
     }
   }
 
@@ -145,11 +153,12 @@ class Lane {
     std::uint64_t count = 0;
     for (;;) {
       const std::uint64_t head = head_.load(std::memory_order_acquire);
-      if (tail_.load(std::memory_order_seq_cst) == head) {
-        return count;
-      }
       Head found;
-      if (read(head, found) && pop(found)) {
+      if (!read(head, found)) {
+        if (head_.load(std::memory_order_seq_cst) == head) {
+          return count;
+        }
+      } else if (pop(found)) {
         release(found.envelope);
         ++count;
       }
@@ -159,17 +168,16 @@ class Lane {
   /// Brings near what the next push writes.
   void prepare_push() const noexcept {
     __builtin_prefetch(&slots_[tail_.load(std::memory_order_relaxed) & mask_], 1);
-    __builtin_prefetch(&tail_, 1);
   }
   /// Brings near what the next `peek` reads.
   void prepare_peek() const noexcept {
-    __builtin_prefetch(&tail_);
     __builtin_prefetch(&slots_[head_.load(std::memory_order_relaxed) & mask_]);
   }
 
   [[nodiscard]] std::uint64_t queued() const noexcept {
     const std::uint64_t head = head_.load(std::memory_order_acquire);
-    return tail_.load(std::memory_order_acquire) - head;
+    const std::uint64_t tail = tail_.load(std::memory_order_acquire);
+    return tail > head ? tail - head : 0;
   }
 
   // Constant after construction.
@@ -183,7 +191,8 @@ class Lane {
     std::atomic<std::int64_t> time_ns{0};
     std::atomic<std::uint64_t> sequence{0};
     std::atomic<const google::protobuf::Message*> payload{nullptr};
-    std::atomic<Envelope*> envelope{nullptr};
+    /// With the lap in its lowest bit; written last.
+    std::atomic<std::uintptr_t> envelope{0};
   };
 
   const std::size_t mask_;
@@ -217,27 +226,43 @@ class Lane {
  private:
   std::atomic<std::uint64_t> head_{0};
   std::uint64_t known_tail_ = 0;  ///< The receiver's: `tail` is at least this.
+  bool was_empty_ = true;         ///< The receiver's: it found nothing when it looked last.
 
-  /// Brings near the messages that follow `head`, while that one is served: in a burst, another
-  /// CPU wrote them just now. What is dropped meanwhile was asked for in vain.
-  void prepare_following(std::uint64_t head) const noexcept {
+  /// Brings near the message that follows `head`, while that one is served: in a burst, another
+  /// CPU wrote it just now. What is dropped meanwhile was asked for in vain.
+  void prepare_following(std::uint64_t head) noexcept {
+    if (head + 1 >= known_tail_) {
+      known_tail_ = tail_.load(std::memory_order_relaxed);
+    }
     if (head + 1 < known_tail_) {
       const Slot& next = slots_[(head + 1) & mask_];
       __builtin_prefetch(next.payload.load(std::memory_order_relaxed));
       const auto* envelope =
-          reinterpret_cast<const char*>(next.envelope.load(std::memory_order_relaxed));
+          reinterpret_cast<const char*>(envelope_of(next.envelope.load(std::memory_order_relaxed)));
       __builtin_prefetch(envelope, 1);
       __builtin_prefetch(envelope + 64, 1);
     }
   }
 
-  /// What stands at `head`; false if that has moved on meanwhile.
+  /// Tells what was pushed to `position` from what its slot held one lap before.
+  [[nodiscard]] std::uintptr_t lap(std::uint64_t position) const noexcept {
+    return (position & (mask_ + 1)) == 0 ? 1 : 0;
+  }
+  [[nodiscard]] static Envelope* envelope_of(std::uintptr_t word) noexcept {
+    return reinterpret_cast<Envelope*>(word & ~std::uintptr_t{1});
+  }
+
+  /// What stands at `head`; false if nothing does, or `head` has moved on meanwhile.
   [[nodiscard]] bool read(std::uint64_t head, Head& found) const noexcept {
     const Slot& slot = slots_[head & mask_];
+    const std::uintptr_t word = slot.envelope.load(std::memory_order_seq_cst);
+    if ((word & 1) != lap(head)) {
+      return false;
+    }
     found.time_ns = slot.time_ns.load(std::memory_order_acquire);
     found.sequence = slot.sequence.load(std::memory_order_acquire);
     found.payload = slot.payload.load(std::memory_order_acquire);
-    found.envelope = slot.envelope.load(std::memory_order_acquire);
+    found.envelope = envelope_of(word);
     found.position = head;
     return head_.load(std::memory_order_acquire) == head;
   }
