@@ -16,25 +16,42 @@ bool is_before(const Lane& a, std::int64_t a_ns, const Lane& b, std::int64_t b_n
 void Inbox::add(std::shared_ptr<Lane> lane) {
   auto& list = lane->options.is_view ? views_ : lanes_[lane->bit];
   list.push_back(std::move(lane));
-  find_first_lanes();
+  find_few_lanes();
 }
 
 void Inbox::remove(const Lane& lane) noexcept {
   auto& list = lane.options.is_view ? views_ : lanes_[lane.bit];
   std::erase_if(list, [&](const std::shared_ptr<Lane>& other) { return other.get() == &lane; });
-  find_first_lanes();
+  find_few_lanes();
 }
 
-void Inbox::find_first_lanes() noexcept {
-  first_lanes_ = {};
+void Inbox::find_few_lanes() noexcept {
+  few_lanes_ = {};
   std::size_t count = 0;
   for (const auto& list : lanes_) {
     for (const auto& lane : list) {
-      if (count < first_lanes_.size()) {
-        first_lanes_[count++] = lane.get();
+      if (count == few_lanes_.size()) {
+        few_lanes_ = {};
+        return;
       }
+      few_lanes_[count++] = lane.get();
     }
   }
+}
+
+bool Inbox::peek_few(Head& best) noexcept {
+  best.lane = nullptr;
+  for (Lane* lane : few_lanes_) {
+    Lane::Head head;
+    if (lane == nullptr) {
+      break;
+    }
+    if (lane->peek(head) &&
+        (best.lane == nullptr || is_before(*lane, head.time_ns, *best.lane, best.head.time_ns))) {
+      best = {lane, head};
+    }
+  }
+  return best.lane != nullptr;
 }
 
 bool Inbox::peek_bit(unsigned bit, Head& best) noexcept {

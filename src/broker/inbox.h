@@ -61,10 +61,15 @@ class Inbox {
   Inbox& operator=(const Inbox&) = delete;
 
   /// Says who serves this component: set once, before anything is pushed.
-  void attach(ReadyQueue& queue, std::uint32_t index) noexcept {
+  ///
+  /// With `is_watched` its worker looks at the lanes again and again: what a publisher brings near
+  /// before it writes would only travel once more.
+  void attach(ReadyQueue& queue, std::uint32_t index, bool is_watched = false) noexcept {
     queue_ = &queue;
     index_ = index;
+    is_watched_ = is_watched;
   }
+  [[nodiscard]] bool is_watched() const noexcept { return is_watched_; }
   [[nodiscard]] ReadyQueue& queue() const noexcept { return *queue_; }
 
   /// The bit of one more lane; beyond 60 lanes share bits.
@@ -106,7 +111,7 @@ class Inbox {
   /// Brings near what a turn will read first. Only by the one worker that may serve the component.
   void prepare_serve() const noexcept {
     __builtin_prefetch(&state_, 1);
-    for (const Lane* lane : first_lanes_) {
+    for (const Lane* lane : few_lanes_) {
       if (lane != nullptr) {
         lane->prepare_peek();
       }
@@ -155,6 +160,24 @@ class Inbox {
     return ready != 0 && peek_all(found);
   }
 
+  /// As `peek`, without the state word: for the only worker of a component that waits by looking,
+  /// where the publisher has pushed but not marked yet. False also where there are many lanes, or
+  /// where it cannot tell which message is the oldest.
+  [[nodiscard]] bool peek_early(Head& found) noexcept {
+    if (few_lanes_[1] == nullptr) {
+      found.lane = few_lanes_[0];
+      return found.lane != nullptr && found.lane->peek(found.head);
+    }
+    if (!peek_few(found)) {
+      return false;
+    }
+    // A lane found empty may have been filled before one that was looked at after it; what is found
+    // twice came before all that came between.
+    Head again;
+    return peek_few(again) && again.lane == found.lane &&
+           again.head.position == found.head.position;
+  }
+
   /// Takes what `peek` found; false if it is gone: then peek again.
   [[nodiscard]] static bool pop(const Head& found) noexcept { return found.lane->pop(found.head); }
 
@@ -167,13 +190,15 @@ class Inbox {
   }
 
  private:
-  void find_first_lanes() noexcept;
+  void find_few_lanes() noexcept;
+  [[nodiscard]] bool peek_few(Head& best) noexcept;
   [[nodiscard]] bool peek_all(Head& found) noexcept;
   bool peek_bit(unsigned bit, Head& best) noexcept;
 
   // Constant once attached.
   ReadyQueue* queue_ = nullptr;
   std::uint32_t index_ = 0;
+  bool is_watched_ = false;
   std::atomic<unsigned> next_bit_{0};
 
   /// Written by publishers and worker, on a line of its own.
@@ -182,7 +207,7 @@ class Inbox {
   // Worker only.
   alignas(64) std::array<std::vector<std::shared_ptr<Lane>>, kLaneBits> lanes_;
   std::vector<std::shared_ptr<Lane>> views_;
-  std::array<const Lane*, 2> first_lanes_{};  ///< Of `lanes_`: those looked at before all others.
+  std::array<Lane*, 4> few_lanes_{};  ///< All of `lanes_` in a row, if they are so few.
 };
 
 }  // namespace fastcycle::detail

@@ -188,7 +188,9 @@ void PublisherCore::prepare() const noexcept {
   // The lines that the receivers wrote last travel here together, not one after the other.
   const std::size_t count = std::min<std::size_t>(targets_.size(), 4);
   for (std::size_t i = 0; i < count; ++i) {
-    targets_[i].lane->prepare_push();
+    if (!targets_[i].inbox->is_watched()) {
+      targets_[i].lane->prepare_push();
+    }
     targets_[i].inbox->prepare_mark();
   }
 }

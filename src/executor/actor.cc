@@ -93,6 +93,7 @@ void Actor::put_in_front(Control control) {
   {
     const std::lock_guard lock(control_mutex_);
     controls_.push_back(std::move(control));
+    has_controls_.store(true, std::memory_order_seq_cst);
   }
   inbox.mark_control();
   inbox.queue().wake();
@@ -193,6 +194,7 @@ void Actor::run_controls(ActivationRing& ring) {
   {
     const std::lock_guard lock(control_mutex_);
     controls.swap(controls_);
+    has_controls_.store(false, std::memory_order_seq_cst);
   }
   for (const Control& control : controls) {
     read_ns_ = base::monotonic_ns();
@@ -273,6 +275,11 @@ bool Actor::run_next(ActivationRing& ring) {
   for (;;) {
     Inbox::Head head;
     const bool has_message = inbox.peek(head);
+    if (has_message && has_controls_.load(std::memory_order_seq_cst)) {
+      // Posted after their bit was looked at, and perhaps before this message was published.
+      run_controls(ring);
+      continue;
+    }
     if (has_message && !timers_.empty() && !clock.is_simulated()) {
       // It may have come after the clock was read, and after a timer that was due meanwhile.
       read_ns_ = std::max(read_ns_, clock.monotonic_at(base::from_ns(head.head.time_ns)));
@@ -287,18 +294,45 @@ bool Actor::run_next(ActivationRing& ring) {
     if (!has_message) {
       return false;
     }
-    if (!Inbox::pop(head)) {
-      continue;
+    if (take(ring, head)) {
+      return true;
     }
-    if (head.lane->is_closed()) {
-      // Its publisher saw the end too late, and has not taken it back yet.
-      head.lane->drained.add();
-      release(head.head.envelope);
-      continue;
-    }
-    deliver(ring, head);
-    return true;
   }
+}
+
+bool Actor::take(ActivationRing& ring, const Inbox::Head& head) {
+  if (!Inbox::pop(head)) {
+    return false;
+  }
+  if (head.lane->is_closed()) {
+    // Its publisher saw the end too late, and has not taken it back yet.
+    head.lane->drained.add();
+    release(head.head.envelope);
+    return false;
+  }
+  deliver(ring, head);
+  return true;
+}
+
+bool Actor::run_early(ActivationRing& ring, std::int64_t now_ns) {
+  Inbox::Head head;
+  if (!inbox.peek_early(head) || !is_open() || has_controls_.load(std::memory_order_seq_cst)) {
+    return false;
+  }
+  read_ns_ = now_ns;
+  if (!timers_.empty()) {
+    read_ns_ = std::max(read_ns_, clock.monotonic_at(base::from_ns(head.head.time_ns)));
+    if (due_timer(base::to_ns(clock.at_monotonic(read_ns_))) != nullptr) {
+      return false;  // A turn puts them in order.
+    }
+  }
+  base::reset_floating_point();
+  ++turn_;
+  if (!take(ring, head)) {
+    return false;
+  }
+  publish_due();
+  return true;
 }
 
 void Actor::run_turn(ActivationRing& ring) {

@@ -117,6 +117,13 @@ class Actor {
   /// Serves a turn (live): at most 16 activations or 1 ms.
   void run_turn(ActivationRing& ring);
 
+  /// Serves the oldest message, if nothing else waits, before its publisher has marked the inbox
+  /// (live); `now_ns` is CLOCK_MONOTONIC just before. Only by a worker that is the component's only
+  /// one: so it takes no hold of the state word.
+  ///
+  /// The bit that the publisher sets then gives one more turn, which finds nothing and ends.
+  bool run_early(ActivationRing& ring, std::int64_t now_ns);
+
   /// Serves all causes up to the clock's time (simulated).
   void run_round(ActivationRing& ring);
 
@@ -211,6 +218,8 @@ class Actor {
   bool run_next(ActivationRing& ring);
   void put_in_front(Control control);
   void tick(ActivationRing& ring, TimerCore& timer);
+  /// Serves what `peek` found; false if it is gone.
+  bool take(ActivationRing& ring, const Inbox::Head& head);
   void deliver(ActivationRing& ring, const Inbox::Head& head);
   void refresh_views();
   void hold(const Origin& origin) noexcept;
@@ -237,6 +246,8 @@ class Actor {
   // Taken only when a control cause is posted or served: connecting, life cycle, jobs done.
   std::mutex control_mutex_;
   std::vector<Control> controls_;
+  /// Written under the mutex. Set before what is published after `post` returned.
+  alignas(64) std::atomic<bool> has_controls_{false};
 };
 
 }  // namespace fastcycle::detail

@@ -81,7 +81,8 @@ class Executor final : public ReadyQueue, public TimerWatch {
   void idle(unsigned worker);
   [[nodiscard]] bool has_ready() const noexcept;
   [[nodiscard]] bool has_work() const noexcept;
-  [[nodiscard]] bool spin_for_work(std::int64_t limit_ns) const noexcept;
+  [[nodiscard]] bool spin_for_work(std::int64_t limit_ns);
+  bool run_early(std::int64_t now_ns);
   std::int64_t lead(unsigned worker) noexcept;
   std::int64_t announce_deadline() noexcept;
   void stop_leading(unsigned worker) noexcept;

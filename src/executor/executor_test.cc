@@ -365,5 +365,96 @@ TEST_F(Executors, NothingIsForgottenByAWorkerThatWaits) {
   }
 }
 
+// A worker that waits by looking serves what was pushed but not marked yet. A control cause that
+// was posted before goes first all the same.
+TEST_F(Executors, WhatWasPostedBeforeAPublishIsServedBeforeItHoweverTheWorkerWaits) {
+  constexpr int kRounds = 3000;
+  for (const WaitMode wait : {WaitMode::kPark, WaitMode::kAdaptive, WaitMode::kSpin}) {
+    Executor executor({.threads = 1, .cpus = {}, .wait = wait});
+    TestActor actor("actor", 0, clock_);
+    executor.add(actor);
+    actor.open();
+    Topics topics;
+    const auto& type = Int64Value::default_instance();
+    PublisherCore& to_actor = topics.add_publisher("t", owner_, type, nullptr, false);
+    int posted = 0;
+    std::atomic<int> served{0};
+    std::atomic<int> overtaken{0};
+    actor.subscribe(topics.get("t", "actor", type), {},
+                    [&](Envelope&, const google::protobuf::Message&) {
+                      overtaken += posted == served + 1 ? 0 : 1;
+                      ++served;
+                    });
+    topics.connect_all();
+    std::vector<base::Refusal> refusals;
+    executor.start(refusals);
+    for (int round = 1; round <= kRounds; ++round) {
+      actor.post(Cause::kMode, [&posted, round] { posted = round; });
+      publish(to_actor);
+      ASSERT_TRUE(wait_for([&] { return served == round; })) << static_cast<int>(wait);
+    }
+    executor.stop();
+    EXPECT_EQ(overtaken, 0) << static_cast<int>(wait);
+  }
+}
+
+// Two lanes, one publisher thread each, of which the second waits for the first: also a worker that
+// looks at the lanes one after the other must not find the second message first.
+TEST_F(Executors, WhatWasPublishedBeforeIsServedBeforeHoweverTheWorkerWaits) {
+  constexpr std::int64_t kRounds = 20'000;
+  for (const WaitMode wait : {WaitMode::kPark, WaitMode::kAdaptive, WaitMode::kSpin}) {
+    Executor executor({.threads = 1, .cpus = {}, .wait = wait});
+    TestActor actor("actor", 0, clock_);
+    executor.add(actor);
+    actor.open();
+    PublishingComponent other;
+    other.name = "other";
+    other.clock = &clock_;
+    other.is_in_activation = true;
+    Topics topics;
+    const auto& type = Int64Value::default_instance();
+    // The lane that is looked at first gets its message first.
+    PublisherCore& first = topics.add_publisher("first", owner_, type, nullptr, false);
+    PublisherCore& second = topics.add_publisher("second", other, type, nullptr, false);
+    std::int64_t seen_first = 0;
+    std::int64_t seen_second = 0;
+    std::atomic<std::int64_t> served{0};
+    std::atomic<int> overtaken{0};
+    actor.subscribe(topics.get("first", "actor", type), {},
+                    [&](Envelope&, const google::protobuf::Message&) {
+                      ++seen_first;
+                      ++served;
+                    });
+    actor.subscribe(topics.get("second", "actor", type), {},
+                    [&](Envelope&, const google::protobuf::Message&) {
+                      overtaken += seen_first > seen_second ? 0 : 1;
+                      ++seen_second;
+                      ++served;
+                    });
+    topics.connect_all();
+    std::vector<base::Refusal> refusals;
+    executor.start(refusals);
+    std::atomic<std::int64_t> begun{0};
+    std::thread follower([&] {
+      for (std::int64_t round = 1; round <= kRounds; ++round) {
+        if (!wait_for([&] { return begun >= round; })) {
+          return;
+        }
+        publish(second);
+      }
+    });
+    for (std::int64_t round = 1; round <= kRounds; ++round) {
+      publish(first);
+      begun = round;
+      // Few enough on their way that no queue is full.
+      ASSERT_TRUE(wait_for([&] { return served + 8 > 2 * round; })) << static_cast<int>(wait);
+    }
+    follower.join();
+    EXPECT_TRUE(wait_for([&] { return served == 2 * kRounds; })) << served;
+    executor.stop();
+    EXPECT_EQ(overtaken, 0) << static_cast<int>(wait);
+  }
+}
+
 }  // namespace
 }  // namespace fastcycle::detail
