@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 from contenders import PUBLISHER, Contender
 from rounds import Measurements, Pair, enough, median
+from rows import Row
 
 PARK, SPIN = "fastcycle-park", "fastcycle-spin"
 FUTEX, SPIN_FLOOR, DEQUE = "floor-futex", "floor-spin", "floor-mutex-deque"
+SIZE_UNDER_LOAD = 32 << 10
 HELD, NOT_HELD, NOT_MEASURED, TOO_SMALL = "held", "not held", "not measured", "n too small"
 
 
@@ -172,6 +174,61 @@ def _flood(data: Measurements, peers: Sequence[Contender]) -> Iterable[Check]:
                            at_least=True, unit="messages/s")  # fmt: skip
 
 
+def _under_load(data: Measurements) -> Check:
+    what = "FIFO workers, every CPU busy with other processes: p99.9 ≤ 3 × that without them"
+    idle, busy = (data.rounds(mode, PARK, SIZE_UNDER_LOAD) for mode in ("fifo", "fifo-load"))
+    rounds = [(busy[n]["p999_us"], 3 * idle[n]["p999_us"]) for n in sorted(busy) if n in idle]
+    refused = next((str(row["policy"]) for row in busy.values() if row.get("policy", "fifo") != "fifo"), "")
+    total = min(data.total(mode, PARK, SIZE_UNDER_LOAD) for mode in ("fifo", "fifo-load"))
+    return judge(what, SIZE_UNDER_LOAD, rounds, is_enough=enough("p999_us", total),
+                 note=f"without the right to FIFO: {refused}" if refused else "")  # fmt: skip
+
+
+def _timer(data: Measurements) -> Iterable[Check]:
+    for key in ("p50_us", "p99_us"):
+        name = key[:-3]
+        yield against_floor(data, f"timer of 1 ms: {name} of the lateness ≤ 1.2 × a bare timer's", "timer", PARK,
+                            "floor-timer", 0, key, lambda floor: 1.2 * floor)  # fmt: skip
+
+
+def slope(points: dict[int, float], few: int, many: int) -> float:
+    """What each subscriber from the `few`-th to the `many`-th adds."""
+    return (points[many] - points[few]) / (many - few)
+
+
+def _fanout(data: Measurements) -> Check:
+    what = "fan-out: each of 16 to 64 subscribers costs publish() ≤ 1.25 × what each of 4 to 16 does"
+    rounds = []
+    by_round: dict[int, dict[int, float]] = {}
+    for row in data.of_mode("fanout"):
+        if row["peer"] == SPIN and "subscribers" in row:
+            by_round.setdefault(row["round"], {})[row["subscribers"]] = 1000 * row["p50_us"]
+    for points in by_round.values():
+        if {4, 16, 64} <= points.keys():
+            rounds.append((slope(points, 16, 64), 1.25 * slope(points, 4, 16)))
+    return judge(what, 64, rounds, unit="ns")
+
+
+def _startup(data: Measurements) -> Iterable[Check]:
+    def at_most(what: str, mode: str, key: str, limit: Callable[[Row], float], scale: float, unit: str) -> Check:
+        rows = [row for row in data.of_mode(mode) if row.get(key) is not None]
+        return judge(what, None, [(scale * row[key], limit(row)) for row in rows], unit=unit)
+
+    large = "200 components, 2000 topics: "
+    yield at_most(large + "start-up ≤ 1 s", "startup-large", "startup_ms", lambda _: 1.0, 1e-3, "s")
+    yield at_most(large + "a topic ≤ 8 KiB beside its messages", "startup-large", "bytes_per_topic",
+                  lambda _: 8.0, 1 / 1024, "KiB")  # fmt: skip
+    yield at_most(large + "a subscription ≤ 8 KiB beside its messages", "startup-large", "bytes_per_subscription",
+                  lambda _: 8.0, 1 / 1024, "KiB")  # fmt: skip
+    yield at_most(large + "publish() ≤ 1.2 × that in an application of its own", "startup-large", "publish_us",
+                  lambda row: 1.2 * row["publish_alone_us"], 1.0, "µs")  # fmt: skip
+    yield at_most("12 components, idle: below 40 MB", "startup", "idle_rss_kib", lambda _: 40.0, 1024 / 1e6, "MB")
+    yield at_most("12 components, idle: less than 0.1 % of a CPU", "startup", "idle_cpu_percent", lambda _: 0.1, 1.0, "%")
+
+
 def checks(data: Measurements, peers: Sequence[Contender]) -> list[Check]:
     """All bounds. A bound whose points are missing is "not measured", never left out."""
-    return [*_of_sizes(data), *_flat(data), *_flood(data, peers), *_below_peers(data, peers)]
+    return [
+        *_of_sizes(data), *_flat(data), _under_load(data), *_flood(data, peers), _fanout(data), *_timer(data),
+        *_startup(data), *_below_peers(data, peers),
+    ]  # fmt: skip

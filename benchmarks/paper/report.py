@@ -76,6 +76,7 @@ class Report:
             self._ratios(),
             self._costs(),
             self._flood(),
+            self._under_load(),
             self._own_modes(),
             self._table_three(),
             self._machine(),
@@ -236,13 +237,26 @@ it is `floor-spin`. Marks are those of Table I.
             f"{tables.flood_table(self._data, self._field)}"
         )
 
+    def _under_load(self) -> str:
+        parts = []
+        for mode, words in (("fifo", "Nothing beside them"), ("fifo-load", "Every CPU busy with other processes")):
+            for size in self._data.sizes(mode):
+                parts.append(f"### {words}\n\n{tables.tail_table(self._data, self._field, mode, size)}")
+        if not parts:
+            return ""
+        return (
+            "## Under load\n\nLatency at 32 KB, workers and floor as SCHED_FIFO if the machine allows it "
+            "(`policy` in rows.csv), and the same with as many busy processes beside them as there are CPUs.\n\n"
+            + "\n".join(parts)
+        )
+
     def _own_modes(self) -> str:
         data = self._data
         shown = {
             "fanout": (tables.mode_table, tables.slope_table),
             "timer": (tables.mode_table,),
             "chain": (tables.mode_table, tables.hop_table),
-            "startup": (tables.startup_table,),
+            "startup": (lambda data: tables.startup_table(data, "startup", "startup-large"),),
         }
         parts = []
         for mode, makers in shown.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -24,6 +25,15 @@ QUICK = {
     "chain": ["--count", "50", "--warmup", "10", "--hops", "1,2"],
     "startup": ["--for", "500ms"],
 }
+
+
+# What stands for a mode of `fastcycle bench` with further options.
+VARIANTS = {
+    "fifo": ["latency", "--size", "32K", "--fifo"],
+    "fifo-load": ["latency", "--size", "32K", "--fifo", "--load", str(len(os.sched_getaffinity(0)))],
+    "startup-large": ["startup", "--components", "200", "--topics", "2000", "--for", "1s"],
+}
+QUICK |= {"fifo": ["--count", "50", "--warmup", "10"], "fifo-load": ["--count", "50", "--warmup", "10"]}
 
 
 class Failed(Exception):
@@ -62,7 +72,7 @@ class FastcycleBench:
         return option in self._help
 
     def arguments(self, job: Job, raw: pathlib.Path | None = None) -> list[str]:
-        words = [str(self._program), "bench", job.mode, "--rounds", "1"]
+        words = [str(self._program), "bench", *VARIANTS.get(job.mode, [job.mode]), "--rounds", "1"]
         if job.mode in ("latency", "rtt"):
             waits = ["park"] if any("park" in n or "futex" in n for n in job.names) else []
             waits += ["spin"] if any("spin" in n for n in job.names) else []
@@ -90,6 +100,8 @@ class FastcycleBench:
         if done.returncode != 0:  # also where rows are there, but must not be believed
             raise Failed(last_line(done.stderr) or f"exit code {done.returncode}")
         rows = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+        for row in rows:
+            row["mode"] = job.mode
         if job.names:
             rows = [row for row in rows if row.get("peer") in job.names]
         if not rows:

@@ -265,13 +265,17 @@ STARTUP = (
 )
 
 
-def startup_table(data: Measurements) -> str:
-    """Medians over the rounds, and the range."""
-    lines = []
-    for words, key in STARTUP:
-        values = [row[key] for row in data.of_mode("startup") if row.get(key) is not None]
-        if values:
-            lines.append([words, *map(number, (median(values), min(values), max(values)))])
-    shape = next(iter(data.of_mode("startup")), {})
-    heading = f"{shape.get('components', '?')} components, {shape.get('topics', '?')} topics"
-    return table([heading, "median", "least", "most"], lines)
+def startup_table(data: Measurements, *modes: str) -> str:
+    """Medians over the rounds, and the range; a table for each application."""
+    tables = []
+    for mode in modes:
+        lines = []
+        for words, key in STARTUP:
+            values = [row[key] for row in data.of_mode(mode) if row.get(key) is not None]
+            if values:
+                lines.append([words, *map(number, (median(values), min(values), max(values)))])
+        if lines:
+            shape = data.of_mode(mode)[0]
+            heading = f"{shape.get('components', '?')} components, {shape.get('topics', '?')} topics"
+            tables.append(table([heading, "median", "least", "most"], lines))
+    return "\n".join(tables)

@@ -98,6 +98,43 @@ class Acceptance(unittest.TestCase):
         above = found["flood above every typed peer", None]
         self.assertEqual((above.verdict, above.note), (NOT_HELD, "nearest: typed"))
 
+    def test_under_load_is_judged_by_the_same_round_without_it(self):
+        what = ("FIFO workers, every CPU busy with other processes: p99.9 ≤ 3 × that without them", SIZE)
+        for busy, verdict in ((30.0, HELD), (31.0, NOT_HELD)):
+            rows = [support.latency_row(PARK, n, mode=mode, p50=p50, policy="fifo")
+                    for n in range(1, 11) for mode, p50 in (("fifo", 10.0), ("fifo-load", busy))]  # fmt: skip
+            self.assertEqual(checks(rows)[what].verdict, verdict)
+        rows[1]["policy"] = "other"
+        self.assertEqual(checks(rows)[what].note, "without the right to FIFO: other")
+
+    def test_a_timer_is_compared_with_a_bare_one(self):
+        rows = [support.latency_row("floor-timer", mode="timer", size=0),
+                support.latency_row(PARK, mode="timer", size=0, p50=11.9, p99_us=12.1)]  # fmt: skip
+        found = checks(rows)
+        self.assertEqual(found["timer of 1 ms: p50 of the lateness ≤ 1.2 × a bare timer's", 0].verdict, HELD)
+        self.assertEqual(found["timer of 1 ms: p99 of the lateness ≤ 1.2 × a bare timer's", 0].verdict, NOT_HELD)
+
+    def test_the_slope_of_many_subscribers_is_compared_with_that_of_few(self):
+        what = ("fan-out: each of 16 to 64 subscribers costs publish() ≤ 1.25 × what each of 4 to 16 does", 64)
+        for at_64, verdict in ((1.4 + 4.8, HELD), (1.4 + 6.1, NOT_HELD)):
+            points = ((1, 0.1), (4, 0.2), (16, 1.4), (64, at_64))
+            rows = [support.latency_row("fastcycle-spin", mode="fanout", size=64, p50=p50, subscribers=n)
+                    for n, p50 in points]  # fmt: skip
+            self.assertEqual(checks(rows)[what].verdict, verdict)
+
+    def test_start_up_memory_and_idling_have_bounds(self):
+        row = {"mode": "startup-large", "peer": PARK, "size": 0, "round": 1, "startup_ms": 70.0,
+               "bytes_per_topic": 2100, "bytes_per_subscription": 8193, "publish_us": 7.0, "publish_alone_us": 6.0}  # fmt: skip
+        idle = {"mode": "startup", "peer": PARK, "size": 0, "round": 1, "idle_rss_kib": 39_000, "idle_cpu_percent": 0.2}
+        found = {what: check.verdict for (what, _), check in checks([row, idle]).items()}
+        large = "200 components, 2000 topics: "
+        self.assertEqual(found[large + "start-up ≤ 1 s"], HELD)
+        self.assertEqual(found[large + "a topic ≤ 8 KiB beside its messages"], HELD)
+        self.assertEqual(found[large + "a subscription ≤ 8 KiB beside its messages"], NOT_HELD)
+        self.assertEqual(found[large + "publish() ≤ 1.2 × that in an application of its own"], HELD)
+        self.assertEqual(found["12 components, idle: below 40 MB"], HELD)
+        self.assertEqual(found["12 components, idle: less than 0.1 % of a CPU"], NOT_HELD)
+
 
 if __name__ == "__main__":
     unittest.main()
