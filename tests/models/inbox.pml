@@ -1,23 +1,39 @@
 /*
  * Lanes and the inbox: what publishers push, one worker takes.
  *
- * Mirrors  Lane::push, Lane::peek, Lane::pop (src/broker/lane.h); Inbox::mark, begin, peek,
- *          peek_bit, try_end_idle (src/broker/inbox.{h,cc}); the loop of PublisherCore::deliver.
+ * Mirrors  Lane::push, peek, read, pop (src/broker/lane.h); Inbox::mark, begin, peek, peek_bit,
+ *          peek_early, try_end_idle (src/broker/inbox.{h,cc}); the loop of PublisherCore::deliver;
+ *          Actor::run_early, as far as lanes go (src/executor/actor.cc).
  * Leaves out  what an envelope is: a message is its number, given where the publish time is
  *          taken, so that a smaller number is an earlier time. Inbox::peek's short way for one
  *          ready lane, which is the same look. Counts are not 64 bits wide, but
- *          no run comes near their end. Several workers: actor_state.pml. Closing:
- *          subscriber_removal.pml.
+ *          no run comes near their end. Several workers, control causes and timers:
+ *          actor_state.pml. Closing: subscriber_removal.pml.
  * Checks   every message is delivered or dropped exactly once; published = delivered + dropped;
  *          nothing is left behind when all is still (no lost wake-up); if push A returned before
- *          push B began, A is not served after B, also where lanes share a bit; a slot is never
- *          read half old, half new.
+ *          push B began, A is not served after B, also where lanes share a bit, and where B is
+ *          served before it was marked; a slot is never read half old, half new; a lane that is
+ *          never empty is not found empty; `head` is at most one ahead of `tail`.
+ *
+ * Nobody waits for `tail`: its store may be seen late, after the publisher has read the state word.
+ * EARLY: the worker also takes messages from the lanes while it waits for the component to be
+ * queued. It does not once all publishers are done: what is left then, their marks must bring.
  *
  * run short: two publishers, depth 1     -DN0=2 -DN1=1
  * run short: the other sends twice       -DN0=1 -DN1=2
  * run short: depth 2                     -DN0=3 -DN1=1 -DDEPTH=2
  * run short: lanes share a bit           -DSHARED -DN0=1 -DN1=2
  * run short: drop_newest                 -DN0=2 -DN1=1 -DDROP_NEWEST
+ * run short: early, depth 1              -DEARLY -DN0=2 -DN1=1
+ * run short: a slot to spare             -DSLOTS=2 -DN0=2 -DN1=1
+ * run long: three rounds of one slot     -DN0=4 -DN1=1
+ * run long: early, two each              -DEARLY -DN0=2 -DN1=2
+ * run long: early, depth 2               -DEARLY -DN0=3 -DN1=2 -DDEPTH=2
+ * run long: early, three lanes           -DEARLY -DLANES=3 -DN0=1 -DN1=1 -DN2=1
+ * run long: early, lanes share a bit     -DEARLY -DSHARED -DN0=2 -DN1=1
+ * run long: early, drop_newest           -DEARLY -DN0=3 -DN1=1 -DDROP_NEWEST
+ * run long: early, a slot to spare       -DEARLY -DSLOTS=2 -DN0=1 -DN1=2
+ * run long: a slot to spare              -DSLOTS=2 -DN0=3 -DN1=2
  * run long: two publishers, two each     -DN0=2 -DN1=2
  * run long: two publishers, depth 1      -DN0=3 -DN1=2
  * run long: depth 2                      -DN0=3 -DN1=3 -DDEPTH=2
@@ -34,6 +50,13 @@
  * bug BUG_MARK_FIRST: the bit is set before the message is there              -DN0=1 -DN1=1
  * bug BUG_LATE_READ: the slot is read after `head` was advanced               -DN0=2 -DN1=1
  * bug BUG_BLIND_END: a turn ends without comparing the state word             -DN0=1 -DN1=1
+ * bug BUG_LAP_NOT_COMPARED: what stands in a slot is taken, whichever round it is from  -DN0=1 -DN1=1
+ * bug BUG_LAP_FIRST: a slot's lap is written before the rest of it            -DN0=2 -DN1=0
+ * bug BUG_LAP_ONLY: a slot whose lap is right is taken without a second look at `head`  -DN0=3 -DN1=0
+ * bug BUG_EMPTY_BY_LAP: a lane is empty where a lap is wrong, wherever `head` is now  -DDEPTH=2 -DN0=4 -DN1=0
+ * bug BUG_EMPTY_BY_TAIL: the receiver believes `tail`, which may come late    -DN0=1 -DN1=1
+ * bug BUG_EARLY_ONE_LOOK: the oldest of two lanes is looked for once          -DEARLY -DN0=1 -DN1=1
+ * bug BUG_EARLY_CLEARS: who takes a message early clears the lane's bit       -DEARLY -DN0=1 -DN1=2
  */
 #ifndef LANES
 #define LANES 2
@@ -43,6 +66,9 @@
 #endif
 #ifndef N2
 #define N2 0
+#endif
+#ifndef SLOTS
+#define SLOTS DEPTH /* a power of two, at least DEPTH */
 #endif
 #define MESSAGES (N0 + N1 + N2)
 #define NONE 255
@@ -56,14 +82,16 @@
 #define FLAG(nr) (1 << (nr))
 #define LANE_MASK ((1 << BITS) - 1)
 #define RUNNING 128
-#define SLOT(lane, position) ((lane) * DEPTH + (position) % DEPTH)
+#define SLOT(lane, position) ((lane) * SLOTS + (position) % SLOTS)
+#define LAP(position) (((position) & SLOTS) == 0)
+#define WORD(message, position) ((message) * 2 + LAP(position)) /* Slot::envelope */
+#define MESSAGE_OF(word) ((word) / 2)
 
 byte state = 0;       /* Inbox::state_ */
 bool queued = false;  /* the component's bit in the executor's mask */
 byte head[LANES], tail[LANES];
 byte known_head[LANES]; /* the publisher's */
-byte known_tail[LANES]; /* the receiver's */
-byte slot_time[LANES * DEPTH], slot_envelope[LANES * DEPTH];
+byte slot_time[LANES * SLOTS], slot_word[LANES * SLOTS];
 
 /* What is observed. */
 byte next_message = 0;
@@ -99,15 +127,15 @@ inline push(lane) {
   mark(BIT_OF(lane));
 #endif
   if
-  :: tail[lane] - known_head[lane] >= DEPTH -> known_head[lane] = head[lane]
+  :: place - known_head[lane] >= DEPTH -> known_head[lane] = head[lane]
   :: else
   fi;
   if
-  :: tail[lane] - known_head[lane] >= DEPTH ->
+  :: place - known_head[lane] >= DEPTH ->
 #ifdef DROP_NEWEST
      d_step { gone[m]++; dropped++; is_refused = true }
 #else
-     oldest = slot_envelope[SLOT(lane, known_head[lane])];
+     oldest = MESSAGE_OF(slot_word[SLOT(lane, known_head[lane])]);
      atomic {
        if
 #ifdef BUG_BLIND_DROP
@@ -126,18 +154,32 @@ inline push(lane) {
   if
   :: is_refused -> is_refused = false
   :: else ->
-     slot_time[SLOT(lane, tail[lane])] = m;
-     slot_envelope[SLOT(lane, tail[lane])] = m;
-     tail[lane] = tail[lane] + 1
+#ifdef BUG_LAP_FIRST
+     slot_word[SLOT(lane, place)] = WORD(m, place);
+     slot_time[SLOT(lane, place)] = m;
+#else
+     slot_time[SLOT(lane, place)] = m;
+     slot_word[SLOT(lane, place)] = WORD(m, place);
+#endif
+     place++;
+     if
+     :: tail[lane] = place
+     :: true /* seen later */
+     fi
   fi;
 #ifndef BUG_MARK_FIRST
   mark(BIT_OF(lane));
 #endif
+  if
+  :: tail[lane] != place -> tail[lane] = place
+  :: else
+  fi;
   d_step { returned = returned | FLAG(m); m = 0 }
 }
 
 proctype Publisher(byte lane; byte count) {
   byte m, oldest, old_state, i;
+  byte place; /* `tail`, as its only writer knows it */
   bool is_refused;
 #ifdef BUG_MARK_SKIPPED_EARLY
   bool was_set;
@@ -149,44 +191,85 @@ proctype Publisher(byte lane; byte count) {
   publishers_done++
 }
 
-/* The head of every lane of `nr`; the earliest of all becomes `best`. */
+/* Lane::peek. */
+inline peek(lane) {
+#if DEPTH > 1
+  was_full = tail[lane] >= head[lane] + 2;
+#endif
+  do
+  :: at = head[lane];
+#ifdef BUG_EMPTY_BY_TAIL
+     if
+     :: at >= tail[lane] -> is_there = false; break
+     :: else
+     fi;
+#endif
+     word = slot_word[SLOT(lane, at)];
+     if
+#ifndef BUG_LAP_NOT_COMPARED
+     :: (word & 1) != LAP(at) ->
+        if
+        :: head[lane] == at -> is_there = false; assert(!was_full); break
+#ifdef BUG_EMPTY_BY_LAP
+        :: else -> is_there = false; assert(!was_full); break
+#else
+        :: else
+#endif
+        fi
+     :: else ->
+#else
+     :: true ->
+#endif
+        time = slot_time[SLOT(lane, at)];
+        if
+        :: head[lane] == at -> is_there = true; break
+#ifdef BUG_LAP_ONLY
+        :: else -> is_there = true; break
+#else
+        :: else
+#endif
+        fi
+     fi
+  od
+}
+
+/* The earliest of all that is looked at becomes `best`. */
+inline compare() {
+  d_step {
+    if
+    :: is_there ->
+       assert(time == MESSAGE_OF(word));
+       is_ready = true;
+       if
+       :: best_lane == NONE || time < best_time ->
+          best_lane = lane; best_time = time; best_at = at; best_envelope = MESSAGE_OF(word)
+       :: else
+       fi
+    :: else
+    fi;
+    at = 0; time = 0; word = 0; is_there = false; was_full = false
+  }
+}
+
+/* The head of every lane of `nr`. */
 inline peek_bit(nr) {
   d_step { is_ready = false; lane = 0 }
   do
-  :: lane < LANES && BIT_OF(lane) == nr ->
-     do
-     :: at = head[lane];
-        if
-        :: at >= known_tail[lane] ->
-           known_tail[lane] = tail[lane];
-           if
-           :: at >= known_tail[lane] -> break
-           :: else
-           fi
-        :: else
-        fi;
-        time = slot_time[SLOT(lane, at)];
-        envelope = slot_envelope[SLOT(lane, at)];
-        if
-        :: head[lane] == at ->
-           d_step {
-             assert(time == envelope);
-             is_ready = true;
-             if
-             :: best_lane == NONE || time < best_time ->
-                best_lane = lane; best_time = time; best_at = at; best_envelope = envelope
-             :: else
-             fi
-           }
-           break
-        :: else
-        fi
-     od;
-     atomic { lane++; at = 0; time = 0; envelope = 0 }
+  :: lane < LANES && BIT_OF(lane) == nr -> peek(lane); compare(); lane++
   :: lane < LANES && BIT_OF(lane) != nr -> lane++
   :: else -> break
   od;
   lane = 0
+}
+
+/* Inbox::peek_few. */
+inline peek_few() {
+  d_step { best_lane = NONE; best_at = 0; best_time = 0; best_envelope = 0; lane = 0 }
+  do
+  :: lane < LANES -> peek(lane); compare(); lane++
+  :: else -> break
+  od;
+  atomic { lane = 0; is_ready = false }
 }
 
 inline deliver() {
@@ -203,12 +286,47 @@ inline deliver() {
 }
 
 proctype Worker() {
-  byte ready, seen, nr, lane, at, time, envelope, m;
+  byte ready, seen, nr, lane, at, time, word, m;
   byte best_lane = NONE, best_at, best_time, best_envelope;
   byte last_lane = NONE, last_at;
-  bool is_ready, has_shared_bits;
+  bool is_there, was_full, is_ready, has_shared_bits;
 
 end_asleep:
+#ifdef EARLY
+  atomic {
+    if
+    :: queued -> goto begin
+    :: publishers_done < LANES
+    fi
+  }
+  peek_few();
+  if
+  :: best_lane == NONE -> goto end_asleep
+  :: else
+  fi;
+#ifndef BUG_EARLY_ONE_LOOK
+  d_step { last_lane = best_lane; last_at = best_at }
+  peek_few();
+  atomic {
+    if
+    :: best_lane == last_lane && best_at == last_at -> last_lane = NONE; last_at = 0
+    :: else -> last_lane = NONE; last_at = 0; goto end_asleep
+    fi
+  }
+#endif
+  atomic {
+    if
+    :: head[best_lane] == best_at -> head[best_lane] = best_at + 1; assert(best_at <= tail[best_lane])
+    :: else -> goto end_asleep
+    fi
+  }
+  deliver();
+#ifdef BUG_EARLY_CLEARS
+  state = state & ~FLAG(BIT_OF(best_lane));
+#endif
+  goto end_asleep;
+begin:
+#endif
   atomic {
     queued -> queued = false;
     assert((state & RUNNING) == 0);
@@ -266,13 +384,13 @@ look:
 #else
   atomic {
     if
-    :: head[best_lane] == best_at -> head[best_lane] = head[best_lane] + 1
+    :: head[best_lane] == best_at -> head[best_lane] = best_at + 1; assert(best_at <= tail[best_lane])
     :: else -> goto take
     fi
   }
 #endif
 #ifdef BUG_LATE_READ
-  best_envelope = slot_envelope[SLOT(best_lane, best_at)];
+  best_envelope = MESSAGE_OF(slot_word[SLOT(best_lane, best_at)]);
 #endif
   deliver();
   goto take;

@@ -2,10 +2,11 @@
  * A subscription that ends, is made again, or fails, while its publisher goes on publishing.
  *
  * Mirrors  Subscription::close, add_lane, add_to (src/broker/subscription.cc); Lane::push, peek,
- *          pop, drain (src/broker/lane.h); PublisherCore::deliver, connect, disconnect
- *          (src/broker/publisher_core.cc); the end of Actor::run_next (src/executor/actor.cc);
+ *          read, pop, drain (src/broker/lane.h); PublisherCore::deliver, connect, disconnect
+ *          (src/broker/publisher_core.cc); Actor::take (src/executor/actor.cc);
  *          Application::connect_late, end_subscription (src/host/application.cc).
- * Leaves out  waking: the receiver looks until nothing comes any more. The registry's mutex, under
+ * Leaves out  waking: the receiver looks until nothing comes any more, whether what it finds was
+ *          marked or not, as a worker does that waits by looking. The registry's mutex, under
  *          which connects and disconnects are posted one after the other. Slots' times. A lane is
  *          freed by the last of its two shared pointers. Counters, which have one writer each: the
  *          receiver those of delivered and drained, the publisher all others.
@@ -13,6 +14,8 @@
  *          dropped exactly once; nothing stays in a lane that was closed; nothing is delivered
  *          after the end; the publisher keeps no lane that its receiver left; nothing is counted
  *          in a lane after it was retired.
+ *
+ * The store of `tail` may be seen late, after the publisher has looked whether the lane was closed.
  *
  * The receiver subscribes, ends the subscription at any time, and subscribes again, SUBSCRIBED
  * times in all. The publisher's component publishes PUBLISHED messages, and applies connects and
@@ -32,6 +35,8 @@
  * bug BUG_CLOSED_CHECKED_FIRST: it looks before it pushes                    -DPUBLISHED=2
  * bug BUG_DRAINED_FIRST: the receiver drains, then marks the lane as closed  -DPUBLISHED=2
  * bug BUG_BLIND_DRAIN: what is drained is taken without comparing `head`     -DPUBLISHED=2
+ * bug BUG_DRAINED_TO_TAIL: a lane is drained up to `tail`, which may come late  -DPUBLISHED=1
+ * bug BUG_DRAIN_IGNORES_LAP: what is drained may be from the round before    -DPUBLISHED=1
  * bug BUG_CONNECT_NOT_CHECKED: a connect does not look whether the lane was closed     -DSUBSCRIBED=1 -DPUBLISHED=1 -DLATCHED
  * bug BUG_DELIVERED_CLOSED: what was taken from a closed lane is delivered   -DPUBLISHED=2 -DFAULT
  * bug BUG_RETIRED_EARLY: a lane is retired when its receiver left            -DSUBSCRIBED=2 -DPUBLISHED=2
@@ -45,13 +50,17 @@
 
 #define FLAG(i) (1 << (i))
 #define SLOT(lane, position) ((lane) * DEPTH + (position) % DEPTH)
+#define LAP(position) (((position) & DEPTH) == 0)
+#define WORD(message, position) ((message) * 2 + LAP(position)) /* Slot::envelope */
+#define MESSAGE_OF(word) ((word) / 2)
+#define HOLDS(lane) ((slot[SLOT(lane, head[lane])] & 1) == LAP(head[lane]))
 #define COPY(lane, message) ((lane) * PUBLISHED + (message))
 #define NIL 255
 
 /* The lanes, one each time that the receiver subscribes. */
 byte head[SUBSCRIBED], tail[SUBSCRIBED], slot[SUBSCRIBED * DEPTH];
 byte known_head[SUBSCRIBED]; /* the publisher's */
-byte known_tail[SUBSCRIBED]; /* the receiver's */
+byte place[SUBSCRIBED];      /* `tail`, as the publisher, its only writer, knows it */
 bool is_closed[SUBSCRIBED];
 bool is_left_by_publisher[SUBSCRIBED], is_left_by_receiver[SUBSCRIBED];
 byte published[SUBSCRIBED], overflowed[SUBSCRIBED], after_close[SUBSCRIBED]; /* the publisher's */
@@ -75,54 +84,81 @@ inline drain(lane) {
   count = 0;
   do
   :: at = head[lane];
+#ifdef BUG_DRAINED_TO_TAIL
      if
      :: tail[lane] == at -> break
      :: else
      fi;
-     envelope = slot[SLOT(lane, at)];
-     if
-     :: head[lane] == at ->
-        atomic {
-          if
-#ifdef BUG_BLIND_DRAIN
-          :: true ->
-             assert(head[lane] < tail[lane]);
-             head[lane] = head[lane] + 1; gone[COPY(lane, envelope)]++; count++
-#else
-          :: head[lane] == at ->
-             head[lane] = head[lane] + 1; gone[COPY(lane, envelope)]++; count++
-          :: else
 #endif
-          fi
-        }
-     :: else
+     word = slot[SLOT(lane, at)];
+     if
+#ifdef BUG_DRAIN_IGNORES_LAP
+     :: false
+#else
+     :: (word & 1) != LAP(at) ->
+        if
+        :: head[lane] == at -> break
+        :: else
+        fi
+#endif
+     :: else ->
+        if
+        :: head[lane] == at ->
+           atomic {
+             if
+#ifdef BUG_BLIND_DRAIN
+             :: true ->
+                assert(HOLDS(lane));
+                head[lane] = head[lane] + 1; gone[COPY(lane, MESSAGE_OF(word))]++; count++
+#else
+             :: head[lane] == at ->
+                assert(HOLDS(lane));
+                head[lane] = head[lane] + 1; gone[COPY(lane, MESSAGE_OF(word))]++; count++
+             :: else
+#endif
+             fi
+           }
+        :: else
+        fi
      fi
   od;
-  atomic { at = 0; envelope = 0 }
+  atomic { at = 0; word = 0 }
 }
 
 inline push(lane, message) {
   d_step { assert(!is_left_by_publisher[lane]); published[lane]++; pushed++ }
   if
-  :: tail[lane] - known_head[lane] >= DEPTH -> known_head[lane] = head[lane]
+  :: place[lane] - known_head[lane] >= DEPTH -> known_head[lane] = head[lane]
   :: else
   fi;
   if
-  :: tail[lane] - known_head[lane] >= DEPTH ->
-     envelope = slot[SLOT(lane, known_head[lane])];
+  :: place[lane] - known_head[lane] >= DEPTH ->
+     word = slot[SLOT(lane, known_head[lane])];
      atomic {
        if
        :: head[lane] == known_head[lane] ->
           head[lane] = head[lane] + 1; known_head[lane] = head[lane];
-          gone[COPY(lane, envelope)]++; overflowed[lane]++
+          gone[COPY(lane, MESSAGE_OF(word))]++; overflowed[lane]++
        :: else -> known_head[lane] = head[lane]
        fi
      }
   :: else
   fi;
-  slot[SLOT(lane, tail[lane])] = message;
-  tail[lane] = tail[lane] + 1;
-  envelope = 0
+  slot[SLOT(lane, place[lane])] = WORD(message, place[lane]);
+  place[lane]++;
+  if
+  :: tail[lane] = place[lane]
+  :: true /* seen later */
+  fi;
+  word = 0
+}
+
+/* What of `tail` was not seen yet is seen now. */
+inline settle(lane) {
+  if
+  :: tail[lane] != place[lane] -> tail[lane] = place[lane]
+  :: else
+  fi
 }
 
 inline take_back(lane) {
@@ -144,8 +180,9 @@ inline connect(lane) {
 #endif
   targets = targets | FLAG(lane);
 #ifndef BUG_CONNECT_NOT_CHECKED
-  take_back(lane)
+  take_back(lane);
 #endif
+  settle(lane)
 }
 
 inline disconnect(lane) {
@@ -171,6 +208,7 @@ inline deliver(message) {
      take_back(lane);
 #endif
 #endif
+     settle(lane);
      lane++
   :: lane < SUBSCRIBED && !(targets & FLAG(lane)) -> lane++
   :: else -> break
@@ -179,7 +217,7 @@ inline deliver(message) {
 }
 
 proctype Publisher() {
-  byte lane, at, envelope, count, next, latched = NIL, cause;
+  byte lane, at, word, count, next, latched = NIL, cause;
   do
   :: controls?cause ->
      lane = cause / 2;
@@ -251,23 +289,21 @@ inline unsubscribe(lane) {
   other = 0
 }
 
-/* Lane::peek and pop, then what Actor::run_next does with it. */
+/* Lane::peek, with one look, then Actor::take. */
 inline receive(lane) {
   at = head[lane];
+  word = slot[SLOT(lane, at)];
   if
-  :: at >= known_tail[lane] -> known_tail[lane] = tail[lane]
-  :: else
-  fi;
-  if
-  :: at >= known_tail[lane]
+  :: (word & 1) != LAP(at)
   :: else ->
-     envelope = slot[SLOT(lane, at)];
      if
      :: head[lane] == at ->
         atomic {
           is_mine = head[lane] == at;
           if
-          :: is_mine -> head[lane] = head[lane] + 1; gone[COPY(lane, envelope)]++
+          :: is_mine ->
+             assert(at <= tail[lane]);
+             head[lane] = head[lane] + 1; gone[COPY(lane, MESSAGE_OF(word))]++
           :: else
           fi
         }
@@ -288,17 +324,17 @@ inline receive(lane) {
      :: else
      fi
   fi;
-  atomic { at = 0; envelope = 0 }
+  atomic { at = 0; word = 0 }
 }
 
 proctype Receiver() {
-  byte lane, other, at, envelope, count;
+  byte lane, other, at, word, count;
   bool is_mine, has_failed;
   do
   :: lane < SUBSCRIBED ->
      subscribe(lane);
      do
-     :: head[lane] != tail[lane] -> receive(lane)
+     :: HOLDS(lane) -> receive(lane)
      :: true -> break
      od;
 #ifdef FAULT
@@ -315,7 +351,7 @@ proctype Receiver() {
 #ifdef FAULT
 end_failed:
   do
-  :: head[lane] != tail[lane] -> receive(lane)
+  :: HOLDS(lane) -> receive(lane)
   od
 #endif
 }
