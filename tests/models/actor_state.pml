@@ -11,8 +11,8 @@
  *          early after TURN activations.
  * Checks   two workers never serve one component at once; when all is still, every message, tick
  *          and control cause was served: none is left behind in a component that is not queued,
- *          although it takes messages only once a control cause has opened it; what is served
- *          early comes after each control cause that was posted before it was pushed.
+ *          although it takes messages only once a control cause has opened it. ORDERED, EARLY: a
+ *          message is served after each control cause that was posted before it was pushed.
  *
  * A control thread posts CONTROLS causes; the OPENING first of them open the component.
  * EARLY: the only worker also takes messages before they were marked, while it waits for the
@@ -24,6 +24,9 @@
  * run short: three causes                            -DCONTROLS=3 -DMESSAGES=1
  * run short: early                                   -DWORKERS=1 -DEARLY -DMESSAGES=2 -DTICKS=1
  * run short: early, causes while it is open          -DWORKERS=1 -DEARLY -DMESSAGES=2 -DCONTROLS=3 -DOPENING=1
+ * run short: the order of causes and messages        -DORDERED -DMESSAGES=1 -DCONTROLS=2 -DOPENING=1
+ * run long: order, two publishers                    -DORDERED -DMESSAGES=1 -DPUBLISHERS=2 -DCONTROLS=3 -DOPENING=1
+ * run long: order, a tick                            -DORDERED -DMESSAGES=2 -DTICKS=1 -DOPENING=1
  * run long: early, two publishers                    -DWORKERS=1 -DEARLY -DMESSAGES=2 -DPUBLISHERS=2 -DTICKS=1 -DCONTROLS=3 -DOPENING=1
  * run long: early, two components                    -DWORKERS=1 -DEARLY -DCOMPONENTS=2 -DMESSAGES=1 -DTICKS=1 -DOPENING=1
  * run long: early, turns of two                      -DWORKERS=1 -DEARLY -DTURN=2 -DMESSAGES=3 -DTICKS=2 -DCONTROLS=3 -DOPENING=1
@@ -38,6 +41,7 @@
  * bug BUG_IDLE_END_BLIND: an idle turn ends without comparing the word       -DMESSAGES=1
  * bug BUG_BIT_TAKEN_LATE: the causes are taken before their bit is           -DMESSAGES=1
  * bug BUG_TICK_TAKEN_LATE: the timer's bit is taken after the timers were looked at  -DTICKS=2
+ * bug BUG_TURN_BEFORE_CONTROLS: a turn does not look whether causes came before a message  -DORDERED -DMESSAGES=1 -DOPENING=1
  * bug BUG_EARLY_SHARED: two workers serve early                              -DEARLY -DMESSAGES=2 -DOPENING=1
  * bug BUG_EARLY_UNOPENED: a component is served early that is not open       -DWORKERS=1 -DEARLY -DMESSAGES=1
  * bug BUG_EARLY_BEFORE_CONTROLS: no look whether control causes wait         -DWORKERS=1 -DEARLY -DMESSAGES=1 -DOPENING=1
@@ -86,7 +90,8 @@ byte messages[COMPONENTS], ticks[COMPONENTS], controls[COMPONENTS]; /* what wait
 byte serving[COMPONENTS], controls_served[COMPONENTS];
 byte writers_ended = 0;
 #define WRITERS (COMPONENTS * (PUBLISHERS + 2))
-#ifdef EARLY
+#if defined(EARLY) || defined(ORDERED)
+#define CHECKS_ORDER
 byte posted[COMPONENTS]; /* control causes whose `post` has returned */
 byte pushed[COMPONENTS], popped[COMPONENTS];
 byte posted_before[COMPONENTS * MESSAGES * PUBLISHERS]; /* that each message was pushed */
@@ -135,34 +140,6 @@ inline take_bit(component, bits) {
   fi
 }
 
-#define pop(component) messages[component]--; note_pop(component)
-
-/* One tick or message, if there is one. */
-inline run_next(component) {
-  do
-  :: (state[component] & LANE) ->
-     if
-     :: messages[component] > 0 -> has_message = true; break
-     :: else
-     fi;
-     state[component] = state[component] & ~LANE;
-     if
-     :: messages[component] > 0 ->
-        state[component] = state[component] | LANE; has_message = true; break
-     :: else
-     fi
-  :: else -> break
-  od;
-  atomic {
-    if
-    :: ticks[component] > 0 ->
-       ticks[component] = 0; has_run = true /* what is late replaces the ticks that it missed */
-    :: has_message -> pop(component); has_run = true
-    :: ticks[component] == 0 && !has_message
-    fi;
-    has_message = false
-  }
-}
 
 inline run_controls(component) {
   atomic {
@@ -176,6 +153,52 @@ inline run_controls(component) {
 #ifdef BUG_CONTROLS_CLEARED_LATE
   has_controls[component] = false
 #endif
+}
+
+#ifdef CHECKS_ORDER
+#define check_order(component) \
+  assert(controls_served[component] >= posted_before[NR(component, popped[component])])
+#else
+#define check_order(component)
+#endif
+
+#define pop(component) messages[component]--; note_pop(component)
+
+/* One tick or message, if there is one. */
+inline run_next(component) {
+  do
+  :: do
+     :: (state[component] & LANE) ->
+        if
+        :: messages[component] > 0 -> has_message = true; break
+        :: else
+        fi;
+        state[component] = state[component] & ~LANE;
+        if
+        :: messages[component] > 0 ->
+           state[component] = state[component] | LANE; has_message = true; break
+        :: else
+        fi
+     :: else -> break
+     od;
+     if
+#ifdef BUG_TURN_BEFORE_CONTROLS
+     :: true -> break
+#else
+     :: has_message && has_controls[component] -> has_message = false; run_controls(component)
+     :: else -> break
+#endif
+     fi
+  od;
+  atomic {
+    if
+    :: ticks[component] > 0 ->
+       ticks[component] = 0; has_run = true /* what is late replaces the ticks that it missed */
+    :: has_message -> check_order(component); pop(component); has_run = true
+    :: ticks[component] == 0 && !has_message
+    fi;
+    has_message = false
+  }
 }
 
 #if defined(EARLY) && (WORKERS == 1 || defined(BUG_EARLY_SHARED))
@@ -200,7 +223,7 @@ inline run_early(component) {
   :: may_run ->
      atomic { serving[component]++; assert(serving[component] == 1 && is_open[component]) }
      atomic {
-       assert(controls_served[component] >= posted_before[NR(component, popped[component])]);
+       check_order(component);
        pop(component)
      }
 #ifdef BUG_EARLY_CLEARS
