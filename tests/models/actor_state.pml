@@ -27,7 +27,7 @@
  * run short: the order of causes and messages        -DORDERED -DMESSAGES=1 -DCONTROLS=2 -DOPENING=1
  * run long: order, two publishers                    -DORDERED -DMESSAGES=1 -DPUBLISHERS=2 -DCONTROLS=3 -DOPENING=1
  * run long: order, a tick                            -DORDERED -DMESSAGES=2 -DTICKS=1 -DOPENING=1
- * run long: early, two publishers                    -DWORKERS=1 -DEARLY -DMESSAGES=2 -DPUBLISHERS=2 -DTICKS=1 -DCONTROLS=3 -DOPENING=1
+ * run long: early, two publishers                    -DWORKERS=1 -DEARLY -DMESSAGES=1 -DPUBLISHERS=2 -DTICKS=1 -DCONTROLS=3 -DOPENING=1
  * run long: early, two components                    -DWORKERS=1 -DEARLY -DCOMPONENTS=2 -DMESSAGES=1 -DTICKS=1 -DOPENING=1
  * run long: early, turns of two                      -DWORKERS=1 -DEARLY -DTURN=2 -DMESSAGES=3 -DTICKS=2 -DCONTROLS=3 -DOPENING=1
  * run long: three workers                            -DWORKERS=3 -DMESSAGES=2 -DTICKS=1

@@ -29,7 +29,6 @@
  * run long: three rounds of one slot     -DN0=4 -DN1=1
  * run long: early, two each              -DEARLY -DN0=2 -DN1=2
  * run long: early, depth 2               -DEARLY -DN0=3 -DN1=1 -DDEPTH=2
- * run long: early, three lanes           -DEARLY -DLANES=3 -DN0=1 -DN1=1 -DN2=1
  * run long: early, lanes share a bit     -DEARLY -DSHARED -DN0=2 -DN1=1
  * run long: early, drop_newest           -DEARLY -DN0=3 -DN1=1 -DDROP_NEWEST
  * run long: early, a slot to spare       -DEARLY -DSLOTS=2 -DN0=1 -DN1=2
