@@ -22,13 +22,13 @@
  * run short: two workers, messages and a tick        -DMESSAGES=2 -DTICKS=1
  * run short: two publishers                          -DMESSAGES=1 -DPUBLISHERS=2
  * run short: three causes                            -DCONTROLS=3 -DMESSAGES=1
- * run short: early                                   -DWORKERS=1 -DEARLY -DMESSAGES=2 -DTICKS=1
+ * run short: early                                   -DWORKERS=1 -DEARLY -DMESSAGES=1 -DTICKS=1
  * run short: early, causes while it is open          -DWORKERS=1 -DEARLY -DMESSAGES=2 -DCONTROLS=3 -DOPENING=1
  * run short: the order of causes and messages        -DORDERED -DMESSAGES=1 -DCONTROLS=2 -DOPENING=1
  * run long: order, two publishers                    -DORDERED -DMESSAGES=1 -DPUBLISHERS=2 -DCONTROLS=3 -DOPENING=1
  * run long: order, a tick                            -DORDERED -DMESSAGES=2 -DTICKS=1 -DOPENING=1
- * run long: early, two publishers                    -DWORKERS=1 -DEARLY -DMESSAGES=1 -DPUBLISHERS=2 -DTICKS=1 -DCONTROLS=3 -DOPENING=1
- * run long: early, two components                    -DWORKERS=1 -DEARLY -DCOMPONENTS=2 -DMESSAGES=1 -DTICKS=1 -DOPENING=1
+ * run long: early, two publishers                    -DWORKERS=1 -DEARLY -DMESSAGES=1 -DPUBLISHERS=2 -DCONTROLS=3 -DOPENING=1
+ * run long: early, two components                    -DWORKERS=1 -DEARLY -DCOMPONENTS=2 -DMESSAGES=1 -DCONTROLS=1
  * run long: early, turns of two                      -DWORKERS=1 -DEARLY -DTURN=2 -DMESSAGES=3 -DTICKS=2 -DCONTROLS=3 -DOPENING=1
  * run long: three workers                            -DWORKERS=3 -DMESSAGES=2 -DTICKS=1
  * run long: two publishers, two ticks                -DMESSAGES=2 -DPUBLISHERS=2 -DTICKS=2

@@ -55,7 +55,7 @@
  * bug BUG_EMPTY_BY_LAP: a lane is empty where a lap is wrong, wherever `head` is now  -DDEPTH=2 -DN0=4 -DN1=0
  * bug BUG_EMPTY_BY_TAIL: the receiver believes `tail`, which may come late    -DN0=1 -DN1=1
  * bug BUG_EARLY_ONE_LOOK: the oldest of two lanes is looked for once          -DEARLY -DN0=1 -DN1=1
- * bug BUG_EARLY_CLEARS: who takes a message early clears the lane's bit       -DEARLY -DN0=1 -DN1=2
+ * bug BUG_EARLY_CLEARS: who takes a message early clears the lane's bit       -DEARLY -DN0=2 -DN1=0
  */
 #ifndef LANES
 #define LANES 2
