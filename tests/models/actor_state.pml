@@ -29,7 +29,7 @@
  * run long: order, a tick                            -DORDERED -DMESSAGES=2 -DTICKS=1 -DOPENING=1
  * run long: early, two publishers                    -DWORKERS=1 -DEARLY -DMESSAGES=1 -DPUBLISHERS=2 -DCONTROLS=3 -DOPENING=1
  * run long: early, two components                    -DWORKERS=1 -DEARLY -DCOMPONENTS=2 -DMESSAGES=1 -DCONTROLS=1
- * run long: early, turns of two                      -DWORKERS=1 -DEARLY -DTURN=2 -DMESSAGES=3 -DTICKS=2 -DCONTROLS=3 -DOPENING=1
+ * run long: early, turns of two                      -DWORKERS=1 -DEARLY -DTURN=2 -DMESSAGES=3 -DTICKS=1 -DOPENING=1
  * run long: three workers                            -DWORKERS=3 -DMESSAGES=2 -DTICKS=1
  * run long: two publishers, two ticks                -DMESSAGES=2 -DPUBLISHERS=2 -DTICKS=2
  * run long: two components                           -DCOMPONENTS=2 -DMESSAGES=1 -DTICKS=1
