@@ -20,9 +20,11 @@ using fastcycle::measure::now_ns;
 using fastcycle::measure::Usage;
 
 constexpr std::int64_t kBatches = 4;  // A window is given back in quarters.
+constexpr std::int64_t kLast = -1;    // In `sent_ns`, which a flood has no other use for.
 
-/// Sends `count` payloads, a batch for each credit, at first a whole window. Without credits it
-/// sends batch after batch from a timer that it arms again, whatever became of them.
+/// Sends `count` payloads, a batch for each credit, at first a whole window. What it sends in the
+/// first `run_in_ms` comes on top, and is not counted. Without credits it sends batch after batch
+/// from a timer that it arms again, whatever became of them.
 class FloodSource final : public fastcycle::Component {
  public:
   explicit FloodSource(fastcycle::Context& context)
@@ -30,7 +32,11 @@ class FloodSource final : public fastcycle::Component {
         size_(static_cast<std::size_t>(
             context.param<std::int64_t>("size_bytes", {.fallback = 64, .min = 0, .max = 1 << 30})
                 .get())),
-        count_(context.param<std::int64_t>("count", {.fallback = 1'000'000, .min = 1}).get()),
+        end_(context.param<std::int64_t>("count", {.fallback = 1'000'000, .min = 1}).get()),
+        run_in_ns_(
+            1'000'000 *
+            context.param<std::int64_t>("run_in_ms", {.fallback = 0, .min = 0, .max = 10'000})
+                .get()),
         window_(context.param<std::int64_t>("window", {.fallback = 1024, .min = kBatches}).get()),
         waits_for_credits_(context.param<bool>("waits_for_credits", {.fallback = true}).get()),
         payload_(context.create_publisher<Payload>(
@@ -45,7 +51,8 @@ class FloodSource final : public fastcycle::Component {
   void start() override { timer_.arm_at(now() + kPause); }
 
   void stop() override {
-    report("sent", number_);
+    report("run_in", first_);
+    report("sent", number_ - first_);
     report("first_sent_ns", first_sent_ns_);
     fastcycle::benchmark::report_usage(context(), usage_);
   }
@@ -56,32 +63,44 @@ class FloodSource final : public fastcycle::Component {
 
   void on_timer() {
     if (number_ == 0) {
-      at_begin_ = Usage::now();
-      first_sent_ns_ = now_ns();
+      begin();
     }
-    if (number_ == count_) {
+    if (number_ == end_) {
       finish();
       return;
     }
     send_up_to(number_ + (waits_for_credits_ ? window_ : window_ / kBatches));
     if (!waits_for_credits_) {
-      timer_.arm_at(number_ == count_ ? now() + kPause : now());
+      timer_.arm_at(number_ == end_ ? now() + kPause : now());
     }
   }
 
   void take(const Credit& credit) {
+    if (first_ == 0 && run_in_ns_ > 0 && now_ns() - first_sent_ns_ >= run_in_ns_) {
+      first_ = number_;
+      end_ += number_;
+      begin();
+    }
     send_up_to(credit.received() + window_);
-    if (credit.received() == count_) {
+    if (credit.received() == end_) {
       finish();
     }
   }
 
+  void begin() {
+    at_begin_ = Usage::now();
+    first_sent_ns_ = now_ns();
+  }
+
+  [[nodiscard]] bool is_running_in() const { return run_in_ns_ > 0 && first_ == 0; }
+
   void send_up_to(std::int64_t end) {
-    for (end = std::min(end, count_); number_ < end; ++number_) {
+    for (end = is_running_in() ? end : std::min(end, end_); number_ < end; ++number_) {
       auto payload = payload_.loan_uncleared();
       payload->mutable_data()->resize(size_);
       fastcycle::measure::fill(payload->mutable_data()->data(), size_, number_);
       payload->set_number(number_);
+      payload->set_sent_ns(!is_running_in() && number_ + 1 == end_ ? kLast : 0);
       payload_.publish(std::move(payload));
     }
   }
@@ -92,13 +111,15 @@ class FloodSource final : public fastcycle::Component {
   }
 
   const std::size_t size_;
-  const std::int64_t count_;
+  std::int64_t end_;  ///< The number of the message after the last.
+  const std::int64_t run_in_ns_;
   const std::int64_t window_;
   const bool waits_for_credits_;
   fastcycle::Publisher<Payload> payload_;
   fastcycle::Source source_;
   fastcycle::Timer timer_;
   std::int64_t number_ = 0;
+  std::int64_t first_ = 0;  ///< The first that counts.
   std::int64_t first_sent_ns_ = 0;
   Usage at_begin_;
   Usage usage_;
@@ -110,7 +131,6 @@ class FloodSink final : public fastcycle::Component {
  public:
   explicit FloodSink(fastcycle::Context& context)
       : Component(context),
-        count_(context.param<std::int64_t>("count", {.fallback = 1'000'000, .min = 1}).get()),
         batch_(context.param<std::int64_t>("window", {.fallback = 1024, .min = kBatches}).get() /
                kBatches),
         gives_credits_(context.param<bool>("gives_credits", {.fallback = true}).get()),
@@ -131,17 +151,17 @@ class FloodSink final : public fastcycle::Component {
     last_number_ = payload.number();
     damaged_ += is_in_order && fastcycle::benchmark::is_whole(payload) ? 0 : 1;
     ++received_;
-    if (!gives_credits_ || received_ == count_) {
+    const bool is_last = payload.sent_ns() == kLast;
+    if (!gives_credits_ || is_last) {
       last_received_ns_ = now_ns();
     }
-    if (gives_credits_ && (received_ % batch_ == 0 || received_ == count_)) {
+    if (gives_credits_ && (received_ % batch_ == 0 || is_last)) {
       auto credit = credit_.loan();
       credit->set_received(received_);
       credit_.publish(std::move(credit));
     }
   }
 
-  const std::int64_t count_;
   const std::int64_t batch_;
   const bool gives_credits_;
   fastcycle::Publisher<Credit> credit_;

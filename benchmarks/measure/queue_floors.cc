@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <deque>
+#include <limits>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -16,6 +17,8 @@
 
 namespace fastcycle::measure {
 namespace {
+
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
 struct Message {
   Sample stamps;
@@ -113,7 +116,7 @@ Measured floor_malloc(const Plan& plan) {
   return result;
 }
 
-Flood floor_flood(const Plan& plan, std::int64_t window) {
+Flood floor_flood(const Plan& plan, std::int64_t window, std::int64_t run_in_ms) {
   struct Item {
     std::int64_t number = 0;
     std::vector<unsigned char> data;
@@ -140,18 +143,30 @@ Flood floor_flood(const Plan& plan, std::int64_t window) {
   });
   std::thread sender([&] {
     set_up_thread(plan);
-    const Usage at_begin = Usage::now();
+    Usage at_begin = Usage::now();
     result.first_sent_ns = now_ns();
-    while (result.sent < plan.count && !is_stopped(plan)) {
-      for (std::int64_t left = credits.take(); left > 0 && result.sent < plan.count; --left) {
-        Item& item = pool[static_cast<std::size_t>(result.sent % window)];
-        item.number = result.sent++;
+    const std::int64_t counts_from_ns = result.first_sent_ns + 1'000'000 * run_in_ms;
+    std::int64_t end = run_in_ms > 0 ? kNever : plan.count;
+    std::int64_t number = 0;
+    while (number < end && !is_stopped(plan)) {
+      std::int64_t left = credits.take();
+      if (end == kNever && now_ns() >= counts_from_ns) {
+        result.run_in = number;
+        end = number + plan.count;
+        at_begin = Usage::now();
+        result.first_sent_ns = now_ns();
+      }
+      for (; left > 0 && number < end; --left) {
+        Item& item = pool[static_cast<std::size_t>(number % window)];
+        item.number = number++;
         fill(item.data.data(), item.data.size(), item.number);
         queue.put(&item);
       }
     }
     queue.put(nullptr);
     receiver.join();
+    result.sent = number - result.run_in;
+    result.received -= result.run_in;
     result.usage = Usage::now() - at_begin;
   });
   sender.join();

@@ -53,7 +53,7 @@ TEST(Floors, TimerTicksAtWholeIntervals) {
 }
 
 TEST(Floors, FloodLosesNothing) {
-  const Flood flood = floor_flood({.size = 64, .count = 20'001}, 16);
+  const Flood flood = floor_flood({.size = 64, .count = 20'001}, 16, 5);
 
   EXPECT_EQ(flood.sent, 20'001);
   EXPECT_EQ(flood.received, 20'001);

@@ -16,13 +16,13 @@ Json flood_application(const Options& options, std::int64_t size, const std::str
   Json its_source = component("source", "benchmark_flood", "publisher",
                               {{"size_bytes", size},
                                {"count", options.count},
+                               {"run_in_ms", options.has_no_credits ? 0 : measure::kRunInMs},
                                {"window", options.window},
                                {"waits_for_credits", !options.has_no_credits}});
   its_source["class"] = "FloodSource";
-  Json its_sink = component("sink", "benchmark_flood", "subscriber",
-                            {{"count", options.count},
-                             {"window", options.window},
-                             {"gives_credits", !options.has_no_credits}});
+  Json its_sink =
+      component("sink", "benchmark_flood", "subscriber",
+                {{"window", options.window}, {"gives_credits", !options.has_no_credits}});
   its_sink["class"] = "FloodSink";
   its_sink["subscribers"]["payload"]["depth"] = options.window;
   return application(
@@ -30,8 +30,9 @@ Json flood_application(const Options& options, std::int64_t size, const std::str
       {its_source, its_sink});
 }
 
-void set_rate(measure::Row& row, std::int64_t sent, std::int64_t received, std::int64_t begin_ns,
-              std::int64_t end_ns, const measure::Usage& usage) {
+void set_rate(measure::Row& row, std::int64_t run_in, std::int64_t sent, std::int64_t received,
+              std::int64_t begin_ns, std::int64_t end_ns, const measure::Usage& usage) {
+  row.warmup = run_in;
   row.n = received;
   row.lost = sent - received;
   row.sent = sent;
@@ -47,8 +48,8 @@ void set_rate(measure::Row& row, std::int64_t sent, std::int64_t received, std::
 Finding measure_floor(const Session& session, std::int64_t size) {
   const measure::Flood flood = measure::floor_flood(session.plan(size), session.options().window);
   Finding finding{.row = session.row("floor-mutex-deque", size)};
-  set_rate(finding.row, flood.sent, flood.received, flood.first_sent_ns, flood.last_received_ns,
-           flood.usage);
+  set_rate(finding.row, flood.run_in, flood.sent, flood.received, flood.first_sent_ns,
+           flood.last_received_ns, flood.usage);
   finding.row.more =
       fmt::format("\"window\":{},{}", session.options().window, damaged_json(flood.damaged));
   finding.trouble = damaged_trouble(flood.damaged);
@@ -87,18 +88,19 @@ std::string find_miscount(const detail::Ledger& ledger, std::int64_t sent, std::
 Finding measure_fastcycle(Session& session, const std::string& wait, std::int64_t size) {
   const Finished finished =
       session.run_application(flood_application(session.options(), size, wait));
+  const std::int64_t run_in = finished.whole("source", "run_in");
   const std::int64_t sent = finished.whole("source", "sent");
-  const std::int64_t received = finished.whole("sink", "received");
+  const std::int64_t received = finished.whole("sink", "received") - run_in;
   const std::int64_t damaged = finished.whole("sink", "damaged");
   const detail::Ledger& ledger = ledger_of(finished.report);
   Finding finding{.row = session.row("fastcycle-" + wait, size)};
-  set_rate(finding.row, sent, received, finished.whole("source", "first_sent_ns"),
+  set_rate(finding.row, run_in, sent, received, finished.whole("source", "first_sent_ns"),
            finished.whole("sink", "last_received_ns"), finished.usage("source"));
   finding.row.more = fmt::format("\"window\":{},{},{}", session.options().window,
                                  damaged_json(damaged), ledger_json(ledger));
   finding.trouble = damaged_trouble(damaged);
   if (finding.trouble.empty()) {
-    finding.trouble = find_miscount(ledger, sent, received);
+    finding.trouble = find_miscount(ledger, run_in + sent, run_in + received);
   }
   return finding;
 }
@@ -108,10 +110,11 @@ Finding measure_fastcycle(Session& session, const std::string& wait, std::int64_
 Mode flood_mode(const Options& options, Session* session) {
   Mode mode;
   mode.application = flood_application(options, options.sizes.front(), options.waits.front());
-  mode.title =
-      fmt::format("{} messages as fast as possible, {}", options.count,
-                  options.has_no_credits ? "without regard for the receiver"
-                                         : fmt::format("at most {} under way", options.window));
+  mode.title = fmt::format("{} messages as fast as possible, {}", options.count,
+                           options.has_no_credits
+                               ? "without regard for the receiver"
+                               : fmt::format("at most {} under way, after a run-in of {} ms",
+                                             options.window, measure::kRunInMs));
   mode.ratio_of = "rate_per_s";
   mode.columns = {{"size", "size"},
                   {"peer", "peer"},
