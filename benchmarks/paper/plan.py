@@ -17,7 +17,7 @@ FLOOD_SIZE = 64
 FLOOD_COUNT = 100_000
 OWN_MODE_S = {"flood": 6.0, "fanout": 18.0, "timer": 12.0, "chain": 30.0, "startup": 16.0,
               "fifo": 12.0, "fifo-load": 12.0, "startup-large": 6.0}  # fmt: skip
-# What says the same in each round, or only serves for comparison, is measured in every third.
+# What says the same in each round, or is judged by no bound, is measured in every third.
 SPARSE_MODES = ("fanout", "chain", "startup", "startup-large")
 SPARSE_STEP = 3
 PROCESS_START_S = 0.6  # to start a process and load libraries, once a point
@@ -95,8 +95,10 @@ def jobs_of_round(options: Options, number: int, own: Sequence[str], peers: Sequ
         if mode in ("latency", "rtt"):
             for place, size in enumerate(options.sizes):
                 row = _own(options, mode, number, size, own)
-                if mode == "latency" or is_full:
-                    row += [_of_peer(options, mode, number, size, peer) for peer in peers]
+                if mode == "rtt" and not is_full:
+                    row = [job for job in row if "floor-spin" not in job.names]
+                row += [_of_peer(options, mode, number, size, peer) for peer in peers
+                        if is_full or (mode == "latency" and peer.hands_over)]  # fmt: skip
                 shift = max(1, len(row) // options.rounds)
                 jobs += rotated(row, (number - 1) * shift + place)
         else:

@@ -6,6 +6,7 @@
 
 #include <linux/futex.h>
 #include <sys/syscall.h>
+#include <sys/timerfd.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -13,15 +14,14 @@
 namespace fastcycle::base {
 namespace {
 
+timespec to_timespec(std::int64_t ns) noexcept {
+  return {.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
+}
+
 /// Waits while `word` is 0. Returns false if the deadline passed.
 bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns) noexcept {
-  timespec deadline{};
-  timespec* limit = nullptr;
-  if (deadline_ns != kNever) {
-    deadline.tv_sec = deadline_ns / 1'000'000'000;
-    deadline.tv_nsec = deadline_ns % 1'000'000'000;
-    limit = &deadline;
-  }
+  const timespec deadline = to_timespec(deadline_ns);
+  const timespec* limit = deadline_ns != kNever ? &deadline : nullptr;
   const long result = syscall(SYS_futex, &word, FUTEX_WAIT_BITSET_PRIVATE, 0, limit, nullptr,
                               FUTEX_BITSET_MATCH_ANY);
   return result == 0 || errno != ETIMEDOUT;
@@ -32,6 +32,47 @@ void wake_waiter(std::atomic<std::uint32_t>& word) noexcept {
 }
 
 }  // namespace
+
+Sleepers::~Sleepers() = default;
+
+Sleepers::Alarm::~Alarm() {
+  if (file_ >= 0) {
+    close(file_);
+  }
+}
+
+void Sleepers::Alarm::set(std::int64_t time_ns) noexcept {
+  if (set_ns_ == time_ns) {
+    return;
+  }
+  set_ns_ = time_ns;
+  if (file_ < 0) {
+    file_ = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
+  }
+  // Without a file, or where it cannot be set, sleeping only costs more.
+  const itimerspec at{.it_interval = {}, .it_value = to_timespec(time_ns)};
+  timerfd_settime(file_, TFD_TIMER_ABSTIME, &at, nullptr);
+}
+
+void Sleepers::Alarm::before_sleep(std::int64_t deadline_ns) noexcept {
+  if (deadline_ns == deadline_ns_) {
+    return;
+  }
+  const std::int64_t step_ns = deadline_ns - deadline_ns_;
+  is_periodic_ = step_ns == step_ns_;
+  step_ns_ = step_ns;
+  deadline_ns_ = deadline_ns;
+  if (left_ > 0) {
+    --left_;
+    set(deadline_ns);
+  }
+}
+
+void Sleepers::Alarm::after_deadline() noexcept {
+  if (left_ > 0 && is_periodic_) {
+    set(deadline_ns_ + step_ns_);
+  }
+}
 
 void Sleepers::announce(unsigned index) noexcept {
   sleeping_.fetch_or(std::uint64_t{1} << index, std::memory_order_seq_cst);
@@ -58,9 +99,15 @@ void Sleepers::withdraw(unsigned index) noexcept {
 
 bool Sleepers::sleep(unsigned index, std::int64_t deadline_ns) noexcept {
   auto& is_woken = slots_[index].is_woken;
+  Alarm& alarm = alarms_[index];
+  const bool has_deadline = deadline_ns != kNever;
+  if (has_deadline) {
+    alarm.before_sleep(deadline_ns);
+  }
   while (is_woken.load(std::memory_order_acquire) == 0) {
     if (!wait_while_zero(is_woken, deadline_ns)) {
       if (take_off(index)) {
+        alarm.after_deadline();
         return false;
       }
       // A waker was faster, and may need this CPU to go on: wait for it without a limit.
@@ -68,6 +115,9 @@ bool Sleepers::sleep(unsigned index, std::int64_t deadline_ns) noexcept {
     }
   }
   is_woken.store(0, std::memory_order_relaxed);
+  if (has_deadline) {
+    alarm.after_wake();
+  }
   return true;
 }
 

@@ -18,11 +18,23 @@ namespace fastcycle::base {
 /// the worker sees the work or the waker sees the worker: no wake-up is lost, and no timed wait is
 /// needed to hide one. The waker takes the sleeper off the set, so a burst makes one call.
 ///
+/// A sleep with a deadline sets a timer of the CPU, and a wake-up before it takes that back. On a
+/// virtual machine both leave the guest, and a wake-up at that time is two to three times as late.
+/// So a worker that was woken before its deadline of late keeps a timer file, which nobody reads,
+/// at the next deadline. The kernel's timer of the sleep then stands behind an equal one, and
+/// neither sets nor takes back anything. Deadlines that come periodically are set when the one
+/// before is over, where no message is on its way yet.
+///
 /// @threads  Safe; each worker uses its own index.
 /// @realtime `wake_one` is one load when nobody sleeps, else one system call.
 class Sleepers {
  public:
   static constexpr unsigned kMaxWorkers = 64;
+
+  Sleepers() = default;
+  Sleepers(const Sleepers&) = delete;
+  Sleepers& operator=(const Sleepers&) = delete;
+  ~Sleepers();
 
   /// Says that worker `index` is about to sleep. It must look for work once more after this.
   void announce(unsigned index) noexcept;
@@ -58,12 +70,38 @@ class Sleepers {
     std::atomic<std::uint32_t> is_woken{0};
   };
 
+  /// The timer file of one worker, which alone uses it.
+  class Alarm {
+   public:
+    Alarm() = default;
+    Alarm(const Alarm&) = delete;
+    Alarm& operator=(const Alarm&) = delete;
+    ~Alarm();
+
+    void before_sleep(std::int64_t deadline_ns) noexcept;
+    void after_deadline() noexcept;
+    void after_wake() noexcept { left_ = kDeadlines; }
+
+   private:
+    static constexpr int kDeadlines = 16;  ///< For so many the file is kept after a wake-up.
+
+    void set(std::int64_t time_ns) noexcept;
+
+    int file_ = -1;
+    int left_ = 0;
+    std::int64_t deadline_ns_ = 0;  ///< Of the last sleep that had one.
+    std::int64_t step_ns_ = 0;      ///< From the deadline before to that one.
+    std::int64_t set_ns_ = 0;
+    bool is_periodic_ = false;  ///< The last two steps were equal.
+  };
+
   bool take_off(unsigned index) noexcept;
   void consume(unsigned index) noexcept;
 
   alignas(64) std::atomic<std::uint64_t> sleeping_{0};
   std::atomic<unsigned> leader_{kMaxWorkers};
   std::array<Slot, kMaxWorkers> slots_;
+  std::array<Alarm, kMaxWorkers> alarms_;
 };
 
 }  // namespace fastcycle::base

@@ -1,6 +1,8 @@
 #include "base/sleepers.h"
 
 #include <atomic>
+#include <filesystem>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -59,6 +61,39 @@ TEST(Sleepers, TheLeaderIsWokenLast) {
   EXPECT_TRUE(sleepers.sleep(5, kNever));
   EXPECT_TRUE(sleepers.wake_one());
   EXPECT_TRUE(sleepers.sleep(0, kNever));
+}
+
+/// The timer files that this process holds.
+int timer_files() {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    count += std::filesystem::read_symlink(entry, gone) == "anon_inode:[timerfd]" ? 1 : 0;
+  }
+  return count;
+}
+
+// The timer file that a worker keeps after early wake-ups changes nothing of when it returns.
+TEST(Sleepers, ASleeperThatWasWokenBeforeItsDeadlineSleepsToTheNextAllTheSame) {
+  const int files = timer_files();
+  {
+    Sleepers sleepers;
+    std::int64_t deadline_ns = monotonic_ns();
+    for (int period = 0; period < 60; ++period) {
+      // Some of them in one step after the other, some not; at last without being woken.
+      deadline_ns += period % 10 == 0 ? 1'700'000 : 1'000'000;
+      if (period < 30) {
+        sleepers.announce(0);
+        EXPECT_TRUE(sleepers.wake(0));
+        EXPECT_TRUE(sleepers.sleep(0, deadline_ns));
+      }
+      sleepers.announce(0);
+      EXPECT_FALSE(sleepers.sleep(0, deadline_ns));
+      EXPECT_GE(monotonic_ns(), deadline_ns);
+    }
+    EXPECT_EQ(timer_files(), files + 1);
+  }
+  EXPECT_EQ(timer_files(), files);
 }
 
 // Hands 20,000 turns back and forth; a single lost wake-up would hang it.
