@@ -74,7 +74,8 @@ endfunction()
 
 # fastcycle_program(<name> SOURCES ... [LINK ...] [HELPER])
 #
-# A program over libfastcycle.so, installed to bin/, or as a HELPER to libexec/fastcycle/.
+# A program over libfastcycle.so, installed to bin/, or as a HELPER to libexec/fastcycle/; where
+# FASTCYCLE_NOT_INSTALLED is set, it stays in the build tree.
 function(fastcycle_program name)
   cmake_parse_arguments(PARSE_ARGV 1 PROGRAM "HELPER" "" "SOURCES;LINK")
   set(target ${name})
@@ -93,7 +94,9 @@ function(fastcycle_program name)
   target_link_libraries(${target} PRIVATE fastcycle ${PROGRAM_LINK})
   set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name} INSTALL_RPATH ${run_path}
                         RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/${folder})
-  install(TARGETS ${target} RUNTIME DESTINATION ${folder})
+  if(NOT FASTCYCLE_NOT_INSTALLED)
+    install(TARGETS ${target} RUNTIME DESTINATION ${folder})
+  endif()
 endfunction()
 
 # Targets that are compiled alike share one precompiled header, made by the target fastcycle_pch_<kind>.

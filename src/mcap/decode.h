@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "mcap/error.h"
+#include "mcap/records.h"
+
+/// From the bytes of a file to records.
+namespace fastcycle::mcap {
+
+/// Opcode and length of a record.
+struct Frame {
+  Opcode opcode{};
+  std::uint64_t length = 0;  ///< Of the content that follows.
+};
+
+/// @pre  `bytes` has at least `kFrameBytes`.
+[[nodiscard]] Frame decode_frame(Bytes bytes);
+
+/// The record whose content is `content`; none if its opcode is not known. What stands behind the
+/// known fields is passed over: later versions of the format may add some. Data is borrowed from
+/// `content`. `place` is that of the record, for errors.
+///
+/// @errors  `Damage` if a field does not fit in.
+[[nodiscard]] std::optional<Record> decode(Opcode opcode, Bytes content, const Place& place);
+
+/// The same for a record whose kind is known.
+template <typename Kind>
+[[nodiscard]] Kind decode_as(Bytes content, const Place& place);
+
+/// The beginning of a chunk of which the end may be missing: its `records` are what is there.
+[[nodiscard]] Chunk decode_begun_chunk(Bytes content, const Place& place);
+
+/// The CRC that an attachment has at its end; see also `Attachment` in the format.
+struct AttachmentCrc {
+  std::uint32_t written = 0;   ///< 0: not computed.
+  std::uint32_t computed = 0;  ///< Of the fields before it.
+};
+[[nodiscard]] AttachmentCrc crc_of_attachment(Bytes content, const Place& place);
+
+/// `text` in quotation marks, without control characters, cut if it is long: for messages.
+[[nodiscard]] std::string shown(std::string_view text);
+
+}  // namespace fastcycle::mcap

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "mcap/records.h"
+
+/// From records to the bytes of a file.
+namespace fastcycle::mcap {
+
+/// Opcode and length: what every record begins with.
+inline constexpr std::size_t kFrameBytes = 1 + 8;
+/// The fields of a message before its data.
+inline constexpr std::size_t kMessageHeadBytes = 2 + 4 + 8 + 8;
+/// The content of a footer; it never grows, so that readers find it from the end of the file.
+inline constexpr std::size_t kFooterBytes = 8 + 8 + 4;
+
+/// Appends the whole record, opcode and length included, to `into`.
+///
+/// @errors  `std::length_error` if a text, a map or an index is longer than 4 GiB.
+void encode(const Header& header, std::vector<std::byte>& into);
+void encode(const Footer& footer, std::vector<std::byte>& into);
+void encode(const Schema& schema, std::vector<std::byte>& into);
+void encode(const Channel& channel, std::vector<std::byte>& into);
+void encode(const MessageIndex& index, std::vector<std::byte>& into);
+void encode(const ChunkIndex& index, std::vector<std::byte>& into);
+void encode(const AttachmentIndex& index, std::vector<std::byte>& into);
+void encode(const Statistics& statistics, std::vector<std::byte>& into);
+void encode(const Metadata& metadata, std::vector<std::byte>& into);
+void encode(const MetadataIndex& index, std::vector<std::byte>& into);
+void encode(const SummaryOffset& offset, std::vector<std::byte>& into);
+void encode(const DataEnd& end, std::vector<std::byte>& into);
+
+/// The beginning of a message record; `data_size` bytes of data have to follow.
+[[nodiscard]] std::array<std::byte, kFrameBytes + kMessageHeadBytes> encode_head(
+    const MessageHead& head, std::uint64_t data_size);
+/// The beginning of a chunk record; `records_size` bytes have to follow. Its `records` are not
+/// used.
+void encode_head(const Chunk& chunk, std::uint64_t records_size, std::vector<std::byte>& into);
+/// The beginning of an attachment record; `data_size` bytes and the CRC (4 bytes) have to follow.
+void encode_head(const AttachmentHead& head, std::uint64_t data_size, std::vector<std::byte>& into);
+
+/// `value` as the format has it: the least significant byte first.
+[[nodiscard]] std::array<std::byte, 4> encode_u32(std::uint32_t value);
+
+}  // namespace fastcycle::mcap

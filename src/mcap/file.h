@@ -1,0 +1,125 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mcap/records.h"
+
+namespace fastcycle::mcap {
+
+/// Where a `Writer` puts its bytes.
+///
+/// @threads  Confined to the writer's thread.
+class Sink {
+ public:
+  Sink() = default;
+  Sink(const Sink&) = delete;
+  Sink& operator=(const Sink&) = delete;
+  virtual ~Sink() = default;
+
+  /// Appends all of `parts`, one after the other.
+  ///
+  /// @errors  `Error` with the cause; how much was appended is not known then.
+  virtual void append(std::span<const Bytes> parts) = 0;
+
+  /// What errors call it.
+  [[nodiscard]] virtual const std::string& name() const = 0;
+};
+
+/// What a reader reads from. It must not change meanwhile.
+///
+/// @threads  Safe: several readers may share a source.
+class Source {
+ public:
+  Source() = default;
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+  virtual ~Source() = default;
+
+  [[nodiscard]] virtual std::uint64_t size() const = 0;
+
+  /// Fills all of `into` from `offset` on.
+  ///
+  /// @pre     `offset + into.size() <= size()`
+  /// @errors  `Error` with the cause.
+  virtual void read(std::uint64_t offset, std::span<std::byte> into) const = 0;
+
+  /// What errors call it.
+  [[nodiscard]] virtual const std::string& name() const = 0;
+};
+
+/// A new file, written without a buffer of its own.
+class FileSink final : public Sink {
+ public:
+  /// @errors  `Error` if there is such a file already, or it cannot be made.
+  explicit FileSink(const std::filesystem::path& path);
+  ~FileSink() override;
+
+  void append(std::span<const Bytes> parts) override;
+  [[nodiscard]] const std::string& name() const override { return name_; }
+
+  /// Returns when the disk has what was appended. A file that is to outlive a power cut needs it.
+  void sync();
+
+ private:
+  [[noreturn]] void fail(const char* expected) const;
+
+  const std::string name_;
+  int file_ = -1;
+  std::uint64_t size_ = 0;
+};
+
+/// A regular file. Its size is that at the time of opening: what is appended later is not seen.
+class FileSource final : public Source {
+ public:
+  /// @errors  `Error` if it cannot be opened or is no regular file.
+  explicit FileSource(const std::filesystem::path& path);
+  ~FileSource() override;
+
+  [[nodiscard]] std::uint64_t size() const override { return size_; }
+  void read(std::uint64_t offset, std::span<std::byte> into) const override;
+  [[nodiscard]] const std::string& name() const override { return name_; }
+
+ private:
+  [[noreturn]] void fail(std::uint64_t offset, const char* expected,
+                         const std::string& found) const;
+
+  const std::string name_;
+  int file_ = -1;
+  std::uint64_t size_ = 0;
+};
+
+/// Keeps everything in memory.
+class MemorySink final : public Sink {
+ public:
+  explicit MemorySink(std::string name = "memory") : name_(std::move(name)) {}
+
+  void append(std::span<const Bytes> parts) override;
+  [[nodiscard]] const std::string& name() const override { return name_; }
+  [[nodiscard]] Bytes bytes() const { return bytes_; }
+
+ private:
+  const std::string name_;
+  std::vector<std::byte> bytes_;
+};
+
+/// Bytes in memory, borrowed.
+class MemorySource final : public Source {
+ public:
+  explicit MemorySource(Bytes bytes, std::string name = "memory")
+      : name_(std::move(name)), bytes_(bytes) {}
+
+  [[nodiscard]] std::uint64_t size() const override { return bytes_.size(); }
+  void read(std::uint64_t offset, std::span<std::byte> into) const override;
+  [[nodiscard]] const std::string& name() const override { return name_; }
+
+ private:
+  const std::string name_;
+  const Bytes bytes_;
+};
+
+}  // namespace fastcycle::mcap

@@ -1,0 +1,191 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mcap/compression.h"
+#include "mcap/crc.h"
+#include "mcap/definitions.h"
+#include "mcap/error.h"
+#include "mcap/file.h"
+#include "mcap/records.h"
+
+namespace fastcycle::mcap {
+
+/// What a file may ask of us, in bytes: a hostile one costs no more. Memory is never asked for on
+/// the word of a length field alone, but after it was compared with these limits and with what is
+/// there.
+struct ReadLimits {
+  /// A message, attachment, chunk (compressed) or message index.
+  std::uint64_t record_bytes = std::uint64_t{1} << 30U;
+  /// Any other record, such as a schema or metadata.
+  std::uint64_t small_record_bytes = std::uint64_t{16} << 20U;
+  /// The records of a chunk, uncompressed.
+  std::uint64_t chunk_bytes = std::uint64_t{512} << 20U;
+  /// All different schemas and channels together.
+  std::uint64_t definition_bytes = std::uint64_t{256} << 20U;
+  /// `Reader` only: the summary; without one, the index that a scan makes.
+  std::uint64_t index_bytes = std::uint64_t{256} << 20U;
+  /// `Reader` only: uncompressed chunks whose times overlap, and which are held at the same time.
+  std::uint64_t open_chunk_bytes = std::uint64_t{1} << 30U;
+};
+
+struct ReadOptions {
+  bool check_crcs = true;
+  bool use_summary = true;  ///< `Reader` only; false: scan the file, whatever its summary says.
+  ReadLimits limits = {};
+};
+
+/// Why a reader came to its end.
+struct Stop {
+  enum class Reason : std::uint8_t {
+    kEnd,        ///< The file was read to its end, and has one.
+    kTruncated,  ///< The file ends before its end: its writer did not close it.
+    kDamaged,    ///< Its content is wrong.
+  };
+
+  Reason reason = Reason::kEnd;
+  Problem problem;  ///< Where, and why; of no meaning for `kEnd`.
+};
+
+struct Frame;
+
+/// Bytes of a source, with reading ahead.
+///
+/// @threads  Confined.
+class Window {
+ public:
+  explicit Window(const Source& source) : source_(source), end_(source.size()) {}
+
+  /// Borrowed until the next call.
+  ///
+  /// @pre  `offset + size <= end()`
+  [[nodiscard]] Bytes view(std::uint64_t offset, std::size_t size);
+  /// The size of the source when this was made.
+  [[nodiscard]] std::uint64_t end() const { return end_; }
+
+ private:
+  const Source& source_;
+  const std::uint64_t end_;
+  std::uint64_t begin_ = 0;
+  std::vector<std::byte> bytes_;
+};
+
+/// Reads an MCAP file from its beginning to its end, record by record, also one that has no end.
+///
+///     RecordReader reader(source);
+///     while (const std::optional<Record> record = reader.next()) {
+///       if (const auto* message = std::get_if<Message>(&*record)) { ... }
+///     }
+///     if (reader.stop()->reason != Stop::Reason::kEnd) { ... }
+///
+/// All records come in the order of the file; a chunk is followed by what is in it. Of a last chunk
+/// that is cut off come the whole records if it is not compressed, but not the chunk itself.
+/// Records of unknown opcodes and schemas of id 0 are passed over.
+///
+/// Checked are: all CRCs (those of data section and summary at their end, when their records were
+/// given out already); that records stand where they may; that messages have channels and channels
+/// have schemas; that what is repeated is the same.
+///
+/// Memory: a record, an uncompressed chunk, and all schemas and channels; `ReadLimits` are their
+/// bounds.
+///
+/// @threads  Confined.
+class RecordReader {
+ public:
+  /// Both have to live as long as the reader.
+  explicit RecordReader(const Source& source, ReadOptions options = {});
+  RecordReader(const RecordReader&) = delete;
+  RecordReader& operator=(const RecordReader&) = delete;
+  ~RecordReader() = default;
+
+  /// The next record; its `Bytes` are valid until the next call. None if there is no further one:
+  /// `stop()` says why.
+  ///
+  /// @errors  `Error` if the source cannot be read. What is wrong with its content is in `stop()`.
+  std::optional<Record> next();
+
+  /// Where the last record stands.
+  [[nodiscard]] const Place& place() const { return place_; }
+  /// Behind the last record, or, in a chunk, behind the chunk.
+  [[nodiscard]] std::uint64_t next_offset() const { return position_; }
+  /// Of the records of the last chunk, as they are in the file.
+  [[nodiscard]] std::uint64_t offset_of_chunk_records() const { return chunk_records_offset_; }
+  /// Whether the data section came to its end, and its CRC was right.
+  [[nodiscard]] bool is_past_data() const { return is_past_data_; }
+
+  /// Set when `next` gave none.
+  [[nodiscard]] const std::optional<Stop>& stop() const { return stop_; }
+
+  /// After damage: passes over the record that has it (all of the chunk, if it is in a chunk), so
+  /// that `next` goes on behind it. False if nobody knows where that is.
+  bool resume();
+
+  /// The schemas and channels so far.
+  [[nodiscard]] const Definitions& definitions() const { return definitions_; }
+
+ private:
+  enum class Section : std::uint8_t { kBegin, kHeader, kData, kSummary, kEnd };
+
+  std::optional<Record> step();
+  std::optional<Record> next_in_file();
+  std::optional<Record> next_in_chunk();
+  void read_magic();
+  void read_end();
+  bool enter_begun_chunk(std::uint64_t size);
+  void leave_chunk();
+
+  std::optional<Record> take(Opcode opcode, Bytes whole);
+  void check_section(Opcode opcode) const;
+  void check_length(const Frame& frame) const;
+  bool keep(const Record& record, Bytes content);
+  void define(const Record& record, std::size_t size);
+  void check_data_end(const DataEnd& end);
+  void check_footer(const Footer& footer, Bytes whole);
+  void check_crc(Opcode opcode, std::uint32_t written, std::uint32_t computed) const;
+
+  [[nodiscard]] bool has_end();
+  void truncated(std::string record, std::string expected);
+  [[noreturn]] void damaged(std::string record, std::string expected, std::string found) const;
+
+  // Constant after construction.
+  const ReadOptions options_;
+
+  Window window_;
+  Decompressor decompressor_;
+  Definitions definitions_;
+  std::uint64_t definition_bytes_ = 0;
+
+  Section section_ = Section::kBegin;
+  bool is_past_data_ = false;
+  std::uint64_t position_ = 0;
+  Place place_;
+  std::optional<Stop> stop_;
+  bool can_resume_ = false;
+
+  Crc data_crc_;
+  bool has_data_crc_ = true;  // Not after something was passed over.
+  Crc summary_crc_;
+  bool has_summary_crc_ = true;
+  std::uint64_t summary_begin_ = 0;
+
+  // The chunk that is being read, uncompressed.
+  bool is_in_chunk_ = false;
+  bool is_chunk_begun_only_ = false;
+  Bytes chunk_;
+  std::uint64_t chunk_position_ = 0;
+  std::uint64_t chunk_records_offset_ = 0;
+  std::vector<std::byte> uncompressed_;
+};
+
+/// Makes the records of `chunk` readable: `chunk.records` themselves, or `memory`, which is filled.
+///
+/// @errors  `Damage` at `place`: unknown compression, a wrong CRC, sizes that do not agree with
+///          `limits` or with each other.
+[[nodiscard]] Bytes uncompress(const Chunk& chunk, const ReadOptions& options, const Place& place,
+                               Decompressor& decompressor, std::vector<std::byte>& memory);
+
+}  // namespace fastcycle::mcap
