@@ -49,6 +49,12 @@ INSTANTIATE_TEST_SUITE_P(All, Compressions,
                          ::testing::Values(Compression::kNone, Compression::kLz4,
                                            Compression::kZstd));
 
+/// Those that change the bytes.
+class RealCompressions : public Compressions {};
+
+INSTANTIATE_TEST_SUITE_P(All, RealCompressions,
+                         ::testing::Values(Compression::kLz4, Compression::kZstd));
+
 TEST_P(Compressions, PartsComeBackAsOne) {
   const std::vector<std::vector<std::string>> cases{
       {}, {""}, {"a"}, {"abc", "", "def"}, {noise(300'000), std::string(700'000, 'x'), noise(1)}};
@@ -83,10 +89,7 @@ TEST_P(Compressions, NothingIsRefusedThatCanBe) {
   EXPECT_TRUE(can_become(GetParam(), bytes.size(), 50'000'000)) << bytes.size();
 }
 
-TEST_P(Compressions, AnotherSizeThanClaimedIsFound) {
-  if (GetParam() == Compression::kNone) {
-    GTEST_SKIP() << "nothing to claim without compression";
-  }
+TEST_P(RealCompressions, AnotherSizeThanClaimedIsFound) {
   const std::vector<std::byte> bytes = compressed({std::string(1000, 'x')});
 
   EXPECT_TRUE(is_wrong(bytes, 999));
@@ -95,10 +98,7 @@ TEST_P(Compressions, AnotherSizeThanClaimedIsFound) {
   EXPECT_EQ(decompressed(bytes, 1000), std::string(1000, 'x'));
 }
 
-TEST_P(Compressions, MissingAndSuperfluousBytesAreFound) {
-  if (GetParam() == Compression::kNone) {
-    GTEST_SKIP() << "nothing to find without compression";
-  }
+TEST_P(RealCompressions, MissingAndSuperfluousBytesAreFound) {
   std::vector<std::byte> bytes = compressed({std::string(1000, 'x')});
 
   for (std::size_t size = 0; size < bytes.size(); ++size) {
@@ -117,7 +117,7 @@ TEST(Compression, NamesAreThoseOfTheFormat) {
 
 TEST(Compression, ClaimsThatNoCompressionReachesAreRefused) {
   EXPECT_FALSE(can_become(Compression::kNone, 10, 11));
-  EXPECT_FALSE(can_become(Compression::kLz4, 100, 100 * 256));
+  EXPECT_FALSE(can_become(Compression::kLz4, 100, 100 * 300));
   EXPECT_FALSE(can_become(Compression::kZstd, 100, 100 * 40'000));
   EXPECT_FALSE(can_become(Compression::kZstd, 100, ~std::uint64_t{0}));
 }

@@ -367,6 +367,7 @@ bool RecordReader::enter_begun_chunk(std::uint64_t size) {
 void RecordReader::leave_chunk() {
   is_in_chunk_ = false;
   if (is_chunk_begun_only_) {
+    place_.offset_in_chunk = chunk_position_;
     truncated(name_of(Opcode::kChunk), "more records");
   }
 }
@@ -378,6 +379,7 @@ std::optional<Record> RecordReader::next_in_chunk() {
     return {};
   }
   place_.offset_in_chunk = chunk_position_;
+  can_resume_in_chunk_ = false;
   const bool has_frame = rest.size() >= kFrameBytes;
   const Frame frame = has_frame ? decode_frame(rest) : Frame{};
   if (!has_frame || frame.length > rest.size() - kFrameBytes) {
@@ -390,6 +392,7 @@ std::optional<Record> RecordReader::next_in_chunk() {
             fmt::format("{} bytes left in the chunk", rest.size() - (has_frame ? kFrameBytes : 0)));
   }
   chunk_position_ += kFrameBytes + frame.length;
+  can_resume_in_chunk_ = true;
   if (is_known(frame.opcode) ? !may_be_in_chunk(frame.opcode) : frame.opcode == Opcode{}) {
     damaged(name_of(frame.opcode), "a Schema, Channel or Message in a chunk", "none of these");
   }
@@ -407,12 +410,15 @@ bool RecordReader::resume() {
     return false;
   }
   stop_.reset();
+  has_data_crc_ = false;
+  has_summary_crc_ = false;
+  if (is_in_chunk_ && can_resume_in_chunk_) {
+    return true;
+  }
   is_in_chunk_ = false;
   if (position_ == place_.offset) {  // A record over the limits.
     position_ += kFrameBytes + decode_frame(window_.view(position_, kFrameBytes)).length;
   }
-  has_data_crc_ = false;
-  has_summary_crc_ = false;
   section_ = std::max(section_, Section::kData);
   return true;
 }

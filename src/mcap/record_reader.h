@@ -120,8 +120,9 @@ class RecordReader {
   /// Set when `next` gave none.
   [[nodiscard]] const std::optional<Stop>& stop() const { return stop_; }
 
-  /// After damage: passes over the record that has it (all of the chunk, if it is in a chunk), so
-  /// that `next` goes on behind it. False if nobody knows where that is.
+  /// After damage: passes over the record that has it, so that `next` goes on behind it; in a
+  /// chunk, over the rest of the chunk if nobody knows where its next record begins. False if that
+  /// is so of the file. CRCs of data section and summary are not checked any more.
   bool resume();
 
   /// The schemas and channels so far.
@@ -177,6 +178,7 @@ class RecordReader {
   bool is_chunk_begun_only_ = false;
   Bytes chunk_;
   std::uint64_t chunk_position_ = 0;
+  bool can_resume_in_chunk_ = false;
   std::uint64_t chunk_records_offset_ = 0;
   std::vector<std::byte> uncompressed_;
 };

@@ -193,26 +193,50 @@ TEST(RecordReader, CrcsAreNotLookedAtIfNobodyWants) {
   EXPECT_THAT(indexed(file, {}, {.check_crcs = false}), Contains(HasSubstr("Number 0")));
 }
 
-TEST(RecordReader, ReadingGoesOnBehindDamage) {
-  std::string file = drive(small_chunks());
-  const Lines whole = only(stream(file).lines, "Message");
-  const std::size_t chunk = find_record(file, Opcode::kChunk, 1);
-  file[chunk + 9 + 40 + 20] = '?';
-  const MemorySource source(bytes_of(file));
-  RecordReader reader(source);
-
+/// All that can be read, and how often something could not.
+struct Recovered {
   Lines lines;
   std::size_t damage_count = 0;
+  Stop stop;
+};
+
+Recovered recover(const std::string& file) {
+  const MemorySource source(bytes_of(file), "test.mcap");
+  RecordReader reader(source);
+  Recovered result;
   do {
     while (const std::optional<Record> record = reader.next()) {
-      lines.push_back(std::visit(LineOf{}, *record));
+      result.lines.push_back(std::visit(LineOf{}, *record));
     }
-    damage_count += reader.stop()->reason == kDamaged ? 1 : 0;
+    result.damage_count += reader.stop()->reason == kDamaged ? 1 : 0;
   } while (reader.resume());
+  result.stop = *reader.stop();
+  return result;
+}
 
-  EXPECT_EQ(damage_count, 1U);
-  EXPECT_EQ(reader.stop()->reason, kEnd);
-  EXPECT_THAT(only(lines, "Message"), SizeIs(whole.size() - 3));
+TEST(RecordReader, ReadingGoesOnBehindADamagedChunk) {
+  std::string file = drive(small_chunks());
+  file[file.find("number 11")] = '?';
+
+  const Recovered recovered = recover(file);
+
+  EXPECT_EQ(recovered.damage_count, 1U);
+  EXPECT_EQ(recovered.stop.reason, kEnd);
+  EXPECT_THAT(only(recovered.lines, "Chunk"), SizeIs(4));
+  EXPECT_THAT(recovered.lines, Contains(HasSubstr("number 8,")));
+  EXPECT_THAT(recovered.lines, ::testing::Not(Contains(HasSubstr("number 11,"))));
+}
+
+TEST(RecordReader, ReadingGoesOnBehindARecordThatIsWrongInAChunk) {
+  const std::string records =
+      one_message() + encoded(Message{head_at(2), {}}) + one_message();  // An unknown channel.
+  const std::string chunk = chunk_around(records, {.uncompressed_size = records.size()});
+
+  const Recovered recovered = recover(file_of(chunk));
+
+  EXPECT_EQ(recovered.damage_count, 1U);
+  EXPECT_EQ(recovered.stop.reason, kEnd);
+  EXPECT_THAT(only(recovered.lines, "Message"), SizeIs(2));
 }
 
 TEST(RecordReader, ZeroesAtTheEndAreDamage) {

@@ -59,7 +59,7 @@ TEST(Writer, EveryCompressionIsReadBack) {
 
 TEST(Writer, StatisticsCountWhatWasWritten) {
   EXPECT_THAT(only(stream(drive(small_chunks())).lines, "Statistics"),
-              ElementsAre("Statistics 12 1 2 1 1 4 0 110 1=10 2=2"));
+              ElementsAre("Statistics 12 1 2 1 1 5 0 110 1=10 2=2"));
 }
 
 TEST(Writer, EachPartOfTheSummaryCanBeLeftOut) {
