@@ -417,13 +417,12 @@ class Churn final : public Component {
 class Sink final : public Component {
  public:
   explicit Sink(Context& context) : Component(context) {
-    context.create_subscriber<Int64Value>("out", {.depth = 2},
-                                          [this](const Sample<Int64Value>& number) {
-                                            EXPECT_NE(number.info().origin.root, 0U);
-                                            EXPECT_LE(number.info().origin.taken,
-                                                      number.info().publish_time);
-                                            kept_ = number;
-                                          });
+    context.create_subscriber<Int64Value>(
+        "out", {.depth = 2}, [this](const Sample<Int64Value>& number) {
+          EXPECT_NE(number.info().origin.root, 0U);
+          EXPECT_LE(number.info().origin.taken, number.info().publish_time);
+          kept_ = number;
+        });
   }
 
  private:
