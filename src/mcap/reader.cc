@@ -610,7 +610,8 @@ void MessageReader::State::find_messages(Open& open) const {
     }
     offset += kFrameBytes + frame.length;
   }
-  std::ranges::stable_sort(open.entries, {}, &Entry::log_time_ns);
+  std::ranges::sort(open.entries, {},
+                    [](const Entry& entry) { return std::pair(entry.log_time_ns, entry.offset); });
 }
 
 /// What a chunk defines has to be what the summary repeats.
