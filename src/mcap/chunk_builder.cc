@@ -1,6 +1,7 @@
 #include "mcap/chunk_builder.h"
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -22,6 +23,14 @@ std::uint64_t size_of(std::span<const Bytes> parts) {
     size += part.size();
   }
   return size;
+}
+
+std::uint32_t crc_of(std::span<const Bytes> parts) {
+  Crc crc;
+  for (const Bytes part : parts) {
+    crc.add(part);
+  }
+  return crc.value();
 }
 
 }  // namespace
@@ -107,15 +116,17 @@ void ChunkBuilder::close() {
   head_.uncompressed_size = size_;
   head_.compression = name_of(options_.compression);
   if (options_.crc) {
-    Crc crc;
-    std::ranges::for_each(parts_, [&](Bytes part) { crc.add(part); });
-    head_.uncompressed_crc = crc.value();
+    head_.uncompressed_crc = crc_of(parts_);
+    compressed_crc_ = head_.uncompressed_crc;
   }
   compressed_size_ = size_;
   if (options_.compression != Compression::kNone) {
     compressor_.compress(options_.compression, options_.level, parts_, compressed_);
     parts_.assign(1, compressed_);
     compressed_size_ = compressed_.size();
+    if (options_.crc) {
+      compressed_crc_ = crc_of(parts_);
+    }
   }
   is_closed_ = true;
 }
@@ -132,6 +143,7 @@ void ChunkBuilder::clear() {
   head_ = {};
   parts_.clear();
   compressed_size_ = 0;
+  compressed_crc_.reset();
 }
 
 const Chunk& ChunkBuilder::head() const {
@@ -147,6 +159,11 @@ std::span<const Bytes> ChunkBuilder::parts() const {
 std::uint64_t ChunkBuilder::compressed_size() const {
   FASTCYCLE_ASSERT(is_closed_, kClosed);
   return compressed_size_;
+}
+
+std::optional<std::uint32_t> ChunkBuilder::compressed_crc() const {
+  FASTCYCLE_ASSERT(is_closed_, kClosed);
+  return compressed_crc_;
 }
 
 }  // namespace fastcycle::mcap

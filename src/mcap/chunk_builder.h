@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <unordered_map>
 #include <variant>
@@ -77,6 +78,11 @@ class ChunkBuilder {
   [[nodiscard]] std::span<const Bytes> parts() const;
   /// The size of all `parts()`.
   [[nodiscard]] std::uint64_t compressed_size() const;
+  /// The CRC of all `parts()`, so that the writer need not go through them once more; none without
+  /// `ChunkOptions::crc`.
+  ///
+  /// @pre  It is closed.
+  [[nodiscard]] std::optional<std::uint32_t> compressed_crc() const;
 
   /// One for each channel with messages, in the order of their first messages.
   [[nodiscard]] std::span<const MessageIndex> message_indexes() const { return indexes_; }
@@ -112,6 +118,7 @@ class ChunkBuilder {
   std::vector<Bytes> parts_;
   std::vector<std::byte> compressed_;
   std::uint64_t compressed_size_ = 0;
+  std::optional<std::uint32_t> compressed_crc_;
   Compressor compressor_;
 };
 

@@ -15,6 +15,10 @@ class Crc {
     value_ = static_cast<std::uint32_t>(
         ::crc32_z(value_, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
   }
+  /// Adds `size` bytes of which only the CRC is at hand.
+  void add(std::uint32_t crc, std::uint64_t size) {
+    value_ = static_cast<std::uint32_t>(::crc32_combine(value_, crc, static_cast<z_off_t>(size)));
+  }
   [[nodiscard]] std::uint32_t value() const { return value_; }
 
  private:

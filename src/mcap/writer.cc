@@ -1,7 +1,7 @@
 #include "mcap/writer.h"
 
 #include <algorithm>
-#include <limits>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -46,16 +46,22 @@ void Writer::refuse(Opcode record, std::string expected, std::string found) cons
                .found = std::move(found)});
 }
 
-void Writer::append(std::span<const Bytes> parts) {
+void Writer::put(std::span<const Bytes> parts) {
   has_failed_ = true;  // Until the sink has taken it.
   sink_.append(parts);
   has_failed_ = false;
-  for (const Bytes part : parts) {
-    size_ += part.size();
-    if (options_.data_crc) {
-      data_crc_.add(part);
-    }
+  size_ += size_of(parts);
+}
+
+void Writer::add_to_crc(std::span<const Bytes> parts) {
+  if (options_.data_crc) {
+    std::ranges::for_each(parts, [this](Bytes part) { data_crc_.add(part); });
   }
+}
+
+void Writer::append(std::span<const Bytes> parts) {
+  put(parts);
+  add_to_crc(parts);
 }
 
 /// Throws if it may not be defined beside what the writer and `more` have.
@@ -216,7 +222,13 @@ void Writer::append_chunk(ChunkBuilder& chunk) {
   encode_head(head, chunk.compressed_size(), scratch_);
   parts_.assign(1, scratch_);
   parts_.insert(parts_.end(), chunk.parts().begin(), chunk.parts().end());
-  append(parts_);
+  put(parts_);
+  if (const std::optional<std::uint32_t> crc = chunk.compressed_crc(); crc && options_.data_crc) {
+    add_to_crc(std::span(parts_).first(1));
+    data_crc_.add(*crc, chunk.compressed_size());
+  } else {
+    add_to_crc(parts_);
+  }
   index.chunk_length = size_ - index.chunk_start_offset;
   append_message_indexes(chunk, index);
   if (options_.chunk_index) {

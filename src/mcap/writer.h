@@ -113,6 +113,8 @@ class Writer {
   [[noreturn]] void refuse(Opcode record, std::string expected, std::string found) const;
   [[nodiscard]] Place place() const { return {.file = sink_.name(), .offset = size_}; }
 
+  void put(std::span<const Bytes> parts);
+  void add_to_crc(std::span<const Bytes> parts);
   void append(std::span<const Bytes> parts);
   void append(Bytes part) { append({&part, 1}); }
 

@@ -57,6 +57,21 @@ TEST(Writer, EveryCompressionIsReadBack) {
   }
 }
 
+TEST(Writer, CrcOfTheFileIsRightWhetherOrNotItsChunksHaveOne) {
+  for (const Compression compression :
+       {Compression::kNone, Compression::kLz4, Compression::kZstd}) {
+    for (const bool crc : {true, false}) {
+      WriterOptions options = small_chunks(compression);
+      options.chunk.crc = crc;
+
+      const Streamed read = stream(drive(options));
+
+      EXPECT_EQ(read.stop.reason, Stop::Reason::kEnd) << to_string(read.stop.problem);
+      EXPECT_NE(only(read.lines, "DataEnd"), Lines{"DataEnd 0"});
+    }
+  }
+}
+
 TEST(Writer, StatisticsCountWhatWasWritten) {
   EXPECT_THAT(only(stream(drive(small_chunks())).lines, "Statistics"),
               ElementsAre("Statistics 12 1 2 1 1 5 0 110 1=10 2=2"));
