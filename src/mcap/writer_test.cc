@@ -124,7 +124,7 @@ TEST(Writer, ChunkNeverGrowsBeyondItsSizeUnlessForOneMessage) {
   Writer writer(sink, {.chunk_bytes = 1000});
   writer.add(kCamera);
   writer.flush();
-  for (const std::size_t size : {100, 100, 5000, 100, 600, 100, 300}) {
+  for (const std::size_t size : {100U, 100U, 5000U, 100U, 600U, 100U, 300U}) {
     write_message(writer, head_at(1, kCamera), std::string(size, 'x'));
   }
   writer.close();
