@@ -57,14 +57,15 @@ void PriorityMutex::unlock() noexcept {
 }
 
 PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, PublisherId id_,
-                             const google::protobuf::Message& default_instance,
+                             const google::protobuf::Message& default_instance_,
                              const google::protobuf::Message* prototype, const Options& options_)
     : topic(topic_),
       owner(owner_),
       id(id_),
       options(options_),
+      default_instance(default_instance_),
       prototype_(prototype == nullptr ? nullptr : prototype->New()),
-      pool_(new Pool(&default_instance)),
+      pool_(new Pool(&default_instance_)),
       forwards_(new Pool(nullptr)) {
   if (prototype_ != nullptr) {
     prototype_->CopyFrom(*prototype);

@@ -112,6 +112,14 @@ class PublisherCore {
   const PublisherId id;
   const Options options;
 
+  /// Of what is published.
+  const google::protobuf::Message& default_instance;
+
+  /// What the memory of a new message takes, as far as its prototype tells; 0 without one.
+  [[nodiscard]] std::uint64_t prototype_bytes() const {
+    return prototype_ == nullptr ? 0 : prototype_->SpaceUsedLong();
+  }
+
   [[nodiscard]] std::uint64_t published() const noexcept { return published_.get(); }
   [[nodiscard]] std::uint64_t allocated() const noexcept { return pool_->size(); }
   /// CLOCK_MONOTONIC of the first publish; 0 if there was none.

@@ -90,8 +90,8 @@ void Subscription::add_to(Ledger& ledger, const Lane& lane) const noexcept {
   };
   ledger.published += lane.published.get();
   ledger.delivered += lane.delivered.get();
-  drop(kind == Kind::kCallback ? DropReason::kOverflow : DropReason::kSuperseded,
-       lane.overflowed.get());
+  const bool is_view = kind == Kind::kLatest || kind == Kind::kHistory;
+  drop(is_view ? DropReason::kSuperseded : DropReason::kOverflow, lane.overflowed.get());
   drop(DropReason::kPool, lane.dropped_by_pool.get());
   drop(DropReason::kShutdown, lane.dropped_outside.get());
   drop(lane.close_reason.load(), lane.drained.get() + lane.dropped_after_close.get());

@@ -39,7 +39,12 @@ struct Ledger {
 ///           receiving component; `ledger` is Safe.
 class Subscription {
  public:
-  enum class Kind : std::uint8_t { kCallback, kLatest, kHistory };
+  enum class Kind : std::uint8_t {
+    kCallback,
+    kLatest,
+    kHistory,
+    kTap,  ///< Emptied by its owner when it likes: nobody is woken.
+  };
 
   static constexpr std::size_t kDefaultDepth = 16;
 

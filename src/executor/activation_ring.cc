@@ -50,30 +50,50 @@ void ActivationRing::end(std::uint64_t place, Outcome outcome, std::int64_t dura
                   std::memory_order_release);
 }
 
+bool ActivationRing::read_at(std::uint64_t place, ActivationRecord& record) const {
+  const auto order = std::memory_order_acquire;
+  const Slot& slot = slots_[place % kCapacity];
+  if (slot.version.load(order) != 2 * place + 2) {
+    return false;
+  }
+  const std::uint64_t head = slot.head.load(order);
+  record.component = static_cast<std::uint32_t>(head >> 16);
+  record.cause = static_cast<Cause>((head >> 8) & 0xff);
+  record.outcome = static_cast<Outcome>(head & 0xff);
+  record.number = slot.number.load(order);
+  record.publisher = slot.publisher.load(order);
+  record.key = slot.key.load(order);
+  record.skipped = slot.skipped.load(order);
+  record.time_ns = slot.time_ns.load(order);
+  record.duration_ns = slot.duration_ns.load(order);
+  record.publish_count = static_cast<std::uint32_t>(slot.publish_count.load(order));
+  return slot.version.load(order) == 2 * place + 2;
+}
+
+std::uint64_t ActivationRing::read(std::uint64_t& next,
+                                   std::vector<ActivationRecord>& records) const {
+  std::uint64_t lost = 0;
+  const std::uint64_t end = next_.get();
+  for (; next < end; ++next) {
+    ActivationRecord record;
+    // A worker that goes on writing is ahead of what it writes over by this reader's next look.
+    if (end - next > kCapacity || !read_at(next, record)) {
+      ++lost;
+    } else if (record.outcome == Outcome::kRunning && next + 1 == end) {
+      break;
+    } else {
+      records.push_back(record);
+    }
+  }
+  return lost;
+}
+
 std::vector<ActivationRecord> ActivationRing::snapshot() const {
   std::vector<ActivationRecord> records;
   const std::uint64_t end = next_.get();
-  const std::uint64_t begin = end - std::min<std::uint64_t>(end, kCapacity);
-  const auto order = std::memory_order_acquire;
-  for (std::uint64_t place = begin; place < end; ++place) {
-    const Slot& slot = slots_[place % kCapacity];
-    const std::uint64_t version = slot.version.load(order);
-    if (version != 2 * place + 2) {
-      continue;
-    }
-    const std::uint64_t head = slot.head.load(order);
+  for (std::uint64_t place = end - std::min<std::uint64_t>(end, kCapacity); place < end; ++place) {
     ActivationRecord record;
-    record.component = static_cast<std::uint32_t>(head >> 16);
-    record.cause = static_cast<Cause>((head >> 8) & 0xff);
-    record.outcome = static_cast<Outcome>(head & 0xff);
-    record.number = slot.number.load(order);
-    record.publisher = slot.publisher.load(order);
-    record.key = slot.key.load(order);
-    record.skipped = slot.skipped.load(order);
-    record.time_ns = slot.time_ns.load(order);
-    record.duration_ns = slot.duration_ns.load(order);
-    record.publish_count = static_cast<std::uint32_t>(slot.publish_count.load(order));
-    if (slot.version.load(order) == version) {
+    if (read_at(place, record)) {
       records.push_back(record);
     }
   }

@@ -60,6 +60,10 @@ class ActivationRing {
   void end(std::uint64_t place, Outcome outcome, std::int64_t duration_ns,
            std::uint32_t publish_count) noexcept;
 
+  /// Appends to `records` those from the place `next` on, up to one that has not ended yet, and
+  /// moves `next` behind them. Returns how many were lost, since they were written over before.
+  std::uint64_t read(std::uint64_t& next, std::vector<ActivationRecord>& records) const;
+
   /// The records that are complete, oldest first.
   [[nodiscard]] std::vector<ActivationRecord> snapshot() const;
 
@@ -80,6 +84,9 @@ class ActivationRing {
     std::atomic<std::int64_t> duration_ns{0};
     std::atomic<std::uint64_t> publish_count{0};
   };
+
+  /// False if it is not there, or was written over meanwhile.
+  bool read_at(std::uint64_t place, ActivationRecord& record) const;
 
   std::vector<Slot> slots_;
   Counter next_;

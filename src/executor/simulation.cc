@@ -130,6 +130,9 @@ bool Simulation::run_round() {
     turn.actor->hand_over_stage();
   }
   run_jobs();
+  if (after_round) {
+    after_round();
+  }
   return true;
 }
 

@@ -37,6 +37,10 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
 
   void add(Actor& actor);
 
+  /// Called, if it is set, when a round is over and all that it published was handed over: for who
+  /// watches without being a component.
+  std::function<void()> after_round;
+
   /// Serves everything up to `limit`, and moves the clock there.
   End run_until(Time limit);
 

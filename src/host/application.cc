@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "config/nearest.h"
 #include "config/params.h"
+#include "host/explanation.h"
 
 namespace fastcycle::host {
 
@@ -181,6 +182,9 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   if (problems.has_errors()) {
     return;
   }
+  if (recorder_ != nullptr) {
+    recorder_->tap(topics_);
+  }
   topics_.connect_all();
   for (const auto& component : components_) {
     if (component->state == ComponentCore::State::kFailed) {
@@ -271,6 +275,9 @@ std::vector<base::Refusal> Application::start() {
   for (const auto& executor : executors_) {
     executor->start(refusals_);
   }
+  if (recorder_ != nullptr) {
+    start_recorder();
+  }
   is_started_ = true;
   for (const auto& component : components_) {
     for (detail::PublisherCore* publisher : component->declared.publishers) {
@@ -300,6 +307,27 @@ std::vector<base::Refusal> Application::start() {
   }
   start_threads();
   return refusals_;
+}
+
+void Application::record(record::RecorderOptions options) {
+  recorder_ = std::make_unique<record::Recorder>(std::move(options), clock_);
+}
+
+void Application::start_recorder() {
+  std::vector<const detail::ActivationRing*> rings;
+  const auto add_rings = [&](const auto& server) {
+    for (const auto& ring : server.rings()) {
+      rings.push_back(ring.get());
+    }
+  };
+  if (simulation_ != nullptr) {
+    add_rings(*simulation_);
+    simulation_->after_round = [this] { recorder_->take(); };
+  }
+  for (const auto& executor : executors_) {
+    add_rings(*executor);
+  }
+  recorder_->start(explain(description_, clock_), std::move(rings));
 }
 
 void Application::start_threads() {
@@ -615,6 +643,9 @@ void Application::stop() {
   }
   for (const auto& executor : executors_) {
     executor->stop();
+  }
+  if (recorder_ != nullptr) {
+    recorder_->stop();
   }
   for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
     (*component)->close(detail::DropReason::kShutdown);

@@ -23,6 +23,7 @@
 #include "executor/simulation.h"
 #include "fastcycle/library.h"
 #include "host/component_core.h"
+#include "record/recorder.h"
 
 namespace fastcycle::host {
 
@@ -80,6 +81,11 @@ class Application {
   Application(const Application&) = delete;
   Application& operator=(const Application&) = delete;
   ~Application();
+
+  /// Records what is published, from `start` to `stop`. Before `build`.
+  void record(record::RecorderOptions options);
+  /// Who records; null if nobody does.
+  [[nodiscard]] const record::Recorder* recorder() const { return recorder_.get(); }
 
   /// Called with a component's name before its constructor.
   std::function<void(const std::string& component)> before_construct;
@@ -165,6 +171,7 @@ class Application {
   void run_at(detail::PublisherCore& publisher, detail::ComponentCore& from,
               std::function<void()> action);
   [[nodiscard]] detail::ComponentCore& component_of(const detail::PublisherCore& publisher) const;
+  void start_recorder();
   void start_threads();
   void stop_threads();
   void drain();
@@ -179,6 +186,7 @@ class Application {
   std::vector<std::unique_ptr<detail::ComponentCore>> components_;
   std::vector<std::unique_ptr<detail::Executor>> executors_;
   std::unique_ptr<detail::Simulation> simulation_;
+  std::unique_ptr<record::Recorder> recorder_;
   std::vector<base::Refusal> refusals_;
   std::vector<base::Thread> threads_;
   std::atomic<int> running_threads_{0};

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <string_view>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 #include <sys/resource.h>
 #include <time.h>
@@ -109,6 +110,9 @@ TopicReport report_topic(const detail::Topic& topic, double time_s) {
   }
   report.rate_hz = static_cast<double>(report.published) / time_s;
   for (const auto& subscription : topic.subscriptions) {
+    if (subscription->kind == detail::Subscription::Kind::kTap) {
+      continue;  // What it took, and what it lost, is told by its owner.
+    }
     report.subscribers.push_back({.component = subscription->component,
                                   .kind = subscription->kind,
                                   .depth = subscription->depth,
@@ -168,6 +172,8 @@ const char* to_word(detail::Subscription::Kind kind) {
       return "latest";
     case detail::Subscription::Kind::kHistory:
       return "history";
+    case detail::Subscription::Kind::kTap:
+      return "tap";
   }
   return "?";
 }
@@ -183,6 +189,24 @@ void for_each_drop(const detail::Ledger& ledger, const Use& use) {
 }
 
 // ---- JSON ----
+
+ordered_json json_of(const RecordingReport& recording) {
+  auto topics = ordered_json::object();
+  for (const record::RecordedTopic& topic : recording.topics) {
+    topics[topic.topic] = {{"published", topic.published},
+                           {"recorded", topic.recorded},
+                           {"bytes", topic.bytes},
+                           {"lost",
+                            {{"overflow", topic.overflow},
+                             {"pool", topic.pool},
+                             {"memory", topic.memory},
+                             {"disk", topic.disk}}}};
+  }
+  return {{"files", recording.files},
+          {"problem", recording.problem},
+          {"activations_lost", recording.activations_lost},
+          {"topics", std::move(topics)}};
+}
 
 /// JSON has no word for what is not finite.
 ordered_json number(double value) {
@@ -519,6 +543,36 @@ std::string topics_text(const RunReport& report) {
   return text;
 }
 
+std::string recording_text(const RecordingReport& recording) {
+  record::RecordedTopic all;
+  std::string losses;
+  for (const record::RecordedTopic& topic : recording.topics) {
+    all.recorded += topic.recorded;
+    all.bytes += topic.bytes;
+    if (topic.lost() > 0) {
+      losses += wrapped(fmt::format("  {}: {} of {} lost: {} in its queue, {} by a dry pool, {} "
+                                    "since memory was full, {} since they could not be written",
+                                    topic.topic, topic.lost(), topic.published, topic.overflow,
+                                    topic.pool, topic.memory, topic.disk),
+                        "      ");
+    }
+  }
+  std::string text = fmt::format("RECORDED {} messages of {} topics, {:.1f} MB, {}\n", all.recorded,
+                                 recording.topics.size(), static_cast<double>(all.bytes) / 1e6,
+                                 losses.empty() ? "nothing lost" : "with losses");
+  for (const std::string& file : recording.files) {
+    text += wrapped("  " + file, "      ");
+  }
+  if (!recording.problem.empty()) {
+    text += wrapped("  not all could be written: " + recording.problem, "      ");
+  }
+  if (recording.activations_lost > 0) {
+    text += fmt::format("  {} activations are missing: they came too fast\n",
+                        recording.activations_lost);
+  }
+  return text + losses;
+}
+
 std::string results_text(const RunReport& report) {
   std::size_t columns = 0;
   for (const auto& [name, value] : report.results) {
@@ -555,6 +609,15 @@ RunReport make_report(const Application& application, Duration wall) {
   for (const auto& [name, topic] : application.topics().all()) {
     report.topics.push_back(report_topic(*topic, report.time_s));
   }
+  if (const record::Recorder* recorder = application.recorder()) {
+    RecordingReport& recording = report.recording.emplace();
+    for (const auto& file : recorder->files()) {
+      recording.files.push_back(file.string());
+    }
+    recording.problem = recorder->problem();
+    recording.activations_lost = recorder->activations_lost();
+    recording.topics = recorder->topics();
+  }
   return report;
 }
 
@@ -571,23 +634,31 @@ ordered_json to_json(const RunReport& report) {
   for (const auto& [name, value] : report.results) {
     results[name] = json_of(value);
   }
-  return {{"application", report.application},
-          {"clock", report.clock},
-          {"startup_ms", report.startup_ms ? number(*report.startup_ms) : ordered_json()},
-          {"time_s", number(report.time_s)},
-          {"wall_s", number(report.wall_s)},
-          {"cpu_s", number(report.cpu_s)},
-          {"rss_max_kib", report.rss_max_kib},
-          {"end", report.end},
-          {"components", components},
-          {"topics", topics},
-          {"results", results}};
+  ordered_json json = {
+      {"application", report.application},
+      {"clock", report.clock},
+      {"startup_ms", report.startup_ms ? number(*report.startup_ms) : ordered_json()},
+      {"time_s", number(report.time_s)},
+      {"wall_s", number(report.wall_s)},
+      {"cpu_s", number(report.cpu_s)},
+      {"rss_max_kib", report.rss_max_kib},
+      {"end", report.end},
+      {"components", components},
+      {"topics", topics},
+      {"results", results}};
+  if (report.recording) {
+    json["recording"] = json_of(*report.recording);
+  }
+  return json;
 }
 
 std::string to_table(const RunReport& report) {
   std::string text = head_text(report) + "\n" + components_text(report) + troubles_text(report);
   if (!report.topics.empty()) {
     text += "\n" + topics_text(report);
+  }
+  if (report.recording) {
+    text += "\n" + recording_text(*report.recording);
   }
   if (!report.results.empty()) {
     text += "\n" + results_text(report);

@@ -49,6 +49,14 @@ struct TopicReport {
   std::vector<SubscriberReport> subscribers = {};
 };
 
+/// What became of a recording.
+struct RecordingReport {
+  std::vector<std::string> files = {};
+  std::string problem = {};  ///< What went wrong with the files last; empty if nothing did.
+  std::uint64_t activations_lost = 0;
+  std::vector<record::RecordedTopic> topics = {};
+};
+
 /// What there is to say of a run: plain values, which outlive the application.
 ///
 /// @threads  Compatible.
@@ -64,6 +72,7 @@ struct RunReport {
   std::string end;  ///< Why the run ended.
   std::vector<ComponentReport> components;
   std::vector<TopicReport> topics;
+  std::optional<RecordingReport> recording;
   std::vector<std::pair<std::string, ReportValue>> results;
 };
 

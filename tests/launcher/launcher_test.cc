@@ -504,6 +504,45 @@ TEST_F(Launcher, SimulatedRunsAreEqualForAnyNumberOfWorkers) {
   }
 }
 
+TEST_F(Launcher, RecordsARunWithoutLoss) {
+  write_application({kCounter, kAdder});
+  const std::filesystem::path file = folder_ / "drive.mcap";
+  for (const std::vector<std::string>& clock :
+       {std::vector<std::string>{"--clock", "simulated"}, std::vector<std::string>{}}) {
+    std::filesystem::remove(file);
+    std::vector<std::string> words{"--for", "300ms", "--record", file.string()};
+    words.insert(words.end(), clock.begin(), clock.end());
+    ASSERT_EQ(run(words), 0) << errors_;
+
+    EXPECT_THAT(output_, HasSubstr("RECORDED"));
+    EXPECT_THAT(output_, HasSubstr("nothing lost"));
+    const json recording = report()["recording"];
+    EXPECT_EQ(recording["files"], json({file.string()})) << recording["problem"];
+    EXPECT_EQ(recording["activations_lost"], 0);
+    EXPECT_EQ(recording["topics"].size(), report()["topics"].size());
+    for (const auto& [name, topic] : report()["topics"].items()) {
+      EXPECT_EQ(recording["topics"][name]["recorded"], topic["published"]) << name;
+    }
+    EXPECT_GT(std::filesystem::file_size(file), 10'000U);
+  }
+}
+
+TEST_F(Launcher, RecordingDoesNotChangeASimulatedRun) {
+  write_application({kCounter, kAdder});
+  const std::vector<std::string> words{"--for", "1s", "--clock", "simulated"};
+  ASSERT_EQ(run(words), 0) << errors_;
+  const json without = without_what_the_machine_says(report());
+  auto recorded = words;
+  recorded.insert(recorded.end(), {"--record", (folder_ / "drive.mcap").string(),
+                                   "--record-compression", "zstd", "--record-topics", "numb*"});
+  ASSERT_EQ(run(recorded), 0) << errors_;
+  json with = without_what_the_machine_says(report());
+  EXPECT_EQ(with["recording"]["topics"].size(), 1U);
+  with.erase("recording");
+  EXPECT_EQ(with["results"], without["results"]);
+  EXPECT_EQ(with["components"], without["components"]);
+}
+
 TEST_F(Launcher, WhatTheMachineRefusesIsToldOnceAndFatalOnlyWhenStrict) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
            "serve_period_ms": 1, "executor": "far"})"},

@@ -15,6 +15,7 @@
 #include "host/component_library.h"
 #include "host/protection.h"
 #include "host/report.h"
+#include "mcap/compression.h"
 #include "progress_line.h"
 #include "report_file.h"
 #include "stop_signals.h"
@@ -32,6 +33,9 @@ struct RunOptions {
   bool is_debuggable = false;
   bool is_quiet = false;
   std::filesystem::path report;
+  std::filesystem::path record;
+  std::vector<std::string> record_topics;
+  std::string record_compression = "lz4";
 };
 
 constexpr unsigned kMaxWorkers = 64;
@@ -57,6 +61,14 @@ std::string find_wrong(const RunOptions& options) {
   if (options.rate && !(*options.rate >= 1e-3 && *options.rate <= 1e3)) {
     return "--rate wants a number from 0.001 to 1000";
   }
+  if (options.record_compression != "none" && options.record_compression != "lz4" &&
+      options.record_compression != "zstd") {
+    return "--record-compression is \"none\", \"lz4\" or \"zstd\", not \"" +
+           options.record_compression + "\"";
+  }
+  if (options.record.empty() && !options.record_topics.empty()) {
+    return "--record-topics says what --record FILE records, which is missing";
+  }
   if (options.workers && (*options.workers == 0 || *options.workers > kMaxWorkers)) {
     return "--workers wants a number from 1 to " + std::to_string(kMaxWorkers);
   }
@@ -67,6 +79,15 @@ host::ClockOptions clock_of(const RunOptions& options) {
   return {.is_simulated = options.clock == "simulated",
           .rate = options.rate.value_or(1.0),
           .workers = options.workers.value_or(0)};
+}
+
+record::RecorderOptions recorder_of(const RunOptions& options) {
+  record::RecorderOptions recorder;
+  recorder.recording.file = options.record;
+  recorder.filter.topics = options.record_topics;
+  const std::string& name = options.record_compression;
+  recorder.chunk.compression = mcap::find_compression(name == "none" ? "" : name).value();
+  return recorder;
 }
 
 /// Says, each thing once, what the machine refused.
@@ -117,6 +138,9 @@ int run_application(const config::ApplicationDescription& description, const Run
     application.request_end(host::EndReason::kRequested);
   });
 
+  if (!options.record.empty()) {
+    application.record(recorder_of(options));
+  }
   config::Problems problems;
   application.build(libraries, problems, host::ConstructorFault::kFault);
   if (problems.has_errors()) {
@@ -179,6 +203,7 @@ Command add_run(CLI::App& program) {
       "  fastcycle run app.json --for 10s --report run.json\n"
       "  fastcycle run app.json --set limiter.limit_mps=20 --overlay vehicle_17.json\n"
       "  fastcycle run app.json --clock simulated --var data=drives/0042\n"
+      "  fastcycle run app.json --record drive.mcap --record-topics 'control/*'\n"
       "\n"
       "The first Ctrl-C ends the run in order, with table and report; the second at once.\n"
       "Exit codes: 0 done, 1 the run failed, 2 a mistake (nothing was started), 130 ended at\n"
@@ -198,6 +223,14 @@ Command add_run(CLI::App& program) {
       ->type_name("N");
   line->add_option("--report", options->report, "Write a report of the run, as JSON")
       ->type_name("FILE");
+  line->add_option("--record", options->record, "Record all topics into an MCAP file")
+      ->type_name("FILE.mcap");
+  line->add_option("--record-topics", options->record_topics,
+                   "Record only these: control/*, camera/** (repeatable)")
+      ->type_name("PATTERN");
+  line->add_option("--record-compression", options->record_compression,
+                   "How chunks of the file are compressed (lz4)")
+      ->type_name("none|lz4|zstd");
   line->add_flag("--strict", options->is_strict,
                  "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
   line->add_flag("--quiet", options->is_quiet, "No progress line and no table");

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "base/clock.h"
+#include "config/description.h"
+#include "record/recorder.h"
+
+namespace fastcycle::host {
+
+/// What a log must say of the run that it is from, to be understood on another machine: the
+/// application with all values, the components by their numbers, the clock, and the machine.
+[[nodiscard]] record::Explanation explain(const config::ApplicationDescription& description,
+                                          const base::Clock& clock);
+
+}  // namespace fastcycle::host

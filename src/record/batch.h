@@ -1,0 +1,63 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "fastcycle/detail/envelope.h"
+#include "log/log.pb.h"
+#include "mcap/chunk_builder.h"
+#include "record/recorder.h"
+#include "record/serializer.h"
+
+namespace fastcycle::record {
+
+/// Messages on their way into one chunk of the file: either small ones, copied, or a single large
+/// one, which is held until it was written.
+///
+/// @threads  Confined; handed from the thread that fills it to the one that writes it.
+class Batch {
+ public:
+  explicit Batch(const mcap::ChunkOptions& options) : chunk(options) {}
+  Batch(const Batch&) = delete;
+  Batch& operator=(const Batch&) = delete;
+  ~Batch() { release(); }
+
+  /// Takes over the reference to `envelope`, whose bytes the chunk borrows; `count` is lowered when
+  /// it is let go.
+  void hold(detail::Envelope* envelope, std::atomic<std::size_t>& count) noexcept {
+    held_ = envelope;
+    count_ = &count;
+  }
+
+  /// Lets go of what was held. The chunk must be cleared before it is used again.
+  void release() noexcept {
+    if (held_ != nullptr) {
+      detail::release(std::exchange(held_, nullptr));
+      count_->fetch_sub(1, std::memory_order_release);
+    }
+  }
+
+  log::Activations& activations_of(std::size_t worker) {
+    while (activations.size() <= worker) {
+      activations.emplace_back().set_worker(static_cast<std::uint32_t>(activations.size() - 1));
+    }
+    return activations[worker];
+  }
+
+  mcap::ChunkBuilder chunk;
+  Serializer serializer;  ///< Of the message that is borrowed.
+  log::MessageInfos infos;
+  std::vector<log::Activations> activations;                  ///< By worker.
+  std::vector<StoredMessage> latched;                         ///< Of them, those of latched topics.
+  std::vector<std::pair<std::size_t, std::uint64_t>> counts;  ///< Messages, by topic.
+  std::int64_t began_ns = 0;                                  ///< CLOCK_MONOTONIC, first message.
+
+ private:
+  detail::Envelope* held_ = nullptr;
+  std::atomic<std::size_t>* count_ = nullptr;
+};
+
+}  // namespace fastcycle::record

@@ -1,0 +1,214 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "base/clock.h"
+#include "base/thread.h"
+#include "broker/topics.h"
+#include "executor/activation_ring.h"
+#include "mcap/compression.h"
+#include "record/recording.h"
+#include "record/serializer.h"
+#include "record/tap.h"
+#include "record/topic_filter.h"
+
+namespace fastcycle::record {
+
+class Batch;
+
+/// A message as it stands in a file.
+struct StoredMessage {
+  mcap::MessageHead head;
+  std::vector<std::byte> data;
+};
+
+/// How the messages of some topics are compressed.
+struct CompressionRule {
+  std::string pattern;  ///< See `matches`.
+  mcap::ChunkOptions chunk = {};
+};
+
+/// What is recorded, and where to.
+struct RecorderOptions {
+  Recording::Options recording = {};
+  TopicFilter filter = {};
+  mcap::ChunkOptions chunk = {.compression =
+                                  mcap::Compression::kLz4};  ///< Where no rule says else.
+  std::vector<CompressionRule> rules = {};                   ///< The first that matches counts.
+  std::uint64_t memory_bytes = std::uint64_t{256} << 20U;    ///< That may wait to be written.
+  bool records_activations = true;
+};
+
+/// What explains the log on another machine: written at the beginning of each file.
+struct Explanation {
+  std::map<std::string, std::string> facts = {};  ///< The metadata `fastcycle.run`.
+  std::string application = {};                   ///< JSON: the attachment `application.json`.
+};
+
+/// What became of one topic.
+struct RecordedTopic {
+  std::string topic;
+  std::uint64_t published = 0;
+  std::uint64_t recorded = 0;
+  std::uint64_t bytes = 0;     ///< Of the recorded messages, serialized.
+  std::uint64_t overflow = 0;  ///< Lost: written over in the queue before the recorder came.
+  std::uint64_t pool = 0;      ///< Lost: the publisher's pool was dry; nobody got them.
+  std::uint64_t memory = 0;    ///< Lost: more waited to be written than may.
+  std::uint64_t disk = 0;      ///< Lost: could not be written.
+
+  [[nodiscard]] std::uint64_t lost() const { return overflow + pool + memory + disk; }
+};
+
+/// Records messages and activations of a running application into MCAP files.
+///
+/// One thread takes the messages out of a tap every few milliseconds and puts them into chunks:
+/// small ones copied, large ones as they are. Another one compresses and writes. So a publisher
+/// pays for one more queue and for nothing else; and what the disk does not take at once waits, up
+/// to the memory that is allowed, beyond which it is lost and counted.
+///
+/// A chunk is written at the latest `kChunkAge` after its first message came: a crash of the
+/// process takes no more than that.
+///
+/// In simulated time nothing polls: `take` is called after each round, and waits where there is no
+/// room, so that nothing is lost.
+///
+/// @threads  Confined to the control thread; `take` to that of the simulation.
+class Recorder {
+ public:
+  static constexpr std::chrono::milliseconds kPoll{5};
+  static constexpr std::chrono::milliseconds kChunkAge{40};
+  static constexpr std::uint64_t kChunkBytes = std::uint64_t{1} << 20U;
+  static constexpr std::uint64_t kLargeBytes = std::uint64_t{128} << 10U;
+
+  Recorder(RecorderOptions options, const base::Clock& clock);
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+  ~Recorder();
+
+  /// Taps the topics that are wanted; before they are connected.
+  void tap(detail::Topics& topics);
+
+  /// Begins, once the topics are connected and before anything is published. If no file can be
+  /// made, `problem` says why; then everything is lost and counted, until one can be.
+  void start(Explanation explanation, std::vector<const detail::ActivationRing*> rings);
+
+  /// Takes what waits.
+  void take();
+
+  /// Records what is left, and ends the file. A second call does nothing.
+  void stop();
+
+  [[nodiscard]] std::vector<RecordedTopic> topics() const;
+  [[nodiscard]] std::uint64_t activations_lost() const { return activations_lost_; }
+  /// When stopped.
+  [[nodiscard]] const std::vector<std::filesystem::path>& files() const {
+    return recording_.files();
+  }
+  /// What went wrong with the files last; empty if nothing did. When stopped.
+  [[nodiscard]] const std::string& problem() const { return recording_.problem(); }
+
+ private:
+  /// What is counted of a topic, by both threads.
+  struct Topic {
+    std::string name;
+    std::atomic<std::uint64_t> recorded{0};
+    std::atomic<std::uint64_t> bytes{0};
+    std::atomic<std::uint64_t> memory{0};
+    std::atomic<std::uint64_t> disk{0};
+  };
+
+  /// One publisher of one topic.
+  struct Stream {
+    std::uint16_t channel = 0;
+    std::size_t topic = 0;
+    std::size_t open = 0;  ///< Which of `open_` its small messages go into.
+    bool is_latched = false;
+    std::size_t may_hold = 0;  ///< How many of its messages may be held at once.
+    std::atomic<std::size_t> held{0};
+  };
+
+  /// The last messages of a publisher whose topic is latched, as far as they are in a file.
+  struct Latched {
+    std::size_t count = 0;
+    std::deque<StoredMessage> last;
+  };
+
+  /// Small messages that are compressed alike.
+  struct Open {
+    mcap::ChunkOptions options;
+    std::unique_ptr<Batch> batch;
+  };
+
+  void define();
+  [[nodiscard]] std::size_t open_for(const std::string& topic);
+  void poll();
+  void take_message(const detail::Lane& lane, const detail::Lane::Head& head);
+  void add_small(Stream& stream, const mcap::MessageHead& head, const detail::Envelope& envelope);
+  void add_large(Stream& stream, const mcap::MessageHead& head, detail::Envelope* envelope);
+  void take_activations();
+  void note(Batch& batch, const Stream& stream, const detail::Envelope& envelope);
+  void add_own(Batch& batch, std::uint16_t channel, const google::protobuf::Message& message);
+  void hand_over(std::unique_ptr<Batch> batch);
+  void hand_over_what_is_due(bool all);
+  [[nodiscard]] std::unique_ptr<Batch> new_batch(const mcap::ChunkOptions& options);
+  [[nodiscard]] bool make_room(std::uint64_t bytes);
+  void set(bool& flag);
+  void write_batches();
+  void write(Batch& batch);
+  void explain(mcap::Writer& writer);
+  void conclude(mcap::Writer& writer);
+
+  // Constant once started.
+  const RecorderOptions options_;
+  const base::Clock& clock_;
+  Tap tap_{"recorder"};
+  Explanation explanation_;
+  std::vector<const detail::ActivationRing*> rings_;
+  std::vector<mcap::Schema> schemas_;
+  std::vector<mcap::Channel> channels_;
+  std::unordered_map<const detail::Lane*, std::unique_ptr<Stream>> streams_;
+  std::vector<std::unique_ptr<Topic>> topics_;
+
+  // The thread that takes.
+  std::vector<Open> open_;
+  Serializer serializer_;
+  std::vector<std::uint64_t> next_in_ring_;
+  std::vector<detail::ActivationRecord> activations_;
+  std::array<std::uint32_t, 3> own_sequences_{};  ///< By channel, of what is not a topic's.
+  std::atomic<std::uint64_t> activations_lost_{0};
+
+  // Between the two.
+  mutable std::mutex mutex_;
+  std::condition_variable came_;
+  std::condition_variable went_;
+  std::condition_variable ended_;
+  std::deque<std::unique_ptr<Batch>> batches_;
+  std::uint64_t waiting_bytes_ = 0;
+  bool stops_taking_ = false;
+  bool stops_writing_ = false;
+
+  // The thread that writes.
+  std::map<std::uint16_t, Latched> latched_;  ///< By channel.
+  Recording recording_;
+
+  bool is_started_ = false;
+  std::vector<base::Refusal> refusals_;
+  base::Thread writing_;
+  base::Thread polling_;
+};
+
+}  // namespace fastcycle::record

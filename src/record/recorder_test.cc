@@ -1,0 +1,233 @@
+#include "record/recorder.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
+
+#include "broker/topics.h"
+#include "log/log.pb.h"
+#include "mcap/reader.h"
+
+namespace fastcycle::record {
+namespace {
+
+using google::protobuf::BytesValue;
+using google::protobuf::Int64Value;
+
+/// A component that publishes on two topics, recorded into a folder that is gone afterwards.
+class Recorded : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name =
+        (std::filesystem::temp_directory_path() / "fastcycle_record_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+    owner_.name = "publisher";
+    owner_.clock = &clock_;
+    owner_.is_in_activation = true;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  template <typename T>
+  detail::PublisherCore& publisher(const std::string& topic) {
+    return topics_.add_publisher(topic, owner_, T::default_instance(), nullptr, false);
+  }
+
+  void start(RecorderOptions options) {
+    options.recording.file = folder_ / "drive.mcap";
+    recorder_.emplace(std::move(options), clock_);
+    recorder_->tap(topics_);
+    topics_.connect_all();
+    recorder_->start({.facts = {{"name", "test"}}, .application = "{}"}, {});
+  }
+
+  /// Waits until the file that is being written has what `has` asks for.
+  template <typename Has>
+  void wait_for_file(const Has& has) {
+    const std::int64_t end_ns = base::monotonic_ns() + 10'000'000'000;
+    bool is_there = false;
+    while (!is_there && base::monotonic_ns() < end_ns) {
+      for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+        const mcap::FileSource source(entry.path());
+        is_there = is_there || has(mcap::Reader(source));
+      }
+    }
+    EXPECT_TRUE(is_there);
+  }
+
+  template <typename T>
+  void publish(detail::PublisherCore& publisher, const decltype(T().value())& value) {
+    detail::Envelope* loan = publisher.loan(true);
+    static_cast<T&>(*loan->own).set_value(value);
+    publisher.publish(loan, {});
+  }
+
+  base::Clock clock_ = base::Clock::live();
+  detail::PublishingComponent owner_;
+  detail::Topics topics_;
+  std::filesystem::path folder_;
+  std::optional<Recorder> recorder_;
+};
+
+TEST_F(Recorded, HasEveryMessageWithItsSequenceAndTime) {
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  detail::PublisherCore& images = publisher<BytesValue>("images");
+  start({});
+  for (int i = 1; i <= 300; ++i) {
+    publish<Int64Value>(numbers, i);
+    if (i % 30 == 0) {
+      publish<BytesValue>(images, std::string(1'000'000, static_cast<char>('a' + i % 26)));
+    }
+  }
+  recorder_->stop();
+
+  ASSERT_EQ(recorder_->files(), std::vector{folder_ / "drive.mcap"}) << recorder_->problem();
+  const mcap::FileSource source(folder_ / "drive.mcap");
+  const mcap::Reader reader(source);
+  EXPECT_FALSE(reader.problem());
+  std::int64_t next = 1;
+  int images_seen = 0;
+  mcap::MessageReader messages = reader.messages({.topics = {"numbers", "images"}});
+  while (const std::optional<mcap::StoredMessage> message = messages.next()) {
+    const std::string_view bytes = mcap::text_of(message->data);
+    if (message->channel->topic == "images") {
+      BytesValue image;
+      ASSERT_TRUE(image.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())));
+      EXPECT_EQ(image.value().size(), 1'000'000U);
+      EXPECT_EQ(message->sequence, static_cast<std::uint32_t>(++images_seen));
+      continue;
+    }
+    Int64Value number;
+    ASSERT_TRUE(number.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())));
+    EXPECT_EQ(number.value(), next);
+    EXPECT_EQ(message->sequence, static_cast<std::uint32_t>(next++));
+    EXPECT_EQ(message->channel->metadata.at("publisher"), "publisher");
+  }
+  EXPECT_EQ(next, 301);
+  EXPECT_EQ(images_seen, 10);
+  for (const RecordedTopic& topic : recorder_->topics()) {
+    EXPECT_EQ(topic.published, topic.recorded + topic.lost()) << topic.topic;
+    EXPECT_EQ(topic.lost(), 0U) << topic.topic;
+  }
+}
+
+/// All messages of `topic` in `file`, as numbers.
+std::vector<std::int64_t> numbers_in(const std::filesystem::path& file, const std::string& topic) {
+  const mcap::FileSource source(file);
+  const mcap::Reader reader(source);
+  EXPECT_FALSE(reader.problem());
+  std::vector<std::int64_t> numbers;
+  mcap::MessageReader messages = reader.messages({.topics = {topic}});
+  while (const std::optional<mcap::StoredMessage> message = messages.next()) {
+    const std::string_view bytes = mcap::text_of(message->data);
+    Int64Value number;
+    EXPECT_TRUE(number.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())));
+    numbers.push_back(number.value());
+  }
+  return numbers;
+}
+
+TEST_F(Recorded, SplitFilesHaveEveryMessageOnceAndWhatIsLatchedInEach) {
+  topics_.set_options("map", {.latched = 1});
+  detail::PublisherCore& map = publisher<Int64Value>("map");
+  detail::PublisherCore& images = publisher<BytesValue>("images");
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  RecorderOptions options;
+  options.chunk.compression = mcap::Compression::kNone;
+  options.recording.splitting.bytes = 3'000'000;
+  start(options);
+  publish<Int64Value>(map, 7);
+  wait_for_file([&](const mcap::Reader& reader) {
+    return reader.messages({.topics = {"map"}}).next().has_value();
+  });
+  for (int i = 1; i <= 20; ++i) {
+    publish<Int64Value>(numbers, i);
+    publish<BytesValue>(images, std::string(500'000, 'x'));
+    recorder_->take();
+  }
+  recorder_->stop();
+
+  const std::vector<std::filesystem::path> files = recorder_->files();
+  ASSERT_GE(files.size(), 4U) << recorder_->problem();
+  EXPECT_EQ(files[0], folder_ / "drive_0001.mcap");
+  EXPECT_EQ(files[1], folder_ / "drive_0002.mcap");
+  std::vector<std::int64_t> all;
+  for (const auto& file : files) {
+    EXPECT_LT(std::filesystem::file_size(file), 3'100'000U);
+    EXPECT_EQ(numbers_in(file, "map"), std::vector<std::int64_t>{7}) << file;
+    const std::vector<std::int64_t> some = numbers_in(file, "numbers");
+    all.insert(all.end(), some.begin(), some.end());
+  }
+  std::ranges::sort(all);
+  std::vector<std::int64_t> wanted(20);
+  std::iota(wanted.begin(), wanted.end(), 1);
+  EXPECT_EQ(all, wanted);
+}
+
+TEST_F(Recorded, AFileThatIsThereIsLeftAlone) {
+  std::ofstream(folder_ / "drive.mcap") << "precious";
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  start({});
+  publish<Int64Value>(numbers, 1);
+  recorder_->stop();
+
+  EXPECT_EQ(std::filesystem::file_size(folder_ / "drive.mcap"), 8U);
+  ASSERT_EQ(recorder_->files(), std::vector{folder_ / "drive_0002.mcap"});
+  EXPECT_EQ(numbers_in(recorder_->files()[0], "numbers"), std::vector<std::int64_t>{1});
+}
+
+TEST_F(Recorded, WhatCannotBeWrittenIsCounted) {
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  std::filesystem::remove_all(folder_);
+  start({});
+  for (int i = 1; i <= 100; ++i) {
+    publish<Int64Value>(numbers, i);
+  }
+  recorder_->stop();
+
+  EXPECT_TRUE(recorder_->files().empty());
+  EXPECT_NE(recorder_->problem().find("drive.mcap"), std::string::npos) << recorder_->problem();
+  ASSERT_EQ(recorder_->topics().size(), 1U);
+  const RecordedTopic topic = recorder_->topics()[0];
+  EXPECT_EQ(topic.published, 100U);
+  EXPECT_EQ(topic.recorded, 0U);
+  EXPECT_EQ(topic.lost(), 100U);
+}
+
+TEST_F(Recorded, RecordsNoMoreThanIsWanted) {
+  detail::PublisherCore& numbers = publisher<Int64Value>("control/speed");
+  detail::PublisherCore& others = publisher<Int64Value>("camera/front");
+  RecorderOptions options;
+  options.filter.topics = {"control/*"};
+  start(options);
+  publish<Int64Value>(numbers, 1);
+  publish<Int64Value>(others, 2);
+  recorder_->stop();
+
+  ASSERT_EQ(recorder_->topics().size(), 1U);
+  EXPECT_EQ(recorder_->topics()[0].topic, "control/speed");
+  EXPECT_EQ(recorder_->topics()[0].recorded, 1U);
+}
+
+// A crash takes nothing that came more than the age of a chunk before it.
+TEST_F(Recorded, WhatWasTakenIsInTheFileSoonAlsoIfItIsNeverClosed) {
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  start({});
+  publish<Int64Value>(numbers, 1);
+  wait_for_file([&](const mcap::Reader& reader) {
+    return reader.messages({.topics = {"numbers"}}).next().has_value();
+  });
+  recorder_->stop();
+}
+
+}  // namespace
+}  // namespace fastcycle::record

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <google/protobuf/io/zero_copy_stream.h>
+
+#include "mcap/records.h"
+
+namespace google::protobuf {
+class Message;
+}
+
+namespace fastcycle::record {
+
+/// Serializes messages without copying their large fields: a camera image stays where it is, and
+/// only the few bytes around it are written.
+///
+/// @threads  Confined.
+class Serializer {
+ public:
+  /// The bytes of `message`, one part after the other; valid until the next call, and as long as
+  /// `message` is as it is.
+  ///
+  /// @errors  `std::length_error` for a message of 2 GiB or more, which protobuf cannot hold.
+  [[nodiscard]] std::span<const mcap::Bytes> serialize(const google::protobuf::Message& message);
+
+  /// Of what `serialize` gave last, in bytes.
+  [[nodiscard]] std::uint64_t size() const { return size_; }
+
+ private:
+  /// What protobuf writes to: own memory for what is small, and runs of the message's own.
+  class Parts final : public google::protobuf::io::ZeroCopyOutputStream {
+   public:
+    void clear();
+    void gather(std::vector<mcap::Bytes>& parts) const;
+
+    bool Next(void** data, int* size) override;
+    void BackUp(int count) override;
+    [[nodiscard]] std::int64_t ByteCount() const override {
+      return static_cast<std::int64_t>(borrowed_size_ + own_.size());
+    }
+    bool WriteAliasedRaw(const void* data, int size) override;
+    [[nodiscard]] bool AllowsAliasing() const override { return true; }
+
+   private:
+    static constexpr std::size_t kBlock = 512;
+
+    /// Borrowed bytes that stand where `own_` had `after` bytes.
+    struct Run {
+      std::size_t after = 0;
+      mcap::Bytes bytes;
+    };
+
+    std::vector<std::byte> own_;
+    std::vector<Run> runs_;
+    std::size_t borrowed_size_ = 0;
+  };
+
+  Parts stream_;
+  std::vector<mcap::Bytes> parts_;
+  std::uint64_t size_ = 0;
+};
+
+}  // namespace fastcycle::record

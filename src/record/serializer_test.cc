@@ -1,0 +1,65 @@
+#include "record/serializer.h"
+
+#include <string>
+
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
+
+#include "record/descriptor_set.h"
+
+namespace fastcycle::record {
+namespace {
+
+std::string joined(std::span<const mcap::Bytes> parts) {
+  std::string all;
+  for (const mcap::Bytes& part : parts) {
+    all += mcap::text_of(part);
+  }
+  return all;
+}
+
+TEST(Serializer, GivesTheBytesThatProtobufGives) {
+  Serializer serializer;
+  for (const std::size_t size : {0UL, 1UL, 100UL, 511UL, 512UL, 513UL, 5'000UL, 4'000'000UL}) {
+    google::protobuf::BytesValue message;
+    message.set_value(std::string(size, 'x'));
+    EXPECT_EQ(joined(serializer.serialize(message)), message.SerializeAsString()) << size;
+    EXPECT_EQ(serializer.size(), message.ByteSizeLong());
+  }
+  google::protobuf::FileDescriptorProto many;
+  many.set_name("demo/many.proto");
+  for (int i = 0; i < 1000; ++i) {
+    many.add_message_type()->set_name("Message" + std::to_string(i));
+  }
+  EXPECT_EQ(joined(serializer.serialize(many)), many.SerializeAsString());
+}
+
+TEST(Serializer, CopiesNoLargeField) {
+  google::protobuf::BytesValue image;
+  image.set_value(std::string(1'000'000, 'x'));
+  Serializer serializer;
+  bool is_borrowed = false;
+  for (const mcap::Bytes& part : serializer.serialize(image)) {
+    is_borrowed |= reinterpret_cast<const char*>(part.data()) == image.value().data() &&
+                   part.size() == image.value().size();
+  }
+  EXPECT_TRUE(is_borrowed);
+}
+
+TEST(DescriptorSet, HasAllThatATypeNeedsAfterWhatThatNeeds) {
+  google::protobuf::FileDescriptorSet set;
+  ASSERT_TRUE(
+      set.ParseFromString(descriptor_set_of(*google::protobuf::FileDescriptorSet::descriptor())));
+  ASSERT_EQ(set.file_size(), 1);
+
+  google::protobuf::DescriptorPool elsewhere;
+  for (const auto& file : set.file()) {
+    ASSERT_NE(elsewhere.BuildFile(file), nullptr);
+  }
+  EXPECT_NE(elsewhere.FindMessageTypeByName("google.protobuf.FileDescriptorSet"), nullptr);
+}
+
+}  // namespace
+}  // namespace fastcycle::record
