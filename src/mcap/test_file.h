@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <optional>
+#include <ostream>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -19,6 +20,15 @@
 
 /// A small language for tests: files as strings, records as lines of text.
 namespace fastcycle::mcap {
+
+/// What names of tests show of options; bytes of them would include what was never written.
+inline void PrintTo(const WriterOptions& options, std::ostream* stream) {
+  const std::string_view name = name_of(options.chunk.compression);
+  *stream << (!options.chunked ? "unchunked"
+              : name.empty()   ? "uncompressed"
+                               : name)
+          << (options.chunk_index ? "" : ", without chunk index");
+}
 
 inline const Schema kSpeedSchema{
     .id = 1, .name = "demo.Speed", .encoding = "protobuf", .data = std::string("\x0a\x00\xff", 3)};
