@@ -519,8 +519,9 @@ TEST_F(Launcher, RecordsARunWithoutLoss) {
     const json recording = report()["recording"];
     EXPECT_EQ(recording["files"], json({file.string()})) << recording["problem"];
     EXPECT_EQ(recording["activations_lost"], 0);
-    EXPECT_EQ(recording["topics"].size(), report()["topics"].size());
-    for (const auto& [name, topic] : report()["topics"].items()) {
+    const json topics = report()["topics"];
+    EXPECT_EQ(recording["topics"].size(), topics.size());
+    for (const auto& [name, topic] : topics.items()) {
       EXPECT_EQ(recording["topics"][name]["recorded"], topic["published"]) << name;
     }
     EXPECT_GT(std::filesystem::file_size(file), 10'000U);
