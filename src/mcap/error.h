@@ -10,10 +10,10 @@ namespace fastcycle::mcap {
 
 /// A place in a file.
 struct Place {
-  std::string file;                               ///< The name that the source or sink gives it.
-  std::uint64_t offset = 0;                       ///< Of a record, or of what should be one.
-  std::optional<std::uint64_t> offset_in_chunk{}; /**< In the uncompressed records of the chunk that
-                                                       stands at `offset`. */
+  std::string file;          ///< The name that the source or sink gives it.
+  std::uint64_t offset = 0;  ///< Of a record, or of what should be one.
+  /// In the uncompressed records of the chunk that stands at `offset`.
+  std::optional<std::uint64_t> offset_in_chunk{};
 };
 
 /// What is wrong with a file.

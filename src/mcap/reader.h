@@ -38,7 +38,8 @@ struct StoredMessage : Message {
 ///
 /// A file without a summary, or with one that lacks what is needed, is read once from its beginning
 /// to its end (`was_scanned()`), which checks everything that `RecordReader` checks. This is also
-/// how a file is read that was not closed; `problem()` then says where it ends.
+/// how a file is read that was not closed; `problem()` then says where it ends. With
+/// `ReadOptions::use_summary` off, a file whose summary is damaged can be read in this way.
 ///
 /// By the summary, only the parts that are asked for are read and checked: a whole check of a file
 /// is one by `RecordReader`.
@@ -50,9 +51,8 @@ class Reader {
  public:
   /// `source` has to live as long as this.
   ///
-  /// @errors  `Damage` if something before the end of the data section is wrong, or in a summary
-  /// that
-  ///          has to be used. `Error` if the source cannot be read.
+  /// @errors  `Damage` if a summary that is used is wrong, or, in a scan, something before the end
+  ///          of the data section. `Error` if the source cannot be read.
   explicit Reader(const Source& source, ReadOptions options = {});
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
@@ -64,7 +64,7 @@ class Reader {
 
   [[nodiscard]] const Header& header() const { return header_; }
   [[nodiscard]] const Definitions& definitions() const { return definitions_; }
-  /// Those of the file, or what a scan counted. None if a file that was not scanned has none.
+  /// Those of the file, or what a scan counted: always there.
   [[nodiscard]] const std::optional<Statistics>& statistics() const { return statistics_; }
 
   [[nodiscard]] const std::vector<AttachmentIndex>& attachments() const { return attachments_; }

@@ -22,10 +22,10 @@ struct WriterOptions {
   std::string profile = {};  ///< Of the header.
   std::string library = {};  ///< Of the header.
 
-  bool chunked = true;                                 ///< Messages stand in chunks.
-  std::uint64_t chunk_bytes = std::uint64_t{1} << 20U; /**< A chunk grows to this, uncompressed; a
-                                                            larger message has one of its own. */
-  ChunkOptions chunk = {};                             ///< Of the writer's own chunks.
+  bool chunked = true;  ///< Messages stand in chunks.
+  /// A chunk grows to this, uncompressed; a larger message has one of its own.
+  std::uint64_t chunk_bytes = std::uint64_t{1} << 20U;
+  ChunkOptions chunk = {};    ///< Of the writer's own chunks.
   bool message_index = true;  ///< After each chunk: where its messages are.
 
   bool attachment_crc = true;
