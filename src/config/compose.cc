@@ -31,7 +31,7 @@ Value empty_tree(const Value& file) {
   for (const std::string_view key : {"library_path", "executors"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
   }
-  for (const std::string_view key : {"topics", "shared_params"}) {
+  for (const std::string_view key : {"topics", "shared_params", "record"}) {
     tree.set(key, Value::object_at(file));
   }
   tree.set("components", Value(Value::Array{}, file.origin()));
@@ -204,6 +204,10 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
     add_topic(tree, placed(name_space == nullptr ? "" : name_space->as_string(), name), topic);
   }
   add_shared_params(tree, part);
+  if (const Value& record = part["record"]; record.size() > 0) {
+    problems_.add(mistake(record.place(),
+                          "an included file cannot say what is recorded, only the one that is run"));
+  }
 }
 
 // Two included files may share a param only if they agree; there is no order that a reader would
@@ -250,8 +254,10 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       add_component(tree, component, variables);
     }
   }
-  if (const Value* shared = find_object(file, "shared_params")) {
-    merge(*tree.find("shared_params"), *shared, problems_);
+  for (const std::string_view key : {"shared_params", "record"}) {
+    if (const Value* own = find_object(file, key)) {
+      merge(*tree.find(key), *own, problems_);
+    }
   }
 }
 
@@ -316,7 +322,7 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       }
     } else if (key == "topics") {
       apply_overlay_topics(tree, value);
-    } else if (key == "shared_params") {
+    } else if (key == "shared_params" || key == "record") {
       merge(*tree.find(key), value, problems_);
     } else if (key == "name" || key == "on_fault" || key == "library_path") {
       tree.set(key, value);

@@ -58,6 +58,15 @@ std::optional<std::chrono::nanoseconds> find_ms(const Value& object, std::string
   return std::chrono::nanoseconds(std::llround(value->as_double() * 1e6));
 }
 
+std::optional<std::chrono::nanoseconds> find_s(const Value& object, std::string_view key) {
+  constexpr double kMaxS = 86'400;  // The schema's limit.
+  const Value* value = object.find(key);
+  if (value == nullptr || !value->is_number() || !(std::abs(value->as_double()) <= kMaxS)) {
+    return std::nullopt;
+  }
+  return std::chrono::nanoseconds(std::llround(value->as_double() * 1e9));
+}
+
 ExecutorDescription describe_executor(const Value& value) {
   ExecutorDescription executor;
   executor.name = text_of(value, "name");
@@ -158,6 +167,56 @@ void describe_library_path(const Value& tree, ApplicationDescription& applicatio
   }
 }
 
+void read_texts(const Value& object, std::string_view key, std::vector<std::string>& result) {
+  if (const Value* texts = find_array(object, key)) {
+    for (const Value& text : texts->items()) {
+      if (text.is_string()) {
+        result.push_back(text.as_string());
+      }
+    }
+  }
+}
+
+std::optional<Compression> find_compression(const Value& object, std::string_view key) {
+  return find_word(object, key,
+                   std::array{Compression::kNone, Compression::kLz4, Compression::kZstd});
+}
+
+void read_mb(const Value& object, std::string_view key, std::uint64_t& result) {
+  constexpr double kMaxMb = 1e9;  // The schema's limit.
+  const Value* value = object.find(key);
+  if (value != nullptr && value->is_number() && value->as_double() >= 0 &&
+      value->as_double() <= kMaxMb) {
+    result = static_cast<std::uint64_t>(std::llround(value->as_double() * 1e6));
+  }
+}
+
+RecordDescription describe_record(const Value& value) {
+  RecordDescription record;
+  record.place = value.place();
+  if (const Value* file = find_string(value, "file")) {
+    record.file = file->as_path();
+  }
+  read_texts(value, "topics", record.topics);
+  read_texts(value, "except", record.except);
+  record.compression = find_compression(value, "compression").value_or(record.compression);
+  if (const Value* rules = find_object(value, "compression_by_topic")) {
+    for (const auto& [pattern, rule] : rules->members()) {
+      if (const auto compression = find_compression(*rules, pattern)) {
+        record.compression_by_topic.emplace_back(pattern, *compression);
+      }
+    }
+  }
+  read_mb(value, "split_mb", record.split_bytes);
+  if (const auto split_s = find_s(value, "split_s")) {
+    record.split_time = *split_s;
+  }
+  record.sync_interval = find_ms(value, "sync_ms").value_or(record.sync_interval);
+  read_mb(value, "memory_mb", record.memory_bytes);
+  read_bool(value, "activations", record.has_activations);
+  return record;
+}
+
 }  // namespace
 
 ApplicationDescription describe(const Value& tree) {
@@ -184,6 +243,9 @@ ApplicationDescription describe(const Value& tree) {
   }
   const Value* shared = find_object(tree, "shared_params");
   application.shared_params = shared == nullptr ? Value::object_at(tree) : *shared;
+  if (const Value* record = find_object(tree, "record")) {
+    application.record = describe_record(*record);
+  }
   application.effective = tree;
   return application;
 }

@@ -48,6 +48,18 @@ std::string_view to_string(Wait wait) {
   return "";
 }
 
+std::string_view to_string(Compression compression) {
+  switch (compression) {
+    case Compression::kNone:
+      return "none";
+    case Compression::kLz4:
+      return "lz4";
+    case Compression::kZstd:
+      return "zstd";
+  }
+  return "";
+}
+
 std::string_view to_string(Overflow overflow) {
   switch (overflow) {
     case Overflow::kDropOldest:

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "config/value.h"
@@ -35,6 +36,25 @@ enum class Wait : std::uint8_t {
 enum class Overflow : std::uint8_t {
   kDropOldest,  ///< For state: only the newest matters.
   kDropNewest,  ///< For events: what came first is kept.
+};
+
+/// How a recording is compressed.
+enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
+
+/// What is recorded, and where to.
+struct RecordDescription {
+  std::filesystem::path file;
+  std::vector<std::string> topics;  ///< Patterns, see `record::matches`; empty: all.
+  std::vector<std::string> except;  ///< Patterns of topics that are not recorded.
+  Compression compression = Compression::kLz4;
+  /// For topics that the pattern means; the first that does counts.
+  std::vector<std::pair<std::string, Compression>> compression_by_topic;
+  std::uint64_t split_bytes = 0;                         ///< 0: not by size.
+  std::chrono::nanoseconds split_time{0};                ///< 0: not by time.
+  std::chrono::nanoseconds sync_interval{1'000'000'000}; ///< 0: only at the end of a file.
+  std::uint64_t memory_bytes = 256'000'000;              ///< That may wait to be written.
+  bool has_activations = true;
+  Place place;
 };
 
 /// A pool of workers that serves components.
@@ -100,6 +120,7 @@ struct ApplicationDescription {
   std::vector<TopicDescription> topics;
   std::vector<ComponentDescription> components;  ///< Included ones first, then in file order.
   Value shared_params;                           ///< Always an object.
+  std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   OnFault on_fault = OnFault::kStopComponent;    ///< The default of its components.
   Place place;
   Value effective;  ///< The tree that all of this was read from; what `print` shows.
@@ -120,5 +141,6 @@ struct ApplicationDescription {
 [[nodiscard]] std::string_view to_string(Policy policy);
 [[nodiscard]] std::string_view to_string(Wait wait);
 [[nodiscard]] std::string_view to_string(Overflow overflow);
+[[nodiscard]] std::string_view to_string(Compression compression);
 
 }  // namespace fastcycle::config

@@ -65,6 +65,13 @@ class Executors : public ::testing::Test {
 
   static void publish(PublisherCore& publisher) { publisher.publish(publisher.loan(true), {}); }
 
+  /// Returns when the clock shows more than `time`.
+  void pass(Time time) const {
+    while (clock_.now() <= time) {
+      std::this_thread::yield();
+    }
+  }
+
   /// Waits for what must happen, and gives up where a test would otherwise hang.
   template <typename Condition>
   static bool wait_for(const Condition& condition) {
@@ -208,8 +215,10 @@ TEST_F(Executors, WhatComesWhileAFaultIsHandledIsServedInOrderAndInItsTime) {
     order += 't';
     ++served;
   });
+  Time due;
   subscribe(actor, "fault", [&] {
-    actor.arm(timer, clock_.now() + 1ms);
+    due = clock_.now() + 1ms;
+    actor.arm(timer, due);
     throw std::runtime_error("on purpose");
   });
   subscribe(actor, "m", [&] {
@@ -219,9 +228,9 @@ TEST_F(Executors, WhatComesWhileAFaultIsHandledIsServedInOrderAndInItsTime) {
   });
   actor.handling = [&] {
     // The timer is due, then the message comes, then the fault is handled.
-    std::this_thread::sleep_for(2ms);
+    pass(due);
     publish(to_actor);
-    std::this_thread::sleep_for(2ms);
+    pass(clock_.now() + 1ms);
     handled = clock_.now();
   };
   PublishingComponent elsewhere;
@@ -258,11 +267,12 @@ TEST_F(Executors, AMessageDoesNotOvertakeATickThatWasDueBeforeIt) {
   PublisherCore& to_actor = publisher("m", owner_);
   start();
 
+  const Time due = clock_.now() + 1ms;
   actor.post_and_tell(
-      Cause::kMode, [&] { actor.arm(timer, clock_.now() + 1ms); },
+      Cause::kMode, [&] { actor.arm(timer, due); },
       [&] {
         // Between two activations, as if the worker had been preempted there.
-        std::this_thread::sleep_for(2ms);
+        pass(due);
         publish(to_actor);
       });
   ASSERT_TRUE(wait_for([&] { return served == 2; }));
@@ -299,7 +309,7 @@ TEST_F(Executors, AViewShowsNothingFromTheFuture) {
       [&] {
         // Between two activations, as if the worker had been preempted there.
         publish(to_actor);
-        std::this_thread::sleep_for(1ms);
+        pass(clock_.now());
         publish(to_view);
       });
   ASSERT_TRUE(wait_for([&] { return served == 1; }));

@@ -130,8 +130,9 @@ bool Simulation::run_round() {
     turn.actor->hand_over_stage();
   }
   run_jobs();
+  const std::uint32_t step = step_++;
   if (after_round) {
-    after_round();
+    after_round(step);
   }
   return true;
 }
@@ -236,6 +237,13 @@ bool Simulation::wait_for_change(std::uint64_t seen, bool may_end) {
   return true;
 }
 
+void Simulation::advance(Time time) noexcept {
+  if (time > clock_.now()) {
+    clock_.set_simulated(time);
+    step_ = 0;
+  }
+}
+
 Simulation::End Simulation::run_until(Time limit) {
   std::uint64_t rounds_at_once = 0;
   for (;;) {
@@ -262,10 +270,10 @@ Simulation::End Simulation::run_until(Time limit) {
       return End::kIdle;
     }
     if (next_ns > base::to_ns(limit)) {
-      clock_.set_simulated(limit);
+      advance(limit);
       return End::kReached;
     }
-    clock_.set_simulated(std::max(base::from_ns(next_ns), clock_.now()));
+    advance(base::from_ns(next_ns));
   }
 }
 

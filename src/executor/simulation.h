@@ -38,8 +38,8 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void add(Actor& actor);
 
   /// Called, if it is set, when a round is over and all that it published was handed over: for who
-  /// watches without being a component.
-  std::function<void()> after_round;
+  /// watches without being a component. `step` is the round's place in its moment.
+  std::function<void(std::uint32_t step)> after_round;
 
   /// Serves everything up to `limit`, and moves the clock there.
   End run_until(Time limit);
@@ -51,6 +51,9 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   /// Ends `run_until` after the present round; `clear_interrupt` allows the next one.
   void interrupt() noexcept;
   void clear_interrupt() noexcept { is_interrupted_.store(false); }
+
+  /// The next round's place among those of the present moment, from 0.
+  [[nodiscard]] std::uint32_t step() const noexcept { return step_; }
 
   void hold() noexcept;
   void let_go() noexcept;
@@ -97,12 +100,14 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void serve_shared(unsigned worker);
   void run_jobs();
   void take_external();
+  void advance(Time time) noexcept;
   [[nodiscard]] std::int64_t next_due_ns() const noexcept;
   [[nodiscard]] std::uint64_t changes();
   /// Waits until something came from outside since `seen`; false if nothing has to be waited for.
   [[nodiscard]] bool wait_for_change(std::uint64_t seen, bool may_end);
 
   base::Clock& clock_;
+  std::uint32_t step_ = 0;
   std::vector<Actor*> actors_;
   std::vector<std::unique_ptr<ActivationRing>> rings_;
 

@@ -10,6 +10,7 @@
 #include "config/nearest.h"
 #include "config/params.h"
 #include "host/explanation.h"
+#include "host/recording.h"
 
 namespace fastcycle::host {
 
@@ -178,6 +179,9 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   if (is_complete) {
     config::check_shared(description_.shared_params, declared, problems);
     add_conflicts(problems);
+    if (const auto& record = recorded_ ? recorded_ : description_.record) {
+      check_patterns(*record, topics_, problems);
+    }
   }
   if (problems.has_errors()) {
     return;
@@ -309,8 +313,12 @@ std::vector<base::Refusal> Application::start() {
   return refusals_;
 }
 
-void Application::record(record::RecorderOptions options) {
-  recorder_ = std::make_unique<record::Recorder>(std::move(options), clock_);
+void Application::record(const config::RecordDescription& description) {
+  recorded_ = description;
+  recorder_ = std::make_unique<record::Recorder>(recorder_options(description), clock_);
+  recorder_->on_trouble = [this](const std::string& text) {
+    log(LogLevel::kError, "recorder", text);
+  };
 }
 
 void Application::start_recorder() {
@@ -322,12 +330,16 @@ void Application::start_recorder() {
   };
   if (simulation_ != nullptr) {
     add_rings(*simulation_);
-    simulation_->after_round = [this] { recorder_->take(); };
+    simulation_->after_round = [this](std::uint32_t step) { recorder_->take(step); };
   }
   for (const auto& executor : executors_) {
     add_rings(*executor);
   }
-  recorder_->start(explain(description_, clock_), std::move(rings));
+  if (!recorder_->start(explain(description_, clock_), std::move(rings))) {
+    refusals_.push_back(
+        {.what = "recording: " + recorder_->problem(),
+         .remedy = "what is published is lost and counted; a file is tried again every second"});
+  }
 }
 
 void Application::start_threads() {
@@ -645,7 +657,8 @@ void Application::stop() {
     executor->stop();
   }
   if (recorder_ != nullptr) {
-    recorder_->stop();
+    recorder_->stop({{"time_ns", std::to_string(base::to_ns(end_time_))},
+                     {"reason", to_word(end_reason())}});
   }
   for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
     (*component)->close(detail::DropReason::kShutdown);

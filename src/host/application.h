@@ -82,8 +82,8 @@ class Application {
   Application& operator=(const Application&) = delete;
   ~Application();
 
-  /// Records what is published, from `start` to `stop`. Before `build`.
-  void record(record::RecorderOptions options);
+  /// Records what is published, from `start` to `stop`. Before `build`, or within a constructor.
+  void record(const config::RecordDescription& description);
   /// Who records; null if nobody does.
   [[nodiscard]] const record::Recorder* recorder() const { return recorder_.get(); }
 
@@ -186,6 +186,7 @@ class Application {
   std::vector<std::unique_ptr<detail::ComponentCore>> components_;
   std::vector<std::unique_ptr<detail::Executor>> executors_;
   std::unique_ptr<detail::Simulation> simulation_;
+  std::optional<config::RecordDescription> recorded_;
   std::unique_ptr<record::Recorder> recorder_;
   std::vector<base::Refusal> refusals_;
   std::vector<base::Thread> threads_;

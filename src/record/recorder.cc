@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
@@ -19,6 +20,7 @@ namespace {
 constexpr std::uint16_t kActivationsChannel = 1;
 constexpr std::uint16_t kInfosChannel = 2;
 constexpr int kActivationsAtOnce = 4096;
+constexpr std::uint32_t kUsualStep = 1;  // Where the messages of timers come.
 constexpr const char* kActivationsTopic = "fastcycle/activations";
 constexpr const char* kInfosTopic = "fastcycle/message_infos";
 
@@ -48,6 +50,25 @@ std::vector<std::byte> copy_of(std::span<const mcap::Bytes> parts) {
     bytes.insert(bytes.end(), part.begin(), part.end());
   }
   return bytes;
+}
+
+/// What a message record has no place for; nothing if that is as usual.
+std::optional<log::MessageInfo> describe(const MessageInfo& message, std::uint32_t step) {
+  const Duration age = message.publish_time - message.origin.taken;
+  const bool is_root = message.origin.root == message.publisher;
+  const bool is_long = message.sequence > std::numeric_limits<std::uint32_t>::max();
+  if (age == Duration(0) && is_root && !message.origin.held && step == kUsualStep && !is_long) {
+    return std::nullopt;
+  }
+  log::MessageInfo info;
+  info.set_sequence(message.sequence);
+  info.set_age_ns(age.count());
+  info.set_root(is_root ? 0 : message.origin.root);
+  info.set_held(message.origin.held);
+  if (step != kUsualStep) {
+    info.set_step(step);
+  }
+  return info;
 }
 
 log::Activation to_message(const detail::ActivationRecord& record) {
@@ -154,6 +175,7 @@ void Recorder::define() {
       stream->is_latched = true;
       latched_[stream->channel].count = topic.options.latched;
     }
+    stream->is_external = lane->options.is_external;
     stream->may_hold = lane->subscription.keep;
     add_channel(stream->channel, topic.name, *(*publisher)->default_instance.GetDescriptor(),
                 {{"publisher", (*publisher)->owner.name},
@@ -162,18 +184,20 @@ void Recorder::define() {
   }
 }
 
-void Recorder::start(Explanation explanation, std::vector<const detail::ActivationRing*> rings) {
+bool Recorder::start(Explanation explanation, std::vector<const detail::ActivationRing*> rings) {
   explanation_ = std::move(explanation);
   rings_ = std::move(rings);
   next_in_ring_.assign(rings_.size(), 0);
   define();
-  static_cast<void>(recording_.open());
+  const bool is_open = recording_.open();
+  is_in_trouble_ = !is_open;
   is_started_ = true;
   writing_ =
       base::Thread({.name = "record-write", .cpus = {}}, [this] { write_batches(); }, refusals_);
   if (!clock_.is_simulated()) {
     polling_ = base::Thread({.name = "record-take", .cpus = {}}, [this] { poll(); }, refusals_);
   }
+  return is_open;
 }
 
 void Recorder::poll() {
@@ -186,7 +210,8 @@ void Recorder::poll() {
   }
 }
 
-void Recorder::take() {
+void Recorder::take(std::uint32_t step) {
+  step_ = step;
   tap_.take([this](const detail::Lane& lane, const detail::Lane::Head& head) {
     take_message(lane, head);
   });
@@ -264,12 +289,12 @@ void Recorder::add_large(Stream& stream, const mcap::MessageHead& head,
 }
 
 void Recorder::note(Batch& batch, const Stream& stream, const detail::Envelope& envelope) {
-  log::MessageInfo& info = *batch.infos.add_infos();
-  info.set_channel(stream.channel);
-  info.set_sequence(envelope.info.sequence);
-  info.set_taken_ns(base::to_ns(envelope.info.origin.taken));
-  info.set_root(envelope.info.origin.root);
-  info.set_held(envelope.info.origin.held);
+  // What foreign threads publish is there before a round, all else after it.
+  const std::uint32_t step = clock_.is_simulated() ? step_ + (stream.is_external ? 0 : 1) : kUsualStep;
+  if (auto info = describe(envelope.info, step)) {
+    info->set_channel(stream.channel);
+    *batch.infos.add_infos() = std::move(*info);
+  }
   if (batch.counts.empty() || batch.counts.back().first != stream.topic) {
     batch.counts.emplace_back(stream.topic, 0);
   }
@@ -369,10 +394,13 @@ void Recorder::write_batches() {
 void Recorder::write(Batch& batch) {
   batch.chunk.close();
   const bool is_written = recording_.write(batch.chunk);
+  std::uint64_t messages = 0;
   for (const auto& [topic, count] : batch.counts) {
     auto& counter = is_written ? topics_[topic]->recorded : topics_[topic]->disk;
     counter.fetch_add(count, std::memory_order_relaxed);
+    messages += count;
   }
+  tell(is_written, messages);
   for (StoredMessage& message : batch.latched) {
     Latched& latched = latched_.at(message.head.channel_id);
     latched.last.push_back(std::move(message));
@@ -380,6 +408,18 @@ void Recorder::write(Batch& batch) {
       latched.last.pop_front();
     }
   }
+}
+
+void Recorder::tell(bool is_written, std::uint64_t messages) {
+  if (!is_written && !std::exchange(is_in_trouble_, true)) {
+    lost_in_trouble_ = 0;
+    on_trouble("nothing is recorded now: " + recording_.problem() +
+               "; a new file is tried every second");
+  } else if (is_written && std::exchange(is_in_trouble_, false)) {
+    on_trouble(fmt::format("recording goes on in {}; {} messages were lost meanwhile",
+                           recording_.files().back().string(), lost_in_trouble_));
+  }
+  lost_in_trouble_ += is_written ? 0 : messages;
 }
 
 void Recorder::explain(mcap::Writer& writer) {
@@ -412,6 +452,9 @@ void Recorder::explain(mcap::Writer& writer) {
 }
 
 void Recorder::conclude(mcap::Writer& writer) {
+  if (!end_.empty()) {
+    writer.write(mcap::Metadata{.name = "fastcycle.end", .metadata = end_});
+  }
   for (const RecordedTopic& topic : topics()) {
     writer.write(mcap::Metadata{.name = "fastcycle.loss",
                                 .metadata = {{"topic", topic.topic},
@@ -450,7 +493,7 @@ void Recorder::set(bool& flag) {
   ended_.notify_all();
 }
 
-void Recorder::stop() {
+void Recorder::stop(std::map<std::string, std::string> end) {
   if (!std::exchange(is_started_, false)) {
     return;
   }
@@ -462,6 +505,7 @@ void Recorder::stop() {
   hand_over_what_is_due(true);
   set(stops_writing_);
   writing_.join();
+  end_ = std::move(end);
   recording_.close();
 }
 

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -102,15 +103,20 @@ class Recorder {
   /// Taps the topics that are wanted; before they are connected.
   void tap(detail::Topics& topics);
 
-  /// Begins, once the topics are connected and before anything is published. If no file can be
-  /// made, `problem` says why; then everything is lost and counted, until one can be.
-  void start(Explanation explanation, std::vector<const detail::ActivationRing*> rings);
+  /// Called with a sentence when a file cannot be written any more, and when recording goes on; on
+  /// the recorder's threads. Set before the start.
+  std::function<void(const std::string&)> on_trouble = [](const std::string&) {};
 
-  /// Takes what waits.
-  void take();
+  /// Begins, once the topics are connected and before anything is published. False if no file can
+  /// be made: `problem` says why; then everything is lost and counted, until one can be.
+  [[nodiscard]] bool start(Explanation explanation, std::vector<const detail::ActivationRing*> rings);
 
-  /// Records what is left, and ends the file. A second call does nothing.
-  void stop();
+  /// Takes what waits; in simulated time after each round, with the round's place in its moment.
+  void take(std::uint32_t step = 0);
+
+  /// Records what is left, and ends the file; `end` is what its metadata `fastcycle.end` says. A
+  /// second call does nothing.
+  void stop(std::map<std::string, std::string> end = {});
 
   [[nodiscard]] std::vector<RecordedTopic> topics() const;
   [[nodiscard]] std::uint64_t activations_lost() const { return activations_lost_; }
@@ -118,7 +124,7 @@ class Recorder {
   [[nodiscard]] const std::vector<std::filesystem::path>& files() const {
     return recording_.files();
   }
-  /// What went wrong with the files last; empty if nothing did. When stopped.
+  /// What went wrong with the files last; empty if nothing did. When stopped, or not started.
   [[nodiscard]] const std::string& problem() const { return recording_.problem(); }
 
  private:
@@ -137,6 +143,7 @@ class Recorder {
     std::size_t topic = 0;
     std::size_t open = 0;  ///< Which of `open_` its small messages go into.
     bool is_latched = false;
+    bool is_external = false;
     std::size_t may_hold = 0;  ///< How many of its messages may be held at once.
     std::atomic<std::size_t> held{0};
   };
@@ -169,6 +176,7 @@ class Recorder {
   void set(bool& flag);
   void write_batches();
   void write(Batch& batch);
+  void tell(bool is_written, std::uint64_t messages);
   void explain(mcap::Writer& writer);
   void conclude(mcap::Writer& writer);
 
@@ -177,6 +185,7 @@ class Recorder {
   const base::Clock& clock_;
   Tap tap_{"recorder"};
   Explanation explanation_;
+  std::map<std::string, std::string> end_;
   std::vector<const detail::ActivationRing*> rings_;
   std::vector<mcap::Schema> schemas_;
   std::vector<mcap::Channel> channels_;
@@ -189,6 +198,7 @@ class Recorder {
   std::vector<std::uint64_t> next_in_ring_;
   std::vector<detail::ActivationRecord> activations_;
   std::array<std::uint32_t, 3> own_sequences_{};  ///< By channel, of what is not a topic's.
+  std::uint32_t step_ = 0;                        ///< Of the round that is being taken.
   std::atomic<std::uint64_t> activations_lost_{0};
 
   // Between the two.
@@ -204,6 +214,8 @@ class Recorder {
   // The thread that writes.
   std::map<std::uint16_t, Latched> latched_;  ///< By channel.
   Recording recording_;
+  bool is_in_trouble_ = false;
+  std::uint64_t lost_in_trouble_ = 0;
 
   bool is_started_ = false;
   std::vector<base::Refusal> refusals_;

@@ -42,12 +42,12 @@ class Recorded : public ::testing::Test {
     return topics_.add_publisher(topic, owner_, T::default_instance(), nullptr, false);
   }
 
-  void start(RecorderOptions options) {
+  bool start(RecorderOptions options) {
     options.recording.file = folder_ / "drive.mcap";
     recorder_.emplace(std::move(options), clock_);
     recorder_->tap(topics_);
     topics_.connect_all();
-    recorder_->start({.facts = {{"name", "test"}}, .application = "{}"}, {});
+    return recorder_->start({.facts = {{"name", "test"}}, .application = "{}"}, {});
   }
 
   /// Waits until the file that is being written has what `has` asks for.
@@ -81,7 +81,7 @@ class Recorded : public ::testing::Test {
 TEST_F(Recorded, HasEveryMessageWithItsSequenceAndTime) {
   detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
   detail::PublisherCore& images = publisher<BytesValue>("images");
-  start({});
+  ASSERT_TRUE(start({}));
   for (int i = 1; i <= 300; ++i) {
     publish<Int64Value>(numbers, i);
     if (i % 30 == 0) {
@@ -144,7 +144,7 @@ TEST_F(Recorded, SplitFilesHaveEveryMessageOnceAndWhatIsLatchedInEach) {
   RecorderOptions options;
   options.chunk.compression = mcap::Compression::kNone;
   options.recording.splitting.bytes = 3'000'000;
-  start(options);
+  ASSERT_TRUE(start(options));
   publish<Int64Value>(map, 7);
   wait_for_file([&](const mcap::Reader& reader) {
     return reader.messages({.topics = {"map"}}).next().has_value();
@@ -175,7 +175,7 @@ TEST_F(Recorded, SplitFilesHaveEveryMessageOnceAndWhatIsLatchedInEach) {
 TEST_F(Recorded, AFileThatIsThereIsLeftAlone) {
   std::ofstream(folder_ / "drive.mcap") << "precious";
   detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
-  start({});
+  ASSERT_TRUE(start({}));
   publish<Int64Value>(numbers, 1);
   recorder_->stop();
 
@@ -187,7 +187,7 @@ TEST_F(Recorded, AFileThatIsThereIsLeftAlone) {
 TEST_F(Recorded, WhatCannotBeWrittenIsCounted) {
   detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
   std::filesystem::remove_all(folder_);
-  start({});
+  EXPECT_FALSE(start({}));
   for (int i = 1; i <= 100; ++i) {
     publish<Int64Value>(numbers, i);
   }
@@ -207,7 +207,7 @@ TEST_F(Recorded, RecordsNoMoreThanIsWanted) {
   detail::PublisherCore& others = publisher<Int64Value>("camera/front");
   RecorderOptions options;
   options.filter.topics = {"control/*"};
-  start(options);
+  ASSERT_TRUE(start(options));
   publish<Int64Value>(numbers, 1);
   publish<Int64Value>(others, 2);
   recorder_->stop();
@@ -220,7 +220,7 @@ TEST_F(Recorded, RecordsNoMoreThanIsWanted) {
 // A crash takes nothing that came more than the age of a chunk before it.
 TEST_F(Recorded, WhatWasTakenIsInTheFileSoonAlsoIfItIsNeverClosed) {
   detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
-  start({});
+  ASSERT_TRUE(start({}));
   publish<Int64Value>(numbers, 1);
   wait_for_file([&](const mcap::Reader& reader) {
     return reader.messages({.topics = {"numbers"}}).next().has_value();

@@ -544,6 +544,71 @@ TEST_F(Launcher, RecordingDoesNotChangeASimulatedRun) {
   EXPECT_EQ(with["components"], without["components"]);
 }
 
+TEST_F(Launcher, ApplicationSaysWhatIsRecorded) {
+  write_application({kCounter, kAdder}, R"(, "record": {"file": "log.mcap", "except": ["su*"],
+      "compression_by_topic": {"**/numbers": "none"}, "sync_ms": 0})");
+  ASSERT_EQ(run({"--for", "100ms", "--clock", "simulated"}), 0) << errors_;
+
+  EXPECT_EQ(errors_, "");
+  json recording = report()["recording"];
+  EXPECT_EQ(recording["files"], json({(folder_ / "log.mcap").string()})) << recording["problem"];
+  EXPECT_EQ(recording["topics"].size(), 1U);
+  EXPECT_EQ(recording["topics"]["numbers"]["recorded"], report()["topics"]["numbers"]["published"]);
+
+  const std::string other = (folder_ / "other.mcap").string();
+  ASSERT_EQ(run({"--for", "100ms", "--clock", "simulated", "--record", other, "--record-topics",
+                 "sums", "--record-topics", "nothing/*"}),
+            0);
+  EXPECT_THAT(errors_, HasSubstr("\"nothing/*\" means no topic"));
+  recording = report()["recording"];
+  EXPECT_EQ(recording["files"], json({other}));
+  EXPECT_TRUE(recording["topics"].contains("sums")) << recording;
+}
+
+TEST_F(Launcher, RecorderMayBeAComponent) {
+  const std::string logging =
+      R"({"name": "logging", "library": "recorder", "params": {"file": "log.mcap", "topics": ["numbers"]}})";
+  write_application({kCounter, kAdder, logging});
+  ASSERT_EQ(run({"--for", "100ms", "--clock", "simulated"}), 0) << errors_;
+
+  const json recording = report()["recording"];
+  EXPECT_EQ(recording["files"], json({(folder_ / "log.mcap").string()})) << recording["problem"];
+  EXPECT_EQ(recording["topics"]["numbers"]["recorded"], report()["topics"]["numbers"]["published"]);
+
+  EXPECT_EQ(run({"--record", (folder_ / "other.mcap").string()}), 2);
+  EXPECT_THAT(errors_, HasSubstr("\"logging\" records what is recorded already"));
+}
+
+TEST_F(Launcher, RecordCommandRecords) {
+  write_application({kCounter, kAdder});
+  std::vector<std::string> words = run_words({"--for", "100ms", "--clock", "simulated", "-o",
+                                              (folder_ / "drive.mcap").string(), "--except", "sums",
+                                              "--split-s", "0.1", "--compression", "zstd"});
+  words.front() = "record";
+  ASSERT_EQ(launch(words), 0) << errors_;
+
+  const json recording = report()["recording"];
+  EXPECT_EQ(recording["files"][0], (folder_ / "drive_0001.mcap").string()) << recording;
+  EXPECT_EQ(recording["topics"].size(), 1U);
+}
+
+TEST_F(Launcher, RunGoesOnWhereNothingCanBeRecorded) {
+  write_application({kCounter, kAdder});
+  const std::vector<std::string> words{"--for", "100ms", "--record",
+                                       (folder_ / "missing/drive.mcap").string()};
+  ASSERT_EQ(run(words), 0) << errors_;
+
+  EXPECT_THAT(errors_, HasSubstr("refused: recording: "));
+  EXPECT_THAT(errors_, HasSubstr("missing/drive.mcap"));
+  for (const auto& [name, topic] : report()["recording"]["topics"].items()) {
+    EXPECT_EQ(topic["lost"]["disk"], report()["topics"][name]["published"]) << name;
+  }
+
+  auto strict = words;
+  strict.emplace_back("--strict");
+  EXPECT_EQ(run(strict), 1);
+}
+
 TEST_F(Launcher, WhatTheMachineRefusesIsToldOnceAndFatalOnlyWhenStrict) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
            "serve_period_ms": 1, "executor": "far"})"},

@@ -1,5 +1,4 @@
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -14,9 +13,10 @@
 #include "duration.h"
 #include "host/component_library.h"
 #include "host/protection.h"
+#include "host/recording.h"
 #include "host/report.h"
-#include "mcap/compression.h"
 #include "progress_line.h"
+#include "recording_options.h"
 #include "report_file.h"
 #include "stop_signals.h"
 
@@ -33,9 +33,7 @@ struct RunOptions {
   bool is_debuggable = false;
   bool is_quiet = false;
   std::filesystem::path report;
-  std::filesystem::path record;
-  std::vector<std::string> record_topics;
-  std::string record_compression = "lz4";
+  RecordingOptions record;
 };
 
 constexpr unsigned kMaxWorkers = 64;
@@ -61,13 +59,8 @@ std::string find_wrong(const RunOptions& options) {
   if (options.rate && !(*options.rate >= 1e-3 && *options.rate <= 1e3)) {
     return "--rate wants a number from 0.001 to 1000";
   }
-  if (options.record_compression != "none" && options.record_compression != "lz4" &&
-      options.record_compression != "zstd") {
-    return "--record-compression is \"none\", \"lz4\" or \"zstd\", not \"" +
-           options.record_compression + "\"";
-  }
-  if (options.record.empty() && !options.record_topics.empty()) {
-    return "--record-topics says what --record FILE records, which is missing";
+  if (const std::string sentence = options.record.find_wrong(); !sentence.empty()) {
+    return sentence;
   }
   if (options.workers && (*options.workers == 0 || *options.workers > kMaxWorkers)) {
     return "--workers wants a number from 1 to " + std::to_string(kMaxWorkers);
@@ -79,15 +72,6 @@ host::ClockOptions clock_of(const RunOptions& options) {
   return {.is_simulated = options.clock == "simulated",
           .rate = options.rate.value_or(1.0),
           .workers = options.workers.value_or(0)};
-}
-
-record::RecorderOptions recorder_of(const RunOptions& options) {
-  record::RecorderOptions recorder;
-  recorder.recording.file = options.record;
-  recorder.filter.topics = options.record_topics;
-  const std::string& name = options.record_compression;
-  recorder.chunk.compression = mcap::find_compression(name == "none" ? "" : name).value();
-  return recorder;
 }
 
 /// Says, each thing once, what the machine refused.
@@ -138,14 +122,20 @@ int run_application(const config::ApplicationDescription& description, const Run
     application.request_end(host::EndReason::kRequested);
   });
 
-  if (!options.record.empty()) {
-    application.record(recorder_of(options));
-  }
   config::Problems problems;
+  const auto recording = options.record.describe(description);
+  if (recording) {
+    application.record(*recording);
+  }
   application.build(libraries, problems, host::ConstructorFault::kFault);
   if (problems.has_errors()) {
     static_cast<void>(may_start(problems, options.configuration.load.file.string()));
     return kWrong;
+  }
+  if (recording && options.record.say_how()) {
+    config::Problems warnings;
+    host::check_patterns(*recording, application.topics(), warnings);
+    print(warnings);
   }
   const auto began = std::chrono::steady_clock::now();
   const std::string failure = carry_out(application, options, progress);
@@ -168,8 +158,9 @@ int run_application(const config::ApplicationDescription& description, const Run
 }
 
 int run(const RunOptions& options) {
-  const auto wrong = [](const std::string& sentence) {
-    std::fprintf(stderr, "fastcycle run: %s\n", sentence.c_str());
+  const auto wrong = [&](const std::string& sentence) {
+    std::fprintf(stderr, "fastcycle %s: %s\n", options.record.is_asked ? "record" : "run",
+                 sentence.c_str());
     return static_cast<int>(kWrong);
   };
   if (const std::string sentence = find_wrong(options); !sentence.empty()) {
@@ -190,52 +181,97 @@ int run(const RunOptions& options) {
   if (!may_start(problems, options.configuration.load.file.string())) {
     return kWrong;
   }
+  if (options.record.say_how() && !options.record.describe(description)) {
+    return wrong("--record-topics and --record-compression say how --record FILE records, which is "
+                 "missing");
+  }
   return run_application(description, options, report_file);
 }
+
+/// What `run` and `record` have in common.
+void add_options(CLI::App& line, RunOptions& options) {
+  options.configuration.add_to(line);
+  line.add_option("--for", options.limit,
+                  "End after this much of the application's time: 500ms, 10s, 2min, 1h")
+      ->type_name("TIME");
+  line.add_option("--clock", options.clock,
+                  "The machine's clock, or one as fast as the components compute")
+      ->type_name("live|simulated");
+  line.add_option("--rate", options.rate, "Live only: let time run this many times as fast")
+      ->type_name("X");
+  line.add_option("--workers", options.workers,
+                  "Simulated only: threads; the result does not depend on it")
+      ->type_name("N");
+  line.add_option("--report", options.report, "Write a report of the run, as JSON")
+      ->type_name("FILE");
+  line.add_flag("--strict", options.is_strict,
+                "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
+  line.add_flag("--quiet", options.is_quiet, "No progress line and no table");
+  line.add_flag("--debuggable", options.is_debuggable,
+                "Let debuggers and core dumps see the process's memory, all messages included");
+}
+
+constexpr const char* kEnds =
+    "\n"
+    "The first Ctrl-C ends the run in order, with table and report; the second at once.\n"
+    "Exit codes: 0 done, 1 the run failed, 2 a mistake (nothing was started), 130 ended at\n"
+    "once.\n";
 
 }  // namespace
 
 Command add_run(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
       "run", "Run an application until its input is over, the time is, or Ctrl-C is pressed");
-  line->footer(examples(
-      "  fastcycle run app.json\n"
-      "  fastcycle run app.json --for 10s --report run.json\n"
-      "  fastcycle run app.json --set limiter.limit_mps=20 --overlay vehicle_17.json\n"
-      "  fastcycle run app.json --clock simulated --var data=drives/0042\n"
-      "  fastcycle run app.json --record drive.mcap --record-topics 'control/*'\n"
-      "\n"
-      "The first Ctrl-C ends the run in order, with table and report; the second at once.\n"
-      "Exit codes: 0 done, 1 the run failed, 2 a mistake (nothing was started), 130 ended at\n"
-      "once.\n"));
+  line->footer(examples(std::string("  fastcycle run app.json\n"
+                                    "  fastcycle run app.json --for 10s --report run.json\n"
+                                    "  fastcycle run app.json --set limiter.limit_mps=20 --overlay "
+                                    "vehicle_17.json\n"
+                                    "  fastcycle run app.json --clock simulated --var "
+                                    "data=drives/0042\n"
+                                    "  fastcycle run app.json --record drive.mcap --record-topics "
+                                    "'control/*'\n") +
+                        kEnds));
   const auto options = std::make_shared<RunOptions>();
-  options->configuration.add_to(*line);
-  line->add_option("--for", options->limit,
-                   "End after this much of the application's time: 500ms, 10s, 2min, 1h")
-      ->type_name("TIME");
-  line->add_option("--clock", options->clock,
-                   "The machine's clock, or one as fast as the components compute")
-      ->type_name("live|simulated");
-  line->add_option("--rate", options->rate, "Live only: let time run this many times as fast")
-      ->type_name("X");
-  line->add_option("--workers", options->workers,
-                   "Simulated only: threads; the result does not depend on it")
-      ->type_name("N");
-  line->add_option("--report", options->report, "Write a report of the run, as JSON")
-      ->type_name("FILE");
-  line->add_option("--record", options->record, "Record all topics into an MCAP file")
+  add_options(*line, *options);
+  line->add_option("--record", options->record.file, "Record all topics into an MCAP file")
       ->type_name("FILE.mcap");
-  line->add_option("--record-topics", options->record_topics,
+  line->add_option("--record-topics", options->record.topics,
                    "Record only these: control/*, camera/** (repeatable)")
       ->type_name("PATTERN");
-  line->add_option("--record-compression", options->record_compression,
-                   "How chunks of the file are compressed (lz4)")
+  line->add_option("--record-compression", options->record.compression,
+                   "How the file is compressed: lz4, unless the application says else")
       ->type_name("none|lz4|zstd");
-  line->add_flag("--strict", options->is_strict,
-                 "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
-  line->add_flag("--quiet", options->is_quiet, "No progress line and no table");
-  line->add_flag("--debuggable", options->is_debuggable,
-                 "Let debuggers and core dumps see the process's memory, all messages included");
+  return {line, [options] { return run(*options); }};
+}
+
+Command add_record(CLI::App& program) {
+  CLI::App* line =
+      program.add_subcommand("record", "Run an application, and record it into an MCAP file");
+  line->footer(
+      examples(std::string("  fastcycle record app.json\n"
+                           "  fastcycle record app.json -o drive.mcap --for 10min\n"
+                           "  fastcycle record app.json --except 'camera/**' --compression zstd\n"
+                           "  fastcycle record app.json -o drive.mcap --split-mb 1000 --split-s 60\n"
+                           "\n"
+                           "A name that is taken is left alone, and the next number tried.\n") +
+               kEnds));
+  const auto options = std::make_shared<RunOptions>();
+  options->record.is_asked = true;
+  add_options(*line, *options);
+  RecordingOptions& record = options->record;
+  line->add_option("-o,--output", record.file,
+                   "The file; without it, as the application says, or NAME_DATE_TIME.mcap")
+      ->type_name("FILE.mcap");
+  line->add_option("--topics", record.topics, "Only these: control/*, camera/** (repeatable)")
+      ->type_name("PATTERN");
+  line->add_option("--except", record.except, "Not these (repeatable)")->type_name("PATTERN");
+  line->add_option("--compression", record.compression,
+                   "How the file is compressed: lz4, unless the application says else")
+      ->type_name("none|lz4|zstd");
+  line->add_option("--split-mb", record.split_mb, "A new file before one is larger than this")
+      ->type_name("MB");
+  line->add_option("--split-s", record.split_s, "A new file after this many seconds")
+      ->type_name("S");
   return {line, [options] { return run(*options); }};
 }
 

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "config/description.h"
+#include "config/problem.h"
+#include "record/recorder.h"
+
+namespace fastcycle::detail {
+class ComponentCore;
+class Topics;
+}  // namespace fastcycle::detail
+
+namespace fastcycle::host {
+
+/// What `description` says, for a recorder.
+[[nodiscard]] record::RecorderOptions recorder_options(
+    const config::RecordDescription& description);
+
+/// Warns of patterns that mean none of the topics.
+void check_patterns(const config::RecordDescription& description, const detail::Topics& topics,
+                    config::Problems& problems);
+
+/// Records the application of `component`, which is being constructed; a mistake if it is recorded
+/// already.
+void record_for(detail::ComponentCore& component, const config::RecordDescription& description);
+
+}  // namespace fastcycle::host
