@@ -124,15 +124,20 @@ def nearest(pairs_of: dict[str, list[Pair]], at_least: bool) -> str | None:
 
 
 def _below_peers(data: Measurements, peers: Sequence[Contender]) -> Iterable[Check]:
-    """Below every peer that hands over between threads; those that spin are compared with us spinning."""
-    for ours, spins, kind in ((PARK, False, "that hands over"), (SPIN, True, "that spins")):
-        rivals = [p.name for p in peers if p.hands_over and p.spins == spins]
-        if spins and not rivals:
+    """Below every peer that hands over between threads; those that spin are compared with us spinning. A bare
+    queue, which is no framework, is judged apart."""
+    for ours, spins, is_bare, kind in (
+        (PARK, False, False, "every peer that hands over"),
+        (PARK, False, True, "a bare queue under a mutex"),
+        (SPIN, True, False, "every peer that spins"),
+    ):
+        rivals = [p.name for p in peers if p.hands_over and p.spins == spins and p.is_bare == is_bare]
+        if (spins or is_bare) and not rivals:
             continue
         for key in ("p50_us", "p99_us"):
             for size in data.sizes("latency"):
                 pairs = {name: data.pairs("latency", ours, name, size, key) for name in rivals}
-                yield _against_nearest(f"{ours} {key[:-3]} below every peer {kind}", size, pairs,
+                yield _against_nearest(f"{ours} {key[:-3]} below {kind}", size, pairs,
                                        lambda name, key=key, size=size, ours=ours: all(
                                            enough(key, data.total("latency", who, size)) for who in (ours, name)),
                                        )  # fmt: skip

@@ -8,6 +8,8 @@ from typing import Any
 FLOOR, OURS, PEER = "floor", "ours", "peer"
 # How a message comes to the code that uses it. Numbers of different ways are not compared.
 THREADS, PROCESSES, PUBLISHER = "between threads", "between processes", "publisher's thread"
+# No framework: a queue between two threads, and nothing around it.
+BARE = ("mutex_queue",)
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,10 @@ class Contender:
     def hands_over(self) -> bool:
         """Whether it is compared with FastCycle: another thread of the process runs the callback."""
         return self.delivery == THREADS
+
+    @property
+    def is_bare(self) -> bool:
+        return self.peer in BARE
 
     def interval_us(self, size: int, usual: int) -> int:
         """The interval between messages: longer where copying a message takes longer than the usual one."""

@@ -19,12 +19,13 @@ class Recorder final : public fastcycle::Component {
     record.file = context.param<fastcycle::Path>("file").get();
     record.topics = context.param<Texts>("topics", {.fallback = Texts{}}).get();
     record.except = context.param<Texts>("except", {.fallback = Texts{}}).get();
-    record.compression = context
-                             .param<Compression>("compression", {.fallback = record.compression,
-                                                                 .names = {{"none", Compression::kNone},
-                                                                           {"lz4", Compression::kLz4},
-                                                                           {"zstd", Compression::kZstd}}})
-                             .get();
+    record.compression =
+        context
+            .param<Compression>("compression", {.fallback = record.compression,
+                                                .names = {{"none", Compression::kNone},
+                                                          {"lz4", Compression::kLz4},
+                                                          {"zstd", Compression::kZstd}}})
+            .get();
     record.split_bytes = bytes_of(number("split_mb", 0, 0, 1e9, "MB"));
     record.split_time = nanoseconds_of(number("split_s", 0, 0, 86'400, "s") * 1e9);
     record.sync_interval = nanoseconds_of(number("sync_ms", 1'000, 0, 86'400'000, "ms") * 1e6);

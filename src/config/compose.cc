@@ -205,8 +205,8 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
   }
   add_shared_params(tree, part);
   if (const Value& record = part["record"]; record.size() > 0) {
-    problems_.add(mistake(record.place(),
-                          "an included file cannot say what is recorded, only the one that is run"));
+    problems_.add(mistake(
+        record.place(), "an included file cannot say what is recorded, only the one that is run"));
   }
 }
 
@@ -254,10 +254,11 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       add_component(tree, component, variables);
     }
   }
-  for (const std::string_view key : {"shared_params", "record"}) {
-    if (const Value* own = find_object(file, key)) {
-      merge(*tree.find(key), *own, problems_);
-    }
+  if (const Value* shared = find_object(file, "shared_params")) {
+    merge(*tree.find("shared_params"), *shared, problems_);
+  }
+  if (const Value* record = find_object(file, "record")) {
+    tree.set("record", *record);
   }
 }
 
@@ -322,6 +323,8 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       }
     } else if (key == "topics") {
       apply_overlay_topics(tree, value);
+    } else if (key == "record" && tree[key].size() == 0) {
+      tree.set(key, value);
     } else if (key == "shared_params" || key == "record") {
       merge(*tree.find(key), value, problems_);
     } else if (key == "name" || key == "on_fault" || key == "library_path") {

@@ -49,10 +49,10 @@ struct RecordDescription {
   Compression compression = Compression::kLz4;
   /// For topics that the pattern means; the first that does counts.
   std::vector<std::pair<std::string, Compression>> compression_by_topic;
-  std::uint64_t split_bytes = 0;                         ///< 0: not by size.
-  std::chrono::nanoseconds split_time{0};                ///< 0: not by time.
-  std::chrono::nanoseconds sync_interval{1'000'000'000}; ///< 0: only at the end of a file.
-  std::uint64_t memory_bytes = 256'000'000;              ///< That may wait to be written.
+  std::uint64_t split_bytes = 0;                          ///< 0: not by size.
+  std::chrono::nanoseconds split_time{0};                 ///< 0: not by time.
+  std::chrono::nanoseconds sync_interval{1'000'000'000};  ///< 0: only at the end of a file.
+  std::uint64_t memory_bytes = 256'000'000;               ///< That may wait to be written.
   bool has_activations = true;
   Place place;
 };

@@ -657,8 +657,8 @@ void Application::stop() {
     executor->stop();
   }
   if (recorder_ != nullptr) {
-    recorder_->stop({{"time_ns", std::to_string(base::to_ns(end_time_))},
-                     {"reason", to_word(end_reason())}});
+    recorder_->stop(
+        {{"time_ns", std::to_string(base::to_ns(end_time_))}, {"reason", to_word(end_reason())}});
   }
   for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
     (*component)->close(detail::DropReason::kShutdown);

@@ -56,9 +56,8 @@ void add_builds(std::map<std::string, std::string>& facts) {
       const std::string build_id = find_build_id(notes, header.p_memsz);
       const std::string name = std::filesystem::path(library->dlpi_name).filename().string();
       if (!build_id.empty()) {
-        (*static_cast<std::map<std::string, std::string>*>(into))["build_id." +
-                                                                 (name.empty() ? "program" : name)] =
-            build_id;
+        (*static_cast<std::map<std::string, std::string>*>(
+            into))["build_id." + (name.empty() ? "program" : name)] = build_id;
       }
     }
     return 0;

@@ -49,11 +49,11 @@ void check_patterns(const config::RecordDescription& description, const detail::
     names.push_back(name);
   }
   const auto check = [&](const std::string& pattern) {
-    if (std::ranges::none_of(names, [&](const auto& name) { return record::matches(pattern, name); })) {
-      config::Problem problem =
-          config::mistake(description.place,
-                          "the recorder's pattern \"" + pattern + "\" means no topic",
-                          config::did_you_mean(config::nearest(pattern, names)));
+    if (std::ranges::none_of(names,
+                             [&](const auto& name) { return record::matches(pattern, name); })) {
+      config::Problem problem = config::mistake(
+          description.place, "the recorder's pattern \"" + pattern + "\" means no topic",
+          config::did_you_mean(config::nearest(pattern, names)));
       problem.warning = true;
       problems.add(std::move(problem));
     }

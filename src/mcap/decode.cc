@@ -4,11 +4,13 @@
 #include <concepts>
 #include <map>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "mcap/crc.h"
 #include "mcap/encode.h"
+#include "mcap/fields.h"
 
 namespace fastcycle::mcap {
 namespace {
@@ -32,11 +34,44 @@ class Fields {
   Number number(const char* name) {
     return load<Number>(take(sizeof(Number), name));
   }
-  std::uint16_t u16(const char* name) { return number<std::uint16_t>(name); }
   std::uint32_t u32(const char* name) { return number<std::uint32_t>(name); }
   std::uint64_t u64(const char* name) { return number<std::uint64_t>(name); }
 
-  std::string text(const char* name) { return std::string(text_of(take(u32(name), name))); }
+  /// Fills a field.
+  template <std::unsigned_integral Number>
+  void operator()(const char* name, Number& field) {
+    field = number<Number>(name);
+  }
+  void operator()(const char* name, Opcode& field) {
+    field = static_cast<Opcode>(number<std::uint8_t>(name));
+  }
+  void operator()(const char* name, std::string& field) { field = text_of(take(u32(name), name)); }
+  void operator()(const char* name, std::map<std::string, std::string>& field) {
+    for (Fields entries = list(name); !entries.is_empty();) {
+      std::string key;
+      std::string value;
+      entries("a key", key);
+      entries("a value", value);
+      if (!field.emplace(std::move(key), std::move(value)).second) {
+        fail(fmt::format("{} with each key once", name), "one twice");
+      }
+    }
+  }
+  void operator()(const char* name, std::map<std::uint16_t, std::uint64_t>& field) {
+    for (Fields counts = list(name); !counts.is_empty();) {
+      const auto channel_id = counts.number<std::uint16_t>("channel_id");
+      if (!field.emplace(channel_id, counts.u64("count")).second) {
+        fail(fmt::format("{} with each channel once", name),
+             fmt::format("channel {} twice", channel_id));
+      }
+    }
+  }
+  template <typename Entry>
+  void operator()(const char* name, std::vector<Entry>& field) {
+    for (Fields entries = list(name); !entries.is_empty();) {
+      visit_fields(field.emplace_back(), entries);
+    }
+  }
 
   Bytes take(std::uint64_t size, const char* name) {
     if (size > rest_.size()) {
@@ -50,18 +85,6 @@ class Fields {
 
   /// What follows is a list or a map, with its length in bytes before it.
   Fields list(const char* name) { return {take(u32(name), name), record_, place_}; }
-
-  std::map<std::string, std::string> texts(const char* name) {
-    std::map<std::string, std::string> map;
-    for (Fields entries = list(name); !entries.is_empty();) {
-      std::string key = entries.text("a key");
-      std::string value = entries.text("a value");
-      if (!map.emplace(std::move(key), std::move(value)).second) {
-        fail(fmt::format("{} with each key once", name), "one twice");
-      }
-    }
-    return map;
-  }
 
   [[nodiscard]] bool is_empty() const { return rest_.empty(); }
   [[nodiscard]] Bytes rest() const { return rest_; }
@@ -78,16 +101,6 @@ class Fields {
   Opcode record_;
   const Place& place_;
 };
-
-Chunk chunk_head(Fields& fields) {
-  Chunk chunk;
-  chunk.message_start_time_ns = fields.u64("message_start_time");
-  chunk.message_end_time_ns = fields.u64("message_end_time");
-  chunk.uncompressed_size = fields.u64("uncompressed_size");
-  chunk.uncompressed_crc = fields.u32("uncompressed_crc");
-  chunk.compression = fields.text("compression");
-  return chunk;
-}
 
 }  // namespace
 
@@ -106,59 +119,26 @@ Frame decode_frame(Bytes bytes) {
           .length = load<std::uint64_t>(bytes.subspan(1))};
 }
 
-template <>
-Header decode_as<Header>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kHeader, place);
-  Header header;
-  header.profile = fields.text("profile");
-  header.library = fields.text("library");
-  return header;
-}
-
-template <>
-Footer decode_as<Footer>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kFooter, place);
-  if (content.size() != kFooterBytes) {
+// Of nothing but its fields.
+template <typename Kind>
+Kind decode_as(Bytes content, const Place& place) {
+  Fields fields(content, kOpcodeOf<Kind>, place);
+  if (kOpcodeOf<Kind> == Opcode::kFooter && content.size() != kFooterBytes) {
     fields.fail(fmt::format("{} bytes", kFooterBytes), fmt::format("{} bytes", content.size()));
   }
-  Footer footer;
-  footer.summary_start = fields.u64("summary_start");
-  footer.summary_offset_start = fields.u64("summary_offset_start");
-  footer.summary_crc = fields.u32("summary_crc");
-  return footer;
-}
-
-template <>
-Schema decode_as<Schema>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kSchema, place);
-  Schema schema;
-  schema.id = fields.u16("id");
-  schema.name = fields.text("name");
-  schema.encoding = fields.text("encoding");
-  schema.data = fields.text("data");
-  return schema;
-}
-
-template <>
-Channel decode_as<Channel>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kChannel, place);
-  Channel channel;
-  channel.id = fields.u16("id");
-  channel.schema_id = fields.u16("schema_id");
-  channel.topic = fields.text("topic");
-  channel.message_encoding = fields.text("message_encoding");
-  channel.metadata = fields.texts("metadata");
-  return channel;
+  Kind record;
+  visit_fields(record, fields);
+  return record;
 }
 
 template <>
 Message decode_as<Message>(Bytes content, const Place& place) {
   Fields fields(content, Opcode::kMessage, place);
   Message message;
-  message.channel_id = fields.u16("channel_id");
-  message.sequence = fields.u32("sequence");
-  message.log_time_ns = fields.u64("log_time");
-  message.publish_time_ns = fields.u64("publish_time");
+  fields("channel_id", message.channel_id);
+  fields("sequence", message.sequence);
+  fields("log_time", message.log_time_ns);
+  fields("publish_time", message.publish_time_ns);
   message.data = fields.rest();
   return message;
 }
@@ -166,14 +146,16 @@ Message decode_as<Message>(Bytes content, const Place& place) {
 template <>
 Chunk decode_as<Chunk>(Bytes content, const Place& place) {
   Fields fields(content, Opcode::kChunk, place);
-  Chunk chunk = chunk_head(fields);
+  Chunk chunk;
+  visit_fields(chunk, fields);
   chunk.records = fields.take(fields.u64("the length of records"), "records");
   return chunk;
 }
 
 Chunk decode_begun_chunk(Bytes content, const Place& place) {
   Fields fields(content, Opcode::kChunk, place);
-  Chunk chunk = chunk_head(fields);
+  Chunk chunk;
+  visit_fields(chunk, fields);
   const std::uint64_t length = fields.u64("the length of records");
   chunk.records = fields.rest();
   if (chunk.records.size() > length) {
@@ -183,45 +165,10 @@ Chunk decode_begun_chunk(Bytes content, const Place& place) {
 }
 
 template <>
-MessageIndex decode_as<MessageIndex>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kMessageIndex, place);
-  MessageIndex index;
-  index.channel_id = fields.u16("channel_id");
-  for (Fields entries = fields.list("records"); !entries.is_empty();) {
-    const std::uint64_t log_time_ns = entries.u64("log_time");
-    index.entries.push_back({.log_time_ns = log_time_ns, .offset = entries.u64("offset")});
-  }
-  return index;
-}
-
-template <>
-ChunkIndex decode_as<ChunkIndex>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kChunkIndex, place);
-  ChunkIndex index;
-  index.message_start_time_ns = fields.u64("message_start_time");
-  index.message_end_time_ns = fields.u64("message_end_time");
-  index.chunk_start_offset = fields.u64("chunk_start_offset");
-  index.chunk_length = fields.u64("chunk_length");
-  for (Fields offsets = fields.list("message_index_offsets"); !offsets.is_empty();) {
-    const std::uint16_t channel_id = offsets.u16("channel_id");
-    index.message_index_offsets.push_back(
-        {.channel_id = channel_id, .offset = offsets.u64("offset")});
-  }
-  index.message_index_length = fields.u64("message_index_length");
-  index.compression = fields.text("compression");
-  index.compressed_size = fields.u64("compressed_size");
-  index.uncompressed_size = fields.u64("uncompressed_size");
-  return index;
-}
-
-template <>
 Attachment decode_as<Attachment>(Bytes content, const Place& place) {
   Fields fields(content, Opcode::kAttachment, place);
   Attachment attachment;
-  attachment.log_time_ns = fields.u64("log_time");
-  attachment.create_time_ns = fields.u64("create_time");
-  attachment.name = fields.text("name");
-  attachment.media_type = fields.text("media_type");
+  visit_fields(static_cast<AttachmentHead&>(attachment), fields);
   attachment.data = fields.take(fields.u64("the length of data"), "data");
   fields.u32("crc");
   return attachment;
@@ -229,85 +176,26 @@ Attachment decode_as<Attachment>(Bytes content, const Place& place) {
 
 AttachmentCrc crc_of_attachment(Bytes content, const Place& place) {
   Fields fields(content, Opcode::kAttachment, place);
-  fields.u64("log_time");
-  fields.u64("create_time");
-  fields.take(fields.u32("name"), "name");
-  fields.take(fields.u32("media_type"), "media_type");
+  AttachmentHead head;
+  visit_fields(head, fields);
   fields.take(fields.u64("the length of data"), "data");
   Crc crc;
   crc.add(content.first(content.size() - fields.rest().size()));
   return {.written = fields.u32("crc"), .computed = crc.value()};
 }
 
-template <>
-AttachmentIndex decode_as<AttachmentIndex>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kAttachmentIndex, place);
-  AttachmentIndex index;
-  index.offset = fields.u64("offset");
-  index.length = fields.u64("length");
-  index.log_time_ns = fields.u64("log_time");
-  index.create_time_ns = fields.u64("create_time");
-  index.data_size = fields.u64("data_size");
-  index.name = fields.text("name");
-  index.media_type = fields.text("media_type");
-  return index;
-}
-
-template <>
-Statistics decode_as<Statistics>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kStatistics, place);
-  Statistics statistics;
-  statistics.message_count = fields.u64("message_count");
-  statistics.schema_count = fields.u16("schema_count");
-  statistics.channel_count = fields.u32("channel_count");
-  statistics.attachment_count = fields.u32("attachment_count");
-  statistics.metadata_count = fields.u32("metadata_count");
-  statistics.chunk_count = fields.u32("chunk_count");
-  statistics.message_start_time_ns = fields.u64("message_start_time");
-  statistics.message_end_time_ns = fields.u64("message_end_time");
-  for (Fields counts = fields.list("channel_message_counts"); !counts.is_empty();) {
-    const std::uint16_t channel_id = counts.u16("channel_id");
-    if (!statistics.channel_message_counts.emplace(channel_id, counts.u64("count")).second) {
-      fields.fail("channel_message_counts with each channel once",
-                  fmt::format("channel {} twice", channel_id));
-    }
-  }
-  return statistics;
-}
-
-template <>
-Metadata decode_as<Metadata>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kMetadata, place);
-  Metadata metadata;
-  metadata.name = fields.text("name");
-  metadata.metadata = fields.texts("metadata");
-  return metadata;
-}
-
-template <>
-MetadataIndex decode_as<MetadataIndex>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kMetadataIndex, place);
-  MetadataIndex index;
-  index.offset = fields.u64("offset");
-  index.length = fields.u64("length");
-  index.name = fields.text("name");
-  return index;
-}
-
-template <>
-SummaryOffset decode_as<SummaryOffset>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kSummaryOffset, place);
-  SummaryOffset offset;
-  offset.group_opcode = static_cast<Opcode>(fields.number<std::uint8_t>("group_opcode"));
-  offset.group_start = fields.u64("group_start");
-  offset.group_length = fields.u64("group_length");
-  return offset;
-}
-
-template <>
-DataEnd decode_as<DataEnd>(Bytes content, const Place& place) {
-  return {.data_section_crc = Fields(content, Opcode::kDataEnd, place).u32("data_section_crc")};
-}
+template Header decode_as<Header>(Bytes, const Place&);
+template Footer decode_as<Footer>(Bytes, const Place&);
+template Schema decode_as<Schema>(Bytes, const Place&);
+template Channel decode_as<Channel>(Bytes, const Place&);
+template MessageIndex decode_as<MessageIndex>(Bytes, const Place&);
+template ChunkIndex decode_as<ChunkIndex>(Bytes, const Place&);
+template AttachmentIndex decode_as<AttachmentIndex>(Bytes, const Place&);
+template Statistics decode_as<Statistics>(Bytes, const Place&);
+template Metadata decode_as<Metadata>(Bytes, const Place&);
+template MetadataIndex decode_as<MetadataIndex>(Bytes, const Place&);
+template SummaryOffset decode_as<SummaryOffset>(Bytes, const Place&);
+template DataEnd decode_as<DataEnd>(Bytes, const Place&);
 
 std::optional<Record> decode(Opcode opcode, Bytes content, const Place& place) {
   switch (opcode) {

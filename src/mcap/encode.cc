@@ -3,11 +3,15 @@
 #include <algorithm>
 #include <concepts>
 #include <limits>
+#include <map>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <fmt/format.h>
+
+#include "mcap/fields.h"
 
 namespace fastcycle::mcap {
 namespace {
@@ -54,130 +58,81 @@ class Counted {
   const std::size_t begin_;
 };
 
-template <std::unsigned_integral Number>
-void put(std::vector<std::byte>& into, Number value) {
-  into.resize(into.size() + sizeof(Number));
-  store(into.data() + into.size() - sizeof(Number), value);
-}
+/// Appends fields.
+class Fields {
+ public:
+  explicit Fields(std::vector<std::byte>& into) : into_(into) {}
 
-void put(std::vector<std::byte>& into, std::string_view text) {
-  put(into, checked_length(text.size()));
-  const Bytes bytes = bytes_of(text);
-  into.insert(into.end(), bytes.begin(), bytes.end());
-}
-
-void put(std::vector<std::byte>& into, const std::map<std::string, std::string>& map) {
-  Counted<std::uint32_t> length(into);
-  for (const auto& [key, value] : map) {
-    put(into, std::string_view(key));
-    put(into, std::string_view(value));
+  template <std::unsigned_integral Number>
+  void operator()(const char* /*name*/, Number value) {
+    into_.resize(into_.size() + sizeof(Number));
+    store(into_.data() + into_.size() - sizeof(Number), value);
   }
-  length.close();
-}
+  void operator()(const char* name, Opcode value) {
+    (*this)(name, static_cast<std::uint8_t>(value));
+  }
+  void operator()(const char* name, const std::string& text) {
+    (*this)(name, checked_length(text.size()));
+    const Bytes bytes = bytes_of(text);
+    into_.insert(into_.end(), bytes.begin(), bytes.end());
+  }
+  template <typename Key, typename Value>
+  void operator()(const char* name, const std::map<Key, Value>& map) {
+    Counted<std::uint32_t> length(into_);
+    for (const auto& [key, value] : map) {
+      (*this)(name, key);
+      (*this)(name, value);
+    }
+    length.close();
+  }
+  template <typename Entry>
+  void operator()(const char* /*name*/, const std::vector<Entry>& entries) {
+    Counted<std::uint32_t> length(into_);
+    for (const Entry& entry : entries) {
+      visit_fields(entry, *this);
+    }
+    length.close();
+  }
 
-/// The whole record, of fields that are put one after the other.
-template <typename... Fields>
-void put_record(std::vector<std::byte>& into, Opcode opcode, const Fields&... fields) {
-  put(into, static_cast<std::uint8_t>(opcode));
+ private:
+  std::vector<std::byte>& into_;
+};
+
+/// The beginning of a record: its fields and `data_size`, which `more` bytes follow.
+template <typename Kind>
+void put_head(std::vector<std::byte>& into, Opcode opcode, const Kind& record,
+              std::uint64_t data_size, std::uint64_t more) {
+  Fields fields(into);
+  fields("opcode", opcode);
   Counted<std::uint64_t> length(into);
-  (put(into, fields), ...);
-  length.close();
+  visit_fields(record, fields);
+  fields("size", data_size);
+  length.close(more);
 }
 
 }  // namespace
 
-void encode(const Header& header, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kHeader, header.profile, header.library);
-}
-
-void encode(const Footer& footer, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kFooter, footer.summary_start, footer.summary_offset_start,
-             footer.summary_crc);
-}
-
-void encode(const Schema& schema, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kSchema, schema.id, schema.name, schema.encoding, schema.data);
-}
-
-void encode(const Channel& channel, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kChannel, channel.id, channel.schema_id, channel.topic,
-             channel.message_encoding, channel.metadata);
-}
-
-void encode(const MessageIndex& index, std::vector<std::byte>& into) {
-  put(into, static_cast<std::uint8_t>(Opcode::kMessageIndex));
+template <typename Kind>
+void encode(const Kind& record, std::vector<std::byte>& into) {
+  Fields fields(into);
+  fields("opcode", kOpcodeOf<Kind>);
   Counted<std::uint64_t> length(into);
-  put(into, index.channel_id);
-  Counted<std::uint32_t> entries(into);
-  for (const MessageIndex::Entry& entry : index.entries) {
-    put(into, entry.log_time_ns);
-    put(into, entry.offset);
-  }
-  entries.close();
+  visit_fields(record, fields);
   length.close();
 }
 
-void encode(const ChunkIndex& index, std::vector<std::byte>& into) {
-  put(into, static_cast<std::uint8_t>(Opcode::kChunkIndex));
-  Counted<std::uint64_t> length(into);
-  put(into, index.message_start_time_ns);
-  put(into, index.message_end_time_ns);
-  put(into, index.chunk_start_offset);
-  put(into, index.chunk_length);
-  Counted<std::uint32_t> offsets(into);
-  for (const auto& [channel_id, offset] : index.message_index_offsets) {
-    put(into, channel_id);
-    put(into, offset);
-  }
-  offsets.close();
-  put(into, index.message_index_length);
-  put(into, index.compression);
-  put(into, index.compressed_size);
-  put(into, index.uncompressed_size);
-  length.close();
-}
-
-void encode(const AttachmentIndex& index, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kAttachmentIndex, index.offset, index.length, index.log_time_ns,
-             index.create_time_ns, index.data_size, index.name, index.media_type);
-}
-
-void encode(const Statistics& statistics, std::vector<std::byte>& into) {
-  put(into, static_cast<std::uint8_t>(Opcode::kStatistics));
-  Counted<std::uint64_t> length(into);
-  put(into, statistics.message_count);
-  put(into, statistics.schema_count);
-  put(into, statistics.channel_count);
-  put(into, statistics.attachment_count);
-  put(into, statistics.metadata_count);
-  put(into, statistics.chunk_count);
-  put(into, statistics.message_start_time_ns);
-  put(into, statistics.message_end_time_ns);
-  Counted<std::uint32_t> counts(into);
-  for (const auto& [channel_id, count] : statistics.channel_message_counts) {
-    put(into, channel_id);
-    put(into, count);
-  }
-  counts.close();
-  length.close();
-}
-
-void encode(const Metadata& metadata, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kMetadata, metadata.name, metadata.metadata);
-}
-
-void encode(const MetadataIndex& index, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kMetadataIndex, index.offset, index.length, index.name);
-}
-
-void encode(const SummaryOffset& offset, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kSummaryOffset, static_cast<std::uint8_t>(offset.group_opcode),
-             offset.group_start, offset.group_length);
-}
-
-void encode(const DataEnd& end, std::vector<std::byte>& into) {
-  put_record(into, Opcode::kDataEnd, end.data_section_crc);
-}
+template void encode(const Header&, std::vector<std::byte>&);
+template void encode(const Footer&, std::vector<std::byte>&);
+template void encode(const Schema&, std::vector<std::byte>&);
+template void encode(const Channel&, std::vector<std::byte>&);
+template void encode(const MessageIndex&, std::vector<std::byte>&);
+template void encode(const ChunkIndex&, std::vector<std::byte>&);
+template void encode(const AttachmentIndex&, std::vector<std::byte>&);
+template void encode(const Statistics&, std::vector<std::byte>&);
+template void encode(const Metadata&, std::vector<std::byte>&);
+template void encode(const MetadataIndex&, std::vector<std::byte>&);
+template void encode(const SummaryOffset&, std::vector<std::byte>&);
+template void encode(const DataEnd&, std::vector<std::byte>&);
 
 std::array<std::byte, kFrameBytes + kMessageHeadBytes> encode_head(const MessageHead& head,
                                                                    std::uint64_t data_size) {
@@ -192,27 +147,12 @@ std::array<std::byte, kFrameBytes + kMessageHeadBytes> encode_head(const Message
 }
 
 void encode_head(const Chunk& chunk, std::uint64_t records_size, std::vector<std::byte>& into) {
-  put(into, static_cast<std::uint8_t>(Opcode::kChunk));
-  Counted<std::uint64_t> length(into);
-  put(into, chunk.message_start_time_ns);
-  put(into, chunk.message_end_time_ns);
-  put(into, chunk.uncompressed_size);
-  put(into, chunk.uncompressed_crc);
-  put(into, chunk.compression);
-  put(into, records_size);
-  length.close(records_size);
+  put_head(into, Opcode::kChunk, chunk, records_size, records_size);
 }
 
 void encode_head(const AttachmentHead& head, std::uint64_t data_size,
                  std::vector<std::byte>& into) {
-  put(into, static_cast<std::uint8_t>(Opcode::kAttachment));
-  Counted<std::uint64_t> length(into);
-  put(into, head.log_time_ns);
-  put(into, head.create_time_ns);
-  put(into, head.name);
-  put(into, head.media_type);
-  put(into, data_size);
-  length.close(data_size + sizeof(std::uint32_t));
+  put_head(into, Opcode::kAttachment, head, data_size, data_size + sizeof(std::uint32_t));
 }
 
 std::array<std::byte, 4> encode_u32(std::uint32_t value) {

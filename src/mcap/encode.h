@@ -17,21 +17,11 @@ inline constexpr std::size_t kMessageHeadBytes = 2 + 4 + 8 + 8;
 /// The content of a footer; it never grows, so that readers find it from the end of the file.
 inline constexpr std::size_t kFooterBytes = 8 + 8 + 4;
 
-/// Appends the whole record, opcode and length included, to `into`.
+/// Appends the whole record, opcode and length included, to `into`: any that has no data.
 ///
 /// @errors  `std::length_error` if a text, a map or an index is longer than 4 GiB.
-void encode(const Header& header, std::vector<std::byte>& into);
-void encode(const Footer& footer, std::vector<std::byte>& into);
-void encode(const Schema& schema, std::vector<std::byte>& into);
-void encode(const Channel& channel, std::vector<std::byte>& into);
-void encode(const MessageIndex& index, std::vector<std::byte>& into);
-void encode(const ChunkIndex& index, std::vector<std::byte>& into);
-void encode(const AttachmentIndex& index, std::vector<std::byte>& into);
-void encode(const Statistics& statistics, std::vector<std::byte>& into);
-void encode(const Metadata& metadata, std::vector<std::byte>& into);
-void encode(const MetadataIndex& index, std::vector<std::byte>& into);
-void encode(const SummaryOffset& offset, std::vector<std::byte>& into);
-void encode(const DataEnd& end, std::vector<std::byte>& into);
+template <typename Kind>
+void encode(const Kind& record, std::vector<std::byte>& into);
 
 /// The beginning of a message record; `data_size` bytes of data have to follow.
 [[nodiscard]] std::array<std::byte, kFrameBytes + kMessageHeadBytes> encode_head(

@@ -290,7 +290,8 @@ void Recorder::add_large(Stream& stream, const mcap::MessageHead& head,
 
 void Recorder::note(Batch& batch, const Stream& stream, const detail::Envelope& envelope) {
   // What foreign threads publish is there before a round, all else after it.
-  const std::uint32_t step = clock_.is_simulated() ? step_ + (stream.is_external ? 0 : 1) : kUsualStep;
+  const std::uint32_t step =
+      clock_.is_simulated() ? step_ + (stream.is_external ? 0 : 1) : kUsualStep;
   if (auto info = describe(envelope.info, step)) {
     info->set_channel(stream.channel);
     *batch.infos.add_infos() = std::move(*info);

@@ -217,6 +217,47 @@ TEST_F(Recorded, RecordsNoMoreThanIsWanted) {
   EXPECT_EQ(recorder_->topics()[0].recorded, 1U);
 }
 
+TEST_F(Recorded, WhatAMessageRecordHasNoPlaceForStandsBesideIt) {
+  const base::Clock clock = base::Clock::simulated();
+  owner_.clock = &clock;
+  owner_.now = clock.now();
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  recorder_.emplace(RecorderOptions{.recording = {.file = folder_ / "drive.mcap"}}, clock);
+  recorder_->tap(topics_);
+  topics_.connect_all();
+  ASSERT_TRUE(recorder_->start({}, {}));
+  publish<Int64Value>(numbers, 1);
+  recorder_->take(0);
+  detail::Envelope* loan = numbers.loan(true);
+  numbers.publish(loan, {.taken_at = clock.now() - std::chrono::milliseconds(5)});
+  recorder_->take(2);
+  recorder_->stop({{"reason", "test"}});
+
+  const mcap::FileSource source(folder_ / "drive.mcap");
+  const mcap::Reader reader(source);
+  mcap::MessageReader messages = reader.messages({.topics = {"fastcycle/message_infos"}});
+  const std::optional<mcap::StoredMessage> message = messages.next();
+  ASSERT_TRUE(message);
+  log::MessageInfos infos;
+  ASSERT_TRUE(infos.ParseFromArray(message->data.data(), static_cast<int>(message->data.size())));
+  // The first one is as usual, and has none.
+  ASSERT_EQ(infos.infos_size(), 1);
+  const log::MessageInfo& info = infos.infos(0);
+  EXPECT_EQ(reader.definitions().find_channel(static_cast<std::uint16_t>(info.channel()))->topic,
+            "numbers");
+  EXPECT_EQ(info.sequence(), 2U);
+  EXPECT_GE(info.age_ns(), 5'000'000);
+  EXPECT_LE(info.age_ns(), 5'000'001);
+  EXPECT_EQ(info.root(), 0U);
+  EXPECT_EQ(info.step(), 3U);
+
+  ASSERT_FALSE(reader.metadata().empty());
+  const auto end =
+      std::ranges::find(reader.metadata(), "fastcycle.end", &mcap::MetadataIndex::name);
+  ASSERT_NE(end, reader.metadata().end());
+  EXPECT_EQ(reader.read(*end).metadata.at("reason"), "test");
+}
+
 // A crash takes nothing that came more than the age of a chunk before it.
 TEST_F(Recorded, WhatWasTakenIsInTheFileSoonAlsoIfItIsNeverClosed) {
   detail::PublisherCore& numbers = publisher<Int64Value>("numbers");

@@ -93,8 +93,9 @@ int run_program(int argument_count, char** arguments) {
   program.set_help_flag("-h,--help", "Show this and exit");
   program.footer(kExitCodes);
   program.get_formatter()->column_width(28);
-  const std::vector<Command> commands = {add_run(program),   add_record(program), add_check(program),
-                                         add_graph(program), add_bench(program),  add_version(program)};
+  const std::vector<Command> commands = {add_run(program),   add_record(program),
+                                         add_check(program), add_graph(program),
+                                         add_bench(program), add_version(program)};
   if (argument_count < 2) {
     std::fputs(program.help().c_str(), stderr);
     return kWrong;

@@ -63,7 +63,7 @@ std::optional<config::RecordDescription> RecordingOptions::describe(
   if (!topics.empty() || !except.empty()) {
     record.topics = topics;
     record.except = except;
-    record.place = {.file = "the command line"};
+    record.place.file = "the command line";
   }
   if (const auto found = find_compression(compression)) {
     record.compression = *found;

@@ -135,7 +135,7 @@ int run_application(const config::ApplicationDescription& description, const Run
   if (recording && options.record.say_how()) {
     config::Problems warnings;
     host::check_patterns(*recording, application.topics(), warnings);
-    print(warnings);
+    tool::print(warnings);
   }
   const auto began = std::chrono::steady_clock::now();
   const std::string failure = carry_out(application, options, progress);
@@ -182,8 +182,9 @@ int run(const RunOptions& options) {
     return kWrong;
   }
   if (options.record.say_how() && !options.record.describe(description)) {
-    return wrong("--record-topics and --record-compression say how --record FILE records, which is "
-                 "missing");
+    return wrong(
+        "--record-topics and --record-compression say how --record FILE records, which is "
+        "missing");
   }
   return run_application(description, options, report_file);
 }
@@ -247,14 +248,14 @@ Command add_run(CLI::App& program) {
 Command add_record(CLI::App& program) {
   CLI::App* line =
       program.add_subcommand("record", "Run an application, and record it into an MCAP file");
-  line->footer(
-      examples(std::string("  fastcycle record app.json\n"
-                           "  fastcycle record app.json -o drive.mcap --for 10min\n"
-                           "  fastcycle record app.json --except 'camera/**' --compression zstd\n"
-                           "  fastcycle record app.json -o drive.mcap --split-mb 1000 --split-s 60\n"
-                           "\n"
-                           "A name that is taken is left alone, and the next number tried.\n") +
-               kEnds));
+  line->footer(examples(
+      std::string("  fastcycle record app.json\n"
+                  "  fastcycle record app.json -o drive.mcap --for 10min\n"
+                  "  fastcycle record app.json --except 'camera/**' --compression zstd\n"
+                  "  fastcycle record app.json -o drive.mcap --split-mb 1000 --split-s 60\n"
+                  "\n"
+                  "A name that is taken is left alone, and the next number tried.\n") +
+      kEnds));
   const auto options = std::make_shared<RunOptions>();
   options->record.is_asked = true;
   add_options(*line, *options);
