@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -63,6 +64,8 @@ class FileSink final : public Sink {
   [[nodiscard]] const std::string& name() const override { return name_; }
 
   /// Returns when the disk has what was appended. A file that is to outlive a power cut needs it.
+  ///
+  /// @threads  Safe, also while another thread appends.
   void sync();
 
  private:
@@ -70,7 +73,7 @@ class FileSink final : public Sink {
 
   const std::string name_;
   int file_ = -1;
-  std::uint64_t size_ = 0;
+  std::atomic<std::uint64_t> size_{0};
 };
 
 /// A regular file. Its size is that at the time of opening: what is appended later is not seen.

@@ -1,10 +1,7 @@
 #include "record/recording.h"
 
-#include <system_error>
+#include <algorithm>
 #include <utility>
-
-#include <fcntl.h>
-#include <unistd.h>
 
 #include "mcap/error.h"
 
@@ -12,16 +9,6 @@ namespace fastcycle::record {
 namespace {
 
 constexpr std::chrono::seconds kRetry{1};
-
-/// Makes the name of a file in `folder` outlive a power cut.
-void sync_folder(const std::filesystem::path& folder) noexcept {
-  const int file =
-      ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (file >= 0) {
-    fsync(file);
-    ::close(file);
-  }
-}
 
 }  // namespace
 
@@ -50,7 +37,7 @@ Recording::File Recording::make() {
     file.active = file.whole;
     file.active += ".active";
   } while (std::filesystem::exists(file.whole) || std::filesystem::exists(file.active));
-  file.sink = std::make_unique<mcap::FileSink>(file.active);
+  file.sink = std::make_shared<mcap::FileSink>(file.active);
   number_ = number;
   file.writer = std::make_unique<mcap::Writer>(
       *file.sink, mcap::WriterOptions{.profile = "fastcycle", .library = "fastcycle"});
@@ -59,6 +46,7 @@ Recording::File Recording::make() {
 }
 
 bool Recording::open() {
+  syncer_.emplace();
   synced_ = tried_ = std::chrono::steady_clock::now();
   return start_next();
 }
@@ -77,6 +65,7 @@ bool Recording::is_full(const mcap::ChunkBuilder& next) const {
              *file_.first_ns + static_cast<std::uint64_t>(limit.time.count());
 }
 
+/// Ends a file, and has it synced and renamed.
 bool Recording::finish(File& file) {
   if (file.writer == nullptr) {
     return false;
@@ -86,17 +75,19 @@ bool Recording::finish(File& file) {
   try {
     closing_(*writer);
     writer->close();
-    file.sink->sync();
-    std::filesystem::rename(file.active, file.whole);
-    sync_folder(file.whole.parent_path());
-    for (auto& name : files_) {
-      name = name == file.active ? file.whole : name;
-    }
+    syncer_->sync({.sink = file.sink, .active = file.active, .whole = file.whole});
     return true;
-  } catch (const std::exception& error) {  // Also those of the file system.
+  } catch (const std::exception& error) {
     problem_ = error.what();
     return false;
   }
+}
+
+/// Leaves the file as it is.
+void Recording::give_up() {
+  bytes_before_ += file_.writer->size();
+  file_.writer = nullptr;
+  tried_ = std::chrono::steady_clock::now();
 }
 
 bool Recording::start_next() {
@@ -117,12 +108,28 @@ bool Recording::start_next() {
 void Recording::sync_if_due() {
   const auto now = std::chrono::steady_clock::now();
   if (options_.sync_interval.count() > 0 && now - synced_ >= options_.sync_interval) {
-    file_.sink->sync();
-    synced_ = std::chrono::steady_clock::now();
+    syncer_->sync({.sink = file_.sink, .active = file_.active});
+    synced_ = now;
+  }
+}
+
+void Recording::take(const std::vector<Syncer::Outcome>& outcomes) {
+  for (const Syncer::Outcome& outcome : outcomes) {
+    if (!outcome.problem.empty()) {
+      problem_ = outcome.problem;
+      if (file_.writer != nullptr && file_.active == outcome.active) {
+        give_up();
+      }
+      continue;
+    }
+    for (auto& name : files_) {
+      name = name == outcome.active ? outcome.whole : name;
+    }
   }
 }
 
 bool Recording::write(mcap::ChunkBuilder& chunk) {
+  take(syncer_->outcomes());
   const auto now = std::chrono::steady_clock::now();
   if (file_.writer == nullptr) {
     // The last file could not be written. What it has stays; perhaps there is room again.
@@ -149,15 +156,21 @@ bool Recording::write(mcap::ChunkBuilder& chunk) {
     return true;
   } catch (const std::exception& error) {
     problem_ = error.what();
-    bytes_before_ += file_.writer->size();
-    file_.writer = nullptr;
-    tried_ = now;
+    give_up();
     return false;
   }
 }
 
 bool Recording::close() {
-  return finish(file_);
+  bool is_written = finish(file_);
+  if (syncer_) {
+    const std::vector<Syncer::Outcome> outcomes = syncer_->wait();
+    take(outcomes);
+    is_written = is_written && std::ranges::all_of(outcomes, [&](const Syncer::Outcome& outcome) {
+                   return outcome.active != file_.active || outcome.problem.empty();
+                 });
+  }
+  return is_written;
 }
 
 std::uint64_t Recording::bytes() const {

@@ -12,6 +12,7 @@
 #include "mcap/chunk_builder.h"
 #include "mcap/file.h"
 #include "mcap/writer.h"
+#include "record/syncer.h"
 
 namespace fastcycle::record {
 
@@ -28,6 +29,8 @@ struct Splitting {
 /// While a file is written its name ends in `.active`; it is synced and renamed when it is whole.
 /// So a name that ends in `.mcap` is a file that was closed. A recording that is split has a number
 /// before the suffix: `drive_0001.mcap`. The next file is open before the one before is closed.
+///
+/// Getting files onto the disk is left to a `Syncer`: nothing here waits for that but `close`.
 ///
 /// What cannot be written, since the disk is full or gone, is for the caller to count; a new file
 /// is then tried at most every second, and the one that failed stays as it is, with all that could
@@ -59,7 +62,8 @@ class Recording {
   /// Appends a closed chunk. False if it could not be written.
   bool write(mcap::ChunkBuilder& chunk);
 
-  /// Writes the end of the last file. False if it could not be written.
+  /// Writes the end of the last file, and waits until all are on the disk. False if it could not be
+  /// written.
   bool close();
 
   /// What went wrong last; empty if nothing did since the last file was opened.
@@ -72,7 +76,7 @@ class Recording {
   struct File {
     std::filesystem::path active;
     std::filesystem::path whole;
-    std::unique_ptr<mcap::FileSink> sink;
+    std::shared_ptr<mcap::FileSink> sink;
     std::unique_ptr<mcap::Writer> writer;
     std::optional<std::uint64_t> first_ns;
   };
@@ -82,8 +86,10 @@ class Recording {
   [[nodiscard]] File make();
   [[nodiscard]] bool is_full(const mcap::ChunkBuilder& next) const;
   bool finish(File& file);
+  void give_up();
   bool start_next();
   void sync_if_due();
+  void take(const std::vector<Syncer::Outcome>& outcomes);
 
   const Options options_;
   const Preamble preamble_;
@@ -95,6 +101,7 @@ class Recording {
   std::string problem_;
   std::chrono::steady_clock::time_point synced_;
   std::chrono::steady_clock::time_point tried_;
+  std::optional<Syncer> syncer_;  // From `open` on.
 };
 
 }  // namespace fastcycle::record
