@@ -221,14 +221,16 @@ void Recorder::take(std::uint32_t step) {
   hand_over_what_is_due(false);
 }
 
-bool Recorder::make_room(std::uint64_t bytes) {
+/// Whether a message may be taken: a large one is held until it is written, and only so many are.
+bool Recorder::make_room(const Stream& stream, std::uint64_t bytes, bool is_large) {
   std::uint64_t open_bytes = bytes;
   for (const Open& open : open_) {
     open_bytes += open.batch != nullptr ? open.batch->chunk.size() : 0;
   }
   std::unique_lock lock(mutex_);
   const auto has_room = [&] {
-    return waiting_bytes_ == 0 || waiting_bytes_ + open_bytes <= options_.memory_bytes;
+    return (waiting_bytes_ == 0 || waiting_bytes_ + open_bytes <= options_.memory_bytes) &&
+           (!is_large || stream.held.load(std::memory_order_acquire) < stream.may_hold);
   };
   if (clock_.is_simulated()) {
     went_.wait(lock, has_room);
@@ -246,14 +248,13 @@ void Recorder::take_message(const detail::Lane& lane, const detail::Lane::Head& 
                                  .publish_time_ns = to_log_time(envelope->info.publish_time)};
   const std::uint64_t bytes = envelope->payload->ByteSizeLong();
   const bool is_large = bytes >= kLargeBytes && !stream.is_latched;
-  const bool may_hold = stream.held.load(std::memory_order_acquire) < stream.may_hold;
-  if (!make_room(bytes) || (is_large && !may_hold && !clock_.is_simulated())) {
+  if (!make_room(stream, bytes, is_large)) {
     topic.memory.fetch_add(1, std::memory_order_relaxed);
     detail::release(envelope);
     return;
   }
   topic.bytes.fetch_add(bytes, std::memory_order_relaxed);
-  if (is_large && may_hold) {
+  if (is_large) {
     add_large(stream, stored, envelope);
     return;
   }

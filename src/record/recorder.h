@@ -173,7 +173,7 @@ class Recorder {
   void hand_over(std::unique_ptr<Batch> batch);
   void hand_over_what_is_due(bool all);
   [[nodiscard]] std::unique_ptr<Batch> new_batch(const mcap::ChunkOptions& options);
-  [[nodiscard]] bool make_room(std::uint64_t bytes);
+  [[nodiscard]] bool make_room(const Stream& stream, std::uint64_t bytes, bool is_large);
   void set(bool& flag);
   void write_batches();
   void write(Batch& batch);
