@@ -246,6 +246,48 @@ TEST_F(Bench, StartupReachesEverySubscriber) {
   EXPECT_THAT(left_behind(), IsEmpty());
 }
 
+TEST_F(Bench, RecordingStandsBesideTheSameWithoutIt) {
+  const auto found = rows(few({"record", "--size", "64K,200K", "--dir", temporary_.path()}));
+
+  ASSERT_EQ(found.size(), 4U);
+  EXPECT_EQ(peers_of(found), (std::multiset<std::string>{"recorded-park", "recorded-park",
+                                                         "without-park", "without-park"}));
+  for (const json& row : found) {
+    expect_times(row, 50);
+    EXPECT_TRUE(row.contains("publish_p99_us"));
+    if (row.at("peer") == "recorded-park") {
+      EXPECT_EQ(row.at("published"), 55);
+      EXPECT_EQ(row.at("recorded").get<int>() + row.at("record_lost").get<int>(), 55);
+      EXPECT_EQ(row.at("in_file"), row.at("recorded"));
+      EXPECT_TRUE(row.contains("publish_p99_us_ratio"));
+      EXPECT_TRUE(row.contains("p99_us_ratio"));
+    }
+  }
+  EXPECT_THAT(left_behind(), IsEmpty());
+}
+
+TEST_F(Bench, DiskComparesARecordingWithBareWritesOfTheSameBlocks) {
+  const auto found = rows({"disk", "--size", "1M", "--count", "8"});
+
+  EXPECT_EQ(peers_of(found), (std::multiset<std::string>{"dd", "floor-write", "recorded"}));
+  for (const json& row : found) {
+    EXPECT_GE(row.at("bytes"), 8 << 20);
+    EXPECT_GT(row.at("mb_per_s"), 0);
+    if (row.at("peer") == "recorded") {
+      EXPECT_EQ(row.at("in_file"), 8);
+      EXPECT_EQ(row.at("record_lost"), 0);
+    }
+  }
+  EXPECT_THAT(left_behind(), IsEmpty());
+}
+
+TEST_F(Bench, DiskThatIsTooSmallIsSaidBefore) {
+  EXPECT_EQ(launch({"disk", "--size", "64M", "--count", "100000000"}), 1);
+
+  EXPECT_THAT(errors_, AllOf(HasSubstr("MB left"), HasSubstr("take a smaller --count")));
+  EXPECT_THAT(left_behind(), IsEmpty());
+}
+
 // ---- What all modes have ----
 
 TEST_F(Bench, PeopleGetATableWithTheRatioToTheFloor) {
@@ -348,7 +390,7 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{}, "mode is required"},
       {{"latancy"}, "did you mean \"latency\"?"},
-      {{"xyz"}, "chain, fanout, flood, latency, rtt, startup, timer"},
+      {{"xyz"}, "chain, disk, fanout, flood, latency, record, rtt, startup, timer"},
       {{"latency", "--size", "5X"}, "as 64, 32K or 4M"},
       {{"latency", "--size", "2G"}, "up to 1G"},
       {{"latency", "--count", "0"}, "--count wants a number from 1"},

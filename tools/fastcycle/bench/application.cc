@@ -190,6 +190,9 @@ Finished Runner::run(const Json& json, const std::string& folder, const RunHooks
   finished.stages.read_ns = measure::now_ns();
   host::LibraryLoader libraries(host::library_folders(description, {}));
   host::Application application(description, hooks.clock);
+  if (description.record) {
+    application.record(*description.record);
+  }
   application.build(libraries, problems, host::ConstructorFault::kMistake);
   if (problems.has_errors()) {
     refuse(problems);
@@ -206,6 +209,7 @@ Finished Runner::run(const Json& json, const std::string& folder, const RunHooks
     hooks.before_stop();
   }
   application.stop();
+  finished.stages.stopped_ns = measure::now_ns();
 
   if (const std::string failure = find_failure(application); !failure.empty()) {
     throw std::runtime_error(failure);

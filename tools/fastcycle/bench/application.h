@@ -43,6 +43,7 @@ struct Stages {
   std::int64_t read_ns = 0;     ///< The JSON file.
   std::int64_t built_ns = 0;    ///< Libraries loaded, components made, topics connected.
   std::int64_t started_ns = 0;  ///< Components started, timers run.
+  std::int64_t stopped_ns = 0;  ///< Components stopped; what is recorded is on the disk.
 };
 
 /// A run that is over.

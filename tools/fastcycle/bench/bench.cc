@@ -26,7 +26,8 @@ Mode mode_of(const Options& options, Session* session) {
       {"latency", &bench::latency_mode}, {"rtt", &bench::latency_mode},
       {"flood", &bench::flood_mode},     {"fanout", &bench::fanout_mode},
       {"timer", &bench::timer_mode},     {"chain", &bench::chain_mode},
-      {"startup", &bench::startup_mode}};
+      {"startup", &bench::startup_mode}, {"record", &bench::record_mode},
+      {"disk", &bench::disk_mode}};
   return kModes.at(options.mode)(options, session);
 }
 
@@ -59,6 +60,8 @@ constexpr const char* kModesText =
     "  timer    how late timers are, and that they do not drift\n"
     "  chain    several components in a row, on one thread and on two\n"
     "  startup  from nothing to the first messages; memory; an idle application\n"
+    "  record   what recording costs publisher and subscriber; what of it is lost\n"
+    "  disk     how fast a recording goes to the disk, beside write() and dd\n"
     "\n"
     "Component libraries are loaded from JSON by the host, as `fastcycle run` does. They are\n"
     "compared with floors: the least that this machine needs for the same with bare system calls,\n"
@@ -77,6 +80,7 @@ Command add_bench(CLI::App& program) {
                                 "  fastcycle bench flood --json > flood.jsonl\n"
                                 "  fastcycle bench startup --components 200 --topics "
                                 "2000\n"
+                                "  fastcycle bench record --rounds 5\n"
                                 "\n"
                                 "Exit codes: 0 done, 1 stopped, could not be measured "
                                 "or written, or what arrived is\ndamaged or does not add up, "

@@ -11,5 +11,7 @@ namespace fastcycle::tool::bench {
 [[nodiscard]] Mode timer_mode(const Options& options, Session* session);
 [[nodiscard]] Mode chain_mode(const Options& options, Session* session);
 [[nodiscard]] Mode startup_mode(const Options& options, Session* session);
+[[nodiscard]] Mode record_mode(const Options& options, Session* session);
+[[nodiscard]] Mode disk_mode(const Options& options, Session* session);
 
 }  // namespace fastcycle::tool::bench

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdlib>
 #include <fstream>
 #include <limits>
 #include <map>
@@ -11,6 +12,7 @@
 
 #include <CLI/CLI.hpp>
 #include <sched.h>
+#include <unistd.h>
 
 #include "config/nearest.h"
 #include "config/problem.h"
@@ -34,6 +36,7 @@ struct Defaults {
   Numbers sizes;
   std::int64_t count = 0;
   std::int64_t warmup = 0;
+  std::int64_t interval_us = 1000;
 };
 
 const std::map<std::string, Defaults>& modes() {
@@ -69,7 +72,14 @@ const std::map<std::string, Defaults>& modes() {
         {64},
         2000,
         200}},
-      {"startup", {{"--components", "--topics", "--for"}, {0}, 1000, 200}}};
+      {"startup", {{"--components", "--topics", "--for"}, {0}, 1000, 200}},
+      {"record",
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait", "--dir"},
+        {4096 * kKiB},
+        500,
+        50,
+        4000}},
+      {"disk", {{"--size", "--count", "--dir"}, {4096 * kKiB}, 256, 0}}};
   return kModes;
 }
 
@@ -102,6 +112,18 @@ std::int64_t available_memory() {
     }
   }
   return std::numeric_limits<std::int64_t>::max();
+}
+
+/// Where temporary files go.
+std::filesystem::path disk_folder() {
+  const char* const given = std::getenv("TMPDIR");
+  return given == nullptr || *given == '\0' ? "/tmp" : given;
+}
+
+/// One that no disk has a part in, if there is any.
+std::filesystem::path memory_folder() {
+  const std::filesystem::path memory = "/dev/shm";
+  return access(memory.c_str(), W_OK) == 0 ? memory : disk_folder();
 }
 
 std::string out_of_range(const std::string& option, std::int64_t value, std::int64_t min,
@@ -243,7 +265,7 @@ std::int64_t depth_for(std::int64_t size) {
 
 void add_options(CLI::App& line, Options& options) {
   line.add_option("mode", options.mode,
-                  "latency, rtt, flood, fanout, timer, chain or startup; see below")
+                  "latency, rtt, flood, fanout, timer, chain, startup, record or disk; see below")
       ->required()
       ->type_name("MODE");
   const auto add = [&](const char* name, auto& value, const char* type, const char* text) {
@@ -253,11 +275,12 @@ void add_options(CLI::App& line, Options& options) {
     line.add_option(name, values, text)->type_name(type)->delimiter(',')->allow_extra_args(false);
   };
   add_list("--size", options.size_words, "N,N",
-           "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; else 64)");
+           "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; record, disk: 4M; else 64)");
   add("--count", options.given_count, "N",
-      "Messages a point (5000; fanout, chain: 2000; flood: 1000000)");
-  add("--warmup", options.given_warmup, "N", "Messages before, not measured (200)");
-  add("--interval-us", options.interval_us, "N", "Time from message to message (1000)");
+      "Messages a point (5000; fanout, chain: 2000; record: 500; disk: 256; flood: 1000000)");
+  add("--warmup", options.given_warmup, "N", "Messages before, not measured (200; record: 50)");
+  add("--interval-us", options.given_interval_us, "N",
+      "Time from message to message (1000; record: 4000)");
   add("--rounds", options.rounds, "R", "Measure everything so often, in turn with the floors (1)");
   add("--first-round", options.first_round, "R",
       "Count the rounds from this one, which says who begins (1)");
@@ -280,6 +303,8 @@ void add_options(CLI::App& line, Options& options) {
   add("--topics", options.topics, "M", "startup: how many (24)");
   add("--for", options.idle_word, "TIME",
       "startup: how long the idle application is watched (10s)");
+  add("--dir", options.record_folder, "FOLDER",
+      "record, disk: where to record to (record: /dev/shm; disk: TMPDIR)");
 }
 
 std::string complete(Options& options, const CLI::App& line) {
@@ -315,6 +340,11 @@ std::string complete(Options& options, const CLI::App& line) {
   }
   options.count = options.given_count.value_or(options.is_simulated() ? 1'000'000 : mode.count);
   options.warmup = options.given_warmup.value_or(options.is_simulated() ? 0 : mode.warmup);
+  options.interval_us = options.given_interval_us.value_or(mode.interval_us);
+  options.source_folder = memory_folder();
+  if (options.record_folder.empty()) {
+    options.record_folder = options.mode == "disk" ? disk_folder() : memory_folder();
+  }
   const std::optional<Duration> idle = parse_duration(options.idle_word);
   if (!idle) {
     return "--for wants a time above zero with its unit, as 500ms, 10s or 2min, not \"" +

@@ -18,7 +18,7 @@ struct Options {
   std::vector<std::string> size_words;  ///< As written: 64, 32K, 4M.
   std::optional<std::int64_t> given_count;
   std::optional<std::int64_t> given_warmup;
-  std::int64_t interval_us = 1000;
+  std::optional<std::int64_t> given_interval_us;
   std::int64_t rounds = 1;
   std::int64_t first_round = 1;
   std::vector<std::string> waits;
@@ -37,11 +37,14 @@ struct Options {
   std::int64_t components = 12;
   std::int64_t topics = 24;
   std::string idle_word = "10s";
+  std::filesystem::path record_folder;  ///< As given; else what the mode takes.
+  std::filesystem::path source_folder;  ///< Memory, if there is such a folder.
 
   // Read from the above by `complete`.
   std::vector<std::int64_t> sizes;
   std::int64_t count = 0;
   std::int64_t warmup = 0;
+  std::int64_t interval_us = 0;
   Duration idle{};
 
   [[nodiscard]] bool is_simulated() const { return clock == "simulated"; }

@@ -1,0 +1,389 @@
+// record: what recording costs the application. disk: how fast a recording goes to the disk.
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "bench/modes.h"
+#include "mcap/record_reader.h"
+#include "measure/clock.h"
+#include "measure/payload.h"
+#include "measure/statistics.h"
+
+namespace fastcycle::tool::bench {
+namespace {
+
+constexpr double kMega = 1e6;
+constexpr const char* kWithout = "without";
+constexpr const char* kRecorded = "recorded";
+
+std::runtime_error trouble_with(const std::filesystem::path& file) {
+  return std::runtime_error("bench: " + file.string() + ": " + std::strerror(errno));
+}
+
+/// A folder for one recording, gone with it.
+class RecordingFolder {
+ public:
+  explicit RecordingFolder(const std::filesystem::path& place, std::int64_t bytes) {
+    // A quarter more, for what comes beside the payloads.
+    const std::int64_t needed = bytes + bytes / 4 + (64 << 20);
+    std::error_code error;
+    const std::filesystem::space_info space = std::filesystem::space(place, error);
+    if (error) {
+      throw std::runtime_error("bench: --dir " + place.string() + ": " + error.message());
+    }
+    if (space.available < static_cast<std::uintmax_t>(needed)) {
+      throw std::runtime_error(fmt::format(
+          "bench: {} has {} MB left, and this needs {}: take a smaller --count, or another --dir",
+          place.string(), space.available / 1'000'000, needed / 1'000'000));
+    }
+    path_ = (place / "fastcycle-bench-XXXXXX").string();
+    if (mkdtemp(path_.data()) == nullptr) {
+      throw trouble_with(path_);
+    }
+  }
+  RecordingFolder(const RecordingFolder&) = delete;
+  RecordingFolder& operator=(const RecordingFolder&) = delete;
+  ~RecordingFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+
+  [[nodiscard]] std::filesystem::path file() const {
+    return std::filesystem::path(path_) / "bench.mcap";
+  }
+
+ private:
+  std::string path_;
+};
+
+/// Memory of the process, in bytes: `VmRSS` or `VmHWM`; 0 if the system does not say.
+std::int64_t memory(std::string_view name) {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word) {
+    std::int64_t kib = 0;
+    if (word == std::string(name) + ":" && status >> kib) {
+      return kib * 1024;
+    }
+  }
+  return 0;
+}
+
+/// The most that the process holds at once while this lives, beyond what it held when it began.
+class PeakMemory {
+ public:
+  PeakMemory() : begin_(memory("VmRSS")) {
+    std::ofstream("/proc/self/clear_refs") << 5;  // Forgets earlier peaks.
+  }
+  [[nodiscard]] std::int64_t bytes() const { return memory("VmHWM") - begin_; }
+
+ private:
+  std::int64_t begin_;
+};
+
+void record_into(Json& application, const std::filesystem::path& file) {
+  application["record"] = {{"file", file.string()}, {"compression", "none"}};
+}
+
+/// Messages of the topic in the file, by reading all of it: CRCs are checked.
+std::uint64_t count_in(const std::filesystem::path& file, std::string_view topic) {
+  const mcap::FileSource source(file);
+  mcap::RecordReader reader(source);
+  std::uint64_t count = 0;
+  while (const auto record = reader.next()) {
+    const auto* const message = std::get_if<mcap::Message>(&*record);
+    if (message != nullptr &&
+        reader.definitions().find_channel(message->channel_id)->topic == topic) {
+      ++count;
+    }
+  }
+  if (reader.stop()->reason != mcap::Stop::Reason::kEnd) {
+    throw std::runtime_error("bench: " + to_string(reader.stop()->problem));
+  }
+  return count;
+}
+
+/// What became of the payloads, and whether the file says the same as the recorder.
+void add_recording(Finding& finding, const host::RecordingReport& recording,
+                   const std::filesystem::path& file) {
+  const auto payload =
+      std::ranges::find(recording.topics, "payload", &record::RecordedTopic::topic);
+  const std::uint64_t in_file = count_in(file, "payload");
+  finding.row.more += fmt::format(
+      ",\"published\":{},\"recorded\":{},\"record_lost\":{},\"lost_overflow\":{},\"lost_pool\":{},"
+      "\"lost_memory\":{},\"lost_disk\":{},\"in_file\":{},\"file_bytes\":{}",
+      payload->published, payload->recorded, payload->lost(), payload->overflow, payload->pool,
+      payload->memory, payload->disk, in_file, std::filesystem::file_size(file));
+  if (in_file != payload->recorded || payload->published != payload->recorded + payload->lost()) {
+    finding.trouble = fmt::format("published {}, recorded {}, lost {}, but in the file {}",
+                                  payload->published, payload->recorded, payload->lost(), in_file);
+  }
+}
+
+// ---------------------------------------------------------------------------------------------
+// record
+
+Json record_application(const Options& options, std::int64_t size, const std::string& wait,
+                        const std::string& folder) {
+  Json its_source = source(options, size);
+  Json its_sink = sink(options, "sink", size);
+  its_source["params"]["stamps_publish"] = true;
+  write_samples_to(its_source, folder);
+  write_samples_to(its_sink, folder);
+  return application({executor(options, "publisher", wait == "spin" ? "park" : wait, 1),
+                      executor(options, "subscriber", wait, 0)},
+                     {its_source, its_sink});
+}
+
+Finding measure_record(Session& session, const std::string& wait, std::int64_t size,
+                       bool is_recorded) {
+  const Options& options = session.options();
+  Json json = record_application(options, size, wait, session.folder());
+  std::optional<RecordingFolder> recording;
+  if (is_recorded) {
+    recording.emplace(options.record_folder, size * (options.count + options.warmup));
+    record_into(json, recording->file());
+  }
+  const PeakMemory peak;
+  const Finished finished = session.run_application(json);
+  Finding finding{
+      .row = session.row(fmt::format("{}-{}", is_recorded ? kRecorded : kWithout, wait), size),
+      .samples = session.samples_of("sink")};
+  finding.row.more = fmt::format("\"peak_bytes\":{}", peak.bytes());
+  measure_into(finding.row, finding.samples, finished.whole("source", "sent"),
+               finished.usage("source"));
+  const measure::Statistics publish = measure::summarize(
+      measure::transfer_ns(measure::without_warmup(session.samples_of("source"), options.warmup)));
+  finding.row.more += fmt::format(",\"publish_p50_us\":{:.3f},\"publish_p99_us\":{:.3f}",
+                                  publish.p50_us, publish.p99_us);
+  const std::int64_t damaged = finished.sum("damaged");
+  finding.row.more += "," + damaged_json(damaged);
+  finding.trouble = damaged_trouble(damaged);
+  if (is_recorded) {
+    add_recording(finding, finished.report.recording.value(), recording->file());
+  }
+  return finding;
+}
+
+/// How the recorded run of a round stands beside the one without.
+void add_ratios(std::vector<measure::Row>& rows) {
+  std::map<std::pair<std::int64_t, std::string>, nlohmann::json> without;
+  for (const measure::Row& row : rows) {
+    if (row.peer.starts_with(kWithout)) {
+      without[{row.size, row.peer.substr(std::strlen(kWithout))}] =
+          nlohmann::json::parse(to_json(row));
+    }
+  }
+  for (measure::Row& row : rows) {
+    if (!row.peer.starts_with(kRecorded)) {
+      continue;
+    }
+    const auto found = without.find({row.size, row.peer.substr(std::strlen(kRecorded))});
+    const nlohmann::json json = nlohmann::json::parse(to_json(row));
+    for (const char* const key : {"p99_us", "publish_p99_us"}) {
+      if (found != without.end() && found->second.at(key).get<double>() > 0) {
+        row.more += fmt::format(",\"{}_ratio\":{:.3f}", key,
+                                json.at(key).get<double>() / found->second.at(key).get<double>());
+      }
+    }
+  }
+}
+
+// ---------------------------------------------------------------------------------------------
+// disk
+
+std::int64_t total_bytes(const Options& options, std::int64_t size) {
+  return size * options.count;
+}
+
+Finding disk_finding(const Session& session, const std::string& peer, std::int64_t size,
+                     std::int64_t bytes, std::int64_t begin_ns, std::int64_t end_ns) {
+  Finding finding{.row = session.row(peer, size)};
+  finding.row.n = session.options().count;
+  finding.row.interval_us = 0;
+  finding.row.more = fmt::format(
+      "\"bytes\":{},\"seconds\":{:.3f},\"mb_per_s\":{:.1f}", bytes,
+      static_cast<double>(end_ns - begin_ns) / 1e9,
+      static_cast<double>(bytes) * 1e9 / static_cast<double>(end_ns - begin_ns) / kMega);
+  return finding;
+}
+
+/// Blocks as large as our messages, by one thread, and one sync at the end.
+Finding measure_writes(const Session& session, std::int64_t size) {
+  const Options& options = session.options();
+  const std::int64_t bytes = total_bytes(options, size);
+  const RecordingFolder folder(options.record_folder, bytes);
+  std::vector<char> block(static_cast<std::size_t>(size));
+  measure::fill(block.data(), block.size(), 'x');
+  const std::int64_t begin_ns = measure::now_ns();
+  const int file = ::open(folder.file().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (file < 0) {
+    throw trouble_with(folder.file());
+  }
+  bool is_written = true;
+  for (std::int64_t i = 0; i < options.count && is_written && !session.is_stopped(); ++i) {
+    for (std::size_t done = 0; done < block.size() && is_written;) {
+      const ssize_t written = ::write(file, block.data() + done, block.size() - done);
+      is_written = written >= 0 || errno == EINTR;
+      done += static_cast<std::size_t>(std::max<ssize_t>(written, 0));
+    }
+  }
+  is_written = is_written && ::fdatasync(file) == 0;
+  const std::int64_t end_ns = measure::now_ns();
+  ::close(file);
+  if (!is_written) {
+    throw trouble_with(folder.file());
+  }
+  return disk_finding(session, "floor-write", size, bytes, begin_ns, end_ns);
+}
+
+/// A file in memory, of blocks that are not zero: some disks need not store zeros.
+void write_source(const std::filesystem::path& file, std::int64_t size, std::int64_t count) {
+  std::string block(static_cast<std::size_t>(size), 'x');
+  std::ofstream stream(file, std::ios::binary);
+  for (std::int64_t i = 0; i < count; ++i) {
+    stream.write(block.data(), static_cast<std::streamsize>(block.size()));
+  }
+  stream.close();
+  if (!stream) {
+    throw trouble_with(file);
+  }
+}
+
+/// The same by the tool that everybody has.
+Finding measure_dd(const Session& session, std::int64_t size) {
+  const Options& options = session.options();
+  const std::int64_t bytes = total_bytes(options, size);
+  const RecordingFolder folder(options.record_folder, bytes);
+  const RecordingFolder source(options.source_folder, bytes);
+  write_source(source.file(), size, options.count);
+  std::array<std::string, 7> words{"dd",
+                                   "if=" + source.file().string(),
+                                   "of=" + folder.file().string(),
+                                   fmt::format("bs={}", size),
+                                   fmt::format("count={}", options.count),
+                                   "conv=fdatasync",
+                                   "status=none"};
+  std::array<char*, words.size() + 1> pointers{};
+  std::ranges::transform(words, pointers.begin(), [](std::string& word) { return word.data(); });
+  const std::int64_t begin_ns = measure::now_ns();
+  pid_t process = 0;
+  int status = 0;
+  if (posix_spawnp(&process, "dd", nullptr, nullptr, pointers.data(), environ) != 0 ||
+      waitpid(process, &status, 0) != process || status != 0) {
+    throw std::runtime_error("bench: dd could not be run, or could not write " +
+                             folder.file().string());
+  }
+  return disk_finding(session, "dd", size, bytes, begin_ns, measure::now_ns());
+}
+
+Json disk_application(const Options& options, std::int64_t size) {
+  return application(Json::array({executor(options, "publisher", "park", 0)}),
+                     Json::array({source(options, size)}));
+}
+
+/// In simulated time, where the run waits for the disk and nothing is lost.
+Finding measure_recording(Session& session, std::int64_t size) {
+  const Options& options = session.options();
+  const RecordingFolder folder(options.record_folder, total_bytes(options, size));
+  Json json = disk_application(options, size);
+  record_into(json, folder.file());
+  const PeakMemory peak;
+  const Finished finished =
+      session.run_application(json, {.clock = {.is_simulated = true, .rate = 1.0, .workers = 1}});
+  const auto bytes = static_cast<std::int64_t>(std::filesystem::file_size(folder.file()));
+  Finding finding = disk_finding(session, "recorded", size, bytes, finished.stages.built_ns,
+                                 finished.stages.stopped_ns);
+  finding.row.more += fmt::format(",\"peak_bytes\":{}", peak.bytes());
+  add_recording(finding, finished.report.recording.value(), folder.file());
+  return finding;
+}
+
+}  // namespace
+
+Mode record_mode(const Options& options, Session* session) {
+  Mode mode;
+  mode.application = record_application(options, options.sizes.front(), options.waits.front(), {});
+  record_into(mode.application, options.record_folder / "bench.mcap");
+  mode.title = fmt::format(
+      "with and without a recording into {}, µs; {} messages after {} of warm-up, one each {} µs",
+      options.record_folder.string(), options.count, options.warmup, options.interval_us);
+  mode.columns = {{"size", "size"},
+                  {"peer", "peer"},
+                  {"publish p50", "publish_p50_us", 2},
+                  {"publish p99", "publish_p99_us", 2},
+                  {"transfer p50", "p50_us"},
+                  {"transfer p99", "p99_us"},
+                  {"lost", "lost", 0},
+                  {"recorded", "recorded", 0},
+                  {"record lost", "record_lost", 0},
+                  {"peak bytes", "peak_bytes", 0},
+                  {"publish p99/without", "publish_p99_us_ratio", 2},
+                  {"transfer p99/without", "p99_us_ratio", 2}};
+  mode.after_round = add_ratios;
+  for (const std::int64_t size : options.sizes) {
+    for (const std::string& wait : options.waits) {
+      Point point;
+      for (const bool is_recorded : {false, true}) {
+        point.steps.push_back(
+            {.peer = fmt::format("{}-{}", is_recorded ? kRecorded : kWithout, wait),
+             .measure = [session, wait, size, is_recorded] {
+               return measure_record(*session, wait, size, is_recorded);
+             }});
+      }
+      mode.points.push_back(std::move(point));
+    }
+  }
+  return mode;
+}
+
+Mode disk_mode(const Options& options, Session* session) {
+  Mode mode;
+  mode.application = disk_application(options, options.sizes.front());
+  record_into(mode.application, options.record_folder / "bench.mcap");
+  mode.title = fmt::format("{} messages into {}, until the disk has them", options.count,
+                           options.record_folder.string());
+  mode.ratio_of = "mb_per_s";
+  mode.columns = {{"size", "size"},
+                  {"peer", "peer"},
+                  {"MB/s", "mb_per_s"},
+                  {"seconds", "seconds", 2},
+                  {"record lost", "record_lost", 0},
+                  {"peak bytes", "peak_bytes", 0},
+                  {"MB/s / floor", kRatioKey, 2}};
+  for (const std::int64_t size : options.sizes) {
+    Point point;
+    point.steps.push_back({.peer = "floor-write",
+                           .measure = [session, size] { return measure_writes(*session, size); }});
+    point.steps.push_back({.peer = "dd",
+                           .measure = [session, size] { return measure_dd(*session, size); },
+                           .floor = "floor-write"});
+    point.steps.push_back({.peer = "recorded",
+                           .measure = [session, size] { return measure_recording(*session, size); },
+                           .floor = "floor-write"});
+    mode.points.push_back(std::move(point));
+  }
+  return mode;
+}
+
+}  // namespace fastcycle::tool::bench
