@@ -44,7 +44,7 @@ enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
 /// What is recorded, and where to.
 struct RecordDescription {
   std::filesystem::path file;
-  std::vector<std::string> topics;  ///< Patterns, see `record::matches`; empty: all.
+  std::vector<std::string> topics;  ///< Patterns, see `mcap::matches`; empty: all.
   std::vector<std::string> except;  ///< Patterns of topics that are not recorded.
   Compression compression = Compression::kLz4;
   /// For topics that the pattern means; the first that does counts.

@@ -8,7 +8,7 @@
 #include "config/nearest.h"
 #include "host/application.h"
 #include "host/component_core.h"
-#include "record/topic_filter.h"
+#include "mcap/topic_filter.h"
 
 namespace fastcycle::host {
 namespace {
@@ -50,7 +50,7 @@ void check_patterns(const config::RecordDescription& description, const detail::
   }
   const auto check = [&](const std::string& pattern) {
     if (std::ranges::none_of(names,
-                             [&](const auto& name) { return record::matches(pattern, name); })) {
+                             [&](const auto& name) { return mcap::matches(pattern, name); })) {
       config::Problem problem = config::mistake(
           description.place, "the recorder's pattern \"" + pattern + "\" means no topic",
           config::did_you_mean(config::nearest(pattern, names)));

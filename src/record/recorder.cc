@@ -116,7 +116,7 @@ void Recorder::tap(detail::Topics& topics) {
 std::size_t Recorder::open_for(const std::string& topic) {
   mcap::ChunkOptions wanted = options_.chunk;
   for (const CompressionRule& rule : options_.rules) {
-    if (matches(rule.pattern, topic)) {
+    if (mcap::matches(rule.pattern, topic)) {
       wanted = rule.chunk;
       break;
     }

@@ -22,10 +22,10 @@
 #include "broker/topics.h"
 #include "executor/activation_ring.h"
 #include "mcap/compression.h"
+#include "mcap/topic_filter.h"
 #include "record/recording.h"
 #include "record/serializer.h"
 #include "record/tap.h"
-#include "record/topic_filter.h"
 
 namespace fastcycle::record {
 
@@ -39,14 +39,14 @@ struct StoredMessage {
 
 /// How the messages of some topics are compressed.
 struct CompressionRule {
-  std::string pattern;  ///< See `matches`.
+  std::string pattern;  ///< See `mcap::matches`.
   mcap::ChunkOptions chunk = {};
 };
 
 /// What is recorded, and where to.
 struct RecorderOptions {
   Recording::Options recording = {};
-  TopicFilter filter = {};
+  mcap::TopicFilter filter = {};
   mcap::ChunkOptions chunk = {.compression =
                                   mcap::Compression::kLz4};  ///< Where no rule says else.
   std::vector<CompressionRule> rules = {};                   ///< The first that matches counts.

@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-namespace fastcycle::record {
+namespace fastcycle::mcap {
 
 /// Whether `topic` is one that `pattern` means: `*` stands for any characters of one level and `?`
 /// for one of them; `**` as a whole level for any number of levels, none included; everything else
@@ -23,4 +23,4 @@ struct TopicFilter {
   [[nodiscard]] bool wants(std::string_view topic) const;
 };
 
-}  // namespace fastcycle::record
+}  // namespace fastcycle::mcap

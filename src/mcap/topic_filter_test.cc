@@ -1,10 +1,10 @@
-#include "record/topic_filter.h"
+#include "mcap/topic_filter.h"
 
 #include <string>
 
 #include <gtest/gtest.h>
 
-namespace fastcycle::record {
+namespace fastcycle::mcap {
 namespace {
 
 TEST(TopicFilter, APatternWithoutStarsMeansOneTopic) {
@@ -51,4 +51,4 @@ TEST(TopicFilter, WhatIsExceptedIsNotWanted) {
 }
 
 }  // namespace
-}  // namespace fastcycle::record
+}  // namespace fastcycle::mcap

@@ -1,9 +1,9 @@
-#include "record/topic_filter.h"
+#include "mcap/topic_filter.h"
 
 #include <algorithm>
 #include <cstddef>
 
-namespace fastcycle::record {
+namespace fastcycle::mcap {
 namespace {
 
 std::vector<std::string_view> levels_of(std::string_view text) {
@@ -65,4 +65,4 @@ bool TopicFilter::wants(std::string_view topic) const {
          std::ranges::none_of(except, means_it);
 }
 
-}  // namespace fastcycle::record
+}  // namespace fastcycle::mcap
