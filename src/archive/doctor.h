@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "archive/progress.h"
+#include "mcap/error.h"
+#include "mcap/file.h"
+#include "mcap/record_reader.h"
+
+namespace fastcycle::archive {
+
+/// Something that a file has and should not have.
+struct Finding {
+  bool is_warning = false;  ///< Odd, but no reader stumbles over it.
+  mcap::Problem problem;
+};
+
+struct Diagnosis {
+  /// So many errors are told, and as many warnings; all are counted.
+  static constexpr std::uint64_t kMostTold = 1000;
+
+  std::uint64_t errors = 0;
+  std::uint64_t warnings = 0;
+  std::uint64_t messages = 0;
+  std::uint64_t chunks = 0;
+};
+
+/// Reads all of a file and checks everything that can be checked, telling what it finds as it goes:
+///
+/// - all CRCs, the order of the records, that they are whole and that the file was closed;
+/// - that times and indexes of chunks are those of their messages;
+/// - that the summary says what the file has: schemas, channels, statistics, indexes, offsets (not
+///   checked where something before it is damaged);
+/// - that schemas of protobuf are complete and that every message is one of its schema;
+/// - per channel: log times that go back, numbers that are missing (warnings);
+/// - that the loss which the log counts adds up.
+///
+/// Memory: a record, an uncompressed chunk with 16 bytes for each of its messages, schemas and
+/// channels, and the index of the file, up to `ReadLimits::index_bytes`.
+///
+/// @errors  `mcap::Error` if the file cannot be read.
+Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& tell,
+                   const mcap::ReadLimits& limits = {}, const Progress& progress = {});
+
+}  // namespace fastcycle::archive

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "mcap/file.h"
+
+namespace fastcycle::archive {
+
+/// A file that appears under its name when it is whole, and not before.
+///
+///     OutputFile file("drive.mcap", {.inputs = inputs});
+///     mcap::Writer writer(file.sink());
+///     ...
+///     file.commit();
+///
+/// It is written beside its place. What was not committed is removed.
+///
+/// @threads  Confined.
+class OutputFile {
+ public:
+  struct Options {
+    bool may_replace = false;  ///< What has this name already.
+    /// What is read meanwhile: none of these may be replaced.
+    std::span<const std::filesystem::path> inputs = {};
+  };
+
+  /// @errors  `mcap::Error` if there is such a file and it may not be replaced, if it is one of the
+  ///          inputs, or if it cannot be made.
+  OutputFile(std::filesystem::path path, const Options& options);
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+  ~OutputFile();
+
+  [[nodiscard]] mcap::Sink& sink() { return *sink_; }
+  /// Where the content is until it is committed.
+  [[nodiscard]] const std::filesystem::path& unfinished() const { return unfinished_; }
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+  /// Waits until the disk has the content, and gives it its name.
+  ///
+  /// @errors  `mcap::Error`; also if a file of this name appeared meanwhile.
+  void commit();
+
+ private:
+  const std::filesystem::path path_;
+  const bool may_replace_;
+  std::filesystem::path unfinished_;
+  std::unique_ptr<mcap::FileSink> sink_;
+  bool is_committed_ = false;
+};
+
+}  // namespace fastcycle::archive
