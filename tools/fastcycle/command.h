@@ -10,8 +10,9 @@ namespace fastcycle::tool {
 /// How the program ends, for every command alike; `--help` says it too.
 enum ExitCode : int {
   kDone = 0,
-  kFailed = 1,  ///< The run failed, or a component did whose policy is to stop the application.
-  kWrong = 2,   ///< The configuration or the command line is wrong; nothing was started.
+  kFailed = 1,    ///< The run failed, or a component did whose policy is to stop the application.
+  kWrong = 2,     ///< The configuration or the command line is wrong; nothing was started.
+  kProblems = 3,  ///< Of logs: it is not in order, or not all of it could be saved.
   kEndedAtOnce = 130,  ///< Ctrl-C for the second time.
 };
 
@@ -27,6 +28,15 @@ Command add_record(CLI::App& program);
 Command add_check(CLI::App& program);
 Command add_graph(CLI::App& program);
 Command add_bench(CLI::App& program);
+Command add_info(CLI::App& program);
+Command add_echo(CLI::App& program);
+Command add_export(CLI::App& program);
+Command add_convert(CLI::App& program);
+Command add_filter(CLI::App& program);
+Command add_merge(CLI::App& program);
+Command add_split(CLI::App& program);
+Command add_recover(CLI::App& program);
+Command add_doctor(CLI::App& program);
 Command add_version(CLI::App& program);
 
 /// The examples at the end of a command's help.

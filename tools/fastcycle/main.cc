@@ -35,8 +35,9 @@ namespace {
 constexpr const char* kExitCodes =
     "Exit codes:\n"
     "  0    done\n"
-    "  1    the run failed, or a component did whose \"on_fault\" is \"stop\"\n"
+    "  1    the run failed, or a component did whose \"on_fault\" is \"stop\"; a file failed\n"
     "  2    the configuration or the command line is wrong; nothing was started\n"
+    "  3    a log is not in order, or not all of it could be saved\n"
     "  130  ended at once by a second Ctrl-C\n";
 
 int print_wrong(const std::string& sentence, const CLI::App& line) {
@@ -93,9 +94,11 @@ int run_program(int argument_count, char** arguments) {
   program.set_help_flag("-h,--help", "Show this and exit");
   program.footer(kExitCodes);
   program.get_formatter()->column_width(28);
-  const std::vector<Command> commands = {add_run(program),   add_record(program),
-                                         add_check(program), add_graph(program),
-                                         add_bench(program), add_version(program)};
+  const std::vector<Command> commands = {
+      add_run(program),     add_record(program), add_check(program),  add_graph(program),
+      add_bench(program),   add_info(program),   add_echo(program),   add_export(program),
+      add_convert(program), add_filter(program), add_merge(program),  add_split(program),
+      add_recover(program), add_doctor(program), add_version(program)};
   if (argument_count < 2) {
     std::fputs(program.help().c_str(), stderr);
     return kWrong;

@@ -1,0 +1,164 @@
+#include "archive/export.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "archive/output_file.h"
+#include "command.h"
+#include "file_work.h"
+#include "mcap/reader.h"
+
+namespace fastcycle::tool {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ExportOptions {
+  fs::path file;
+  std::vector<std::string> topics;
+  fs::path output;
+  std::size_t max_repeated = 64;
+  bool is_forced = false;
+  bool is_quiet = false;
+};
+
+/// Nobody reads standard output any more.
+struct OutputClosed {};
+
+/// Collects rows, so that not each is a write of its own.
+class Rows {
+ public:
+  explicit Rows(mcap::Sink& sink) : sink_(sink) {}
+
+  void add(std::string_view row) {
+    text_ += row;
+    if (text_.size() >= kBytes) {
+      flush();
+    }
+  }
+  void flush() {
+    const mcap::Bytes bytes = mcap::bytes_of(text_);
+    sink_.append({&bytes, 1});
+    text_.clear();
+  }
+
+ private:
+  static constexpr std::size_t kBytes = std::size_t{256} << 10U;
+  mcap::Sink& sink_;
+  std::string text_;
+};
+
+/// `control/speed` becomes `control.speed.csv`.
+std::string file_name_of(std::string topic) {
+  for (char& letter : topic) {
+    const bool is_plain = static_cast<unsigned char>(letter) >= ' ';
+    letter = letter == '/' ? '.' : is_plain ? letter : '_';
+  }
+  return topic + ".csv";
+}
+
+archive::Table export_to_file(const mcap::Reader& reader, const ExportOptions& options,
+                              const std::string& topic, const fs::path& path,
+                              const archive::Progress& progress) {
+  const std::vector<fs::path> inputs{options.file};
+  archive::OutputFile file(path, {.may_replace = options.is_forced, .inputs = inputs});
+  Rows rows(file.sink());
+  archive::Table table = archive::export_table(
+      reader, options.file.string(), {.topic = topic, .most_elements = options.max_repeated},
+      [&](std::string_view row) { rows.add(row); }, progress);
+  rows.flush();
+  file.commit();
+  return table;
+}
+
+archive::Table export_to_output(const mcap::Reader& reader, const ExportOptions& options,
+                                const std::string& topic) {
+  Output output;
+  archive::Table table = archive::export_table(
+      reader, options.file.string(), {.topic = topic, .most_elements = options.max_repeated},
+      [&](std::string_view row) {
+        if (!output.write(row)) {
+          throw OutputClosed();
+        }
+      });
+  output.flush();
+  return table;
+}
+
+void print_cut(const archive::Table& table, const std::string& topic) {
+  for (const std::string& field : table.cut) {
+    std::fprintf(stderr, "fastcycle export: %s: not all of %s has a column (--max-repeated N)\n",
+                 topic.c_str(), field.c_str());
+  }
+}
+
+int run(const ExportOptions& options) {
+  const mcap::FileSource source(options.file);
+  const mcap::Reader reader(source);
+  if (reader.problem()) {
+    print_problem("export", *reader.problem(), "what there is was taken");
+  }
+  if (options.output.empty()) {
+    try {
+      print_cut(export_to_output(reader, options, options.topics.front()), options.topics.front());
+    } catch (const OutputClosed&) {
+      return kDone;
+    }
+    return kDone;
+  }
+  const bool is_folder = options.topics.size() > 1 || fs::is_directory(options.output);
+  if (is_folder) {
+    fs::create_directories(options.output);
+  }
+  FileWork work(!options.is_quiet);
+  for (const std::string& topic : options.topics) {
+    const fs::path path = is_folder ? options.output / file_name_of(topic) : options.output;
+    const archive::Table table =
+        export_to_file(reader, options, topic, path, work.progress(topic, 0));
+    print_cut(table, topic);
+    if (!options.is_quiet) {
+      std::printf("%s: %llu rows, %zu columns\n", path.c_str(),
+                  static_cast<unsigned long long>(table.rows), table.columns);
+    }
+  }
+  return flush_output();
+}
+
+int export_topics(const ExportOptions& options) {
+  if (options.output.empty() && options.topics.size() > 1) {
+    return print_mistake("export", "several topics want a folder for their files: -o DIR");
+  }
+  return run(options);
+}
+
+}  // namespace
+
+Command add_export(CLI::App& program) {
+  CLI::App* line = program.add_subcommand("export", "Write the messages of topics as tables, CSV");
+  line->footer(
+      examples("  fastcycle export drive.mcap --topic control/speed -o speed.csv\n"
+               "  fastcycle export drive.mcap --topic control/speed --topic imu/accel -o tables\n"
+               "  fastcycle export drive.mcap --topic control/speed | head\n"));
+  const auto options = std::make_shared<ExportOptions>();
+  line->add_option("file", options->file, "The log")->required()->type_name("FILE");
+  line->add_option("--topic", options->topics, "A topic with messages of protobuf. Repeatable")
+      ->required()
+      ->allow_extra_args(false)
+      ->type_name("T");
+  line->add_option("-o,--output", options->output,
+                   "Where to: FILE.csv, of several topics a folder; else standard output")
+      ->type_name("PATH");
+  line->add_option("--max-repeated", options->max_repeated,
+                   "Columns for so many elements of a repeated field (64)")
+      ->type_name("N");
+  line->add_flag("--force", options->is_forced, "Replace what has the name of the output");
+  line->add_flag("--quiet", options->is_quiet, "No progress line, no words about what was done");
+  return {line, [options] { return export_topics(*options); }};
+}
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,82 @@
+#include "file_work.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+#include <unistd.h>
+
+#include "command.h"
+#include "quantity.h"
+
+namespace fastcycle::tool {
+namespace {
+
+constexpr std::chrono::milliseconds kPeriod{500};
+constexpr const char* kClearLine = "\r\x1b[K";
+
+}  // namespace
+
+FileWork::FileWork(bool shows_progress)
+    : is_shown_(shows_progress && isatty(STDERR_FILENO) != 0),
+      signals_(block_stop_signals()),
+      stop_signals_(signals_, [this] { is_stopped_ = true; }) {}
+
+FileWork::~FileWork() {
+  if (is_line_shown_) {
+    std::fputs(kClearLine, stderr);
+  }
+}
+
+archive::Progress FileWork::progress(std::string what, std::uint64_t total) {
+  return [this, what = std::move(what), total](std::uint64_t done) { show(what, done, total); };
+}
+
+void FileWork::show(const std::string& what, std::uint64_t done, std::uint64_t total) {
+  if (is_stopped_) {
+    throw Interrupted();
+  }
+  const auto now = std::chrono::steady_clock::now();
+  if (!is_shown_ || total == 0 || now - drawn_ < kPeriod) {
+    return;
+  }
+  drawn_ = now;
+  is_line_shown_ = true;
+  std::fprintf(stderr, "%s%s   %.0f %%   %s of %s", kClearLine, what.c_str(),
+               100.0 * static_cast<double>(done) / static_cast<double>(total),
+               bytes_text(done).c_str(), bytes_text(total).c_str());
+  std::fflush(stderr);
+}
+
+Output::Output() {
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+bool Output::write(std::string_view text) {
+  return has_taken(std::fwrite(text.data(), 1, text.size(), stdout) == text.size());
+}
+
+bool Output::flush() {
+  return has_taken(std::fflush(stdout) == 0);
+}
+
+bool Output::has_taken(bool is_written) {
+  if (is_written || errno == EPIPE) {
+    return is_written;
+  }
+  throw std::runtime_error("standard output: " + std::system_category().message(errno));
+}
+
+int print_mistake(const std::string& command, const std::string& sentence) {
+  std::fprintf(stderr, "fastcycle %s: %s\n", command.c_str(), sentence.c_str());
+  return kWrong;
+}
+
+void print_problem(const std::string& command, const mcap::Problem& problem,
+                   const std::string& consequence) {
+  std::fprintf(stderr, "fastcycle %s: %s; %s\n", command.c_str(), to_string(problem).c_str(),
+               consequence.c_str());
+}
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,110 @@
+#include "archive/recover.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "archive/output_file.h"
+#include "command.h"
+#include "file_work.h"
+#include "mcap/file.h"
+#include "quantity.h"
+#include "rewriting.h"
+
+namespace fastcycle::tool {
+namespace {
+
+struct RecoverOptions {
+  std::filesystem::path input;
+  std::filesystem::path output;
+  std::string compression = "lz4";
+  bool is_forced = false;
+  bool is_quiet = false;
+};
+
+void print(const archive::Recovery& recovery) {
+  for (const mcap::Problem& problem : recovery.mended) {
+    std::fprintf(stderr, "mended: %s\n", to_string(problem).c_str());
+  }
+  for (const archive::Loss& loss : recovery.losses) {
+    std::string what = loss.bytes > 0 ? bytes_text(loss.bytes) : "";
+    if (loss.messages) {
+      what += (what.empty() ? "" : ", ") + std::to_string(*loss.messages) + " messages";
+    }
+    std::fprintf(stderr, "lost%s%s: %s\n", what.empty() ? "" : " ", what.c_str(),
+                 to_string(loss.problem).c_str());
+  }
+  if (recovery.loss_count > recovery.losses.size()) {
+    std::fprintf(stderr, "lost: %llu more places\n",
+                 static_cast<unsigned long long>(recovery.loss_count - recovery.losses.size()));
+  }
+}
+
+int recover(const RecoverOptions& options) {
+  archive::RecoverOptions how;
+  if (const std::string wrong = read_compression(options.compression, how.chunk); !wrong.empty()) {
+    return print_mistake("recover", wrong);
+  }
+  const mcap::FileSource input(options.input);
+  const std::vector<std::filesystem::path> inputs{options.input};
+  archive::OutputFile output(options.output, {.may_replace = options.is_forced, .inputs = inputs});
+  archive::Recovery recovery;
+  {
+    FileWork work(!options.is_quiet);
+    recovery =
+        archive::recover(input, output.sink(), how, work.progress("recovering", input.size()));
+    if (!recovery.is_hopeless()) {
+      const mcap::FileSource written(output.unfinished());
+      archive::verify(written, recovery.kept, work.progress("verifying", written.size()));
+      output.commit();
+    }
+  }
+  print(recovery);
+  if (recovery.is_hopeless()) {
+    std::fprintf(stderr, "fastcycle recover: nothing could be recovered from %s\n",
+                 options.input.c_str());
+    return kFailed;
+  }
+  if (!options.is_quiet) {
+    const archive::ContentSum& kept = recovery.kept;
+    std::printf("%s: %llu messages, %llu attachments, %llu metadata, verified; lost: ",
+                options.output.c_str(), static_cast<unsigned long long>(kept.messages),
+                static_cast<unsigned long long>(kept.attachments),
+                static_cast<unsigned long long>(kept.metadata));
+    if (recovery.loss_count == 0) {
+      std::printf("nothing\n");
+    } else {
+      std::printf("%s at %llu places, %llu messages that are known of\n",
+                  bytes_text(recovery.lost_bytes).c_str(),
+                  static_cast<unsigned long long>(recovery.loss_count),
+                  static_cast<unsigned long long>(recovery.lost_messages));
+    }
+  }
+  const int printed = flush_output();
+  return printed == kDone && recovery.loss_count > 0 ? kProblems : printed;
+}
+
+}  // namespace
+
+Command add_recover(CLI::App& program) {
+  CLI::App* line = program.add_subcommand(
+      "recover", "Save what there is of a log that was not closed, or is damaged");
+  line->footer(examples(
+      "  fastcycle recover drive.mcap.active drive.mcap\n"
+      "\n"
+      "The new file is read whole, and compared with what was written, before it gets its\n"
+      "name. Exit codes: 0 nothing that was in the file was lost, 3 something was (it is\n"
+      "said what), 1 nothing could be recovered, 2 the command line is wrong.\n"));
+  const auto options = std::make_shared<RecoverOptions>();
+  line->add_option("in", options->input, "The log")->required()->type_name("IN");
+  line->add_option("out", options->output, "The new one")->required()->type_name("OUT");
+  line->add_option("--compression", options->compression, "How chunks are compressed (lz4)")
+      ->type_name("none|lz4|zstd");
+  line->add_flag("--force", options->is_forced, "Replace what has the name of the output");
+  line->add_flag("--quiet", options->is_quiet, "No progress line, no words about what was saved");
+  return {line, [options] { return recover(*options); }};
+}
+
+}  // namespace fastcycle::tool
