@@ -475,6 +475,12 @@ class Rewriter {
       fail(input.source.name(), mcap::Opcode::kMessage,
            fmt::format("at most {} bytes", kMostMessageBytes), fmt::format("{}", data.size()));
     }
+    if (is_full(head, data.size()) && open_bytes_ >= kWorthAChunk) {
+      // It is smaller once it is compressed.
+      writer_->flush();
+      written_bytes_ = writer_->size();
+      open_bytes_ = 0;
+    }
     if (is_full(head, data.size())) {
       begin_file();
     }
@@ -499,6 +505,8 @@ class Rewriter {
 
   /// What a message takes beside its data: its record, and its place in the index.
   static constexpr std::uint64_t kMessageBytes = mcap::kFrameBytes + mcap::kMessageHeadBytes + 16;
+
+  static constexpr std::uint64_t kWorthAChunk = std::uint64_t{64} << 10U;
 
   // What a file has beyond what is counted: statistics, offsets, footer, the indexes of one chunk.
   static constexpr std::uint64_t kEndBytes = 1024;

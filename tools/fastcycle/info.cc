@@ -2,10 +2,12 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -110,6 +112,43 @@ void print_topics(const Overview& file) {
   print_table(rows);
 }
 
+/// Key and value, each on a line of its own; of many keys `build_id.X` only how many there are.
+std::vector<std::vector<std::string>> rows_of(const mcap::Metadata& metadata) {
+  constexpr std::size_t kFew = 3;
+  std::map<std::string, std::size_t> groups;
+  const auto group_of = [](const std::string& key) { return key.substr(0, key.find('.')); };
+  for (const auto& [key, value] : metadata.metadata) {
+    groups[group_of(key)] += key.find('.') != std::string::npos ? 1 : 0;
+  }
+  std::vector<std::vector<std::string>> rows;
+  for (const auto& [key, value] : metadata.metadata) {
+    std::size_t& count = groups[group_of(key)];
+    if (key.find('.') == std::string::npos || (count > 0 && count <= kFew)) {
+      rows.push_back({"  " + printable(key), printable(value)});
+    } else if (const std::size_t all = std::exchange(count, 0); all > 0) {
+      rows.push_back({"  " + printable(group_of(key)) + ".*", fmt::format("{} of them", all)});
+    }
+  }
+  return rows;
+}
+
+void print_metadata(const Overview& file) {
+  std::vector<std::vector<std::string>> rows;
+  for (const mcap::Metadata& one : file.metadata) {
+    if (one.name == "fastcycle.loss") {
+      continue;  // It is said with the topics.
+    }
+    rows.push_back({printable(one.name)});
+    for (auto& row : rows_of(one)) {
+      rows.push_back(std::move(row));
+    }
+  }
+  if (!rows.empty()) {
+    std::printf("  metadata\n");
+    print_table(rows);
+  }
+}
+
 void print_explanation(const Overview& file) {
   std::vector<std::vector<std::string>> attachments;
   for (const mcap::AttachmentIndex& index : file.attachments) {
@@ -120,21 +159,7 @@ void print_explanation(const Overview& file) {
     std::printf("  attachments\n");
     print_table(attachments);
   }
-  std::vector<std::vector<std::string>> metadata;
-  for (const mcap::Metadata& one : file.metadata) {
-    if (one.name == "fastcycle.loss") {
-      continue;  // It is said with the topics.
-    }
-    std::string text;
-    for (const auto& [key, value] : one.metadata) {
-      text += (text.empty() ? "" : " ") + printable(key) + "=" + printable(value);
-    }
-    metadata.push_back({printable(one.name), text});
-  }
-  if (!metadata.empty()) {
-    std::printf("  metadata\n");
-    print_table(metadata);
-  }
+  print_metadata(file);
 }
 
 void print_times(const mcap::Statistics& statistics) {

@@ -42,6 +42,18 @@ void print(const archive::Recovery& recovery) {
   }
 }
 
+std::string lost_text(const archive::Recovery& recovery) {
+  if (recovery.loss_count == 0) {
+    return "nothing";
+  }
+  std::string text = bytes_text(recovery.lost_bytes) + " at " +
+                     std::to_string(recovery.loss_count) +
+                     (recovery.loss_count == 1 ? " place" : " places");
+  return text + (recovery.lost_messages > 0
+                     ? ", " + std::to_string(recovery.lost_messages) + " messages"
+                     : ", nobody knows how many messages");
+}
+
 int recover(const RecoverOptions& options) {
   archive::RecoverOptions how;
   if (const std::string wrong = read_compression(options.compression, how.chunk); !wrong.empty()) {
@@ -73,14 +85,7 @@ int recover(const RecoverOptions& options) {
                 options.output.c_str(), static_cast<unsigned long long>(kept.messages),
                 static_cast<unsigned long long>(kept.attachments),
                 static_cast<unsigned long long>(kept.metadata));
-    if (recovery.loss_count == 0) {
-      std::printf("nothing\n");
-    } else {
-      std::printf("%s at %llu places, %llu messages that are known of\n",
-                  bytes_text(recovery.lost_bytes).c_str(),
-                  static_cast<unsigned long long>(recovery.loss_count),
-                  static_cast<unsigned long long>(recovery.lost_messages));
-    }
+    std::printf("%s\n", lost_text(recovery).c_str());
   }
   const int printed = flush_output();
   return printed == kDone && recovery.loss_count > 0 ? kProblems : printed;

@@ -29,16 +29,19 @@ class Pieces {
   void commit() {
     if (file_ != nullptr) {
       file_->commit();
-      last_ = file_->path();
+      names_ = names_.empty() ? file_->path().string() : first_ + " to " + file_->path().string();
+      first_ = first_.empty() ? names_ : first_;
       file_.reset();
     }
   }
-  [[nodiscard]] const fs::path& last() const { return last_; }
+  /// `drive_0001.mcap to drive_0003.mcap`
+  [[nodiscard]] const std::string& names() const { return names_; }
 
  private:
   const archive::OutputFile::Options options_;
   std::unique_ptr<archive::OutputFile> file_;
-  fs::path last_;
+  std::string first_;
+  std::string names_;
 };
 
 }  // namespace
@@ -119,11 +122,8 @@ int Rewriting::run() {
     print_problem(command, problem, "what there is was taken");
   }
   if (!is_quiet) {
-    std::printf("%s: %llu messages%s\n", pieces.last().c_str(),
-                static_cast<unsigned long long>(result.messages),
-                result.files > 1
-                    ? fmt::format(" in {} files, this is the last", result.files).c_str()
-                    : "");
+    std::printf("%s: %llu messages\n", pieces.names().c_str(),
+                static_cast<unsigned long long>(result.messages));
   }
   return flush_output();
 }
