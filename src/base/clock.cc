@@ -68,4 +68,10 @@ void Clock::set_simulated(Time time) noexcept {
   simulated_ns_.store(to_ns(time), std::memory_order_release);
 }
 
+void Clock::restart(Time time) noexcept {
+  origin_ns_ = to_ns(time);
+  monotonic_origin_ns_ = is_simulated_ ? 0 : monotonic_ns();
+  simulated_ns_.store(origin_ns_, std::memory_order_release);
+}
+
 }  // namespace fastcycle::base

@@ -45,13 +45,16 @@ class Clock {
   /// @pre  The clock is simulated, and `time` is not before `now()`.
   void set_simulated(Time time) noexcept;
 
+  /// Lets it show `time` now, and go on from there. Before anybody reads it.
+  void restart(Time time) noexcept;
+
  private:
   Clock(bool is_simulated, double rate, std::int64_t origin_ns, std::int64_t monotonic_origin_ns);
 
   const bool is_simulated_;
   const double rate_;
-  const std::int64_t origin_ns_;
-  const std::int64_t monotonic_origin_ns_;
+  std::int64_t origin_ns_;
+  std::int64_t monotonic_origin_ns_;
   std::atomic<std::int64_t> simulated_ns_;
 };
 

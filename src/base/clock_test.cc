@@ -44,6 +44,19 @@ TEST(Clock, MonotonicTimeOfAFutureMomentIsReachedWhenTheClockShowsIt) {
   }
 }
 
+TEST(Clock, RestartedItGoesOnFromThere) {
+  const Time begin{5s};
+  Clock live = Clock::live();
+  live.restart(begin);
+  EXPECT_GE(live.now(), begin);
+  EXPECT_LT(live.now(), begin + 1h);
+  EXPECT_LE(live.monotonic_at(begin), monotonic_ns());
+
+  Clock simulated = Clock::simulated();
+  simulated.restart(begin);
+  EXPECT_EQ(simulated.now(), begin);
+}
+
 TEST(Clock, SimulatedTimeStandsUntilItIsMoved) {
   Clock clock = Clock::simulated();
   EXPECT_EQ(clock.now(), kSimulatedStart);

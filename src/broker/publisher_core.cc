@@ -262,16 +262,40 @@ void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
   const std::lock_guard lock(mutex_);
   loan->payload = loan->own;
   number(*loan, {.taken = taken_at, .root = id}, owner.clock->now());
-  if (!is_open_) {
-    // Before the start and after the stop nobody is served.
-    for (const Target& target : targets_) {
-      target.lane->published.add();
-      target.lane->dropped_outside.add();
-    }
-    return_loan(loan);
-    return;
+  if (is_open_) {
+    send(loan, external_stage_);
+  } else {
+    drop_outside(loan);
   }
-  send(loan, external_stage_);
+}
+
+void PublisherCore::publish_again(Envelope* loan, const MessageInfo& info) {
+  const std::lock_guard lock(mutex_);
+  published_.add();
+  loan->payload = loan->own;
+  loan->info = info;
+  loan->info.publisher = id;
+  if (info.origin.root == 0) {
+    loan->info.origin.root = id;
+  }
+  last_publish_time_ = std::max(last_publish_time_, info.publish_time);
+  if (first_publish_ns_.load(std::memory_order_relaxed) == 0) {
+    first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
+  }
+  if (is_open_) {
+    deliver(loan);
+  } else {
+    drop_outside(loan);
+  }
+}
+
+void PublisherCore::drop_outside(Envelope* loan) noexcept {
+  // Before the start and after the stop nobody is served.
+  for (const Target& target : targets_) {
+    target.lane->published.add();
+    target.lane->dropped_outside.add();
+  }
+  return_loan(loan);
 }
 
 void PublisherCore::drop_scratch(Envelope* scratch) noexcept {

@@ -93,6 +93,10 @@ class PublisherCore {
   void publish(Envelope* loan, const PublishOptions& options);
   void forward(Envelope* received);
   void publish_external(Envelope* loan, Time taken_at);
+  /// Publishes what was published once before, with sequence, publish time and origin of then; an
+  /// origin without a root is of this publisher. For an external publisher, from a thread that is
+  /// in no activation; in simulated time from the one that runs it, between rounds.
+  void publish_again(Envelope* loan, const MessageInfo& info);
 
   /// Puts a message, numbered already, into all lanes, and wakes who must be woken.
   void deliver(Envelope* envelope) noexcept;
@@ -140,6 +144,7 @@ class PublisherCore {
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
   void send(Envelope* envelope, Stage* stage) noexcept;
   void drop_scratch(Envelope* scratch) noexcept;
+  void drop_outside(Envelope* loan) noexcept;
   void keep_latched(Envelope* envelope) noexcept;
 
   const std::unique_ptr<google::protobuf::Message> prototype_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <utility>
 
 namespace fastcycle::detail {
@@ -99,6 +100,43 @@ void Simulation::take_external() {
   }
 }
 
+bool Simulation::has_fed_at(std::int64_t time_ns) const noexcept {
+  return feed_ != nullptr && feed_->next_due_ns() <= time_ns && feed_->next_step() < steps_end_;
+}
+
+/// Takes what belongs to the next round. Where nobody else has anything to do, that is the round in
+/// which the next of it is due.
+bool Simulation::take_fed() {
+  const Time now = clock_.now();
+  if (!has_fed_at(base::to_ns(now))) {
+    return false;
+  }
+  if (feed_->next_step() > step_) {
+    if (is_anyone_ready()) {
+      return false;
+    }
+    step_ = feed_->next_step();
+  }
+  feed_->put(now, step_);
+  return true;
+}
+
+bool Simulation::is_anyone_ready() const noexcept {
+  const std::int64_t now_ns = base::to_ns(clock_.now());
+  const auto is_ready = [](const std::atomic<std::uint64_t>& word) {
+    return word.load(std::memory_order_seq_cst) != 0;
+  };
+  const auto is_due = [now_ns](const Actor* actor) {
+    return actor->is_open() && actor->armed_due_ns() <= now_ns;
+  };
+  return std::ranges::any_of(ready_, is_ready) || std::ranges::any_of(actors_, is_due);
+}
+
+void Simulation::begin_steps(std::uint32_t first, std::uint32_t end) noexcept {
+  step_ = std::max(step_, first);
+  steps_end_ = end;
+}
+
 void Simulation::collect_round() {
   round_.clear();
   const std::int64_t now_ns = base::to_ns(clock_.now());
@@ -115,8 +153,9 @@ void Simulation::collect_round() {
 
 bool Simulation::run_round() {
   take_external();
+  const bool is_fed = take_fed();
   collect_round();
-  if (round_.empty()) {
+  if (round_.empty() && !is_fed) {
     return false;
   }
   if (is_worth_helpers()) {
@@ -215,6 +254,11 @@ void Simulation::run_now() {
 
 std::int64_t Simulation::next_due_ns() const noexcept {
   std::int64_t next_ns = base::kNever;
+  if (feed_ != nullptr) {
+    const std::int64_t fed_ns = feed_->next_due_ns();
+    // What belongs to a later part of this moment does not let time go on.
+    next_ns = fed_ns > base::to_ns(clock_.now()) || has_fed_at(fed_ns) ? fed_ns : base::kNever;
+  }
   for (const Actor* actor : actors_) {
     if (actor->is_open()) {
       next_ns = std::min(next_ns, actor->armed_due_ns());
@@ -234,6 +278,28 @@ bool Simulation::wait_for_change(std::uint64_t seen, bool may_end) {
     return false;
   }
   changed_.wait(lock, [&] { return changes_ != seen || is_interrupted_.load(); });
+  return true;
+}
+
+void Simulation::look_again() noexcept {
+  const std::lock_guard lock(mutex_);
+  ++changes_;
+  changed_.notify_all();
+}
+
+bool Simulation::wait_for_pace(std::uint64_t seen, Time next) {
+  const std::int64_t at_ns = pace_->may_go_at(next);
+  std::unique_lock lock(mutex_);
+  const auto is_changed = [&] { return changes_ != seen || is_interrupted_.load(); };
+  if (at_ns == base::kNever) {
+    changed_.wait(lock, is_changed);
+    return false;
+  }
+  const std::chrono::steady_clock::time_point at{std::chrono::nanoseconds(at_ns)};
+  if (changed_.wait_until(lock, at, is_changed)) {
+    return false;
+  }
+  pace_->goes(next, has_fed_at(base::to_ns(next)));
   return true;
 }
 
@@ -269,11 +335,14 @@ Simulation::End Simulation::run_until(Time limit) {
     if (next_ns == base::kNever && limit == Time::max()) {
       return End::kIdle;
     }
+    const Time next = std::min(base::from_ns(next_ns), limit);
+    if (pace_ != nullptr && !wait_for_pace(seen, next)) {
+      continue;
+    }
+    advance(next);
     if (next_ns > base::to_ns(limit)) {
-      advance(limit);
       return End::kReached;
     }
-    advance(base::from_ns(next_ns));
   }
 }
 

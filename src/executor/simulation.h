@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -12,6 +13,42 @@
 #include "executor/actor.h"
 
 namespace fastcycle::detail {
+
+/// What comes into simulated time from outside of all components, at times that are known: a
+/// recording.
+///
+/// @threads  Called by the thread that runs the simulation, between rounds.
+class Feed {
+ public:
+  Feed() = default;
+  Feed(const Feed&) = delete;
+  Feed& operator=(const Feed&) = delete;
+  virtual ~Feed() = default;
+
+  /// When the next of it is due; `kNever` if there is no further one.
+  [[nodiscard]] virtual std::int64_t next_due_ns() const noexcept = 0;
+  /// In which round of that moment.
+  [[nodiscard]] virtual std::uint32_t next_step() const noexcept = 0;
+  /// Hands over all that is due before `now`, or at `now` in a round up to `step`.
+  virtual void put(Time now, std::uint32_t step) = 0;
+};
+
+/// Says when, on the wall, simulated time may go on.
+///
+/// @threads  Called by the thread that runs the simulation.
+class Pace {
+ public:
+  Pace() = default;
+  Pace(const Pace&) = delete;
+  Pace& operator=(const Pace&) = delete;
+  virtual ~Pace() = default;
+
+  /// CLOCK_MONOTONIC at which time may go to `next`; `kNever` while it stands. Asked again
+  /// whenever `Simulation::look_again` was called.
+  [[nodiscard]] virtual std::int64_t may_go_at(Time next) noexcept = 0;
+  /// Time goes to `next` now; `is_fed`: the feed has something for that moment.
+  virtual void goes(Time next, bool is_fed) noexcept = 0;
+};
 
 /// Serves components in simulated time, by rounds, in place of all executors.
 ///
@@ -40,6 +77,18 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   /// Called, if it is set, when a round is over and all that it published was handed over: for who
   /// watches without being a component. `step` is the round's place in its moment.
   std::function<void(std::uint32_t step)> after_round;
+
+  /// What else there is to serve. Before the first round; it has to live as long as rounds run.
+  void set_feed(Feed& feed) noexcept { feed_ = &feed; }
+  /// Without one, time goes as fast as the components compute.
+  void set_pace(Pace& pace) noexcept { pace_ = &pace; }
+  /// Asks the pace again. Safe.
+  void look_again() noexcept;
+
+  /// The next round of the present moment is number `first`, or a later one; until the next call
+  /// nothing is fed that belongs to round `end` or a later one. So parts of a moment that follow
+  /// each other in a certain order, such as the starts of components, have numbers of their own.
+  void begin_steps(std::uint32_t first, std::uint32_t end) noexcept;
 
   /// Serves everything up to `limit`, and moves the clock there.
   End run_until(Time limit);
@@ -100,14 +149,23 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void serve_shared(unsigned worker);
   void run_jobs();
   void take_external();
+  bool take_fed();
+  [[nodiscard]] bool is_anyone_ready() const noexcept;
+  [[nodiscard]] bool has_fed_at(std::int64_t time_ns) const noexcept;
   void advance(Time time) noexcept;
   [[nodiscard]] std::int64_t next_due_ns() const noexcept;
   [[nodiscard]] std::uint64_t changes();
   /// Waits until something came from outside since `seen`; false if nothing has to be waited for.
   [[nodiscard]] bool wait_for_change(std::uint64_t seen, bool may_end);
+  /// Waits until the pace lets time go to `next`; false if something came from outside since
+  /// `seen`.
+  [[nodiscard]] bool wait_for_pace(std::uint64_t seen, Time next);
 
   base::Clock& clock_;
   std::uint32_t step_ = 0;
+  std::uint32_t steps_end_ = std::numeric_limits<std::uint32_t>::max();
+  Feed* feed_ = nullptr;
+  Pace* pace_ = nullptr;
   std::vector<Actor*> actors_;
   std::vector<std::unique_ptr<ActivationRing>> rings_;
 

@@ -10,7 +10,10 @@
 #include "config/nearest.h"
 #include "config/params.h"
 #include "host/explanation.h"
+#include "host/pace.h"
 #include "host/recording.h"
+#include "host/replay.h"
+#include "host/steps.h"
 
 namespace fastcycle::host {
 
@@ -82,8 +85,15 @@ const char* to_word(EndReason reason) noexcept {
       return "component fault";
     case EndReason::kStuck:
       return "simulated time does not advance";
+    case EndReason::kReplayFailed:
+      return "recording cannot be read";
   }
   return "?";
+}
+
+bool is_failure(EndReason reason) noexcept {
+  return reason == EndReason::kFault || reason == EndReason::kStuck ||
+         reason == EndReason::kReplayFailed;
 }
 
 Application::Application(config::ApplicationDescription description, const ClockOptions& options)
@@ -177,7 +187,9 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   }
   const bool is_complete = components_.size() == description_.components.size();
   if (is_complete) {
-    config::check_shared(description_.shared_params, declared, problems);
+    if (replay_ == nullptr) {  // Else those who use them may not run.
+      config::check_shared(description_.shared_params, declared, problems);
+    }
     add_conflicts(problems);
     if (const auto& record = recorded_ ? recorded_ : description_.record) {
       check_patterns(*record, topics_, problems);
@@ -266,7 +278,35 @@ void Application::run_in(ComponentCore& component, Cause cause, std::function<vo
   done.get_future().wait();
 }
 
+/// In simulated time: what follows, at the present moment, has rounds with numbers of its own.
+void Application::begin_part(std::uint32_t part) {
+  if (simulation_ != nullptr) {
+    simulation_->begin_steps(part * kStepsOfPart, (part + 1) * kStepsOfPart);
+  }
+}
+
+/// The same for all that is neither start nor stop.
+void Application::begin_run() {
+  if (simulation_ != nullptr) {
+    simulation_->begin_steps(static_cast<std::uint32_t>(components_.size()) * kStepsOfPart,
+                             kStopSteps);
+  }
+}
+
+void Application::set_pace(WallPace& pace) {
+  pace_ = &pace;
+  pace.on_change = [this] { simulation_->look_again(); };
+  simulation_->set_pace(pace);
+}
+
 std::vector<base::Refusal> Application::start() {
+  if (replay_ != nullptr) {
+    clock_.restart(replay_->begin());
+    replay_->start(*this);
+    if (simulation_ != nullptr) {
+      simulation_->set_feed(*replay_);
+    }
+  }
   start_ns_ = base::to_ns(clock_.now());
   const bool is_real_time = std::ranges::any_of(executors_, [](const auto& executor) {
     return executor->options().policy != base::SchedulingPolicy::kOther;
@@ -296,10 +336,12 @@ std::vector<base::Refusal> Application::start() {
     if (end_reason() == EndReason::kFault || end_reason() == EndReason::kRequested) {
       return refusals_;
     }
+    begin_part(component->index);
     if (component->state == ComponentCore::State::kConstructed) {
       run_in(*component, Cause::kMode, [&] { component->call_start(); });
     }
   }
+  begin_run();
   start_ns_ = base::to_ns(clock_.now());
   const Time start = start_time();
   for (const auto& component : components_) {
@@ -335,7 +377,11 @@ void Application::start_recorder() {
   for (const auto& executor : executors_) {
     add_rings(*executor);
   }
-  if (!recorder_->start(explain(description_, clock_), std::move(rings))) {
+  record::Explanation explanation = explain(description_, clock_);
+  if (replay_ != nullptr) {
+    replay_->explain(explanation.facts);
+  }
+  if (!recorder_->start(std::move(explanation), std::move(rings))) {
     refusals_.push_back(
         {.what = "recording: " + recorder_->problem(),
          .remedy = "what is published is lost and counted; a file is tried again every second"});
@@ -379,13 +425,22 @@ void Application::start_threads() {
           refusals_);
     }
   }
+  if (replay_ != nullptr && simulation_ == nullptr) {
+    replay_->start_thread(refusals_);
+  }
 }
 
 void Application::stop_threads() {
   thread_stop_.request_stop();
+  if (replay_ != nullptr) {
+    replay_->stop();
+  }
   // One that waits for its device ends when `stop` of its component closes that.
   wait_up_to(kDrainLimit, [this] { return running_threads_.load() == 0; });
   for (const auto& component : components_) {
+    if (replay_ != nullptr && !replay_->plan().runs(component->name)) {
+      continue;  // In simulated time also what it published while it stopped comes again.
+    }
     for (detail::PublisherCore* publisher : component->declared.publishers) {
       if (publisher->options.is_external) {
         const std::lock_guard lock(publisher->mutex());
@@ -399,8 +454,7 @@ void Application::request_end(EndReason reason) {
   {
     const std::lock_guard lock(end_mutex_);
     // A fault is what the exit code must tell; otherwise the first reason stands.
-    if (end_reason_ == EndReason::kNone || reason == EndReason::kFault ||
-        reason == EndReason::kStuck) {
+    if (end_reason_ == EndReason::kNone || is_failure(reason)) {
       end_reason_ = reason;
     }
     end_changed_.notify_all();
@@ -411,6 +465,9 @@ void Application::request_end(EndReason reason) {
 }
 
 bool Application::sources_are_finished() const {
+  if (replay_ != nullptr) {
+    return false;  // It is over when the recording is.
+  }
   bool has_source = false;
   for (const auto& component : components_) {
     if (component->is_source.load()) {
@@ -565,29 +622,38 @@ std::vector<std::string> Application::executor_names() const {
   return names;
 }
 
+EndReason Application::run_simulated(std::optional<Duration> limit) {
+  if (end_reason() != EndReason::kNone) {
+    return end_reason();
+  }
+  simulation_->clear_interrupt();
+  if (pace_ != nullptr) {
+    pace_->begin(clock_.now());
+  }
+  const Time end = limit ? start_time() + *limit : Time::max();
+  const Time input_end = replay_ != nullptr ? replay_->end() : Time::max();
+  switch (simulation_->run_until(std::min(end, input_end))) {
+    case detail::Simulation::End::kReached:
+      request_end(input_end <= end ? EndReason::kSourcesFinished : EndReason::kTimeOver);
+      break;
+    case detail::Simulation::End::kIdle:
+      request_end(EndReason::kIdle);
+      break;
+    case detail::Simulation::End::kStuck:
+      log(LogLevel::kError, {},
+          "simulated time does not advance: components answer each other without end at one "
+          "moment; let one of them answer from a timer");
+      request_end(EndReason::kStuck);
+      break;
+    case detail::Simulation::End::kInterrupted:
+      break;
+  }
+  return end_reason();
+}
+
 EndReason Application::run(std::optional<Duration> limit) {
   if (simulation_ != nullptr) {
-    if (end_reason() == EndReason::kNone) {
-      simulation_->clear_interrupt();
-      const Time end = limit ? start_time() + *limit : Time::max();
-      switch (simulation_->run_until(end)) {
-        case detail::Simulation::End::kReached:
-          request_end(EndReason::kTimeOver);
-          break;
-        case detail::Simulation::End::kIdle:
-          request_end(EndReason::kIdle);
-          break;
-        case detail::Simulation::End::kStuck:
-          log(LogLevel::kError, {},
-              "simulated time does not advance: components answer each other without end at one "
-              "moment; let one of them answer from a timer");
-          request_end(EndReason::kStuck);
-          break;
-        case detail::Simulation::End::kInterrupted:
-          break;
-      }
-    }
-    return end_reason();
+    return run_simulated(limit);
   }
   std::unique_lock lock(end_mutex_);
   const auto has_ended = [&] { return end_reason_ != EndReason::kNone; };
@@ -638,12 +704,16 @@ void Application::stop() {
   }
   if (is_started_) {
     stop_threads();
+    std::uint32_t part = kStopPart;
     for (const auto& component : components_) {
+      begin_part(part++);
       run_in(*component, Cause::kMode, [&component] { component->cancel_timers(); });
     }
+    begin_part(part++);
     drain();
     end_time_ = clock_.now();
     for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
+      begin_part(part++);
       ComponentCore& core = **component;
       run_in(core, Cause::kMode, [&core] { core.call_stop(); });
       run_in(core, Cause::kMode, [&core] { core.close(detail::DropReason::kShutdown); });

@@ -27,6 +27,9 @@
 
 namespace fastcycle::host {
 
+class Replay;
+class WallPace;
+
 /// Why a run ended.
 enum class EndReason : std::uint8_t {
   kNone,
@@ -36,6 +39,7 @@ enum class EndReason : std::uint8_t {
   kRequested,        ///< Somebody asked for the end (Ctrl-C).
   kFault,            ///< A component failed whose policy is to stop the application.
   kStuck,            ///< Simulated time does not advance: components answer each other without end.
+  kReplayFailed,     ///< The recording that is replayed cannot be read on.
 };
 
 [[nodiscard]] const char* to_word(EndReason reason) noexcept;
@@ -46,6 +50,9 @@ struct ClockOptions {
   double rate = 1.0;     ///< Live only.
   unsigned workers = 0;  ///< Simulated only; 0: as many as the machine has CPUs.
 };
+
+/// Whether a run that ended so has failed.
+[[nodiscard]] bool is_failure(EndReason reason) noexcept;
 
 /// Where a component's code comes from.
 class ComponentClasses {
@@ -86,6 +93,15 @@ class Application {
   void record(const config::RecordDescription& description);
   /// Who records; null if nobody does.
   [[nodiscard]] const record::Recorder* recorder() const { return recorder_.get(); }
+
+  /// Feeds what `replay` has, from `start` to `stop`; the clock shows its times. Before `build`; it
+  /// has to live longer than this.
+  void replay(Replay& replay) { replay_ = &replay; }
+  [[nodiscard]] Replay* replay() { return replay_; }
+  [[nodiscard]] const Replay* replay() const { return replay_; }
+
+  /// Lets simulated time go at this pace. Before `start`; it has to live longer than this.
+  void set_pace(WallPace& pace);
 
   /// Called with a component's name before its constructor.
   std::function<void(const std::string& component)> before_construct;
@@ -171,12 +187,15 @@ class Application {
   void run_at(detail::PublisherCore& publisher, detail::ComponentCore& from,
               std::function<void()> action);
   [[nodiscard]] detail::ComponentCore& component_of(const detail::PublisherCore& publisher) const;
+  void begin_part(std::uint32_t part);
+  void begin_run();
   void start_recorder();
   void start_threads();
   void stop_threads();
   void drain();
   [[nodiscard]] bool is_quiet() const;
   [[nodiscard]] bool sources_are_finished() const;
+  EndReason run_simulated(std::optional<Duration> limit);
 
   const config::ApplicationDescription description_;
   base::Clock clock_;
@@ -188,6 +207,8 @@ class Application {
   std::unique_ptr<detail::Simulation> simulation_;
   std::optional<config::RecordDescription> recorded_;
   std::unique_ptr<record::Recorder> recorder_;
+  Replay* replay_ = nullptr;
+  WallPace* pace_ = nullptr;
   std::vector<base::Refusal> refusals_;
   std::vector<base::Thread> threads_;
   std::atomic<int> running_threads_{0};

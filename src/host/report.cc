@@ -14,6 +14,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "host/replay.h"
+
 namespace fastcycle::host {
 
 using base::HistogramSummary;
@@ -134,6 +136,28 @@ void add_results(RunReport& report, const ComponentCore& core) {
   }
 }
 
+ReplayReport report_replay(const Application& application, const Replay& replay) {
+  ReplayReport report;
+  for (const std::filesystem::path& file : replay.options().files) {
+    report.files.push_back(file.string());
+  }
+  report.from_s = seconds(replay.begin() - replay.recording().begin());
+  report.to_s = report.from_s + seconds(replay.length());
+  if (!application.clock().is_simulated()) {
+    report.worst_lateness_us = static_cast<double>(replay.worst_lateness().count()) / 1e3;
+  }
+  report.parted_infos = replay.recording().parted_infos();
+  for (std::size_t i = 0; i < replay.plan().streams.size(); ++i) {
+    const ReplayPlan::Stream& stream = replay.plan().streams[i];
+    report.streams.push_back(
+        {.topic = stream.topic,
+         .component = stream.component,
+         .reason = stream.reason,
+         .messages = stream.is_fed() ? replay.fed()[i] : replay.recording().streams()[i].messages});
+  }
+  return report;
+}
+
 // ---- Words ----
 
 const char* to_word(ComponentCore::State state) {
@@ -150,6 +174,10 @@ const char* to_word(ComponentCore::State state) {
       return "failed";
   }
   return "?";
+}
+
+const char* state_word(const ComponentReport& component) {
+  return component.is_replayed ? "replayed" : to_word(component.state);
 }
 
 const char* to_word(Health health) {
@@ -245,8 +273,31 @@ ordered_json json_of(const ReportValue& value) {
       value);
 }
 
+ordered_json json_of(const ReplayReport& replay) {
+  auto fed = ordered_json::array();
+  auto not_fed = ordered_json::array();
+  for (const ReplayReport::Stream& stream : replay.streams) {
+    if (stream.component.empty()) {
+      not_fed.push_back(
+          {{"topic", stream.topic}, {"reason", stream.reason}, {"messages", stream.messages}});
+    } else {
+      fed.push_back({{"topic", stream.topic},
+                     {"component", stream.component},
+                     {"messages", stream.messages}});
+    }
+  }
+  return {{"files", replay.files},
+          {"from_s", number(replay.from_s)},
+          {"to_s", number(replay.to_s)},
+          {"worst_lateness_us",
+           replay.worst_lateness_us ? number(*replay.worst_lateness_us) : ordered_json()},
+          {"parted_infos", replay.parted_infos},
+          {"fed", std::move(fed)},
+          {"not_fed", std::move(not_fed)}};
+}
+
 ordered_json json_of(const ComponentReport& component) {
-  return {{"state", to_word(component.state)},
+  return {{"state", state_word(component)},
           {"activations", component.activations},
           {"callback_us", json_of_short(component.callback)},
           {"overruns", component.overruns},
@@ -440,7 +491,7 @@ std::string components_text(const RunReport& report) {
             "OVERRUNS", "FAULTS"});
   for (const ComponentReport& component : report.components) {
     const HistogramSummary& callback = component.callback;
-    rows.add({shortened(component.name, kNameColumns), to_word(component.state),
+    rows.add({shortened(component.name, kNameColumns), state_word(component),
               std::to_string(component.activations), time_text(callback, callback.p50),
               time_text(callback, callback.p99), time_text(callback, callback.max),
               time_text(component.timer_lateness, component.timer_lateness.p99),
@@ -543,6 +594,35 @@ std::string topics_text(const RunReport& report) {
   return text;
 }
 
+std::string replay_text(const ReplayReport& replay) {
+  std::uint64_t messages = 0;
+  std::size_t fed = 0;
+  for (const ReplayReport::Stream& stream : replay.streams) {
+    messages += stream.component.empty() ? 0 : stream.messages;
+    fed += stream.component.empty() ? 0 : 1;
+  }
+  std::string text =
+      fmt::format("REPLAYED {} messages of {} topics, {} s to {} s of the recording", messages, fed,
+                  three_digits(replay.from_s), three_digits(replay.to_s));
+  if (replay.worst_lateness_us) {
+    text += ", at most " + time_text(*replay.worst_lateness_us * 1e3) + " late";
+  }
+  text += "\n";
+  for (const std::string& file : replay.files) {
+    text += wrapped("  " + file, "      ");
+  }
+  if (const std::size_t others = replay.streams.size() - fed; others > 0) {
+    text += fmt::format("  {} more {} not fed; the report says why\n", others,
+                        others == 1 ? "topic was" : "topics were");
+  }
+  if (replay.parted_infos > 0) {
+    text += fmt::format(
+        "  {} messages came without their round and origin: a tool has put those far behind them\n",
+        replay.parted_infos);
+  }
+  return text;
+}
+
 std::string recording_text(const RecordingReport& recording) {
   record::RecordedTopic all;
   std::string losses;
@@ -602,8 +682,17 @@ RunReport make_report(const Application& application, Duration wall) {
   report.cpu_s = cpu_seconds(usage);
   report.rss_max_kib = usage.ru_maxrss;
   report.end = to_word(application.end_reason());
+  const Replay* replay = application.replay();
+  if (replay != nullptr) {
+    report.replay = report_replay(application, *replay);
+  }
   for (const auto& component : application.components()) {
+    const bool is_replayed = replay != nullptr && !replay->plan().runs(component->name);
+    if (is_replayed && !replay->plan().stands_in_for(component->name)) {
+      continue;
+    }
     report.components.push_back(report_component(*component));
+    report.components.back().is_replayed = is_replayed;
     add_results(report, *component);
   }
   for (const auto& [name, topic] : application.topics().all()) {
@@ -646,6 +735,9 @@ ordered_json to_json(const RunReport& report) {
       {"components", components},
       {"topics", topics},
       {"results", results}};
+  if (report.replay) {
+    json["replay"] = json_of(*report.replay);
+  }
   if (report.recording) {
     json["recording"] = json_of(*report.recording);
   }
@@ -656,6 +748,9 @@ std::string to_table(const RunReport& report) {
   std::string text = head_text(report) + "\n" + components_text(report) + troubles_text(report);
   if (!report.topics.empty()) {
     text += "\n" + topics_text(report);
+  }
+  if (report.replay) {
+    text += "\n" + replay_text(*report.replay);
   }
   if (report.recording) {
     text += "\n" + recording_text(*report.recording);
@@ -669,6 +764,10 @@ std::string to_table(const RunReport& report) {
 Progress progress_of(const Application& application) {
   Progress progress;
   progress.time = application.clock().now() - application.start_time();
+  if (const Replay* replay = application.replay()) {
+    progress.time = replay->position(application.clock().now());
+    progress.length = replay->recording().end() - replay->recording().begin();
+  }
   for (const auto& component : application.components()) {
     progress.faults += component->statistics.faults.get();
   }

@@ -27,6 +27,7 @@ struct ComponentReport {
   std::uint64_t faults = 0;
   std::vector<std::string> fault_texts = {};  ///< Of the first faults.
   std::uint64_t restarts = 0;
+  bool is_replayed = false;  ///< It did not run: a recording was published in its place.
   Health health = Health::kOk;
   std::string health_reason = {};
 };
@@ -57,6 +58,24 @@ struct RecordingReport {
   std::vector<record::RecordedTopic> topics = {};
 };
 
+/// What became of a replay.
+struct ReplayReport {
+  /// One stream of the recording.
+  struct Stream {
+    std::string topic = {};
+    std::string component = {};  ///< In whose place it was fed; empty: it was not.
+    std::string reason = {};     ///< Why not.
+    std::uint64_t messages = 0;  ///< That were fed; of one that was not, those in the recording.
+  };
+
+  std::vector<std::string> files = {};
+  double from_s = 0;  ///< Since the recorded run began.
+  double to_s = 0;
+  std::optional<double> worst_lateness_us = {};  ///< Live only.
+  std::uint64_t parted_infos = 0;                ///< See `RecordingReader`.
+  std::vector<Stream> streams = {};
+};
+
 /// What there is to say of a run: plain values, which outlive the application.
 ///
 /// @threads  Compatible.
@@ -72,6 +91,7 @@ struct RunReport {
   std::string end;  ///< Why the run ended.
   std::vector<ComponentReport> components;
   std::vector<TopicReport> topics;
+  std::optional<ReplayReport> replay;
   std::optional<RecordingReport> recording;
   std::vector<std::pair<std::string, ReportValue>> results;
 };
@@ -88,7 +108,8 @@ struct RunReport {
 
 /// Sums over the whole application, for a line that shows how it goes.
 struct Progress {
-  Duration time{};  ///< Since the timers started.
+  Duration time{};  ///< Since the timers started; in a replay, within the recording.
+  std::optional<Duration> length{};  ///< Of the recording that is replayed.
   std::uint64_t published = 0;
   std::uint64_t dropped = 0;
   std::uint64_t faults = 0;

@@ -405,8 +405,8 @@ struct MessageReader::State {
   using Span = Reader::Span;
 
   struct Entry {
-    std::uint64_t log_time_ns = 0;
-    std::uint64_t offset = 0;  ///< Of the message record, in `records`.
+    std::uint64_t log_time_ns = 0;  ///< 0 for a head: it comes before all else.
+    std::uint64_t offset = 0;       ///< Of the message record, in `records`.
   };
 
   /// A span whose messages are being given out.
@@ -430,12 +430,17 @@ struct MessageReader::State {
 
   State(const Reader& the_reader, MessageQuery the_query)
       : reader(the_reader), query(std::move(the_query)) {
+    const auto is_in = [](const std::vector<std::string>& topics, const Channel& channel) {
+      return std::ranges::find(topics, channel.topic) != topics.end();
+    };
     is_wanted.resize(std::size_t{1} << 16U);
+    is_head.resize(is_wanted.size());
     for (const auto& [id, channel] : reader.definitions_.channels()) {
-      is_wanted[id] = query.topics.empty() ||
-                      std::ranges::find(query.topics, channel.topic) != query.topics.end();
+      is_head[id] = is_in(query.heads, channel);
+      is_wanted[id] = !is_head[id] && (query.topics.empty() || is_in(query.topics, channel));
     }
-    wants_everything = query.topics.empty() && query.begin_ns == 0 && !query.end_ns;
+    wants_everything =
+        query.topics.empty() && query.heads.empty() && query.begin_ns == 0 && !query.end_ns;
     for (const Span& span : reader.spans_) {
       if (may_have_wanted(span)) {
         waiting.push_back(&span);
@@ -472,6 +477,7 @@ struct MessageReader::State {
   const Reader& reader;
   const MessageQuery query;
   std::vector<bool> is_wanted;  // By channel id.
+  std::vector<bool> is_head;    // The same.
   bool wants_everything = false;
 
   std::vector<const Span*> waiting;  // In the order of their earliest messages.
@@ -602,7 +608,9 @@ void MessageReader::State::find_messages(Open& open) const {
                             span.end_ns),
                 fmt::format("{}", message.log_time_ns));
       }
-      if (is_wanted[message.channel_id] && is_in_time(message.log_time_ns)) {
+      if (is_head[message.channel_id]) {
+        open.entries.push_back({.log_time_ns = 0, .offset = offset});
+      } else if (is_wanted[message.channel_id] && is_in_time(message.log_time_ns)) {
         open.entries.push_back({.log_time_ns = message.log_time_ns, .offset = offset});
       }
     } else {

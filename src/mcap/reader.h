@@ -23,6 +23,9 @@ struct MessageQuery {
   std::vector<std::string> topics = {};      ///< Empty: all.
   std::uint64_t begin_ns = 0;                ///< Log time of the earliest one.
   std::optional<std::uint64_t> end_ns = {};  ///< Log time that all are before; none: no end.
+  /// Topics whose messages tell of the others in their chunk: from each chunk that is opened for
+  /// those, they are given first, whatever their times are.
+  std::vector<std::string> heads = {};
 };
 
 /// A message, with the channel it is of.

@@ -381,6 +381,30 @@ TEST_F(LyingSummary, ChannelsThatAreOthersInTheChunkAreNamed) {
   EXPECT_THAT(error_of(other), HasSubstr("what the summary has for id 2"));
 }
 
+TEST(Reader, HeadsComeBeforeTheMessagesOfTheirChunk) {
+  StringSink sink;
+  Writer writer(sink, {});
+  writer.add(kSpeedSchema);
+  writer.add(kSpeed);
+  writer.add(kCamera);
+  for (std::uint64_t chunk = 1; chunk <= 3; ++chunk) {
+    write_message(writer, head_at(chunk * 10), "speed");
+    write_message(writer, head_at(chunk * 10 + 5, kCamera), "about it");
+    writer.flush();
+  }
+  writer.close();
+  const MemorySource source(bytes_of(sink.file()));
+  const Reader reader(source);
+  MessageReader messages = reader.messages(
+      {.topics = {kSpeed.topic}, .begin_ns = 20, .end_ns = {}, .heads = {kCamera.topic}});
+  std::vector<std::uint64_t> times;
+  while (const std::optional<StoredMessage> message = messages.next()) {
+    times.push_back(message->log_time_ns);
+  }
+
+  EXPECT_EQ(times, (std::vector<std::uint64_t>{25, 20, 35, 30}));
+}
+
 TEST(Reader, EmptyFileHasNoMessages) {
   StringSink sink;
   Writer(sink).close();

@@ -13,6 +13,7 @@
 #include "log/log.pb.h"
 #include "record/batch.h"
 #include "record/descriptor_set.h"
+#include "record/log_format.h"
 
 namespace fastcycle::record {
 namespace {
@@ -20,9 +21,6 @@ namespace {
 constexpr std::uint16_t kActivationsChannel = 1;
 constexpr std::uint16_t kInfosChannel = 2;
 constexpr int kActivationsAtOnce = 4096;
-constexpr std::uint32_t kUsualStep = 1;  // Where the messages of timers come.
-constexpr const char* kActivationsTopic = "fastcycle/activations";
-constexpr const char* kInfosTopic = "fastcycle/message_infos";
 
 /// Messages of a publisher that may wait for the recorder, and that it may hold. Where their size
 /// is known, they take no more than an eighth of the memory each.
@@ -425,7 +423,7 @@ void Recorder::tell(bool is_written, std::uint64_t messages) {
 }
 
 void Recorder::explain(mcap::Writer& writer) {
-  writer.write(mcap::Metadata{.name = "fastcycle.run", .metadata = explanation_.facts});
+  writer.write(mcap::Metadata{.name = kRunMetadata, .metadata = explanation_.facts});
   if (!explanation_.application.empty()) {
     mcap::Attachment attachment;
     attachment.log_time_ns = attachment.create_time_ns = to_log_time(clock_.now());
@@ -455,7 +453,7 @@ void Recorder::explain(mcap::Writer& writer) {
 
 void Recorder::conclude(mcap::Writer& writer) {
   if (!end_.empty()) {
-    writer.write(mcap::Metadata{.name = "fastcycle.end", .metadata = end_});
+    writer.write(mcap::Metadata{.name = kEndMetadata, .metadata = end_});
   }
   for (const RecordedTopic& topic : topics()) {
     writer.write(mcap::Metadata{.name = "fastcycle.loss",

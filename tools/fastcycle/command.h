@@ -25,6 +25,7 @@ struct Command {
 // Each in a file of its own.
 Command add_run(CLI::App& program);
 Command add_record(CLI::App& program);
+Command add_play(CLI::App& program);
 Command add_check(CLI::App& program);
 Command add_graph(CLI::App& program);
 Command add_bench(CLI::App& program);

@@ -63,11 +63,12 @@ void ProgressLine::redraw_until_stopped(const host::Application& application) {
   while (!stopped_.wait_for(lock, kPeriod, [this] { return is_stopped_; })) {
     const host::Progress now = host::progress_of(application);
     const double seconds = std::chrono::duration<double>(Clock::now() - drawn).count();
-    std::fprintf(stderr, "%s%s   %.0f messages/s   %llu dropped   %llu faults", kClearLine,
-                 clock_text(now.time).c_str(),
+    const std::string length = now.length ? " of " + clock_text(*now.length) : "";
+    std::fprintf(stderr, "%s%s%s   %.0f messages/s   %llu dropped   %llu faults%s", kClearLine,
+                 clock_text(now.time).c_str(), length.c_str(),
                  static_cast<double>(now.published - before.published) / seconds,
                  static_cast<unsigned long long>(now.dropped),
-                 static_cast<unsigned long long>(now.faults));
+                 static_cast<unsigned long long>(now.faults), state().c_str());
     std::fflush(stderr);
     before = now;
     drawn = Clock::now();

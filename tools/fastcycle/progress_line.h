@@ -1,6 +1,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -19,6 +20,9 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
   ~ProgressLine();
+
+  /// What else the line shows at its end; on a thread of its own. Set before `start`.
+  std::function<std::string()> state = [] { return std::string(); };
 
   /// Shows `application` from now on, until `stop`.
   void start(const host::Application& application);

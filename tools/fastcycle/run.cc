@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <memory>
@@ -12,18 +14,23 @@
 #include "configuration.h"
 #include "duration.h"
 #include "host/component_library.h"
+#include "host/pace.h"
 #include "host/protection.h"
 #include "host/recording.h"
+#include "host/replay.h"
 #include "host/report.h"
 #include "progress_line.h"
 #include "recording_options.h"
+#include "replaying_options.h"
 #include "report_file.h"
 #include "stop_signals.h"
+#include "terminal_keys.h"
 
 namespace fastcycle::tool {
 namespace {
 
 struct RunOptions {
+  const char* command = "run";
   Configuration configuration;
   std::string limit;
   std::string clock = "live";
@@ -34,9 +41,14 @@ struct RunOptions {
   bool is_quiet = false;
   std::filesystem::path report;
   RecordingOptions record;
+  ReplayingOptions replay;
+  bool is_played = false;  ///< Simulated time at the pace of the wall, with keys.
+  double play_rate = 1.0;
 };
 
 constexpr unsigned kMaxWorkers = 64;
+constexpr double kMinRate = 1e-3;
+constexpr double kMaxRate = 1e3;
 
 /// What of the options does not fit together; empty if all does.
 std::string find_wrong(const RunOptions& options) {
@@ -56,11 +68,16 @@ std::string find_wrong(const RunOptions& options) {
     return "--workers is for --clock simulated: with the clock \"live\" the application's "
            "\"executors\" say it";
   }
-  if (options.rate && !(*options.rate >= 1e-3 && *options.rate <= 1e3)) {
+  if (options.rate && !(*options.rate >= kMinRate && *options.rate <= kMaxRate)) {
     return "--rate wants a number from 0.001 to 1000";
   }
-  if (const std::string sentence = options.record.find_wrong(); !sentence.empty()) {
-    return sentence;
+  if (!(options.play_rate >= kMinRate && options.play_rate <= kMaxRate)) {
+    return "--rate wants a number from 0.001 to 1000";
+  }
+  for (const std::string& sentence : {options.record.find_wrong(), options.replay.find_wrong()}) {
+    if (!sentence.empty()) {
+      return sentence;
+    }
   }
   if (options.workers && (*options.workers == 0 || *options.workers > kMaxWorkers)) {
     return "--workers wants a number from 1 to " + std::to_string(kMaxWorkers);
@@ -83,6 +100,40 @@ void print(const std::vector<base::Refusal>& refusals, ProgressLine& progress) {
       progress.print(text);
     }
   }
+}
+
+/// Does what a key says while something is played.
+void obey(char key, host::WallPace& pace, host::Application& application) {
+  switch (key) {
+    case ' ':
+      pace.set_paused(!pace.is_paused());
+      break;
+    case '.':
+    case 's':
+      pace.step();
+      break;
+    case '+':
+      pace.set_rate(std::min(pace.rate() * 2, kMaxRate));
+      break;
+    case '-':
+      pace.set_rate(std::max(pace.rate() / 2, kMinRate));
+      break;
+    case 'q':
+      application.request_end(host::EndReason::kRequested);
+      break;
+    default:
+      break;
+  }
+}
+
+/// "   paused", "   2 times as fast"
+std::string text_of(const host::WallPace& pace) {
+  if (pace.is_paused()) {
+    return "   paused";
+  }
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "   %g times as fast", pace.rate());
+  return pace.rate() == 1.0 ? "" : text.data();
 }
 
 /// Starts the application, lets it run and stops it. Returns why it must count as failed although
@@ -116,18 +167,38 @@ int run_application(const config::ApplicationDescription& description, const Run
   std::signal(SIGPIPE, SIG_IGN);
   // Before any other thread is made, so that none of them is interrupted.
   const sigset_t signals = block_stop_signals();
-  host::Application application(description, clock_of(options));
+  config::Problems problems;
+  std::unique_ptr<host::Replay> replay;
+  host::ComponentClasses* classes = &libraries;
+  if (!options.replay.files.empty()) {
+    replay = host::Replay::prepare(options.replay.describe(), description, libraries, problems);
+    if (!may_start(problems, options.configuration.load.file.string())) {
+      return kWrong;
+    }
+    problems = {};
+    classes = replay.get();
+  }
+  host::WallPace pace(options.play_rate);
+  host::Application application(replay != nullptr ? replay->description() : description,
+                                clock_of(options));
   const StopSignals stop_signals(signals, [&] {
     progress.print("stopping… (Ctrl-C again ends at once)");
     application.request_end(host::EndReason::kRequested);
   });
+  if (replay != nullptr) {
+    application.replay(*replay);
+  }
+  std::optional<TerminalKeys> keys;
+  if (options.is_played) {
+    application.set_pace(pace);
+    progress.state = [&pace] { return text_of(pace); };
+  }
 
-  config::Problems problems;
   const auto recording = options.record.describe(description);
   if (recording) {
     application.record(*recording);
   }
-  application.build(libraries, problems, host::ConstructorFault::kFault);
+  application.build(*classes, problems, host::ConstructorFault::kFault);
   if (problems.has_errors()) {
     static_cast<void>(may_start(problems, options.configuration.load.file.string()));
     return kWrong;
@@ -137,8 +208,15 @@ int run_application(const config::ApplicationDescription& description, const Run
     host::check_patterns(*recording, application.topics(), warnings);
     tool::print(warnings);
   }
+  if (options.is_played && TerminalKeys::are_there()) {
+    if (!options.is_quiet) {
+      progress.print("keys: space pauses, . or s makes one step, + and - change the rate, q ends");
+    }
+    keys.emplace([&](char key) { obey(key, pace, application); });
+  }
   const auto began = std::chrono::steady_clock::now();
   const std::string failure = carry_out(application, options, progress);
+  keys.reset();
   host::RunReport report = host::make_report(application, std::chrono::steady_clock::now() - began);
   if (!failure.empty()) {
     report.end = failure;
@@ -152,15 +230,13 @@ int run_application(const config::ApplicationDescription& description, const Run
     std::fprintf(stderr, "fastcycle run: the report %s was not written: %s\n",
                  options.report.c_str(), obstacle.c_str());
   }
-  const bool has_failed = application.end_reason() == host::EndReason::kFault ||
-                          application.end_reason() == host::EndReason::kStuck;
+  const bool has_failed = host::is_failure(application.end_reason());
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
 }
 
 int run(const RunOptions& options) {
   const auto wrong = [&](const std::string& sentence) {
-    std::fprintf(stderr, "fastcycle %s: %s\n", options.record.is_asked ? "record" : "run",
-                 sentence.c_str());
+    std::fprintf(stderr, "fastcycle %s: %s\n", options.command, sentence.c_str());
     return static_cast<int>(kWrong);
   };
   if (const std::string sentence = find_wrong(options); !sentence.empty()) {
@@ -189,19 +265,36 @@ int run(const RunOptions& options) {
   return run_application(description, options, report_file);
 }
 
-/// What `run` and `record` have in common.
-void add_options(CLI::App& line, RunOptions& options) {
-  options.configuration.add_to(line);
-  line.add_option("--for", options.limit,
-                  "End after this much of the application's time: 500ms, 10s, 2min, 1h")
-      ->type_name("TIME");
+/// The words do not say where the recordings end: the last file is the application.
+int play(RunOptions& options) {
+  std::vector<std::filesystem::path>& files = options.replay.files;
+  if (files.size() < 2) {
+    std::fputs("fastcycle play: wants recordings and, behind them, an application\n", stderr);
+    return kWrong;
+  }
+  options.configuration.load.file = files.back();
+  files.pop_back();
+  return run(options);
+}
+
+/// How time passes, of `run` and `record`.
+void add_clock_options(CLI::App& line, RunOptions& options) {
   line.add_option("--clock", options.clock,
                   "The machine's clock, or one as fast as the components compute")
       ->type_name("live|simulated");
   line.add_option("--rate", options.rate, "Live only: let time run this many times as fast")
       ->type_name("X");
+}
+
+/// What all commands that run an application have in common.
+void add_options(CLI::App& line, RunOptions& options) {
+  options.configuration.add_to(line);
+  line.add_option("--for", options.limit,
+                  "End after this much of the application's time: 500ms, 10s, 2min, 1h")
+      ->type_name("TIME");
   line.add_option("--workers", options.workers,
-                  "Simulated only: threads; the result does not depend on it")
+                  options.is_played ? "Threads; the result does not depend on it"
+                                    : "Simulated only: threads; the result does not depend on it")
       ->type_name("N");
   line.add_option("--report", options.report, "Write a report of the run, as JSON")
       ->type_name("FILE");
@@ -230,10 +323,13 @@ Command add_run(CLI::App& program) {
                                     "  fastcycle run app.json --clock simulated --var "
                                     "data=drives/0042\n"
                                     "  fastcycle run app.json --record drive.mcap --record-topics "
-                                    "'control/*'\n") +
+                                    "'control/*'\n"
+                                    "  fastcycle run app.json --replay drive.mcap --clock "
+                                    "simulated\n") +
                         kEnds));
   const auto options = std::make_shared<RunOptions>();
   add_options(*line, *options);
+  add_clock_options(*line, *options);
   line->add_option("--record", options->record.file, "Record all topics into an MCAP file")
       ->type_name("FILE.mcap");
   line->add_option("--record-topics", options->record.topics,
@@ -242,7 +338,45 @@ Command add_run(CLI::App& program) {
   line->add_option("--record-compression", options->record.compression,
                    "How the file is compressed: lz4, unless the application says else")
       ->type_name("none|lz4|zstd");
+  line->add_option("--replay", options->replay.files,
+                   "Feed what this file has, at its times, in place of the components that "
+                   "published it. Repeatable: the files of one recording")
+      ->allow_extra_args(false)
+      ->type_name("FILE.mcap");
+  options->replay.add_target_to(*line);
   return {line, [options] { return run(*options); }};
+}
+
+Command add_play(CLI::App& program) {
+  CLI::App* line = program.add_subcommand(
+      "play", "Play recordings into an application, at the pace of the wall");
+  line->footer(
+      examples(std::string("  fastcycle play drive.mcap app.json\n"
+                           "  fastcycle play drive_0001.mcap drive_0002.mcap app.json --rate 4\n"
+                           "  fastcycle play drive.mcap app.json --start 12 --end 20 --loop\n"
+                           "  fastcycle play drive.mcap app.json --replay-into localization\n"
+                           "  fastcycle play other.mcap app.json --remap imu/data:=imu/gyro\n"
+                           "\n"
+                           "On a terminal: space pauses, . or s makes one step, + and - change "
+                           "the rate, q ends.\n") +
+               kEnds));
+  const auto options = std::make_shared<RunOptions>();
+  options->command = "play";
+  options->is_played = true;
+  options->clock = "simulated";
+  line->add_option("recording", options->replay.files,
+                   "What is played: the files of one recording, then the application's JSON file")
+      ->required()
+      ->type_name("FILE.mcap");
+  add_options(*line, *options);
+  line->get_option("application")->required(false);  // The last of the files: see `play`.
+  line->add_option("--rate", options->play_rate, "Let time run this many times as fast")
+      ->type_name("X");
+  line->add_option("--record", options->record.file, "Record all topics into an MCAP file")
+      ->type_name("FILE.mcap");
+  options->replay.add_target_to(*line);
+  options->replay.add_selection_to(*line);
+  return {line, [options] { return play(*options); }};
 }
 
 Command add_record(CLI::App& program) {
@@ -257,8 +391,10 @@ Command add_record(CLI::App& program) {
                   "A name that is taken is left alone, and the next number tried.\n") +
       kEnds));
   const auto options = std::make_shared<RunOptions>();
+  options->command = "record";
   options->record.is_asked = true;
   add_options(*line, *options);
+  add_clock_options(*line, *options);
   RecordingOptions& record = options->record;
   line->add_option("-o,--output", record.file,
                    "The file; without it, as the application says, or NAME_DATE_TIME.mcap")

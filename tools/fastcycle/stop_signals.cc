@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "command.h"
+#include "terminal_keys.h"
 
 namespace fastcycle::tool {
 
@@ -41,6 +42,7 @@ void StopSignals::wait() {
       return;
     }
     if (!is_first) {
+      TerminalKeys::give_back();
       _exit(kEndedAtOnce);
     }
     on_first_();

@@ -1,0 +1,269 @@
+#include "record/recording_reader.h"
+
+#include <algorithm>
+#include <charconv>
+#include <limits>
+#include <map>
+#include <optional>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "base/clock.h"
+#include "log/log.pb.h"
+#include "record/log_format.h"
+
+namespace fastcycle::record {
+namespace {
+
+/// Times in files are unsigned, and may be anything.
+Time to_time(std::uint64_t ns) {
+  constexpr auto kLatest = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max() - 1);
+  return base::from_ns(static_cast<std::int64_t>(std::min(ns, kLatest)));
+}
+
+std::uint64_t to_file_time(Time time) {
+  return static_cast<std::uint64_t>(std::max<std::int64_t>(0, base::to_ns(time)));
+}
+
+/// The sequence whose lower 32 bits are `low`, near `last`.
+std::uint64_t extended(std::uint32_t low, std::uint64_t last) {
+  constexpr std::uint64_t kLap = std::uint64_t{1} << 32U;
+  const std::uint64_t sequence = last / kLap * kLap + low;
+  return sequence + kLap / 2 < last ? sequence + kLap : sequence;
+}
+
+std::optional<Time> find_time(const std::map<std::string, std::string>& facts,
+                              const std::string& name) {
+  const auto found = facts.find(name);
+  std::int64_t ns = 0;
+  if (found == facts.end()) {
+    return std::nullopt;
+  }
+  const std::string& text = found->second;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), ns);
+  return error == std::errc() && end == text.data() + text.size() ? std::optional(base::from_ns(ns))
+                                                                  : std::nullopt;
+}
+
+}  // namespace
+
+struct RecordingReader::File {
+  explicit File(const std::filesystem::path& path) : source(path), reader(source) {}
+
+  static std::uint64_t key(std::uint32_t channel, std::uint64_t sequence) {
+    return std::uint64_t{channel} << 32U | (sequence & 0xffff'ffffU);
+  }
+
+  mcap::FileSource source;
+  mcap::Reader reader;
+  std::map<std::uint32_t, std::size_t> stream_of;  ///< By channel.
+  std::optional<mcap::MessageReader> messages;
+  std::optional<mcap::StoredMessage> head;  ///< The next message.
+  /// Of messages that come, by channel and the lower 32 bits of the sequence.
+  std::unordered_map<std::uint64_t, log::MessageInfo> infos;
+};
+
+RecordingReader::RecordingReader(const std::vector<std::filesystem::path>& files) {
+  for (const std::filesystem::path& path : files) {
+    open(path);
+  }
+  end_ = std::max(end_, begin_);
+}
+
+RecordingReader::~RecordingReader() = default;
+
+void RecordingReader::open(const std::filesystem::path& path) {
+  files_.push_back(std::make_unique<File>(path));
+  File& file = *files_.back();
+  if (const auto& problem = file.reader.problem()) {
+    notes_.push_back(mcap::to_string(*problem) + "; what is before that is read");
+  }
+  add_streams(file);
+  read_facts(file);
+}
+
+void RecordingReader::add_streams(File& file) {
+  const auto& counts = file.reader.statistics()->channel_message_counts;
+  for (const auto& [id, channel] : file.reader.definitions().channels()) {
+    if (channel.topic == kActivationsTopic || channel.topic == kInfosTopic) {
+      continue;
+    }
+    const auto publisher = channel.metadata.find("publisher");
+    const std::string name = publisher == channel.metadata.end() ? "" : publisher->second;
+    auto found = std::ranges::find_if(streams_, [&](const RecordedStream& stream) {
+      return stream.topic == channel.topic && stream.publisher == name;
+    });
+    if (found == streams_.end()) {
+      const mcap::Schema* schema = file.reader.definitions().find_schema(channel.schema_id);
+      streams_.push_back({.topic = channel.topic,
+                          .publisher = name,
+                          .encoding = channel.message_encoding,
+                          .type = schema == nullptr ? "" : schema->name,
+                          .schema = schema == nullptr ? "" : schema->data});
+      found = streams_.end() - 1;
+    }
+    const auto count = counts.find(id);
+    found->messages += count == counts.end() ? 0 : count->second;
+    file.stream_of[id] = static_cast<std::size_t>(found - streams_.begin());
+  }
+}
+
+void RecordingReader::read_facts(const File& file) {
+  std::optional<Time> began;
+  for (const mcap::MetadataIndex& index : file.reader.metadata()) {
+    if (index.name == kRunMetadata) {
+      began = find_time(file.reader.read(index).metadata, "start_ns");
+    } else if (index.name == kEndMetadata) {
+      if (const auto ended = find_time(file.reader.read(index).metadata, "time_ns")) {
+        end_ = std::max(end_, *ended);
+        has_end_ = true;
+      }
+    }
+  }
+  const mcap::Statistics& statistics = *file.reader.statistics();
+  if (!began && statistics.message_count > 0) {
+    began = to_time(statistics.message_start_time_ns);
+  }
+  if (began) {
+    begin_ = has_begin_ ? std::min(begin_, *began) : *began;
+    has_begin_ = true;
+  }
+  if (statistics.message_count > 0) {
+    end_ = std::max(end_, to_time(statistics.message_end_time_ns));
+  }
+}
+
+void RecordingReader::rewind(Selection selection) {
+  selection_ = std::move(selection);
+  last_sequences_.assign(streams_.size(), 0);
+  count_ = 0;
+  for (const auto& file : files_) {
+    file->infos.clear();
+    file->head.reset();
+    file->messages.reset();
+    std::vector<std::string> topics;
+    for (const auto& [channel, stream] : file->stream_of) {
+      if (selection_.wanted[stream]) {
+        topics.push_back(streams_[stream].topic);
+      }
+    }
+    if (!topics.empty()) {
+      file->messages.emplace(file->reader.messages({.topics = std::move(topics),
+                                                    .begin_ns = to_file_time(selection_.from),
+                                                    .end_ns = to_file_time(selection_.to) + 1,
+                                                    .heads = {kInfosTopic}}));
+      advance(*file);
+    }
+  }
+}
+
+void RecordingReader::advance(File& file) {
+  for (;;) {
+    file.head = file.messages->next();
+    if (!file.head) {
+      return;
+    }
+    const auto stream = file.stream_of.find(file.head->channel_id);
+    if (stream != file.stream_of.end() && selection_.wanted[stream->second]) {
+      return;  // Another publisher of a topic may not be wanted.
+    }
+    if (file.head->channel->topic == kInfosTopic) {
+      take_infos(file, *file.head);
+    }
+  }
+}
+
+void RecordingReader::take_infos(File& file, const mcap::StoredMessage& message) {
+  log::MessageInfos infos;
+  if (!infos.ParseFromArray(message.data.data(), static_cast<int>(message.data.size()))) {
+    throw mcap::Damage({.place = {.file = file.source.name()},
+                        .record = std::string("a message of ") + kInfosTopic,
+                        .expected = "fastcycle.log.MessageInfos",
+                        .found = fmt::format("{} bytes that are none", message.data.size())});
+  }
+  for (log::MessageInfo& info : *infos.mutable_infos()) {
+    const auto stream = file.stream_of.find(info.channel());
+    if (stream == file.stream_of.end() || !selection_.wanted[stream->second]) {
+      continue;
+    }
+    if (info.sequence() <= last_sequences_[stream->second]) {
+      ++parted_infos_;
+      continue;
+    }
+    const std::uint64_t key = File::key(info.channel(), info.sequence());
+    file.infos[key] = std::move(info);
+  }
+}
+
+RecordingReader::File* RecordingReader::earliest() const {
+  File* earliest = nullptr;
+  for (const auto& file : files_) {
+    if (file->head &&
+        (earliest == nullptr || file->head->log_time_ns < earliest->head->log_time_ns)) {
+      earliest = file.get();
+    }
+  }
+  return earliest;
+}
+
+std::span<RecordedMessage> RecordingReader::next() {
+  do {
+    count_ = 0;
+    File* file = earliest();
+    if (file == nullptr) {
+      return {};
+    }
+    const std::uint64_t due_ns = file->head->log_time_ns;
+    while (file != nullptr && file->head->log_time_ns == due_ns) {
+      take(*file);
+      advance(*file);
+      file = earliest();
+    }
+  } while (count_ == 0);  // All were repeated ones.
+  const std::span moment(moment_.data(), count_);
+  std::ranges::sort(moment, {}, [](const RecordedMessage& message) {
+    return std::tuple(message.step, message.stream, message.info.sequence);
+  });
+  for (const RecordedMessage& message : moment) {
+    std::uint64_t& last = last_sequences_[message.stream];
+    last = std::max(last, message.info.sequence);
+  }
+  return moment;
+}
+
+void RecordingReader::take(File& file) {
+  const mcap::StoredMessage& head = *file.head;
+  const std::size_t stream = file.stream_of.at(head.channel_id);
+  const bool is_ours = !streams_[stream].publisher.empty();
+  const std::uint64_t last = last_sequences_[stream];
+  const auto found = file.infos.find(File::key(head.channel_id, head.sequence));
+  const bool has_info = found != file.infos.end();
+  const log::MessageInfo info = has_info ? std::move(found->second) : log::MessageInfo();
+  if (has_info) {
+    file.infos.erase(found);
+  }
+  const std::uint64_t sequence = has_info ? info.sequence() : extended(head.sequence, last);
+  // A latched message stands once more at the beginning of each later file.
+  if (is_ours && head.publish_time_ns < head.log_time_ns && sequence <= last) {
+    return;
+  }
+  if (count_ == moment_.size()) {
+    moment_.emplace_back();
+  }
+  RecordedMessage& message = moment_[count_++];
+  message.stream = stream;
+  message.due = to_time(head.log_time_ns);
+  message.step = info.has_step() ? info.step() : kUsualStep;
+  message.info = {};
+  message.info.sequence = is_ours ? sequence : ++last_sequences_[stream];
+  message.info.publish_time = is_ours ? to_time(head.publish_time_ns) : message.due;
+  message.info.origin = {.taken = message.info.publish_time - Duration(info.age_ns()),
+                         .root = info.root(),
+                         .held = info.held()};
+  message.data.assign(head.data.begin(), head.data.end());
+}
+
+}  // namespace fastcycle::record

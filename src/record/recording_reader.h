@@ -1,0 +1,113 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "fastcycle/message.h"
+#include "mcap/file.h"
+#include "mcap/reader.h"
+
+namespace fastcycle::record {
+
+/// What one component published on one topic, over all files of a recording.
+struct RecordedStream {
+  std::string topic;
+  std::string publisher;  ///< The component; empty: the files do not say.
+  std::string encoding;   ///< Of the messages: `protobuf`.
+  std::string type;       ///< The messages' full name; empty: there is no schema.
+  std::string schema;     ///< A serialized `FileDescriptorSet`, if the encoding is protobuf.
+  std::uint64_t messages = 0;
+};
+
+/// A message as it stands in a recording.
+struct RecordedMessage {
+  std::size_t stream = 0;  ///< Its place in `RecordingReader::streams`.
+  /// As it was published. `publisher` is not set; `origin.root` 0 means the message's own
+  /// publisher.
+  MessageInfo info;
+  /// When subscribers got it, or, if it was published before the file began, when that began.
+  Time due{};
+  std::uint32_t step = 0;  ///< In simulated time: in which round of that moment.
+  std::vector<std::byte> data;
+};
+
+/// Reads what a `Recorder` has written, or any MCAP file, back in the order in which it happened:
+/// by time, then by round, then by publisher and sequence.
+///
+///     RecordingReader reader({"drive_0001.mcap", "drive_0002.mcap.active"});
+///     reader.rewind({.wanted = {true, false}, .from = reader.begin(), .to = reader.end()});
+///     for (auto moment = reader.next(); !moment.empty(); moment = reader.next()) { ... }
+///
+/// A file that was not closed is read up to its last whole message. What a later file of a split
+/// recording repeats comes once. Files that FastCycle did not write say less: then each message is
+/// its own measurement, and log times are what counts.
+///
+/// Memory: the messages of one moment, and what `mcap::MessageReader` holds for each file.
+///
+/// @threads  Confined.
+class RecordingReader {
+ public:
+  /// @errors  `mcap::Error` if a file cannot be read, or is none or damaged.
+  explicit RecordingReader(const std::vector<std::filesystem::path>& files);
+  RecordingReader(const RecordingReader&) = delete;
+  RecordingReader& operator=(const RecordingReader&) = delete;
+  ~RecordingReader();
+
+  [[nodiscard]] const std::vector<RecordedStream>& streams() const { return streams_; }
+  /// When the recorded run began; without a word about it, when the first message was published.
+  [[nodiscard]] Time begin() const { return begin_; }
+  /// When it ended; without a word about it, when the last message was published.
+  [[nodiscard]] Time end() const { return end_; }
+  /// What is to be known of the files: where one ends that was not closed.
+  [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
+
+  struct Selection {
+    std::vector<bool> wanted;  ///< By stream.
+    Time from{};
+    Time to{};  ///< Of the last message at most.
+  };
+  /// From now on `next` gives what is selected, from its beginning.
+  void rewind(Selection selection);
+
+  /// All messages that are due next at the same time; none if there are no further ones. Valid, and
+  /// the caller's to change, until the next call.
+  ///
+  /// @errors  `mcap::Error` with the place that cannot be read. The reader is of no use afterwards.
+  std::span<RecordedMessage> next();
+
+  /// How many messages came without what the file says of them, since a tool has put that too far
+  /// behind them: their sequence, origin and round are those of a message that nothing is said of.
+  [[nodiscard]] std::uint64_t parted_infos() const { return parted_infos_; }
+
+ private:
+  struct File;
+
+  void open(const std::filesystem::path& path);
+  void add_streams(File& file);
+  void read_facts(const File& file);
+  void advance(File& file);
+  void take_infos(File& file, const mcap::StoredMessage& message);
+  [[nodiscard]] File* earliest() const;
+  void take(File& file);
+
+  std::vector<std::unique_ptr<File>> files_;
+  std::vector<RecordedStream> streams_;
+  std::vector<std::string> notes_;
+  Time begin_{};
+  Time end_{};
+  bool has_begin_ = false;
+  bool has_end_ = false;
+
+  Selection selection_;
+  std::vector<std::uint64_t> last_sequences_;  ///< By stream.
+  std::vector<RecordedMessage> moment_;        ///< Kept for its memory; `count_` are in use.
+  std::size_t count_ = 0;
+  std::uint64_t parted_infos_ = 0;
+};
+
+}  // namespace fastcycle::record
