@@ -646,6 +646,9 @@ EndReason Application::run_simulated(std::optional<Duration> limit) {
       request_end(EndReason::kStuck);
       break;
     case detail::Simulation::End::kInterrupted:
+      if (end_reason() == EndReason::kSourcesFinished) {
+        simulation_->run_now();  // What the last input leads to belongs to the run.
+      }
       break;
   }
   return end_reason();

@@ -138,6 +138,7 @@ void RecordingReader::read_facts(const File& file) {
 
 void RecordingReader::rewind(Selection selection) {
   selection_ = std::move(selection);
+  first_sequences_.assign(streams_.size(), 0);
   last_sequences_.assign(streams_.size(), 0);
   count_ = 0;
   for (const auto& file : files_) {
@@ -184,18 +185,25 @@ void RecordingReader::take_infos(File& file, const mcap::StoredMessage& message)
                         .expected = "fastcycle.log.MessageInfos",
                         .found = fmt::format("{} bytes that are none", message.data.size())});
   }
+  drop_parted_infos(file);
   for (log::MessageInfo& info : *infos.mutable_infos()) {
     const auto stream = file.stream_of.find(info.channel());
-    if (stream == file.stream_of.end() || !selection_.wanted[stream->second]) {
-      continue;
+    if (stream != file.stream_of.end() && selection_.wanted[stream->second]) {
+      const std::uint64_t key = File::key(info.channel(), info.sequence());
+      file.infos[key] = std::move(info);
     }
-    if (info.sequence() <= last_sequences_[stream->second]) {
-      ++parted_infos_;
-      continue;
-    }
-    const std::uint64_t key = File::key(info.channel(), info.sequence());
-    file.infos[key] = std::move(info);
   }
+}
+
+/// What is left of messages that were given already came too late for them.
+void RecordingReader::drop_parted_infos(File& file) {
+  std::erase_if(file.infos, [&](const auto& entry) {
+    const std::size_t stream = file.stream_of.at(entry.second.channel());
+    const bool is_past = entry.second.sequence() <= last_sequences_[stream];
+    const bool was_given = is_past && entry.second.sequence() >= first_sequences_[stream];
+    parted_infos_ += was_given ? 1 : 0;
+    return is_past;
+  });
 }
 
 RecordingReader::File* RecordingReader::earliest() const {
@@ -214,6 +222,9 @@ std::span<RecordedMessage> RecordingReader::next() {
     count_ = 0;
     File* file = earliest();
     if (file == nullptr) {
+      for (const auto& finished : files_) {
+        drop_parted_infos(*finished);
+      }
       return {};
     }
     const std::uint64_t due_ns = file->head->log_time_ns;
@@ -228,7 +239,9 @@ std::span<RecordedMessage> RecordingReader::next() {
     return std::tuple(message.step, message.stream, message.info.sequence);
   });
   for (const RecordedMessage& message : moment) {
+    std::uint64_t& first = first_sequences_[message.stream];
     std::uint64_t& last = last_sequences_[message.stream];
+    first = first == 0 ? message.info.sequence : first;
     last = std::max(last, message.info.sequence);
   }
   return moment;

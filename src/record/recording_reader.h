@@ -92,6 +92,7 @@ class RecordingReader {
   void read_facts(const File& file);
   void advance(File& file);
   void take_infos(File& file, const mcap::StoredMessage& message);
+  void drop_parted_infos(File& file);
   [[nodiscard]] File* earliest() const;
   void take(File& file);
 
@@ -104,8 +105,10 @@ class RecordingReader {
   bool has_end_ = false;
 
   Selection selection_;
-  std::vector<std::uint64_t> last_sequences_;  ///< By stream.
-  std::vector<RecordedMessage> moment_;        ///< Kept for its memory; `count_` are in use.
+  // By stream: of what was given since `rewind`, before this moment.
+  std::vector<std::uint64_t> first_sequences_;
+  std::vector<std::uint64_t> last_sequences_;
+  std::vector<RecordedMessage> moment_;  ///< Kept for its memory; `count_` are in use.
   std::size_t count_ = 0;
   std::uint64_t parted_infos_ = 0;
 };
