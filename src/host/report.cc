@@ -141,8 +141,9 @@ ReplayReport report_replay(const Application& application, const Replay& replay)
   for (const std::filesystem::path& file : replay.options().files) {
     report.files.push_back(file.string());
   }
-  report.from_s = seconds(replay.begin() - replay.recording().begin());
-  report.to_s = report.from_s + seconds(replay.length());
+  const Duration from = replay.begin() - replay.recording().begin();
+  report.from_s = seconds(from);
+  report.to_s = seconds(from + replay.length());
   if (!application.clock().is_simulated()) {
     report.worst_lateness_us = static_cast<double>(replay.worst_lateness().count()) / 1e3;
   }

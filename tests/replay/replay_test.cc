@@ -20,6 +20,7 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include "fastcycle/version.h"
 #include "log/log.pb.h"
 #include "mcap/file.h"
 #include "mcap/reader.h"
@@ -130,11 +131,12 @@ TEST_F(Replay, OfTheDriveGivesTheSameBytesWithAnyNumberOfWorkers) {
     for (const auto& [topic, lines] : before) {
       EXPECT_EQ(lines_of(folder_ / file, topic), lines) << topic << ", " << workers << " workers";
     }
-    EXPECT_EQ(report()["end"], "input finished");
-    EXPECT_EQ(report()["components"]["can_driver"]["state"], "replayed");
-    EXPECT_FALSE(report()["components"].contains("supervision"));
+    const json report = this->report();
+    EXPECT_EQ(report["end"], "input finished");
+    EXPECT_EQ(report["components"]["can_driver"]["state"], "replayed");
+    EXPECT_FALSE(report["components"].contains("supervision"));
     std::uint64_t fed = 0;
-    for (const json& stream : report()["replay"]["fed"]) {
+    for (const json& stream : report["replay"]["fed"]) {
       fed += stream["messages"].get<std::uint64_t>();
     }
     EXPECT_GT(fed, 100'000U);
