@@ -2,6 +2,7 @@
 // notes.
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -107,6 +108,45 @@ class Broker : public ::testing::Test {
   std::vector<std::unique_ptr<Receiver>> receivers_;
   Topics topics_;
 };
+
+TEST_F(Broker, WhatIsPublishedAgainKeepsSequenceTimeAndOrigin) {
+  PublisherCore& sender = publisher("driver");
+  Receiver& receiver = this->receiver();
+  connect();
+  const MessageInfo then{
+      .sequence = std::uint64_t{1} << 40U,
+      .publish_time = Time{std::chrono::seconds(7)},
+      .publisher = 0,
+      .origin = {.taken = Time{std::chrono::seconds(6)}, .root = 0, .held = true}};
+  const auto publish_again = [&](std::int64_t value, const MessageInfo& info) {
+    Envelope* loan = take_external_loan(sender, true);
+    static_cast<Int64Value&>(*loan->own).set_value(value);
+    sender.publish_again(loan, info);
+  };
+
+  publish_again(1, then);  // Nobody is served yet.
+  sender.set_external_open(true);
+  publish_again(2, then);
+  MessageInfo another = then;
+  another.sequence += 5;
+  another.origin.root = 77;
+  publish_again(3, another);
+
+  EXPECT_EQ(receiver.take(), 2);
+  EXPECT_EQ(receiver.last_info.sequence, then.sequence);
+  EXPECT_EQ(receiver.last_info.publish_time, then.publish_time);
+  EXPECT_EQ(receiver.last_info.publisher, sender.id);
+  EXPECT_EQ(receiver.last_info.origin.taken, then.origin.taken);
+  EXPECT_EQ(receiver.last_info.origin.root, sender.id);
+  EXPECT_TRUE(receiver.last_info.origin.held);
+  EXPECT_EQ(receiver.take(), 3);
+  EXPECT_EQ(receiver.last_info.sequence, another.sequence);
+  EXPECT_EQ(receiver.last_info.origin.root, 77U);
+  const Ledger ledger = receiver.subscription->ledger();
+  EXPECT_EQ(ledger.published, 3U);
+  EXPECT_EQ(ledger.dropped[static_cast<std::size_t>(DropReason::kShutdown)], 1U);
+  EXPECT_TRUE(ledger.adds_up());
+}
 
 TEST_F(Broker, AMessageReachesEverySubscriberAsTheSameObject) {
   PublisherCore& speed = publisher("planner");

@@ -276,26 +276,38 @@ class Planner {
     if (problems_.has_errors() || std::ranges::any_of(plan_.streams, &ReplayPlan::Stream::is_fed)) {
       return;
     }
-    std::set<std::string> topics;
-    for (const ReplayPlan::Stream& stream : plan_.streams) {
-      topics.insert(stream.topic);
-    }
-    std::set<std::string> inputs;
-    for (const Connection& connection : connections_) {
-      if (!connection.is_publisher && plan_.runs(connection.component)) {
-        inputs.insert(connection.topic);
-      }
-    }
     config::Problem problem;
     problem.place = place_of_files();
-    problem.message = "there is nothing to feed: the recording has the topics " + listed(topics) +
-                      "; the components that run subscribe to " + listed(inputs);
-    if (options_.into.empty()) {
+    problem.message = streams_.empty()
+                          ? "there is nothing to feed: the recording has no messages"
+                          : "there is nothing to feed: the recording has the topics " +
+                                listed(recorded_topics()) +
+                                "; the components that run subscribe to " + listed(inputs());
+    if (options_.into.empty() && !streams_.empty()) {
       problem.hint =
           "components that subscribe to nothing, and whose topics are recorded, are replaced by "
           "themselves; --replay-into NAME says which components run otherwise";
     }
     problems_.add(std::move(problem));
+  }
+
+  [[nodiscard]] std::set<std::string> recorded_topics() const {
+    std::set<std::string> topics;
+    for (const ReplayPlan::Stream& stream : plan_.streams) {
+      topics.insert(stream.topic);
+    }
+    return topics;
+  }
+
+  /// What the components that run subscribe to.
+  [[nodiscard]] std::set<std::string> inputs() const {
+    std::set<std::string> topics;
+    for (const Connection& connection : connections_) {
+      if (!connection.is_publisher && plan_.runs(connection.component)) {
+        topics.insert(connection.topic);
+      }
+    }
+    return topics;
   }
 
   void warn(const std::string& text) {

@@ -118,6 +118,13 @@ TEST_F(Plans, NothingToFeedIsAMistake) {
                                 "components that run subscribe to image, objects, tracks"));
 }
 
+TEST_F(Plans, ARecordingOfNothingIsAMistake) {
+  streams_.clear();
+  static_cast<void>(plan({}));
+
+  EXPECT_THAT(said(), HasSubstr("the recording has no messages"));
+}
+
 TEST_F(Plans, AnotherTypeThanTheSubscribersIsAMistake) {
   streams_[0].type = "demo.Image";
   static_cast<void>(plan({}));
