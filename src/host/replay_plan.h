@@ -10,8 +10,8 @@
 #include "config/description.h"
 #include "config/problem.h"
 #include "fastcycle/time.h"
+#include "mcap/topic_filter.h"
 #include "record/recording_reader.h"
-#include "record/topic_filter.h"
 
 namespace google::protobuf {
 class Descriptor;
@@ -27,7 +27,7 @@ struct ReplayOptions {
   /// The components that run. Empty: all but those that subscribe to nothing and publish what the
   /// files have, such as drivers.
   std::vector<std::string> into = {};
-  record::TopicFilter filter = {};  ///< Of the topics, as the files name them.
+  mcap::TopicFilter filter = {};  ///< Of the topics, as the files name them.
   std::map<std::string, std::string> remap =
       {};                              ///< Topic of the files → topic of the application.
   std::optional<Duration> start = {};  ///< Since the recorded run began.
