@@ -1,7 +1,7 @@
 // A file that the recorder wrote, cut off at every byte: each of these files opens, and gives every
 // whole chunk, and of a last chunk that is not compressed every whole message.
 //
-// FASTCYCLE_CUT_BYTES says how large the file is at least (default: 100000). Reading each of 10
+// FASTCYCLE_CUT_BYTES says how large the file is at least (default: 60000). Reading each of 10
 // million files from its beginning would take months. So a cut in the middle of a chunk is read
 // from a shorter file, which has what stands before the first chunk (all schemas and channels) and
 // the chunk with the cut, but not the chunks between. To the reader that is the same: of records
@@ -47,7 +47,7 @@ constexpr std::size_t kEndBytes = 8;
 
 std::size_t wanted_bytes() {
   const char* const given = std::getenv("FASTCYCLE_CUT_BYTES");
-  return given == nullptr ? 100'000 : static_cast<std::size_t>(std::atoll(given));
+  return given == nullptr ? 60'000 : static_cast<std::size_t>(std::atoll(given));
 }
 
 /// A message, told from others.
