@@ -1,11 +1,12 @@
 #include "archive/export.h"
 
-#include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "archive/output_file.h"
@@ -60,6 +61,22 @@ std::string file_name_of(std::string topic) {
     letter = letter == '/' ? '.' : is_plain ? letter : '_';
   }
   return topic + ".csv";
+}
+
+/// Told of messages, each counted twice; tells `progress` of as much of the file's `bytes`.
+archive::Progress progress_by_messages(const mcap::Reader& reader, const std::string& topic,
+                                       std::uint64_t bytes, archive::Progress progress) {
+  std::uint64_t messages = 0;
+  const auto& counts = reader.statistics()->channel_message_counts;
+  for (const auto& [id, channel] : reader.definitions().channels()) {
+    const auto count = counts.find(id);
+    messages += channel.topic == topic && count != counts.end() ? count->second : 0;
+  }
+  const double bytes_a_look =
+      messages == 0 ? 0.0 : static_cast<double>(bytes) / (2.0 * static_cast<double>(messages));
+  return [bytes_a_look, progress = std::move(progress)](std::uint64_t looks) {
+    progress(static_cast<std::uint64_t>(bytes_a_look * static_cast<double>(looks)));
+  };
 }
 
 archive::Table export_to_file(const mcap::Reader& reader, const ExportOptions& options,
@@ -118,8 +135,9 @@ int run(const ExportOptions& options) {
   FileWork work(!options.is_quiet);
   for (const std::string& topic : options.topics) {
     const fs::path path = is_folder ? options.output / file_name_of(topic) : options.output;
-    const archive::Table table =
-        export_to_file(reader, options, topic, path, work.progress(topic, 0));
+    const archive::Table table = export_to_file(
+        reader, options, topic, path,
+        progress_by_messages(reader, topic, source.size(), work.progress(topic, source.size())));
     print_cut(table, topic);
     if (!options.is_quiet) {
       std::printf("%s: %llu rows, %zu columns\n", path.c_str(),
