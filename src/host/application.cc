@@ -293,6 +293,18 @@ void Application::begin_run() {
   }
 }
 
+/// When the timers start: now, or when they did in the run that is replayed.
+Time Application::begin_of_timers() {
+  if (replay_ == nullptr) {
+    return clock_.now();
+  }
+  const Time begin = replay_->begin_of_timers();
+  if (simulation_ != nullptr && begin > clock_.now()) {
+    advance_to(begin);  // What came while the components started, which took time then.
+  }
+  return begin;
+}
+
 void Application::set_pace(WallPace& pace) {
   pace_ = &pace;
   pace.on_change = [this] { simulation_->look_again(); };
@@ -306,6 +318,9 @@ std::vector<base::Refusal> Application::start() {
     if (simulation_ != nullptr) {
       simulation_->set_feed(*replay_);
     }
+  }
+  if (pace_ != nullptr) {
+    pace_->begin(clock_.now());
   }
   start_ns_ = base::to_ns(clock_.now());
   const bool is_real_time = std::ranges::any_of(executors_, [](const auto& executor) {
@@ -342,7 +357,7 @@ std::vector<base::Refusal> Application::start() {
     }
   }
   begin_run();
-  start_ns_ = base::to_ns(clock_.now());
+  start_ns_ = base::to_ns(begin_of_timers());
   const Time start = start_time();
   for (const auto& component : components_) {
     component->post(Cause::kMode, [&component, start] {

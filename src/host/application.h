@@ -189,6 +189,7 @@ class Application {
   [[nodiscard]] detail::ComponentCore& component_of(const detail::PublisherCore& publisher) const;
   void begin_part(std::uint32_t part);
   void begin_run();
+  Time begin_of_timers();
   void start_recorder();
   void start_threads();
   void stop_threads();

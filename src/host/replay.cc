@@ -131,6 +131,11 @@ bool Replay::set_range(config::Problems& problems) {
   return true;
 }
 
+Time Replay::begin_of_timers() const {
+  // A part begins with its own first moment.
+  return from_ == reader_->begin() ? reader_->begin_of_timers() : from_;
+}
+
 Duration Replay::position(Time now) const {
   const Duration passed = now - from_;
   const bool goes_round = options_.is_looped && length() > Duration(0);
@@ -153,6 +158,8 @@ void Replay::declare(detail::ComponentCore& component) {
 }
 
 void Replay::explain(std::map<std::string, std::string>& facts) const {
+  // Live, the clock goes on already; what is fed first keeps its times.
+  facts["start_ns"] = std::to_string(base::to_ns(from_));
   for (std::size_t i = 0; i < options_.files.size(); ++i) {
     facts[fmt::format("replay.{}", i)] = options_.files[i].string();
   }

@@ -59,6 +59,8 @@ class Replay final : public ComponentClasses, public detail::Feed {
 
   /// The application's time at which it starts.
   [[nodiscard]] Time begin() const { return from_; }
+  /// The application's time at which its timers start.
+  [[nodiscard]] Time begin_of_timers() const;
   /// The application's time at which all has come; `Time::max()` if it is looped.
   [[nodiscard]] Time end() const { return options_.is_looped ? Time::max() : to_; }
   /// From its beginning to its end, once.

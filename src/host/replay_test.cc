@@ -139,13 +139,20 @@ class Listener final : public Component {
       last_time_ = number.info().publish_time;
     });
   }
+  void serve() override {
+    if (ticks_++ == 0) {
+      report("first_tick_ns", (now() - Time{}).count());
+    }
+  }
   void stop() override {
+    report("start_ns", (start_time() - Time{}).count());
     report("heard", heard_);
     report("sum", sum_);
     report("rising", is_rising_);
   }
 
  private:
+  std::int64_t ticks_ = 0;
   std::int64_t heard_ = 0;
   std::int64_t sum_ = 0;
   std::uint64_t last_ = 0;
@@ -162,7 +169,7 @@ constexpr const char* kWhole = R"({"name": "t", "topics": {"map": {"latched": 1}
 
 constexpr const char* kListening = R"({"name": "t", "components": [
   {"name": "driver", "library": "driver", "serve_period_ms": 1},
-  {"name": "listener", "library": "listener"}]})";
+  {"name": "listener", "library": "listener", "subscribers": {"numbers": {"depth": 64}}}]})";
 
 /// A message with all that is recorded of it.
 struct Line {
@@ -228,7 +235,8 @@ struct Written {
 
 /// A file with these messages, a chunk for each, by `publisher`, or by somebody who wrote no names.
 std::filesystem::path write(const std::filesystem::path& file, const std::string& publisher,
-                            const std::vector<Written>& messages) {
+                            const std::vector<Written>& messages,
+                            const std::map<std::string, std::string>& end = {}) {
   mcap::FileSink sink(file);
   mcap::Writer writer(sink, {.library = "test"});
   writer.add(mcap::Schema{.id = 1,
@@ -262,6 +270,7 @@ std::filesystem::path write(const std::filesystem::path& file, const std::string
                                mcap::bytes_of(bytes)});
     writer.flush();
   }
+  writer.write(mcap::Metadata{.name = "fastcycle.end", .metadata = end});
   writer.close();
   return file;
 }
@@ -507,6 +516,22 @@ TEST_F(Replays, SeveralFilesAreOneRecordingAndWhatIsRepeatedComesOnce) {
   EXPECT_EQ(result("heard"), ReportValue(std::int64_t{3}));
   EXPECT_EQ(result("sum"), ReportValue(std::int64_t{60}));
   EXPECT_EQ(result("rising"), ReportValue(true));
+}
+
+// Live, components take time to start, and timers start after them.
+TEST_F(Replays, TimersStartWhenTheyDidThen) {
+  const auto file = write(
+      folder_ / "a.mcap", "driver", {{"numbers", 1, 1'000'000, 1}, {"numbers", 2, 5'000'000, 2}},
+      {{"time_ns", "20000000"}, {"timers_ns", "3000000"}, {"reason", "stopped on request"}});
+  const char* serving = R"({"name": "t", "components": [
+    {"name": "driver", "library": "driver", "serve_period_ms": 1},
+    {"name": "listener", "library": "listener", "serve_period_ms": 10}]})";
+
+  EXPECT_EQ(replay(serving, {.files = {file}}, simulated()), EndReason::kSourcesFinished);
+
+  EXPECT_EQ(result("start_ns"), ReportValue(std::int64_t{3'000'000}));
+  EXPECT_EQ(result("first_tick_ns"), ReportValue(std::int64_t{13'000'000}));
+  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{2}));
 }
 
 // Losses of a live recording.

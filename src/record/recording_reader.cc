@@ -117,22 +117,20 @@ void RecordingReader::read_facts(const File& file) {
     if (index.name == kRunMetadata) {
       began = find_time(file.reader.read(index).metadata, "start_ns");
     } else if (index.name == kEndMetadata) {
-      if (const auto ended = find_time(file.reader.read(index).metadata, "time_ns")) {
-        end_ = std::max(end_, *ended);
-        has_end_ = true;
-      }
+      const mcap::Metadata facts = file.reader.read(index);
+      end_ = std::max(end_, find_time(facts.metadata, "time_ns").value_or(end_));
+      begin_of_timers_ = find_time(facts.metadata, "timers_ns").value_or(begin_of_timers_);
     }
   }
   const mcap::Statistics& statistics = *file.reader.statistics();
-  if (!began && statistics.message_count > 0) {
-    began = to_time(statistics.message_start_time_ns);
+  if (statistics.message_count > 0) {
+    const Time first = to_time(statistics.message_start_time_ns);
+    began = began ? std::min(*began, first) : first;
+    end_ = std::max(end_, to_time(statistics.message_end_time_ns));
   }
   if (began) {
     begin_ = has_begin_ ? std::min(begin_, *began) : *began;
     has_begin_ = true;
-  }
-  if (statistics.message_count > 0) {
-    end_ = std::max(end_, to_time(statistics.message_end_time_ns));
   }
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -61,6 +62,8 @@ class RecordingReader {
   [[nodiscard]] const std::vector<RecordedStream>& streams() const { return streams_; }
   /// When the recorded run began; without a word about it, when the first message was published.
   [[nodiscard]] Time begin() const { return begin_; }
+  /// When the timers of that run started; without a word about it, when the run began.
+  [[nodiscard]] Time begin_of_timers() const { return std::max(begin_, begin_of_timers_); }
   /// When it ended; without a word about it, when the last message was published.
   [[nodiscard]] Time end() const { return end_; }
   /// What is to be known of the files: where one ends that was not closed.
@@ -100,9 +103,9 @@ class RecordingReader {
   std::vector<RecordedStream> streams_;
   std::vector<std::string> notes_;
   Time begin_{};
+  Time begin_of_timers_{};
   Time end_{};
   bool has_begin_ = false;
-  bool has_end_ = false;
 
   Selection selection_;
   // By stream: of what was given since `rewind`, before this moment.

@@ -183,10 +183,12 @@ TEST_F(Readers, JoinTheFilesOfARecordingAndDropWhatIsRepeated) {
   second.message(kFast, 2, 310);
   second.end_chunk(330);
   second.metadata(kEndMetadata, "time_ns", "900");
+  second.metadata(kEndMetadata, "timers_ns", "60");
   second.close();
 
   RecordingReader both({folder_ / "a_0001.mcap", folder_ / "a_0002.mcap"});
   EXPECT_EQ(both.begin(), base::from_ns(50));
+  EXPECT_EQ(both.begin_of_timers(), base::from_ns(60));
   EXPECT_EQ(both.end(), base::from_ns(900));
   EXPECT_THAT(read_all(both), ElementsAre("1@100/1", "2@310/1", "1@320/1"));
   EXPECT_EQ(both.streams().size(), 2U);
@@ -194,6 +196,20 @@ TEST_F(Readers, JoinTheFilesOfARecordingAndDropWhatIsRepeated) {
 
   RecordingReader last({folder_ / "a_0002.mcap"});
   EXPECT_THAT(read_all(last), ElementsAre("1@300/1", "2@310/1"));
+}
+
+// A live replay that is recorded: its first messages have times before it began to record.
+TEST_F(Readers, BeginWithTheFirstMessageAtTheLatest) {
+  Written file(folder_ / "a.mcap");
+  file.metadata(kRunMetadata, "start_ns", "500");
+  file.message(kFast, 1, 400);
+  file.message(kFast, 2, 600);
+  file.close();
+  RecordingReader reader({folder_ / "a.mcap"});
+
+  EXPECT_EQ(reader.begin(), base::from_ns(400));
+  EXPECT_EQ(reader.begin_of_timers(), base::from_ns(400));
+  EXPECT_THAT(read_all(reader), ElementsAre("1@400/1", "2@600/1"));
 }
 
 TEST_F(Readers, GiveWhatIsSelectedOnly) {

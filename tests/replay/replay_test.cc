@@ -96,7 +96,8 @@ class Replay : public testing::Test {
     folder_.write("app.json", R"({"name": "parts", "components": [
       {"name": "counter", "library": "launcher_parts", "class": "Counter", "serve_period_ms": 1,
        "params": {"count": 200}},
-      {"name": "adder", "library": "launcher_parts", "class": "Adder"}]})");
+      {"name": "adder", "library": "launcher_parts", "class": "Adder",
+       "subscribers": {"numbers": {"depth": 256}}}]})");
   }
   void record_parts() {
     write_parts();
