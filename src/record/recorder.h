@@ -14,7 +14,6 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "base/clock.h"
@@ -25,7 +24,7 @@
 #include "mcap/topic_filter.h"
 #include "record/recording.h"
 #include "record/serializer.h"
-#include "record/tap.h"
+#include "record/streams.h"
 
 namespace fastcycle::record {
 
@@ -52,12 +51,6 @@ struct RecorderOptions {
   std::vector<CompressionRule> rules = {};                   ///< The first that matches counts.
   std::uint64_t memory_bytes = std::uint64_t{256} << 20U;    ///< That may wait to be written.
   bool records_activations = true;
-};
-
-/// What explains the log on another machine: written at the beginning of each file.
-struct Explanation {
-  std::map<std::string, std::string> facts = {};  ///< The metadata `fastcycle.run`.
-  std::string application = {};                   ///< JSON: the attachment `application.json`.
 };
 
 /// What became of one topic.
@@ -138,14 +131,9 @@ class Recorder {
     std::atomic<std::uint64_t> disk{0};
   };
 
-  /// One publisher of one topic.
-  struct Stream {
-    std::uint16_t channel = 0;
-    std::size_t topic = 0;
+  /// What is kept of a stream.
+  struct StreamState {
     std::size_t open = 0;  ///< Which of `open_` its small messages go into.
-    bool is_latched = false;
-    bool is_external = false;
-    std::size_t may_hold = 0;  ///< How many of its messages may be held at once.
     std::atomic<std::size_t> held{0};
   };
 
@@ -164,9 +152,9 @@ class Recorder {
   void define();
   [[nodiscard]] std::size_t open_for(const std::string& topic);
   void poll();
-  void take_message(const detail::Lane& lane, const detail::Lane::Head& head);
-  void add_small(Stream& stream, const mcap::MessageHead& head, const detail::Envelope& envelope);
-  void add_large(Stream& stream, const mcap::MessageHead& head, detail::Envelope* envelope);
+  void take_message(const Stream& stream, detail::Envelope* envelope);
+  void add_small(const Stream& stream, const detail::Envelope& envelope);
+  void add_large(const Stream& stream, detail::Envelope* envelope);
   void take_activations();
   void note(Batch& batch, const Stream& stream, const detail::Envelope& envelope);
   void add_own(Batch& batch, std::uint16_t channel, const google::protobuf::Message& message);
@@ -184,22 +172,18 @@ class Recorder {
   // Constant once started.
   const RecorderOptions options_;
   const base::Clock& clock_;
-  Tap tap_{"recorder"};
+  Streams streams_{"recorder"};
   Explanation explanation_;
   std::map<std::string, std::string> end_;
-  std::vector<const detail::ActivationRing*> rings_;
-  std::vector<mcap::Schema> schemas_;
-  std::vector<mcap::Channel> channels_;
-  std::unordered_map<const detail::Lane*, std::unique_ptr<Stream>> streams_;
+  std::vector<std::unique_ptr<StreamState>> states_;  ///< By `Stream::index`.
   std::vector<std::unique_ptr<Topic>> topics_;
 
   // The thread that takes.
   std::vector<Open> open_;
   Serializer serializer_;
-  std::vector<std::uint64_t> next_in_ring_;
-  std::vector<detail::ActivationRecord> activations_;
+  ActivationReader activations_;
   std::array<std::uint32_t, 3> own_sequences_{};  ///< By channel, of what is not a topic's.
-  std::uint32_t step_ = 0;                        ///< Of the round that is being taken.
+  std::optional<std::uint32_t> round_;  ///< Simulated time: that is being taken, in its moment.
   std::atomic<std::uint64_t> activations_lost_{0};
 
   // Between the two.

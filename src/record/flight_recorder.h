@@ -1,0 +1,197 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/clock.h"
+#include "base/thread.h"
+#include "broker/topics.h"
+#include "executor/activation_ring.h"
+#include "mcap/topic_filter.h"
+#include "record/flight_dump.h"
+#include "record/flight_ring.h"
+#include "record/serializer.h"
+#include "record/streams.h"
+
+namespace fastcycle::record {
+
+/// What a flight recorder keeps, and what of it goes into a dump.
+struct FlightOptions {
+  std::filesystem::path file;  ///< Of the ring; dumps are written beside it.
+  std::uint64_t bytes = 256'000'000;
+  Duration before = std::chrono::seconds(20);
+  Duration after = std::chrono::seconds(5);
+  mcap::TopicFilter filter = {};
+};
+
+/// What became of a flight recorder.
+struct FlightReport {
+  std::filesystem::path file;
+  std::uint64_t capacity = 0;   ///< Bytes.
+  std::uint64_t messages = 0;   ///< That were kept, also those that were overwritten later.
+  std::uint64_t bytes = 0;      ///< Of them, serialized.
+  std::uint64_t overflow = 0;   ///< Lost: written over in the queue before the recorder came.
+  std::uint64_t pool = 0;       ///< Lost: the publisher's pool was dry; nobody got them.
+  std::uint64_t too_large = 0;  ///< Lost: larger than half of the ring.
+  std::uint64_t activations_lost = 0;
+  std::vector<FlightDump> dumps;       ///< In the order in which they were written.
+  std::uint64_t triggers_refused = 0;  ///< After `kDumpsMax` dumps, or more at once than can wait.
+};
+
+/// Keeps the last messages and activations of a running application in a ring on disk, and writes
+/// those around a trigger into an MCAP file.
+///
+/// One thread takes the messages out of a tap every few milliseconds and copies them into the ring:
+/// what stands there outlives the process, whatever ends it. So a publisher pays for one more queue
+/// and for nothing else. A trigger is a few words in a slot; that thread finds it, and when the
+/// time after it is over, another one reads the ring and writes the file, while the application
+/// goes on.
+///
+/// In simulated time nothing polls: `take` is called after each round, and writes a dump that is
+/// due before anything of it could be overwritten.
+///
+/// @threads  Confined to the control thread; `take` to that of the simulation; `trigger` is Safe.
+class FlightRecorder {
+ public:
+  static constexpr std::chrono::milliseconds kPoll{5};
+  static constexpr std::size_t kDumpsMax = 16;  ///< Of one run.
+
+  FlightRecorder(FlightOptions options, const base::Clock& clock);
+  FlightRecorder(const FlightRecorder&) = delete;
+  FlightRecorder& operator=(const FlightRecorder&) = delete;
+  ~FlightRecorder();
+
+  /// Called with a sentence about a dump, or about what cannot be done; on any thread of the
+  /// recorder. Set before `open`.
+  std::function<void(bool is_trouble, const std::string&)> on_news = [](bool, const auto&) {};
+
+  /// Taps the topics that are wanted; before they are connected.
+  void tap(detail::Topics& topics);
+
+  /// Dumps what a run left in the file that did not end in order, and makes the ring anew; once the
+  /// topics are connected.
+  ///
+  /// @errors  `mcap::Error`: there can be no such file.
+  void open(const Explanation& explanation);
+
+  /// Begins, before anything is published.
+  void start(std::vector<const detail::ActivationRing*> rings);
+
+  /// Takes what waits; in simulated time after each round, with the round's place in its moment.
+  void take(std::uint32_t step = 0);
+
+  /// Asks for a dump; for the same one as a trigger shortly before. Longer words are cut.
+  ///
+  /// @realtime No lock, no allocation, no system call.
+  void trigger(std::string_view reason, std::string_view component,
+               std::string_view detail) noexcept;
+
+  /// Takes what is left, writes the dumps that are outstanding, and closes the ring. A second call
+  /// does nothing.
+  void stop();
+
+  /// When stopped.
+  [[nodiscard]] FlightReport report() const;
+  /// Null if it was not opened.
+  [[nodiscard]] const FlightRing* ring() const { return ring_.get(); }
+
+ private:
+  /// A trigger on its way to the thread that takes.
+  struct TriggerSlot {
+    enum class State : std::uint8_t { kFree, kWriting, kReady };
+
+    std::atomic<State> state{State::kFree};
+    std::int64_t time_ns = 0;
+    std::array<char, 64> reason{};
+    std::array<char, 64> component{};
+    std::array<char, 256> detail{};
+  };
+
+  /// What is kept of a stream.
+  struct StreamState {
+    std::uint64_t overflow = 0;  ///< As noted in the ring.
+    std::uint64_t pool = 0;
+    std::uint64_t too_large = 0;
+    std::uint64_t too_large_noted = 0;
+    std::deque<std::vector<std::byte>> latched;  ///< Its last messages, as they stand in the ring.
+  };
+
+  /// Where the ring was at some time.
+  struct TimedMark {
+    std::int64_t time_ns = 0;
+    FlightMark mark;
+  };
+
+  struct Job {
+    FlightWindow window;
+    std::unique_ptr<FlightRingReader> reader;
+  };
+
+  void poll();
+  void keep(const Stream& stream, const detail::Envelope& envelope);
+  void remember(const Stream& stream);
+  void keep_activations();
+  void note_losses();
+  void repeat_latched();
+  void note_mark(std::int64_t now_ns);
+  [[nodiscard]] FlightMark mark_before(std::int64_t time_ns) const;
+  void collect_triggers();
+  void add_trigger(FlightTrigger trigger);
+  void hand_over_what_is_due(std::int64_t now_ns);
+  void hand_over(const FlightWindow& window);
+  void write_dumps();
+  void finish(FlightDump dump);
+
+  // Constant once started.
+  const FlightOptions options_;
+  const base::Clock& clock_;
+  Streams streams_{"flight recorder"};
+  std::unique_ptr<FlightRing> ring_;
+
+  std::array<TriggerSlot, 16> slots_;
+  std::atomic<std::uint64_t> triggers_refused_{0};
+
+  // The thread that takes.
+  Serializer serializer_;
+  ActivationReader activations_;
+  std::vector<StreamState> states_;  ///< By `Stream::index`.
+  std::vector<mcap::Bytes> parts_;
+  std::string scratch_;
+  std::optional<std::uint32_t> round_;  ///< Simulated time: that is being taken, in its moment.
+  std::uint64_t repeated_at_ = 0;       ///< The ring's position when latched messages were.
+  std::deque<TimedMark> marks_;
+  std::deque<FlightWindow> windows_;  ///< Not due yet.
+  std::size_t dump_count_ = 0;
+  bool has_said_enough_ = false;
+  std::uint64_t messages_ = 0;
+  std::uint64_t bytes_ = 0;
+  std::uint64_t activations_lost_ = 0;
+
+  // Between the two.
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Job> jobs_;
+  std::vector<FlightDump> dumps_;
+  bool stops_taking_ = false;
+  bool stops_dumping_ = false;
+
+  bool is_started_ = false;
+  std::vector<base::Refusal> refusals_;
+  base::Thread dumping_;
+  base::Thread polling_;
+};
+
+}  // namespace fastcycle::record

@@ -1,0 +1,170 @@
+#include "record/streams.h"
+
+#include <algorithm>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "base/clock.h"
+#include "broker/publisher_core.h"
+#include "log/log.pb.h"
+#include "record/descriptor_set.h"
+#include "record/log_format.h"
+
+namespace fastcycle::record {
+namespace {
+
+/// How many messages of this size take no more than an eighth of the memory, from `min` to `max`.
+std::size_t how_many_fit(std::uint64_t message_bytes, std::uint64_t memory_bytes, std::size_t min,
+                         std::size_t max) {
+  if (message_bytes == 0) {
+    return max;
+  }
+  return std::clamp<std::uint64_t>(memory_bytes / 8 / message_bytes, std::min(min, max), max);
+}
+
+log::Activation to_message(const detail::ActivationRecord& record) {
+  log::Activation message;
+  message.set_component(record.component);
+  message.set_number(record.number);
+  message.set_cause(static_cast<log::Cause>(record.cause));
+  message.set_publisher(record.publisher);
+  message.set_key(record.key);
+  message.set_skipped(record.skipped);
+  message.set_time_ns(record.time_ns);
+  message.set_outcome(static_cast<log::Outcome>(record.outcome));
+  message.set_duration_ns(static_cast<std::uint64_t>(record.duration_ns));
+  message.set_publish_count(record.publish_count);
+  return message;
+}
+
+}  // namespace
+
+void Streams::tap(detail::Topics& topics, const mcap::TopicFilter& filter,
+                  std::uint64_t memory_bytes, std::size_t hold_max) {
+  constexpr std::size_t kDepthMax = 512;
+  for (const auto& [name, topic] : topics.all()) {
+    if (topic->publishers.empty() || !filter.wants(name)) {
+      continue;
+    }
+    std::uint64_t message_bytes = 0;
+    for (const auto& publisher : topic->publishers) {
+      message_bytes = std::max<std::uint64_t>(message_bytes, publisher->prototype_bytes());
+    }
+    tap_.add(*topic, how_many_fit(message_bytes, memory_bytes, 4, kDepthMax),
+             how_many_fit(message_bytes, memory_bytes, 2, hold_max));
+  }
+}
+
+void Streams::define() {
+  add_channel(kActivationsChannel, kActivationsTopic, *log::Activations::descriptor(), {});
+  add_channel(kInfosChannel, kInfosTopic, *log::MessageInfos::descriptor(), {});
+  for (const auto& lane : tap_.lanes()) {
+    add_stream(*lane);
+  }
+}
+
+std::uint16_t Streams::schema_of(const google::protobuf::Descriptor& type) {
+  const auto known = std::ranges::find(schemas_, type.full_name(), &mcap::Schema::name);
+  if (known != schemas_.end()) {
+    return known->id;
+  }
+  schemas_.push_back({.id = static_cast<std::uint16_t>(schemas_.size() + 1),
+                      .name = type.full_name(),
+                      .encoding = "protobuf",
+                      .data = descriptor_set_of(type)});
+  return schemas_.back().id;
+}
+
+void Streams::add_channel(std::uint16_t id, const std::string& topic,
+                          const google::protobuf::Descriptor& type,
+                          std::map<std::string, std::string> metadata) {
+  channels_.push_back({.id = id,
+                       .schema_id = schema_of(type),
+                       .topic = topic,
+                       .message_encoding = "protobuf",
+                       .metadata = std::move(metadata)});
+}
+
+void Streams::add_stream(const detail::Lane& lane) {
+  const detail::Topic& topic = lane.subscription.topic;
+  const auto publisher = std::ranges::find_if(
+      topic.publishers, [&](const auto& other) { return other->id == lane.publisher; });
+  // The lanes of one topic follow each other.
+  if (topics_.empty() || topics_.back() != topic.name) {
+    topics_.push_back(topic.name);
+  }
+  const Stream stream{.lane = &lane,
+                      .channel = static_cast<std::uint16_t>(channels_.size() + 1),
+                      .index = streams_.size(),
+                      .topic = topics_.size() - 1,
+                      .latched = topic.options.latched,
+                      .is_external = lane.options.is_external,
+                      .may_hold = lane.subscription.keep};
+  add_channel(stream.channel, topic.name, *(*publisher)->default_instance.GetDescriptor(),
+              {{"publisher", (*publisher)->owner.name},
+               {"publisher_id", fmt::format("{:016x}", lane.publisher)}});
+  index_of_lane_.emplace(&lane, stream.index);
+  streams_.push_back(stream);
+}
+
+void Streams::explain(mcap::Writer& writer, const Explanation& explanation, Time now) const {
+  writer.write(mcap::Metadata{.name = kRunMetadata, .metadata = explanation.facts});
+  if (!explanation.application.empty()) {
+    mcap::Attachment attachment;
+    attachment.log_time_ns = attachment.create_time_ns = to_log_time(now);
+    attachment.name = "application.json";
+    attachment.media_type = "application/json";
+    attachment.data = mcap::bytes_of(explanation.application);
+    writer.write(attachment);
+  }
+  for (const mcap::Schema& schema : schemas_) {
+    writer.add(schema);
+  }
+  for (const mcap::Channel& channel : channels_) {
+    writer.add(channel);
+  }
+}
+
+void add(log::Activations& activations, std::uint64_t lost,
+         std::span<const detail::ActivationRecord> records) {
+  activations.set_lost(activations.lost() + lost);
+  for (const detail::ActivationRecord& record : records) {
+    *activations.add_activations() = to_message(record);
+  }
+}
+
+std::optional<log::MessageInfo> describe(const Stream& stream, const MessageInfo& message,
+                                         std::optional<std::uint32_t> round) {
+  // What foreign threads publish is there before a round, all else after it.
+  const std::uint32_t step = round ? *round + (stream.is_external ? 0 : 1) : kUsualStep;
+  const Duration age = message.publish_time - message.origin.taken;
+  const bool is_root = message.origin.root == message.publisher;
+  const bool is_long = message.sequence > std::numeric_limits<std::uint32_t>::max();
+  if (age == Duration(0) && is_root && !message.origin.held && step == kUsualStep && !is_long) {
+    return std::nullopt;
+  }
+  log::MessageInfo info;
+  info.set_channel(stream.channel);
+  info.set_sequence(message.sequence);
+  info.set_age_ns(age.count());
+  info.set_root(is_root ? 0 : message.origin.root);
+  info.set_held(message.origin.held);
+  if (step != kUsualStep) {
+    info.set_step(step);
+  }
+  return info;
+}
+
+mcap::MessageHead head_of(const Stream& stream, const MessageInfo& message) {
+  return {.channel_id = stream.channel,
+          .sequence = static_cast<std::uint32_t>(message.sequence),
+          .log_time_ns = to_log_time(message.publish_time),
+          .publish_time_ns = to_log_time(message.publish_time)};
+}
+
+std::uint64_t to_log_time(Time time) {
+  return static_cast<std::uint64_t>(base::to_ns(time));
+}
+
+}  // namespace fastcycle::record

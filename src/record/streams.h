@@ -1,0 +1,144 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "broker/topics.h"
+#include "executor/activation_ring.h"
+#include "mcap/records.h"
+#include "mcap/topic_filter.h"
+#include "mcap/writer.h"
+#include "record/tap.h"
+
+namespace fastcycle::log {
+class Activations;
+class MessageInfo;
+}  // namespace fastcycle::log
+
+namespace fastcycle::record {
+
+/// The channels of what is not a topic's; those of publishers follow.
+inline constexpr std::uint16_t kActivationsChannel = 1;
+inline constexpr std::uint16_t kInfosChannel = 2;
+
+/// What explains the log on another machine: written at the beginning of each file.
+struct Explanation {
+  std::map<std::string, std::string> facts = {};  ///< The metadata `fastcycle.run`.
+  std::string application = {};                   ///< JSON: the attachment `application.json`.
+};
+
+/// One publisher of one topic.
+struct Stream {
+  const detail::Lane* lane = nullptr;
+  std::uint16_t channel = 0;
+  std::size_t index = 0;    ///< In `Streams::all`.
+  std::size_t topic = 0;    ///< In `Streams::topics`.
+  std::size_t latched = 0;  ///< Messages that later subscribers get first.
+  bool is_external = false;
+  std::size_t may_hold = 0;  ///< How many of its messages may be held at once.
+};
+
+/// What a guest of the broker listens to, and what explains it in a file: schemas and channels.
+///
+///     Streams streams("recorder");
+///     streams.tap(topics, filter, memory_bytes);   // before the topics are connected
+///     streams.define();                            // after that
+///     streams.take([](const Stream& stream, const detail::Lane::Head& head) { ... });
+///
+/// @threads  `take` by one thread, all else by the control thread before that; what is constant
+///           once defined is Safe.
+class Streams {
+ public:
+  /// `name` stands for the guest in ledgers and reports.
+  explicit Streams(std::string name) : tap_(std::move(name)) {}
+
+  /// Listens to the topics that `filter` wants. Where the size of messages is known, those that
+  /// wait of one publisher take no more than an eighth of `memory_bytes`, and so do those that are
+  /// held once they were taken, `hold_max` at most.
+  void tap(detail::Topics& topics, const mcap::TopicFilter& filter, std::uint64_t memory_bytes,
+           std::size_t hold_max);
+  void define();
+
+  /// Calls `give(stream, head)` for what waits; the reference to the envelope is then the callee's.
+  template <typename Give>
+  void take(const Give& give) {
+    tap_.take([&](const detail::Lane& lane, const detail::Lane::Head& head) {
+      give(streams_[index_of_lane_.at(&lane)], head);
+    });
+  }
+
+  [[nodiscard]] const std::vector<Stream>& all() const { return streams_; }
+  [[nodiscard]] const std::vector<std::string>& topics() const { return topics_; }
+  [[nodiscard]] const std::vector<mcap::Channel>& channels() const { return channels_; }
+
+  /// Writes what a file begins with.
+  void explain(mcap::Writer& writer, const Explanation& explanation, Time now) const;
+
+ private:
+  std::uint16_t schema_of(const google::protobuf::Descriptor& type);
+  void add_channel(std::uint16_t id, const std::string& topic,
+                   const google::protobuf::Descriptor& type,
+                   std::map<std::string, std::string> metadata);
+  void add_stream(const detail::Lane& lane);
+
+  Tap tap_;
+  std::vector<Stream> streams_;
+  std::unordered_map<const detail::Lane*, std::size_t> index_of_lane_;
+  std::vector<std::string> topics_;
+  std::vector<mcap::Schema> schemas_;
+  std::vector<mcap::Channel> channels_;
+};
+
+/// Reads the activations of all workers, each from where it was.
+///
+/// @threads  Confined.
+class ActivationReader {
+ public:
+  ActivationReader() = default;
+  explicit ActivationReader(std::vector<const detail::ActivationRing*> rings)
+      : rings_(std::move(rings)), next_(rings_.size(), 0) {}
+
+  /// Calls `give(worker, lost, records)` for each worker of which there is something new: `lost`
+  /// were written over before they were read, and came before `records`.
+  template <typename Give>
+  void read(const Give& give) {
+    for (std::size_t worker = 0; worker < rings_.size(); ++worker) {
+      records_.clear();
+      const std::uint64_t lost = rings_[worker]->read(next_[worker], records_);
+      if (lost > 0 || !records_.empty()) {
+        give(worker, lost, std::span<const detail::ActivationRecord>(records_));
+      }
+    }
+  }
+
+ private:
+  std::vector<const detail::ActivationRing*> rings_;
+  std::vector<std::uint64_t> next_;
+  std::vector<detail::ActivationRecord> records_;
+};
+
+/// Adds `records` to what a log says of one worker.
+void add(log::Activations& activations, std::uint64_t lost,
+         std::span<const detail::ActivationRecord> records);
+
+/// What a message record has no place for; nothing if that is as usual. `round` is in simulated
+/// time the place of the round, in its moment, that was served last.
+[[nodiscard]] std::optional<log::MessageInfo> describe(const Stream& stream,
+                                                       const MessageInfo& message,
+                                                       std::optional<std::uint32_t> round);
+
+/// What a message record says.
+[[nodiscard]] mcap::MessageHead head_of(const Stream& stream, const MessageInfo& message);
+
+/// `time` as the format has it.
+[[nodiscard]] std::uint64_t to_log_time(Time time);
+
+}  // namespace fastcycle::record
