@@ -226,6 +226,13 @@ class Context {
   /// Keeps simulated time from advancing until the hold is gone; nothing with the clock `live`.
   [[nodiscard]] TimeHold hold_time() { return TimeHold(core_); }
 
+  /// Has the flight recorder write the last seconds, and some that are still to come, into a file
+  /// that is named after `reason`: "hard braking". Does nothing if the application has none.
+  ///
+  /// @threads  Safe.
+  /// @realtime No lock, no allocation, no system call.
+  void dump_flight_recorder(std::string_view reason);
+
   /// Puts a result of the run into the final table and the report. A later value replaces an
   /// earlier.
   void report(std::string_view name, ReportValue value);

@@ -31,7 +31,7 @@ Value empty_tree(const Value& file) {
   for (const std::string_view key : {"library_path", "executors"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
   }
-  for (const std::string_view key : {"topics", "shared_params", "record"}) {
+  for (const std::string_view key : {"topics", "shared_params", "record", "flight_recorder"}) {
     tree.set(key, Value::object_at(file));
   }
   tree.set("components", Value(Value::Array{}, file.origin()));
@@ -204,9 +204,12 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
     add_topic(tree, placed(name_space == nullptr ? "" : name_space->as_string(), name), topic);
   }
   add_shared_params(tree, part);
-  if (const Value& record = part["record"]; record.size() > 0) {
-    problems_.add(mistake(
-        record.place(), "an included file cannot say what is recorded, only the one that is run"));
+  for (const std::string_view key : {"record", "flight_recorder"}) {
+    if (const Value& record = part[key]; record.size() > 0) {
+      problems_.add(
+          mistake(record.place(),
+                  "an included file cannot say what is recorded, only the one that is run"));
+    }
   }
 }
 
@@ -257,8 +260,10 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
   if (const Value* shared = find_object(file, "shared_params")) {
     merge(*tree.find("shared_params"), *shared, problems_);
   }
-  if (const Value* record = find_object(file, "record")) {
-    tree.set("record", *record);
+  for (const std::string_view key : {"record", "flight_recorder"}) {
+    if (const Value* own = find_object(file, key)) {
+      tree.set(key, *own);
+    }
   }
 }
 
@@ -323,9 +328,9 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       }
     } else if (key == "topics") {
       apply_overlay_topics(tree, value);
-    } else if (key == "record" && tree[key].size() == 0) {
+    } else if ((key == "record" || key == "flight_recorder") && tree[key].size() == 0) {
       tree.set(key, value);
-    } else if (key == "shared_params" || key == "record") {
+    } else if (key == "shared_params" || key == "record" || key == "flight_recorder") {
       merge(*tree.find(key), value, problems_);
     } else if (key == "name" || key == "on_fault" || key == "library_path") {
       tree.set(key, value);

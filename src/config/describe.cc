@@ -217,6 +217,21 @@ RecordDescription describe_record(const Value& value) {
   return record;
 }
 
+FlightRecorderDescription describe_flight_recorder(const Value& value) {
+  FlightRecorderDescription flight_recorder;
+  flight_recorder.place = value.place();
+  if (const Value* file = find_string(value, "file")) {
+    flight_recorder.file = file->as_path();
+  }
+  read_mb(value, "size_mb", flight_recorder.bytes);
+  flight_recorder.before = find_s(value, "before_s").value_or(flight_recorder.before);
+  flight_recorder.after = find_s(value, "after_s").value_or(flight_recorder.after);
+  read_texts(value, "topics", flight_recorder.topics);
+  read_texts(value, "except", flight_recorder.except);
+  read_bool(value, "on_fault", flight_recorder.on_fault);
+  return flight_recorder;
+}
+
 }  // namespace
 
 ApplicationDescription describe(const Value& tree) {
@@ -245,6 +260,9 @@ ApplicationDescription describe(const Value& tree) {
   application.shared_params = shared == nullptr ? Value::object_at(tree) : *shared;
   if (const Value* record = find_object(tree, "record")) {
     application.record = describe_record(*record);
+  }
+  if (const Value* flight_recorder = find_object(tree, "flight_recorder")) {
+    application.flight_recorder = describe_flight_recorder(*flight_recorder);
   }
   application.effective = tree;
   return application;

@@ -57,6 +57,18 @@ struct RecordDescription {
   Place place;
 };
 
+/// What the flight recorder keeps, and what of it goes into a dump.
+struct FlightRecorderDescription {
+  std::filesystem::path file;                       ///< Of the ring; empty: the application's name.
+  std::uint64_t bytes = 256'000'000;                ///< Of the ring.
+  std::chrono::nanoseconds before{20'000'000'000};  ///< A trigger.
+  std::chrono::nanoseconds after{5'000'000'000};    ///< A trigger.
+  std::vector<std::string> topics;  ///< Patterns, see `record::matches`; empty: all.
+  std::vector<std::string> except;  ///< Patterns of topics that are not kept.
+  bool on_fault = true;             ///< A fault of a component is a trigger.
+  Place place;
+};
+
 /// A pool of workers that serves components.
 struct ExecutorDescription {
   std::string name;
@@ -121,7 +133,8 @@ struct ApplicationDescription {
   std::vector<ComponentDescription> components;  ///< Included ones first, then in file order.
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
-  OnFault on_fault = OnFault::kStopComponent;    ///< The default of its components.
+  std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
+  OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
   Place place;
   Value effective;  ///< The tree that all of this was read from; what `print` shows.
 };

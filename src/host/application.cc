@@ -194,6 +194,9 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
     if (const auto& record = recorded_ ? recorded_ : description_.record) {
       check_patterns(*record, topics_, problems);
     }
+    if (const auto& kept = kept_ ? kept_ : description_.flight_recorder) {
+      check_patterns(*kept, topics_, problems);
+    }
   }
   if (problems.has_errors()) {
     return;
@@ -201,13 +204,19 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   if (recorder_ != nullptr) {
     recorder_->tap(topics_);
   }
+  if (flight_recorder_ != nullptr) {
+    flight_recorder_->tap(topics_);
+  }
   topics_.connect_all();
+  if (flight_recorder_ != nullptr) {
+    open_flight_recorder(problems);
+  }
   for (const auto& component : components_) {
     if (component->state == ComponentCore::State::kFailed) {
       component->close(detail::DropReason::kFault);
     }
   }
-  is_built_ = true;
+  is_built_ = !problems.has_errors();
 }
 
 void Application::add_conflicts(config::Problems& problems) const {
@@ -334,9 +343,7 @@ std::vector<base::Refusal> Application::start() {
   for (const auto& executor : executors_) {
     executor->start(refusals_);
   }
-  if (recorder_ != nullptr) {
-    start_recorder();
-  }
+  start_recorders();
   is_started_ = true;
   for (const auto& component : components_) {
     for (detail::PublisherCore* publisher : component->declared.publishers) {
@@ -378,7 +385,42 @@ void Application::record(const config::RecordDescription& description) {
   };
 }
 
-void Application::start_recorder() {
+void Application::keep_last(const config::FlightRecorderDescription& description) {
+  kept_ = description;
+  flight_recorder_ = std::make_unique<record::FlightRecorder>(
+      flight_options(description, description_.name), clock_);
+  flight_recorder_->on_news = [this](bool is_trouble, const std::string& text) {
+    log(is_trouble ? LogLevel::kError : LogLevel::kInfo, "flight recorder", text);
+  };
+}
+
+void Application::open_flight_recorder(config::Problems& problems) {
+  try {
+    flight_recorder_->open(explain(description_, clock_));
+  } catch (const std::exception& error) {  // Also those of the file system.
+    problems.add(config::mistake(kept_->place, std::string("flight recorder: ") + error.what()));
+  }
+}
+
+bool Application::dump(std::string_view reason, std::string_view component,
+                       std::string_view detail) noexcept {
+  if (flight_recorder_ == nullptr) {
+    return false;
+  }
+  flight_recorder_->trigger(reason, component, detail);
+  return true;
+}
+
+void Application::fault_noted(const ComponentCore& component, std::string_view what) {
+  if (kept_ && kept_->on_fault) {
+    dump("fault", component.name, what);
+  }
+}
+
+void Application::start_recorders() {
+  if (recorder_ == nullptr && flight_recorder_ == nullptr) {
+    return;
+  }
   std::vector<const detail::ActivationRing*> rings;
   const auto add_rings = [&](const auto& server) {
     for (const auto& ring : server.rings()) {
@@ -387,7 +429,6 @@ void Application::start_recorder() {
   };
   if (simulation_ != nullptr) {
     add_rings(*simulation_);
-    simulation_->after_round = [this](std::uint32_t step) { recorder_->take(step); };
   }
   for (const auto& executor : executors_) {
     add_rings(*executor);
@@ -396,10 +437,23 @@ void Application::start_recorder() {
   if (replay_ != nullptr) {
     replay_->explain(explanation.facts);
   }
-  if (!recorder_->start(std::move(explanation), std::move(rings))) {
+  if (recorder_ != nullptr && !recorder_->start(explanation, rings)) {
     refusals_.push_back(
         {.what = "recording: " + recorder_->problem(),
          .remedy = "what is published is lost and counted; a file is tried again every second"});
+  }
+  if (flight_recorder_ != nullptr) {
+    flight_recorder_->start(std::move(rings));
+  }
+  if (simulation_ != nullptr) {
+    simulation_->after_round = [this](std::uint32_t step) {
+      if (recorder_ != nullptr) {
+        recorder_->take(step);
+      }
+      if (flight_recorder_ != nullptr) {
+        flight_recorder_->take(step);
+      }
+    };
   }
 }
 
@@ -747,6 +801,9 @@ void Application::stop() {
   if (recorder_ != nullptr) {
     recorder_->stop(
         {{"time_ns", std::to_string(base::to_ns(end_time_))}, {"reason", to_word(end_reason())}});
+  }
+  if (flight_recorder_ != nullptr) {
+    flight_recorder_->stop();
   }
   for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
     (*component)->close(detail::DropReason::kShutdown);

@@ -23,6 +23,7 @@
 #include "executor/simulation.h"
 #include "fastcycle/library.h"
 #include "host/component_core.h"
+#include "record/flight_recorder.h"
 #include "record/recorder.h"
 
 namespace fastcycle::host {
@@ -102,6 +103,17 @@ class Application {
 
   /// Lets simulated time go at this pace. Before `start`; it has to live longer than this.
   void set_pace(WallPace& pace);
+  /// Keeps the last messages in a file that outlives the process, from `start` to `stop`. Before
+  /// `build`, which makes the file.
+  void keep_last(const config::FlightRecorderDescription& description);
+  /// Null if there is none.
+  [[nodiscard]] const record::FlightRecorder* flight_recorder() const {
+    return flight_recorder_.get();
+  }
+  /// Asks the flight recorder to write what it kept, and what comes in the seconds after this.
+  /// False if there is none. Safe.
+  bool dump(std::string_view reason, std::string_view component = {},
+            std::string_view detail = {}) noexcept;
 
   /// Called with a component's name before its constructor.
   std::function<void(const std::string& component)> before_construct;
@@ -159,6 +171,7 @@ class Application {
                            detail::CallbackSubscription& subscription);
   void source_finished(detail::ComponentCore& component);
   void component_failed(detail::ComponentCore& component);
+  void fault_noted(const detail::ComponentCore& component, std::string_view what);
   void hold_time();
   void let_time_go();
   [[nodiscard]] detail::Simulation* simulation() { return simulation_.get(); }
@@ -190,7 +203,8 @@ class Application {
   void begin_part(std::uint32_t part);
   void begin_run();
   Time begin_of_timers();
-  void start_recorder();
+  void open_flight_recorder(config::Problems& problems);
+  void start_recorders();
   void start_threads();
   void stop_threads();
   void drain();
@@ -210,6 +224,8 @@ class Application {
   std::unique_ptr<record::Recorder> recorder_;
   Replay* replay_ = nullptr;
   WallPace* pace_ = nullptr;
+  std::optional<config::FlightRecorderDescription> kept_;
+  std::unique_ptr<record::FlightRecorder> flight_recorder_;
   std::vector<base::Refusal> refusals_;
   std::vector<base::Thread> threads_;
   std::atomic<int> running_threads_{0};

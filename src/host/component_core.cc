@@ -136,6 +136,7 @@ void ComponentCore::note_fault(std::string_view what) {
     faults.emplace_back(what);
   }
   application.log(LogLevel::kError, name, what);
+  application.fault_noted(*this, what);
   if (description.on_fault == config::OnFault::kStop) {
     application.request_end(host::EndReason::kFault);
   }

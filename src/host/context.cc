@@ -317,6 +317,10 @@ TimeHold::~TimeHold() {
   }
 }
 
+void Context::dump_flight_recorder(std::string_view reason) {
+  core_.application.dump(reason, core_.name);
+}
+
 void Context::report(std::string_view name, ReportValue value) {
   core_.results.insert_or_assign(std::string(name), std::move(value));
 }

@@ -1,7 +1,9 @@
 #include "host/recording.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "broker/topics.h"
@@ -25,6 +27,26 @@ mcap::Compression to_mcap(config::Compression compression) {
   return mcap::Compression::kZstd;
 }
 
+void check_patterns(const std::string& who, const std::vector<std::string>& patterns,
+                    const config::Place& place, const detail::Topics& topics,
+                    config::Problems& problems) {
+  std::vector<std::string> names;
+  for (const auto& [name, topic] : topics.all()) {
+    names.push_back(name);
+  }
+  for (const std::string& pattern : patterns) {
+    if (std::ranges::any_of(names,
+                            [&](const auto& name) { return mcap::matches(pattern, name); })) {
+      continue;
+    }
+    config::Problem problem =
+        config::mistake(place, "the " + who + "'s pattern \"" + pattern + "\" means no topic",
+                        config::did_you_mean(config::nearest(pattern, names)));
+    problem.warning = true;
+    problems.add(std::move(problem));
+  }
+}
+
 }  // namespace
 
 record::RecorderOptions recorder_options(const config::RecordDescription& description) {
@@ -44,25 +66,29 @@ record::RecorderOptions recorder_options(const config::RecordDescription& descri
 
 void check_patterns(const config::RecordDescription& description, const detail::Topics& topics,
                     config::Problems& problems) {
-  std::vector<std::string> names;
-  for (const auto& [name, topic] : topics.all()) {
-    names.push_back(name);
-  }
-  const auto check = [&](const std::string& pattern) {
-    if (std::ranges::none_of(names,
-                             [&](const auto& name) { return mcap::matches(pattern, name); })) {
-      config::Problem problem = config::mistake(
-          description.place, "the recorder's pattern \"" + pattern + "\" means no topic",
-          config::did_you_mean(config::nearest(pattern, names)));
-      problem.warning = true;
-      problems.add(std::move(problem));
-    }
-  };
-  std::ranges::for_each(description.topics, check);
-  std::ranges::for_each(description.except, check);
+  std::vector<std::string> patterns = description.topics;
+  patterns.insert(patterns.end(), description.except.begin(), description.except.end());
   for (const auto& [pattern, compression] : description.compression_by_topic) {
-    check(pattern);
+    patterns.push_back(pattern);
   }
+  check_patterns("recorder", patterns, description.place, topics, problems);
+}
+
+record::FlightOptions flight_options(const config::FlightRecorderDescription& description,
+                                     const std::string& application) {
+  return {.file = description.file.empty() ? std::filesystem::path(application + ".ring")
+                                           : description.file,
+          .bytes = description.bytes,
+          .before = description.before,
+          .after = description.after,
+          .filter = {.topics = description.topics, .except = description.except}};
+}
+
+void check_patterns(const config::FlightRecorderDescription& description,
+                    const detail::Topics& topics, config::Problems& problems) {
+  std::vector<std::string> patterns = description.topics;
+  patterns.insert(patterns.end(), description.except.begin(), description.except.end());
+  check_patterns("flight recorder", patterns, description.place, topics, problems);
 }
 
 void record_for(detail::ComponentCore& component, const config::RecordDescription& description) {

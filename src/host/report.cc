@@ -237,6 +237,35 @@ ordered_json json_of(const RecordingReport& recording) {
           {"topics", std::move(topics)}};
 }
 
+ordered_json json_of(const record::FlightDump& dump) {
+  return {{"file", dump.file.string()},
+          {"reason", dump.trigger.reason},
+          {"component", dump.trigger.component},
+          {"trigger_ns", dump.trigger.time_ns},
+          {"triggers", dump.trigger_count},
+          {"messages", dump.messages},
+          {"missing", dump.missing},
+          {"problem", dump.problem}};
+}
+
+ordered_json json_of(const record::FlightReport& flight_recorder) {
+  auto dumps = ordered_json::array();
+  for (const record::FlightDump& dump : flight_recorder.dumps) {
+    dumps.push_back(json_of(dump));
+  }
+  return {{"file", flight_recorder.file.string()},
+          {"capacity", flight_recorder.capacity},
+          {"messages", flight_recorder.messages},
+          {"bytes", flight_recorder.bytes},
+          {"lost",
+           {{"overflow", flight_recorder.overflow},
+            {"pool", flight_recorder.pool},
+            {"too_large", flight_recorder.too_large}}},
+          {"activations_lost", flight_recorder.activations_lost},
+          {"dumps", std::move(dumps)},
+          {"triggers_refused", flight_recorder.triggers_refused}};
+}
+
 /// JSON has no word for what is not finite.
 ordered_json number(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json();
@@ -654,6 +683,35 @@ std::string recording_text(const RecordingReport& recording) {
   return text + losses;
 }
 
+std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
+  const std::uint64_t lost =
+      flight_recorder.overflow + flight_recorder.pool + flight_recorder.too_large;
+  std::string text =
+      fmt::format("FLIGHT RECORDER kept {} messages, {:.1f} MB, in {}, {}\n",
+                  flight_recorder.messages, static_cast<double>(flight_recorder.bytes) / 1e6,
+                  flight_recorder.file.string(), lost == 0 ? "nothing lost" : "with losses");
+  if (lost > 0) {
+    text += fmt::format("  {} lost in their queues, {} by dry pools, {} larger than half of it\n",
+                        flight_recorder.overflow, flight_recorder.pool, flight_recorder.too_large);
+  }
+  for (const record::FlightDump& dump : flight_recorder.dumps) {
+    std::string line = fmt::format("  {}: {} messages, {}", dump.file.string(), dump.messages,
+                                   dump.trigger.reason);
+    if (!dump.trigger.component.empty()) {
+      line += " of " + dump.trigger.component;
+    }
+    if (!dump.problem.empty()) {
+      line = "  a dump could not be written: " + dump.problem;
+    }
+    text += wrapped(on_one_line(line), "      ");
+  }
+  if (flight_recorder.triggers_refused > 0) {
+    text += fmt::format("  {} triggers more: no dump was written for them\n",
+                        flight_recorder.triggers_refused);
+  }
+  return text;
+}
+
 std::string results_text(const RunReport& report) {
   std::size_t columns = 0;
   for (const auto& [name, value] : report.results) {
@@ -708,6 +766,9 @@ RunReport make_report(const Application& application, Duration wall) {
     recording.activations_lost = recorder->activations_lost();
     recording.topics = recorder->topics();
   }
+  if (const record::FlightRecorder* flight_recorder = application.flight_recorder()) {
+    report.flight_recorder = flight_recorder->report();
+  }
   return report;
 }
 
@@ -742,6 +803,9 @@ ordered_json to_json(const RunReport& report) {
   if (report.recording) {
     json["recording"] = json_of(*report.recording);
   }
+  if (report.flight_recorder) {
+    json["flight_recorder"] = json_of(*report.flight_recorder);
+  }
   return json;
 }
 
@@ -755,6 +819,9 @@ std::string to_table(const RunReport& report) {
   }
   if (report.recording) {
     text += "\n" + recording_text(*report.recording);
+  }
+  if (report.flight_recorder) {
+    text += "\n" + flight_recorder_text(*report.flight_recorder);
   }
   if (!report.results.empty()) {
     text += "\n" + results_text(report);

@@ -93,6 +93,7 @@ struct RunReport {
   std::vector<TopicReport> topics;
   std::optional<ReplayReport> replay;
   std::optional<RecordingReport> recording;
+  std::optional<record::FlightReport> flight_recorder;
   std::vector<std::pair<std::string, ReportValue>> results;
 };
 

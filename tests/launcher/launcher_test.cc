@@ -609,6 +609,121 @@ TEST_F(Launcher, RunGoesOnWhereNothingCanBeRecorded) {
   EXPECT_EQ(run(strict), 1);
 }
 
+// ---- The flight recorder ----
+
+constexpr const char* kFlightRecorder =
+    R"(, "flight_recorder": {"file": "drive.ring", "size_mb": 1, "before_s": 0.01, "after_s": 0.005})";
+
+TEST_F(Launcher, FlightRecorderWritesWhatWasAroundAFault) {
+  write_application({kCounter, kAdder, trouble("serve", "stop_component")}, kFlightRecorder);
+  ASSERT_EQ(run({"--for", "100ms", "--clock", "simulated"}), 0) << errors_;
+
+  const json recorder = report()["flight_recorder"];
+  EXPECT_EQ(recorder["file"], (folder_ / "drive.ring").string());
+  EXPECT_GT(recorder["messages"], 0);
+  ASSERT_EQ(recorder["dumps"].size(), 1U) << recorder;
+  const json dump = recorder["dumps"][0];
+  EXPECT_EQ(dump["reason"], "fault");
+  EXPECT_EQ(dump["component"], "trouble");
+  EXPECT_EQ(dump["problem"], "");
+  EXPECT_EQ(dump["file"], (folder_ / "drive_2000-01-01_00-00-00_fault.mcap").string());
+  EXPECT_TRUE(std::filesystem::exists(dump["file"].get<std::string>()));
+  // Both topics, up to 5 ms after the first tick.
+  EXPECT_EQ(dump["messages"], 12) << recorder;
+  EXPECT_THAT(errors_, HasSubstr("fault.mcap (12 messages; fault of trouble)"));
+  EXPECT_THAT(output_, HasSubstr("FLIGHT RECORDER kept"));
+
+  ASSERT_EQ(
+      run({"--for", "100ms", "--clock", "simulated", "--overlay",
+           folder_.write("quiet.json", R"({"flight_recorder": {"on_fault": false}})").string()}),
+      0);
+  EXPECT_EQ(report()["flight_recorder"]["dumps"].size(), 0U);
+}
+
+TEST_F(Launcher, FlightRecorderWritesWhatAComponentAsksFor) {
+  write_application(
+      {kCounter, R"({"name": "alarm", "library": "launcher_parts", "class": "Alarm"})"});
+  ASSERT_EQ(run({"--for", "100ms", "--clock", "simulated", "--flight-recorder",
+                 (folder_ / "other.ring").string(), "--flight-recorder-mb", "2"}),
+            0)
+      << errors_;
+
+  const json recorder = report()["flight_recorder"];
+  EXPECT_EQ(recorder["capacity"], 2'002'944);  // Whole pages.
+  ASSERT_EQ(recorder["dumps"].size(), 1U) << recorder;
+  EXPECT_EQ(recorder["dumps"][0]["reason"], "Hard braking");
+  EXPECT_EQ(recorder["dumps"][0]["component"], "alarm");
+  EXPECT_THAT(recorder["dumps"][0]["file"].get<std::string>(),
+              testing::EndsWith("/other_2000-01-01_00-00-00_hard_braking.mcap"));
+
+  // Without one nothing happens.
+  ASSERT_EQ(run({"--for", "100ms", "--clock", "simulated"}), 0) << errors_;
+  EXPECT_FALSE(report().contains("flight_recorder"));
+}
+
+TEST_F(Launcher, FlightRecorderOfAKilledRunIsReadAtTheNextStart) {
+  write_application({kCounter, kAdder}, kFlightRecorder);
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  program.send(SIGKILL);
+  take(program);
+
+  ASSERT_EQ(run({"--set", "counter.count=3"}), 0) << errors_;
+
+  EXPECT_THAT(errors_, HasSubstr("the run before did not end in order"));
+  const json dumps = report()["flight_recorder"]["dumps"];
+  ASSERT_EQ(dumps.size(), 1U);
+  EXPECT_EQ(dumps[0]["reason"], "crash");
+  EXPECT_GE(dumps[0]["messages"], 1);
+  EXPECT_THAT(dumps[0]["file"].get<std::string>(), testing::EndsWith("_crash.mcap"));
+  EXPECT_TRUE(std::filesystem::exists(dumps[0]["file"].get<std::string>()));
+
+  // This one ended in order.
+  ASSERT_EQ(run({"--set", "counter.count=3"}), 0) << errors_;
+  EXPECT_EQ(report()["flight_recorder"]["dumps"].size(), 0U);
+}
+
+TEST_F(Launcher, SignalAsksTheFlightRecorderForADump) {
+  write_application({kCounter, kAdder}, kFlightRecorder);
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  program.send(SIGUSR1);
+  ASSERT_TRUE(program.wait_for("_signal.mcap")) << program.errors();
+  program.send(SIGINT);
+
+  EXPECT_EQ(take(program), 0) << errors_;
+  EXPECT_EQ(report()["flight_recorder"]["dumps"][0]["reason"], "signal");
+}
+
+TEST_F(Launcher, SignalDoesNothingWithoutAFlightRecorder) {
+  write_application({kCounter, kAdder});
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  program.send(SIGUSR1);
+  ASSERT_TRUE(program.wait_for("there is no flight recorder")) << program.errors();
+  program.send(SIGINT);
+
+  EXPECT_EQ(take(program), 0) << errors_;
+}
+
+TEST_F(Launcher, NothingIsStartedWhereThereCanBeNoFlightRecorder) {
+  write_application({kCounter, kAdder}, kFlightRecorder);
+  std::filesystem::create_symlink(folder_ / "elsewhere", folder_ / "drive.ring");
+
+  EXPECT_EQ(run(), 2);
+
+  EXPECT_THAT(errors_, HasSubstr("/flight_recorder: flight recorder: "));
+  EXPECT_THAT(errors_, HasSubstr("drive.ring: "));
+  EXPECT_THAT(errors_, HasSubstr("a symbolic link"));
+  EXPECT_THAT(errors_, HasSubstr("nothing was started"));
+  EXPECT_FALSE(has_report());
+
+  EXPECT_EQ(run({"--flight-recorder", (folder_ / "missing/drive.ring").string()}), 2);
+  EXPECT_THAT(errors_, HasSubstr("missing/drive.ring"));
+  EXPECT_EQ(run({"--flight-recorder-mb", "0"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("--flight-recorder-mb wants a number from 1"));
+}
+
 TEST_F(Launcher, WhatTheMachineRefusesIsToldOnceAndFatalOnlyWhenStrict) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
            "serve_period_ms": 1, "executor": "far"})"},

@@ -122,6 +122,18 @@ class Trouble final : public fastcycle::Component {
   fastcycle::Param<std::string> where_;
 };
 
+/// Asks for a dump when it hears the 20th number.
+class Alarm final : public fastcycle::Component {
+ public:
+  explicit Alarm(fastcycle::Context& context) : Component(context) {
+    context.create_subscriber<launcher::Number>("numbers", [this](const launcher::Number& number) {
+      if (number.value() == 20) {
+        this->context().dump_flight_recorder("Hard braking");
+      }
+    });
+  }
+};
+
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Counter, Adder, Trouble)
+FASTCYCLE_COMPONENTS(Counter, Adder, Trouble, Alarm)

@@ -13,6 +13,7 @@
 #include "command.h"
 #include "configuration.h"
 #include "duration.h"
+#include "flight_options.h"
 #include "host/component_library.h"
 #include "host/pace.h"
 #include "host/protection.h"
@@ -41,6 +42,7 @@ struct RunOptions {
   bool is_quiet = false;
   std::filesystem::path report;
   RecordingOptions record;
+  FlightOptions flight_recorder;
   ReplayingOptions replay;
   bool is_played = false;  ///< Simulated time at the pace of the wall, with keys.
   double play_rate = 1.0;
@@ -181,10 +183,20 @@ int run_application(const config::ApplicationDescription& description, const Run
   host::WallPace pace(options.play_rate);
   host::Application application(replay != nullptr ? replay->description() : description,
                                 clock_of(options));
-  const StopSignals stop_signals(signals, [&] {
-    progress.print("stopping… (Ctrl-C again ends at once)");
-    application.request_end(host::EndReason::kRequested);
-  });
+  if (const auto kept = options.flight_recorder.describe(description)) {
+    application.keep_last(*kept);
+  }
+  const StopSignals stop_signals(
+      signals,
+      [&] {
+        progress.print("stopping… (Ctrl-C again ends at once)");
+        application.request_end(host::EndReason::kRequested);
+      },
+      [&] {
+        if (!application.dump("signal")) {
+          progress.print("SIGUSR1 asks for a dump, but there is no flight recorder");
+        }
+      });
   if (replay != nullptr) {
     application.replay(*replay);
   }
@@ -262,6 +274,10 @@ int run(const RunOptions& options) {
         "--record-topics and --record-compression say how --record FILE records, which is "
         "missing");
   }
+  if (const std::string sentence = options.flight_recorder.find_wrong(description);
+      !sentence.empty()) {
+    return wrong(sentence);
+  }
   return run_application(description, options, report_file);
 }
 
@@ -298,6 +314,12 @@ void add_options(CLI::App& line, RunOptions& options) {
       ->type_name("N");
   line.add_option("--report", options.report, "Write a report of the run, as JSON")
       ->type_name("FILE");
+  line.add_option("--flight-recorder", options.flight_recorder.file,
+                  "Keep the last messages in this file, whatever happens to the process")
+      ->type_name("FILE.ring");
+  line.add_option("--flight-recorder-mb", options.flight_recorder.size_mb,
+                  "How much it holds: 256, unless the application says else")
+      ->type_name("MB");
   line.add_flag("--strict", options.is_strict,
                 "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
   line.add_flag("--quiet", options.is_quiet, "No progress line and no table");

@@ -15,6 +15,7 @@ sigset_t block_stop_signals() {
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGUSR1);
   struct sigaction hang_up{};
   sigaction(SIGHUP, nullptr, &hang_up);
   if (hang_up.sa_handler != SIG_IGN) {
@@ -24,8 +25,12 @@ sigset_t block_stop_signals() {
   return signals;
 }
 
-StopSignals::StopSignals(const sigset_t& signals, std::function<void()> on_first)
-    : signals_(signals), on_first_(std::move(on_first)), thread_([this] { wait(); }) {}
+StopSignals::StopSignals(const sigset_t& signals, std::function<void()> on_first,
+                         std::function<void()> on_user)
+    : signals_(signals),
+      on_first_(std::move(on_first)),
+      on_user_(std::move(on_user)),
+      thread_([this] { wait(); }) {}
 
 StopSignals::~StopSignals() {
   is_over_ = true;
@@ -35,16 +40,21 @@ StopSignals::~StopSignals() {
 }
 
 void StopSignals::wait() {
-  for (bool is_first = true;; is_first = false) {
+  for (bool is_first = true;;) {
     int signal = 0;
     sigwait(&signals_, &signal);
     if (is_over_) {
       return;
     }
+    if (signal == SIGUSR1) {
+      on_user_();
+      continue;
+    }
     if (!is_first) {
       TerminalKeys::give_back();
       _exit(kEndedAtOnce);
     }
+    is_first = false;
     on_first_();
   }
 }
