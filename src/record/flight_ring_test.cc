@@ -141,6 +141,7 @@ TEST_F(Ring, HasWhatWasAppendedAndWhatExplainsIt) {
   EXPECT_EQ(mcap::text_of(reader.explanation()), "explained");
   EXPECT_EQ(reader.start_ns(), 42);
   EXPECT_EQ(reader.pid(), static_cast<std::uint32_t>(getpid()));
+  EXPECT_EQ(reader.boot_id().size(), 36U);
   EXPECT_EQ(reader.wakes(), 1U);
   EXPECT_TRUE(reader.is_closed());
   EXPECT_EQ(numbers_of(reader, 200), numbers_from(0, 20));

@@ -77,7 +77,6 @@ class Streams {
 
   [[nodiscard]] const std::vector<Stream>& all() const { return streams_; }
   [[nodiscard]] const std::vector<std::string>& topics() const { return topics_; }
-  [[nodiscard]] const std::vector<mcap::Channel>& channels() const { return channels_; }
 
   /// Writes what a file begins with.
   void explain(mcap::Writer& writer, const Explanation& explanation, Time now) const;
