@@ -799,8 +799,9 @@ void Application::stop() {
     executor->stop();
   }
   if (recorder_ != nullptr) {
-    recorder_->stop(
-        {{"time_ns", std::to_string(base::to_ns(end_time_))}, {"reason", to_word(end_reason())}});
+    recorder_->stop({{"time_ns", std::to_string(base::to_ns(end_time_))},
+                     {"timers_ns", std::to_string(start_ns_.load())},
+                     {"reason", to_word(end_reason())}});
   }
   if (flight_recorder_ != nullptr) {
     flight_recorder_->stop();

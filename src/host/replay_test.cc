@@ -534,6 +534,17 @@ TEST_F(Replays, TimersStartWhenTheyDidThen) {
   EXPECT_EQ(result("heard"), ReportValue(std::int64_t{2}));
 }
 
+TEST_F(Replays, ALiveRecordingSaysWhenItsTimersStarted) {
+  const auto file = record(kListening, "a.mcap", {});
+  const Time started = record::RecordingReader({file}).begin_of_timers();
+  EXPECT_GT(started, record::RecordingReader({file}).begin());
+
+  replay(kListening, {.files = {file}}, simulated());
+
+  EXPECT_EQ(result("start_ns"), ReportValue(std::int64_t{base::to_ns(started)}));
+  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+}
+
 // Losses of a live recording.
 TEST_F(Replays, GapsInSequencesStayAsTheyWere) {
   const auto file =
