@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <google/protobuf/descriptor.h>
 
 #include "archive/message_type.h"
 #include "mcap/decode.h"

@@ -600,8 +600,9 @@ TEST_F(Launcher, RunGoesOnWhereNothingCanBeRecorded) {
 
   EXPECT_THAT(errors_, HasSubstr("refused: recording: "));
   EXPECT_THAT(errors_, HasSubstr("missing/drive.mcap"));
-  for (const auto& [name, topic] : report()["recording"]["topics"].items()) {
-    EXPECT_EQ(topic["lost"]["disk"], report()["topics"][name]["published"]) << name;
+  const json report = this->report();
+  for (const auto& [name, topic] : report["recording"]["topics"].items()) {
+    EXPECT_EQ(topic["lost"]["disk"], report["topics"][name]["published"]) << name;
   }
 
   auto strict = words;

@@ -81,7 +81,7 @@ TerminalKeys::TerminalKeys(std::function<void(char)> on_key) : on_key_(std::move
     return;
   }
   for (const int signal : kEndings) {
-    handle(signal, end_by, SA_RESETHAND | SA_NODEFER);
+    handle(signal, end_by, static_cast<int>(SA_RESETHAND | SA_NODEFER));
   }
   handle(SIGTSTP, stop_by, SA_RESTART);
   handle(SIGCONT, go_on, SA_RESTART);
