@@ -49,22 +49,25 @@ std::optional<OnFault> find_on_fault(const Value& object) {
                    std::array{OnFault::kStopComponent, OnFault::kStop, OnFault::kRestart});
 }
 
-std::optional<std::chrono::nanoseconds> find_ms(const Value& object, std::string_view key) {
-  constexpr double kMaxMs = 86'400'000;  // The schema's limit; beyond it the cast may overflow.
+/// A time of `unit`s.
+std::optional<std::chrono::nanoseconds> find_time(const Value& object, std::string_view key,
+                                                  std::chrono::nanoseconds unit) {
+  constexpr std::chrono::nanoseconds kMax = std::chrono::days(1);  // The schema's limit.
   const Value* value = object.find(key);
-  if (value == nullptr || !value->is_number() || !(std::abs(value->as_double()) <= kMaxMs)) {
+  const auto unit_ns = static_cast<double>(unit.count());
+  if (value == nullptr || !value->is_number() ||
+      !(std::abs(value->as_double()) * unit_ns <= static_cast<double>(kMax.count()))) {
     return std::nullopt;
   }
-  return std::chrono::nanoseconds(std::llround(value->as_double() * 1e6));
+  return std::chrono::nanoseconds(std::llround(value->as_double() * unit_ns));
+}
+
+std::optional<std::chrono::nanoseconds> find_ms(const Value& object, std::string_view key) {
+  return find_time(object, key, std::chrono::milliseconds(1));
 }
 
 std::optional<std::chrono::nanoseconds> find_s(const Value& object, std::string_view key) {
-  constexpr double kMaxS = 86'400;  // The schema's limit.
-  const Value* value = object.find(key);
-  if (value == nullptr || !value->is_number() || !(std::abs(value->as_double()) <= kMaxS)) {
-    return std::nullopt;
-  }
-  return std::chrono::nanoseconds(std::llround(value->as_double() * 1e9));
+  return find_time(object, key, std::chrono::seconds(1));
 }
 
 ExecutorDescription describe_executor(const Value& value) {
