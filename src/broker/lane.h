@@ -21,6 +21,9 @@ enum class DropReason : std::uint8_t {
   kFault,         ///< The receiving component had failed.
   kShutdown,      ///< The application was stopping, or not started yet.
   kUnsubscribed,  ///< The subscription had ended.
+  kInactive,      ///< The receiving component was not active.
+  kUnmatched,     ///< A synchronizer found no partner for it.
+  kExpired,       ///< It had waited longer than its lifespan.
   kCount,
 };
 

@@ -27,6 +27,12 @@ const char* to_word(DropReason reason) noexcept {
       return "shutdown";
     case DropReason::kUnsubscribed:
       return "unsubscribed";
+    case DropReason::kInactive:
+      return "inactive";
+    case DropReason::kUnmatched:
+      return "unmatched";
+    case DropReason::kExpired:
+      return "expired";
     case DropReason::kCount:
       break;
   }
