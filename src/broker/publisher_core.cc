@@ -5,6 +5,7 @@
 #include <mutex>
 #include <utility>
 
+#include "broker/topics.h"
 #include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
@@ -334,6 +335,9 @@ void PublisherCore::deliver(Envelope* envelope) noexcept {
     Lane& lane = *target.lane;
     if (Envelope* displaced = lane.push(envelope)) {
       release(displaced);
+      if (topic.overflow_watch != nullptr && !lane.options.is_view) {
+        topic.overflow_watch->overflowed(lane.subscription);
+      }
     }
     if (target.bit != 0 && target.inbox->mark(target.bit)) {
       wakes.add(target.inbox->queue());

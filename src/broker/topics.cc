@@ -24,6 +24,13 @@ void Topics::set_options(const std::string& name, const TopicOptions& options) {
   topics_.try_emplace(name, std::make_unique<Topic>(name, options));
 }
 
+void Topics::set_overflow_watch(OverflowWatch& watch) noexcept {
+  overflow_watch_ = &watch;
+  for (const auto& [name, topic] : topics_) {
+    topic->overflow_watch = &watch;
+  }
+}
+
 Topic* Topics::find(const std::string& name) const {
   const auto found = topics_.find(name);
   return found == topics_.end() ? nullptr : found->second.get();
@@ -34,6 +41,7 @@ Topic& Topics::get(const std::string& name, const std::string& component,
   auto& topic = topics_[name];
   if (topic == nullptr) {
     topic = std::make_unique<Topic>(name, TopicOptions());
+    topic->overflow_watch = overflow_watch_;
   }
   const std::string type = default_instance.GetTypeName();
   if (topic->type.empty()) {

@@ -21,6 +21,21 @@ struct TopicOptions {
   bool multiple_publishers = false;
 };
 
+/// Who is told when a queue is full.
+///
+/// @threads  Safe.
+/// @realtime As `publish` is.
+class OverflowWatch {
+ public:
+  OverflowWatch() = default;
+  OverflowWatch(const OverflowWatch&) = delete;
+  OverflowWatch& operator=(const OverflowWatch&) = delete;
+  virtual ~OverflowWatch() = default;
+
+  /// One message for `subscription` was dropped, since as many waited as may.
+  virtual void overflowed(const Subscription& subscription) noexcept = 0;
+};
+
 /// A named stream of messages of one type.
 class Topic {
  public:
@@ -28,6 +43,8 @@ class Topic {
 
   const std::string name;
   const TopicOptions options;
+
+  OverflowWatch* overflow_watch = nullptr;  ///< Constant once anything is published.
 
   // Control plane.
   std::string type;
@@ -56,6 +73,9 @@ class Topics {
   /// Sets what the application file says of `name`; before anything is declared.
   void set_options(const std::string& name, const TopicOptions& options);
 
+  /// From now on `watch` is told of each overflow; before anything runs.
+  void set_overflow_watch(OverflowWatch& watch) noexcept;
+
   PublisherCore& add_publisher(const std::string& name, PublishingComponent& owner,
                                const google::protobuf::Message& default_instance,
                                const google::protobuf::Message* prototype, bool is_external);
@@ -83,6 +103,7 @@ class Topics {
  private:
   std::map<std::string, std::unique_ptr<Topic>> topics_;
   std::vector<TopicConflict> type_conflicts_;
+  OverflowWatch* overflow_watch_ = nullptr;
 };
 
 /// The identity of the publisher of `component` on `topic`: FNV-1a over both names, 64 bits.

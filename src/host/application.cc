@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <future>
+#include <iterator>
 #include <set>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "config/nearest.h"
 #include "config/params.h"
 #include "host/explanation.h"
+#include "host/guest.h"
 #include "host/pace.h"
 #include "host/recording.h"
 #include "host/replay.h"
@@ -62,6 +64,21 @@ void wait_up_to(std::chrono::nanoseconds limit, const Condition& condition) {
     std::this_thread::sleep_for(200us);
   }
 }
+
+/// Tells guests of full queues.
+class OverflowTeller final : public detail::OverflowWatch {
+ public:
+  explicit OverflowTeller(std::vector<Guest*> guests) : guests_(std::move(guests)) {}
+
+  void overflowed(const detail::Subscription& subscription) noexcept override {
+    for (Guest* guest : guests_) {
+      guest->overflowed(subscription);
+    }
+  }
+
+ private:
+  const std::vector<Guest*> guests_;
+};
 
 base::Clock make_clock(const ClockOptions& options) {
   return options.is_simulated ? base::Clock::simulated() : base::Clock::live(options.rate);
@@ -201,15 +218,13 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   if (problems.has_errors()) {
     return;
   }
-  if (recorder_ != nullptr) {
-    recorder_->tap(topics_);
+  for (Guest* guest : guests_) {
+    guest->tap(topics_);
   }
-  if (flight_recorder_ != nullptr) {
-    flight_recorder_->tap(topics_);
-  }
+  watch_overflows();
   topics_.connect_all();
-  if (flight_recorder_ != nullptr) {
-    open_flight_recorder(problems);
+  for (Guest* guest : guests_) {
+    guest->open(problems);
   }
   for (const auto& component : components_) {
     if (component->state == ComponentCore::State::kFailed) {
@@ -343,7 +358,7 @@ std::vector<base::Refusal> Application::start() {
   for (const auto& executor : executors_) {
     executor->start(refusals_);
   }
-  start_recorders();
+  start_guests();
   is_started_ = true;
   for (const auto& component : components_) {
     for (detail::PublisherCore* publisher : component->declared.publishers) {
@@ -379,27 +394,22 @@ std::vector<base::Refusal> Application::start() {
 
 void Application::record(const config::RecordDescription& description) {
   recorded_ = description;
-  recorder_ = std::make_unique<record::Recorder>(recorder_options(description), clock_);
-  recorder_->on_trouble = [this](const std::string& text) {
-    log(LogLevel::kError, "recorder", text);
-  };
+  recorder_ = std::make_unique<RecorderGuest>(*this, description);
+  add(*recorder_);
+}
+
+const record::Recorder* Application::recorder() const {
+  return recorder_ == nullptr ? nullptr : &recorder_->recorder();
 }
 
 void Application::keep_last(const config::FlightRecorderDescription& description) {
   kept_ = description;
-  flight_recorder_ = std::make_unique<record::FlightRecorder>(
-      flight_options(description, description_.name), clock_);
-  flight_recorder_->on_news = [this](bool is_trouble, const std::string& text) {
-    log(is_trouble ? LogLevel::kError : LogLevel::kInfo, "flight recorder", text);
-  };
+  flight_recorder_ = std::make_unique<FlightGuest>(*this, description);
+  add(*flight_recorder_);
 }
 
-void Application::open_flight_recorder(config::Problems& problems) {
-  try {
-    flight_recorder_->open(explain(description_, clock_));
-  } catch (const std::exception& error) {  // Also those of the file system.
-    problems.add(config::mistake(kept_->place, std::string("flight recorder: ") + error.what()));
-  }
+const record::FlightRecorder* Application::flight_recorder() const {
+  return flight_recorder_ == nullptr ? nullptr : &flight_recorder_->recorder();
 }
 
 bool Application::dump(std::string_view reason, std::string_view component,
@@ -407,53 +417,57 @@ bool Application::dump(std::string_view reason, std::string_view component,
   if (flight_recorder_ == nullptr) {
     return false;
   }
-  flight_recorder_->trigger(reason, component, detail);
+  flight_recorder_->dump(reason, component, detail);
   return true;
 }
 
-void Application::fault_noted(const ComponentCore& component, std::string_view what) {
-  if (kept_ && kept_->on_fault) {
-    dump("fault", component.name, what);
-  }
-}
-
-void Application::start_recorders() {
-  if (recorder_ == nullptr && flight_recorder_ == nullptr) {
-    return;
-  }
-  std::vector<const detail::ActivationRing*> rings;
-  const auto add_rings = [&](const auto& server) {
-    for (const auto& ring : server.rings()) {
-      rings.push_back(ring.get());
-    }
-  };
-  if (simulation_ != nullptr) {
-    add_rings(*simulation_);
-  }
-  for (const auto& executor : executors_) {
-    add_rings(*executor);
-  }
+record::Explanation Application::explanation() const {
   record::Explanation explanation = explain(description_, clock_);
   if (replay_ != nullptr) {
     replay_->explain(explanation.facts);
   }
-  if (recorder_ != nullptr && !recorder_->start(explanation, rings)) {
-    refusals_.push_back(
-        {.what = "recording: " + recorder_->problem(),
-         .remedy = "what is published is lost and counted; a file is tried again every second"});
+  return explanation;
+}
+
+void Application::fault_noted(const ComponentCore& component, std::string_view what) {
+  for (Guest* guest : guests_) {
+    guest->faulted(component.name, what);
   }
-  if (flight_recorder_ != nullptr) {
-    flight_recorder_->start(std::move(rings));
+}
+
+void Application::watch_overflows() {
+  std::vector<Guest*> guests;
+  std::ranges::copy_if(guests_, std::back_inserter(guests),
+                       [](const Guest* guest) { return guest->wants_overflows(); });
+  if (!guests.empty()) {
+    overflow_watch_ = std::make_unique<OverflowTeller>(std::move(guests));
+    topics_.set_overflow_watch(*overflow_watch_);
   }
+}
+
+void Application::start_guests() {
+  if (guests_.empty()) {
+    return;
+  }
+  GuestView view{.application = *this, .rings = {}};
+  const auto add_rings = [&](const auto& server) {
+    for (const auto& ring : server.rings()) {
+      view.rings.push_back(ring.get());
+    }
+  };
   if (simulation_ != nullptr) {
+    add_rings(*simulation_);
     simulation_->after_round = [this](std::uint32_t step) {
-      if (recorder_ != nullptr) {
-        recorder_->take(step);
-      }
-      if (flight_recorder_ != nullptr) {
-        flight_recorder_->take(step);
+      for (Guest* guest : guests_) {
+        guest->round_ended(step);
       }
     };
+  }
+  for (const auto& executor : executors_) {
+    add_rings(*executor);
+  }
+  for (Guest* guest : guests_) {
+    guest->start(view, refusals_);
   }
 }
 
@@ -798,13 +812,8 @@ void Application::stop() {
   for (const auto& executor : executors_) {
     executor->stop();
   }
-  if (recorder_ != nullptr) {
-    recorder_->stop({{"time_ns", std::to_string(base::to_ns(end_time_))},
-                     {"timers_ns", std::to_string(start_ns_.load())},
-                     {"reason", to_word(end_reason())}});
-  }
-  if (flight_recorder_ != nullptr) {
-    flight_recorder_->stop();
+  for (Guest* guest : guests_) {
+    guest->stop(*this);
   }
   for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
     (*component)->close(detail::DropReason::kShutdown);

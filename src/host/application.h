@@ -28,6 +28,9 @@
 
 namespace fastcycle::host {
 
+class FlightGuest;
+class Guest;
+class RecorderGuest;
 class Replay;
 class WallPace;
 
@@ -93,7 +96,13 @@ class Application {
   /// Records what is published, from `start` to `stop`. Before `build`, or within a constructor.
   void record(const config::RecordDescription& description);
   /// Who records; null if nobody does.
-  [[nodiscard]] const record::Recorder* recorder() const { return recorder_.get(); }
+  [[nodiscard]] const record::Recorder* recorder() const;
+
+  /// Lets `guest` look on. Before `build`, or within a constructor; it has to live longer than the
+  /// run.
+  void add(Guest& guest) { guests_.push_back(&guest); }
+  /// What a log must say of this run.
+  [[nodiscard]] record::Explanation explanation() const;
 
   /// Feeds what `replay` has, from `start` to `stop`; the clock shows its times. Before `build`; it
   /// has to live longer than this.
@@ -107,9 +116,7 @@ class Application {
   /// `build`, which makes the file.
   void keep_last(const config::FlightRecorderDescription& description);
   /// Null if there is none.
-  [[nodiscard]] const record::FlightRecorder* flight_recorder() const {
-    return flight_recorder_.get();
-  }
+  [[nodiscard]] const record::FlightRecorder* flight_recorder() const;
   /// Asks the flight recorder to write what it kept, and what comes in the seconds after this.
   /// False if there is none. Safe.
   bool dump(std::string_view reason, std::string_view component = {},
@@ -203,8 +210,8 @@ class Application {
   void begin_part(std::uint32_t part);
   void begin_run();
   Time begin_of_timers();
-  void open_flight_recorder(config::Problems& problems);
-  void start_recorders();
+  void watch_overflows();
+  void start_guests();
   void start_threads();
   void stop_threads();
   void drain();
@@ -221,11 +228,13 @@ class Application {
   std::vector<std::unique_ptr<detail::Executor>> executors_;
   std::unique_ptr<detail::Simulation> simulation_;
   std::optional<config::RecordDescription> recorded_;
-  std::unique_ptr<record::Recorder> recorder_;
+  std::unique_ptr<RecorderGuest> recorder_;
   Replay* replay_ = nullptr;
   WallPace* pace_ = nullptr;
   std::optional<config::FlightRecorderDescription> kept_;
-  std::unique_ptr<record::FlightRecorder> flight_recorder_;
+  std::unique_ptr<FlightGuest> flight_recorder_;
+  std::vector<Guest*> guests_;
+  std::unique_ptr<detail::OverflowWatch> overflow_watch_;  ///< If a guest wants to know.
   std::vector<base::Refusal> refusals_;
   std::vector<base::Thread> threads_;
   std::atomic<int> running_threads_{0};

@@ -1,6 +1,7 @@
 #include "host/recording.h"
 
 #include <algorithm>
+#include <exception>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "config/nearest.h"
 #include "host/application.h"
 #include "host/component_core.h"
+#include "host/explanation.h"
 #include "mcap/topic_filter.h"
 
 namespace fastcycle::host {
@@ -89,6 +91,60 @@ void check_patterns(const config::FlightRecorderDescription& description,
   std::vector<std::string> patterns = description.topics;
   patterns.insert(patterns.end(), description.except.begin(), description.except.end());
   check_patterns("flight recorder", patterns, description.place, topics, problems);
+}
+
+RecorderGuest::RecorderGuest(Application& application, const config::RecordDescription& description)
+    : recorder_(recorder_options(description), application.clock()) {
+  recorder_.on_trouble = [&application](const std::string& text) {
+    application.log(LogLevel::kError, "recorder", text);
+  };
+}
+
+void RecorderGuest::start(const GuestView& view, std::vector<base::Refusal>& refusals) {
+  if (!recorder_.start(view.application.explanation(), view.rings)) {
+    refusals.push_back(
+        {.what = "recording: " + recorder_.problem(),
+         .remedy = "what is published is lost and counted; a file is tried again every second"});
+  }
+}
+
+void RecorderGuest::stop(const Application& application) {
+  recorder_.stop({{"time_ns", std::to_string(base::to_ns(application.end_time()))},
+                  {"timers_ns", std::to_string(base::to_ns(application.start_time()))},
+                  {"reason", to_word(application.end_reason())}});
+}
+
+FlightGuest::FlightGuest(Application& application,
+                         const config::FlightRecorderDescription& description)
+    : application_(application),
+      description_(description),
+      recorder_(flight_options(description, application.description().name), application.clock()) {
+  recorder_.on_news = [&application](bool is_trouble, const std::string& text) {
+    application.log(is_trouble ? LogLevel::kError : LogLevel::kInfo, "flight recorder", text);
+  };
+}
+
+void FlightGuest::open(config::Problems& problems) {
+  try {
+    recorder_.open(explain(application_.description(), application_.clock()));
+  } catch (const std::exception& error) {  // Also those of the file system.
+    problems.add(
+        config::mistake(description_.place, std::string("flight recorder: ") + error.what()));
+  }
+}
+
+void FlightGuest::start(const GuestView& view, std::vector<base::Refusal>&) {
+  recorder_.start(view.rings);
+}
+
+void FlightGuest::faulted(std::string_view component, std::string_view what) noexcept {
+  if (description_.on_fault) {
+    dump("fault", component, what);
+  }
+}
+
+void FlightGuest::stop(const Application&) {
+  recorder_.stop();
 }
 
 void record_for(detail::ComponentCore& component, const config::RecordDescription& description) {

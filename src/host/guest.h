@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "base/thread.h"
+#include "broker/topics.h"
+#include "config/problem.h"
+#include "executor/activation_ring.h"
+
+namespace fastcycle::host {
+
+class Application;
+
+/// What a guest may look at while the application runs.
+struct GuestView {
+  const Application& application;
+  /// One a worker: what each component does, read by `ActivationRing::read`, which counts what
+  /// was lost.
+  std::vector<const detail::ActivationRing*> rings;
+};
+
+/// A tool that looks on while an application runs: a recorder, a tracer, a watchdog.
+///
+/// The application knows its guests by this class only. It calls those that were added, in the
+/// order in which they were; an application without guests does nothing for them, and a guest that
+/// taps no topic and wants no overflows costs its publishers and callbacks nothing.
+///
+/// @threads  As each function says.
+class Guest {
+ public:
+  Guest() = default;
+  Guest(const Guest&) = delete;
+  Guest& operator=(const Guest&) = delete;
+  virtual ~Guest() = default;
+
+  /// All components are constructed and fit together, no topic is connected yet: here a guest taps
+  /// topics. Control thread.
+  virtual void tap([[maybe_unused]] detail::Topics& topics) {}
+  /// The topics are connected. Control thread; what fails here keeps the application from starting.
+  virtual void open([[maybe_unused]] config::Problems& problems) {}
+
+  /// Before the first component starts. What the machine refuses is added to `refusals`. Control
+  /// thread.
+  virtual void start([[maybe_unused]] const GuestView& view,
+                     [[maybe_unused]] std::vector<base::Refusal>& refusals) {}
+
+  /// Simulated time only: a round is over, `step` is its place in its moment. On the thread that
+  /// runs the simulation.
+  virtual void round_ended([[maybe_unused]] std::uint32_t step) {}
+
+  /// Component `component` faulted. On the worker that served it, or the control thread.
+  ///
+  /// @realtime Must not wait: what `component` and `what` point to is gone afterwards.
+  virtual void faulted([[maybe_unused]] std::string_view component,
+                       [[maybe_unused]] std::string_view what) noexcept {}
+
+  /// Whether `overflowed` is to be called; asked once, before the topics are connected.
+  [[nodiscard]] virtual bool wants_overflows() const { return false; }
+  /// A queue was full: one message for `subscription` was dropped. On the publisher's thread.
+  ///
+  /// @realtime As `publish`: no lock, no allocation, no system call.
+  virtual void overflowed([[maybe_unused]] const detail::Subscription& subscription) noexcept {}
+
+  /// All components have stopped, and still exist. Control thread.
+  virtual void stop([[maybe_unused]] const Application& application) {}
+};
+
+}  // namespace fastcycle::host
