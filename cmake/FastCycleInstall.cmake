@@ -9,7 +9,7 @@ foreach(schema ${schemas})
 endforeach()
 install(FILES ${schemas} DESTINATION ${FASTCYCLE_SHARE_DIR})
 
-install(DIRECTORY include/fastcycle DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
+install(DIRECTORY include/fastcycle transforms/include/fastcycle DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
 
 install(EXPORT FastCycleTargets NAMESPACE FastCycle:: DESTINATION ${FASTCYCLE_CMAKE_DIR})
 

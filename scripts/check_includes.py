@@ -3,7 +3,8 @@
 
   src/<library>     may include itself and what its fastcycle_library() DEPENDS on, at any distance
   include/fastcycle may include other headers of include/fastcycle, nothing of src
-  ads, examples, benchmarks  may include fastcycle/..., generated messages, and files of their own folder
+  transforms, ads, examples, benchmarks  may include fastcycle/..., generated messages, and files of
+                    their own folder
   anywhere          no TODO of the kind `now` is left
 
 Usage: check_includes.py [--headers] [--self-test] [root]
@@ -21,7 +22,8 @@ import tempfile
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
 SOURCES = {".h", ".cc"}
-USERS = ("ads", "examples", "benchmarks")
+PUBLIC = ("include", "transforms/include")   # where headers <fastcycle/...> are
+USERS = ("transforms", "ads", "examples", "benchmarks")
 TODO_NOW = "TODO" + "(now)"
 
 
@@ -67,7 +69,11 @@ def mistake(root, depends, path, included):
     part = path.relative_to(root).parts
     target = included.split("/")[0]
     if target == "fastcycle" and "/" in included:
-        return None if (root / "include" / included).is_file() else f"there is no public header {included}"
+        if not any((root / folder / included).is_file() for folder in PUBLIC):
+            return f"there is no public header {included}"
+        if part[0] in ("include", "src") and not (root / "include" / included).is_file():
+            return f"{part[0]} may not know {included}, which stands beside the core"
+        return None
     is_private = (root / "src" / included).is_file()
     if part[0] == "src" and len(part) > 2:
         if not is_private or target in reachable(depends, part[1]):
@@ -122,11 +128,14 @@ def self_test():
         "src/mid/mid.h": '#include "low/low.h"\n',
         "src/top/CMakeLists.txt": "fastcycle_library(top SOURCES top.cc DEPENDS mid)\n",
         "src/top/top.cc": '#include "mid/mid.h"\n#include "low/low.h"\n',
-        "ads/x/x.cc": '#include "fastcycle/a.h"\n#include "x/own.h"\n#include "demo/speed.pb.h"\n',
+        "transforms/include/fastcycle/beside.h": '#include "fastcycle/a.h"\n',
+        "ads/x/x.cc": '#include "fastcycle/a.h"\n#include "fastcycle/beside.h"\n#include "x/own.h"\n#include "demo/speed.pb.h"\n',
     }
     mistakes = {
         "src/low/up.cc": '#include "mid/mid.h"\n',
         "src/mid/up.cc": '#include "top/top.h"\n',
+        "src/mid/beside.cc": '#include "fastcycle/beside.h"\n',
+        "transforms/down.cc": '#include "low/low.h"\n',
         "src/top/top.h": "",
         "src/top/missing.cc": '#include "fastcycle/nothing.h"\n',
         "include/fastcycle/b.h": '#include "low/low.h"\n',
@@ -134,7 +143,8 @@ def self_test():
         "examples/z.cc": f'#include "../src/low/low.h"\n// {TODO_NOW}: later\n',
     }
     expected = ["ads/x/y.cc:1:", "examples/z.cc:1:", "examples/z.cc:2:", "include/fastcycle/b.h:1:",
-                "src/low/up.cc:1:", "src/mid/up.cc:1:", "src/top/missing.cc:1:"]
+                "src/low/up.cc:1:", "src/mid/beside.cc:1:", "src/mid/up.cc:1:", "src/top/missing.cc:1:",
+                "transforms/down.cc:1:"]
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
 
