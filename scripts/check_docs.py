@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Says which links of the documents lead nowhere, and which code of README.md is not the code that the
-tests build and run. Exits with 1 if there is any."""
+"""Says which links of the documents lead nowhere, and which code of README.md and of the guides is not code
+that the tests build and run. Exits with 1 if there is any."""
 
 import pathlib
 import re
@@ -9,6 +9,9 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 # What README.md shows, and where it is built and run.
 SNIPPETS = [("cpp", "tests/consumer/project/speed_limiter.cc")]
+# The guides' code stands in these tests, word for word; tests/consumer builds this one as it stands.
+GUIDE_TESTS = "tests/guides"
+BUILT_WHOLE = "first_component.md"
 
 
 def documents():
@@ -48,10 +51,23 @@ def strange_snippets():
             yield f"README.md: its {language} code is not that of {file}"
 
 
+def unbuilt_snippets():
+    built = [words(file.read_text(encoding="utf-8")) for file in sorted((ROOT / GUIDE_TESTS).rglob("*.cc"))]
+    for guide in sorted((ROOT / "docs/guides").glob("*.md")):
+        if guide.name == BUILT_WHOLE:
+            continue
+        text = guide.read_text(encoding="utf-8")
+        for language in ("cpp", "json"):
+            for block in code_blocks(text, language):
+                if not any(words(block) in code for code in built):
+                    yield f"{guide.relative_to(ROOT)}: no test in {GUIDE_TESTS} has its code {words(block)[:70]}…"
+
+
 def main():
     problems = [problem for document in documents() for problem in dead_links(document)]
     problems += strange_snippets()
-    print("\n".join(problems) if problems else "check_docs: links lead somewhere, README's code is built")
+    problems += unbuilt_snippets()
+    print("\n".join(problems) if problems else "check_docs: links lead somewhere, the code shown is built")
     return 1 if problems else 0
 
 

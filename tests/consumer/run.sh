@@ -2,7 +2,8 @@
 # run.sh <build folder> <scratch folder> <cmake> <compiler>
 #
 # Installs the build to a prefix of its own, builds the outside project against that, and runs it
-# twice: from its build folder, and after it was installed beside FastCycle.
+# twice: from its build folder, and after it was installed beside FastCycle. Then builds what the guide for
+# beginners shows.
 set -euo pipefail
 
 build=$1 scratch=$2 cmake=$3 compiler=$4
@@ -39,3 +40,16 @@ mkdir "$scratch/elsewhere"
 cp "$project/speed_demo.json" "$scratch/elsewhere/"
 rm -rf "$outside"
 run "$scratch/elsewhere/speed_demo.json"
+
+# What the guide for beginners says, done as it says it.
+guide=$scratch/guide
+pages=$(cd "$(dirname "$0")/../../docs/guides" && pwd)
+rm -rf "$guide"
+"$(dirname "$0")/guide.py" "$pages/first_component.md" "$guide"
+"$cmake" -S "$guide" -B "$guide/build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+  -DCMAKE_CXX_COMPILER="$compiler" -DCMAKE_PREFIX_PATH="$prefix"
+"$cmake" --build "$guide/build" -j 2
+run "$guide/speed.json"
+"$(dirname "$0")/guide.py" "$pages/first_component.md" "$guide" --with-test
+"$cmake" --build "$guide/build" -j 2
+(cd "$guide/build" && ctest --output-on-failure --no-tests=error)
