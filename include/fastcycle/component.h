@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -26,6 +27,8 @@
 #include "fastcycle/views.h"
 
 namespace fastcycle {
+
+struct SynchronizerOptions;
 
 /// How well a component thinks that it does its work.
 enum class Health : std::uint8_t { kOk, kDegraded, kFailed };
@@ -184,6 +187,23 @@ class Context {
   template <Message T, MessageCallback<T> F>
   Subscribed create_subscriber(std::string_view topic, const SubscriberOptions& options,
                                F callback);
+
+  /// Calls `callback` with one message of each of 2 to 4 topics that belong together: taken at the
+  /// same time, at about the same time, or the newest of each (see `SyncPolicy`).
+  ///
+  ///     context.create_synchronizer<demo::Image, demo::Scan>(
+  ///         {"camera/image", "lidar/scan"},
+  ///         {.policy = SyncPolicy::kApproximate, .max_difference = 10ms},
+  ///         [this](const demo::Image& image, const demo::Scan& scan) {…});
+  ///
+  /// What the callback publishes inherits the oldest origin of the set. What found no partner is
+  /// counted as `dropped{unmatched}` of its subscription, and what still waits for one as queued.
+  ///
+  /// @errors  A topic that is named twice, a `depth` of zero, or a `max_difference` that does not
+  ///          fit the policy is a start-up mistake.
+  template <Message... T, std::size_t N, typename F>
+  void create_synchronizer(const std::string_view (&topics)[N], const SynchronizerOptions& options,
+                           F callback);
 
   /// The newest message of `topic`, without being called for it.
   template <Message T>

@@ -3,3 +3,4 @@
 // All that a component author includes.
 #include "fastcycle/component.h"
 #include "fastcycle/library.h"
+#include "fastcycle/synchronizer.h"

@@ -58,7 +58,7 @@ std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_exte
   auto lane = std::make_shared<Lane>(*this, publisher, inbox.next_bit(),
                                      Lane::Options{.depth = depth,
                                                    .overflow = overflow,
-                                                   .is_view = kind != Kind::kCallback,
+                                                   .is_view = !is_called(),
                                                    .is_external = is_external,
                                                    .ages = ages});
   // Lanes that both ends have left only count from now on.
@@ -104,14 +104,33 @@ void Subscription::add_to(Ledger& ledger, const Lane& lane) const noexcept {
   ledger.queued += lane.queued();
 }
 
+namespace {
+
+/// Of the messages that came out of the lanes, delivered are only those that `decided` says.
+void put_aside(Ledger& ledger, const Ledger& decided) noexcept {
+  const std::uint64_t settled = decided.delivered + decided.dropped_total();
+  ledger.queued += ledger.delivered > settled ? ledger.delivered - settled : 0;
+  ledger.delivered = decided.delivered;
+  for (std::size_t reason = 0; reason < decided.dropped.size(); ++reason) {
+    ledger.dropped[reason] += decided.dropped[reason];
+  }
+}
+
+}  // namespace
+
 Ledger Subscription::ledger() const {
   // Between the two, something may move; then look again, a bounded number of times.
   Ledger ledger;
   for (int attempt = 0; attempt < 8; ++attempt) {
     const std::lock_guard lock(mutex_);
+    Ledger decided;
+    const bool is_put_aside = add_decided(decided);  // First: what it counts, the lanes count too.
     ledger = retired_;
     for (const auto& lane : lanes_) {
       add_to(ledger, *lane);
+    }
+    if (is_put_aside) {
+      put_aside(ledger, decided);
     }
     if (ledger.adds_up()) {
       break;

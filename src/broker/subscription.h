@@ -43,7 +43,8 @@ class Subscription {
     kCallback,
     kLatest,
     kHistory,
-    kTap,  ///< Emptied by its owner when it likes: nobody is woken.
+    kSynchronized,  ///< Given to a callback together with messages of other topics.
+    kTap,           ///< Emptied by its owner when it likes: nobody is woken.
   };
 
   static constexpr std::size_t kDefaultDepth = 16;
@@ -76,8 +77,19 @@ class Subscription {
   const Overflow overflow;
   const std::size_t keep;
 
+  /// Whether its messages cause activations.
+  [[nodiscard]] bool is_called() const noexcept {
+    return kind == Kind::kCallback || kind == Kind::kSynchronized;
+  }
+
   /// From publish to callback, in nanoseconds. Written by the receiving component's worker.
   base::Histogram latency;
+
+ protected:
+  /// For a receiver that puts messages aside before it decides about them: how many of those that
+  /// came out of the lanes were delivered or dropped since; the rest still waits. False if it
+  /// delivers what comes out of the lanes.
+  virtual bool add_decided(Ledger&) const noexcept { return false; }
 
  private:
   void add_to(Ledger& ledger, const Lane& lane) const noexcept;

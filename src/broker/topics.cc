@@ -69,10 +69,10 @@ PublisherCore& Topics::add_publisher(const std::string& name, PublishingComponen
 
 std::shared_ptr<Lane> Topics::make_lane(const PublisherCore& publisher,
                                         Subscription& subscription) {
-  // A latched message says how things are; its age is not the age of what follows from it.
-  const TopicOptions& options = publisher.topic.options;
-  return subscription.add_lane(publisher.id, publisher.options.is_external,
-                               options.ages && options.latched == 0);
+  // What a synchronizer receives counts once it is in a set.
+  return subscription.add_lane(
+      publisher.id, publisher.options.is_external,
+      publisher.topic.ages() && subscription.kind != Subscription::Kind::kSynchronized);
 }
 
 void Topics::connect(PublisherCore& publisher, Subscription& subscription) {

@@ -46,6 +46,10 @@ class Topic {
 
   OverflowWatch* overflow_watch = nullptr;  ///< Constant once anything is published.
 
+  /// Whether its messages count for the origin of what timers publish. A latched message says how
+  /// things are; its age is not the age of what follows from it.
+  [[nodiscard]] bool ages() const noexcept { return options.ages && options.latched == 0; }
+
   // Control plane.
   std::string type;
   std::string type_from;  ///< The component that declared it first.

@@ -6,6 +6,7 @@
 
 #include "base/floating_point.h"
 #include "broker/topics.h"
+#include "executor/synchronizer.h"
 
 namespace fastcycle::detail {
 namespace {
@@ -21,8 +22,8 @@ SubscriberOptions view_options(std::size_t depth) {
 
 CallbackSubscription::CallbackSubscription(Topic& its_topic, Actor& its_actor,
                                            const SubscriberOptions& options,
-                                           EnvelopeCallback its_callback)
-    : Subscription(its_topic, its_actor.inbox, its_actor.name, Kind::kCallback, options),
+                                           EnvelopeCallback its_callback, Kind its_kind)
+    : Subscription(its_topic, its_actor.inbox, its_actor.name, its_kind, options),
       actor(its_actor),
       callback(std::make_unique<EnvelopeCallback>(std::move(its_callback))) {}
 
@@ -448,6 +449,29 @@ void Actor::close(DropReason reason) noexcept {
   for (View* view : views) {
     view->close(reason);
   }
+  drop_held(reason);
+}
+
+void Actor::drop_held(DropReason reason) noexcept {
+  for (const auto& synchronizer : synchronizers) {
+    synchronizer->drop_held(reason);
+  }
+}
+
+Synchronizer& Actor::synchronize(std::span<Topic* const> topics,
+                                 std::span<const SubscriberOptions> queues,
+                                 const SynchronizerOptions& options, EnvelopeSetCallback callback) {
+  synchronizers.push_back(
+      std::make_unique<Synchronizer>(*this, topics.size(), options, std::move(callback)));
+  Synchronizer& synchronizer = *synchronizers.back();
+  for (std::size_t i = 0; i < topics.size(); ++i) {
+    auto input = std::make_unique<SynchronizerInput>(*topics[i], *this, queues[i], synchronizer, i);
+    synchronizer.connect(*input);
+    callbacks.push_back(input.get());
+    topics[i]->subscriptions.push_back(std::move(input));
+  }
+  publishing.has_subscribers = true;
+  return synchronizer;
 }
 
 CallbackSubscription& Actor::subscribe(Topic& topic, const SubscriberOptions& options,

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,16 +17,18 @@
 #include "broker/subscription.h"
 #include "executor/activation_ring.h"
 #include "fastcycle/component.h"
+#include "fastcycle/synchronizer.h"
 
 namespace fastcycle::detail {
 
 class Actor;
+class Synchronizer;
 
 /// A subscription whose messages are given to a callback.
-class CallbackSubscription final : public Subscription {
+class CallbackSubscription : public Subscription {
  public:
   CallbackSubscription(Topic& its_topic, Actor& its_actor, const SubscriberOptions& options,
-                       EnvelopeCallback its_callback);
+                       EnvelopeCallback its_callback, Kind its_kind = Kind::kCallback);
 
   Actor& actor;
   /// On the heap, so that it stays where it is when the subscription ends while it runs.
@@ -150,6 +153,13 @@ class Actor {
   CallbackSubscription& subscribe_again(Topic& topic, const SubscriberOptions& options,
                                         EnvelopeCallback callback);
   void end(CallbackSubscription& subscription) noexcept;
+  /// Calls `callback` with messages of `topics` that belong together; `queues` says, for each
+  /// topic, how many messages may wait before that.
+  Synchronizer& synchronize(std::span<Topic* const> topics,
+                            std::span<const SubscriberOptions> queues,
+                            const SynchronizerOptions& options, EnvelopeSetCallback callback);
+  /// Lets go of all that synchronizers hold: it counts as dropped for `reason`.
+  void drop_held(DropReason reason) noexcept;
   TimerCore& add_timer(const TimerOptions& options, TickCallback callback);
   void arm(TimerCore& timer, Time due) noexcept;
 
@@ -176,6 +186,10 @@ class Actor {
   ActorStatistics statistics;
   std::vector<View*> views;
   std::vector<CallbackSubscription*> callbacks;
+  std::vector<std::unique_ptr<Synchronizer>> synchronizers;
+
+  /// Remembers when something that was delivered was taken, for what timers publish.
+  void hold(const Origin& origin) noexcept;
 
  protected:
   /// A callback threw `what`; called in the same turn, after the activation ended.
@@ -222,7 +236,6 @@ class Actor {
   bool take(ActivationRing& ring, const Inbox::Head& head);
   void deliver(ActivationRing& ring, const Inbox::Head& head);
   void refresh_views();
-  void hold(const Origin& origin) noexcept;
   [[nodiscard]] Origin oldest_held() const noexcept;
   [[nodiscard]] TimerCore* due_timer(std::int64_t now_ns) noexcept;
   void publish_due() noexcept;

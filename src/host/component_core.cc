@@ -178,7 +178,8 @@ void ComponentCore::end_late_subscriptions() {
 bool ComponentCore::is_redeclared() const noexcept {
   return redeclared.publishers.size() == declared.publishers.size() &&
          redeclared.subscriptions.size() == declared.subscriptions.size() &&
-         redeclared.views.size() == declared.views.size();
+         redeclared.views.size() == declared.views.size() &&
+         redeclared.synchronizers.size() == declared.synchronizers.size();
 }
 
 void ComponentCore::restart(std::string_view what) {
@@ -200,6 +201,7 @@ void ComponentCore::restart(std::string_view what) {
   note_fault(std::string(what) + " (restarting)");
   destroy();
   end_late_subscriptions();
+  drop_held(DropReason::kFault);
   clear_timers();
   redeclared = {};
   is_redeclaring = true;

@@ -63,6 +63,7 @@ class ComponentCore final : public Actor {
     std::vector<PublisherCore*> publishers;
     std::vector<CallbackSubscription*> subscriptions;
     std::vector<View*> views;
+    std::vector<Synchronizer*> synchronizers;
   };
   struct NamedThread {
     std::string name;

@@ -180,6 +180,10 @@ Subscription& create_subscription(ComponentCore& core, std::string_view topic,
   if (core.is_redeclaring) {
     CallbackSubscription& subscription =
         redeclare(core.declared.subscriptions, core.redeclared.subscriptions, name);
+    if (subscription.kind != Subscription::Kind::kCallback) {
+      throw std::logic_error("a restarted component subscribes to \"" + name +
+                             "\", which it had synchronized before");
+    }
     subscription.callback = std::make_unique<EnvelopeCallback>(std::move(callback));
     core.application.reopen_subscription(core, subscription);
     return subscription;

@@ -155,8 +155,8 @@ std::string topic_text(const Application& application, const detail::Topic& topi
                  publisher->options.is_external ? "style=bold, tooltip=\"from a thread\"" : "");
   }
   for (const auto& subscription : topic.subscriptions) {
-    const bool is_callback = subscription->kind == detail::Subscription::Kind::kCallback;
-    text += edge(id, id_of_name(subscription->component), is_callback ? "" : "style=dashed");
+    text += edge(id, id_of_name(subscription->component),
+                 subscription->is_called() ? "" : "style=dashed");
   }
   return text;
 }

@@ -201,6 +201,8 @@ const char* to_word(detail::Subscription::Kind kind) {
       return "latest";
     case detail::Subscription::Kind::kHistory:
       return "history";
+    case detail::Subscription::Kind::kSynchronized:
+      return "synchronized";
     case detail::Subscription::Kind::kTap:
       return "tap";
   }

@@ -1,0 +1,100 @@
+#include "executor/synchronizer.h"
+
+#include <utility>
+
+namespace fastcycle::detail {
+
+SynchronizerInput::SynchronizerInput(Topic& its_topic, Actor& its_actor,
+                                     const SubscriberOptions& queue, Synchronizer& its_synchronizer,
+                                     std::size_t its_place)
+    : CallbackSubscription(
+          its_topic, its_actor, queue,
+          [this](Envelope& envelope, const google::protobuf::Message&) {
+            synchronizer.take(*this, envelope);
+          },
+          Kind::kSynchronized),
+      synchronizer(its_synchronizer),
+      place(its_place) {}
+
+bool SynchronizerInput::add_decided(Ledger& decided) const noexcept {
+  decided.delivered += matched.get();
+  for (std::size_t reason = 0; reason < dropped.size(); ++reason) {
+    decided.dropped[reason] += dropped[reason].get();
+  }
+  return true;
+}
+
+Synchronizer::Synchronizer(Actor& actor, std::size_t topics, const SynchronizerOptions& options,
+                           EnvelopeSetCallback callback)
+    : actor_(actor),
+      count_(topics),
+      time_(options.time),
+      callback_(std::move(callback)),
+      matcher_(topics, options) {}
+
+Synchronizer::~Synchronizer() {
+  matcher_.clear();
+  for (const SetMatcher::Departed& departed : matcher_.departed()) {
+    release(departed.envelope);
+  }
+}
+
+void Synchronizer::take(const SynchronizerInput& input, Envelope& envelope) {
+  retain(envelope);
+  const Time time =
+      time_ == SyncTime::kTaken ? envelope.info.origin.taken : envelope.info.publish_time;
+  const bool is_complete = matcher_.add(input.place, time, &envelope);
+  release_departed(DropReason::kUnmatched);
+  if (is_complete) {
+    call();
+  }
+}
+
+void Synchronizer::release_departed(DropReason reason) noexcept {
+  for (const SetMatcher::Departed& departed : matcher_.departed()) {
+    if (!departed.was_used) {
+      inputs_[departed.topic]->dropped[static_cast<std::size_t>(reason)].add();
+    }
+    release(departed.envelope);
+  }
+}
+
+void Synchronizer::drop_held(DropReason reason) noexcept {
+  matcher_.clear();
+  release_departed(reason);
+}
+
+void Synchronizer::call() {
+  /// Lets go of the set, also when the callback throws.
+  struct Set {
+    ~Set() {
+      for (std::size_t i = 0; i < count; ++i) {
+        if (!members[i].is_held) {
+          release(members[i].envelope);
+        }
+      }
+    }
+    std::array<SetMatcher::Member, SetMatcher::kMaxTopics> members;
+    std::size_t count;
+  };
+  const Set set{matcher_.set(), count_};
+  std::array<Envelope*, SetMatcher::kMaxTopics> envelopes{};
+  for (std::size_t i = 0; i < count_; ++i) {
+    const SetMatcher::Member& member = set.members[i];
+    const Origin& origin = member.envelope->info.origin;
+    envelopes[i] = member.envelope;
+    if (i == 0 || origin.taken < origin_.taken) {
+      origin_ = origin;
+    }
+    if (member.is_new) {
+      inputs_[i]->matched.add();
+      if (inputs_[i]->topic.ages()) {
+        actor_.hold(origin);
+      }
+    }
+  }
+  actor_.publishing.origin = &origin_;
+  callback_({envelopes.data(), count_});
+}
+
+}  // namespace fastcycle::detail

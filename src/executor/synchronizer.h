@@ -1,0 +1,73 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "broker/topics.h"
+#include "executor/actor.h"
+#include "executor/set_matcher.h"
+
+namespace fastcycle::detail {
+
+/// A subscription whose messages a synchronizer holds until others that belong to them have come.
+///
+/// Its ledger counts as delivered what was given to the synchronizer's callback; what is held
+/// counts as queued, and what found no partner as dropped.
+class SynchronizerInput final : public CallbackSubscription {
+ public:
+  SynchronizerInput(Topic& its_topic, Actor& its_actor, const SubscriberOptions& queue,
+                    Synchronizer& its_synchronizer, std::size_t its_place);
+
+  Synchronizer& synchronizer;
+  const std::size_t place;  ///< Among the inputs of the synchronizer.
+
+  // Written by the component's worker; by the control thread before and after the run.
+  Counter matched;
+  std::array<Counter, static_cast<std::size_t>(DropReason::kCount)> dropped;
+
+ protected:
+  bool add_decided(Ledger& decided) const noexcept override;
+};
+
+/// Calls a component with messages of several topics that belong together. Each message that
+/// arrives is an activation; in that of the last member of a set the component is called, with the
+/// oldest origin of the set.
+///
+/// @threads  As `Actor`.
+class Synchronizer {
+ public:
+  Synchronizer(Actor& actor, std::size_t topics, const SynchronizerOptions& options,
+               EnvelopeSetCallback callback);
+  Synchronizer(const Synchronizer&) = delete;
+  Synchronizer& operator=(const Synchronizer&) = delete;
+  ~Synchronizer();
+
+  /// The next input, in the order of the topics.
+  void connect(SynchronizerInput& input) noexcept { inputs_[input.place] = &input; }
+
+  /// A message arrived.
+  void take(const SynchronizerInput& input, Envelope& envelope);
+
+  /// Lets go of all that is held, and counts it as dropped for `reason`.
+  void drop_held(DropReason reason) noexcept;
+
+  /// What a restarted component calls from now on. @pre Nothing is held.
+  void set_callback(EnvelopeSetCallback callback) { callback_ = std::move(callback); }
+
+  [[nodiscard]] const SynchronizerInput& input(std::size_t place) const { return *inputs_[place]; }
+  [[nodiscard]] std::size_t input_count() const noexcept { return count_; }
+
+ private:
+  void release_departed(DropReason reason) noexcept;
+  void call();
+
+  Actor& actor_;
+  const std::size_t count_;
+  const SyncTime time_;
+  EnvelopeSetCallback callback_;
+  SetMatcher matcher_;
+  std::array<SynchronizerInput*, SetMatcher::kMaxTopics> inputs_{};
+  Origin origin_;  ///< Of the set that was called last.
+};
+
+}  // namespace fastcycle::detail
