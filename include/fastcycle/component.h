@@ -20,6 +20,7 @@
 #include "fastcycle/message.h"
 #include "fastcycle/params.h"
 #include "fastcycle/publisher.h"
+#include "fastcycle/qos.h"
 #include "fastcycle/sample.h"
 #include "fastcycle/subscriber.h"
 #include "fastcycle/time.h"
@@ -46,6 +47,11 @@ struct PublisherOptions {
   /// Sizes every message of the pool when the topic is connected, so that the first publishes fault
   /// no page and allocate nothing.
   std::optional<T> prototype = {};
+  /// Longest time between two messages that this publisher promises: each time that it is over is
+  /// an event of its own component, and counted.
+  std::optional<Duration> deadline = {};
+  /// Called with the events of this publisher.
+  QosCallback on_event = {};
 };
 
 namespace detail {
@@ -86,6 +92,9 @@ Subscription& create_subscription(ComponentCore& core, std::string_view topic,
 View& create_view(ComponentCore& core, std::string_view topic,
                   const google::protobuf::Message& default_instance, std::size_t depth,
                   std::optional<Duration> span);
+/// Looks after the deadline that the code, or the application file, gives to `publisher`.
+void watch_publisher(ComponentCore& core, PublisherCore& publisher, std::string_view topic,
+                     std::optional<Duration> deadline, const QosCallback& on_event);
 TimerCore& create_timer(ComponentCore& core, const TimerOptions& options, TickCallback callback);
 
 template <typename F>
@@ -444,17 +453,20 @@ Param<T> Context::param(std::string_view name, ParamOptions<T> options) {
 
 template <Message T>
 Publisher<T> Context::create_publisher(std::string_view topic, const PublisherOptions<T>& options) {
-  return Publisher<T>(detail::create_publisher(core_, topic, T::default_instance(),
-                                               options.prototype ? &*options.prototype : nullptr,
-                                               false));
+  detail::PublisherCore& publisher =
+      detail::create_publisher(core_, topic, T::default_instance(),
+                               options.prototype ? &*options.prototype : nullptr, false);
+  detail::watch_publisher(core_, publisher, topic, options.deadline, options.on_event);
+  return Publisher<T>(publisher);
 }
 
 template <Message T>
 ExternalPublisher<T> Context::create_external_publisher(std::string_view topic,
                                                         const PublisherOptions<T>& options) {
-  return ExternalPublisher<T>(
-      detail::create_publisher(core_, topic, T::default_instance(),
-                               options.prototype ? &*options.prototype : nullptr, true));
+  detail::PublisherCore& publisher = detail::create_publisher(
+      core_, topic, T::default_instance(), options.prototype ? &*options.prototype : nullptr, true);
+  detail::watch_publisher(core_, publisher, topic, options.deadline, options.on_event);
+  return ExternalPublisher<T>(publisher);
 }
 
 template <Message T, MessageCallback<T> F>

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "fastcycle/message.h"
+#include "fastcycle/qos.h"
 #include "fastcycle/sample.h"
 
 namespace fastcycle {
@@ -23,6 +24,20 @@ struct SubscriberOptions {
       {};  ///< Messages that may wait, per publisher; 16 unless given.
   std::optional<Overflow> overflow = {};  ///< `kDropOldest` unless given.
   std::size_t keep = 0;  ///< Samples that the component holds beyond its callbacks.
+
+  /// How many of the messages that a latched topic keeps it is given first when it subscribes while
+  /// publishers run, per publisher: all unless given, at most `depth`, and none with 0.
+  std::optional<std::size_t> history = {};
+  /// Longest time between two messages of the topic, whoever published them; each time that it is
+  /// over is an event and counted.
+  std::optional<Duration> deadline = {};
+  /// Messages that are older when their callback would start are `dropped{expired}`; the topic's,
+  /// if that is shorter.
+  std::optional<Duration> lifespan = {};
+  /// Longest time between two messages of each publisher: who is silent for longer is lost.
+  std::optional<Duration> liveliness = {};
+  /// Called with what becomes of all this, and with publishers that fail, stop and come back.
+  QosCallback on_event = {};
 };
 
 namespace detail {

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 
 #include "fastcycle/detail/envelope.h"
@@ -60,12 +61,16 @@ class Counter {
 /// @realtime No allocation, no lock, no loop over messages.
 class Lane {
  public:
+  static constexpr std::uint16_t kWholeHistory = 0xffff;
+
   struct Options {
     std::size_t depth = 16;
     Overflow overflow = Overflow::kDropOldest;
-    bool is_view = false;      ///< Causes no activation.
-    bool is_external = false;  ///< Fed by a thread that is not FastCycle's.
-    bool ages = true;          ///< Counts for the origin of what timers publish.
+    bool is_view = false;                   ///< Causes no activation.
+    bool is_external = false;               ///< Fed by a thread that is not FastCycle's.
+    bool ages = true;                       ///< Counts for the origin of what timers publish.
+    bool is_judged = false;                 ///< Each message is looked at before it is delivered.
+    std::uint16_t history = kWholeHistory;  ///< Latched messages that are given to it.
   };
 
   /// A message in the lane, with what its receiver must know before its callback: the envelope
@@ -181,6 +186,14 @@ class Lane {
     const std::uint64_t head = head_.load(std::memory_order_acquire);
     const std::uint64_t tail = tail_.load(std::memory_order_acquire);
     return tail > head ? tail - head : 0;
+  }
+
+  /// When the newest message that was pushed was published, in nanoseconds; the smallest time if
+  /// there was none. For who only looks on.
+  [[nodiscard]] std::int64_t newest_ns() const noexcept {
+    const std::uint64_t tail = tail_.load(std::memory_order_acquire);
+    return tail == 0 ? std::numeric_limits<std::int64_t>::min()
+                     : slots_[(tail - 1) & mask_].time_ns.load(std::memory_order_acquire);
   }
 
   // Constant after construction.

@@ -113,6 +113,21 @@ std::size_t held_by(const Lane& lane) noexcept {
 
 }  // namespace
 
+/// How many of the last messages a new lane gets: what its subscriber asks for, and no more than it
+/// has room for, whatever a full queue would drop.
+std::size_t PublisherCore::count_latched_for(const Lane& lane) const noexcept {
+  std::size_t count = std::min(
+      {latched_.size(), lane.options.depth, static_cast<std::size_t>(lane.options.history)});
+  if (options.lifespan) {
+    const Time now = owner.clock->now();
+    while (count > 0 &&
+           now - latched_[latched_.size() - count]->info.publish_time > *options.lifespan) {
+      --count;
+    }
+  }
+  return count;
+}
+
 void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
   needed_ += held_by(*lane);
   if (needed_ > provided_) {
@@ -120,9 +135,10 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
     provided_ = needed_;
   }
   const std::uint64_t bit = lane->options.is_view ? 0 : std::uint64_t{1} << lane->bit;
-  for (Envelope* envelope : latched_) {
-    retain(*envelope);
-    if (Envelope* displaced = lane->push(envelope)) {
+  const std::size_t given = count_latched_for(*lane);
+  for (std::size_t i = latched_.size() - given; i < latched_.size(); ++i) {
+    retain(*latched_[i]);
+    if (Envelope* displaced = lane->push(latched_[i])) {
       release(displaced);
     }
   }
@@ -130,7 +146,7 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
   if (lane->is_closed()) {
     lane->dropped_after_close.add(lane->drain());
   }
-  if (!latched_.empty() && bit != 0 && inbox.mark(bit)) {
+  if (given > 0 && bit != 0 && inbox.mark(bit)) {
     inbox.queue().wake();
   }
 }
@@ -209,6 +225,14 @@ void PublisherCore::number(Envelope& envelope, const Origin& origin, Time now) n
   if (envelope.info.sequence == 1) {
     first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
   }
+}
+
+Time PublisherCore::read_last_publish_time() noexcept {
+  if (!options.is_external) {
+    return last_publish_time_;
+  }
+  const std::lock_guard lock(mutex_);
+  return last_publish_time_;
 }
 
 void PublisherCore::send(Envelope* envelope, Stage* stage) noexcept {

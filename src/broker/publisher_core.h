@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -74,6 +75,7 @@ class PublisherCore {
     std::size_t keep = 0;      ///< Messages that components hold on purpose.
     std::size_t pool_max = 0;  ///< Messages ever made; 0: twice what the subscribers need, plus 64.
     std::size_t latched = 0;   ///< Messages kept for those who connect later.
+    std::optional<Duration> lifespan = {};  ///< What is older is not given to them.
   };
 
   PublisherCore(Topic& topic, PublishingComponent& owner, PublisherId id,
@@ -124,6 +126,10 @@ class PublisherCore {
     return prototype_ == nullptr ? 0 : prototype_->SpaceUsedLong();
   }
 
+  /// When it published last; the epoch if it never did. As `publish`; of an external publisher it
+  /// takes the mutex.
+  [[nodiscard]] Time read_last_publish_time() noexcept;
+
   [[nodiscard]] std::uint64_t published() const noexcept { return published_.get(); }
   [[nodiscard]] std::uint64_t allocated() const noexcept { return pool_->size(); }
   /// CLOCK_MONOTONIC of the first publish; 0 if there was none.
@@ -146,6 +152,7 @@ class PublisherCore {
   void drop_scratch(Envelope* scratch) noexcept;
   void drop_outside(Envelope* loan) noexcept;
   void keep_latched(Envelope* envelope) noexcept;
+  [[nodiscard]] std::size_t count_latched_for(const Lane& lane) const noexcept;
 
   const std::unique_ptr<google::protobuf::Message> prototype_;
   Pool* const pool_;

@@ -5,6 +5,8 @@
 #include <utility>
 
 #include "broker/inbox.h"
+#include "broker/quality.h"
+#include "broker/topics.h"
 #include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
@@ -47,20 +49,32 @@ Subscription::Subscription(Topic& topic_, Inbox& inbox_, std::string component_,
       kind(kind_),
       depth(options.depth.value_or(kDefaultDepth)),
       overflow(options.overflow.value_or(Overflow::kDropOldest)),
-      keep(options.keep) {
+      keep(options.keep),
+      quality(kind_ != Kind::kTap && Quality::is_asked_for(topic_, options)
+                  ? std::make_unique<Quality>(topic_, options)
+                  : nullptr) {
+  set_history(options);
   FASTCYCLE_ASSERT(depth > 0, "at least one message may wait for a subscription");
 }
 
 Subscription::~Subscription() = default;
 
+void Subscription::set_history(const SubscriberOptions& options) noexcept {
+  history = static_cast<std::uint16_t>(
+      std::min<std::size_t>(options.history.value_or(Lane::kWholeHistory), Lane::kWholeHistory));
+}
+
 std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_external, bool ages) {
   const std::lock_guard lock(mutex_);
-  auto lane = std::make_shared<Lane>(*this, publisher, inbox.next_bit(),
-                                     Lane::Options{.depth = depth,
-                                                   .overflow = overflow,
-                                                   .is_view = !is_called(),
-                                                   .is_external = is_external,
-                                                   .ages = ages});
+  auto lane =
+      std::make_shared<Lane>(*this, publisher, inbox.next_bit(),
+                             Lane::Options{.depth = depth,
+                                           .overflow = overflow,
+                                           .is_view = !is_called(),
+                                           .is_external = is_external,
+                                           .ages = ages,
+                                           .is_judged = quality != nullptr && quality->is_judging(),
+                                           .history = history});
   // Lanes that both ends have left only count from now on.
   std::erase_if(lanes_, [this](const std::shared_ptr<Lane>& old) {
     const bool is_done = old->is_left_by_publisher.load() && old->is_left_by_receiver.load();
@@ -70,6 +84,9 @@ std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_exte
     return is_done;
   });
   lanes_.push_back(lane);
+  if (quality != nullptr) {
+    quality->add(lane);
+  }
   return lane;
 }
 
@@ -131,6 +148,9 @@ Ledger Subscription::ledger() const {
     }
     if (is_put_aside) {
       put_aside(ledger, decided);
+    }
+    if (quality != nullptr) {
+      ledger.dropped[static_cast<std::size_t>(DropReason::kExpired)] += quality->expired.get();
     }
     if (ledger.adds_up()) {
       break;

@@ -12,6 +12,7 @@
 
 namespace fastcycle::detail {
 
+class Quality;
 class Topic;
 
 /// The loss ledger of one subscription:
@@ -58,6 +59,9 @@ class Subscription {
   /// Makes the lane for one more publisher, known to both ends.
   std::shared_ptr<Lane> add_lane(PublisherId publisher, bool is_external, bool ages);
 
+  /// How many of a topic's latched messages it asks for, from now on.
+  void set_history(const SubscriberOptions& options) noexcept;
+
   /// The lanes that there are now.
   [[nodiscard]] std::vector<std::shared_ptr<Lane>> lanes() const;
 
@@ -76,6 +80,11 @@ class Subscription {
   const std::size_t depth;
   const Overflow overflow;
   const std::size_t keep;
+  /// What it asks for beyond these; null, as for most, if nothing. Constant after construction.
+  const std::unique_ptr<Quality> quality;
+
+  /// Of latched messages, for lanes that are made from now on. As the vector of lanes.
+  std::uint16_t history = Lane::kWholeHistory;
 
   /// Whether its messages cause activations.
   [[nodiscard]] bool is_called() const noexcept {

@@ -63,7 +63,8 @@ PublisherCore& Topics::add_publisher(const std::string& name, PublishingComponen
       PublisherCore::Options{.is_external = is_external,
                              .keep = topic.options.keep,
                              .pool_max = topic.options.pool_max,
-                             .latched = topic.options.latched}));
+                             .latched = topic.options.latched,
+                             .lifespan = topic.options.lifespan}));
   return *topic.publishers.back();
 }
 

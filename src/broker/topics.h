@@ -19,6 +19,7 @@ struct TopicOptions {
   std::size_t keep = 0;
   std::size_t pool_max = 0;
   bool multiple_publishers = false;
+  std::optional<Duration> lifespan = {};  ///< Older messages are not delivered.
 };
 
 /// Who is told when a queue is full.

@@ -66,6 +66,12 @@ std::optional<std::chrono::nanoseconds> find_ms(const Value& object, std::string
   return find_time(object, key, std::chrono::milliseconds(1));
 }
 
+/// A time above zero; the schema tells of others.
+std::optional<std::chrono::nanoseconds> find_span(const Value& object, std::string_view key) {
+  const auto span = find_ms(object, key);
+  return span && span->count() > 0 ? span : std::nullopt;
+}
+
 std::optional<std::chrono::nanoseconds> find_s(const Value& object, std::string_view key) {
   return find_time(object, key, std::chrono::seconds(1));
 }
@@ -101,6 +107,7 @@ TopicDescription describe_topic(const std::string& name, const Value& value) {
   read_bool(value, "ages", topic.ages);
   read_bool(value, "multiple_publishers", topic.multiple_publishers);
   read_size(value, "pool_max", topic.pool_max);
+  topic.lifespan = find_span(value, "lifespan_ms");
   return topic;
 }
 
@@ -108,6 +115,10 @@ SubscriberDescription describe_subscriber(const Value& value) {
   SubscriberDescription subscriber;
   subscriber.place = value.place();
   read_size(value, "depth", subscriber.depth);
+  read_size(value, "history", subscriber.history);
+  subscriber.deadline = find_span(value, "deadline_ms");
+  subscriber.lifespan = find_span(value, "lifespan_ms");
+  subscriber.liveliness = find_span(value, "liveliness_ms");
   subscriber.overflow =
       find_word(value, "overflow", std::array{Overflow::kDropOldest, Overflow::kDropNewest});
   return subscriber;
@@ -117,6 +128,7 @@ PublisherDescription describe_publisher(const Value& value) {
   PublisherDescription publisher;
   publisher.place = value.place();
   read_size(value, "keep", publisher.keep);
+  publisher.deadline = find_span(value, "deadline_ms");
   return publisher;
 }
 

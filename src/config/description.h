@@ -89,6 +89,7 @@ struct TopicDescription {
   std::optional<std::size_t> pool_max;  ///< Messages that the pool may have at most.
   std::size_t keep = 0;                 ///< Samples that components retain.
   bool multiple_publishers = false;
+  std::optional<std::chrono::nanoseconds> lifespan;  ///< Older messages are not delivered.
   Place place;
 };
 
@@ -96,12 +97,17 @@ struct TopicDescription {
 struct SubscriberDescription {
   std::optional<std::size_t> depth;  ///< 1 to 65536, per publisher.
   std::optional<Overflow> overflow;
+  std::optional<std::size_t> history;  ///< Latched messages that it is given, 0 to 1024.
+  std::optional<std::chrono::nanoseconds> deadline;
+  std::optional<std::chrono::nanoseconds> lifespan;
+  std::optional<std::chrono::nanoseconds> liveliness;
   Place place;
 };
 
 /// What the application says about one publisher of a component; unset: what the code says.
 struct PublisherDescription {
   std::optional<std::size_t> keep;  ///< Samples of this publisher that components retain.
+  std::optional<std::chrono::nanoseconds> deadline;  ///< That it promises.
   Place place;
 };
 

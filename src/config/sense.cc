@@ -2,6 +2,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "config/describe.h"
@@ -198,6 +199,23 @@ class Sense {
   void check_ends(const ComponentDescription& component) {
     check_topics_are_different(component, component.subscribers);
     check_topics_are_different(component, component.publishers);
+    for (const auto& [name, subscriber] : component.subscribers) {
+      check_history(component, name, subscriber);
+    }
+  }
+
+  void check_history(const ComponentDescription& component, const std::string& name,
+                     const SubscriberDescription& subscriber) {
+    const std::string topic = resolve_topic(component, name);
+    const auto found = std::ranges::find(application_.topics, topic, &TopicDescription::name);
+    const int latched = found == application_.topics.end() ? 0 : found->latched;
+    if (subscriber.history && std::cmp_greater(*subscriber.history, latched)) {
+      add(subscriber.place, "",
+          "a \"history\" of " + std::to_string(*subscriber.history) + ", but the topic " +
+              in_quotes(topic) +
+              (latched == 0 ? " is not latched" : " keeps only " + std::to_string(latched)),
+          "set \"latched\" under \"topics\"");
+    }
   }
 
   template <typename End>

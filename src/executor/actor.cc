@@ -14,8 +14,8 @@ namespace {
 constexpr int kTurnActivations = 16;
 constexpr std::int64_t kTurnNs = 1'000'000;
 
-SubscriberOptions view_options(std::size_t depth) {
-  return {.depth = depth, .overflow = Overflow::kDropOldest, .keep = depth};
+SubscriberOptions view_options(std::size_t depth, std::optional<Duration> lifespan) {
+  return {.depth = depth, .overflow = Overflow::kDropOldest, .keep = depth, .lifespan = lifespan};
 }
 
 }  // namespace
@@ -28,8 +28,9 @@ CallbackSubscription::CallbackSubscription(Topic& its_topic, Actor& its_actor,
       callback(std::make_unique<EnvelopeCallback>(std::move(its_callback))) {}
 
 View::View(Topic& its_topic, Actor& its_actor, Kind its_kind, std::size_t its_depth,
-           std::optional<Duration> its_span)
-    : Subscription(its_topic, its_actor.inbox, its_actor.name, its_kind, view_options(its_depth)),
+           std::optional<Duration> its_span, std::optional<Duration> its_lifespan)
+    : Subscription(its_topic, its_actor.inbox, its_actor.name, its_kind,
+                   view_options(its_depth, its_lifespan)),
       actor(its_actor),
       span(its_span) {
   held.reserve(depth + 1);
@@ -54,7 +55,12 @@ void View::insert(Envelope* envelope) {
 }
 
 void View::forget_old(Time now) noexcept {
-  while (span && !held.empty() && held.front()->info.publish_time < now - *span) {
+  const auto is_old = [&](const Envelope& envelope) {
+    const Time published = envelope.info.publish_time;
+    return (span && published < now - *span) ||
+           (quality != nullptr && quality->is_expired(base::to_ns(published), base::to_ns(now)));
+  };
+  while (!held.empty() && is_old(*held.front())) {
     release(held.front());
     held.erase(held.begin());
   }
@@ -148,6 +154,12 @@ void Actor::refresh_views() {
     Lane::Head head;
     while (lane->peek(head)) {
       if (lane->pop(head)) {
+        if (view.quality != nullptr &&
+            view.quality->is_expired(head.time_ns, base::to_ns(publishing.now))) {
+          view.quality->expired.add();
+          release(head.envelope);
+          continue;
+        }
         lane->delivered.add();
         if (lane->options.ages) {
           hold(head.envelope->info.origin);
@@ -247,6 +259,53 @@ void Actor::tick(ActivationRing& ring, TimerCore& timer) {
       [&] { return timer.label + " threw: "; });
 }
 
+void Actor::look(ActivationRing& ring, TimerCore& timer) {
+  const Watch& its_watch = *timer.watch;
+  const auto event = timer.watch->look(base::to_ns(clock.at_monotonic(read_ns_)));
+  // Before the callback, which may end the subscription.
+  timer.due_ns = its_watch.next_look_ns();
+  timer.armed_in_turn = turn_;
+  if (event) {
+    tell(ring, its_watch, *event);
+  }
+}
+
+void Actor::tell(ActivationRing& ring, const Watch& its_watch, const QosEvent& event) {
+  const auto callback = its_watch.callback();
+  if (callback == nullptr) {
+    return;
+  }
+  ActivationRecord record;
+  record.cause = Cause::kEvent;
+  record.key = event.count;
+  record.time_ns = base::to_ns(clock.at_monotonic(read_ns_));
+  activate(
+      ring, record, oldest_held(), [&] { (*callback)(event); },
+      [&] { return "its callback for events of \"" + std::string(event.topic) + "\" threw: "; });
+}
+
+bool Actor::judge(ActivationRing& ring, const Inbox::Head& head) {
+  Quality& quality = *head.lane->subscription.quality;
+  const Time now = std::max(clock.at_monotonic(read_ns_), base::from_ns(head.head.time_ns));
+  QosEvent event;
+  const auto verdict = quality.judge(*head.lane, head.head, base::to_ns(now), event);
+  if (verdict == Quality::Verdict::kTell) {
+    tell(ring, quality, event);
+    return false;
+  }
+  if (!Inbox::pop(head)) {
+    return false;
+  }
+  quality.took(*head.lane, head.head);
+  if (verdict == Quality::Verdict::kDeliver || head.lane->is_closed()) {
+    return true;
+  }
+  quality.expired.add();
+  release(head.head.envelope);
+  tell(ring, quality, event);
+  return false;
+}
+
 void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   Lane& lane = *head.lane;
   Envelope& envelope = *head.head.envelope;
@@ -289,7 +348,7 @@ bool Actor::run_next(ActivationRing& ring) {
     // In simulated time the ticks of a round come first.
     if (timer != nullptr &&
         (!has_message || clock.is_simulated() || timer->due_ns <= head.head.time_ns)) {
-      tick(ring, *timer);
+      timer->watch == nullptr ? tick(ring, *timer) : look(ring, *timer);
       return true;
     }
     if (!has_message) {
@@ -302,7 +361,7 @@ bool Actor::run_next(ActivationRing& ring) {
 }
 
 bool Actor::take(ActivationRing& ring, const Inbox::Head& head) {
-  if (!Inbox::pop(head)) {
+  if (head.lane->options.is_judged ? !judge(ring, head) : !Inbox::pop(head)) {
     return false;
   }
   if (head.lane->is_closed()) {
@@ -319,6 +378,9 @@ bool Actor::run_early(ActivationRing& ring, std::int64_t now_ns) {
   Inbox::Head head;
   if (!inbox.peek_early(head) || !is_open() || has_controls_.load(std::memory_order_seq_cst)) {
     return false;
+  }
+  if (head.lane->options.is_judged) {
+    return false;  // In a turn, where more than one thing may come of it.
   }
   read_ns_ = now_ns;
   if (!timers_.empty()) {
@@ -413,9 +475,17 @@ void Actor::hand_over_stage() {
 }
 
 void Actor::start_timers(Time start) {
+  for (CallbackSubscription* subscription : callbacks) {
+    if (!subscription->is_ended && subscription->watch_timer == nullptr) {
+      watch(*subscription);
+    }
+  }
   for (const auto& timer : timers_) {
     if (timer->is_periodic()) {
       timer->due_ns = base::to_ns(start + timer->options.phase + timer->options.period);
+    } else if (timer->watch != nullptr) {
+      timer->watch->begin(base::to_ns(start));
+      timer->due_ns = timer->watch->next_look_ns();
     }
   }
 }
@@ -424,6 +494,13 @@ void Actor::cancel_timers() noexcept {
   for (const auto& timer : timers_) {
     timer->due_ns = base::kNever;
   }
+}
+
+void Actor::clear_timers() noexcept {
+  for (CallbackSubscription* subscription : callbacks) {
+    subscription->watch_timer = nullptr;
+  }
+  timers_.clear();
 }
 
 void Actor::publish_due() noexcept {
@@ -482,6 +559,7 @@ CallbackSubscription& Actor::subscribe(Topic& topic, const SubscriberOptions& op
   topic.subscriptions.push_back(std::move(subscription));
   callbacks.push_back(&result);
   publishing.has_subscribers = true;
+  watch(result);
   return result;
 }
 
@@ -491,20 +569,32 @@ CallbackSubscription& Actor::subscribe_again(Topic& topic, const SubscriberOptio
     if (old->is_ended && &old->topic == &topic &&
         old->depth == options.depth.value_or(Subscription::kDefaultDepth) &&
         old->overflow == options.overflow.value_or(Overflow::kDropOldest) &&
-        old->keep == options.keep) {
+        old->keep == options.keep &&
+        (old->quality != nullptr) == Quality::is_asked_for(topic, options)) {
       old->callback = std::make_unique<EnvelopeCallback>(std::move(callback));
       old->is_ended = false;
+      old->set_history(options);
+      if (old->quality != nullptr) {
+        old->quality->set(options);
+        watch(*old);
+      }
       return *old;
     }
   }
   return subscribe(topic, options, std::move(callback));
 }
 
-void Actor::end(CallbackSubscription& subscription) noexcept {
+void Actor::end(CallbackSubscription& subscription, DropReason reason) noexcept {
   if (std::exchange(subscription.is_ended, true)) {
     return;
   }
-  subscription.close(DropReason::kUnsubscribed);
+  subscription.close(reason);
+  if (subscription.quality != nullptr) {
+    subscription.quality->end();
+  }
+  if (subscription.watch_timer != nullptr) {
+    subscription.watch_timer->due_ns = base::kNever;
+  }
   dying_.push_back(std::move(subscription.callback));
 }
 
@@ -512,6 +602,28 @@ TimerCore& Actor::add_timer(const TimerOptions& options, TickCallback callback) 
   timers_.push_back(
       std::make_unique<TimerCore>(*this, timers_.size(), options, std::move(callback)));
   return *timers_.back();
+}
+
+TimerCore& Actor::add_watch(Watch& its_watch) {
+  TimerCore& timer = add_timer({}, {});
+  timer.watch = &its_watch;
+  if (publishing.is_in_activation) {
+    its_watch.begin(base::to_ns(publishing.now));
+    timer.due_ns = its_watch.next_look_ns();
+  }
+  return timer;
+}
+
+void Actor::watch(CallbackSubscription& subscription) {
+  if (subscription.quality == nullptr || !subscription.quality->is_timed()) {
+    return;
+  }
+  if (subscription.watch_timer == nullptr) {
+    subscription.watch_timer = &add_watch(*subscription.quality);
+  } else {
+    subscription.quality->begin(base::to_ns(publishing.now));
+    subscription.watch_timer->due_ns = subscription.quality->next_look_ns();
+  }
 }
 
 void Actor::arm(TimerCore& timer, Time due) noexcept {

@@ -14,6 +14,7 @@
 #include "base/clock.h"
 #include "base/histogram.h"
 #include "broker/publisher_core.h"
+#include "broker/quality.h"
 #include "broker/subscription.h"
 #include "executor/activation_ring.h"
 #include "fastcycle/component.h"
@@ -23,6 +24,7 @@ namespace fastcycle::detail {
 
 class Actor;
 class Synchronizer;
+class TimerCore;
 
 /// A subscription whose messages are given to a callback.
 class CallbackSubscription : public Subscription {
@@ -33,6 +35,7 @@ class CallbackSubscription : public Subscription {
   Actor& actor;
   /// On the heap, so that it stays where it is when the subscription ends while it runs.
   std::unique_ptr<EnvelopeCallback> callback;
+  TimerCore* watch_timer = nullptr;  ///< Of its quality of service; none if it needs none.
   bool is_ended = false;
 };
 
@@ -40,12 +43,12 @@ class CallbackSubscription : public Subscription {
 class View final : public Subscription {
  public:
   View(Topic& its_topic, Actor& its_actor, Kind its_kind, std::size_t its_depth,
-       std::optional<Duration> its_span);
+       std::optional<Duration> its_span, std::optional<Duration> its_lifespan = {});
   ~View() override;
 
   /// Takes over `envelope` and its reference; the oldest gives way.
   void insert(Envelope* envelope);
-  /// Lets go of what is older than the span.
+  /// Lets go of what is older than the span, or than its lifespan.
   void forget_old(Time now) noexcept;
   void clear() noexcept;
 
@@ -71,6 +74,7 @@ class TimerCore {
   const TimerOptions options;
   TickCallback callback;
   std::string label = "a timer";       ///< In words, for faults.
+  Watch* watch = nullptr;              ///< Then there is an activation only if it has an event.
   std::int64_t due_ns = base::kNever;  ///< On the application's clock.
   std::uint64_t armed_in_turn = 0;     ///< In simulated time a timer fires once a round.
 };
@@ -141,7 +145,7 @@ class Actor {
   void start_timers(Time start);
   void cancel_timers() noexcept;
   /// Forgets all timers: what a restarted component declares again.
-  void clear_timers() noexcept { timers_.clear(); }
+  void clear_timers() noexcept;
 
   /// Closes all subscriptions: what waits and still comes is dropped for `reason`.
   void close(DropReason reason) noexcept;
@@ -152,7 +156,8 @@ class Actor {
   /// component that subscribes again and again keeps one ledger.
   CallbackSubscription& subscribe_again(Topic& topic, const SubscriberOptions& options,
                                         EnvelopeCallback callback);
-  void end(CallbackSubscription& subscription) noexcept;
+  void end(CallbackSubscription& subscription,
+           DropReason reason = DropReason::kUnsubscribed) noexcept;
   /// Calls `callback` with messages of `topics` that belong together; `queues` says, for each
   /// topic, how many messages may wait before that.
   Synchronizer& synchronize(std::span<Topic* const> topics,
@@ -161,6 +166,11 @@ class Actor {
   /// Lets go of all that synchronizers hold: it counts as dropped for `reason`.
   void drop_held(DropReason reason) noexcept;
   TimerCore& add_timer(const TimerOptions& options, TickCallback callback);
+  /// A timer that looks after `watch`, which must outlive it; from now on in an activation, else
+  /// from the start of the timers on.
+  TimerCore& add_watch(Watch& watch);
+  /// Looks after the quality of service of `subscription`, if it asks for one.
+  void watch(CallbackSubscription& subscription);
   void arm(TimerCore& timer, Time due) noexcept;
 
   /// Asks the world whether the component has nothing to do: for the end of a run.
@@ -232,6 +242,11 @@ class Actor {
   bool run_next(ActivationRing& ring);
   void put_in_front(Control control);
   void tick(ActivationRing& ring, TimerCore& timer);
+  /// Looks whether `timer`'s watch has something to tell.
+  void look(ActivationRing& ring, TimerCore& timer);
+  void tell(ActivationRing& ring, const Watch& watch, const QosEvent& event);
+  /// Takes what `peek` found, if it is to be delivered now; tells what there is to tell of it.
+  bool judge(ActivationRing& ring, const Inbox::Head& head);
   /// Serves what `peek` found; false if it is gone.
   bool take(ActivationRing& ring, const Inbox::Head& head);
   void deliver(ActivationRing& ring, const Inbox::Head& head);

@@ -7,6 +7,8 @@
 #include <set>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "base/memory.h"
 #include "config/nearest.h"
 #include "config/params.h"
@@ -126,7 +128,8 @@ Application::Application(config::ApplicationDescription description, const Clock
                                      .ages = topic.ages,
                                      .keep = topic.keep,
                                      .pool_max = topic.pool_max.value_or(0),
-                                     .multiple_publishers = topic.multiple_publishers});
+                                     .multiple_publishers = topic.multiple_publishers,
+                                     .lifespan = topic.lifespan});
   }
 }
 
@@ -208,6 +211,7 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
       config::check_shared(description_.shared_params, declared, problems);
     }
     add_conflicts(problems);
+    add_quality_conflicts(problems);
     if (const auto& record = recorded_ ? recorded_ : description_.record) {
       check_patterns(*record, topics_, problems);
     }
@@ -234,15 +238,45 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   is_built_ = !problems.has_errors();
 }
 
-void Application::add_conflicts(config::Problems& problems) const {
-  const auto place_of = [&](const std::string& name) {
-    for (const config::ComponentDescription& component : description_.components) {
-      if (component.name == name) {
-        return component.place;
+config::Place Application::place_of(const std::string& name) const {
+  for (const config::ComponentDescription& component : description_.components) {
+    if (component.name == name) {
+      return component.place;
+    }
+  }
+  return description_.place;
+}
+
+/// What subscribers ask for and publishers do not offer: all runs, but not as it was meant.
+void Application::add_quality_conflicts(config::Problems& problems) const {
+  const auto in_ms = [](Duration span) {
+    return fmt::format("{} ms", std::chrono::duration<double, std::milli>(span).count());
+  };
+  for (const auto& component : components_) {
+    for (const auto& offered : component->offered) {
+      const detail::Topic& topic = offered->publisher.topic;
+      for (const auto& subscription : topic.subscriptions) {
+        const auto asked =
+            subscription->quality == nullptr ? std::nullopt : subscription->quality->deadline();
+        if (!asked || *asked >= offered->period()) {
+          continue;
+        }
+        config::Problem problem;
+        problem.place = place_of(subscription->component);
+        problem.expected = "at least " + in_ms(offered->period());
+        problem.found = in_ms(*asked);
+        problem.message = "component \"" + subscription->component + "\" wants a message of \"" +
+                          topic.name + "\" every " + in_ms(*asked) + ", component \"" +
+                          component->name + "\" promises one only every " +
+                          in_ms(offered->period());
+        problem.warning = true;
+        problems.add(std::move(problem));
       }
     }
-    return description_.place;
-  };
+  }
+}
+
+void Application::add_conflicts(config::Problems& problems) const {
   std::vector<std::string> published;
   for (const auto& [name, topic] : topics_.all()) {
     if (!topic->publishers.empty()) {
@@ -617,11 +651,12 @@ void Application::reopen_subscription(ComponentCore& component,
 }
 
 void Application::end_subscription(ComponentCore& component,
-                                   detail::CallbackSubscription& subscription) noexcept {
+                                   detail::CallbackSubscription& subscription,
+                                   detail::DropReason reason) noexcept {
   if (subscription.is_ended) {
     return;
   }
-  component.end(subscription);
+  component.end(subscription, reason);
   for (const auto& lane : subscription.lanes()) {
     component.inbox.remove(*lane);
     lane->is_left_by_receiver = true;
@@ -659,6 +694,35 @@ void Application::source_finished(ComponentCore& component) {
 void Application::component_failed(ComponentCore& component) {
   if (component.is_source.load() && !component.is_source_finished.load()) {
     source_finished(component);
+  }
+}
+
+void Application::tell_liveliness(ComponentCore& component, bool is_alive,
+                                  std::string_view reason) {
+  if (!is_started_) {
+    return;
+  }
+  const std::lock_guard lock(topics_mutex_);
+  for (const detail::PublisherCore* publisher : component.declared.publishers) {
+    for (const auto& subscription : publisher->topic.subscriptions) {
+      if (subscription->kind != detail::Subscription::Kind::kCallback ||
+          subscription->quality == nullptr || !subscription->quality->has_callback()) {
+        continue;
+      }
+      auto& to = static_cast<detail::CallbackSubscription&>(*subscription);
+      auto& receiver = static_cast<ComponentCore&>(to.actor);
+      const auto tell = [&to, &receiver, id = publisher->id, is_alive, reason] {
+        if (receiver.state != ComponentCore::State::kRunning || to.is_ended) {
+          return;
+        }
+        const std::int64_t now_ns = base::to_ns(receiver.publishing.now);
+        const auto event = to.quality->hear(id, is_alive, reason, now_ns);
+        if (const auto callback = to.quality->callback(); event && callback != nullptr) {
+          (*callback)(*event);
+        }
+      };
+      receiver.post(Cause::kEvent, tell, &component);
+    }
   }
 }
 

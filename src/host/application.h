@@ -172,7 +172,11 @@ class Application {
                                                const SubscriberOptions& options,
                                                detail::EnvelopeCallback callback);
   void end_subscription(detail::ComponentCore& component,
-                        detail::CallbackSubscription& subscription) noexcept;
+                        detail::CallbackSubscription& subscription,
+                        detail::DropReason reason = detail::DropReason::kUnsubscribed) noexcept;
+  /// Tells the subscribers of all that `component` publishes that it has ended, or is back; in its
+  /// activation.
+  void tell_liveliness(detail::ComponentCore& component, bool is_alive, std::string_view reason);
   /// Connects again what had ended, for a component that is made anew.
   void reopen_subscription(detail::ComponentCore& component,
                            detail::CallbackSubscription& subscription);
@@ -201,6 +205,8 @@ class Application {
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
   void add_conflicts(config::Problems& problems) const;
+  void add_quality_conflicts(config::Problems& problems) const;
+  [[nodiscard]] config::Place place_of(const std::string& component) const;
   void run_in(detail::ComponentCore& component, detail::Cause cause, std::function<void()> body);
   void connect_late(detail::ComponentCore& component, detail::PublisherCore& publisher,
                     detail::CallbackSubscription& subscription);

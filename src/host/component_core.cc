@@ -91,7 +91,37 @@ SubscriberOptions ComponentCore::subscriber_options(std::string_view topic,
                            ? Overflow::kDropOldest
                            : Overflow::kDropNewest;
   }
+  const config::SubscriberDescription& its = found->second;
+  options.history = its.history ? its.history : options.history;
+  options.deadline = its.deadline ? its.deadline : options.deadline;
+  options.lifespan = its.lifespan ? its.lifespan : options.lifespan;
+  options.liveliness = its.liveliness ? its.liveliness : options.liveliness;
   return options;
+}
+
+void ComponentCore::redeclare_subscription(CallbackSubscription& subscription,
+                                           const SubscriberOptions& options,
+                                           EnvelopeCallback its_callback) {
+  subscription.callback = std::make_unique<EnvelopeCallback>(std::move(its_callback));
+  subscription.set_history(options);
+  if (subscription.quality != nullptr) {
+    subscription.quality->set(options);
+    watch(subscription);
+  }
+  application.reopen_subscription(*this, subscription);
+}
+
+void ComponentCore::offer(PublisherCore& publisher, Duration deadline,
+                          const QosCallback& on_event) {
+  auto found = std::ranges::find(offered, &publisher,
+                                 [](const auto& watched) { return &watched->publisher; });
+  if (found == offered.end()) {
+    found = offered.insert(found, std::make_unique<OfferedDeadline>(publisher, deadline));
+  }
+  OfferedDeadline& watched = **found;
+  watched.set_period(deadline);
+  watched.set_callback(on_event);
+  add_watch(watched);
 }
 
 void ComponentCore::destroy() {
@@ -118,6 +148,7 @@ void ComponentCore::call_stop() {
     return;
   }
   state = State::kStopped;
+  application.tell_liveliness(*this, false, "stopped");
   // What `stop` gives back nobody may use any more: no message comes after it, and no tick, not
   // even one that it arms itself.
   close(DropReason::kShutdown);
@@ -149,6 +180,7 @@ void ComponentCore::fail(std::string_view what) {
   cancel_timers();
   close(DropReason::kFault);
   application.component_failed(*this);
+  application.tell_liveliness(*this, false, "failed");
 }
 
 void ComponentCore::on_fault(std::string_view what) {
@@ -171,6 +203,17 @@ void ComponentCore::end_late_subscriptions() {
     if (std::find(declared.subscriptions.begin(), declared.subscriptions.end(), subscription) ==
         declared.subscriptions.end()) {
       application.end_subscription(*this, *subscription);
+    }
+  }
+}
+
+void ComponentCore::end_old_subscriptions() {
+  end_late_subscriptions();
+  // The new object knows nothing of what latched topics say: it is given that again.
+  for (CallbackSubscription* subscription : declared.subscriptions) {
+    if (subscription->kind == Subscription::Kind::kCallback &&
+        subscription->topic.options.latched > 0 && !subscription->is_ended) {
+      application.end_subscription(*this, *subscription, DropReason::kFault);
     }
   }
 }
@@ -199,8 +242,9 @@ void ComponentCore::restart(std::string_view what) {
   ++restarts;
   ++restart_count;
   note_fault(std::string(what) + " (restarting)");
+  application.tell_liveliness(*this, false, "failed");
   destroy();
-  end_late_subscriptions();
+  end_old_subscriptions();
   drop_held(DropReason::kFault);
   clear_timers();
   redeclared = {};
@@ -219,6 +263,7 @@ void ComponentCore::restart(std::string_view what) {
   try {
     call_start();
     start_timers(publishing.now);
+    application.tell_liveliness(*this, true, "restarted");
   } catch (const std::exception& exception) {
     fail(std::string("its start() threw when it was restarted: ") + exception.what());
   } catch (...) {

@@ -65,6 +65,13 @@ class ComponentCore final : public Actor {
     std::vector<View*> views;
     std::vector<Synchronizer*> synchronizers;
   };
+  /// Takes over what the constructor of a restarted component says of `subscription`, and connects
+  /// it again if it had ended.
+  void redeclare_subscription(CallbackSubscription& subscription, const SubscriberOptions& options,
+                              EnvelopeCallback callback);
+  /// Watches over the deadline that `publisher` offers.
+  void offer(PublisherCore& publisher, Duration deadline, const QosCallback& on_event);
+
   struct NamedThread {
     std::string name;
     std::function<void(std::stop_token)> body;
@@ -84,6 +91,7 @@ class ComponentCore final : public Actor {
   bool is_redeclaring = false;
   std::set<std::string, std::less<>> topics_in_code;
   std::vector<NamedThread> threads;
+  std::vector<std::unique_ptr<OfferedDeadline>> offered;
   std::unique_ptr<config::ParamReader> params;
   config::Problems* problems = nullptr;
   std::set<std::string> declared_params;
@@ -108,7 +116,9 @@ class ComponentCore final : public Actor {
 
  private:
   void restart(std::string_view what);
-  /// Ends what the old object subscribed to in its callbacks.
+  /// Ends the subscriptions of the old object that must not go on as they are.
+  void end_old_subscriptions();
+  /// Ends what it subscribed to in its callbacks.
   void end_late_subscriptions();
   [[nodiscard]] bool is_redeclared() const noexcept;
 };

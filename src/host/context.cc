@@ -172,6 +172,17 @@ PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
   return publisher;
 }
 
+void watch_publisher(ComponentCore& core, PublisherCore& publisher, std::string_view topic,
+                     std::optional<Duration> deadline, const QosCallback& on_event) {
+  const auto configured = core.description.publishers.find(std::string(topic));
+  if (configured != core.description.publishers.end() && configured->second.deadline) {
+    deadline = configured->second.deadline;
+  }
+  if (deadline) {
+    core.offer(publisher, *deadline, on_event);
+  }
+}
+
 Subscription& create_subscription(ComponentCore& core, std::string_view topic,
                                   const google::protobuf::Message& default_instance,
                                   const SubscriberOptions& options, EnvelopeCallback callback) {
@@ -184,8 +195,8 @@ Subscription& create_subscription(ComponentCore& core, std::string_view topic,
       throw std::logic_error("a restarted component subscribes to \"" + name +
                              "\", which it had synchronized before");
     }
-    subscription.callback = std::make_unique<EnvelopeCallback>(std::move(callback));
-    core.application.reopen_subscription(core, subscription);
+    core.redeclare_subscription(subscription, core.subscriber_options(topic, options),
+                                std::move(callback));
     return subscription;
   }
   if (core.is_constructing) {
@@ -219,7 +230,8 @@ View& create_view(ComponentCore& core, std::string_view topic,
   Topic& its_topic = core.application.topics().get(name, core.name, default_instance);
   const auto kind =
       depth == 1 && !span ? Subscription::Kind::kLatest : Subscription::Kind::kHistory;
-  auto view = std::make_unique<View>(its_topic, core, kind, depth, span);
+  auto view = std::make_unique<View>(its_topic, core, kind, depth, span,
+                                     core.subscriber_options(topic, {}).lifespan);
   View& result = *view;
   its_topic.subscriptions.push_back(std::move(view));
   core.views.push_back(&result);

@@ -120,8 +120,26 @@ TopicReport report_topic(const detail::Topic& topic, double time_s) {
                                   .depth = subscription->depth,
                                   .ledger = subscription->ledger(),
                                   .latency = subscription->latency.summary()});
+    if (const detail::Quality* quality = subscription->quality.get()) {
+      report.subscribers.back().quality = {.deadlines_missed = quality->deadlines_missed.get(),
+                                           .messages_lost = quality->messages_lost.get(),
+                                           .liveliness_lost = quality->liveliness_lost.get(),
+                                           .liveliness_gained = quality->liveliness_gained.get()};
+    }
   }
   return report;
+}
+
+void add_offered(RunReport& report, const ComponentCore& core) {
+  for (const auto& offered : core.offered) {
+    const auto topic =
+        std::ranges::find(report.topics, offered->publisher.topic.name, &TopicReport::name);
+    if (topic != report.topics.end()) {
+      topic->offered.push_back({.component = core.name,
+                                .deadline_ms = seconds(offered->period()) * 1e3,
+                                .missed = offered->missed.get()});
+    }
+  }
 }
 
 /// Adds the results of `core`; a name that is taken gets the component's name before it.
@@ -345,15 +363,22 @@ ordered_json json_of(const SubscriberReport& subscriber) {
   auto dropped = ordered_json::object();
   for_each_drop(subscriber.ledger,
                 [&](const char* reason, std::uint64_t count) { dropped[reason] = count; });
-  return {{"component", subscriber.component},
-          {"kind", to_word(subscriber.kind)},
-          {"depth", subscriber.depth},
-          {"published", subscriber.ledger.published},
-          {"delivered", subscriber.ledger.delivered},
-          {"dropped", dropped},
-          {"queued", subscriber.ledger.queued},
-          {"adds_up", subscriber.ledger.adds_up()},
-          {"latency_us", json_of(subscriber.latency)}};
+  ordered_json json = {{"component", subscriber.component},
+                       {"kind", to_word(subscriber.kind)},
+                       {"depth", subscriber.depth},
+                       {"published", subscriber.ledger.published},
+                       {"delivered", subscriber.ledger.delivered},
+                       {"dropped", dropped},
+                       {"queued", subscriber.ledger.queued},
+                       {"adds_up", subscriber.ledger.adds_up()},
+                       {"latency_us", json_of(subscriber.latency)}};
+  if (subscriber.quality) {
+    json["quality"] = {{"deadlines_missed", subscriber.quality->deadlines_missed},
+                       {"messages_lost", subscriber.quality->messages_lost},
+                       {"liveliness_lost", subscriber.quality->liveliness_lost},
+                       {"liveliness_gained", subscriber.quality->liveliness_gained}};
+  }
+  return json;
 }
 
 ordered_json json_of(const TopicReport& topic) {
@@ -361,11 +386,17 @@ ordered_json json_of(const TopicReport& topic) {
   for (const SubscriberReport& subscriber : topic.subscribers) {
     subscribers.push_back(json_of(subscriber));
   }
-  return {{"type", topic.type},
-          {"published", topic.published},
-          {"allocated", topic.allocated},
-          {"rate_hz", number(topic.rate_hz)},
-          {"subscribers", subscribers}};
+  ordered_json json = {{"type", topic.type},
+                       {"published", topic.published},
+                       {"allocated", topic.allocated},
+                       {"rate_hz", number(topic.rate_hz)},
+                       {"subscribers", subscribers}};
+  for (const OfferedReport& offered : topic.offered) {
+    json["offered"].push_back({{"component", offered.component},
+                               {"deadline_ms", number(offered.deadline_ms)},
+                               {"missed", offered.missed}});
+  }
+  return json;
 }
 
 // ---- Text ----
@@ -605,6 +636,37 @@ std::string with_ledger(const std::string& line, const detail::Ledger& ledger) {
   return line + "\n" + wrapped("      " + text, "        ");
 }
 
+/// What did not come as it was asked for; nothing if all did.
+std::string quality_text(const SubscriberReport& subscriber) {
+  if (!subscriber.quality) {
+    return {};
+  }
+  std::string text;
+  const auto add = [&](std::uint64_t count, const char* one, const char* more) {
+    if (count > 0) {
+      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, count == 1 ? one : more);
+    }
+  };
+  add(subscriber.quality->deadlines_missed, "deadline missed", "deadlines missed");
+  add(subscriber.quality->messages_lost, "message missing", "messages missing");
+  add(subscriber.quality->liveliness_lost, "time a publisher was lost",
+      "times a publisher was lost");
+  return text.empty() ? "" : wrapped("      " + text, "        ");
+}
+
+std::string offered_text(const TopicReport& topic) {
+  std::string text;
+  for (const OfferedReport& offered : topic.offered) {
+    if (offered.missed > 0) {
+      text +=
+          wrapped(fmt::format("  {} did not keep its deadline of {}: {} missed", offered.component,
+                              time_text(offered.deadline_ms * 1e6), offered.missed),
+                  "    ");
+    }
+  }
+  return text;
+}
+
 std::string topics_text(const RunReport& report) {
   Rows rows;
   rows.add({"TOPIC", "LATENCY mean", "sd", "p50", "p99", "p99.9", "max"});
@@ -618,9 +680,9 @@ std::string topics_text(const RunReport& report) {
   text += (width(text) + width(ledger) <= kColumns ? ledger : "   LEDGER") + "\n";
   std::size_t row = 1;
   for (const TopicReport& topic : report.topics) {
-    text += topic_head(topic);
+    text += topic_head(topic) + offered_text(topic);
     for (const SubscriberReport& subscriber : topic.subscribers) {
-      text += with_ledger(rows.line(row++), subscriber.ledger);
+      text += with_ledger(rows.line(row++), subscriber.ledger) + quality_text(subscriber);
     }
   }
   return text;
@@ -758,6 +820,9 @@ RunReport make_report(const Application& application, Duration wall) {
   }
   for (const auto& [name, topic] : application.topics().all()) {
     report.topics.push_back(report_topic(*topic, report.time_s));
+  }
+  for (const auto& component : application.components()) {
+    add_offered(report, *component);
   }
   if (const record::Recorder* recorder = application.recorder()) {
     RecordingReport& recording = report.recording.emplace();

@@ -39,6 +39,22 @@ struct SubscriberReport {
   std::size_t depth = 0;
   detail::Ledger ledger = {};
   base::HistogramSummary latency = {};  ///< From publish to callback, ns.
+
+  /// What became of its quality of service.
+  struct Quality {
+    std::uint64_t deadlines_missed = 0;
+    std::uint64_t messages_lost = 0;
+    std::uint64_t liveliness_lost = 0;
+    std::uint64_t liveliness_gained = 0;
+  };
+  std::optional<Quality> quality = {};  ///< None if it asked for none.
+};
+
+/// What became of the deadline that a publisher promised.
+struct OfferedReport {
+  std::string component = {};
+  double deadline_ms = 0;
+  std::uint64_t missed = 0;
 };
 
 struct TopicReport {
@@ -47,6 +63,7 @@ struct TopicReport {
   std::uint64_t published = 0;
   std::uint64_t allocated = 0;  ///< Messages that were ever made for it.
   double rate_hz = 0;           ///< Per second of the application's time.
+  std::vector<OfferedReport> offered = {};
   std::vector<SubscriberReport> subscribers = {};
 };
 

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string_view>
+
+#include "fastcycle/time.h"
+
+namespace fastcycle {
+
+/// What became of the quality of service that a subscriber, or a publisher, asked for.
+enum class QosKind : std::uint8_t {
+  kDeadlineMissed,    ///< No message was published for a whole deadline.
+  kLivelinessLost,    ///< A publisher's component has failed or stopped, or is silent.
+  kLivelinessGained,  ///< It is back.
+  kMessageExpired,    ///< A message waited longer than its lifespan.
+  kMessageLost,       ///< Messages are missing before the next one: the queue was full.
+};
+
+/// Something that a component is told about one of its subscriptions or publishers.
+struct QosEvent {
+  QosKind kind{};
+  std::string_view topic = {};      ///< Its full name.
+  std::string_view publisher = {};  ///< The publishing component; empty: any of the topic's.
+  /// Of liveliness: "failed", "stopped", "silent"; "restarted", "publishes".
+  std::string_view reason = {};
+  /// How many there were of this kind, this one included, since the subscription or the publisher
+  /// was made: periods of the deadline, messages, changes of liveliness.
+  std::uint64_t count = 0;
+  /// Of a missed deadline and of a silent publisher: when the last message was published, or when
+  /// the watch began. Of an expired message: when it was published. Else the time of the event.
+  Time since{};
+};
+
+/// What is called with the events of a subscription or a publisher: an activation of its component,
+/// as any other callback.
+using QosCallback = std::function<void(const QosEvent&)>;
+
+}  // namespace fastcycle

@@ -1,0 +1,178 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "broker/lane.h"
+#include "fastcycle/qos.h"
+#include "fastcycle/subscriber.h"
+
+namespace fastcycle::detail {
+
+class PublisherCore;
+class Topic;
+
+/// What is looked at when a time is over, and leads to an event only if something did not happen
+/// until then.
+///
+/// @threads  Confined to its component's activations, and to the control thread before the start.
+class Watch {
+ public:
+  Watch() = default;
+  Watch(const Watch&) = delete;
+  Watch& operator=(const Watch&) = delete;
+  virtual ~Watch() = default;
+
+  /// Watches from `now_ns` on, as if a message had come then.
+  virtual void begin(std::int64_t now_ns) noexcept = 0;
+  /// The next thing that there is to tell at `now_ns`; none if all is well.
+  [[nodiscard]] virtual std::optional<QosEvent> look(std::int64_t now_ns) noexcept = 0;
+  /// When to look next; `base::kNever` if nothing is watched.
+  [[nodiscard]] virtual std::int64_t next_look_ns() const noexcept = 0;
+
+  /// Shared with who calls it, since a callback may replace itself.
+  [[nodiscard]] const std::shared_ptr<const QosCallback>& callback() const noexcept {
+    return callback_;
+  }
+  void set_callback(const QosCallback& callback);
+  /// Whether anybody is told. Safe.
+  [[nodiscard]] bool has_callback() const noexcept { return has_callback_.load(); }
+
+ private:
+  std::shared_ptr<const QosCallback> callback_;
+  std::atomic<bool> has_callback_{false};
+};
+
+/// Counts the whole periods that pass without a message.
+///
+/// A period is over only after its last nanosecond: who publishes exactly once a period misses
+/// none.
+class Deadline {
+ public:
+  void set_period(std::optional<Duration> period) noexcept;
+  [[nodiscard]] std::optional<Duration> period() const noexcept { return period_; }
+  [[nodiscard]] std::int64_t last_ns() const noexcept { return last_ns_; }
+
+  void begin(std::int64_t now_ns) noexcept;
+  /// How many more periods are over at `now_ns`, when the newest message is of `newest_ns`.
+  std::uint64_t look(std::int64_t newest_ns, std::int64_t now_ns) noexcept;
+  [[nodiscard]] std::int64_t next_look_ns() const noexcept;
+
+ private:
+  std::optional<Duration> period_;
+  std::int64_t last_ns_ = 0;
+  std::uint64_t missed_in_a_row_ = 0;
+};
+
+/// What a subscription asks for beyond depth and overflow, and what came of it.
+///
+/// A deadline and a lease need nothing of the hot path: when they are looked at, the lanes still
+/// say when their newest message was published. Lanes whose messages have to be looked at one by
+/// one are marked as such.
+class Quality final : public Watch {
+ public:
+  /// What to do with a message that is next.
+  enum class Verdict : std::uint8_t {
+    kDeliver,
+    kTell,     ///< The event first; then ask again.
+    kExpired,  ///< It is dropped, and the event told.
+  };
+
+  Quality(const Topic& topic, const SubscriberOptions& options);
+
+  /// Whether a subscription to `topic` with `options` has a quality of service at all.
+  [[nodiscard]] static bool is_asked_for(const Topic& topic,
+                                         const SubscriberOptions& options) noexcept;
+
+  /// Takes over what is asked for; the counters go on.
+  void set(const SubscriberOptions& options);
+
+  /// A lane that the subscription has from now on; `end` forgets them all, and watches no more.
+  void add(std::shared_ptr<const Lane> lane);
+  void end() noexcept;
+
+  void begin(std::int64_t now_ns) noexcept override;
+  [[nodiscard]] std::optional<QosEvent> look(std::int64_t now_ns) noexcept override;
+  [[nodiscard]] std::int64_t next_look_ns() const noexcept override;
+
+  /// Whether it must be looked at when a time is over.
+  [[nodiscard]] bool is_timed() const noexcept {
+    return deadline_.period().has_value() || lease_.has_value();
+  }
+  /// Whether its messages must be looked at one by one.
+  [[nodiscard]] bool is_judging() const noexcept {
+    return lifespan_.has_value() || lease_.has_value() || has_callback();
+  }
+  [[nodiscard]] Verdict judge(const Lane& lane, const Lane::Head& head, std::int64_t now_ns,
+                              QosEvent& event) noexcept;
+  /// The message that was judged last was taken.
+  void took(const Lane& lane, const Lane::Head& head) noexcept;
+  [[nodiscard]] bool is_expired(std::int64_t published_ns, std::int64_t now_ns) const noexcept;
+
+  /// The component of `publisher` has ended, or is back; what there is to tell of it.
+  [[nodiscard]] std::optional<QosEvent> hear(PublisherId publisher, bool is_alive,
+                                             std::string_view reason, std::int64_t now_ns) noexcept;
+
+  [[nodiscard]] std::optional<Duration> deadline() const noexcept { return deadline_.period(); }
+  [[nodiscard]] std::optional<Duration> lifespan() const noexcept { return lifespan_; }
+
+  // Written by the receiving component's worker.
+  Counter expired;
+  Counter deadlines_missed;
+  Counter liveliness_lost;
+  Counter liveliness_gained;
+  Counter messages_lost;
+
+ private:
+  /// One publisher, as its subscriber knows it.
+  struct Source {
+    std::shared_ptr<const Lane> lane;
+    std::string_view component;
+    std::uint64_t sequence = 0;  ///< Of the last message that was taken.
+    bool is_lost = false;
+    std::int64_t lost_ns = 0;   ///< What is published after this shows that it is back.
+    std::int64_t alive_ns = 0;  ///< When something else than a message showed that it is back.
+  };
+
+  [[nodiscard]] Source* find(const Lane& lane) noexcept;
+  [[nodiscard]] std::int64_t newest_ns(std::int64_t now_ns) noexcept;
+  [[nodiscard]] std::int64_t heard_ns(const Source& source) const noexcept;
+  [[nodiscard]] QosEvent lose(Source& source, std::string_view reason, std::int64_t lost_ns,
+                              std::int64_t since_ns) noexcept;
+  [[nodiscard]] QosEvent gain(Source& source, std::string_view reason,
+                              std::int64_t since_ns) noexcept;
+
+  const Topic& topic_;
+  Deadline deadline_;
+  std::optional<Duration> lifespan_;
+  std::optional<Duration> lease_;
+  std::vector<Source> sources_;
+  std::int64_t begin_ns_ = 0;
+  std::uint64_t refused_ = 0;  ///< Messages that full queues had refused when it was looked last.
+};
+
+/// The deadline that a publisher offers: its own component is told when it does not keep it.
+class OfferedDeadline final : public Watch {
+ public:
+  OfferedDeadline(PublisherCore& its_publisher, Duration period);
+
+  void begin(std::int64_t now_ns) noexcept override;
+  [[nodiscard]] std::optional<QosEvent> look(std::int64_t now_ns) noexcept override;
+  [[nodiscard]] std::int64_t next_look_ns() const noexcept override;
+
+  [[nodiscard]] Duration period() const noexcept { return *deadline_.period(); }
+  void set_period(Duration period) noexcept { deadline_.set_period(period); }
+
+  PublisherCore& publisher;
+  Counter missed;
+
+ private:
+  Deadline deadline_;
+  std::int64_t begin_ns_ = 0;
+};
+
+}  // namespace fastcycle::detail
