@@ -262,6 +262,21 @@ class Context {
   /// @realtime No lock, no allocation, no system call.
   void dump_flight_recorder(std::string_view reason);
 
+  /// Asks for the application's mode `mode`: the components that its file lists for it become
+  /// active, those that it lists for other modes only become inactive, all as of one moment. The
+  /// switch is under way when this returns; in simulated time it takes effect in the next round.
+  /// Switches are made one after the other, in the order in which they were asked for; one to the
+  /// mode that the last of them leads to is none. At most 64 wait; more are refused, and counted.
+  /// `why` is told in the report.
+  ///
+  /// @pre     Called in an activation.
+  /// @errors  std::invalid_argument if the application has no such mode.
+  void switch_mode(std::string_view mode, std::string_view why = {});
+
+  /// The mode that the application is in; empty if its file has no `"modes"`. In a live run it may
+  /// change while a callback runs.
+  [[nodiscard]] std::string mode() const;
+
   /// Puts a result of the run into the final table and the report. A later value replaces an
   /// earlier.
   void report(std::string_view name, ReportValue value);
@@ -275,8 +290,9 @@ class Context {
 /// One unit of an application: parameters, topics, callbacks, and one Serve Timer.
 ///
 /// A component is complete when it is constructed; constructors only declare. Its callbacks, its
-/// timers, `start`, `serve` and `stop` never overlap: it needs no mutex. An exception that leaves
-/// one of them is a fault of this component, handled as its `"on_fault"` says.
+/// timers, `start`, `activate`, `serve`, `deactivate` and `stop` never overlap: it needs no mutex.
+/// An exception that leaves one of them is a fault of this component, handled as its `"on_fault"`
+/// says.
 ///
 /// @threads  Everything is called by one worker at a time; which one may change between calls.
 class Component {
@@ -286,15 +302,25 @@ class Component {
   Component& operator=(const Component&) = delete;
   virtual ~Component() noexcept(false) = default;
 
-  /// Acquires devices and files. Called once, in the order of the application file, before the
-  /// component's first message.
+  /// Acquires devices and files. Called once, before the component's first message, in the order of
+  /// the application file, but after the components that the file names under `"after"`.
   virtual void start() {}
+
+  /// From now on messages and timers are served. Called after `start`, at once unless the
+  /// application's mode has it wait, and whenever a switch to another mode makes it active.
+  /// Timers with a period begin when it returns.
+  virtual void activate() {}
+
+  /// Messages and timers are not served any more, until `activate` is called again; what it
+  /// publishes here is the last that anybody hears of it. Called when a switch to another mode
+  /// makes it inactive, and before `stop`. All its timers are cancelled.
+  virtual void deactivate() {}
 
   /// The Serve Timer, called every `"serve_period_ms"`; never, if that is not configured.
   virtual void serve() {}
 
-  /// Gives back what `start` acquired, reports results. Called once, in reverse order, after the
-  /// last message; not called after a fault.
+  /// Gives back what `start` acquired, reports results. Called once, in the reverse order of the
+  /// starts, after the last message; not called after a fault.
   virtual void stop() {}
 
  protected:

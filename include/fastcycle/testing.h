@@ -71,6 +71,17 @@ class Bench {
   /// Moves the clock by `span`, serving every timer on the way at its time.
   void advance(Duration span);
 
+  /// Switches the application to the mode `mode`, and serves what follows; see `configure` for
+  /// "modes" and "initial_mode".
+  void switch_mode(const std::string& mode);
+  /// The mode that the application is in.
+  [[nodiscard]] std::string mode() const;
+
+  /// Activates or deactivates component `name` alone, whatever the modes say.
+  void activate(const std::string& name);
+  void deactivate(const std::string& name);
+  [[nodiscard]] bool is_active(const std::string& name) const;
+
   /// Stops the components in order and destroys them.
   void stop();
 

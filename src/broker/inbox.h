@@ -145,6 +145,21 @@ class Inbox {
            (state_.fetch_and(~bit, std::memory_order_seq_cst) & bit) != 0;
   }
 
+  /// Clears the bits of all lanes that are ready, and gives each of these lanes to `take`: what is
+  /// pushed into it afterwards sets its bit again. Worker only.
+  template <typename Take>
+  void take_ready(const Take& take) noexcept {
+    std::uint64_t ready = state_.fetch_and(~kLaneMask, std::memory_order_seq_cst) & kLaneMask;
+    for (; ready != 0; ready &= ready - 1) {
+      for (const auto& lane : lanes_[static_cast<unsigned>(std::countr_zero(ready))]) {
+        take(*lane);
+      }
+    }
+  }
+
+  /// Has all lanes looked at in this turn, whatever their bits said. Worker only.
+  void mark_all() noexcept { state_.fetch_or(kLaneMask, std::memory_order_seq_cst); }
+
   /// The oldest message of all lanes, which stays; false if there is none.
   [[nodiscard]] bool peek(Head& found) noexcept {
     // As most of the time: one lane is ready, alone on its bit, and holds something.

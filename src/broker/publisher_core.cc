@@ -245,7 +245,10 @@ void PublisherCore::send(Envelope* envelope, Stage* stage) noexcept {
 }
 
 void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
-  FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  if (!owner.may_publish) [[unlikely]] {
+    drop_muted(loan);
+    return;
+  }
   FASTCYCLE_ASSERT(!options_.taken_at || !owner.has_subscribers,
                    "taken_at is for components without subscribers: others inherit it");
   Origin origin = *owner.origin;
@@ -262,7 +265,10 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
 }
 
 void PublisherCore::forward(Envelope* received) {
-  FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  if (!owner.may_publish) [[unlikely]] {
+    drop_muted(nullptr);
+    return;
+  }
   if (owner.publish_count++ == 0) {
     prepare();
   }
@@ -285,6 +291,11 @@ void PublisherCore::forward(Envelope* received) {
 
 void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
   const std::lock_guard lock(mutex_);
+  if (is_external_muted_) {
+    muted_.add();
+    return_loan(loan);
+    return;
+  }
   loan->payload = loan->own;
   number(*loan, {.taken = taken_at, .root = id}, owner.clock->now());
   if (is_open_) {
@@ -321,6 +332,14 @@ void PublisherCore::drop_outside(Envelope* loan) noexcept {
     target.lane->dropped_outside.add();
   }
   return_loan(loan);
+}
+
+void PublisherCore::drop_muted(Envelope* loan) noexcept {
+  FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  muted_.add();
+  if (loan != nullptr) {
+    return_loan(loan);
+  }
 }
 
 void PublisherCore::drop_scratch(Envelope* scratch) noexcept {

@@ -38,7 +38,9 @@ struct PublishingComponent {
   const base::Clock* clock = nullptr;
   Stage* stage = nullptr;         ///< In simulated time; null when live.
   bool has_subscribers = false;   ///< Then its messages inherit their origin.
-  bool is_in_activation = false;  ///< Only then it may publish.
+  bool is_in_activation = false;  ///< Only then it may publish,
+  bool is_muted = false;          ///< unless it is muted: then nobody hears it.
+  bool may_publish = false;       ///< In an activation, and not muted.
   Time now{};                     ///< The activation's time.
   /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
   /// something is published.
@@ -111,6 +113,8 @@ class PublisherCore {
 
   /// Opens or closes an external publisher: what it publishes while closed is `dropped{shutdown}`.
   void set_external_open(bool is_open) noexcept { is_open_ = is_open; }
+  /// What an external publisher publishes while it is muted reaches nobody, and counts for nobody.
+  void set_external_muted(bool is_muted) noexcept { is_external_muted_ = is_muted; }
 
   // Constant after construction.
   Topic& topic;
@@ -131,6 +135,8 @@ class PublisherCore {
   [[nodiscard]] Time read_last_publish_time() noexcept;
 
   [[nodiscard]] std::uint64_t published() const noexcept { return published_.get(); }
+  /// What was given to it while its component was muted.
+  [[nodiscard]] std::uint64_t muted() const noexcept { return muted_.get(); }
   [[nodiscard]] std::uint64_t allocated() const noexcept { return pool_->size(); }
   /// CLOCK_MONOTONIC of the first publish; 0 if there was none.
   [[nodiscard]] std::int64_t first_publish_ns() const noexcept {
@@ -150,6 +156,7 @@ class PublisherCore {
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
   void send(Envelope* envelope, Stage* stage) noexcept;
   void drop_scratch(Envelope* scratch) noexcept;
+  void drop_muted(Envelope* loan) noexcept;
   void drop_outside(Envelope* loan) noexcept;
   void keep_latched(Envelope* envelope) noexcept;
   [[nodiscard]] std::size_t count_latched_for(const Lane& lane) const noexcept;
@@ -168,9 +175,11 @@ class PublisherCore {
   std::vector<Envelope*> latched_;
   Time last_publish_time_{};
   Counter published_;
+  Counter muted_;
   std::atomic<std::int64_t> first_publish_ns_{0};
   Stage* external_stage_ = nullptr;
   bool is_open_ = false;
+  bool is_external_muted_ = false;
   PriorityMutex mutex_;
 };
 

@@ -143,6 +143,7 @@ Ledger Subscription::ledger() const {
     Ledger decided;
     const bool is_put_aside = add_decided(decided);  // First: what it counts, the lanes count too.
     ledger = retired_;
+    ledger.dropped[static_cast<std::size_t>(DropReason::kInactive)] += inactive.get();
     for (const auto& lane : lanes_) {
       add_to(ledger, *lane);
     }

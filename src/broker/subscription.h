@@ -91,6 +91,9 @@ class Subscription {
     return kind == Kind::kCallback || kind == Kind::kSynchronized;
   }
 
+  /// What came while the receiving component was not active. Written by its worker.
+  Counter inactive;
+
   /// From publish to callback, in nanoseconds. Written by the receiving component's worker.
   base::Histogram latency;
 

@@ -23,15 +23,20 @@ std::string identity_of(const std::filesystem::path& file) {
 
 Value empty_tree(const Value& file) {
   Value tree = Value::object_at(file);
-  for (const std::string_view key : {"name", "on_fault"}) {
+  for (const std::string_view key : {"name", "on_fault", "initial_mode"}) {
     if (const Value* value = find_string(file, key)) {
       tree.set(key, *value);
     }
   }
+  if (const Value* timeout = file.find("start_timeout_ms");
+      timeout != nullptr && timeout->is_number()) {
+    tree.set("start_timeout_ms", *timeout);
+  }
   for (const std::string_view key : {"library_path", "executors"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
   }
-  for (const std::string_view key : {"topics", "shared_params", "record", "flight_recorder"}) {
+  for (const std::string_view key :
+       {"topics", "shared_params", "modes", "restart", "record", "flight_recorder"}) {
     tree.set(key, Value::object_at(file));
   }
   tree.set("components", Value(Value::Array{}, file.origin()));
@@ -194,9 +199,18 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
       const std::string whole = joined(name_space->as_string(), text_of(component, "namespace"));
       component.set("namespace", Value::string_at(*name_space, whole));
     }
-    const Value* on_fault = part.find("on_fault");
-    if (on_fault != nullptr && component.find("on_fault") == nullptr) {
-      component.set("on_fault", *on_fault);
+    for (const std::string_view key : {"on_fault", "start_timeout_ms"}) {
+      const Value* value = part.find(key);
+      if (value != nullptr && component.find(key) == nullptr) {
+        component.set(key, *value);
+      }
+    }
+    if (part["restart"].size() > 0) {
+      Value restart = part["restart"];
+      if (const Value* own = find_object(component, "restart")) {
+        merge(restart, *own, problems_);
+      }
+      component.set("restart", std::move(restart));
     }
     tree.find("components")->items().push_back(std::move(component));
   }
@@ -210,6 +224,10 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
           mistake(record.place(),
                   "an included file cannot say what is recorded, only the one that is run"));
     }
+  }
+  if (const Value& modes = part["modes"]; modes.size() > 0) {
+    problems_.add(
+        mistake(modes.place(), "an included file cannot describe modes, only the one that is run"));
   }
 }
 
@@ -257,8 +275,10 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       add_component(tree, component, variables);
     }
   }
-  if (const Value* shared = find_object(file, "shared_params")) {
-    merge(*tree.find("shared_params"), *shared, problems_);
+  for (const std::string_view key : {"shared_params", "modes", "restart"}) {
+    if (const Value* own = find_object(file, key)) {
+      merge(*tree.find(key), *own, problems_);
+    }
   }
   for (const std::string_view key : {"record", "flight_recorder"}) {
     if (const Value* own = find_object(file, key)) {
@@ -330,9 +350,11 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       apply_overlay_topics(tree, value);
     } else if ((key == "record" || key == "flight_recorder") && tree[key].size() == 0) {
       tree.set(key, value);
-    } else if (key == "shared_params" || key == "record" || key == "flight_recorder") {
+    } else if (key == "shared_params" || key == "modes" || key == "restart" || key == "record" ||
+               key == "flight_recorder") {
       merge(*tree.find(key), value, problems_);
-    } else if (key == "name" || key == "on_fault" || key == "library_path") {
+    } else if (key == "name" || key == "on_fault" || key == "library_path" ||
+               key == "initial_mode" || key == "start_timeout_ms") {
       tree.set(key, value);
     }
   }

@@ -152,7 +152,35 @@ void describe_ends(const Value& value, ComponentDescription& component) {
   }
 }
 
-ComponentDescription describe_component(const Value& value, OnFault default_on_fault) {
+void read_texts(const Value& object, std::string_view key, std::vector<std::string>& result) {
+  if (const Value* texts = find_array(object, key)) {
+    for (const Value& text : texts->items()) {
+      if (text.is_string()) {
+        result.push_back(text.as_string());
+      }
+    }
+  }
+}
+
+/// What `object` says under `"restart"`, upon `defaults`.
+RestartDescription describe_restart(const Value& object, RestartDescription defaults) {
+  if (const Value* restart = find_object(object, "restart")) {
+    read_integer(*restart, "limit", defaults.limit);
+    defaults.within = find_s(*restart, "within_s").value_or(defaults.within);
+    defaults.back_off = find_ms(*restart, "back_off_ms").value_or(defaults.back_off);
+    defaults.back_off_max = find_ms(*restart, "back_off_max_ms").value_or(defaults.back_off_max);
+  }
+  return defaults;
+}
+
+/// What the application says for all components that do not say it themselves.
+struct ComponentDefaults {
+  OnFault on_fault = OnFault::kStopComponent;
+  RestartDescription restart;
+  std::chrono::nanoseconds start_timeout{0};
+};
+
+ComponentDescription describe_component(const Value& value, const ComponentDefaults& defaults) {
   ComponentDescription component;
   component.name = full_name(value);
   component.name_space = text_of(value, "namespace");
@@ -163,7 +191,14 @@ ComponentDescription describe_component(const Value& value, OnFault default_on_f
   component.serve_phase = find_ms(value, "serve_phase_ms").value_or(std::chrono::nanoseconds{0});
   const Value* params = find_object(value, "params");
   component.params = params == nullptr ? Value::object_at(value) : *params;
-  component.on_fault = find_on_fault(value).value_or(default_on_fault);
+  component.on_fault = find_on_fault(value).value_or(defaults.on_fault);
+  component.restart = describe_restart(value, defaults.restart);
+  component.fault_mode = text_of(value, "fault_mode");
+  component.start_timeout = find_ms(value, "start_timeout_ms").value_or(defaults.start_timeout);
+  read_texts(value, "after", component.after);
+  for (std::string& name : component.after) {
+    name = without_slash(placed(component.name_space, name));
+  }
   component.place = value.place();
   describe_ends(value, component);
   return component;
@@ -182,16 +217,6 @@ void describe_library_path(const Value& tree, ApplicationDescription& applicatio
   }
 }
 
-void read_texts(const Value& object, std::string_view key, std::vector<std::string>& result) {
-  if (const Value* texts = find_array(object, key)) {
-    for (const Value& text : texts->items()) {
-      if (text.is_string()) {
-        result.push_back(text.as_string());
-      }
-    }
-  }
-}
-
 std::optional<Compression> find_compression(const Value& object, std::string_view key) {
   return find_word(object, key,
                    std::array{Compression::kNone, Compression::kLz4, Compression::kZstd});
@@ -204,6 +229,15 @@ void read_mb(const Value& object, std::string_view key, std::uint64_t& result) {
       value->as_double() <= kMaxMb) {
     result = static_cast<std::uint64_t>(std::llround(value->as_double() * 1e6));
   }
+}
+
+ModeDescription describe_mode(const std::string& name, const Value& value) {
+  ModeDescription mode;
+  mode.name = name;
+  mode.place = value.place();
+  read_texts(value, "components", mode.components);
+  read_texts(value, "executors", mode.executors);
+  return mode;
 }
 
 RecordDescription describe_record(const Value& value) {
@@ -266,11 +300,21 @@ ApplicationDescription describe(const Value& tree) {
       application.topics.push_back(describe_topic(name, topic));
     }
   }
+  const ComponentDefaults defaults{
+      .on_fault = application.on_fault,
+      .restart = describe_restart(tree, {}),
+      .start_timeout = find_ms(tree, "start_timeout_ms").value_or(std::chrono::nanoseconds{0})};
   if (const Value* components = find_array(tree, "components")) {
     for (const Value& component : components->items()) {
-      application.components.push_back(describe_component(component, application.on_fault));
+      application.components.push_back(describe_component(component, defaults));
     }
   }
+  if (const Value* modes = find_object(tree, "modes")) {
+    for (const auto& [name, mode] : modes->members()) {
+      application.modes.push_back(describe_mode(name, mode));
+    }
+  }
+  application.initial_mode = text_of(tree, "initial_mode");
   const Value* shared = find_object(tree, "shared_params");
   application.shared_params = shared == nullptr ? Value::object_at(tree) : *shared;
   if (const Value* record = find_object(tree, "record")) {

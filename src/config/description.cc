@@ -1,5 +1,7 @@
 #include "config/description.h"
 
+#include <algorithm>
+
 #include "config/merge.h"
 
 namespace fastcycle::config {
@@ -10,6 +12,31 @@ std::string resolve_topic(const ComponentDescription& component, std::string_vie
     name = other->second;
   }
   return without_slash(placed(component.name_space, name));
+}
+
+std::vector<std::size_t> start_order(const ApplicationDescription& application) {
+  const auto& components = application.components;
+  std::vector<std::size_t> order;
+  std::vector<bool> has_started(components.size(), false);
+  const auto may_start = [&](std::size_t i) {
+    return !has_started[i] && std::ranges::all_of(components[i].after, [&](const auto& name) {
+      const auto before = std::ranges::find(components, name, &ComponentDescription::name);
+      return before == components.end() ||
+             has_started[static_cast<std::size_t>(before - components.begin())];
+    });
+  };
+  while (order.size() < components.size()) {
+    std::size_t next = 0;
+    while (next < components.size() && !may_start(next)) {
+      ++next;
+    }
+    if (next == components.size()) {  // A circle.
+      next = static_cast<std::size_t>(std::ranges::find(has_started, false) - has_started.begin());
+    }
+    has_started[next] = true;
+    order.push_back(next);
+  }
+  return order;
 }
 
 std::string_view to_string(OnFault on_fault) {

@@ -111,6 +111,22 @@ struct PublisherDescription {
   Place place;
 };
 
+/// How often, and how fast, a component that faults is made anew.
+struct RestartDescription {
+  std::uint32_t limit = 3;  ///< Restarts within `within`; one more fault is the end.
+  std::chrono::nanoseconds within{10'000'000'000};
+  std::chrono::nanoseconds back_off{0};  ///< Before the first of them; doubled each time,
+  std::chrono::nanoseconds back_off_max{5'000'000'000};  ///< up to this.
+};
+
+/// One mode of the application: who is active in it, of those that some mode names.
+struct ModeDescription {
+  std::string name;
+  std::vector<std::string> components;  ///< Full names, or patterns of them.
+  std::vector<std::string> executors;   ///< All components that they serve.
+  Place place;
+};
+
 /// One component of the application, with all that its file, overlays and options say of it.
 struct ComponentDescription {
   std::string name;        ///< Full: `front/limiter` for `limiter` in the namespace `front`.
@@ -123,6 +139,10 @@ struct ComponentDescription {
   Value params;                              ///< Always an object.
   std::map<std::string, std::string> remap;  ///< Name in code → topic; see `resolve_topic`.
   OnFault on_fault = OnFault::kStopComponent;
+  RestartDescription restart;      ///< With `OnFault::kRestart`.
+  std::string fault_mode;          ///< The mode that follows its end by a fault; or none.
+  std::vector<std::string> after;  ///< Full names of those that start before it.
+  std::chrono::nanoseconds start_timeout{0};                 ///< For its `start()`, live; 0: none.
   std::map<std::string, SubscriberDescription> subscribers;  ///< By the topic's name in code.
   std::map<std::string, PublisherDescription> publishers;    ///< By the topic's name in code.
   Place place;
@@ -137,6 +157,8 @@ struct ApplicationDescription {
   std::vector<ExecutorDescription> executors;
   std::vector<TopicDescription> topics;
   std::vector<ComponentDescription> components;  ///< Included ones first, then in file order.
+  std::vector<ModeDescription> modes;            ///< In file order.
+  std::string initial_mode;                      ///< Empty where there are no modes.
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
@@ -144,6 +166,11 @@ struct ApplicationDescription {
   Place place;
   Value effective;  ///< The tree that all of this was read from; what `print` shows.
 };
+
+/// The order in which components start, as places in `application.components`: that of the file,
+/// but each after those that it names under `"after"`. Names that do not exist count for nothing;
+/// of a circle, which `check_sense` reports, the first in the file goes first.
+[[nodiscard]] std::vector<std::size_t> start_order(const ApplicationDescription& application);
 
 /// The full name of the topic that `component` calls `name_in_code`.
 ///

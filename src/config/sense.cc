@@ -37,7 +37,10 @@ class Sense {
       check_executor_is_known(component);
       check_phase(component);
       check_ends(component);
+      check_after_is_known(component);
     }
+    check_starts_have_an_order();
+    check_modes();
   }
 
  private:
@@ -51,7 +54,7 @@ class Sense {
 
   // The place of a key of the executor, topic or component at `at`: it may come from another file.
   [[nodiscard]] Place place_of(const Place& at, const std::string& key) const {
-    for (const auto section : {"executors", "components", "topics"}) {
+    for (const auto section : {"executors", "components", "topics", "modes"}) {
       const Value* list = application_.effective.find(section);
       if (list == nullptr) {
         continue;
@@ -179,6 +182,90 @@ class Sense {
     }
     add(component.place, "executor", "there is no executor " + in_quotes(component.executor),
         std::move(hint));
+  }
+
+  [[nodiscard]] std::vector<std::string> component_names() const {
+    std::vector<std::string> names;
+    for (const ComponentDescription& component : application_.components) {
+      names.push_back(component.name);
+    }
+    return names;
+  }
+
+  [[nodiscard]] const ComponentDescription* find_component(const std::string& name) const {
+    const auto found =
+        std::ranges::find(application_.components, name, &ComponentDescription::name);
+    return found == application_.components.end() ? nullptr : &*found;
+  }
+
+  void check_after_is_known(const ComponentDescription& component) {
+    for (const std::string& name : component.after) {
+      if (find_component(name) == nullptr) {
+        add(component.place, "after",
+            "there is no component " + in_quotes(name) + " to start after",
+            did_you_mean(nearest(name, component_names())));
+      }
+    }
+  }
+
+  // Each circle once, from the component in it that comes first in the file.
+  void check_starts_have_an_order() {
+    std::set<std::string> done;
+    for (const ComponentDescription& component : application_.components) {
+      std::vector<std::string> way;
+      follow(component, way, done);
+    }
+  }
+
+  void follow(const ComponentDescription& component, std::vector<std::string>& way,
+              std::set<std::string>& done) {
+    const auto begin = std::ranges::find(way, component.name);
+    if (begin != way.end()) {
+      std::string circle;
+      for (auto name = begin; name != way.end(); ++name) {
+        circle += in_quotes(*name) + " after ";
+      }
+      add(find_component(*begin)->place, "after",
+          "components start after each other: " + circle + in_quotes(component.name));
+      return;
+    }
+    if (done.contains(component.name)) {
+      return;
+    }
+    way.push_back(component.name);
+    for (const std::string& name : component.after) {
+      if (const ComponentDescription* before = find_component(name)) {
+        follow(*before, way, done);
+      }
+    }
+    way.pop_back();
+    done.insert(component.name);
+  }
+
+  void check_modes() {
+    std::vector<std::string> names;
+    for (const ModeDescription& mode : application_.modes) {
+      names.push_back(mode.name);
+    }
+    if (names.empty()) {
+      if (const Value* initial = application_.effective.find("initial_mode")) {
+        add(initial->place(), "", "an \"initial_mode\" has no meaning without \"modes\"");
+      }
+    } else if (application_.initial_mode.empty()) {
+      add(application_.place, "", "the key \"initial_mode\" is missing, which \"modes\" need");
+    } else if (std::ranges::find(names, application_.initial_mode) == names.end()) {
+      add(application_.effective["initial_mode"].place(), "",
+          "there is no mode " + in_quotes(application_.initial_mode),
+          did_you_mean(nearest(application_.initial_mode, names)));
+    }
+    for (const ComponentDescription& component : application_.components) {
+      const std::string& mode = component.fault_mode;
+      if (!mode.empty() && std::ranges::find(names, mode) == names.end()) {
+        add(component.place, "fault_mode", "there is no mode " + in_quotes(mode),
+            names.empty() ? "the application describes no \"modes\""
+                          : did_you_mean(nearest(mode, names)));
+      }
+    }
   }
 
   void check_phase(const ComponentDescription& component) {

@@ -114,6 +114,7 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   publishing.origin = &origin;
   publishing.publish_count = 0;
   publishing.is_in_activation = true;
+  publishing.may_publish = !publishing.is_muted;
   if (!views.empty()) {
     refresh_views();
   }
@@ -145,6 +146,7 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
     read_ns_ = base::monotonic_ns();  // A restart takes long.
   }
   publishing.is_in_activation = false;
+  publishing.may_publish = false;
   publishing.origin = &PublishingComponent::kNoOrigin;
 }
 
@@ -210,15 +212,72 @@ void Actor::run_controls(ActivationRing& ring) {
     has_controls_.store(false, std::memory_order_seq_cst);
   }
   for (const Control& control : controls) {
-    read_ns_ = base::monotonic_ns();
-    ActivationRecord record;
-    record.cause = control.cause;
-    record.time_ns = base::to_ns(clock.at_monotonic(read_ns_));
-    activate(ring, record, oldest_held(), control.body, [] { return std::string(); });
-    if (control.finished) {
-      control.finished();
-    }
+    run_control(ring, control);
   }
+}
+
+void Actor::run_control(ActivationRing& ring, const Control& control) {
+  read_ns_ = base::monotonic_ns();
+  ActivationRecord record;
+  record.cause = control.cause;
+  record.time_ns = base::to_ns(clock.at_monotonic(read_ns_));
+  activate(ring, record, oldest_held(), control.body, [] { return std::string(); });
+  if (control.finished) {
+    control.finished();
+  }
+}
+
+void Actor::suspend() noexcept {
+  gate_.store(Gate::kSuspended, std::memory_order_relaxed);
+  cancel_timers();
+  drop_held(DropReason::kInactive);
+  inbox.mark_all();  // What waits already goes in this turn.
+}
+
+void Actor::resume() noexcept {
+  drop_inactive(false);
+  cancel_alarm();
+  open();
+  inbox.mark_all();  // Latched messages waited without their bits.
+}
+
+void Actor::drop_waiting() noexcept {
+  inbox.mark_all();
+  drop_inactive(true);
+}
+
+void Actor::drop_inactive(bool with_latched) noexcept {
+  inbox.take_ready([&](Lane& lane) {
+    Subscription& subscription = lane.subscription;
+    const std::size_t kept = with_latched ? 0 : subscription.topic.options.latched;
+    Lane::Head head;
+    while (lane.queued() > kept && lane.peek(head)) {
+      if (lane.pop(head)) {
+        (lane.is_closed() ? lane.drained : subscription.inactive).add();
+        release(head.envelope);
+      }
+    }
+  });
+}
+
+bool Actor::serve_suspended(ActivationRing& ring) {
+  inbox.take_bit(Inbox::kTimerBit);
+  drop_inactive(false);
+  if (alarm_ns_ > base::to_ns(clock.at_monotonic(read_ns_))) {
+    return false;
+  }
+  alarm_ns_ = base::kNever;
+  run_control(ring, {.cause = Cause::kMode, .body = std::exchange(alarm_, nullptr)});
+  return true;
+}
+
+void Actor::set_alarm(Time due, std::function<void()> action) {
+  alarm_ns_ = base::to_ns(due);
+  alarm_ = std::move(action);
+}
+
+void Actor::cancel_alarm() noexcept {
+  alarm_ns_ = base::kNever;
 }
 
 TimerCore* Actor::due_timer(std::int64_t now_ns) noexcept {
@@ -338,6 +397,9 @@ bool Actor::run_next(ActivationRing& ring) {
     if (has_message && has_controls_.load(std::memory_order_seq_cst)) {
       // Posted after their bit was looked at, and perhaps before this message was published.
       run_controls(ring);
+      if (!is_open()) {
+        return false;
+      }
       continue;
     }
     if (has_message && !timers_.empty() && !clock.is_simulated()) {
@@ -413,10 +475,15 @@ void Actor::run_turn(ActivationRing& ring) {
       continue;
     }
     if (!is_open()) {
+      const bool is_to_be_emptied = is_suspended();
+      if (is_to_be_emptied && serve_suspended(ring)) {
+        continue;
+      }
       publish_due();
-      if (inbox.try_end_unopened()) {
+      if (is_to_be_emptied ? inbox.try_end_idle() : inbox.try_end_unopened()) {
         return;
       }
+      read_ns_ = base::monotonic_ns();
       continue;
     }
     if (count == kTurnActivations || read_ns_ - turn_began > kTurnNs) {
@@ -449,12 +516,18 @@ void Actor::run_round(ActivationRing& ring) {
       run_controls(ring);
       continue;
     }
-    inbox.take_bit(Inbox::kTimerBit);
-    if (is_open() && run_next(ring)) {
-      continue;
+    if (is_suspended()) {
+      if (serve_suspended(ring)) {
+        continue;
+      }
+    } else {
+      inbox.take_bit(Inbox::kTimerBit);
+      if (is_open() && run_next(ring)) {
+        continue;
+      }
     }
     publish_due();
-    if (is_open() ? inbox.try_end_idle() : inbox.try_end_unopened()) {
+    if (is_ticking() ? inbox.try_end_idle() : inbox.try_end_unopened()) {
       return;
     }
   }
@@ -504,9 +577,11 @@ void Actor::clear_timers() noexcept {
 }
 
 void Actor::publish_due() noexcept {
-  std::int64_t due_ns = base::kNever;
-  for (const auto& timer : timers_) {
-    due_ns = std::min(due_ns, timer->due_ns);
+  std::int64_t due_ns = alarm_ns_;
+  if (!is_suspended()) {
+    for (const auto& timer : timers_) {
+      due_ns = std::min(due_ns, timer->due_ns);
+    }
   }
   if (due_ns != base::kNever && !clock.is_simulated()) {
     due_ns = clock.monotonic_at(base::from_ns(due_ns));
@@ -627,6 +702,9 @@ void Actor::watch(CallbackSubscription& subscription) {
 }
 
 void Actor::arm(TimerCore& timer, Time due) noexcept {
+  if (is_suspended()) {
+    return;  // It would tick as soon as the component is active again.
+  }
   timer.due_ns = std::max(base::to_ns(due), base::to_ns(publishing.now));
   timer.armed_in_turn = turn_;
 }

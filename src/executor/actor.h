@@ -138,8 +138,31 @@ class Actor {
   void hand_over_stage();
 
   /// From now on messages and timers are served; until then only control causes are.
-  void open() noexcept { is_open_.store(true, std::memory_order_relaxed); }
-  [[nodiscard]] bool is_open() const noexcept { return is_open_.load(std::memory_order_relaxed); }
+  void open() noexcept { gate_.store(Gate::kOpen, std::memory_order_relaxed); }
+  [[nodiscard]] bool is_open() const noexcept {
+    return gate_.load(std::memory_order_relaxed) == Gate::kOpen;
+  }
+
+  /// From now on only control causes and the alarm are served: what waits for a callback and what
+  /// still comes is `dropped{inactive}`, except for the last messages of latched topics, which go
+  /// on waiting. Views go on. Cancels all timers.
+  void suspend() noexcept;
+  /// Drops what came until now, and serves again.
+  void resume() noexcept;
+  [[nodiscard]] bool is_suspended() const noexcept {
+    return gate_.load(std::memory_order_relaxed) == Gate::kSuspended;
+  }
+  /// Drops what waits for callbacks as inactive, latched messages too.
+  void drop_waiting() noexcept;
+
+  /// Whether what `armed_due_ns` says is served when it is due.
+  [[nodiscard]] bool is_ticking() const noexcept {
+    return gate_.load(std::memory_order_relaxed) != Gate::kClosed;
+  }
+
+  /// While suspended: calls `action` once, at `due`, as an activation of the life cycle.
+  void set_alarm(Time due, std::function<void()> action);
+  void cancel_alarm() noexcept;
 
   /// Arms all periodic timers, as of `start`.
   void start_timers(Time start);
@@ -239,6 +262,10 @@ class Actor {
   void activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
                 const Body& body, const Where& where);
   void run_controls(ActivationRing& ring);
+  void run_control(ActivationRing& ring, const Control& control);
+  /// What a suspended component does; true if there may be more at once.
+  bool serve_suspended(ActivationRing& ring);
+  void drop_inactive(bool with_latched) noexcept;
   bool run_next(ActivationRing& ring);
   void put_in_front(Control control);
   void tick(ActivationRing& ring, TimerCore& timer);
@@ -256,7 +283,11 @@ class Actor {
   void publish_due() noexcept;
 
   ActorStage stage_;
-  std::atomic<bool> is_open_{false};  ///< Written by its worker, read by who waits for the end.
+  enum class Gate : std::uint8_t { kClosed, kOpen, kSuspended };
+  std::atomic<Gate> gate_{
+      Gate::kClosed};                     ///< Written by its worker, read by who waits for the end.
+  std::int64_t alarm_ns_ = base::kNever;  ///< On the application's clock.
+  std::function<void()> alarm_;
   /// CLOCK_MONOTONIC as last read in this turn: when an activation ends, the next one begins.
   std::int64_t read_ns_ = 0;
   std::uint64_t number_ = 0;

@@ -81,11 +81,23 @@ bool Simulation::submit(std::function<void()> job) {
   return true;
 }
 
+void Simulation::call(std::function<void()> action) {
+  const std::lock_guard lock(mutex_);
+  actions_.push_back(std::move(action));
+  ++changes_;
+  changed_.notify_all();
+}
+
 void Simulation::take_external() {
   std::vector<External> external;
+  std::vector<std::function<void()>> actions;
   {
     const std::lock_guard lock(mutex_);
     external.swap(external_);
+    actions.swap(actions_);
+  }
+  for (const auto& action : actions) {
+    action();
   }
   // The order in which foreign threads published is theirs; per publisher it is that of its
   // sequence.
@@ -127,7 +139,7 @@ bool Simulation::is_anyone_ready() const noexcept {
     return word.load(std::memory_order_seq_cst) != 0;
   };
   const auto is_due = [now_ns](const Actor* actor) {
-    return actor->is_open() && actor->armed_due_ns() <= now_ns;
+    return actor->is_ticking() && actor->armed_due_ns() <= now_ns;
   };
   return std::ranges::any_of(ready_, is_ready) || std::ranges::any_of(actors_, is_due);
 }
@@ -145,7 +157,7 @@ void Simulation::collect_round() {
     auto& word = ready_[i / 64];
     const bool is_ready = (word.load(std::memory_order_seq_cst) & flag) != 0 &&
                           (word.fetch_and(~flag, std::memory_order_seq_cst) & flag) != 0;
-    if (is_ready || (actors_[i]->is_open() && actors_[i]->armed_due_ns() <= now_ns)) {
+    if (is_ready || (actors_[i]->is_ticking() && actors_[i]->armed_due_ns() <= now_ns)) {
       round_.push_back({actors_[i], i});
     }
   }
@@ -157,6 +169,13 @@ bool Simulation::run_round() {
   collect_round();
   if (round_.empty() && !is_fed) {
     return false;
+  }
+  for (const std::uint32_t first : std::exchange(first_, {})) {
+    const auto turn = std::ranges::find(round_, std::size_t{first}, &Turn::index);
+    if (turn != round_.end()) {
+      serve(*turn, 0);
+      turn->is_served = true;
+    }
   }
   if (is_worth_helpers()) {
     serve_in_parallel();
@@ -177,6 +196,9 @@ bool Simulation::run_round() {
 }
 
 void Simulation::serve(const Turn& turn, unsigned worker) {
+  if (turn.is_served) {
+    return;
+  }
   const std::int64_t begin_ns = base::monotonic_ns();
   turn.actor->run_round(*rings_[worker]);
   const std::int64_t cost_ns = base::monotonic_ns() - begin_ns;
@@ -260,7 +282,7 @@ std::int64_t Simulation::next_due_ns() const noexcept {
     next_ns = fed_ns > base::to_ns(clock_.now()) || has_fed_at(fed_ns) ? fed_ns : base::kNever;
   }
   for (const Actor* actor : actors_) {
-    if (actor->is_open()) {
+    if (actor->is_ticking()) {
       next_ns = std::min(next_ns, actor->armed_due_ns());
     }
   }

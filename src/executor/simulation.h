@@ -57,9 +57,8 @@ class Pace {
 /// only when nothing is left to do at the present one and nobody holds it. So the result is the
 /// same for any number of workers, and as fast as the components compute.
 ///
-/// @threads  `enqueue`, `hold`, `let_go`, `submit`, `stage_external`, `interrupt` are Safe; all
-/// else
-///           is confined to the thread that runs it.
+/// @threads  `enqueue`, `hold`, `let_go`, `submit`, `call`, `interrupt` are Safe; all else is
+///           confined to the thread that runs it.
 class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
  public:
   enum class End {
@@ -110,6 +109,13 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   /// Runs `job` when the present round is over; time does not advance before it is done.
   [[nodiscard]] bool submit(std::function<void()> job);
 
+  /// Calls `action` before the next round, on the thread that runs the simulation. Safe.
+  void call(std::function<void()> action);
+
+  /// In the next round these components are served before all others, one after the other. The
+  /// result is the same; but what else they share with others is seen in this order.
+  void serve_first(std::vector<std::uint32_t> indices) { first_ = std::move(indices); }
+
   /// As long as there are such threads, an idle simulation waits for what they publish.
   void foreign_thread_begins() noexcept { foreign_threads_.fetch_add(1); }
   void foreign_thread_ends() noexcept;
@@ -136,6 +142,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   struct Turn {
     Actor* actor;
     std::size_t index;
+    bool is_served = false;  ///< Ahead of the others.
   };
 
   static constexpr std::uint64_t kMaxRoundsAtOnce = 100'000;
@@ -177,6 +184,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<External> external_;
+  std::vector<std::function<void()>> actions_;
   int holds_ = 0;
   std::uint64_t changes_ = 0;
 
@@ -187,6 +195,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   std::vector<Turn> round_;
   std::vector<std::int64_t> expected_ns_;  ///< By component: what its last turns cost.
   std::atomic<std::size_t> next_in_round_{0};
+  std::vector<std::uint32_t> first_;  ///< Served before all others.
 
   std::mutex round_mutex_;
   std::condition_variable_any round_begins_;

@@ -172,6 +172,7 @@ void Application::add_component(const config::ComponentDescription& component,
                                 const ComponentClass& its_class) {
   auto core = std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
                                               component, its_class, clock_);
+  core->is_wanted = modes_.is_active_at_first(core->index);
   if (simulation_ != nullptr) {
     simulation_->add(*core);
   } else {
@@ -182,6 +183,7 @@ void Application::add_component(const config::ComponentDescription& component,
 
 void Application::build(ComponentClasses& classes, config::Problems& problems,
                         ConstructorFault on_throw) {
+  modes_.resolve(problems);
   for (const config::ComponentDescription& component : description_.components) {
     if (const ComponentClass* its_class = classes.find(component, problems)) {
       add_component(component, *its_class);
@@ -207,6 +209,7 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   }
   const bool is_complete = components_.size() == description_.components.size();
   if (is_complete) {
+    start_order_ = config::start_order(description_);
     if (replay_ == nullptr) {  // Else those who use them may not run.
       config::check_shared(description_.shared_params, declared, problems);
     }
@@ -336,6 +339,35 @@ void Application::run_in(ComponentCore& component, Cause cause, std::function<vo
   done.get_future().wait();
 }
 
+void Application::start_component(ComponentCore& component) {
+  using Stage = ComponentCore::Start::Stage;
+  if (component.state != ComponentCore::State::kConstructed) {
+    return;
+  }
+  const auto start = [&component] { component.call_start(); };
+  if (simulation_ != nullptr || component.description.start_timeout.count() == 0) {
+    run_in(component, Cause::kMode, start);
+    return;
+  }
+  ComponentCore::Start& its = component.first_start;
+  // Also where it threw: then somebody has noted that already.
+  component.post_and_tell(Cause::kMode, start, [&its] { its.set(Stage::kDone); });
+  std::unique_lock lock(its.mutex);
+  its.changed.wait(lock, [&] { return its.stage != Stage::kWaiting; });
+  if (its.changed.wait_for(lock, component.description.start_timeout,
+                           [&] { return its.stage != Stage::kCalled; })) {
+    its.changed.wait(lock, [&] { return its.stage == Stage::kDone; });
+    return;
+  }
+  // It becomes a fault of the component as soon as its worker is back; the others do not wait.
+  its.stage = Stage::kLate;
+  lock.unlock();
+  log(LogLevel::kError, component.name, component.late_start());
+  if (component.description.on_fault == config::OnFault::kStop) {
+    request_end(EndReason::kFault);
+  }
+}
+
 /// In simulated time: what follows, at the present moment, has rounds with numbers of its own.
 void Application::begin_part(std::uint32_t part) {
   if (simulation_ != nullptr) {
@@ -403,25 +435,25 @@ std::vector<base::Refusal> Application::start() {
       }
     }
   }
-  for (const auto& component : components_) {
+  std::uint32_t part = 0;
+  for (const std::size_t next : start_order_) {
     if (end_reason() == EndReason::kFault || end_reason() == EndReason::kRequested) {
       return refusals_;
     }
-    begin_part(component->index);
-    if (component->state == ComponentCore::State::kConstructed) {
-      run_in(*component, Cause::kMode, [&] { component->call_start(); });
-    }
+    begin_part(part++);
+    start_component(*components_[next]);
   }
   begin_run();
   start_ns_ = base::to_ns(begin_of_timers());
   const Time start = start_time();
   for (const auto& component : components_) {
     component->post(Cause::kMode, [&component, start] {
-      if (component->state == ComponentCore::State::kRunning) {
+      if (component->state == ComponentCore::State::kActive) {
         component->start_timers(start);
       }
     });
   }
+  modes_.begin();
   start_threads();
   return refusals_;
 }
@@ -507,7 +539,7 @@ void Application::start_guests() {
 
 void Application::start_threads() {
   for (const auto& component : components_) {
-    if (component->state != ComponentCore::State::kRunning) {
+    if (!component->has_started()) {
       continue;
     }
     for (const auto& thread : component->threads) {
@@ -712,7 +744,7 @@ void Application::tell_liveliness(ComponentCore& component, bool is_alive,
       auto& to = static_cast<detail::CallbackSubscription&>(*subscription);
       auto& receiver = static_cast<ComponentCore&>(to.actor);
       const auto tell = [&to, &receiver, id = publisher->id, is_alive, reason] {
-        if (receiver.state != ComponentCore::State::kRunning || to.is_ended) {
+        if (receiver.state != ComponentCore::State::kActive || to.is_ended) {
           return;
         }
         const std::int64_t now_ns = base::to_ns(receiver.publishing.now);
@@ -853,18 +885,23 @@ void Application::stop() {
     return;
   }
   if (is_started_) {
+    modes_.end();
     stop_threads();
     std::uint32_t part = kStopPart;
-    for (const auto& component : components_) {
+    for (const std::size_t next : start_order_) {
       begin_part(part++);
-      run_in(*component, Cause::kMode, [&component] { component->cancel_timers(); });
+      ComponentCore& core = *components_[next];
+      run_in(core, Cause::kMode, [&core] {
+        core.cancel_timers();
+        core.cancel_alarm();
+      });
     }
     begin_part(part++);
     drain();
     end_time_ = clock_.now();
-    for (auto component = components_.rbegin(); component != components_.rend(); ++component) {
+    for (auto next = start_order_.rbegin(); next != start_order_.rend(); ++next) {
       begin_part(part++);
-      ComponentCore& core = **component;
+      ComponentCore& core = *components_[*next];
       run_in(core, Cause::kMode, [&core] { core.call_stop(); });
       run_in(core, Cause::kMode, [&core] { core.close(detail::DropReason::kShutdown); });
     }

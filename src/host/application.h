@@ -23,6 +23,7 @@
 #include "executor/simulation.h"
 #include "fastcycle/library.h"
 #include "host/component_core.h"
+#include "host/modes.h"
 #include "record/flight_recorder.h"
 #include "record/recorder.h"
 
@@ -128,8 +129,8 @@ class Application {
   /// Constructs all components, connects all topics, and finds what does not fit together.
   void build(ComponentClasses& classes, config::Problems& problems, ConstructorFault on_throw);
 
-  /// Starts workers and components, in the order of the file, then the timers. Returns what the
-  /// machine refused.
+  /// Starts workers and components, in the order of the file but each after those that it names
+  /// under `"after"`, then the timers. Returns what the machine refused.
   std::vector<base::Refusal> start();
 
   /// Lets the components work until `limit` of application time is over, or something else ends it.
@@ -141,8 +142,19 @@ class Application {
   void settle();
 
   /// Sources and timers stop, what is under way is served for up to 1 s, then components stop in
-  /// reverse order; the rest is counted as dropped. Then destroys the components.
+  /// the reverse order of their starts; the rest is counted as dropped. Then destroys the
+  /// components.
   void stop();
+
+  /// Asks for the mode `mode`; see `Context::switch_mode`. Before the end of `start` it waits.
+  /// Safe.
+  ///
+  /// @errors  std::invalid_argument if there is no such mode.
+  void switch_mode(std::string_view mode, std::string_view why = {}) {
+    modes_.ask(mode, why, nullptr);
+  }
+  [[nodiscard]] Modes& modes() { return modes_; }
+  [[nodiscard]] const Modes& modes() const { return modes_; }
 
   void request_end(EndReason reason);
   [[nodiscard]] EndReason end_reason() const { return end_reason_.load(); }
@@ -193,14 +205,14 @@ class Application {
   [[nodiscard]] const std::vector<std::unique_ptr<detail::Executor>>& executors() const {
     return executors_;
   }
+  /// In the order of `executors`; in simulated time, where there are none, the same names.
+  [[nodiscard]] std::vector<std::string> executor_names() const;
   [[nodiscard]] const std::vector<base::Refusal>& refusals() const { return refusals_; }
   [[nodiscard]] Time end_time() const { return end_time_; }
 
  private:
   void make_executors();
   [[nodiscard]] bool needs_pool() const;
-  /// In the order of `executors_`; in simulated time, where there are none, the same names.
-  [[nodiscard]] std::vector<std::string> executor_names() const;
   detail::Executor& executor_of(const config::ComponentDescription& component);
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
@@ -213,6 +225,7 @@ class Application {
   void run_at(detail::PublisherCore& publisher, detail::ComponentCore& from,
               std::function<void()> action);
   [[nodiscard]] detail::ComponentCore& component_of(const detail::PublisherCore& publisher) const;
+  void start_component(detail::ComponentCore& component);
   void begin_part(std::uint32_t part);
   void begin_run();
   Time begin_of_timers();
@@ -231,6 +244,8 @@ class Application {
   mutable std::mutex topics_mutex_;  ///< Control plane: when subscriptions come and go.
   detail::Topics topics_;
   std::vector<std::unique_ptr<detail::ComponentCore>> components_;
+  std::vector<std::size_t> start_order_;  ///< Places in `components_`.
+  Modes modes_{*this};
   std::vector<std::unique_ptr<detail::Executor>> executors_;
   std::unique_ptr<detail::Simulation> simulation_;
   std::optional<config::RecordDescription> recorded_;

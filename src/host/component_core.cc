@@ -1,8 +1,13 @@
 #include "host/component_core.h"
 
 #include <algorithm>
+#include <chrono>
 #include <exception>
+#include <mutex>
+#include <stdexcept>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "config/nearest.h"
 #include "host/application.h"
@@ -11,8 +16,15 @@ namespace fastcycle::detail {
 namespace {
 
 constexpr std::size_t kFaultsInWords = 16;
-constexpr std::uint32_t kMaxRestarts = 3;
-constexpr std::int64_t kRestartWindowNs = 10'000'000'000;
+
+/// How long to wait before the restart number `count`, from 1.
+std::chrono::nanoseconds back_off(const config::RestartDescription& restart, std::uint32_t count) {
+  std::chrono::nanoseconds delay = std::min(restart.back_off, restart.back_off_max);
+  for (std::uint32_t i = 1; i < count && delay < restart.back_off_max; ++i) {
+    delay = std::min(2 * delay, restart.back_off_max);
+  }
+  return delay;
+}
 
 }  // namespace
 
@@ -138,27 +150,108 @@ void ComponentCore::call_start() {
   if (state != State::kConstructed) {
     return;
   }
+  in_call_ = "its start()";
+  first_start.set(Start::Stage::kCalled);
   component->start();
-  state = State::kRunning;
-  open();
+  in_call_ = nullptr;
+  first_start.set(Start::Stage::kReturned);
+  if (first_start.is_late()) {
+    throw std::runtime_error(late_start());
+  }
+  state = State::kStandby;
+  if (is_wanted) {
+    activate_now();
+  } else {
+    suspend();
+    mute(true);
+  }
+}
+
+std::string ComponentCore::late_start() const {
+  const std::chrono::duration<double, std::milli> limit = description.start_timeout;
+  return fmt::format("its start() takes longer than {} ms", limit.count());
+}
+
+void ComponentCore::activate_now() {
+  state = State::kActive;
+  mute(false);
+  in_call_ = "its activate()";
+  component->activate();
+  in_call_ = nullptr;
+  if (is_suspended()) {
+    resume();
+  } else {
+    open();
+  }
+}
+
+void ComponentCore::call_activate() {
+  is_wanted = true;
+  if (state == State::kStandby) {
+    activate_now();
+    start_timers(publishing.now);
+  }
+}
+
+void ComponentCore::call_deactivate() {
+  is_wanted = false;
+  // Whatever happens, after this nobody hears of it.
+  struct End {
+    ComponentCore& core;
+    ~End() {
+      core.cancel_timers();
+      core.mute(true);
+    }
+  };
+  const End end{*this};
+  if (state == State::kActive) {
+    state = State::kStandby;
+    suspend();
+    in_call_ = "its deactivate()";
+    component->deactivate();
+    in_call_ = nullptr;
+  }
 }
 
 void ComponentCore::call_stop() {
-  if (state != State::kRunning) {
+  if (!has_started()) {
     return;
   }
-  state = State::kStopped;
+  const State before = state.exchange(State::kStopped);
+  was_active_at_end = before == State::kActive;
+  cancel_alarm();
+  if (is_suspended()) {
+    drop_waiting();
+  }
   application.tell_liveliness(*this, false, "stopped");
   // What `stop` gives back nobody may use any more: no message comes after it, and no tick, not
   // even one that it arms itself.
   close(DropReason::kShutdown);
-  try {
-    component->stop();
-  } catch (...) {
-    cancel_timers();
-    throw;
+  struct End {
+    ComponentCore& core;
+    ~End() { core.cancel_timers(); }
+  };
+  const End end{*this};
+  if (before == State::kActive) {
+    in_call_ = "its deactivate()";
+    component->deactivate();
   }
-  cancel_timers();
+  if (before != State::kRestarting) {
+    in_call_ = "its stop()";
+    component->stop();
+  }
+  in_call_ = nullptr;
+}
+
+void ComponentCore::mute(bool is_muted) {
+  publishing.is_muted = is_muted;
+  publishing.may_publish = publishing.is_in_activation && !is_muted;
+  for (PublisherCore* publisher : declared.publishers) {
+    if (publisher->options.is_external) {
+      const std::lock_guard lock(publisher->mutex());
+      publisher->set_external_muted(is_muted);
+    }
+  }
 }
 
 void ComponentCore::note_fault(std::string_view what) {
@@ -176,22 +269,25 @@ void ComponentCore::note_fault(std::string_view what) {
 void ComponentCore::fail(std::string_view what) {
   note_fault(what);
   state = State::kFailed;
+  cancel_alarm();
   open();  // What still comes is taken out and counted, not left waiting.
   cancel_timers();
   close(DropReason::kFault);
   application.component_failed(*this);
   application.tell_liveliness(*this, false, "failed");
+  if (!description.fault_mode.empty()) {
+    application.modes().ask(description.fault_mode, what, this);
+  }
 }
 
-void ComponentCore::on_fault(std::string_view what) {
-  const bool was_running = state == State::kRunning;
-  if (state == State::kConstructed) {
-    fail("its start() threw: " + std::string(what));
-  } else if (state == State::kStopped) {
-    note_fault("its stop() threw: " + std::string(what));
-  } else if (state == State::kFailed) {
+void ComponentCore::on_fault(std::string_view thrown) {
+  std::string what(thrown);
+  if (const char* call = std::exchange(in_call_, nullptr)) {
+    what = std::string(call) + " threw: " + what;
+  }
+  if (state == State::kStopped || state == State::kFailed || state == State::kRestarting) {
     note_fault(what);
-  } else if (description.on_fault == config::OnFault::kRestart && was_running) {
+  } else if (description.on_fault == config::OnFault::kRestart && has_started()) {
     restart(what);
   } else {
     fail(what);
@@ -230,23 +326,43 @@ void ComponentCore::restart(std::string_view what) {
     fail(std::string(what) + " (its threads use its object: it stays stopped)");
     return;
   }
+  const config::RestartDescription& limits = description.restart;
   const std::int64_t now_ns = base::to_ns(publishing.now);
-  if (restarts == 0 || now_ns - first_restart_ns > kRestartWindowNs) {
+  if (restarts == 0 || now_ns - first_restart_ns > limits.within.count()) {
     restarts = 0;
     first_restart_ns = now_ns;
   }
-  if (restarts == kMaxRestarts) {
-    fail(std::string(what) + " (restarted 3 times within 10 s: it stays stopped)");
+  if (restarts >= limits.limit) {
+    fail(std::string(what) + fmt::format(" (restarted {} times within {} s: it stays stopped)",
+                                         restarts,
+                                         std::chrono::duration<double>(limits.within).count()));
     return;
   }
   ++restarts;
   ++restart_count;
-  note_fault(std::string(what) + " (restarting)");
+  const std::chrono::nanoseconds delay = back_off(limits, restarts);
+  if (delay.count() == 0) {
+    note_fault(std::string(what) + " (restarting)");
+  } else {
+    note_fault(std::string(what) +
+               fmt::format(" (restarting in {} ms)",
+                           std::chrono::duration<double, std::milli>(delay).count()));
+  }
   application.tell_liveliness(*this, false, "failed");
   destroy();
   end_old_subscriptions();
   drop_held(DropReason::kFault);
   clear_timers();
+  if (delay.count() == 0) {
+    make_anew();
+    return;
+  }
+  state = State::kRestarting;
+  suspend();
+  set_alarm(publishing.now + delay, [this] { make_anew(); });
+}
+
+void ComponentCore::make_anew() {
   redeclared = {};
   is_redeclaring = true;
   config::Problems ignored;  // The same parameters were found right before.
@@ -260,15 +376,20 @@ void ComponentCore::restart(std::string_view what) {
     fail("it declared fewer topics than before when it was restarted");
     return;
   }
+  std::string what = "something that is no std::exception";
   try {
     call_start();
-    start_timers(publishing.now);
+    if (state == State::kActive) {
+      start_timers(publishing.now);
+    }
     application.tell_liveliness(*this, true, "restarted");
+    return;
   } catch (const std::exception& exception) {
-    fail(std::string("its start() threw when it was restarted: ") + exception.what());
-  } catch (...) {
-    fail("its start() threw when it was restarted");
+    what = exception.what();
+  } catch (...) {  // In words already.
   }
+  const char* call = std::exchange(in_call_, nullptr);
+  fail(std::string(call == nullptr ? "it" : call) + " threw when it was restarted: " + what);
 }
 
 }  // namespace fastcycle::detail

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -26,7 +28,15 @@ namespace fastcycle::detail {
 /// @threads  As `Actor`; what the report reads is read after the end of the run.
 class ComponentCore final : public Actor {
  public:
-  enum class State : std::uint8_t { kDeclared, kConstructed, kRunning, kStopped, kFailed };
+  enum class State : std::uint8_t {
+    kDeclared,
+    kConstructed,
+    kStandby,     ///< Started, not active in the application's mode.
+    kActive,      ///< Started; its callbacks come.
+    kRestarting,  ///< After a fault it waits to be made anew.
+    kStopped,
+    kFailed,
+  };
 
   ComponentCore(host::Application& its_application, std::uint32_t its_index,
                 config::ComponentDescription its_description, const ComponentClass& its_class,
@@ -42,7 +52,16 @@ class ComponentCore final : public Actor {
 
   /// The lifecycle, each called in an activation.
   void call_start();
+  void call_activate();
+  void call_deactivate();
   void call_stop();
+
+  /// What is wrong with a `start` that takes longer than it may.
+  [[nodiscard]] std::string late_start() const;
+
+  [[nodiscard]] bool has_started() const noexcept {
+    return state == State::kStandby || state == State::kActive || state == State::kRestarting;
+  }
 
   /// Ends the component after a fault: nothing is delivered to it any more.
   void fail(std::string_view what);
@@ -83,6 +102,27 @@ class ComponentCore final : public Actor {
   Context context{*this};
   Component* component = nullptr;
   std::atomic<State> state{State::kDeclared};
+  /// How its first `start` goes, between the worker that calls it and who waits for that.
+  struct Start {
+    enum class Stage : std::uint8_t { kWaiting, kCalled, kReturned, kLate, kDone };
+    std::mutex mutex;
+    std::condition_variable changed;
+    Stage stage = Stage::kWaiting;
+
+    void set(Stage its_stage) {
+      const std::lock_guard lock(mutex);
+      if (stage != Stage::kLate) {
+        stage = its_stage;
+      }
+      changed.notify_all();
+    }
+    [[nodiscard]] bool is_late() {
+      const std::lock_guard lock(mutex);
+      return stage == Stage::kLate;
+    }
+  } first_start;
+  bool is_wanted = true;           ///< The application's mode has it active.
+  bool was_active_at_end = false;  ///< When it was stopped.
 
   // Declarations.
   bool is_constructing = false;
@@ -104,7 +144,7 @@ class ComponentCore final : public Actor {
   std::vector<std::string> faults;  ///< The first 16, in words.
   std::uint64_t fault_count = 0;
   std::uint64_t restart_count = 0;
-  std::uint32_t restarts = 0;  ///< Within the window that began at `first_restart_ns`.
+  std::uint32_t restarts = 0;  ///< Within the time that began at `first_restart_ns`.
   std::int64_t first_restart_ns = 0;
 
   // A source that has not finished keeps the run going.
@@ -115,12 +155,18 @@ class ComponentCore final : public Actor {
   void on_fault(std::string_view what) override;
 
  private:
+  void activate_now();
   void restart(std::string_view what);
+  void make_anew();
+  /// From now on what it publishes reaches nobody, that of its threads included; or does again.
+  void mute(bool is_muted);
   /// Ends the subscriptions of the old object that must not go on as they are.
   void end_old_subscriptions();
   /// Ends what it subscribed to in its callbacks.
   void end_late_subscriptions();
   [[nodiscard]] bool is_redeclared() const noexcept;
+
+  const char* in_call_ = nullptr;  ///< What it was, in words, if it throws.
 };
 
 }  // namespace fastcycle::detail

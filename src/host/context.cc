@@ -305,7 +305,7 @@ void Context::offload(std::string_view executor, std::function<void()> work,
         }
         core.post(detail::Cause::kJob, [&core, done, object] {
           // A restarted component is another object than the one that asked.
-          if (core.state == ComponentCore::State::kRunning && core.restart_count == object) {
+          if (core.state == ComponentCore::State::kActive && core.restart_count == object) {
             done();
           }
         });
@@ -335,6 +335,16 @@ TimeHold::~TimeHold() {
 
 void Context::dump_flight_recorder(std::string_view reason) {
   core_.application.dump(reason, core_.name);
+}
+
+void Context::switch_mode(std::string_view mode, std::string_view why) {
+  FASTCYCLE_ASSERT(core_.publishing.is_in_activation,
+                   "a component asks for modes in its callbacks");
+  core_.application.modes().ask(mode, why, &core_);
+}
+
+std::string Context::mode() const {
+  return core_.application.modes().current();
 }
 
 void Context::report(std::string_view name, ReportValue value) {

@@ -97,6 +97,9 @@ ComponentReport report_component(const ComponentCore& core) {
   report.faults = core.fault_count;
   report.fault_texts = core.faults;
   report.restarts = core.restart_count;
+  if (core.application.modes().is_switched(core.index)) {
+    report.was_active = core.was_active_at_end;
+  }
   report.health = core.health;
   report.health_reason = core.health_reason;
   return report;
@@ -154,6 +157,19 @@ void add_results(RunReport& report, const ComponentCore& core) {
   }
 }
 
+ModesReport report_modes(const Application& application) {
+  const Modes& modes = application.modes();
+  ModesReport report{.at_end = modes.current(), .refused = modes.refused()};
+  for (const ModeSwitch& made : modes.switches()) {
+    report.switches.push_back({.time_s = seconds(made.stamp - application.start_time()),
+                               .from = made.from,
+                               .to = made.to,
+                               .why = made.why,
+                               .by = made.by});
+  }
+  return report;
+}
+
 ReplayReport report_replay(const Application& application, const Replay& replay) {
   ReplayReport report;
   for (const std::filesystem::path& file : replay.options().files) {
@@ -185,8 +201,12 @@ const char* to_word(ComponentCore::State state) {
       return "declared";
     case ComponentCore::State::kConstructed:
       return "constructed";
-    case ComponentCore::State::kRunning:
-      return "running";
+    case ComponentCore::State::kStandby:
+      return "standby";
+    case ComponentCore::State::kActive:
+      return "active";
+    case ComponentCore::State::kRestarting:
+      return "restarting";
     case ComponentCore::State::kStopped:
       return "stopped";
     case ComponentCore::State::kFailed:
@@ -196,7 +216,13 @@ const char* to_word(ComponentCore::State state) {
 }
 
 const char* state_word(const ComponentReport& component) {
-  return component.is_replayed ? "replayed" : to_word(component.state);
+  if (component.is_replayed) {
+    return "replayed";
+  }
+  if (component.was_active && component.state == ComponentCore::State::kStopped) {
+    return *component.was_active ? "active" : "standby";
+  }
+  return to_word(component.state);
 }
 
 const char* to_word(Health health) {
@@ -344,6 +370,18 @@ ordered_json json_of(const ReplayReport& replay) {
           {"parted_infos", replay.parted_infos},
           {"fed", std::move(fed)},
           {"not_fed", std::move(not_fed)}};
+}
+
+ordered_json json_of(const ModesReport& modes) {
+  auto switches = ordered_json::array();
+  for (const ModesReport::Switch& made : modes.switches) {
+    switches.push_back({{"time_s", number(made.time_s)},
+                        {"from", made.from},
+                        {"to", made.to},
+                        {"why", made.why},
+                        {"by", made.by}});
+  }
+  return {{"at_end", modes.at_end}, {"switches", std::move(switches)}, {"refused", modes.refused}};
 }
 
 ordered_json json_of(const ComponentReport& component) {
@@ -688,6 +726,31 @@ std::string topics_text(const RunReport& report) {
   return text;
 }
 
+std::string modes_text(const ModesReport& modes) {
+  constexpr std::size_t kShown = 10;
+  std::string text =
+      fmt::format("MODE {} at the end, after {} {}\n", modes.at_end, modes.switches.size(),
+                  modes.switches.size() == 1 ? "switch" : "switches");
+  const std::size_t skipped =
+      modes.switches.size() > kShown ? modes.switches.size() - kShown : std::size_t{0};
+  if (skipped > 0) {
+    text += fmt::format("  the first {} are in the report only\n", skipped);
+  }
+  for (std::size_t i = skipped; i < modes.switches.size(); ++i) {
+    const ModesReport::Switch& made = modes.switches[i];
+    std::string line = fmt::format("  {:.6f} s  {} → {}, asked for by {}", made.time_s, made.from,
+                                   made.to, made.by.empty() ? "nobody within" : made.by);
+    if (!made.why.empty()) {
+      line += ": " + made.why;
+    }
+    text += wrapped(on_one_line(line), "      ");
+  }
+  if (modes.refused > 0) {
+    text += fmt::format("  {} more were refused: too many waited\n", modes.refused);
+  }
+  return text;
+}
+
 std::string replay_text(const ReplayReport& replay) {
   std::uint64_t messages = 0;
   std::size_t fed = 0;
@@ -805,6 +868,9 @@ RunReport make_report(const Application& application, Duration wall) {
   report.cpu_s = cpu_seconds(usage);
   report.rss_max_kib = usage.ru_maxrss;
   report.end = to_word(application.end_reason());
+  if (!application.modes().is_empty()) {
+    report.modes = report_modes(application);
+  }
   const Replay* replay = application.replay();
   if (replay != nullptr) {
     report.replay = report_replay(application, *replay);
@@ -864,6 +930,9 @@ ordered_json to_json(const RunReport& report) {
       {"components", components},
       {"topics", topics},
       {"results", results}};
+  if (report.modes) {
+    json["modes"] = json_of(*report.modes);
+  }
   if (report.replay) {
     json["replay"] = json_of(*report.replay);
   }
@@ -880,6 +949,9 @@ std::string to_table(const RunReport& report) {
   std::string text = head_text(report) + "\n" + components_text(report) + troubles_text(report);
   if (!report.topics.empty()) {
     text += "\n" + topics_text(report);
+  }
+  if (report.modes) {
+    text += "\n" + modes_text(*report.modes);
   }
   if (report.replay) {
     text += "\n" + replay_text(*report.replay);

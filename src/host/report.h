@@ -27,6 +27,8 @@ struct ComponentReport {
   std::uint64_t faults = 0;
   std::vector<std::string> fault_texts = {};  ///< Of the first faults.
   std::uint64_t restarts = 0;
+  /// Whether it was active when the run ended; none if no mode names it.
+  std::optional<bool> was_active = {};
   bool is_replayed = false;  ///< It did not run: a recording was published in its place.
   Health health = Health::kOk;
   std::string health_reason = {};
@@ -93,6 +95,22 @@ struct ReplayReport {
   std::vector<Stream> streams = {};
 };
 
+/// The modes that an application went through.
+struct ModesReport {
+  /// One switch to another mode.
+  struct Switch {
+    double time_s = 0;  ///< The application's time since its start.
+    std::string from = {};
+    std::string to = {};
+    std::string why = {};
+    std::string by = {};  ///< The component that asked; empty: somebody outside.
+  };
+
+  std::string at_end = {};
+  std::vector<Switch> switches = {};
+  std::uint64_t refused = 0;  ///< That were asked for while too many waited.
+};
+
 /// What there is to say of a run: plain values, which outlive the application.
 ///
 /// @threads  Compatible.
@@ -108,6 +126,7 @@ struct RunReport {
   std::string end;  ///< Why the run ended.
   std::vector<ComponentReport> components;
   std::vector<TopicReport> topics;
+  std::optional<ModesReport> modes;  ///< None if the application has none.
   std::optional<ReplayReport> replay;
   std::optional<RecordingReport> recording;
   std::optional<record::FlightReport> flight_recorder;

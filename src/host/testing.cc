@@ -106,6 +106,31 @@ void Bench::advance(Duration span) {
   state_->running->advance_to(now() + span);
 }
 
+void Bench::switch_mode(const std::string& mode) {
+  state_->running->switch_mode(mode, "the test asks for it");
+  state_->running->settle();
+}
+
+std::string Bench::mode() const {
+  return state_->running->modes().current();
+}
+
+void Bench::activate(const std::string& name) {
+  auto& core = state_->core(name);
+  core.post(fastcycle::detail::Cause::kMode, [&core] { core.call_activate(); });
+  state_->running->settle();
+}
+
+void Bench::deactivate(const std::string& name) {
+  auto& core = state_->core(name);
+  core.post(fastcycle::detail::Cause::kMode, [&core] { core.call_deactivate(); });
+  state_->running->settle();
+}
+
+bool Bench::is_active(const std::string& name) const {
+  return state_->core(name).state == fastcycle::detail::ComponentCore::State::kActive;
+}
+
 void Bench::stop() {
   state_->running->stop();
 }
