@@ -1,10 +1,13 @@
 #include "host/modes.h"
 
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <stdexcept>
 #include <thread>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "base/clock.h"
 #include "config/nearest.h"
@@ -24,6 +27,36 @@ constexpr std::size_t kMaxWaiting = 64;
 constexpr std::size_t kMaxKept = 10'000;  // Switches that the report tells of.
 
 }  // namespace
+
+void explain(const std::vector<ModeSwitch>& switches, std::map<std::string, std::string>& facts) {
+  constexpr std::size_t kMost = 1000;
+  for (std::size_t i = 0; i < std::min(switches.size(), kMost); ++i) {
+    const std::string key = fmt::format("switch.{}.", i);
+    facts[key + "time_ns"] = std::to_string(base::to_ns(switches[i].stamp));
+    facts[key + "to"] = switches[i].to;
+    facts[key + "by"] = switches[i].by;
+  }
+}
+
+std::vector<ModeSwitch> switches_in(const std::map<std::string, std::string>& facts) {
+  std::vector<ModeSwitch> switches;
+  for (;;) {
+    const std::string key = fmt::format("switch.{}.", switches.size());
+    const auto time = facts.find(key + "time_ns");
+    const auto to = facts.find(key + "to");
+    const auto by = facts.find(key + "by");
+    if (time == facts.end() || to == facts.end() || by == facts.end()) {
+      return switches;
+    }
+    std::int64_t time_ns = 0;
+    std::from_chars(time->second.data(), time->second.data() + time->second.size(), time_ns);
+    switches.push_back({.stamp = base::from_ns(time_ns),
+                        .from = {},
+                        .to = to->second,
+                        .why = {},
+                        .by = by->second});
+  }
+}
 
 Modes::Modes(Application& application) : application_(application) {}
 

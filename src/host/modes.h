@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -28,6 +29,11 @@ struct ModeSwitch {
   std::string why;
   std::string by;  ///< The component that asked for it; empty: somebody outside.
 };
+
+/// What a log says of `switches` when the run has ended, and what a later run reads there. Only the
+/// first 1000.
+void explain(const std::vector<ModeSwitch>& switches, std::map<std::string, std::string>& facts);
+[[nodiscard]] std::vector<ModeSwitch> switches_in(const std::map<std::string, std::string>& facts);
 
 /// The modes of an application: which of its components are active in which, and the switches from
 /// one to another.

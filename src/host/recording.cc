@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -109,9 +110,12 @@ void RecorderGuest::start(const GuestView& view, std::vector<base::Refusal>& ref
 }
 
 void RecorderGuest::stop(const Application& application) {
-  recorder_.stop({{"time_ns", std::to_string(base::to_ns(application.end_time()))},
-                  {"timers_ns", std::to_string(base::to_ns(application.start_time()))},
-                  {"reason", to_word(application.end_reason())}});
+  std::map<std::string, std::string> facts = {
+      {"time_ns", std::to_string(base::to_ns(application.end_time()))},
+      {"timers_ns", std::to_string(base::to_ns(application.start_time()))},
+      {"reason", to_word(application.end_reason())}};
+  explain(application.modes().switches(), facts);
+  recorder_.stop(facts);
 }
 
 FlightGuest::FlightGuest(Application& application,

@@ -11,6 +11,7 @@
 
 #include "fastcycle/component.h"
 #include "host/component_core.h"
+#include "host/modes.h"
 #include "host/read_ahead.h"
 #include "host/steps.h"
 #include "mcap/error.h"
@@ -91,9 +92,33 @@ bool Replay::choose(const config::ApplicationDescription& application, config::P
   if (problems.has_errors()) {
     return false;
   }
+  warn_of_switches(problems);
   description_ = describe_replay(application, plan_);
   make_prototypes();
   return true;
+}
+
+/// Who runs asks again for the mode that it asked for; others do not.
+void Replay::warn_of_switches(config::Problems& problems) const {
+  std::size_t count = 0;
+  ModeSwitch first;
+  for (const ModeSwitch& made : switches_in(reader_->end_facts())) {
+    if (!plan_.runs(made.by) && count++ == 0) {
+      first = made;
+    }
+  }
+  if (count == 0) {
+    return;
+  }
+  const double time_s = std::chrono::duration<double>(first.stamp - reader_->begin()).count();
+  config::Problem problem = config::mistake(
+      place_of(options_.files.front()),
+      fmt::format("in the recorded run {} asked for the mode \"{}\" at {:.3f} s, and is not there "
+                  "to ask again: {} of its switches {} not repeated",
+                  first.by.empty() ? "somebody outside" : "component \"" + first.by + "\"",
+                  first.to, time_s, count, count == 1 ? "is" : "are"));
+  problem.warning = true;
+  problems.add(std::move(problem));
 }
 
 void Replay::make_prototypes() {

@@ -101,6 +101,7 @@ class Replay final : public ComponentClasses, public detail::Feed {
   bool open(config::Problems& problems);
   bool choose(const config::ApplicationDescription& application, config::Problems& problems);
   bool set_range(config::Problems& problems);
+  void warn_of_switches(config::Problems& problems) const;
   void make_prototypes();
   void rewind();
   void keep_latched();

@@ -32,6 +32,7 @@ config::ComponentDescription idle(const config::ComponentDescription& component)
   config::ComponentDescription description;
   description.name = component.name;
   description.executor = component.executor;
+  description.after = component.after;  // Recordings count the starts in their order.
   description.params = config::Value::object_at(component.params);
   description.place = component.place;
   return description;

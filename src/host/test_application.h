@@ -15,7 +15,7 @@
 namespace fastcycle::host {
 
 /// Component classes by the name that stands under "library".
-class TestClasses final : public ComponentClasses {
+class TestClasses : public ComponentClasses {
  public:
   template <std::derived_from<Component> T>
   TestClasses& with(const std::string& library) {

@@ -120,6 +120,7 @@ void RecordingReader::read_facts(const File& file) {
       const mcap::Metadata facts = file.reader.read(index);
       end_ = std::max(end_, find_time(facts.metadata, "time_ns").value_or(end_));
       begin_of_timers_ = find_time(facts.metadata, "timers_ns").value_or(begin_of_timers_);
+      end_facts_.insert(facts.metadata.begin(), facts.metadata.end());
     }
   }
   const mcap::Statistics& statistics = *file.reader.statistics();

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -66,6 +67,8 @@ class RecordingReader {
   [[nodiscard]] Time begin_of_timers() const { return std::max(begin_, begin_of_timers_); }
   /// When it ended; without a word about it, when the last message was published.
   [[nodiscard]] Time end() const { return end_; }
+  /// What the recorded run said at its end, by name; nothing of a file that was not closed.
+  [[nodiscard]] const std::map<std::string, std::string>& end_facts() const { return end_facts_; }
   /// What is to be known of the files: where one ends that was not closed.
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
 
@@ -102,6 +105,7 @@ class RecordingReader {
   std::vector<std::unique_ptr<File>> files_;
   std::vector<RecordedStream> streams_;
   std::vector<std::string> notes_;
+  std::map<std::string, std::string> end_facts_;
   Time begin_{};
   Time begin_of_timers_{};
   Time end_{};

@@ -1,0 +1,151 @@
+// The code of docs/guides/life_cycle.md.
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "config/load.h"
+#include "demo/speed.pb.h"
+#include "fastcycle/fastcycle.h"
+#include "fastcycle/testing.h"
+#include "host/test_application.h"
+
+namespace {
+
+using namespace std::chrono_literals;
+
+class Device {
+ public:
+  void open() { is_open_ = true; }
+  void transmit(bool on) {
+    EXPECT_TRUE(is_open_);
+    is_transmitting_ = on;
+  }
+  [[nodiscard]] double read() const {
+    EXPECT_TRUE(is_transmitting_);
+    return 12.5;
+  }
+  void close() {
+    EXPECT_FALSE(is_transmitting_);
+    is_open_ = false;
+  }
+
+ private:
+  bool is_open_ = false;
+  bool is_transmitting_ = false;
+};
+
+// [snippet radar]
+class Radar final : public fastcycle::Component {
+ public:
+  explicit Radar(fastcycle::Context& context)
+      : Component(context), tracks_(context.create_publisher<demo::Speed>("radar/speed")) {}
+
+  void start() override { device_.open(); }  // Once: here it may fail.
+  void activate() override { device_.transmit(true); }
+  void serve() override {  // Only while it is active.
+    auto speed = tracks_.loan();
+    speed->set_mps(device_.read());
+    tracks_.publish(std::move(speed));
+  }
+  void deactivate() override { device_.transmit(false); }
+  void stop() override { device_.close(); }
+
+ private:
+  fastcycle::Publisher<demo::Speed> tracks_;
+  Device device_;
+};
+// [end]
+
+TEST(TheGuideToTheLifeCycle, ActivatesAndDeactivates) {
+  fastcycle::testing::Bench bench;
+  bench.add<Radar>("radar", R"({"serve_period_ms": 10})");
+  auto speeds = bench.output<demo::Speed>("radar/speed");
+  bench.start();
+  bench.advance(50ms);
+  EXPECT_EQ(speeds.take().size(), 5U);
+  // [snippet bench]
+  bench.deactivate("radar");
+  bench.advance(100ms);
+  EXPECT_TRUE(speeds.take().empty());
+  bench.activate("radar");
+  bench.advance(100ms);
+  EXPECT_EQ(speeds.take().size(), 10U);
+  // [end]
+  bench.stop();
+  EXPECT_TRUE(bench.faults("radar").empty());
+}
+
+/// Loads an application from a file that says this, and builds it.
+std::unique_ptr<fastcycle::host::Application> load(const std::string& text,
+                                                   fastcycle::host::TestClasses& classes) {
+  const auto file = std::filesystem::path(::testing::TempDir()) /
+                    ("guide_" + std::to_string(::getpid()) + ".json");
+  std::ofstream(file) << text;
+  fastcycle::config::Problems problems;
+  auto description = fastcycle::config::load({.file = file}, problems);
+  std::filesystem::remove(file);
+  for (const auto& problem : problems.all()) {
+    ADD_FAILURE() << fastcycle::config::to_string(problem);
+  }
+  auto application = std::make_unique<fastcycle::host::Application>(
+      std::move(description), fastcycle::host::ClockOptions{.is_simulated = true});
+  application->build(classes, problems, fastcycle::host::ConstructorFault::kMistake);
+  EXPECT_FALSE(problems.has_errors());
+  return application;
+}
+
+class Other final : public fastcycle::Component {
+ public:
+  explicit Other(fastcycle::Context& context) : Component(context) {}
+};
+
+TEST(TheGuideToTheLifeCycle, HasConfigurationsThatLoad) {
+  fastcycle::host::TestClasses classes;
+  classes.with<Other>("radar").with<Other>("planner").with<Other>("localization");
+  const auto starts = load(R"(
+// [snippet starts]
+{
+  "name": "car",
+  "start_timeout_ms": 2000,
+  "components": [
+    {"name": "planner", "library": "planner", "after": ["localization"]},
+    {"name": "localization", "library": "localization", "start_timeout_ms": 10000}
+  ]
+}
+// [end]
+)",
+                           classes);
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(starts->description().components[0].after, Names{"localization"});
+  EXPECT_EQ(starts->description().components[0].start_timeout, 2s);
+  EXPECT_EQ(starts->description().components[1].start_timeout, 10s);
+  EXPECT_EQ(fastcycle::config::start_order(starts->description()),
+            (std::vector<std::size_t>{1, 0}));
+  const auto restarts = load(R"(
+// [snippet restarts]
+{
+  "name": "car",
+  "on_fault": "restart",
+  "restart": {"limit": 5, "within_s": 60, "back_off_ms": 100, "back_off_max_ms": 2000},
+  "components": [
+    {"name": "radar", "library": "radar", "restart": {"limit": 20}},
+    {"name": "planner", "library": "planner"}
+  ]
+}
+// [end]
+)",
+                             classes);
+  EXPECT_EQ(restarts->description().components[0].restart.limit, 20U);
+  EXPECT_EQ(restarts->description().components[0].restart.back_off, 100ms);
+  EXPECT_EQ(restarts->description().components[1].restart.limit, 5U);
+}
+
+}  // namespace
