@@ -1,7 +1,10 @@
 #include "config/compose.h"
 
+#include <chrono>
+
 #include <gtest/gtest.h>
 
+#include "config/describe.h"
 #include "config/test_folder.h"
 
 namespace fastcycle::config {
@@ -88,6 +91,43 @@ TEST_F(ComposeTest, TheIncludingFileGoesBeforeIncludedOnes) {
   EXPECT_EQ(tree["components"][1]["on_fault"].as_string(), "stop");
   EXPECT_EQ(tree["components"][2].find("on_fault"), nullptr);
   EXPECT_EQ(tree["on_fault"].as_string(), "stop");
+}
+
+TEST_F(ComposeTest, AnIncludedFileSaysHowItsComponentsStartAndRestart) {
+  folder.write("app.json", R"({"name": "app", "include": [{"file": "a.json", "namespace": "front"}],
+      "restart": {"limit": 1}, "components": [{"name": "planner", "library": "p"}]})");
+  folder.write("a.json", R"({"restart": {"limit": 7, "back_off_ms": 50}, "start_timeout_ms": 200,
+      "components": [{"name": "lidar", "library": "l", "after": ["radar", "/planner"]},
+                     {"name": "radar", "library": "r", "restart": {"limit": 9}}]})");
+
+  const ApplicationDescription app = describe(compose());
+
+  EXPECT_EQ(app.components[0].restart.limit, 7U);
+  EXPECT_EQ(app.components[0].start_timeout, std::chrono::milliseconds(200));
+  EXPECT_EQ(app.components[0].after, (std::vector<std::string>{"front/radar", "planner"}));
+  EXPECT_EQ(app.components[1].restart.limit, 9U);
+  EXPECT_EQ(app.components[1].restart.back_off, std::chrono::milliseconds(50));
+  EXPECT_EQ(app.components[2].restart.limit, 1U);
+  EXPECT_EQ(app.components[2].start_timeout.count(), 0);
+  EXPECT_EQ(start_order(app), (std::vector<std::size_t>{1, 2, 0}));
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
+TEST_F(ComposeTest, ModesAreOfTheFileThatIsRunAndOfOverlays) {
+  folder.write("app.json", R"({"name": "app", "include": [{"file": "a.json"}],
+      "modes": {"one": {"components": ["a"]}, "two": {}}, "initial_mode": "one",
+      "components": [{"name": "a", "library": "l"}]})");
+  folder.write("a.json", R"({"modes": {"three": {}}})");
+  const auto overlay = folder.write("over.json", R"({"initial_mode": "two",
+      "modes": {"one": null, "two": {"executors": ["x"]}}})");
+
+  const ApplicationDescription app = describe(compose({.file = {}, .overlays = {overlay}}));
+
+  ASSERT_EQ(app.modes.size(), 1U);
+  EXPECT_EQ(app.modes[0].name, "two");
+  EXPECT_EQ(app.modes[0].executors, std::vector<std::string>{"x"});
+  EXPECT_EQ(app.initial_mode, "two");
+  EXPECT_NE(text_of(problems).find("an included file cannot describe modes"), std::string::npos);
 }
 
 TEST_F(ComposeTest, IncludesThatMultiplyAreStopped) {

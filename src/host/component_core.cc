@@ -190,6 +190,7 @@ void ComponentCore::call_activate() {
   if (state == State::kStandby) {
     activate_now();
     start_timers(publishing.now);
+    application.tell_liveliness(*this, true, "active");
   }
 }
 
@@ -207,6 +208,7 @@ void ComponentCore::call_deactivate() {
   if (state == State::kActive) {
     state = State::kStandby;
     suspend();
+    application.tell_liveliness(*this, false, "inactive");
     in_call_ = "its deactivate()";
     component->deactivate();
     in_call_ = nullptr;
@@ -381,8 +383,8 @@ void ComponentCore::make_anew() {
     call_start();
     if (state == State::kActive) {
       start_timers(publishing.now);
+      application.tell_liveliness(*this, true, "restarted");
     }
-    application.tell_liveliness(*this, true, "restarted");
     return;
   } catch (const std::exception& exception) {
     what = exception.what();

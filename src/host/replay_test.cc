@@ -404,7 +404,43 @@ TEST_F(Replays, TheSameInputsInTheSameRoundsGiveTheSameOutputs) {
   }
 }
 
-// Were it not so, the test above would say nothing of rounds.
+TEST_F(Replays, StartsAreCountedInTheirOrderNotInThatOfTheFile) {
+  constexpr const char* kBackwards = R"({"name": "t", "topics": {"map": {"latched": 1}},
+    "components": [
+      {"name": "doubler", "library": "doubler", "after": ["mixer"]},
+      {"name": "mixer", "library": "mixer", "after": ["driver"]},
+      {"name": "driver", "library": "driver", "serve_period_ms": 1}]})";
+  const auto file = record(kBackwards, "a.mcap");
+  const std::vector<Line> before = lines_of(file, "mixed");
+  ASSERT_GT(before.size(), 300U);
+
+  replay(kBackwards, {.files = {file}, .into = {"mixer"}}, simulated(), "b.mcap");
+
+  EXPECT_EQ(difference(before, lines_of(folder_ / "b.mcap", "mixed")), "");
+}
+
+TEST_F(Replays, SwitchesOfModeThatNobodyAsksForAgainAreTold) {
+  const auto file =
+      write(folder_ / "a.mcap", "driver",
+            {{.topic = "numbers", .sequence = 1, .time_ns = 1'000'000'000, .value = 1}},
+            {{"switch.0.time_ns", "1000000000"},
+             {"switch.0.to", "one"},
+             {"switch.0.by", "listener"},
+             {"switch.1.time_ns", "1500000000"},
+             {"switch.1.to", "two"},
+             {"switch.1.by", "driver"},
+             {"switch.2.time_ns", "1600000000"},
+             {"switch.2.to", "one"},
+             {"switch.2.by", ""}});
+  EXPECT_NE(prepare(kListening, {.files = {file}}), nullptr);
+  EXPECT_NE(said().find("in the recorded run component \"driver\" asked for the mode \"two\" at "
+                        "0.500 s, and is not there to ask again: 2 of its switches are not "
+                        "repeated"),
+            std::string::npos)
+      << said();
+}
+
+// Were it not so, the first test would say nothing of rounds.
 TEST_F(Replays, TheMixerNoticesInWhichRoundAMessageComes) {
   const auto file = record(kWhole, "a.mcap");
   const auto copy = without_infos(file, folder_ / "copy.mcap");
