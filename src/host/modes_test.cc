@@ -66,13 +66,14 @@ class Diary {
 };
 
 Diary g_diary;
+std::atomic<bool> g_may_go{false};
 
 /// Writes its life down.
 class Witness final : public Component {
  public:
   explicit Witness(Context& its_context)
       : Component(its_context),
-        start_takes_(its_context.param<std::int64_t>("start_takes_ms", {.fallback = 0})),
+        waits_(its_context.param<bool>("waits", {.fallback = false})),
         fault_ms_(its_context.param<std::int64_t>("fault_ms", {.fallback = 0})) {
     if (fault_ms_.get() > 0) {
       its_context.create_timer({.period = std::chrono::milliseconds(fault_ms_.get())},
@@ -82,9 +83,7 @@ class Witness final : public Component {
 
   void start() override {
     say("start");
-    const auto until =
-        std::chrono::steady_clock::now() + std::chrono::milliseconds(start_takes_.get());
-    while (std::chrono::steady_clock::now() < until) {
+    while (waits_.get() && !g_may_go) {
       std::this_thread::yield();
     }
   }
@@ -100,7 +99,7 @@ class Witness final : public Component {
     throw std::runtime_error("on purpose");
   }
 
-  Param<std::int64_t> start_takes_;
+  Param<bool> waits_;
   Param<std::int64_t> fault_ms_;
 };
 
@@ -451,14 +450,17 @@ TEST(AStart, ThatTakesTooLongIsAFaultOfItsComponent) {
   TestClasses classes;
   classes.with<Witness>("w");
   g_diary.clear();
+  g_may_go = false;
   const auto application = make_application(R"({"name": "test", "start_timeout_ms": 60000,
     "executors": [{"name": "one"}, {"name": "two"}],
     "components": [{"name": "slow", "library": "w", "executor": "one", "start_timeout_ms": 5,
-                    "params": {"start_takes_ms": 50}},
+                    "params": {"waits": true}},
                    {"name": "other", "library": "w", "executor": "two", "after": ["slow"]}]})",
                                             classes);
   application->start();
   EXPECT_EQ(core_of(*application, "other").state, State::kActive);
+  EXPECT_EQ(core_of(*application, "slow").state, State::kConstructed);
+  g_may_go = true;
   wait_until([&] { return core_of(*application, "slow").state == State::kFailed; });
   application->stop();
   EXPECT_EQ(core_of(*application, "slow").faults,
@@ -470,13 +472,15 @@ TEST(AStart, ThatTakesTooLongEndsARunWhosePolicySaysSo) {
   TestClasses classes;
   classes.with<Witness>("w");
   g_diary.clear();
+  g_may_go = false;
   const auto application = make_application(R"({"name": "test", "on_fault": "stop",
     "components": [{"name": "slow", "library": "w", "start_timeout_ms": 1,
-                    "params": {"start_takes_ms": 50}},
+                    "params": {"waits": true}},
                    {"name": "other", "library": "w"}]})",
                                             classes);
   application->start();
   EXPECT_EQ(application->run(std::nullopt), EndReason::kFault);
+  g_may_go = true;
   application->stop();
   EXPECT_EQ(g_diary.lines(), (std::vector<std::string>{"slow start"}));
 }

@@ -8,7 +8,7 @@ namespace fastcycle::host {
 // stops. Each of these parts has rounds with numbers of its own, so that the number of a round says
 // to which part it belongs, however many rounds the others take:
 //
-//     0               start of the first component
+//     0               start of the component that starts first (`config::start_order`)
 //     kStepsOfPart    start of the second one, and so on; then the run itself
 //     kStopSteps      end of the timers of the first component, and so on; then the stops
 
