@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <limits>
+#include <memory>
 #include <optional>
 #include <random>
 #include <stop_token>
@@ -62,27 +62,9 @@ class ComponentCore;
 using EnvelopeCallback = std::function<void(Envelope&, const google::protobuf::Message&)>;
 using TickCallback = std::function<void(const Tick&)>;
 
-/// One value of a parameter; a vector has several.
-using ParamElementValue = std::variant<bool, std::int64_t, std::uint64_t, double, std::string>;
-
-enum class ParamKind : std::uint8_t { kBool, kSigned, kUnsigned, kDouble, kString, kPath, kEnum };
-
-/// A parameter's declaration without its C++ type.
-struct ParamSpec {
-  std::string_view name;
-  ParamKind kind = ParamKind::kBool;
-  bool is_vector = false;
-  std::optional<std::vector<ParamElementValue>> fallback = {};
-  std::optional<ParamElementValue> min = {};
-  std::optional<ParamElementValue> max = {};
-  std::vector<std::string> names = {};  ///< Of an enumeration; its values are indices into this.
-  std::string_view unit = {};
-  std::string_view description = {};
-};
-
-std::vector<ParamElementValue> read_param(ComponentCore& core, const ParamSpec& spec);
-void read_message_param(ComponentCore& core, std::string_view name, std::string_view description,
-                        bool has_fallback, google::protobuf::Message& message);
+/// The place of a parameter, with its value; that of a component which is made anew keeps it.
+ParamSlot& declare_param(ComponentCore& core, std::unique_ptr<ParamSlot> slot);
+void set_on_change(ComponentCore& core, const ParamSlot& slot, std::function<void()> callback);
 PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
                                 const google::protobuf::Message& default_instance,
                                 const google::protobuf::Message* prototype, bool is_external);
@@ -116,6 +98,11 @@ concept MessageCallback = std::invocable<F&, const T&> || std::invocable<F&, con
 /// What may be called back by a timer: `f()` or `f(const Tick&)`.
 template <typename F>
 concept TimerCallback = std::invocable<F&> || std::invocable<F&, const Tick&>;
+
+/// What may be called back when a parameter was changed: `f(const T&)` with the new value, or
+/// `f()`.
+template <typename F, typename T>
+concept ParamCallback = std::invocable<F&, const T&> || std::invocable<F&>;
 
 /// A promise that input will come. The run ends by itself when every source of the application has
 /// finished; an application without sources runs until it is stopped.
@@ -173,6 +160,29 @@ class Context {
   ///          returned then is the fallback, or an empty value.
   template <ParamType T>
   [[nodiscard]] Param<T> param(std::string_view name, ParamOptions<T> options = {});
+
+  /// Calls `callback` when `param`, which is tunable, was changed at run time: in the activation
+  /// that put the new value in place, after all other changes of that transaction. What it throws
+  /// is a fault of the component. Not called before `start`; one callback per parameter.
+  template <ParamType T, ParamCallback<T> F>
+  void on_change(const Param<T>& param, F callback);
+
+  /// Has `check` look at the parameters together: at the configured values once the constructor is
+  /// through, and at each transaction before it is made. What it refuses is a mistake like one of
+  /// type or range, and nothing is changed.
+  ///
+  /// @threads  `check` runs on whatever thread asks for a change, while others wait: it sees only
+  ///           what it is given, and must not touch the component.
+  void check_params(ParamCheck check);
+
+  /// Asks for a transaction over parameters of any components: all values are checked first, and
+  /// all are changed, or none. Each component puts its new values in place between two of its
+  /// activations; with simulated time all of them do so in the next round. `done`, if given, is an
+  /// activation of this component, with the cause `parameter`, and tells what became of it.
+  ///
+  /// @pre  Called in an activation.
+  void change_params(std::vector<ParamChange> changes,
+                     std::function<void(const ParamsResult&)> done = {});
 
   /// Declares that the component publishes on `topic`. Topic names in code are relative:
   /// `"namespace"` and `"remap"` of the component place them.
@@ -351,129 +361,21 @@ class Component {
   Context& context_;
 };
 
-namespace detail {
-
-template <typename Element>
-constexpr ParamKind kind_of() {
-  if constexpr (std::same_as<Element, bool>) {
-    return ParamKind::kBool;
-  } else if constexpr (std::is_enum_v<Element>) {
-    return ParamKind::kEnum;
-  } else if constexpr (std::floating_point<Element>) {
-    return ParamKind::kDouble;
-  } else if constexpr (std::signed_integral<Element>) {
-    return ParamKind::kSigned;
-  } else if constexpr (std::unsigned_integral<Element>) {
-    return ParamKind::kUnsigned;
-  } else if constexpr (std::same_as<Element, Path>) {
-    return ParamKind::kPath;
-  } else {
-    return ParamKind::kString;
-  }
-}
-
-/// Between a parameter's C++ type and its values without one.
-template <typename T, typename Element>
-struct ParamCodec {
-  static constexpr ParamKind kKind = kind_of<Element>();
-  static constexpr bool kIsVector = IsParamVector<T>::value;
-
-  static ParamElementValue encode(const Element& value, const ParamOptions<T>& options) {
-    if constexpr (kKind == ParamKind::kEnum) {
-      for (std::size_t index = 0; index < options.names.size(); ++index) {
-        if (options.names[index].second == value) {
-          return static_cast<std::int64_t>(index);
-        }
-      }
-      return std::int64_t{-1};
-    } else if constexpr (kKind == ParamKind::kDouble) {
-      return static_cast<double>(value);
-    } else if constexpr (kKind == ParamKind::kSigned) {
-      return static_cast<std::int64_t>(value);
-    } else if constexpr (kKind == ParamKind::kUnsigned) {
-      return static_cast<std::uint64_t>(value);
-    } else if constexpr (kKind == ParamKind::kPath) {
-      return value.string();
-    } else {
-      return value;
-    }
-  }
-
-  static Element decode(const ParamElementValue& value, const ParamOptions<T>& options) {
-    if constexpr (kKind == ParamKind::kEnum) {
-      return options.names.at(static_cast<std::size_t>(std::get<std::int64_t>(value))).second;
-    } else if constexpr (kKind == ParamKind::kDouble) {
-      return static_cast<Element>(std::get<double>(value));
-    } else if constexpr (kKind == ParamKind::kSigned) {
-      return static_cast<Element>(std::get<std::int64_t>(value));
-    } else if constexpr (kKind == ParamKind::kUnsigned) {
-      return static_cast<Element>(std::get<std::uint64_t>(value));
-    } else if constexpr (kKind == ParamKind::kPath) {
-      return Path(std::get<std::string>(value));
-    } else {
-      return std::get<Element>(value);
-    }
-  }
-
-  static ParamSpec spec(std::string_view name, const ParamOptions<T>& options) {
-    ParamSpec spec{.name = name, .kind = kKind, .is_vector = kIsVector};
-    spec.description = options.description;
-    if constexpr (kKind == ParamKind::kEnum) {
-      for (const auto& [text, value] : options.names) {
-        spec.names.push_back(text);
-      }
-    } else {
-      spec.unit = options.unit;
-      if constexpr (std::integral<Element> && kKind != ParamKind::kBool) {
-        spec.min.emplace(
-            encode(options.min.value_or(std::numeric_limits<Element>::min()), options));
-        spec.max.emplace(
-            encode(options.max.value_or(std::numeric_limits<Element>::max()), options));
-      } else if constexpr (kKind == ParamKind::kDouble) {
-        if (options.min) {
-          spec.min.emplace(encode(*options.min, options));
-        }
-        if (options.max) {
-          spec.max.emplace(encode(*options.max, options));
-        }
-      }
-    }
-    if (options.fallback) {
-      spec.fallback.emplace();
-      if constexpr (kIsVector) {
-        for (const Element& element : *options.fallback) {
-          spec.fallback->push_back(encode(element, options));
-        }
-      } else {
-        spec.fallback->push_back(encode(*options.fallback, options));
-      }
-    }
-    return spec;
-  }
-};
-
-}  // namespace detail
-
 template <ParamType T>
 Param<T> Context::param(std::string_view name, ParamOptions<T> options) {
-  if constexpr (Message<T>) {
-    T message = options.fallback.value_or(T());
-    detail::read_message_param(core_, name, options.description, options.fallback.has_value(),
-                               message);
-    return Param<T>(std::move(message));
+  auto slot = std::make_unique<detail::ParamSlotOf<T>>(name, std::move(options));
+  return Param<T>(
+      static_cast<detail::ParamSlotOf<T>&>(detail::declare_param(core_, std::move(slot))));
+}
+
+template <ParamType T, ParamCallback<T> F>
+void Context::on_change(const Param<T>& param, F callback) {
+  const detail::ParamSlotOf<T>& slot = param.slot();
+  if constexpr (std::invocable<F&, const T&>) {
+    detail::set_on_change(
+        core_, slot, [&slot, callback = std::move(callback)]() mutable { callback(slot.value()); });
   } else {
-    using Element = typename ParamOptions<T>::Element;
-    using Codec = detail::ParamCodec<T, Element>;
-    const auto values = detail::read_param(core_, Codec::spec(name, options));
-    T result{};
-    if constexpr (Codec::kIsVector) {
-      for (const auto& value : values) {
-        result.push_back(Codec::decode(value, options));
-      }
-    } else if (!values.empty()) {
-      result = Codec::decode(values.front(), options);
-    }
-    return Param<T>(std::move(result));
+    detail::set_on_change(core_, slot, std::move(callback));
   }
 }
 

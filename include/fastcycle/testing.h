@@ -82,6 +82,10 @@ class Bench {
   void deactivate(const std::string& name);
   [[nodiscard]] bool is_active(const std::string& name) const;
 
+  /// Changes parameters as a transaction does, and serves what follows from it: all of them, or
+  /// none and the result tells why.
+  ParamsResult change_params(const std::vector<ParamChange>& changes);
+
   /// Stops the components in order and destroys them.
   void stop();
 

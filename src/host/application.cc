@@ -770,6 +770,43 @@ void Application::let_time_go() {
   }
 }
 
+void Application::between_rounds(std::function<void()> action) {
+  if (simulation_ != nullptr) {
+    simulation_->call(std::move(action));
+  } else {
+    action();
+  }
+}
+
+void Application::change_params(ComponentCore& component, std::vector<ParamChange> changes,
+                                std::function<void(const ParamsResult&)> done) {
+  const auto make = [this, &component, changes = std::move(changes), done = std::move(done),
+                     object = component.restart_count] {
+    const ParamsResult result = params_.make(changes, component.name);
+    if (!done) {
+      for (const std::string& mistake : result.mistakes) {
+        log(LogLevel::kWarning, component.name, "params are not changed: " + mistake);
+      }
+      return;
+    }
+    between_rounds([&component, done, object, result] {
+      component.post(Cause::kParameter, [&component, done, object, result] {
+        // A restarted component is another object than the one that asked.
+        const bool is_there = component.state == ComponentCore::State::kActive ||
+                              component.state == ComponentCore::State::kStandby;
+        if (is_there && component.restart_count == object) {
+          done(result);
+        }
+      });
+    });
+  };
+  if (simulation_ != nullptr) {
+    component.stage(make);
+  } else {
+    make();
+  }
+}
+
 void Application::submit(const std::string& executor, ComponentCore& from,
                          std::function<void()> job) {
   const std::vector<std::string> known = executor_names();
@@ -910,6 +947,7 @@ void Application::stop() {
     }
     drain();
   }
+  params_.end();
   for (const auto& executor : executors_) {
     executor->stop();
   }

@@ -24,6 +24,7 @@
 #include "fastcycle/library.h"
 #include "host/component_core.h"
 #include "host/modes.h"
+#include "host/param_changes.h"
 #include "record/flight_recorder.h"
 #include "record/recorder.h"
 
@@ -156,6 +157,14 @@ class Application {
   [[nodiscard]] Modes& modes() { return modes_; }
   [[nodiscard]] const Modes& modes() const { return modes_; }
 
+  /// Changes parameters of components, all that are named or none, and says what is wrong. Each
+  /// component has the new values before it gets anything that is published after this returned.
+  /// In simulated time they are in place from the next round on, in all components alike, also
+  /// where another thread asks in the midst of a round. Safe; from `build` to the end of `stop`.
+  ParamsResult change_params(const std::vector<ParamChange>& changes) {
+    return params_.make(changes, {});
+  }
+
   void request_end(EndReason reason);
   [[nodiscard]] EndReason end_reason() const { return end_reason_.load(); }
 
@@ -176,6 +185,13 @@ class Application {
   void log(LogLevel level, std::string_view component, std::string_view text) {
     log_queue_.write(level, component, text);
   }
+  [[nodiscard]] ParamChanges& params() { return params_; }
+  [[nodiscard]] const ParamChanges& params() const { return params_; }
+  /// For `component`, in an activation of it; `done` is another one.
+  void change_params(detail::ComponentCore& component, std::vector<ParamChange> changes,
+                     std::function<void(const ParamsResult&)> done);
+  /// Does `action` now; in simulated time when no round is under way.
+  void between_rounds(std::function<void()> action);
   void submit(const std::string& executor, detail::ComponentCore& from, std::function<void()> job);
   /// Subscriptions that come and go while publishers run; in an activation of `component`.
   detail::CallbackSubscription& subscribe_late(detail::ComponentCore& component,
@@ -243,6 +259,7 @@ class Application {
   detail::LogQueue log_queue_;
   mutable std::mutex topics_mutex_;  ///< Control plane: when subscriptions come and go.
   detail::Topics topics_;
+  ParamChanges params_{*this};
   std::vector<std::unique_ptr<detail::ComponentCore>> components_;
   std::vector<std::size_t> start_order_;  ///< Places in `components_`.
   Modes modes_{*this};

@@ -34,7 +34,8 @@ ComponentCore::ComponentCore(host::Application& its_application, std::uint32_t i
     : Actor(its_description.name, its_index, its_clock),
       application(its_application),
       description(std::move(its_description)),
-      component_class(its_class) {}
+      component_class(its_class),
+      param_table(its_application.params().mutex()) {}
 
 ComponentCore::~ComponentCore() = default;
 
@@ -42,7 +43,9 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
   problems = &its_problems;
   params = std::make_unique<config::ParamReader>(
       description.params, application.description().shared_params, its_problems);
+  param_table.begin();
   is_constructing = true;
+  const std::size_t problems_before = its_problems.error_count();
   std::optional<std::string> thrown;
   try {
     component = component_class.create(context);
@@ -56,6 +59,10 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
   declared_params = params->declared();
   if (!thrown) {
     params->finish();
+    param_table.end();
+    if (its_problems.error_count() == problems_before) {
+      check_params(its_problems);
+    }
     check_unused(its_problems);
     if (description.serve_period) {
       add_timer({.period = *description.serve_period, .phase = description.serve_phase},
@@ -66,6 +73,14 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
   params.reset();
   problems = nullptr;
   return thrown;
+}
+
+void ComponentCore::check_params(config::Problems& its_problems) const {
+  const std::lock_guard lock(application.params().mutex());
+  for (const std::string& sentence : param_table.objections({})) {
+    its_problems.add(config::mistake(description.params.place(),
+                                     std::string("component \"") + name + "\": " + sentence));
+  }
 }
 
 void ComponentCore::check_unused(config::Problems& its_problems) const {
@@ -253,6 +268,14 @@ void ComponentCore::mute(bool is_muted) {
       const std::lock_guard lock(publisher->mutex());
       publisher->set_external_muted(is_muted);
     }
+  }
+}
+
+void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValues& values) {
+  // One that waits to be made anew will begin with them.
+  const bool is_there = state == State::kStandby || state == State::kActive;
+  if (is_there || state == State::kConstructed) {
+    param_table.take_over(transaction, values, is_there);
   }
 }
 

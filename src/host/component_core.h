@@ -16,6 +16,7 @@
 #include "executor/actor.h"
 #include "fastcycle/component.h"
 #include "fastcycle/library.h"
+#include "host/param_table.h"
 
 namespace fastcycle::host {
 class Application;
@@ -62,6 +63,9 @@ class ComponentCore final : public Actor {
   [[nodiscard]] bool has_started() const noexcept {
     return state == State::kStandby || state == State::kActive || state == State::kRestarting;
   }
+
+  /// Puts changed parameters in place; in an activation.
+  void take_params(std::uint64_t transaction, const host::ParamValues& values);
 
   /// Ends the component after a fault: nothing is delivered to it any more.
   void fail(std::string_view what);
@@ -132,7 +136,8 @@ class ComponentCore final : public Actor {
   std::set<std::string, std::less<>> topics_in_code;
   std::vector<NamedThread> threads;
   std::vector<std::unique_ptr<OfferedDeadline>> offered;
-  std::unique_ptr<config::ParamReader> params;
+  host::ParamTable param_table;
+  std::unique_ptr<config::ParamReader> params;  ///< While it is constructed.
   config::Problems* problems = nullptr;
   std::set<std::string> declared_params;
 
@@ -156,6 +161,7 @@ class ComponentCore final : public Actor {
 
  private:
   void activate_now();
+  void check_params(config::Problems& its_problems) const;
   void restart(std::string_view what);
   void make_anew();
   /// From now on what it publishes reaches nobody, that of its threads included; or does again.

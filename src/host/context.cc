@@ -1,10 +1,8 @@
 // What components ask of their context, answered by the application.
 
-#include <limits>
+#include <memory>
 #include <stdexcept>
 #include <utility>
-
-#include <google/protobuf/util/json_util.h>
 
 #include "config/params.h"
 #include "host/application.h"
@@ -16,82 +14,6 @@ using host::Application;
 
 namespace detail {
 namespace {
-
-using config::Problems;
-using config::Value;
-
-std::optional<ParamElementValue> read_number(const ParamSpec& spec, const Value& value,
-                                             Problems& problems) {
-  switch (spec.kind) {
-    case ParamKind::kSigned:
-      return config::to_int64(
-          value,
-          {.min = std::get<std::int64_t>(*spec.min), .max = std::get<std::int64_t>(*spec.max)},
-          problems);
-    case ParamKind::kUnsigned:
-      return config::to_uint64(
-          value,
-          {.min = std::get<std::uint64_t>(*spec.min), .max = std::get<std::uint64_t>(*spec.max)},
-          problems);
-    default: {
-      config::Range<double> range;
-      if (spec.min) {
-        range.min = std::get<double>(*spec.min);
-      }
-      if (spec.max) {
-        range.max = std::get<double>(*spec.max);
-      }
-      return config::to_double(value, range, problems);
-    }
-  }
-}
-
-std::optional<ParamElementValue> read_element(const ParamSpec& spec, const Value& value,
-                                              Problems& problems) {
-  switch (spec.kind) {
-    case ParamKind::kBool:
-      return config::to_bool(value, problems);
-    case ParamKind::kSigned:
-    case ParamKind::kUnsigned:
-    case ParamKind::kDouble:
-      return read_number(spec, value, problems);
-    case ParamKind::kEnum:
-      if (const auto index = config::to_choice(value, spec.names, problems)) {
-        return static_cast<std::int64_t>(*index);
-      }
-      return std::nullopt;
-    case ParamKind::kString:
-    case ParamKind::kPath:
-      if (const auto text = config::to_text(value, problems)) {
-        return spec.kind == ParamKind::kPath ? value.as_path().string() : *text;
-      }
-      return std::nullopt;
-  }
-  return std::nullopt;
-}
-
-/// Something of the right type to go on with, when a mistake will keep the application from
-/// starting.
-std::vector<ParamElementValue> stand_in(const ParamSpec& spec) {
-  if (spec.is_vector) {
-    return {};
-  }
-  switch (spec.kind) {
-    case ParamKind::kBool:
-      return {false};
-    case ParamKind::kSigned:
-    case ParamKind::kEnum:
-      return {std::int64_t{0}};
-    case ParamKind::kUnsigned:
-      return {std::uint64_t{0}};
-    case ParamKind::kDouble:
-      return {0.0};
-    case ParamKind::kString:
-    case ParamKind::kPath:
-      return {std::string()};
-  }
-  return {};
-}
 
 void assert_constructing(const ComponentCore& core) {
   FASTCYCLE_ASSERT(core.is_constructing,
@@ -112,49 +34,26 @@ T& redeclare(std::vector<T*>& first, std::vector<T*>& again, const std::string& 
 
 }  // namespace
 
-std::vector<ParamElementValue> read_param(ComponentCore& core, const ParamSpec& spec) {
+ParamSlot& declare_param(ComponentCore& core, std::unique_ptr<ParamSlot> slot) {
   assert_constructing(core);
-  const auto fallback = [&] { return spec.fallback ? *spec.fallback : stand_in(spec); };
-  const Value* value =
-      spec.fallback ? core.params->find(spec.name) : core.params->require(spec.name);
-  if (value == nullptr) {
-    return fallback();
-  }
-  if (!spec.is_vector) {
-    const auto element = read_element(spec, *value, *core.problems);
-    return element ? std::vector<ParamElementValue>{*element} : fallback();
-  }
-  if (!value->is_array()) {
-    core.problems->add(config::unexpected(*value, "a list"));
-    return fallback();
-  }
-  std::vector<ParamElementValue> elements;
-  for (const Value& item : value->items()) {
-    if (const auto element = read_element(spec, item, *core.problems)) {
-      elements.push_back(*element);
-    }
-  }
-  return elements;
+  const std::string& name = slot->spec.name;
+  const bool is_shared = core.description.params.find_dotted(name) == nullptr;
+  const config::Value* value =
+      slot->spec.fallback ? core.params->find(name) : core.params->require(name);
+  return core.param_table.declare(std::move(slot), value, is_shared, *core.problems);
 }
 
-void read_message_param(ComponentCore& core, std::string_view name, std::string_view,
-                        bool has_fallback, google::protobuf::Message& message) {
+void set_on_change(ComponentCore& core, const ParamSlot& slot, std::function<void()> callback) {
   assert_constructing(core);
-  const Value* value = has_fallback ? core.params->find(name) : core.params->require(name);
-  if (value == nullptr) {
-    return;
+  ParamSlot* its_slot = core.param_table.find(slot);
+  FASTCYCLE_ASSERT(its_slot != nullptr, "a component waits for changes of its own parameters");
+  if (!slot.spec.is_tunable) {
+    core.problems->add(config::mistake(
+        core.description.place, "component \"" + core.name + "\" waits for changes of its param " +
+                                    config::in_quotes(slot.spec.name) +
+                                    ", which is not declared as tunable"));
   }
-  message.Clear();
-  google::protobuf::util::JsonParseOptions options;
-  options.ignore_unknown_fields = false;
-  const auto status =
-      google::protobuf::util::JsonStringToMessage(value->to_text(), &message, options);
-  if (!status.ok()) {
-    config::Problem problem =
-        config::unexpected(*value, "a message " + message.GetTypeName() + " as JSON");
-    problem.hint = std::string(status.message());
-    core.problems->add(std::move(problem));
-  }
+  its_slot->on_change = std::move(callback);
 }
 
 PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
@@ -310,6 +209,17 @@ void Context::offload(std::string_view executor, std::function<void()> work,
           }
         });
       });
+}
+
+void Context::check_params(ParamCheck check) {
+  detail::assert_constructing(core_);
+  core_.param_table.add_check(std::move(check));
+}
+
+void Context::change_params(std::vector<ParamChange> changes,
+                            std::function<void(const ParamsResult&)> done) {
+  FASTCYCLE_ASSERT(core_.publishing.is_in_activation, "params are changed inside a callback");
+  core_.application.change_params(core_, std::move(changes), std::move(done));
 }
 
 Source Context::create_source() {

@@ -115,6 +115,7 @@ void RecorderGuest::stop(const Application& application) {
       {"timers_ns", std::to_string(base::to_ns(application.start_time()))},
       {"reason", to_word(application.end_reason())}};
   explain(application.modes().switches(), facts);
+  facts.merge(application.params().facts());
   recorder_.stop(facts);
 }
 

@@ -131,6 +131,12 @@ bool Bench::is_active(const std::string& name) const {
   return state_->core(name).state == fastcycle::detail::ComponentCore::State::kActive;
 }
 
+ParamsResult Bench::change_params(const std::vector<ParamChange>& changes) {
+  ParamsResult result = state_->running->change_params(changes);
+  state_->running->settle();
+  return result;
+}
+
 void Bench::stop() {
   state_->running->stop();
 }

@@ -391,7 +391,7 @@ TEST_F(Launcher, WrongCommandLineIsToldInASentence) {
 }
 
 TEST_F(Launcher, HelpIsGivenForEachCommandWithExamples) {
-  for (const std::string command : {"run", "check", "graph", "version"}) {
+  for (const std::string command : {"run", "check", "graph", "params", "version"}) {
     EXPECT_EQ(launch({command, "--help"}), 0);
 
     EXPECT_THAT(output_, HasSubstr("Examples:\n  fastcycle " + command));
@@ -436,6 +436,77 @@ TEST_F(Launcher, GraphIsWrittenAsDotAndDrawnAsSvg) {
   }
   EXPECT_EQ(launch({"graph", application(), "-o", (folder_ / "app.svg").string()}), 0) << errors_;
   EXPECT_THAT(content_of(folder_ / "app.svg"), HasSubstr("<svg"));
+}
+
+// ---- The params ----
+
+TEST_F(Launcher, ParamsAreListedAsATable) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"params", application(), "--set", "counter.count=5"}), 0) << errors_;
+
+  EXPECT_THAT(output_, testing::StartsWith("param"));
+  EXPECT_THAT(output_, testing::ContainsRegex("counter\\.count +integer +≥ 0 +0 +5 +"
+                                              "--set counter\\.count=5 +no\n"));
+  EXPECT_THAT(output_, testing::ContainsRegex("counter\\.burst +integer +messages +≥ 1 +1 +1 +"
+                                              "default +yes +In every period\n"));
+  EXPECT_THAT(output_, testing::ContainsRegex("adder\\.text +string +\"none\" +\"none\""));
+}
+
+TEST_F(Launcher, ParamsAreListedAsJson) {
+  write_application({kCounter,
+                     R"({"name": "adder", "library": "launcher_parts", "class": "Adder", "params": {
+            "limits": {"high": 7}}})"});
+
+  EXPECT_EQ(launch({"params", application(), "--json"}), 0) << errors_;
+
+  const json params = json::parse(output_);
+  ASSERT_GE(params.size(), 4U);
+  EXPECT_EQ(params[0], json({{"component", "counter"},
+                             {"name", "count"},
+                             {"type", "integer"},
+                             {"min", 0},
+                             {"default", 0},
+                             {"value", 0},
+                             {"from", "default"},
+                             {"tunable", false}}));
+  EXPECT_EQ(params[1]["tunable"], true);
+  EXPECT_EQ(params[1]["unit"], "messages");
+  EXPECT_EQ(params[2]["name"], "limits.high");
+  EXPECT_EQ(params[2]["value"], 7);
+  EXPECT_EQ(params[2]["from"], "file");
+  EXPECT_EQ(params[2]["pointer"], "/components/1/params/limits/high");
+  EXPECT_GT(params[2]["line"], 0);
+}
+
+TEST_F(Launcher, ParamsAreListedAsMarkdownAndOnlyThoseThatAreWanted) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"params", application(), "--markdown", "*.burst"}), 0) << errors_;
+  EXPECT_EQ(
+      output_,
+      "| param | type | unit | range | default | value | from | tunable | description |\n"
+      "|---|---|---|---|---|---|---|---|---|\n"
+      "| counter.burst | integer | messages | ≥ 1 | 1 | 1 | default | yes | In every period |\n");
+
+  EXPECT_EQ(launch({"params", application(), "adder"}), 0) << errors_;
+  EXPECT_THAT(output_, Not(HasSubstr("counter")));
+
+  EXPECT_EQ(launch({"params", application(), "addr"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("no component and no param \"addr\"; did you mean \"adder\"?"));
+  EXPECT_EQ(output_, "");
+}
+
+TEST_F(Launcher, ParamsThatAreWrongAreMistakesAndNothingIsListed) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"params", application(), "--set", "counter.burst=0", "--set", "adder.txt=a"}),
+            2);
+
+  EXPECT_EQ(output_, "");
+  EXPECT_THAT(errors_, HasSubstr("expected an integer in [1, 9223372036854775807], found 0"));
+  EXPECT_THAT(errors_, HasSubstr("there is no param \"txt\"; did you mean \"text\"?"));
+  EXPECT_THAT(errors_, HasSubstr("2 mistakes; nothing was started"));
 }
 
 // ---- Load, clocks, and the machine ----

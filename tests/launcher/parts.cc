@@ -18,7 +18,11 @@ class Counter final : public fastcycle::Component {
   explicit Counter(fastcycle::Context& context)
       : Component(context),
         count_(context.param<std::int64_t>("count", {.fallback = 0, .min = 0})),
-        burst_(context.param<std::int64_t>("burst", {.fallback = 1, .min = 1})),
+        burst_(context.param<std::int64_t>("burst", {.fallback = 1,
+                                                     .min = 1,
+                                                     .unit = "messages",
+                                                     .description = "In every period",
+                                                     .is_tunable = true})),
         numbers_(context.create_publisher<launcher::Number>("numbers")),
         source_(context.create_source()) {}
 

@@ -1,0 +1,252 @@
+#include "host/param_changes.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "base/clock.h"
+#include "config/nearest.h"
+#include "config/parse.h"
+#include "host/application.h"
+#include "host/component_core.h"
+#include "host/param_value.h"
+#include "host/replay.h"
+
+namespace fastcycle::host {
+
+using detail::ComponentCore;
+using detail::ParamSlot;
+
+namespace {
+
+constexpr const char* kShared = "shared_params";
+constexpr std::size_t kMostFacts = 1000;
+constexpr std::size_t kMostOfALine = 380;  // A line of the log is cut at 400 bytes.
+
+config::Problem mistake_of(const ParamChange& change, std::string message,
+                           const std::string& near = {}) {
+  return config::mistake({.file = change.param, .pointer = {}}, std::move(message),
+                         config::did_you_mean(near));
+}
+
+ComponentCore* find_component(const Application& application, std::string_view name) {
+  const auto& all = application.components();
+  const auto found =
+      std::ranges::find_if(all, [&](const auto& component) { return component->name == name; });
+  return found == all.end() ? nullptr : found->get();
+}
+
+std::vector<std::string> component_names(const Application& application) {
+  std::vector<std::string> names;
+  for (const auto& component : application.components()) {
+    names.push_back(component->name);
+  }
+  return names;
+}
+
+/// Something else stands in for it, or nothing does.
+bool is_replayed(const Application& application, const std::string& component) {
+  return application.replay() != nullptr && !application.replay()->plan().runs(component);
+}
+
+}  // namespace
+
+ParamsResult ParamChanges::make(const std::vector<ParamChange>& changes,
+                                std::string_view asked_by) {
+  const std::lock_guard lock(mutex_);
+  if (is_ended_ || !application_.is_built()) {
+    return {.mistakes = {is_ended_ ? "the application has stopped: its params stay as they are"
+                                   : "the application is not built yet"}};
+  }
+  Plan plan;
+  config::Problems problems;
+  for (const ParamChange& change : changes) {
+    plan_change(change, plan, problems);
+  }
+  check_together(plan, problems);
+  ParamsResult result;
+  for (const config::Problem& problem : problems.all()) {
+    result.mistakes.push_back(config::to_string(problem));
+  }
+  if (result.has_changed()) {
+    commit(plan, asked_by);
+  }
+  return result;
+}
+
+void ParamChanges::plan_change(const ParamChange& change, Plan& plan,
+                               config::Problems& problems) const {
+  const std::size_t dot = change.param.find('.');
+  if (dot == std::string::npos) {
+    problems.add(mistake_of(change,
+                            "a param is named with its component, as in limiter.limit_mps, "
+                            "or as shared_params.NAME"));
+    return;
+  }
+  const std::string owner = change.param.substr(0, dot);
+  const std::string name = change.param.substr(dot + 1);
+  ComponentCore* component = find_component(application_, owner);
+  if (component == nullptr && owner == kShared) {
+    plan_shared(change, name, plan, problems);
+    return;
+  }
+  if (component == nullptr) {
+    problems.add(mistake_of(change, "there is no component " + config::in_quotes(owner),
+                            config::nearest(owner, component_names(application_))));
+    return;
+  }
+  if (is_replayed(application_, owner)) {
+    return;
+  }
+  std::vector<std::string> known;
+  bool is_known = false;
+  for (const DeclaredParam& param : component->param_table.all()) {
+    if (!param.is_declared) {
+      continue;
+    }
+    known.push_back(param.spec().name);
+    if (param.spec().name == name) {
+      plan_value(change, true, *component, param, plan, problems);
+      is_known = true;
+    }
+  }
+  if (!is_known) {
+    plan[component->index].is_wrong = true;
+    problems.add(mistake_of(change, "there is no param " + config::in_quotes(name),
+                            config::nearest(name, known)));
+  }
+}
+
+void ParamChanges::plan_shared(const ParamChange& change, std::string_view name, Plan& plan,
+                               config::Problems& problems) const {
+  std::vector<std::string> known;
+  bool is_known = false;
+  for (const auto& component : application_.components()) {
+    for (const DeclaredParam& param : component->param_table.all()) {
+      if (!param.is_declared || param.origin != ParamOrigin::kShared) {
+        continue;
+      }
+      known.push_back(param.spec().name);
+      if (param.spec().name == name) {
+        plan_value(change, false, *component, param, plan, problems);
+        is_known = true;
+      }
+    }
+  }
+  // In a replay those that read it may not be there.
+  if (!is_known && application_.replay() == nullptr) {
+    problems.add(mistake_of(change, "no component reads a shared param " + config::in_quotes(name),
+                            config::nearest(name, known)));
+  }
+}
+
+void ParamChanges::plan_value(const ParamChange& change, bool is_own, ComponentCore& component,
+                              const DeclaredParam& param, Plan& plan, config::Problems& problems) {
+  Planned& planned = plan[component.index];
+  planned.component = &component;
+  const std::string of = is_own ? "" : " of component " + config::in_quotes(component.name);
+  const auto refuse = [&](std::string message) {
+    problems.add(mistake_of(change, std::move(message)));
+    planned.is_wrong = true;
+  };
+  if (!param.spec().is_tunable) {
+    refuse("the param" + of + " is not tunable: it is as the application file says");
+    return;
+  }
+  const auto same = [&](const auto& value) { return value.first == param.slot.get(); };
+  if (std::ranges::any_of(planned.values, same)) {
+    refuse("the param" + of + " is changed twice");
+    return;
+  }
+  const config::Value value = config::parse_option(change.json, change.param + of);
+  if (auto data = read_param(param.spec(), value, problems)) {
+    planned.values.emplace_back(param.slot.get(), std::move(*data));
+    planned.names.push_back(component.name + "." + param.spec().name);
+    planned.is_own.push_back(is_own);
+  } else {
+    planned.is_wrong = true;
+  }
+}
+
+void ParamChanges::check_together(Plan& plan, config::Problems& problems) {
+  for (auto& [index, planned] : plan) {
+    if (planned.is_wrong) {
+      continue;
+    }
+    for (const std::string& sentence : planned.component->param_table.objections(planned.values)) {
+      problems.add(config::mistake({.file = planned.component->name, .pointer = {}}, sentence));
+    }
+  }
+}
+
+void ParamChanges::commit(const Plan& plan, std::string_view asked_by) {
+  ++transactions_;
+  note(plan, asked_by);
+  for (const auto& [index, planned] : plan) {
+    ComponentCore& component = *planned.component;
+    component.param_table.commit(transactions_, planned.values);
+    for (std::size_t i = 0; i < planned.values.size(); ++i) {
+      for (DeclaredParam& param : component.param_table.all()) {
+        if (param.slot.get() == planned.values[i].first && planned.is_own[i]) {
+          param.origin = ParamOrigin::kChanged;
+        }
+      }
+    }
+    // Under the mutex, so that all components get all transactions in the same order.
+    application_.between_rounds([&component, transaction = transactions_, values = planned.values] {
+      component.post(detail::Cause::kParameter, [&component, transaction, values] {
+        component.take_params(transaction, values);
+      });
+    });
+  }
+}
+
+void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
+  std::string line;
+  nlohmann::ordered_json changed = nlohmann::ordered_json::object();
+  const auto write = [&] {
+    if (!line.empty()) {
+      application_.log(LogLevel::kInfo, asked_by, "params: " + line);
+    }
+    line.clear();
+  };
+  for (const auto& [index, planned] : plan) {
+    for (std::size_t i = 0; i < planned.values.size(); ++i) {
+      const auto& [slot, data] = planned.values[i];
+      for (const DeclaredParam& param : planned.component->param_table.all()) {
+        if (param.slot.get() != slot) {
+          continue;
+        }
+        const std::string text = planned.names[i] + ": " + to_text(param.spec(), param.committed) +
+                                 " → " + to_text(param.spec(), data);
+        if (line.size() + text.size() > kMostOfALine) {
+          write();
+        }
+        line += (line.empty() ? "" : ", ") + text;
+        changed[planned.names[i]] = to_json(param.spec(), data);
+      }
+    }
+  }
+  write();
+  if (facts_.size() < kMostFacts) {
+    nlohmann::ordered_json fact = {
+        {"time_ns", base::to_ns(application_.clock().now())}, {"by", asked_by}, {"set", changed}};
+    facts_["params." + std::to_string(transactions_)] =
+        fact.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  }
+}
+
+void ParamChanges::end() {
+  const std::lock_guard lock(mutex_);
+  is_ended_ = true;
+}
+
+std::map<std::string, std::string> ParamChanges::facts() const {
+  const std::lock_guard lock(mutex_);
+  return facts_;
+}
+
+}  // namespace fastcycle::host

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/problem.h"
+#include "fastcycle/params.h"
+#include "host/param_table.h"
+
+namespace fastcycle::detail {
+class ComponentCore;
+}  // namespace fastcycle::detail
+
+namespace fastcycle::host {
+
+class Application;
+
+/// Changes parameters of an application's components while they run.
+///
+/// A transaction is checked and committed as a whole while everybody else waits, and handed to the
+/// components that it concerns in the order of the commits. Each puts it in place in an activation
+/// of its own.
+///
+/// @threads  Safe.
+class ParamChanges {
+ public:
+  explicit ParamChanges(Application& application) : application_(application) {}
+
+  /// Makes all `changes`, or none. `asked_by` is the name of a component; empty: somebody outside.
+  ParamsResult make(const std::vector<ParamChange>& changes, std::string_view asked_by);
+
+  /// From now on nothing is changed any more.
+  void end();
+
+  /// What was changed, for the log of the run: by key, "params.1" and so on.
+  [[nodiscard]] std::map<std::string, std::string> facts() const;
+
+  [[nodiscard]] ParamMutex& mutex() const { return mutex_; }
+
+ private:
+  /// What a transaction means to one component.
+  struct Planned {
+    detail::ComponentCore* component = nullptr;
+    ParamValues values = {};
+    std::vector<std::string> names = {};  ///< Of the values, as the change named them.
+    std::vector<bool> is_own = {};        ///< Of the values: not that of a shared one.
+    bool is_wrong = false;
+  };
+  /// By the component's place in the application file.
+  using Plan = std::map<std::uint32_t, Planned>;
+
+  void plan_change(const ParamChange& change, Plan& plan, config::Problems& problems) const;
+  void plan_shared(const ParamChange& change, std::string_view name, Plan& plan,
+                   config::Problems& problems) const;
+  static void plan_value(const ParamChange& change, bool is_own, detail::ComponentCore& component,
+                         const DeclaredParam& param, Plan& plan, config::Problems& problems);
+  static void check_together(Plan& plan, config::Problems& problems);
+  void commit(const Plan& plan, std::string_view asked_by);
+  void note(const Plan& plan, std::string_view asked_by);
+
+  Application& application_;
+  mutable ParamMutex mutex_;
+  std::uint64_t transactions_ = 0;
+  bool is_ended_ = false;
+  std::map<std::string, std::string> facts_;
+};
+
+}  // namespace fastcycle::host

@@ -1,0 +1,104 @@
+#include <algorithm>
+#include <cstddef>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fnmatch.h>
+
+#include "command.h"
+#include "config/nearest.h"
+#include "configuration.h"
+#include "host/component_library.h"
+#include "host/param_list.h"
+
+namespace fastcycle::tool {
+namespace {
+
+struct ParamsOptions {
+  Configuration configuration;
+  std::vector<std::string> patterns;
+  bool json = false;
+  bool markdown = false;
+};
+
+/// "limiter" and "limiter.*" mean all of that component, "*.limit_mps" one of each.
+bool is_meant(const std::string& pattern, const host::ListedParam& param) {
+  return fnmatch(pattern.c_str(), param.component.c_str(), 0) == 0 ||
+         fnmatch(pattern.c_str(), param.full_name().c_str(), 0) == 0;
+}
+
+/// Leaves those that a pattern means, and says which patterns mean nothing.
+bool choose(const std::vector<std::string>& patterns, std::vector<host::ListedParam>& params) {
+  std::vector<std::string> known;
+  for (const host::ListedParam& param : params) {
+    known.push_back(param.component);
+    known.push_back(param.full_name());
+  }
+  bool is_right = true;
+  for (const std::string& pattern : patterns) {
+    if (std::ranges::none_of(params, [&](const auto& param) { return is_meant(pattern, param); })) {
+      const std::string hint = config::did_you_mean(config::nearest(pattern, known));
+      std::fprintf(stderr, "fastcycle params: there is no component and no param \"%s\"%s\n",
+                   pattern.c_str(), (hint.empty() ? hint : "; " + hint).c_str());
+      is_right = false;
+    }
+  }
+  std::erase_if(params, [&](const host::ListedParam& param) {
+    return !patterns.empty() && std::ranges::none_of(patterns, [&](const std::string& pattern) {
+      return is_meant(pattern, param);
+    });
+  });
+  return is_right;
+}
+
+int params(const ParamsOptions& options) {
+  config::Problems problems;
+  const config::ApplicationDescription description =
+      options.configuration.read(host::ConstructorFault::kMistake, problems);
+  const std::string file = options.configuration.load.file.string();
+  if (!may_start(problems, file)) {
+    return kWrong;
+  }
+  // Params are known only once the components are made; nothing of this is started.
+  host::LibraryLoader libraries(
+      host::library_folders(description, options.configuration.library_path));
+  host::Application application(description, {.is_simulated = true, .workers = 1});
+  config::Problems found_now;
+  application.build(libraries, found_now, host::ConstructorFault::kMistake);
+  if (found_now.has_errors()) {
+    static_cast<void>(may_start(found_now, file));
+    return kWrong;
+  }
+  std::vector<host::ListedParam> listed = host::list_params(application);
+  if (!choose(options.patterns, listed)) {
+    return kWrong;
+  }
+  const std::string text = options.json       ? host::to_json(listed)
+                           : options.markdown ? host::to_markdown(listed)
+                                              : host::to_table(listed);
+  std::fputs(text.c_str(), stdout);
+  return flush_output();
+}
+
+}  // namespace
+
+Command add_params(CLI::App& program) {
+  CLI::App* line = program.add_subcommand(
+      "params", "List the params of an application's components, with their values");
+  line->footer(
+      examples("  fastcycle params app.json\n"
+               "  fastcycle params app.json limiter '*.limit_mps'\n"
+               "  fastcycle params app.json --markdown > params.md\n"));
+  const auto options = std::make_shared<ParamsOptions>();
+  options->configuration.add_to(*line);
+  line->add_option("patterns", options->patterns,
+                   "Only these components, or params as limiter.limit_mps; * is any text")
+      ->type_name("PATTERN");
+  CLI::Option* json = line->add_flag("--json", options->json, "As JSON");
+  line->add_flag("--markdown", options->markdown, "As a table in Markdown")->excludes(json);
+  return {line, [options] { return params(*options); }};
+}
+
+}  // namespace fastcycle::tool
