@@ -294,13 +294,13 @@ using ParamCheck = std::function<std::string(const ProposedParams&)>;
 /// A value as `ParamChange::json`.
 [[nodiscard]] std::string param_json(bool value);
 [[nodiscard]] std::string param_json(double value);
-[[nodiscard]] std::string param_json(std::int64_t value);
 [[nodiscard]] std::string param_json(const std::string& value);
-inline std::string param_json(int value) {
-  return param_json(static_cast<std::int64_t>(value));
-}
-inline std::string param_json(const char* value) {
+[[nodiscard]] inline std::string param_json(const char* value) {
   return param_json(std::string(value));
+}
+template <std::integral T>
+[[nodiscard]] std::string param_json(T value) {
+  return std::to_string(value);
 }
 
 }  // namespace fastcycle

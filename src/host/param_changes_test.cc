@@ -782,7 +782,11 @@ TEST_P(ManyParameterReads, SeeConstantsWithinAnActivationAndPairsThatWereSetToge
         auto wrong = for_all_readers(0);
         wrong[7].json = "true";
         EXPECT_THAT(application->change_params(wrong).mistakes, SizeIs(1));
-        std::this_thread::yield();
+        // Simulated time must not be kept from going on.
+        const Time now = application->clock().now();
+        while (application->clock().now() == now && application->end_reason() == EndReason::kNone) {
+          std::this_thread::yield();
+        }
       } while (application->end_reason() == EndReason::kNone);
     });
   }

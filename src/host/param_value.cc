@@ -184,9 +184,6 @@ std::string param_json(bool value) {
 std::string param_json(double value) {
   return nlohmann::json(value).dump();
 }
-std::string param_json(std::int64_t value) {
-  return std::to_string(value);
-}
 std::string param_json(const std::string& value) {
   return nlohmann::json(value).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }

@@ -441,6 +441,77 @@ TEST_F(Replays, SwitchesOfModeThatNobodyAsksForAgainAreTold) {
 }
 
 // Were it not so, the first test would say nothing of rounds.
+
+/// Multiplies numbers by a factor that another component changes.
+class Tuned final : public Component {
+ public:
+  explicit Tuned(Context& context)
+      : Component(context),
+        factor_(context.param<std::int64_t>("factor", {.fallback = 1, .is_tunable = true})),
+        mixed_(context.create_publisher<Int64Value>("mixed")) {
+    context.create_subscriber<Int64Value>("numbers", [this](const Int64Value& number) {
+      auto out = mixed_.loan();
+      out->set_value(factor_.get() * number.value());
+      mixed_.publish(std::move(out));
+    });
+  }
+
+ private:
+  Param<std::int64_t> factor_;
+  Publisher<Int64Value> mixed_;
+};
+
+/// Asks for another factor at each fifth number.
+class Tuner final : public Component {
+ public:
+  explicit Tuner(Context& context) : Component(context) {
+    context.create_subscriber<Int64Value>("numbers", [this](const Int64Value& number) {
+      if (number.value() % 5 == 0) {
+        this->context().change_params(
+            {{"tuned.factor", param_json(number.value())}},
+            [this](const ParamsResult& result) { changed_ += result.has_changed() ? 1 : 0; });
+      }
+    });
+  }
+  void stop() override { report("changed", changed_); }
+
+ private:
+  std::int64_t changed_ = 0;
+};
+
+TEST_F(Replays, ChangesOfParamsThatComponentsAskForAreMadeAgain) {
+  constexpr const char* kTuned = R"({"name": "t", "components": [
+    {"name": "driver", "library": "driver", "serve_period_ms": 1},
+    {"name": "tuned", "library": "tuned"}, {"name": "tuner", "library": "tuner"}]})";
+  classes_.with<Tuned>("tuned").with<Tuner>("tuner");
+  const auto file = record(kTuned, "a.mcap");
+  const std::vector<Line> before = lines_of(file, "mixed");
+  ASSERT_EQ(before.size(), 40U);
+
+  EXPECT_EQ(replay(kTuned, {.files = {file}, .into = {"tuned", "tuner"}}, simulated(2), "b.mcap"),
+            EndReason::kSourcesFinished);
+  EXPECT_EQ(difference(before, lines_of(folder_ / "b.mcap", "mixed")), "");
+  EXPECT_EQ(result("changed"), ReportValue(std::int64_t{8}));
+
+  // Without who is changed, who asks goes on as before; without who asks, nothing is changed.
+  replay(kTuned, {.files = {file}, .into = {"tuner"}}, simulated());
+  EXPECT_EQ(result("changed"), ReportValue(std::int64_t{8}));
+  replay(kTuned, {.files = {file}, .into = {"tuned"}}, simulated(), "c.mcap");
+  EXPECT_NE(difference(before, lines_of(folder_ / "c.mcap", "mixed")), "");
+
+  const mcap::FileSource source(file);
+  const mcap::Reader reader(source);
+  std::map<std::string, std::string> end;
+  for (const mcap::MetadataIndex& index : reader.metadata()) {
+    if (index.name == "fastcycle.end") {
+      end = reader.read(index).metadata;
+    }
+  }
+  EXPECT_THAT(end["params.1"], HasSubstr(R"("by":"tuner","set":{"tuned.factor":5}})"));
+  EXPECT_TRUE(end.contains("params.8"));
+}
+
+// Were it not so, the test above would say nothing of rounds.
 TEST_F(Replays, TheMixerNoticesInWhichRoundAMessageComes) {
   const auto file = record(kWhole, "a.mcap");
   const auto copy = without_infos(file, folder_ / "copy.mcap");

@@ -1,13 +1,16 @@
-// The code of docs/guides/parameters.md, built and run.
+// The code of docs/guides/parameters.md.
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 
+#include "demo/speed.pb.h"
 #include "fastcycle/fastcycle.h"
 #include "fastcycle/testing.h"
 
@@ -18,7 +21,6 @@ using fastcycle::Context;
 using fastcycle::Param;
 using fastcycle::ParamsResult;
 using fastcycle::ProposedParams;
-using fastcycle::Publisher;
 using google::protobuf::DoubleValue;
 
 // [snippet declare]
@@ -28,8 +30,7 @@ class SpeedLimiter final : public Component {
  public:
   explicit SpeedLimiter(Context& context)
       : Component(context),
-        topic_(context.param<std::string>("topic", {.fallback = "control/speed"}).get()),
-        mode_(context.param<Mode>("mode", {.fallback = Mode::kEco,
+        mode_(context.param<Mode>("mode", {.fallback = Mode::kSport,
                                            .names = {{"eco", Mode::kEco}, {"sport", Mode::kSport}},
                                            .is_tunable = true})),
         limit_mps_(context.param<double>("limit_mps", {.fallback = 13.9,
@@ -38,40 +39,41 @@ class SpeedLimiter final : public Component {
                                                        .unit = "m/s",
                                                        .description = "Nothing faster passes",
                                                        .is_tunable = true})),
-        limited_(context.create_publisher<DoubleValue>(topic_)) {
-    context.create_subscriber<DoubleValue>("planning/speed", [this](const DoubleValue& planned) {
+        limited_(context.create_publisher<demo::Speed>("control/speed")) {
+    context.create_subscriber<demo::Speed>("planning/speed", [this](const demo::Speed& planned) {
+      const double limit_mps = limit_mps_.get() * (mode_.get() == Mode::kEco ? 0.5 : 1.0);
       auto out = limited_.loan();
-      out->set_value(std::min(planned.value(), limit_mps_.get()));
+      out->set_mps(std::min(planned.mps(), limit_mps));
       limited_.publish(std::move(out));
     });
   }
 
  private:
-  std::string topic_;
   Param<Mode> mode_;
   Param<double> limit_mps_;
-  Publisher<DoubleValue> limited_;
+  fastcycle::Publisher<demo::Speed> limited_;
 };
 // [end]
 
-// [snippet on_change]
 class Smoother final : public Component {
  public:
+  // [snippet on_change]
   explicit Smoother(Context& context)
       : Component(context),
-        window_(context.param<std::int64_t>(
+        window_(context.param<std::size_t>(
             "window", {.fallback = 8, .min = 1, .max = 1000, .is_tunable = true})) {
-    context.on_change(window_, [this](const std::int64_t& window) { buffer_.resize(window, 0.0); });
+    context.on_change(window_, [this](const std::size_t& window) { buffer_.resize(window, 0.0); });
   }
 
   void start() override { buffer_.resize(window_.get(), 0.0); }
+  // [end]
+
   void stop() override { report("size", static_cast<std::int64_t>(buffer_.size())); }
 
  private:
-  Param<std::int64_t> window_;
+  Param<std::size_t> window_;
   std::vector<double> buffer_;
 };
-// [end]
 
 class Band final : public Component {
  public:
@@ -110,6 +112,12 @@ class RainWatch final : public Component {
 };
 // [end]
 
+demo::Speed speed(double mps) {
+  demo::Speed message;
+  message.set_mps(mps);
+  return message;
+}
+
 DoubleValue value(double number) {
   DoubleValue message;
   message.set_value(number);
@@ -120,14 +128,14 @@ DoubleValue value(double number) {
 TEST(SpeedLimiter, TakesANewLimit) {
   fastcycle::testing::Bench bench;
   bench.add<SpeedLimiter>("limiter", R"({"params": {"limit_mps": 20}})");
-  auto planned = bench.input<DoubleValue>("planning/speed");
-  auto limited = bench.output<DoubleValue>("control/speed");
+  auto planned = bench.input<demo::Speed>("planning/speed");
+  auto limited = bench.output<demo::Speed>("control/speed");
   bench.start();
 
   EXPECT_TRUE(bench.change_params({{"limiter.limit_mps", "10"}}).has_changed());
-  planned.publish(value(33.0));
+  planned.publish(speed(33.0));
 
-  EXPECT_EQ(limited.take().at(0).value(), 10.0);
+  EXPECT_EQ(limited.take().at(0).mps(), 10.0);
   EXPECT_THAT(bench.change_params({{"limiter.limit_mps", "70"}}).mistakes,
               testing::ElementsAre("limiter.limit_mps: expected a number in [0, 60], found 70"));
 }
@@ -155,14 +163,14 @@ TEST(RainWatch, LowersTheLimitWhenItRains) {
   bench.add<SpeedLimiter>("limiter");
   bench.add<RainWatch>("rain_watch");
   auto rain = bench.input<DoubleValue>("rain");
-  auto planned = bench.input<DoubleValue>("planning/speed");
-  auto limited = bench.output<DoubleValue>("control/speed");
+  auto planned = bench.input<demo::Speed>("planning/speed");
+  auto limited = bench.output<demo::Speed>("control/speed");
   bench.start();
 
   rain.publish(value(5.0));
-  planned.publish(value(33.0));
+  planned.publish(speed(33.0));
 
-  EXPECT_EQ(limited.take().at(0).value(), 8.0);
+  EXPECT_EQ(limited.take().at(0).mps(), 4.0);
 }
 
 // What the guide's JSON is.
