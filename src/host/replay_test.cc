@@ -440,8 +440,6 @@ TEST_F(Replays, SwitchesOfModeThatNobodyAsksForAgainAreTold) {
       << said();
 }
 
-// Were it not so, the first test would say nothing of rounds.
-
 /// Multiplies numbers by a factor that another component changes.
 class Tuned final : public Component {
  public:
@@ -511,7 +509,7 @@ TEST_F(Replays, ChangesOfParamsThatComponentsAskForAreMadeAgain) {
   EXPECT_TRUE(end.contains("params.8"));
 }
 
-// Were it not so, the test above would say nothing of rounds.
+// Were it not so, the first test would say nothing of rounds.
 TEST_F(Replays, TheMixerNoticesInWhichRoundAMessageComes) {
   const auto file = record(kWhole, "a.mcap");
   const auto copy = without_infos(file, folder_ / "copy.mcap");
