@@ -245,7 +245,7 @@ void PublisherCore::send(Envelope* envelope, Stage* stage) noexcept {
 }
 
 void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
-  if (!owner.may_publish) [[unlikely]] {
+  if (!owner.is_in_activation || owner.is_muted) [[unlikely]] {
     drop_muted(loan);
     return;
   }
@@ -265,7 +265,7 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
 }
 
 void PublisherCore::forward(Envelope* received) {
-  if (!owner.may_publish) [[unlikely]] {
+  if (!owner.is_in_activation || owner.is_muted) [[unlikely]] {
     drop_muted(nullptr);
     return;
   }

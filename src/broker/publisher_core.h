@@ -40,7 +40,6 @@ struct PublishingComponent {
   bool has_subscribers = false;   ///< Then its messages inherit their origin.
   bool is_in_activation = false;  ///< Only then it may publish,
   bool is_muted = false;          ///< unless it is muted: then nobody hears it.
-  bool may_publish = false;       ///< In an activation, and not muted.
   Time now{};                     ///< The activation's time.
   /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
   /// something is published.

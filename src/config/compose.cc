@@ -98,7 +98,7 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
     apply_set(tree, set);
   }
   std::erase_if(tree.members(), [](const auto& member) {
-    return member.value.size() == 0 && !member.value.is_string();
+    return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number();
   });
   return tree;
 }

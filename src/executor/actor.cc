@@ -114,7 +114,6 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   publishing.origin = &origin;
   publishing.publish_count = 0;
   publishing.is_in_activation = true;
-  publishing.may_publish = !publishing.is_muted;
   if (!views.empty()) {
     refresh_views();
   }
@@ -146,7 +145,6 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
     read_ns_ = base::monotonic_ns();  // A restart takes long.
   }
   publishing.is_in_activation = false;
-  publishing.may_publish = false;
   publishing.origin = &PublishingComponent::kNoOrigin;
 }
 

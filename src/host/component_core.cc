@@ -262,7 +262,6 @@ void ComponentCore::call_stop() {
 
 void ComponentCore::mute(bool is_muted) {
   publishing.is_muted = is_muted;
-  publishing.may_publish = publishing.is_in_activation && !is_muted;
   for (PublisherCore* publisher : declared.publishers) {
     if (publisher->options.is_external) {
       const std::lock_guard lock(publisher->mutex());
