@@ -52,6 +52,13 @@ struct PublisherOptions {
   std::optional<Duration> deadline = {};
   /// Called with the events of this publisher.
   QosCallback on_event = {};
+  /// For a source that must lose nothing: so many messages may be on their way to each subscriber,
+  /// and `credits()` of the publisher says how many more. At most the `depth` of any subscriber; 0
+  /// for none. What the application file says under `"topics"` stands above it.
+  std::size_t credits = 0;
+  /// Called, by cause `event`, when there are credits again, after `credits()` had told of the last
+  /// one and it was used. Not for external publishers, which wait for theirs.
+  std::function<void()> on_credits = {};
 };
 
 namespace detail {
@@ -78,6 +85,10 @@ View& create_view(ComponentCore& core, std::string_view topic,
 void watch_publisher(ComponentCore& core, PublisherCore& publisher, std::string_view topic,
                      std::optional<Duration> deadline, const QosCallback& on_event);
 TimerCore& create_timer(ComponentCore& core, const TimerOptions& options, TickCallback callback);
+
+/// Gives `publisher` its credit window, if it is to have one.
+void use_credits(ComponentCore& core, PublisherCore& publisher, std::size_t window,
+                 std::function<void()> on_credits);
 
 template <typename F>
 TickCallback tick_callback(F callback) {
@@ -385,6 +396,7 @@ Publisher<T> Context::create_publisher(std::string_view topic, const PublisherOp
       detail::create_publisher(core_, topic, T::default_instance(),
                                options.prototype ? &*options.prototype : nullptr, false);
   detail::watch_publisher(core_, publisher, topic, options.deadline, options.on_event);
+  detail::use_credits(core_, publisher, options.credits, options.on_credits);
   return Publisher<T>(publisher);
 }
 
@@ -394,6 +406,7 @@ ExternalPublisher<T> Context::create_external_publisher(std::string_view topic,
   detail::PublisherCore& publisher = detail::create_publisher(
       core_, topic, T::default_instance(), options.prototype ? &*options.prototype : nullptr, true);
   detail::watch_publisher(core_, publisher, topic, options.deadline, options.on_event);
+  detail::use_credits(core_, publisher, options.credits, options.on_credits);
   return ExternalPublisher<T>(publisher);
 }
 

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
+#include <stop_token>
 #include <utility>
 
 #include "fastcycle/assert.h"
@@ -27,6 +29,9 @@ void publish_received(PublisherCore& publisher, Envelope* received);
 void publish_external(PublisherCore& publisher, Envelope* loan, Time taken_at);
 Envelope* take_external_loan(PublisherCore& publisher, bool cleared);
 void return_external_loan(PublisherCore& publisher, Envelope* loan) noexcept;
+std::size_t ask_credits(PublisherCore& publisher);
+std::size_t ask_external_credits(PublisherCore& publisher);
+bool wait_for_credit(PublisherCore& publisher, const std::stop_token& stop);
 
 }  // namespace detail
 
@@ -125,6 +130,13 @@ class Publisher {
     detail::publish_received(*core_, detail::envelope_of(received));
   }
 
+  /// How many messages may be published in this activation so that no subscriber's queue
+  /// overflows: what was there when it was asked first, less what was published since. Once it is
+  /// zero, `PublisherOptions::on_credits` is called when there are credits again.
+  ///
+  /// @pre  The publisher has credits: `PublisherOptions::credits`, or `"credits"` of its topic.
+  [[nodiscard]] std::size_t credits() { return detail::ask_credits(*core_); }
+
  private:
   detail::PublisherCore* core_;
 };
@@ -155,6 +167,21 @@ class ExternalPublisher {
     FASTCYCLE_ASSERT(message.publisher_ == core_,
                      "a loan is published by the publisher that lent it");
     detail::publish_external(*core_, std::exchange(message.envelope_, nullptr), taken_at);
+  }
+
+  /// How many messages may be published now so that no subscriber's queue overflows.
+  ///
+  /// @pre  The publisher has credits: `PublisherOptions::credits`, or `"credits"` of its topic.
+  [[nodiscard]] std::size_t credits() { return detail::ask_external_credits(*core_); }
+
+  /// Waits until one message may be published; false if `stop` ended the waiting. Several threads
+  /// that share a publisher take turns: what one of them waited for another may use.
+  ///
+  /// @pre      As `credits`.
+  /// @realtime Blocks the thread that calls it, which is not FastCycle's; nobody waits for that
+  /// one.
+  [[nodiscard]] bool wait_for_credit(const std::stop_token& stop) {
+    return detail::wait_for_credit(*core_, stop);
   }
 
  private:

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "fastcycle/detail/envelope.h"
 #include "fastcycle/subscriber.h"
@@ -12,6 +13,7 @@
 namespace fastcycle::detail {
 
 class Inbox;
+class LaneCredit;
 class Subscription;
 
 /// Why a message that was published for a subscription never reached its callback.
@@ -84,13 +86,14 @@ class Lane {
   };
 
   Lane(Subscription& its_subscription, PublisherId its_publisher, unsigned its_bit,
-       const Options& its_options)
+       const Options& its_options, std::shared_ptr<LaneCredit> its_credit = nullptr)
       : options(its_options),
         subscription(its_subscription),
         publisher(its_publisher),
         bit(its_bit),
         mask_(round_up(its_options.depth) - 1),
-        slots_(std::make_unique<Slot[]>(mask_ + 1)) {}
+        slots_(std::make_unique<Slot[]>(mask_ + 1)),
+        credit(std::move(its_credit)) {}
 
   Lane(const Lane&) = delete;
   Lane& operator=(const Lane&) = delete;
@@ -196,6 +199,12 @@ class Lane {
                      : slots_[(tail - 1) & mask_].time_ns.load(std::memory_order_acquire);
   }
 
+  /// Messages that were left to the receiver, and that no push has dropped. The publisher's.
+  [[nodiscard]] std::uint64_t passed_on() const noexcept {
+    return published.get() - overflowed.get() - dropped_by_pool.get() - dropped_after_close.get() -
+           dropped_outside.get();
+  }
+
   // Constant after construction.
   const Options options;
   Subscription& subscription;
@@ -238,6 +247,9 @@ class Lane {
   alignas(64) Counter delivered;
   Counter drained;  ///< Taken out when it was closed, for `close_reason`.
   std::atomic<bool> is_left_by_receiver{false};
+  /// Constant: what the receiver gives back when it is done with a message. Null if the publisher
+  /// asks for no credits.
+  const std::shared_ptr<LaneCredit> credit;
 
  private:
   std::atomic<std::uint64_t> head_{0};

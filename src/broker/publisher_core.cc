@@ -76,6 +76,7 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
   pool_->grow(needed_, prototype_.get());
   provided_ = needed_;
   latched_.reserve(options.latched);
+  use_credits(topic.options.credits);
   if (owner.stage != nullptr) {
     pool_->collect_by_hand();
     forwards_->collect_by_hand();
@@ -143,6 +144,9 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
     }
   }
   targets_.push_back({lane, &inbox, bit});
+  if (lane->credit != nullptr) {
+    credits_->add(lane);
+  }
   if (lane->is_closed()) {
     lane->dropped_after_close.add(lane->drain());
   }
@@ -155,6 +159,9 @@ void PublisherCore::disconnect(const Lane& lane) noexcept {
   std::erase_if(targets_, [&](const Target& target) {
     if (target.lane.get() != &lane) {
       return false;
+    }
+    if (lane.credit != nullptr) {
+      credits_->remove(lane);
     }
     target.lane->is_left_by_publisher.store(true);
     needed_ -= held_by(lane);
@@ -327,6 +334,7 @@ void PublisherCore::publish_again(Envelope* loan, const MessageInfo& info) {
 
 void PublisherCore::drop_outside(Envelope* loan) noexcept {
   // Before the start and after the stop nobody is served.
+  ++handed_over_;
   for (const Target& target : targets_) {
     target.lane->published.add();
     target.lane->dropped_outside.add();
@@ -358,6 +366,7 @@ void PublisherCore::deliver(Envelope* envelope) noexcept {
   if (owner.stage != nullptr) {
     pool_->collect();
     forwards_->collect();
+    ++handed_over_;
   }
   if (envelope->is_scratch) {
     drop_scratch(envelope);
@@ -400,6 +409,78 @@ void PublisherCore::keep_latched(Envelope* envelope) noexcept {
   latched_.push_back(envelope);
 }
 
+void PublisherCore::use_credits(std::size_t window) {
+  if (window > 0 && credits_ == nullptr) {
+    credits_ = std::make_shared<Credits>(window);
+  }
+}
+
+std::size_t PublisherCore::ask_credits() {
+  FASTCYCLE_ASSERT(credits_ != nullptr, "a publisher that is asked for credits has some");
+  FASTCYCLE_ASSERT(owner.is_in_activation, "a component asks for credits inside its callbacks");
+  if (owner.is_muted) {
+    return 0;  // What it publishes reaches nobody, and comes back from nobody.
+  }
+  if (!is_asked_) {
+    is_asked_ = true;
+    granted_ = credits_->left(staged());
+    granted_at_ = published_.get();
+    owner.asked.push_back(this);
+    owner.has_leftovers = true;
+  }
+  return granted_ - std::min<std::uint64_t>(granted_, published_.get() - granted_at_);
+}
+
+bool PublisherCore::end_asking() noexcept {
+  is_asked_ = false;
+  return published_.get() - granted_at_ >= granted_;
+}
+
+bool PublisherCore::take_returned_credits() noexcept {
+  if (!credits_->take_returned()) {
+    return false;
+  }
+  if (credits_->left(staged()) == 0) {
+    credits_->await();
+    return false;
+  }
+  return true;
+}
+
+std::size_t PublisherCore::ask_external_credits() {
+  FASTCYCLE_ASSERT(credits_ != nullptr, "a publisher that is asked for credits has some");
+  const std::lock_guard lock(mutex_);
+  return is_external_muted_ ? 0 : credits_->left(staged());
+}
+
+void PublisherCore::set_external_muted(bool is_muted) noexcept {
+  is_external_muted_ = is_muted;
+  if (credits_ != nullptr) {
+    credits_->wake();
+  }
+}
+
+bool PublisherCore::wait_for_credit(const std::stop_token& stop) {
+  FASTCYCLE_ASSERT(credits_ != nullptr, "a publisher that is asked for credits has some");
+  const std::stop_callback wake_up(stop, [this] { credits_->wake(); });
+  while (!stop.stop_requested()) {
+    const std::uint32_t epoch = credits_->epoch();
+    {
+      const std::lock_guard lock(mutex_);
+      static_cast<void>(credits_->take_returned());
+      if (!is_external_muted_) {
+        if (credits_->left(staged()) > 0) {
+          return true;
+        }
+        credits_->await();
+      }
+    }
+    // Woken by what came, or by `stop`: also if that was before this.
+    credits_->wait_beyond(epoch);
+  }
+  return false;
+}
+
 Envelope* take_loan(PublisherCore& publisher, bool cleared) {
   return publisher.loan(cleared);
 }
@@ -424,6 +505,18 @@ Envelope* take_external_loan(PublisherCore& publisher, bool cleared) {
 void return_external_loan(PublisherCore& publisher, Envelope* loan) noexcept {
   const std::lock_guard lock(publisher.mutex());
   publisher.return_loan(loan);
+}
+
+std::size_t ask_credits(PublisherCore& publisher) {
+  return publisher.ask_credits();
+}
+
+std::size_t ask_external_credits(PublisherCore& publisher) {
+  return publisher.ask_external_credits();
+}
+
+bool wait_for_credit(PublisherCore& publisher, const std::stop_token& stop) {
+  return publisher.wait_for_credit(stop);
 }
 
 void publish_external(PublisherCore& publisher, Envelope* loan, Time taken_at) {

@@ -4,12 +4,14 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
 #include <pthread.h>
 
 #include "base/clock.h"
+#include "broker/credits.h"
 #include "broker/inbox.h"
 #include "broker/pool.h"
 #include "broker/subscription.h"
@@ -46,6 +48,10 @@ struct PublishingComponent {
   const Origin* origin = &kNoOrigin;
   static constexpr Origin kNoOrigin{};
   std::uint32_t publish_count = 0;  ///< In this activation.
+  /// Something is to be done when the activation is over: publishers were asked for credits, or a
+  /// subscription has ended.
+  bool has_leftovers = false;
+  std::vector<PublisherCore*> asked = {};  ///< For credits.
 };
 
 /// A mutex whose holder inherits the priority of who waits for it.
@@ -104,6 +110,25 @@ class PublisherCore {
   /// Puts a message, numbered already, into all lanes, and wakes who must be woken.
   void deliver(Envelope* envelope) noexcept;
 
+  /// From now on asks for credits, `window` of them; the topic's own number stands above that, and
+  /// a window that there is already. Before anything is connected.
+  void use_credits(std::size_t window);
+  /// Null without a window.
+  [[nodiscard]] const std::shared_ptr<Credits>& credits() const noexcept { return credits_; }
+  /// How many messages may be published now: what was there when it was asked first in this
+  /// activation, less what was published since.
+  [[nodiscard]] std::size_t ask_credits();
+  /// Ends the asking of one activation; true if all that there was is used.
+  [[nodiscard]] bool end_asking() noexcept;
+  /// Waits for credits; see `Credits::await`.
+  void await_credits() noexcept { credits_->await(); }
+  /// Whether credits came that were awaited; those that are gone already are awaited again.
+  [[nodiscard]] bool take_returned_credits() noexcept;
+  /// For threads of an external publisher: how many there are, and waiting for the first. False if
+  /// `stop` ended that.
+  [[nodiscard]] std::size_t ask_external_credits();
+  [[nodiscard]] bool wait_for_credit(const std::stop_token& stop);
+
   /// An external publisher's lock; the others need none.
   [[nodiscard]] PriorityMutex& mutex() noexcept { return mutex_; }
 
@@ -113,7 +138,7 @@ class PublisherCore {
   /// Opens or closes an external publisher: what it publishes while closed is `dropped{shutdown}`.
   void set_external_open(bool is_open) noexcept { is_open_ = is_open; }
   /// What an external publisher publishes while it is muted reaches nobody, and counts for nobody.
-  void set_external_muted(bool is_muted) noexcept { is_external_muted_ = is_muted; }
+  void set_external_muted(bool is_muted) noexcept;
 
   // Constant after construction.
   Topic& topic;
@@ -159,6 +184,10 @@ class PublisherCore {
   void drop_outside(Envelope* loan) noexcept;
   void keep_latched(Envelope* envelope) noexcept;
   [[nodiscard]] std::size_t count_latched_for(const Lane& lane) const noexcept;
+  /// In simulated time: messages that were published, and wait until their round is over.
+  [[nodiscard]] std::uint64_t staged() const noexcept {
+    return owner.stage == nullptr ? 0 : published_.get() - handed_over_;
+  }
 
   const std::unique_ptr<google::protobuf::Message> prototype_;
   Pool* const pool_;
@@ -175,6 +204,11 @@ class PublisherCore {
   Time last_publish_time_{};
   Counter published_;
   Counter muted_;
+  std::uint64_t handed_over_ = 0;  ///< In simulated time: of those, who left the stage.
+  std::shared_ptr<Credits> credits_;
+  bool is_asked_ = false;  ///< For credits, in this activation.
+  std::size_t granted_ = 0;
+  std::uint64_t granted_at_ = 0;  ///< What was published before.
   std::atomic<std::int64_t> first_publish_ns_{0};
   Stage* external_stage_ = nullptr;
   bool is_open_ = false;

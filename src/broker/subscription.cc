@@ -64,7 +64,8 @@ void Subscription::set_history(const SubscriberOptions& options) noexcept {
       std::min<std::size_t>(options.history.value_or(Lane::kWholeHistory), Lane::kWholeHistory));
 }
 
-std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_external, bool ages) {
+std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_external, bool ages,
+                                             std::shared_ptr<LaneCredit> credit) {
   const std::lock_guard lock(mutex_);
   auto lane =
       std::make_shared<Lane>(*this, publisher, inbox.next_bit(),
@@ -74,7 +75,8 @@ std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_exte
                                            .is_external = is_external,
                                            .ages = ages,
                                            .is_judged = quality != nullptr && quality->is_judging(),
-                                           .history = history});
+                                           .history = history},
+                             std::move(credit));
   // Lanes that both ends have left only count from now on.
   std::erase_if(lanes_, [this](const std::shared_ptr<Lane>& old) {
     const bool is_done = old->is_left_by_publisher.load() && old->is_left_by_receiver.load();
@@ -103,6 +105,17 @@ void Subscription::close(DropReason reason) noexcept {
       lane->drained.add(lane->drain());
     }
   }
+}
+
+std::vector<std::shared_ptr<LaneCredit>> Subscription::credits() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::shared_ptr<LaneCredit>> credits;
+  for (const auto& lane : lanes_) {
+    if (lane->credit != nullptr) {
+      credits.push_back(lane->credit);
+    }
+  }
+  return credits;
 }
 
 void Subscription::add_to(Ledger& ledger, const Lane& lane) const noexcept {

@@ -57,7 +57,8 @@ class Subscription {
   virtual ~Subscription();
 
   /// Makes the lane for one more publisher, known to both ends.
-  std::shared_ptr<Lane> add_lane(PublisherId publisher, bool is_external, bool ages);
+  std::shared_ptr<Lane> add_lane(PublisherId publisher, bool is_external, bool ages,
+                                 std::shared_ptr<LaneCredit> credit = nullptr);
 
   /// How many of a topic's latched messages it asks for, from now on.
   void set_history(const SubscriberOptions& options) noexcept;
@@ -68,6 +69,9 @@ class Subscription {
   /// Closes all lanes: what waits and what still comes is counted as dropped for `reason`. A second
   /// call does nothing.
   void close(DropReason reason) noexcept;
+
+  /// The credits of its lanes, where their publishers ask for some.
+  [[nodiscard]] std::vector<std::shared_ptr<LaneCredit>> credits() const;
 
   /// The sum over all lanes there ever were; exact when nothing moves.
   [[nodiscard]] Ledger ledger() const;

@@ -73,7 +73,10 @@ std::shared_ptr<Lane> Topics::make_lane(const PublisherCore& publisher,
   // What a synchronizer receives counts once it is in a set.
   return subscription.add_lane(
       publisher.id, publisher.options.is_external,
-      publisher.topic.ages() && subscription.kind != Subscription::Kind::kSynchronized);
+      publisher.topic.ages() && subscription.kind != Subscription::Kind::kSynchronized,
+      subscription.is_called() && publisher.credits() != nullptr
+          ? std::make_shared<LaneCredit>(publisher.credits())
+          : nullptr);
 }
 
 void Topics::connect(PublisherCore& publisher, Subscription& subscription) {

@@ -90,6 +90,7 @@ struct TopicDescription {
   std::size_t keep = 0;                 ///< Samples that components retain.
   bool multiple_publishers = false;
   std::optional<std::chrono::nanoseconds> lifespan;  ///< Older messages are not delivered.
+  std::size_t credits = 0;  ///< Messages on their way to a subscriber; 0: what the code says.
   Place place;
 };
 

@@ -136,16 +136,68 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   statistics.activations.add();
   statistics.callback.record(duration);
   ring.end(place, outcome, duration, publishing.publish_count);
-  if (!dying_.empty()) {
-    dying_.clear();
+  if (publishing.has_leftovers) {
+    finish_leftovers();
   }
   if (outcome == Outcome::kFault) {
     statistics.faults.add();
     on_fault(fault_);
+    if (publishing.has_leftovers) {
+      finish_leftovers();  // Of a start anew.
+    }
     read_ns_ = base::monotonic_ns();  // A restart takes long.
   }
   publishing.is_in_activation = false;
   publishing.origin = &PublishingComponent::kNoOrigin;
+}
+
+void Actor::finish_leftovers() noexcept {
+  publishing.has_leftovers = false;
+  dying_.clear();
+  for (PublisherCore* publisher : publishing.asked) {
+    if (!publisher->end_asking()) {
+      continue;
+    }
+    if (clock.is_simulated()) {
+      stage([publisher] { publisher->await_credits(); });
+    } else {
+      publisher->await_credits();
+    }
+  }
+  publishing.asked.clear();
+}
+
+void Actor::on_credits(PublisherCore& publisher, std::function<void()> callback) {
+  TimerCore& timer = add_timer({}, [callback = std::move(callback)](const Tick&) { callback(); });
+  timer.cause = Cause::kEvent;
+  timer.label = "its callback for credits of \"" + publisher.topic.name + "\"";
+  credit_events_.push_back({&publisher, &timer});
+}
+
+void Actor::take_credit_events() noexcept {
+  for (const CreditEvent& event : credit_events_) {
+    if (event.publisher->take_returned_credits() && are_timers_on_) {
+      event.timer->due_ns = base::to_ns(clock.at_monotonic(read_ns_));
+    }
+  }
+}
+
+void Actor::give_back(std::shared_ptr<LaneCredit> credit) {
+  if (clock.is_simulated()) {
+    stage([credit = std::move(credit)] { credit->finish(); });
+  } else {
+    credit->finish();
+  }
+}
+
+void Actor::end_credits(const Subscription& subscription) noexcept {
+  for (auto& credit : subscription.credits()) {
+    if (clock.is_simulated() && publishing.is_in_activation) {
+      stage([credit = std::move(credit)] { credit->end(); });
+    } else {
+      credit->end();
+    }
+  }
 }
 
 void Actor::refresh_views() {
@@ -236,7 +288,8 @@ void Actor::resume() noexcept {
   drop_inactive(false);
   cancel_alarm();
   open();
-  inbox.mark_all();  // Latched messages waited without their bits.
+  inbox.mark_all();              // Latched messages waited without their bits.
+  inbox.mark(Inbox::kTimerBit);  // Credits may have come.
 }
 
 void Actor::drop_waiting() noexcept {
@@ -253,6 +306,9 @@ void Actor::drop_inactive(bool with_latched) noexcept {
       if (lane.pop(head)) {
         (lane.is_closed() ? lane.drained : subscription.inactive).add();
         release(head.envelope);
+        if (lane.credit != nullptr) {
+          give_back(lane.credit);
+        }
       }
     }
   });
@@ -307,7 +363,7 @@ void Actor::tick(ActivationRing& ring, TimerCore& timer) {
   timer.armed_in_turn = turn_;
   statistics.lateness.record(now_ns - base::to_ns(tick.due));
   ActivationRecord record;
-  record.cause = Cause::kTick;
+  record.cause = timer.cause;
   record.key = timer.number;
   record.skipped = tick.skipped;
   record.time_ns = now_ns;
@@ -359,6 +415,9 @@ bool Actor::judge(ActivationRing& ring, const Inbox::Head& head) {
   }
   quality.expired.add();
   release(head.head.envelope);
+  if (head.lane->credit != nullptr) {
+    give_back(head.lane->credit);
+  }
   tell(ring, quality, event);
   return false;
 }
@@ -430,7 +489,13 @@ bool Actor::take(ActivationRing& ring, const Inbox::Head& head) {
     release(head.head.envelope);
     return false;
   }
-  deliver(ring, head);
+  if (head.lane->credit == nullptr) {
+    deliver(ring, head);
+  } else {
+    auto credit = head.lane->credit;  // The callback may end the subscription, and its lane.
+    deliver(ring, head);
+    give_back(std::move(credit));
+  }
   return true;
 }
 
@@ -489,7 +554,9 @@ void Actor::run_turn(ActivationRing& ring) {
       inbox.end_early();
       return;
     }
-    inbox.take_bit(Inbox::kTimerBit);
+    if (inbox.take_bit(Inbox::kTimerBit)) {
+      take_credit_events();
+    }
     if (run_next(ring)) {
       ++count;
       continue;
@@ -518,9 +585,11 @@ void Actor::run_round(ActivationRing& ring) {
       if (serve_suspended(ring)) {
         continue;
       }
-    } else {
-      inbox.take_bit(Inbox::kTimerBit);
-      if (is_open() && run_next(ring)) {
+    } else if (is_open()) {
+      if (inbox.take_bit(Inbox::kTimerBit)) {
+        take_credit_events();
+      }
+      if (run_next(ring)) {
         continue;
       }
     }
@@ -551,6 +620,7 @@ void Actor::start_timers(Time start) {
       watch(*subscription);
     }
   }
+  are_timers_on_ = true;
   for (const auto& timer : timers_) {
     if (timer->is_periodic()) {
       timer->due_ns = base::to_ns(start + timer->options.phase + timer->options.period);
@@ -562,6 +632,7 @@ void Actor::start_timers(Time start) {
 }
 
 void Actor::cancel_timers() noexcept {
+  are_timers_on_ = false;
   for (const auto& timer : timers_) {
     timer->due_ns = base::kNever;
   }
@@ -572,6 +643,7 @@ void Actor::clear_timers() noexcept {
     subscription->watch_timer = nullptr;
   }
   timers_.clear();
+  credit_events_.clear();
 }
 
 void Actor::publish_due() noexcept {
@@ -595,6 +667,7 @@ void Actor::publish_due() noexcept {
 void Actor::close(DropReason reason) noexcept {
   for (CallbackSubscription* subscription : callbacks) {
     subscription->close(reason);
+    end_credits(*subscription);
   }
   for (View* view : views) {
     view->close(reason);
@@ -668,7 +741,9 @@ void Actor::end(CallbackSubscription& subscription, DropReason reason) noexcept 
   if (subscription.watch_timer != nullptr) {
     subscription.watch_timer->due_ns = base::kNever;
   }
+  end_credits(subscription);
   dying_.push_back(std::move(subscription.callback));
+  publishing.has_leftovers = true;
 }
 
 TimerCore& Actor::add_timer(const TimerOptions& options, TickCallback callback) {

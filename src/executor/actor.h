@@ -75,6 +75,7 @@ class TimerCore {
   TickCallback callback;
   std::string label = "a timer";       ///< In words, for faults.
   Watch* watch = nullptr;              ///< Then there is an activation only if it has an event.
+  Cause cause = Cause::kTick;          ///< Of its activations.
   std::int64_t due_ns = base::kNever;  ///< On the application's clock.
   std::uint64_t armed_in_turn = 0;     ///< In simulated time a timer fires once a round.
 };
@@ -195,6 +196,9 @@ class Actor {
   /// Looks after the quality of service of `subscription`, if it asks for one.
   void watch(CallbackSubscription& subscription);
   void arm(TimerCore& timer, Time due) noexcept;
+  /// Calls `callback`, by cause event, when credits of `publisher` that had run out are there
+  /// again.
+  void on_credits(PublisherCore& publisher, std::function<void()> callback);
 
   /// Asks the world whether the component has nothing to do: for the end of a run.
   [[nodiscard]] bool is_quiet() const noexcept { return inbox.is_quiet(); }
@@ -251,6 +255,12 @@ class Actor {
     Actor& actor_;
   };
 
+  /// Whose credits are waited for, and the timer that is due when they are there.
+  struct CreditEvent {
+    PublisherCore* publisher;
+    TimerCore* timer;
+  };
+
   /// The newest taken time delivered per root: what a timer's messages inherit.
   struct HeldRoot {
     PublisherId root = 0;
@@ -277,6 +287,11 @@ class Actor {
   /// Serves what `peek` found; false if it is gone.
   bool take(ActivationRing& ring, const Inbox::Head& head);
   void deliver(ActivationRing& ring, const Inbox::Head& head);
+  void finish_leftovers() noexcept;
+  void take_credit_events() noexcept;
+  /// Gives a credit back, in simulated time when the round is over.
+  void give_back(std::shared_ptr<LaneCredit> credit);
+  void end_credits(const Subscription& subscription) noexcept;
   void refresh_views();
   [[nodiscard]] Origin oldest_held() const noexcept;
   [[nodiscard]] TimerCore* due_timer(std::int64_t now_ns) noexcept;
@@ -293,6 +308,8 @@ class Actor {
   std::uint64_t number_ = 0;
   std::uint64_t turn_ = 0;
   std::vector<std::unique_ptr<TimerCore>> timers_;
+  std::vector<CreditEvent> credit_events_;
+  bool are_timers_on_ = true;  ///< False once all are cancelled, until they start again.
   std::array<HeldRoot, 16> held_{};
   std::size_t held_count_ = 0;
   std::vector<Staged> staged_;

@@ -12,6 +12,7 @@
 #include "base/memory.h"
 #include "config/nearest.h"
 #include "config/params.h"
+#include "host/credits.h"
 #include "host/explanation.h"
 #include "host/guest.h"
 #include "host/pace.h"
@@ -129,7 +130,8 @@ Application::Application(config::ApplicationDescription description, const Clock
                                      .keep = topic.keep,
                                      .pool_max = topic.pool_max.value_or(0),
                                      .multiple_publishers = topic.multiple_publishers,
-                                     .lifespan = topic.lifespan});
+                                     .lifespan = topic.lifespan,
+                                     .credits = topic.credits});
   }
 }
 
@@ -215,6 +217,7 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
     }
     add_conflicts(problems);
     add_quality_conflicts(problems);
+    check_credits(*this, problems);
     if (const auto& record = recorded_ ? recorded_ : description_.record) {
       check_patterns(*record, topics_, problems);
     }
