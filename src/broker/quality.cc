@@ -187,6 +187,12 @@ void Quality::took(const Lane& lane, const Lane::Head& head) noexcept {
   }
 }
 
+void Quality::forget_gaps() noexcept {
+  for (Source& source : sources_) {
+    source.sequence = 0;
+  }
+}
+
 QosEvent Quality::lose(Source& source, std::string_view reason, std::int64_t lost_ns,
                        std::int64_t since_ns) noexcept {
   source.is_lost = true;

@@ -14,6 +14,7 @@
 namespace fastcycle::detail {
 
 class PublisherCore;
+class TimerCore;
 class Topic;
 
 /// What is looked at when a time is over, and leads to an event only if something did not happen
@@ -111,6 +112,8 @@ class Quality final : public Watch {
                               QosEvent& event) noexcept;
   /// The message that was judged last was taken.
   void took(const Lane& lane, const Lane::Head& head) noexcept;
+  /// What did not come until now is not missing: the component was not there for it.
+  void forget_gaps() noexcept;
   [[nodiscard]] bool is_expired(std::int64_t published_ns, std::int64_t now_ns) const noexcept;
 
   /// The component of `publisher` has ended, or is back; what there is to tell of it.
@@ -119,6 +122,8 @@ class Quality final : public Watch {
 
   [[nodiscard]] std::optional<Duration> deadline() const noexcept { return deadline_.period(); }
   [[nodiscard]] std::optional<Duration> lifespan() const noexcept { return lifespan_; }
+
+  TimerCore* timer = nullptr;  ///< That looks after it; the receiving component's.
 
   // Written by the receiving component's worker.
   Counter expired;

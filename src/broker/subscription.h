@@ -83,12 +83,11 @@ class Subscription {
   const Kind kind;
   const std::size_t depth;
   const Overflow overflow;
+  /// Of latched messages, for lanes that are made from now on. As the vector of lanes.
+  std::uint16_t history = Lane::kWholeHistory;
   const std::size_t keep;
   /// What it asks for beyond these; null, as for most, if nothing. Constant after construction.
   const std::unique_ptr<Quality> quality;
-
-  /// Of latched messages, for lanes that are made from now on. As the vector of lanes.
-  std::uint16_t history = Lane::kWholeHistory;
 
   /// Whether its messages cause activations.
   [[nodiscard]] bool is_called() const noexcept {

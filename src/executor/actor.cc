@@ -616,7 +616,11 @@ void Actor::hand_over_stage() {
 
 void Actor::start_timers(Time start) {
   for (CallbackSubscription* subscription : callbacks) {
-    if (!subscription->is_ended && subscription->watch_timer == nullptr) {
+    if (subscription->quality == nullptr || subscription->is_ended) {
+      continue;
+    }
+    subscription->quality->forget_gaps();
+    if (subscription->quality->timer == nullptr) {
       watch(*subscription);
     }
   }
@@ -640,7 +644,9 @@ void Actor::cancel_timers() noexcept {
 
 void Actor::clear_timers() noexcept {
   for (CallbackSubscription* subscription : callbacks) {
-    subscription->watch_timer = nullptr;
+    if (subscription->quality != nullptr) {
+      subscription->quality->timer = nullptr;
+    }
   }
   timers_.clear();
   credit_events_.clear();
@@ -737,9 +743,9 @@ void Actor::end(CallbackSubscription& subscription, DropReason reason) noexcept 
   subscription.close(reason);
   if (subscription.quality != nullptr) {
     subscription.quality->end();
-  }
-  if (subscription.watch_timer != nullptr) {
-    subscription.watch_timer->due_ns = base::kNever;
+    if (TimerCore* timer = subscription.quality->timer) {
+      timer->due_ns = base::kNever;
+    }
   }
   end_credits(subscription);
   dying_.push_back(std::move(subscription.callback));
@@ -763,14 +769,15 @@ TimerCore& Actor::add_watch(Watch& its_watch) {
 }
 
 void Actor::watch(CallbackSubscription& subscription) {
-  if (subscription.quality == nullptr || !subscription.quality->is_timed()) {
+  Quality* quality = subscription.quality.get();
+  if (quality == nullptr || !quality->is_timed()) {
     return;
   }
-  if (subscription.watch_timer == nullptr) {
-    subscription.watch_timer = &add_watch(*subscription.quality);
+  if (quality->timer == nullptr) {
+    quality->timer = &add_watch(*quality);
   } else {
-    subscription.quality->begin(base::to_ns(publishing.now));
-    subscription.watch_timer->due_ns = subscription.quality->next_look_ns();
+    quality->begin(base::to_ns(publishing.now));
+    quality->timer->due_ns = quality->next_look_ns();
   }
 }
 

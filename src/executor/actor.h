@@ -35,7 +35,6 @@ class CallbackSubscription : public Subscription {
   Actor& actor;
   /// On the heap, so that it stays where it is when the subscription ends while it runs.
   std::unique_ptr<EnvelopeCallback> callback;
-  TimerCore* watch_timer = nullptr;  ///< Of its quality of service; none if it needs none.
   bool is_ended = false;
 };
 
