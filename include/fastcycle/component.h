@@ -30,6 +30,14 @@
 namespace fastcycle {
 
 struct SynchronizerOptions;
+// Of service.h and action.h.
+template <Message Request, Message T>
+class Client;
+struct ClientOptions;
+struct ServiceOptions;
+template <Message Goal, Message Feedback, Message Result>
+class ActionClient;
+struct ActionServerOptions;
 
 /// How well a component thinks that it does its work.
 enum class Health : std::uint8_t { kOk, kDegraded, kFailed };
@@ -253,6 +261,36 @@ class Context {
   [[nodiscard]] Timer create_timer(F callback) {
     return Timer(detail::create_timer(core_, {}, detail::tick_callback(std::move(callback))));
   }
+
+  /// Declares that the component calls the service `name`; see `Client`. A second client of that
+  /// service in this component is the same one. Names are placed as those of topics.
+  template <Message Request, Message T>
+  [[nodiscard]] Client<Request, T> create_client(std::string_view name);
+  template <Message Request, Message T>
+  [[nodiscard]] Client<Request, T> create_client(std::string_view name,
+                                                 const ClientOptions& options);
+
+  /// Answers the requests to the service `name`: at once, by `f(const Request&, Reply&)`, or when
+  /// it likes, by `f(const Request&, Responder<Reply>)`; see `Responder`. Each request is an
+  /// activation.
+  template <Message Request, Message T, typename F>
+  void create_service(std::string_view name, F callback);
+  template <Message Request, Message T, typename F>
+  void create_service(std::string_view name, const ServiceOptions& options, F callback);
+
+  /// Declares that the component sends goals to the action `name`; see `ActionClient`.
+  template <Message Goal, Message Feedback, Message Result>
+  [[nodiscard]] ActionClient<Goal, Feedback, Result> create_action_client(std::string_view name);
+  template <Message Goal, Message Feedback, Message Result>
+  [[nodiscard]] ActionClient<Goal, Feedback, Result> create_action_client(
+      std::string_view name, const ClientOptions& options);
+
+  /// Works on the goals of the action `name`: `f(const Goal&, ServerGoal<Feedback, Result>)` keeps
+  /// the goal, or rejects it; see `ServerGoal`.
+  template <Message Goal, Message Feedback, Message Result, typename F>
+  void create_action_server(std::string_view name, F on_goal);
+  template <Message Goal, Message Feedback, Message Result, typename F>
+  void create_action_server(std::string_view name, const ActionServerOptions& options, F on_goal);
 
   /// Runs `body` on a thread of its own from `start` on, for drivers that must wait for a device.
   /// At the end of the run its `stop_token` asks it to end; it has a second to do so before `stop`

@@ -21,6 +21,7 @@ struct PublishOptions {
 namespace detail {
 
 class PublisherCore;
+struct LoanAccess;
 
 Envelope* take_loan(PublisherCore& publisher, bool cleared);
 void return_loan(PublisherCore& publisher, Envelope* loan) noexcept;
@@ -72,6 +73,7 @@ class Loan {
   friend class Publisher;
   template <Message>
   friend class ExternalPublisher;
+  friend struct detail::LoanAccess;
 
   Loan(detail::PublisherCore& publisher, detail::Envelope* envelope, bool is_external)
       : publisher_(&publisher), envelope_(envelope), is_external_(is_external) {}

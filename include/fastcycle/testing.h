@@ -11,6 +11,7 @@
 
 #include "fastcycle/component.h"
 #include "fastcycle/library.h"
+#include "fastcycle/service.h"
 
 namespace fastcycle::testing {
 
@@ -39,6 +40,11 @@ class Bench {
   class Input;
   template <Message T>
   class Output;
+  template <Message Request, Message T>
+  class Caller;
+  template <Message T>
+  class Answer;
+  class Stand;
 
   Bench();
   Bench(const Bench&) = delete;
@@ -64,6 +70,15 @@ class Bench {
   /// A topic that the test listens to; every message is kept until it is taken.
   template <Message T>
   [[nodiscard]] Output<T> output(const std::string& topic);
+
+  /// A service that the test calls.
+  template <Message Request, Message T>
+  [[nodiscard]] Caller<Request, T> client(const std::string& name);
+
+  /// A service that the test gives, by `f(const Request&, Reply&)` or
+  /// `f(const Request&, Responder<Reply>)`. A responder that is kept answers within `Stand::run`.
+  template <Message Request, Message T, typename F>
+  Stand service(const std::string& name, F f);
 
   /// Constructs, connects and starts everything.
   void start();
@@ -103,6 +118,8 @@ class Bench {
   void add_class(const std::string& name, std::string_view configuration,
                  const ComponentClass& component_class);
   [[nodiscard]] Component& component(const std::string& name) const;
+  /// Done when all components are constructed.
+  void prepare(std::function<void()> step);
   void run_in(const std::string& name, std::function<void()> body);
   [[nodiscard]] std::string next_name(std::string_view kind);
 
@@ -137,6 +154,30 @@ class Collector final : public Component {
   }
 
   std::vector<T> messages;
+};
+
+template <Message Request, Message T>
+class Asker final : public Component {
+ public:
+  explicit Asker(Context& context)
+      : Component(context),
+        client(context.create_client<Request, T>(context.param<std::string>("service").get(),
+                                                 {.max_open = 256})) {}
+
+  Client<Request, T> client;
+};
+
+template <Message Request, Message T>
+class Server final : public Component {
+ public:
+  explicit Server(Context& context) : Component(context) {
+    context.create_service<Request, T>(context.param<std::string>("service").get(), {.depth = 256},
+                                       [this](const Request& request, Responder<T> responder) {
+                                         handler(request, std::move(responder));
+                                       });
+  }
+
+  std::function<void(const Request&, Responder<T>)> handler;
 };
 
 }  // namespace detail_testing
@@ -176,6 +217,114 @@ class Bench::Output {
   Bench* bench_;
   std::string name_;
 };
+
+/// A service that a test gives. Valid as long as its bench.
+class Bench::Stand {
+ public:
+  /// Calls `body` in an activation of the service, and serves what follows from it.
+  void run(std::function<void()> body) { bench_->run_in(name_, std::move(body)); }
+
+ private:
+  friend class Bench;
+  Stand(Bench& bench, std::string name) : bench_(&bench), name_(std::move(name)) {}
+
+  Bench* bench_;
+  std::string name_;
+};
+
+/// What became of one call of a test.
+template <Message T>
+class Bench::Answer {
+ public:
+  /// Whether the reply is there.
+  [[nodiscard]] bool is_done() const { return state_->is_done; }
+  [[nodiscard]] bool ok() const { return is_done() && status() == CallStatus::kOk; }
+  /// @pre  `is_done()`
+  [[nodiscard]] CallStatus status() const { return state_->status; }
+  [[nodiscard]] const std::string& error() const { return state_->error; }
+  /// @pre  `ok()`
+  [[nodiscard]] const T& operator*() const { return state_->value; }
+  [[nodiscard]] const T* operator->() const { return &state_->value; }
+
+  /// Cancels the call, and serves what follows from it.
+  void cancel() {
+    bench_->run_in(name_, [state = state_] { state->call.cancel(); });
+  }
+
+ private:
+  template <Message, Message>
+  friend class Bench::Caller;
+  struct State {
+    bool is_done = false;
+    CallStatus status = CallStatus::kOk;
+    std::string error = {};
+    T value = {};
+    Call call = {};
+  };
+  Answer(Bench& bench, std::string name) : bench_(&bench), name_(std::move(name)) {}
+
+  Bench* bench_;
+  std::string name_;
+  std::shared_ptr<State> state_ = std::make_shared<State>();
+};
+
+/// Where a test calls a service. Valid as long as its bench.
+template <Message Request, Message T>
+class Bench::Caller {
+ public:
+  /// Calls now, and serves what follows from it; the answer may come later.
+  Answer<T> call(const Request& request, const CallOptions& options = {}) {
+    auto& asker = static_cast<detail_testing::Asker<Request, T>&>(bench_->component(name_));
+    Answer<T> answer(*bench_, name_);
+    bench_->run_in(name_, [&asker, &request, &options, state = answer.state_] {
+      auto loan = asker.client.loan();
+      loan->CopyFrom(request);
+      state->call = asker.client.call(std::move(loan), options, [state](const Reply<T>& reply) {
+        state->is_done = true;
+        state->status = reply.status();
+        state->error = reply.error();
+        if (reply.has_value()) {
+          state->value = *reply;
+        }
+      });
+    });
+    return answer;
+  }
+
+ private:
+  friend class Bench;
+  Caller(Bench& bench, std::string name) : bench_(&bench), name_(std::move(name)) {}
+
+  Bench* bench_;
+  std::string name_;
+};
+
+template <Message Request, Message T>
+Bench::Caller<Request, T> Bench::client(const std::string& name) {
+  const std::string its_name = next_name("client");
+  add<detail_testing::Asker<Request, T>>(its_name, R"({"params": {"service": ")" + name + R"("}})");
+  return {*this, its_name};
+}
+
+template <Message Request, Message T, typename F>
+Bench::Stand Bench::service(const std::string& name, F f) {
+  using Server = detail_testing::Server<Request, T>;
+  const std::string its_name = next_name("service");
+  add<Server>(its_name, R"({"params": {"service": ")" + name + R"("}})");
+  prepare([this, its_name, f = std::move(f)]() mutable {
+    auto& server = static_cast<Server&>(component(its_name));
+    if constexpr (std::invocable<F&, const Request&, Responder<T>>) {
+      server.handler = std::move(f);
+    } else {
+      server.handler = [f = std::move(f)](const Request& request, Responder<T> responder) mutable {
+        auto reply = responder.loan();
+        f(request, *reply);
+        responder.answer(std::move(reply));
+      };
+    }
+  });
+  return {*this, its_name};
+}
 
 template <Message T>
 Bench::Input<T> Bench::input(const std::string& topic) {

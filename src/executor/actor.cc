@@ -300,6 +300,10 @@ void Actor::drop_waiting() noexcept {
 void Actor::drop_inactive(bool with_latched) noexcept {
   inbox.take_ready([&](Lane& lane) {
     Subscription& subscription = lane.subscription;
+    if (subscription.kind == Subscription::Kind::kCallback &&
+        static_cast<CallbackSubscription&>(subscription).outlives_faults) {
+      return;
+    }
     const std::size_t kept = with_latched ? 0 : subscription.topic.options.latched;
     Lane::Head head;
     while (lane.queued() > kept && lane.peek(head)) {
@@ -314,9 +318,28 @@ void Actor::drop_inactive(bool with_latched) noexcept {
   });
 }
 
+bool Actor::serve_outliving(ActivationRing& ring) {
+  for (CallbackSubscription* subscription : callbacks) {
+    if (!subscription->outlives_faults) {
+      continue;
+    }
+    for (const auto& lane : subscription->lanes()) {
+      Inbox::Head head;
+      head.lane = lane.get();
+      if (lane->peek(head.head) && take(ring, head)) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
 bool Actor::serve_suspended(ActivationRing& ring) {
   inbox.take_bit(Inbox::kTimerBit);
   drop_inactive(false);
+  if (serve_outliving(ring)) {
+    return true;
+  }
   if (alarm_ns_ > base::to_ns(clock.at_monotonic(read_ns_))) {
     return false;
   }
@@ -431,7 +454,8 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   const Time now = std::max(clock.at_monotonic(read_ns_), published);
   lane.delivered.add();
   ActivationRecord record;
-  record.cause = lane.options.is_external ? Cause::kExternal : Cause::kMessage;
+  const bool is_input = lane.options.is_external && subscription.cause == Cause::kMessage;
+  record.cause = is_input ? Cause::kExternal : subscription.cause;
   record.publisher = lane.publisher;
   record.key = head.head.sequence;
   record.time_ns = base::to_ns(now);
@@ -672,8 +696,10 @@ void Actor::publish_due() noexcept {
 
 void Actor::close(DropReason reason) noexcept {
   for (CallbackSubscription* subscription : callbacks) {
-    subscription->close(reason);
-    end_credits(*subscription);
+    if (reason != DropReason::kFault || !subscription->outlives_faults) {
+      subscription->close(reason);
+      end_credits(*subscription);
+    }
   }
   for (View* view : views) {
     view->close(reason);

@@ -35,7 +35,11 @@ class CallbackSubscription : public Subscription {
   Actor& actor;
   /// On the heap, so that it stays where it is when the subscription ends while it runs.
   std::unique_ptr<EnvelopeCallback> callback;
+  Cause cause = Cause::kMessage;  ///< Of its activations.
   bool is_ended = false;
+  /// Its callback is the framework's: it goes on after a fault, and while the component is not
+  /// active.
+  bool outlives_faults = false;
 };
 
 /// The last messages of a topic, taken over when an activation starts.
@@ -170,7 +174,8 @@ class Actor {
   /// Forgets all timers: what a restarted component declares again.
   void clear_timers() noexcept;
 
-  /// Closes all subscriptions: what waits and still comes is dropped for `reason`.
+  /// Closes all subscriptions: what waits and still comes is dropped for `reason`. After a fault
+  /// those that outlive it stay open.
   void close(DropReason reason) noexcept;
 
   CallbackSubscription& subscribe(Topic& topic, const SubscriberOptions& options,
@@ -272,6 +277,8 @@ class Actor {
                 const Body& body, const Where& where);
   void run_controls(ActivationRing& ring);
   void run_control(ActivationRing& ring, const Control& control);
+  /// While suspended: serves one message of what outlives that; false if there is none.
+  bool serve_outliving(ActivationRing& ring);
   /// What a suspended component does; true if there may be more at once.
   bool serve_suspended(ActivationRing& ring);
   void drop_inactive(bool with_latched) noexcept;

@@ -12,12 +12,14 @@
 #include "base/memory.h"
 #include "config/nearest.h"
 #include "config/params.h"
+#include "host/call_head.h"
 #include "host/credits.h"
 #include "host/explanation.h"
 #include "host/guest.h"
 #include "host/pace.h"
 #include "host/recording.h"
 #include "host/replay.h"
+#include "host/services.h"
 #include "host/steps.h"
 
 namespace fastcycle::host {
@@ -215,6 +217,7 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
     if (replay_ == nullptr) {  // Else those who use them may not run.
       config::check_shared(description_.shared_params, declared, problems);
     }
+    service_names_ = connect_services(*this, problems);
     add_conflicts(problems);
     add_quality_conflicts(problems);
     check_credits(*this, problems);
@@ -310,6 +313,9 @@ void Application::add_conflicts(config::Problems& problems) const {
                        "\": {\"multiple_publishers\": true}}";
         break;
       case detail::TopicConflict::Kind::kNoPublisher:
+        if (conflict.topic.find(detail::kServiceMark) != std::string::npos) {
+          continue;  // A service that nobody gives, or calls: told as such.
+        }
         problem.message = topic + ", which component \"" + conflict.component +
                           "\" subscribes to, is published by nobody";
         problem.hint = config::did_you_mean(config::nearest(conflict.topic, published));
@@ -759,6 +765,11 @@ void Application::tell_liveliness(ComponentCore& component, bool is_alive,
       receiver.post(Cause::kEvent, tell, &component);
     }
   }
+}
+
+std::string Application::service_name(std::uint64_t id) const {
+  const auto found = service_names_.find(id);
+  return found == service_names_.end() ? "?" : found->second;
 }
 
 void Application::hold_time() {

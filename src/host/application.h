@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -213,6 +214,8 @@ class Application {
   void fault_noted(const detail::ComponentCore& component, std::string_view what);
   void hold_time();
   void let_time_go();
+  /// Of a service that some component gives or calls; "?" if none does.
+  [[nodiscard]] std::string service_name(std::uint64_t id) const;
   [[nodiscard]] detail::Simulation* simulation() { return simulation_.get(); }
 
   [[nodiscard]] const std::vector<std::unique_ptr<detail::ComponentCore>>& components() const {
@@ -260,6 +263,7 @@ class Application {
   mutable std::mutex topics_mutex_;  ///< Control plane: when subscriptions come and go.
   detail::Topics topics_;
   ParamChanges params_{*this};
+  std::map<std::uint64_t, std::string> service_names_;  ///< By id; constant once built.
   std::vector<std::unique_ptr<detail::ComponentCore>> components_;
   std::vector<std::size_t> start_order_;  ///< Places in `components_`.
   Modes modes_{*this};

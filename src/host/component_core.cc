@@ -11,6 +11,8 @@
 
 #include "config/nearest.h"
 #include "host/application.h"
+#include "host/client_core.h"
+#include "host/server_core.h"
 
 namespace fastcycle::detail {
 namespace {
@@ -178,6 +180,7 @@ void ComponentCore::call_start() {
     activate_now();
   } else {
     suspend();
+    end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
     mute(true);
   }
 }
@@ -185,6 +188,10 @@ void ComponentCore::call_start() {
 std::string ComponentCore::late_start() const {
   const std::chrono::duration<double, std::milli> limit = description.start_timeout;
   return fmt::format("its start() takes longer than {} ms", limit.count());
+}
+
+std::string ComponentCore::inactive() const {
+  return "component \"" + name + "\" is not active";
 }
 
 void ComponentCore::activate_now() {
@@ -224,6 +231,7 @@ void ComponentCore::call_deactivate() {
     state = State::kStandby;
     suspend();
     application.tell_liveliness(*this, false, "inactive");
+    end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
     in_call_ = "its deactivate()";
     component->deactivate();
     in_call_ = nullptr;
@@ -249,6 +257,7 @@ void ComponentCore::call_stop() {
     ~End() { core.cancel_timers(); }
   };
   const End end{*this};
+  end_services(CallStatus::kShutdown, CallStatus::kShutdown, "the application stops");
   if (before == State::kActive) {
     in_call_ = "its deactivate()";
     component->deactivate();
@@ -258,6 +267,8 @@ void ComponentCore::call_stop() {
     component->stop();
   }
   in_call_ = nullptr;
+  // What it called meanwhile.
+  end_services(CallStatus::kShutdown, CallStatus::kShutdown, "the application stops");
 }
 
 void ComponentCore::mute(bool is_muted) {
@@ -292,6 +303,7 @@ void ComponentCore::note_fault(std::string_view what) {
 
 void ComponentCore::fail(std::string_view what) {
   note_fault(what);
+  end_calls(what);
   state = State::kFailed;
   cancel_alarm();
   open();  // What still comes is taken out and counted, not left waiting.
@@ -318,10 +330,37 @@ void ComponentCore::on_fault(std::string_view thrown) {
   }
 }
 
+void ComponentCore::end_calls(std::string_view what) {
+  serving = {};
+  if (!publishing.is_in_activation) {
+    return;  // It never ran.
+  }
+  for (const auto& client : clients) {
+    client->forget_all();
+    client->is_declared = false;
+  }
+  for (const auto& server : servers) {
+    server->end_all(CallStatus::kFaulted, "component \"" + name + "\": " + std::string(what));
+    server->is_declared = false;
+  }
+}
+
+void ComponentCore::end_services(CallStatus owed, CallStatus awaited, std::string_view reason) {
+  for (const auto& server : servers) {
+    server->end_all(owed, reason);
+  }
+  const char* before = std::exchange(in_call_, "its callback for a reply");
+  for (const auto& client : clients) {
+    client->end_all(awaited, reason);
+  }
+  in_call_ = before;
+}
+
 void ComponentCore::end_late_subscriptions() {
   for (CallbackSubscription* subscription : callbacks) {
     if (std::find(declared.subscriptions.begin(), declared.subscriptions.end(), subscription) ==
-        declared.subscriptions.end()) {
+            declared.subscriptions.end() &&
+        !subscription->outlives_faults) {
       application.end_subscription(*this, *subscription);
     }
   }
@@ -339,7 +378,9 @@ void ComponentCore::end_old_subscriptions() {
 }
 
 bool ComponentCore::is_redeclared() const noexcept {
-  return redeclared.publishers.size() == declared.publishers.size() &&
+  const auto is_declared = [](const auto& service) { return service->is_declared; };
+  return std::ranges::all_of(clients, is_declared) && std::ranges::all_of(servers, is_declared) &&
+         redeclared.publishers.size() == declared.publishers.size() &&
          redeclared.subscriptions.size() == declared.subscriptions.size() &&
          redeclared.views.size() == declared.views.size() &&
          redeclared.synchronizers.size() == declared.synchronizers.size();
@@ -373,6 +414,7 @@ void ComponentCore::restart(std::string_view what) {
                            std::chrono::duration<double, std::milli>(delay).count()));
   }
   application.tell_liveliness(*this, false, "failed");
+  end_calls(what);
   destroy();
   end_old_subscriptions();
   drop_held(DropReason::kFault);
@@ -397,7 +439,7 @@ void ComponentCore::make_anew() {
     return;
   }
   if (!is_redeclared()) {
-    fail("it declared fewer topics than before when it was restarted");
+    fail("it declared fewer topics or services than before when it was restarted");
     return;
   }
   std::string what = "something that is no std::exception";

@@ -16,6 +16,7 @@
 #include "executor/actor.h"
 #include "fastcycle/component.h"
 #include "fastcycle/library.h"
+#include "fastcycle/service.h"
 #include "host/param_table.h"
 
 namespace fastcycle::host {
@@ -138,8 +139,15 @@ class ComponentCore final : public Actor {
   std::vector<std::unique_ptr<OfferedDeadline>> offered;
   host::ParamTable param_table;
   std::unique_ptr<config::ParamReader> params;  ///< While it is constructed.
+  std::vector<std::unique_ptr<ClientCore>> clients;
+  std::vector<std::unique_ptr<ServerCore>> servers;
+  /// Of its servers, one for each client; made when the application is built.
+  std::vector<PublisherCore*> service_publishers;
   config::Problems* problems = nullptr;
   std::set<std::string> declared_params;
+
+  /// The request that is served now, or whose answer waits for the call whose reply came now.
+  Ticket serving{};
 
   // What it says of itself and of the run; its own activations only.
   std::map<std::string, ReportValue, std::less<>> results;
@@ -162,10 +170,16 @@ class ComponentCore final : public Actor {
  private:
   void activate_now();
   void check_params(config::Problems& its_problems) const;
+  [[nodiscard]] std::string inactive() const;
   void restart(std::string_view what);
   void make_anew();
   /// From now on what it publishes reaches nobody, that of its threads included; or does again.
   void mute(bool is_muted);
+  /// Its object is gone: nobody waits for its calls, and nobody else can give the answers it owes.
+  void end_calls(std::string_view what);
+  /// The application stops, or the component is deactivated: what it owes and what it awaits ends
+  /// with that.
+  void end_services(CallStatus owed, CallStatus awaited, std::string_view reason);
   /// Ends the subscriptions of the old object that must not go on as they are.
   void end_old_subscriptions();
   /// Ends what it subscribed to in its callbacks.

@@ -1,12 +1,17 @@
 // What components ask of their context, answered by the application.
 
+#include <algorithm>
 #include <memory>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "config/params.h"
 #include "host/application.h"
+#include "host/client_core.h"
 #include "host/component_core.h"
+#include "host/declare.h"
+#include "host/server_core.h"
 
 namespace fastcycle {
 
@@ -19,6 +24,49 @@ void assert_constructing(const ComponentCore& core) {
   FASTCYCLE_ASSERT(core.is_constructing,
                    "parameters, publishers, views and timers are declared in "
                    "the component's constructor");
+}
+
+/// The full name of what the component calls `topic`.
+std::string name_of_topic(ComponentCore& core, std::string_view topic) {
+  const std::string name = core.topic_name(topic);
+  core.topics_in_code.emplace(topic);
+  if (name.find(kServiceMark) == std::string::npos) {
+    return name;
+  }
+  const std::string what = "component \"" + core.name + "\" uses the name \"" + name +
+                           "\": only topics of services have a '#' in theirs";
+  if (core.problems == nullptr) {
+    throw std::runtime_error(what);
+  }
+  core.problems->add(config::mistake(core.description.place, what));
+  return name;
+}
+
+/// Whether a service or an action may have messages of `type`; else adds a mistake.
+void check_call_type(ComponentCore& core, const std::string& service,
+                     const google::protobuf::Message* type) {
+  if (type == nullptr) {
+    return;
+  }
+  for (int number = kFirstHeadField; number <= kLastHeadField; ++number) {
+    if (type->GetDescriptor()->FindFieldByNumber(number) != nullptr) {
+      core.problems->add(config::mistake(
+          core.description.place, "service \"" + service + "\" of component \"" + core.name +
+                                      "\": the message " + type->GetTypeName() + " has a field " +
+                                      std::to_string(number) + "; calls use the numbers " +
+                                      std::to_string(kFirstHeadField) + " to " +
+                                      std::to_string(kLastHeadField) + " themselves"));
+      return;
+    }
+  }
+}
+
+/// That of `declared` whose name is `service`, or null.
+template <typename Core>
+Core* find_service(const std::vector<std::unique_ptr<Core>>& declared, const std::string& service) {
+  const auto found =
+      std::ranges::find_if(declared, [&](const auto& core) { return core->service == service; });
+  return found == declared.end() ? nullptr : found->get();
 }
 
 /// The next of what a restarted component declares again; it must be what it was.
@@ -60,13 +108,18 @@ PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
                                 const google::protobuf::Message& default_instance,
                                 const google::protobuf::Message* prototype, bool is_external) {
   assert_constructing(core);
-  const std::string name = core.topic_name(topic);
-  core.topics_in_code.emplace(topic);
+  return declare_publisher(core, name_of_topic(core, topic), default_instance, prototype,
+                           is_external);
+}
+
+PublisherCore& declare_publisher(ComponentCore& core, const std::string& topic,
+                                 const google::protobuf::Message& default_instance,
+                                 const google::protobuf::Message* prototype, bool is_external) {
   if (core.is_redeclaring) {
-    return redeclare(core.declared.publishers, core.redeclared.publishers, name);
+    return redeclare(core.declared.publishers, core.redeclared.publishers, topic);
   }
   PublisherCore& publisher = core.application.topics().add_publisher(
-      name, core.publishing, default_instance, prototype, is_external);
+      topic, core.publishing, default_instance, prototype, is_external);
   core.declared.publishers.push_back(&publisher);
   return publisher;
 }
@@ -82,28 +135,33 @@ void watch_publisher(ComponentCore& core, PublisherCore& publisher, std::string_
   }
 }
 
+CallbackSubscription& declare_subscription(ComponentCore& core, const std::string& topic,
+                                           const google::protobuf::Message& default_instance,
+                                           const SubscriberOptions& options,
+                                           EnvelopeCallback callback) {
+  if (core.is_redeclaring) {
+    CallbackSubscription& subscription =
+        redeclare(core.declared.subscriptions, core.redeclared.subscriptions, topic);
+    if (subscription.kind != Subscription::Kind::kCallback) {
+      throw std::logic_error("a restarted component subscribes to \"" + topic +
+                             "\", which it had synchronized before");
+    }
+    core.redeclare_subscription(subscription, options, std::move(callback));
+    return subscription;
+  }
+  Topic& its_topic = core.application.topics().get(topic, core.name, default_instance);
+  CallbackSubscription& subscription = core.subscribe(its_topic, options, std::move(callback));
+  core.declared.subscriptions.push_back(&subscription);
+  return subscription;
+}
+
 Subscription& create_subscription(ComponentCore& core, std::string_view topic,
                                   const google::protobuf::Message& default_instance,
                                   const SubscriberOptions& options, EnvelopeCallback callback) {
-  const std::string name = core.topic_name(topic);
-  core.topics_in_code.emplace(topic);
-  if (core.is_redeclaring) {
-    CallbackSubscription& subscription =
-        redeclare(core.declared.subscriptions, core.redeclared.subscriptions, name);
-    if (subscription.kind != Subscription::Kind::kCallback) {
-      throw std::logic_error("a restarted component subscribes to \"" + name +
-                             "\", which it had synchronized before");
-    }
-    core.redeclare_subscription(subscription, core.subscriber_options(topic, options),
-                                std::move(callback));
-    return subscription;
-  }
+  const std::string name = name_of_topic(core, topic);
   if (core.is_constructing) {
-    Topic& its_topic = core.application.topics().get(name, core.name, default_instance);
-    CallbackSubscription& subscription =
-        core.subscribe(its_topic, core.subscriber_options(topic, options), std::move(callback));
-    core.declared.subscriptions.push_back(&subscription);
-    return subscription;
+    return declare_subscription(core, name, default_instance,
+                                core.subscriber_options(topic, options), std::move(callback));
   }
   FASTCYCLE_ASSERT(core.publishing.is_in_activation,
                    "subscriptions are made in the constructor or in a callback");
@@ -117,12 +175,54 @@ void end_subscription(Subscription& subscription) noexcept {
   core.application.end_subscription(core, callback);
 }
 
+ClientCore& create_client(ComponentCore& core, std::string_view name,
+                          const google::protobuf::Message& request,
+                          const google::protobuf::Message& reply,
+                          const google::protobuf::Message* feedback, std::size_t max_open) {
+  assert_constructing(core);
+  const std::string service = name_of_topic(core, name);
+  for (const auto* type : {&request, &reply, feedback}) {
+    check_call_type(core, service, type);
+  }
+  ClientCore* client = find_service(core.clients, service);
+  if (client != nullptr && client->is_declared) {
+    client->check_types(*core.problems, request, reply, feedback);
+    return *client;
+  }
+  if (client == nullptr) {
+    core.clients.push_back(std::make_unique<ClientCore>(core, service, max_open));
+    client = core.clients.back().get();
+  }
+  client->declare(request, reply, feedback);
+  return *client;
+}
+
+ServerCore& create_server(ComponentCore& core, std::string_view name, ServerSpec spec) {
+  assert_constructing(core);
+  const std::string service = name_of_topic(core, name);
+  for (const auto* type : {&spec.request, &spec.reply, spec.feedback}) {
+    check_call_type(core, service, type);
+  }
+  ServerCore* server = find_service(core.servers, service);
+  if (server == nullptr || server->is_declared) {
+    if (core.is_redeclaring) {
+      throw std::logic_error("a restarted component serves others than before: \"" + service +
+                             "\"");
+    }
+    const std::size_t depth =
+        core.subscriber_options(name, {.depth = spec.depth}).depth.value_or(spec.depth);
+    core.servers.push_back(std::make_unique<ServerCore>(core, service, depth));
+    server = core.servers.back().get();
+  }
+  server->declare(std::move(spec));
+  return *server;
+}
+
 View& create_view(ComponentCore& core, std::string_view topic,
                   const google::protobuf::Message& default_instance, std::size_t depth,
                   std::optional<Duration> span) {
   assert_constructing(core);
-  const std::string name = core.topic_name(topic);
-  core.topics_in_code.emplace(topic);
+  const std::string name = name_of_topic(core, topic);
   if (core.is_redeclaring) {
     return redeclare(core.declared.views, core.redeclared.views, name);
   }

@@ -10,7 +10,9 @@
 #include <google/protobuf/message.h>
 
 #include "fastcycle/component.h"
+#include "host/call_head.h"
 #include "host/component_core.h"
+#include "host/declare.h"
 #include "host/modes.h"
 #include "host/read_ahead.h"
 #include "host/steps.h"
@@ -176,8 +178,11 @@ void Replay::declare(detail::ComponentCore& component) {
   for (std::size_t i = 0; i < plan_.streams.size(); ++i) {
     const ReplayPlan::Stream& stream = plan_.streams[i];
     if (stream.component == component.name) {
-      publishers_[i] = &fastcycle::detail::create_publisher(component, "/" + stream.topic,
-                                                            *prototypes_[i], nullptr, true);
+      if (stream.topic.ends_with(detail::kRequestTopic)) {
+        component.application.topics().set_options(stream.topic, detail::kRequestTopicOptions);
+      }
+      publishers_[i] = &fastcycle::detail::declare_publisher(component, stream.topic,
+                                                             *prototypes_[i], nullptr, true);
     }
   }
 }

@@ -7,6 +7,8 @@
 
 #include "config/nearest.h"
 #include "host/application.h"
+#include "host/call_head.h"
+#include "host/server_core.h"
 #include "record/schema_difference.h"
 
 namespace fastcycle::host {
@@ -62,6 +64,12 @@ class Planner {
       const auto renamed = options_.remap.find(stream.topic);
       plan_.streams.push_back(
           {.topic = topic_name(renamed == options_.remap.end() ? stream.topic : renamed->second)});
+    }
+    for (const Connection& connection : connections_) {
+      if (!connection.is_publisher && connection.topic.ends_with(detail::kRequestTopic)) {
+        plan_.services.insert(
+            connection.topic.substr(0, connection.topic.size() - detail::kRequestTopic.size()));
+      }
     }
     check_remap();
     choose_running();
@@ -142,9 +150,10 @@ class Planner {
   }
 
   [[nodiscard]] bool may_have_several_publishers(const std::string& topic) const {
-    return std::ranges::any_of(description_.topics, [&](const auto& described) {
-      return described.name == topic && described.multiple_publishers;
-    });
+    return topic.ends_with(detail::kRequestTopic) ||
+           std::ranges::any_of(description_.topics, [&](const auto& described) {
+             return described.name == topic && described.multiple_publishers;
+           });
   }
 
   /// The components that subscribe to `topic`, or publish it, and run, or do not.
@@ -353,6 +362,14 @@ std::vector<Connection> connections_of(const Application& application) {
     }
     for (const detail::View* view : component->declared.views) {
       add(view->topic, false);
+    }
+    for (const detail::PublisherCore* publisher : component->service_publishers) {
+      add(publisher->topic, true);
+    }
+    for (const auto& server : component->servers) {
+      if (server->requests != nullptr) {
+        add(server->requests->topic, false);
+      }
     }
   }
   return connections;

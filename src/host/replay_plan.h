@@ -60,6 +60,8 @@ struct ReplayPlan {
 
   std::vector<Stream> streams;    ///< As in the recording.
   std::set<std::string> running;  ///< Components that are made and started.
+  /// Those that the application gives, whether who serves them runs or not.
+  std::set<std::string> services = {};
 
   [[nodiscard]] bool runs(const std::string& component) const {
     return running.contains(component);

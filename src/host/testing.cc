@@ -51,6 +51,7 @@ struct Bench::State {
   json application = {{"name", "bench"}, {"components", json::array()}};
   GivenClasses classes;
   std::unique_ptr<host::Application> running;
+  std::vector<std::function<void()>> steps;  ///< Before the start.
   int count = 0;
 
   [[nodiscard]] fastcycle::detail::ComponentCore& core(const std::string& name) const {
@@ -98,6 +99,9 @@ void Bench::start() {
       std::move(description), host::ClockOptions{.is_simulated = true, .workers = 1});
   state_->running->build(state_->classes, problems, host::ConstructorFault::kMistake);
   throw_if_wrong(problems);
+  for (const auto& step : state_->steps) {
+    step();
+  }
   state_->running->start();
   state_->running->settle();
 }
@@ -159,6 +163,10 @@ Component& Bench::component(const std::string& name) const {
     throw std::runtime_error("the component \"" + name + "\" of the bench is stopped");
   }
   return *found;
+}
+
+void Bench::prepare(std::function<void()> step) {
+  state_->steps.push_back(std::move(step));
 }
 
 void Bench::run_in(const std::string& name, std::function<void()> body) {

@@ -1,0 +1,373 @@
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "fastcycle/assert.h"
+#include "fastcycle/component.h"
+#include "fastcycle/message.h"
+#include "fastcycle/publisher.h"
+#include "fastcycle/sample.h"
+#include "fastcycle/time.h"
+
+namespace fastcycle {
+
+/// How a call ended. All but `kOk` are errors.
+enum class CallStatus : std::uint8_t {
+  kOk,
+  kAbsent,      ///< No component serves it, or the one that does has failed.
+  kBusy,        ///< Too many calls of this client are open, or too many requests of this server.
+  kFaulted,     ///< The server threw, or was restarted, while it owed the answer.
+  kLate,        ///< The deadline is over. An answer that comes later is ignored, and counted.
+  kCancelled,   ///< The caller cancelled it.
+  kCycle,       ///< The answer would wait for itself: the way is told in words.
+  kRejected,    ///< The server refused it, and said why.
+  kAborted,     ///< Of a goal: the server could not reach it.
+  kUnanswered,  ///< The server let go of its responder without an answer.
+  kShutdown,    ///< The application stops.
+};
+
+/// "ok", "absent", "busy", …
+[[nodiscard]] const char* to_word(CallStatus status) noexcept;
+
+struct CallOptions;
+
+namespace detail {
+
+class ClientCore;
+class ServerCore;
+struct Ticket;
+
+}  // namespace detail
+
+/// What a call ended with: a value, or an error with its reason.
+///
+/// @threads  Confined to the callback that it is given to; `sample` gives what may be kept.
+template <Message T>
+class Reply {
+ public:
+  Reply(CallStatus status, std::string_view error, detail::Envelope* envelope)
+      : status_(status), error_(error), envelope_(envelope) {}
+
+  [[nodiscard]] bool ok() const noexcept { return status_ == CallStatus::kOk; }
+  [[nodiscard]] CallStatus status() const noexcept { return status_; }
+  /// In words: `"plan_route": late, 100 ms are over`. Empty if all is well.
+  [[nodiscard]] std::string_view error() const noexcept { return error_; }
+
+  /// The answer. Of a goal that was cancelled or aborted it is what was reached until then.
+  ///
+  /// @pre  `has_value()`; so it is if `ok()`.
+  [[nodiscard]] const T& operator*() const {
+    FASTCYCLE_ASSERT(envelope_ != nullptr, "a reply that is read has a value");
+    return static_cast<const T&>(*envelope_->payload);
+  }
+  [[nodiscard]] const T* operator->() const { return &**this; }
+  [[nodiscard]] bool has_value() const noexcept { return envelope_ != nullptr; }
+
+  /// The answer, to be kept; empty if there is none.
+  [[nodiscard]] Sample<T> sample() const {
+    return envelope_ == nullptr ? Sample<T>() : detail::share<T>(*envelope_);
+  }
+
+ private:
+  CallStatus status_;
+  std::string_view error_;
+  detail::Envelope* envelope_;
+};
+
+namespace detail {
+
+/// A request that a server owes the answer to.
+struct Ticket {
+  ServerCore* server = nullptr;
+  std::size_t index = 0;
+  std::uint64_t serial = 0;  ///< Tells it from others at that index.
+};
+
+using ReplyCallback = std::function<void(CallStatus, std::string_view error, Envelope*)>;
+using RequestCallback = std::function<void(Envelope&, const google::protobuf::Message&, Ticket)>;
+using CancelCallback = std::function<void(std::uint64_t number)>;
+
+struct GoalCallbacks {
+  std::function<void()> on_accepted = {};
+  EnvelopeCallback on_feedback = {};
+};
+
+ClientCore& create_client(ComponentCore& core, std::string_view name,
+                          const google::protobuf::Message& request,
+                          const google::protobuf::Message& reply,
+                          const google::protobuf::Message* feedback, std::size_t max_open);
+PublisherCore& request_publisher(ClientCore& client) noexcept;
+std::uint64_t call(ClientCore& client, Envelope* request, const CallOptions& options,
+                   ReplyCallback callback, GoalCallbacks goal);
+void cancel_call(ClientCore& client, std::uint64_t number);
+bool is_call_open(const ClientCore& client, std::uint64_t number) noexcept;
+
+struct ServerSpec {
+  const google::protobuf::Message& request;
+  const google::protobuf::Message& reply;
+  const google::protobuf::Message* feedback = nullptr;
+  std::size_t depth = 0;
+  bool defers = false;  ///< It may answer in a later activation.
+  RequestCallback callback;
+  CancelCallback on_cancel = {};
+};
+
+ServerCore& create_server(ComponentCore& core, std::string_view name, ServerSpec spec);
+bool is_owed(const Ticket& ticket) noexcept;
+bool is_cancelling(const Ticket& ticket) noexcept;
+std::optional<Time> deadline_of(const Ticket& ticket) noexcept;
+PublisherCore& reply_publisher(const Ticket& ticket) noexcept;
+PublisherCore& feedback_publisher(const Ticket& ticket) noexcept;
+/// Ends it; `reply` is taken over, null sends an empty one. Nothing if it is not owed any more.
+void answer(const Ticket& ticket, CallStatus status, std::string_view reason, Envelope* reply,
+            PublisherCore* lender) noexcept;
+void publish_feedback(const Ticket& ticket, Envelope* feedback, PublisherCore* lender);
+
+/// A message that is written for one caller, and goes back to its pool if the caller is gone.
+struct LoanAccess {
+  template <Message T>
+  static Loan<T> make(PublisherCore& publisher) {
+    return Loan<T>(publisher, take_loan(publisher, true), false);
+  }
+  template <Message T>
+  static Envelope* take(Loan<T>& loan) noexcept {
+    return std::exchange(loan.envelope_, nullptr);
+  }
+  template <Message T>
+  static PublisherCore* lender(const Loan<T>& loan) noexcept {
+    return loan.publisher_;
+  }
+};
+
+}  // namespace detail
+
+/// The duty to answer one request. It may be kept, and fulfilled in a later activation of the
+/// component; one that is destroyed without an answer replies `kUnanswered`.
+///
+///     auto reply = responder.loan();
+///     reply->set_length_m(12.0);
+///     responder.answer(std::move(reply));
+///
+/// @threads  Confined to its component's activations.
+/// @realtime `loan` and `answer` allocate nothing after warm-up; `reject` allocates its reason.
+template <Message T>
+class Responder {
+ public:
+  explicit Responder(const detail::Ticket& ticket) : ticket_(ticket) {}
+  Responder(Responder&& other) noexcept : ticket_(std::exchange(other.ticket_, {})) {}
+  Responder& operator=(Responder&& other) noexcept {
+    if (this != &other) {
+      let_go();
+      ticket_ = std::exchange(other.ticket_, {});
+    }
+    return *this;
+  }
+  Responder(const Responder&) = delete;
+  Responder& operator=(const Responder&) = delete;
+  ~Responder() { let_go(); }
+
+  /// Whether somebody waits for the answer: false once it is given, and after the caller cancelled,
+  /// or its deadline was over.
+  [[nodiscard]] bool is_open() const noexcept { return detail::is_owed(ticket_); }
+  /// Until when the caller waits, if it said so.
+  [[nodiscard]] std::optional<Time> deadline() const noexcept {
+    return detail::deadline_of(ticket_);
+  }
+
+  /// An empty answer to fill in, also if nobody waits any more.
+  [[nodiscard]] Loan<T> loan() const {
+    FASTCYCLE_ASSERT(ticket_.server != nullptr, "a responder that was moved from answers nothing");
+    return detail::LoanAccess::make<T>(detail::reply_publisher(ticket_));
+  }
+  /// Answers. Does nothing, but count it, if nobody waits any more.
+  void answer(Loan<T> reply) {
+    detail::PublisherCore* lender = detail::LoanAccess::lender(reply);
+    detail::answer(ticket_, CallStatus::kOk, {}, detail::LoanAccess::take(reply), lender);
+  }
+  /// As the other one, with a copy of `reply`.
+  void answer(const T& reply) {
+    if (is_open()) {
+      auto copy = loan();
+      copy->CopyFrom(reply);
+      answer(std::move(copy));
+    }
+  }
+  /// The caller gets `kRejected` with this reason.
+  void reject(std::string_view reason) {
+    detail::answer(ticket_, CallStatus::kRejected, reason, nullptr, nullptr);
+  }
+
+  [[nodiscard]] const detail::Ticket& ticket() const noexcept { return ticket_; }
+
+ private:
+  void let_go() noexcept {
+    detail::answer(std::exchange(ticket_, {}), CallStatus::kUnanswered,
+                   "the server let go of the request without an answer", nullptr, nullptr);
+  }
+
+  detail::Ticket ticket_;
+};
+
+/// What a caller may say of one call.
+struct CallOptions {
+  /// How long the caller waits, from the time of its activation; without it, until the answer is
+  /// there or the application ends.
+  std::optional<Duration> deadline = {};
+  /// The request whose answer waits for this call, where that is not the one that is being served:
+  /// so a cycle is found. `responder.ticket()`.
+  const detail::Ticket* on_behalf_of = nullptr;
+  /// No answer that this component owes waits for this call.
+  bool is_independent = false;
+};
+
+/// What an author may say of one client.
+struct ClientOptions {
+  std::size_t max_open = 32;  ///< Calls that may be open at once; one more is `kBusy`.
+};
+
+/// What an author may say of one service.
+struct ServiceOptions {
+  /// Requests whose answers may be owed at once; one more is answered `kBusy`.
+  std::size_t depth = 16;
+};
+
+/// One call under way. It may be thrown away: the call goes on.
+///
+/// @threads  Confined to its component's activations.
+class Call {
+ public:
+  Call() = default;
+  Call(detail::ClientCore& client, std::uint64_t number) : client_(&client), number_(number) {}
+
+  /// Whether its callback is still to come.
+  [[nodiscard]] bool is_open() const noexcept {
+    return client_ != nullptr && detail::is_call_open(*client_, number_);
+  }
+  /// Ends it: its callback comes with `kCancelled`, in an activation of its own. A call that has
+  /// ended stays as it is.
+  void cancel() {
+    if (client_ != nullptr) {
+      detail::cancel_call(*client_, number_);
+    }
+  }
+
+ private:
+  detail::ClientCore* client_ = nullptr;
+  std::uint64_t number_ = 0;
+};
+
+/// What may be called back with a reply.
+template <typename F, typename T>
+concept ReplyHandler = std::invocable<F&, const Reply<T>&>;
+
+/// Asks a service, and is called back with its answer. Nothing waits meanwhile.
+///
+///     auto request = client_.loan();
+///     request->set_goal("garage");
+///     client_.call(std::move(request), {.deadline = 100ms}, [this](const Reply<Route>& reply)
+///     {…});
+///
+/// Every call ends in exactly one reply, which comes in an activation of its own, never within
+/// `call`. The only calls without one are those of a component that failed or was restarted: the
+/// object that would get it is gone.
+///
+/// Made by `Context::create_client` in a component's constructor, and valid as long as the
+/// component is.
+///
+/// @threads  Confined to its component's activations.
+/// @realtime As `Publisher`, after warm-up, if the callback captures at most two pointers; calls
+///           made to answer another one, and errors, may allocate.
+template <Message Request, Message T>
+class Client {
+ public:
+  explicit Client(detail::ClientCore& core) : core_(&core) {}
+
+  /// Borrows an empty request to fill in.
+  [[nodiscard]] Loan<Request> loan() {
+    return detail::LoanAccess::make<Request>(detail::request_publisher(*core_));
+  }
+
+  /// Sends `request`; `callback` is called once.
+  ///
+  /// @pre  `request` was borrowed from this client.
+  template <ReplyHandler<T> F>
+  Call call(Loan<Request> request, const CallOptions& options, F callback) {
+    FASTCYCLE_ASSERT(detail::LoanAccess::lender(request) == &detail::request_publisher(*core_),
+                     "a request is sent by the client that lent it");
+    return {*core_,
+            detail::call(*core_, detail::LoanAccess::take(request), options,
+                         [callback = std::move(callback)](CallStatus status, std::string_view error,
+                                                          detail::Envelope* envelope) mutable {
+                           callback(Reply<T>(status, error, envelope));
+                         },
+                         {})};
+  }
+  template <ReplyHandler<T> F>
+  Call call(Loan<Request> request, F callback) {
+    return call(std::move(request), CallOptions{}, std::move(callback));
+  }
+
+ private:
+  detail::ClientCore* core_;
+};
+
+template <Message Request, Message T>
+Client<Request, T> Context::create_client(std::string_view name) {
+  return create_client<Request, T>(name, ClientOptions{});
+}
+
+template <Message Request, Message T>
+Client<Request, T> Context::create_client(std::string_view name, const ClientOptions& options) {
+  return Client<Request, T>(detail::create_client(
+      core_, name, Request::default_instance(), T::default_instance(), nullptr, options.max_open));
+}
+
+template <Message Request, Message T, typename F>
+void Context::create_service(std::string_view name, F callback) {
+  create_service<Request, T>(name, ServiceOptions{}, std::move(callback));
+}
+
+template <Message Request, Message T, typename F>
+void Context::create_service(std::string_view name, const ServiceOptions& options, F callback) {
+  constexpr bool kAnswersAtOnce = std::invocable<F&, const Request&, T&>;
+  constexpr bool kKeeps = std::invocable<F&, const Sample<Request>&, Responder<T>>;
+  static_assert(kAnswersAtOnce || kKeeps || std::invocable<F&, const Request&, Responder<T>>,
+                "a service is f(const Request&, Reply&), or f(const Request&, Responder<Reply>), "
+                "or f(const Sample<Request>&, Responder<Reply>)");
+  detail::RequestCallback erased;
+  if constexpr (kAnswersAtOnce) {
+    erased = [callback = std::move(callback)](detail::Envelope&,
+                                              const google::protobuf::Message& request,
+                                              detail::Ticket ticket) mutable {
+      auto reply = detail::LoanAccess::make<T>(detail::reply_publisher(ticket));
+      callback(static_cast<const Request&>(request), *reply);
+      detail::PublisherCore* lender = detail::LoanAccess::lender(reply);
+      detail::answer(ticket, CallStatus::kOk, {}, detail::LoanAccess::take(reply), lender);
+    };
+  } else {
+    erased = [callback = std::move(callback)](detail::Envelope& envelope,
+                                              const google::protobuf::Message& request,
+                                              detail::Ticket ticket) mutable {
+      if constexpr (kKeeps) {
+        callback(detail::share<Request>(envelope), Responder<T>(ticket));
+      } else {
+        callback(static_cast<const Request&>(request), Responder<T>(ticket));
+      }
+    };
+  }
+  detail::create_server(core_, name,
+                        {.request = Request::default_instance(),
+                         .reply = T::default_instance(),
+                         .depth = options.depth,
+                         .defers = !kAnswersAtOnce,
+                         .callback = std::move(erased)});
+}
+
+}  // namespace fastcycle
