@@ -225,10 +225,11 @@ void PublisherCore::number(Envelope& envelope, const Origin& origin, Time now) n
   envelope.info.sequence = published_.get();
   // Simulated messages of one round share its time; their order is (publisher, sequence).
   const bool is_simulated = owner.stage != nullptr;
-  envelope.info.publish_time = is_simulated ? now : std::max(now, last_publish_time_ + Duration(1));
+  envelope.info.publish_time =
+      is_simulated ? now : std::max(now, last_publish_time() + Duration(1));
   envelope.info.publisher = id;
   envelope.info.origin = origin;
-  last_publish_time_ = envelope.info.publish_time;
+  last_publish_time_.store(envelope.info.publish_time, std::memory_order_relaxed);
   if (envelope.info.sequence == 1) {
     first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
   }
@@ -321,7 +322,8 @@ void PublisherCore::publish_again(Envelope* loan, const MessageInfo& info) {
   if (info.origin.root == 0) {
     loan->info.origin.root = id;
   }
-  last_publish_time_ = std::max(last_publish_time_, info.publish_time);
+  last_publish_time_.store(std::max(last_publish_time(), info.publish_time),
+                           std::memory_order_relaxed);
   if (first_publish_ns_.load(std::memory_order_relaxed) == 0) {
     first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
   }

@@ -161,6 +161,10 @@ class PublisherCore {
   [[nodiscard]] std::uint64_t published() const noexcept { return published_.get(); }
   /// What was given to it while its component was muted.
   [[nodiscard]] std::uint64_t muted() const noexcept { return muted_.get(); }
+  /// Of the newest message, if anything was published.
+  [[nodiscard]] Time last_publish_time() const noexcept {
+    return last_publish_time_.load(std::memory_order_relaxed);
+  }
   [[nodiscard]] std::uint64_t allocated() const noexcept { return pool_->size(); }
   /// CLOCK_MONOTONIC of the first publish; 0 if there was none.
   [[nodiscard]] std::int64_t first_publish_ns() const noexcept {
@@ -201,7 +205,7 @@ class PublisherCore {
 
   std::vector<Target> targets_;
   std::vector<Envelope*> latched_;
-  Time last_publish_time_{};
+  std::atomic<Time> last_publish_time_{};
   Counter published_;
   Counter muted_;
   std::uint64_t handed_over_ = 0;  ///< In simulated time: of those, who left the stage.

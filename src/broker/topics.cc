@@ -40,7 +40,9 @@ Topic& Topics::get(const std::string& name, const std::string& component,
                    const google::protobuf::Message& default_instance) {
   auto& topic = topics_[name];
   if (topic == nullptr) {
-    topic = std::make_unique<Topic>(name, TopicOptions());
+    const auto options = default_options_.find(name);
+    topic = std::make_unique<Topic>(
+        name, options == default_options_.end() ? TopicOptions() : options->second);
     topic->overflow_watch = overflow_watch_;
   }
   const std::string type = default_instance.GetTypeName();

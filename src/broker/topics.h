@@ -79,6 +79,11 @@ class Topics {
   /// Sets what the application file says of `name`; before anything is declared.
   void set_options(const std::string& name, const TopicOptions& options);
 
+  /// What holds for `name` if the file says nothing of it; before anything is declared.
+  void set_default_options(const std::string& name, const TopicOptions& options) {
+    default_options_[name] = options;
+  }
+
   /// From now on `watch` is told of each overflow; before anything runs.
   void set_overflow_watch(OverflowWatch& watch) noexcept;
 
@@ -108,6 +113,7 @@ class Topics {
 
  private:
   std::map<std::string, std::unique_ptr<Topic>> topics_;
+  std::map<std::string, TopicOptions> default_options_;
   std::vector<TopicConflict> type_conflicts_;
   OverflowWatch* overflow_watch_ = nullptr;
 };

@@ -32,6 +32,10 @@ Value empty_tree(const Value& file) {
       timeout != nullptr && timeout->is_number()) {
     tree.set("start_timeout_ms", *timeout);
   }
+  if (const Value* period = file.find("status_period_ms");
+      period != nullptr && period->is_number()) {
+    tree.set("status_period_ms", *period);
+  }
   for (const std::string_view key : {"library_path", "executors"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
   }
@@ -229,6 +233,11 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
     problems_.add(
         mistake(modes.place(), "an included file cannot describe modes, only the one that is run"));
   }
+  if (const Value* period = part.find("status_period_ms")) {
+    problems_.add(mistake(period->place(),
+                          "an included file cannot say how often the status is published, only the "
+                          "one that is run"));
+  }
 }
 
 // Two included files may share a param only if they agree; there is no order that a reader would
@@ -354,7 +363,7 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
                key == "flight_recorder") {
       merge(*tree.find(key), value, problems_);
     } else if (key == "name" || key == "on_fault" || key == "library_path" ||
-               key == "initial_mode" || key == "start_timeout_ms") {
+               key == "initial_mode" || key == "start_timeout_ms" || key == "status_period_ms") {
       tree.set(key, value);
     }
   }

@@ -204,6 +204,23 @@ TEST_F(ComposeTest, OverlaysGoInTheirOrderAndDelete) {
   EXPECT_FALSE(problems.has_errors()) << text_of(problems);
 }
 
+TEST_F(ComposeTest, OnlyTheFileThatIsRunAndOverlaysSayHowOftenTheStatusComes) {
+  folder.write("app.json", R"({"include": [{"file": "a.json"}], "status_period_ms": 500})");
+  folder.write("a.json", R"({"components": [{"name": "lidar", "library": "l"}]})");
+  const auto overlay = folder.write("car.json", R"({"status_period_ms": 250})");
+
+  EXPECT_EQ(compose()["status_period_ms"].to_text(), "500");
+  EXPECT_EQ(compose({.file = {}, .overlays = {overlay}})["status_period_ms"].to_text(), "250");
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+
+  folder.write("a.json", R"({"status_period_ms": 100})");
+  (void)compose();
+  EXPECT_NE(text_of(problems).find("a.json:1: /status_period_ms: an included file cannot say how "
+                                   "often the status is published"),
+            std::string::npos)
+      << text_of(problems);
+}
+
 TEST_F(ComposeTest, OverlaysGiveVariablesAndOptionsGoBeforeThem) {
   folder.write("app.json", R"({"variables": {"a": 1, "b": 1, "c": 1}, "components":
       [{"name": "limiter", "library": "l", "params": {"v": ["${a}", "${b}", "${c}"]}}]})");

@@ -290,6 +290,7 @@ ApplicationDescription describe(const Value& tree) {
   application.place = tree.place();
   application.file = application.place.file;
   application.on_fault = find_on_fault(tree).value_or(OnFault::kStopComponent);
+  application.status_period = find_ms(tree, "status_period_ms").value_or(application.status_period);
   describe_library_path(tree, application);
   if (const Value* executors = find_array(tree, "executors")) {
     for (const Value& executor : executors->items()) {

@@ -164,6 +164,7 @@ struct ApplicationDescription {
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
   OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
+  std::chrono::nanoseconds status_period{1'000'000'000};     ///< Of "fastcycle/status".
   Place place;
   Value effective;  ///< The tree that all of this was read from; what `print` shows.
 };

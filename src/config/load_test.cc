@@ -14,7 +14,7 @@ constexpr std::string_view kApplication = R"({
   "$schema": "https://fastcycle.dev/schema/application.schema.json",
   "name": "speed_demo",
   "library_path": ["lib", "/opt/lib", "lib"],
-  "on_fault": "restart",
+  "on_fault": "restart", "status_period_ms": 250,
   "executors": [
     {"name": "control", "threads": 2, "cpus": [1, 2], "policy": "fifo", "priority": 80,
      "wait": "adaptive", "hand_over": true}
@@ -52,6 +52,7 @@ TEST_F(LoadTest, EveryKeyArrives) {
   EXPECT_EQ(app.file, folder / "app.json");
   EXPECT_EQ(app.library_path, (std::vector<std::filesystem::path>{folder / "lib", "/opt/lib"}));
   EXPECT_EQ(app.on_fault, OnFault::kRestart);
+  EXPECT_EQ(app.status_period, std::chrono::milliseconds(250));
   EXPECT_EQ(app.shared_params.to_text(), R"({"width_m":2})");
   ASSERT_EQ(app.executors.size(), 1U);
   EXPECT_EQ(app.executors[0].name, "control");

@@ -33,6 +33,7 @@ class Sense {
       check_pool(topic);
     }
     for (const ComponentDescription& component : application_.components) {
+      check_name(component);
       check_library(component);
       check_executor_is_known(component);
       check_phase(component);
@@ -82,6 +83,14 @@ class Sense {
     }
     if (application_.components.empty()) {
       add(application_.place, "", "the application has no components");
+    }
+  }
+
+  void check_name(const ComponentDescription& component) {
+    if (component.name == "fastcycle" || component.name.starts_with("fastcycle/")) {
+      add(component.place, "name",
+          "the component " + in_quotes(component.name) +
+              " needs another name: \"fastcycle\" is the component of FastCycle itself");
     }
   }
 

@@ -274,7 +274,7 @@ void Simulation::run_now() {
   }
 }
 
-std::int64_t Simulation::next_due_ns() const noexcept {
+std::int64_t Simulation::next_due_ns(const Actor* without) const noexcept {
   std::int64_t next_ns = base::kNever;
   if (feed_ != nullptr) {
     const std::int64_t fed_ns = feed_->next_due_ns();
@@ -282,7 +282,7 @@ std::int64_t Simulation::next_due_ns() const noexcept {
     next_ns = fed_ns > base::to_ns(clock_.now()) || has_fed_at(fed_ns) ? fed_ns : base::kNever;
   }
   for (const Actor* actor : actors_) {
-    if (actor->is_ticking()) {
+    if (actor->is_ticking() && actor != without) {
       next_ns = std::min(next_ns, actor->armed_due_ns());
     }
   }
@@ -348,13 +348,13 @@ Simulation::End Simulation::run_until(Time limit) {
     }
     rounds_at_once = 0;
     const std::int64_t next_ns = next_due_ns();
+    const bool is_idle = limit == Time::max() && next_due_ns(watcher_) == base::kNever;
     // Threads that hold no time do not keep it from reaching the limit.
-    const bool waits_for_threads =
-        next_ns == base::kNever && limit == Time::max() && foreign_threads_.load() != 0;
+    const bool waits_for_threads = is_idle && foreign_threads_.load() != 0;
     if (wait_for_change(seen, !waits_for_threads)) {
       continue;
     }
-    if (next_ns == base::kNever && limit == Time::max()) {
+    if (is_idle) {
       return End::kIdle;
     }
     const Time next = std::min(base::from_ns(next_ns), limit);

@@ -81,6 +81,9 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void set_feed(Feed& feed) noexcept { feed_ = &feed; }
   /// Without one, time goes as fast as the components compute.
   void set_pace(Pace& pace) noexcept { pace_ = &pace; }
+  /// `actor`, which was added, only watches: its timers are no reason for time to go on when
+  /// nothing else is left.
+  void set_watcher(const Actor& actor) noexcept { watcher_ = &actor; }
   /// Asks the pace again. Safe.
   void look_again() noexcept;
 
@@ -160,7 +163,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   [[nodiscard]] bool is_anyone_ready() const noexcept;
   [[nodiscard]] bool has_fed_at(std::int64_t time_ns) const noexcept;
   void advance(Time time) noexcept;
-  [[nodiscard]] std::int64_t next_due_ns() const noexcept;
+  [[nodiscard]] std::int64_t next_due_ns(const Actor* without = nullptr) const noexcept;
   [[nodiscard]] std::uint64_t changes();
   /// Waits until something came from outside since `seen`; false if nothing has to be waited for.
   [[nodiscard]] bool wait_for_change(std::uint64_t seen, bool may_end);
@@ -173,6 +176,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   std::uint32_t steps_end_ = std::numeric_limits<std::uint32_t>::max();
   Feed* feed_ = nullptr;
   Pace* pace_ = nullptr;
+  const Actor* watcher_ = nullptr;
   std::vector<Actor*> actors_;
   std::vector<std::unique_ptr<ActivationRing>> rings_;
 

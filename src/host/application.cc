@@ -20,6 +20,7 @@
 #include "host/recording.h"
 #include "host/replay.h"
 #include "host/services.h"
+#include "host/status.h"
 #include "host/steps.h"
 
 namespace fastcycle::host {
@@ -126,6 +127,7 @@ Application::Application(config::ApplicationDescription description, const Clock
   } else {
     make_executors();
   }
+  topics_.set_default_options(kStatusTopic, {.latched = 1, .ages = false});
   for (const config::TopicDescription& topic : description_.topics) {
     topics_.set_options(topic.name, {.latched = static_cast<std::size_t>(topic.latched),
                                      .ages = topic.ages,
@@ -214,6 +216,8 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   const bool is_complete = components_.size() == description_.components.size();
   if (is_complete) {
     start_order_ = config::start_order(description_);
+    check_own_topics(problems);
+    add_status(problems);
     if (replay_ == nullptr) {  // Else those who use them may not run.
       config::check_shared(description_.shared_params, declared, problems);
     }
@@ -283,6 +287,79 @@ void Application::add_quality_conflicts(config::Problems& problems) const {
       }
     }
   }
+}
+
+void Application::check_own_topics(config::Problems& problems) const {
+  if (own_topics_are_free) {
+    return;
+  }
+  for (const auto& component : components_) {
+    for (const detail::PublisherCore* publisher : component->declared.publishers) {
+      if (publisher->topic.name.starts_with(kOwnTopics) && component->name != kOwnName) {
+        problems.add(config::mistake(component->description.place,
+                                     "component \"" + component->name + "\" publishes on \"" +
+                                         publisher->topic.name + "\", but what begins with \"" +
+                                         kOwnTopics + "\" only FastCycle itself publishes"));
+      }
+    }
+  }
+}
+
+bool Application::is_status_wanted() const {
+  const detail::Topic* topic = topics_.find(kStatusTopic);
+  if (topic != nullptr && !topic->publishers.empty()) {
+    return false;  // A recording, or a test, publishes it.
+  }
+  const auto names_it = [](const std::vector<std::string>& patterns) {
+    return std::ranges::any_of(patterns, [](const std::string& pattern) {
+      return pattern == kStatusTopic || pattern == std::string("/") + kStatusTopic;
+    });
+  };
+  const auto& record = recorded_ ? recorded_ : description_.record;
+  const auto& kept = kept_ ? kept_ : description_.flight_recorder;
+  return (topic != nullptr && !topic->subscriptions.empty()) ||
+         (record && names_it(record->topics)) || (kept && names_it(kept->topics));
+}
+
+/// As the last one, so that the numbers of the others do not depend on who looks on.
+void Application::add_status(config::Problems& problems) {
+  if (!is_status_wanted()) {
+    return;
+  }
+  add_component(describe_status(description_), status_class());
+  status_ = components_.back().get();
+  start_order_.push_back(status_->index);
+  if (simulation_ != nullptr) {
+    simulation_->set_watcher(*status_);
+  }
+  static_cast<void>(status_->construct(problems));
+}
+
+void Application::component_changed(ComponentCore& component, bool is_urgent) {
+  if (status_ == nullptr || &component == status_ || is_stopped_) {
+    return;
+  }
+  ComponentNews news = news_of(component);
+  news.is_urgent = is_urgent;
+  status_->post(
+      Cause::kEvent,
+      [status = status_, news = std::move(news)] {
+        if (status->component != nullptr) {
+          static_cast<StatusComponent*>(status->component)->hear(news);
+        }
+      },
+      &component);
+}
+
+void Application::mode_changed() {
+  if (status_ == nullptr || is_stopped_) {
+    return;
+  }
+  status_->post(Cause::kEvent, [status = status_] {
+    if (status->component != nullptr) {
+      static_cast<StatusComponent*>(status->component)->say();
+    }
+  });
 }
 
 void Application::add_conflicts(config::Problems& problems) const {
@@ -497,7 +574,7 @@ bool Application::dump(std::string_view reason, std::string_view component,
 }
 
 record::Explanation Application::explanation() const {
-  record::Explanation explanation = explain(description_, clock_);
+  record::Explanation explanation = explain(*this);
   if (replay_ != nullptr) {
     replay_->explain(explanation.facts);
   }

@@ -125,6 +125,9 @@ class Application {
   bool dump(std::string_view reason, std::string_view component = {},
             std::string_view detail = {}) noexcept;
 
+  /// Components may publish what is FastCycle's own otherwise: for tests. Before `build`.
+  bool own_topics_are_free = false;
+
   /// Called with a component's name before its constructor.
   std::function<void(const std::string& component)> before_construct;
 
@@ -212,6 +215,11 @@ class Application {
   void source_finished(detail::ComponentCore& component);
   void component_failed(detail::ComponentCore& component);
   void fault_noted(const detail::ComponentCore& component, std::string_view what);
+  /// `component` has another state, health, fault, or, not urgently, another reason for its health;
+  /// in its activation.
+  void component_changed(detail::ComponentCore& component, bool is_urgent = true);
+  /// In simulated time between two rounds.
+  void mode_changed();
   void hold_time();
   void let_time_go();
   /// Of a service that some component gives or calls; "?" if none does.
@@ -235,6 +243,9 @@ class Application {
   detail::Executor& executor_of(const config::ComponentDescription& component);
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
+  void check_own_topics(config::Problems& problems) const;
+  [[nodiscard]] bool is_status_wanted() const;
+  void add_status(config::Problems& problems);
   void add_conflicts(config::Problems& problems) const;
   void add_quality_conflicts(config::Problems& problems) const;
   [[nodiscard]] config::Place place_of(const std::string& component) const;
@@ -269,6 +280,7 @@ class Application {
   Modes modes_{*this};
   std::vector<std::unique_ptr<detail::Executor>> executors_;
   std::unique_ptr<detail::Simulation> simulation_;
+  detail::ComponentCore* status_ = nullptr;  ///< Who publishes the status; null if nobody does.
   std::optional<config::RecordDescription> recorded_;
   std::unique_ptr<RecorderGuest> recorder_;
   Replay* replay_ = nullptr;

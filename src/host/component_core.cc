@@ -213,6 +213,7 @@ void ComponentCore::call_activate() {
     activate_now();
     start_timers(publishing.now);
     application.tell_liveliness(*this, true, "active");
+    application.component_changed(*this);
   }
 }
 
@@ -231,6 +232,7 @@ void ComponentCore::call_deactivate() {
     state = State::kStandby;
     suspend();
     application.tell_liveliness(*this, false, "inactive");
+    application.component_changed(*this);
     end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
     in_call_ = "its deactivate()";
     component->deactivate();
@@ -291,6 +293,7 @@ void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValu
 
 void ComponentCore::note_fault(std::string_view what) {
   ++fault_count;
+  last_fault = what;
   if (faults.size() < kFaultsInWords) {
     faults.emplace_back(what);
   }
@@ -311,6 +314,7 @@ void ComponentCore::fail(std::string_view what) {
   close(DropReason::kFault);
   application.component_failed(*this);
   application.tell_liveliness(*this, false, "failed");
+  application.component_changed(*this);
   if (!description.fault_mode.empty()) {
     application.modes().ask(description.fault_mode, what, this);
   }
@@ -323,6 +327,7 @@ void ComponentCore::on_fault(std::string_view thrown) {
   }
   if (state == State::kStopped || state == State::kFailed || state == State::kRestarting) {
     note_fault(what);
+    application.component_changed(*this);
   } else if (description.on_fault == config::OnFault::kRestart && has_started()) {
     restart(what);
   } else {
@@ -424,6 +429,7 @@ void ComponentCore::restart(std::string_view what) {
     return;
   }
   state = State::kRestarting;
+  application.component_changed(*this);
   suspend();
   set_alarm(publishing.now + delay, [this] { make_anew(); });
 }
@@ -449,6 +455,7 @@ void ComponentCore::make_anew() {
       start_timers(publishing.now);
       application.tell_liveliness(*this, true, "restarted");
     }
+    application.component_changed(*this);
     return;
   } catch (const std::exception& exception) {
     what = exception.what();

@@ -155,6 +155,7 @@ class ComponentCore final : public Actor {
   std::string health_reason;
   std::optional<Random> random;
   std::vector<std::string> faults;  ///< The first 16, in words.
+  std::string last_fault;
   std::uint64_t fault_count = 0;
   std::uint64_t restart_count = 0;
   std::uint32_t restarts = 0;  ///< Within the time that began at `first_restart_ns`.

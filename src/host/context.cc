@@ -383,8 +383,12 @@ Random& Component::random() {
 
 void Component::health(Health state, std::string_view reason) {
   ComponentCore& core = context_.core();
-  core.health = state;
-  core.health_reason = reason;
+  const bool is_urgent = state != core.health;
+  if (is_urgent || reason != core.health_reason) {
+    core.health = state;
+    core.health_reason = reason;
+    core.application.component_changed(core, is_urgent);
+  }
 }
 
 }  // namespace fastcycle

@@ -15,6 +15,7 @@
 
 #include "config/print.h"
 #include "fastcycle/version.h"
+#include "host/application.h"
 
 namespace fastcycle::host {
 namespace {
@@ -67,8 +68,9 @@ void add_builds(std::map<std::string, std::string>& facts) {
 
 }  // namespace
 
-record::Explanation explain(const config::ApplicationDescription& description,
-                            const base::Clock& clock) {
+record::Explanation explain(const Application& application) {
+  const config::ApplicationDescription& description = application.description();
+  const base::Clock& clock = application.clock();
   record::Explanation explanation;
   auto& facts = explanation.facts;
   facts["application"] = description.name;
@@ -84,8 +86,8 @@ record::Explanation explain(const config::ApplicationDescription& description,
   add_builds(facts);
   facts["cpus"] = std::to_string(std::thread::hardware_concurrency());
   std::size_t number = 0;
-  for (const config::ComponentDescription& component : description.components) {
-    facts[fmt::format("component.{}", number++)] = component.name;
+  for (const auto& component : application.components()) {
+    facts[fmt::format("component.{}", number++)] = component->name;
   }
   explanation.application = config::print(description.effective);
   return explanation;

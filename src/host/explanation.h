@@ -1,14 +1,13 @@
 #pragma once
 
-#include "base/clock.h"
-#include "config/description.h"
 #include "record/recorder.h"
 
 namespace fastcycle::host {
 
+class Application;
+
 /// What a log must say of the run that it is from, to be understood on another machine: the
 /// application with all values, the components by their numbers, the clock, and the machine.
-[[nodiscard]] record::Explanation explain(const config::ApplicationDescription& description,
-                                          const base::Clock& clock);
+[[nodiscard]] record::Explanation explain(const Application& application);
 
 }  // namespace fastcycle::host

@@ -226,11 +226,13 @@ void Modes::begin_next() {
 }
 
 bool Modes::leaves(std::uint32_t component) const {
-  return modes_[from_].is_active[component] && !modes_[request_.to].is_active[component];
+  return is_switched(component) && modes_[from_].is_active[component] &&
+         !modes_[request_.to].is_active[component];
 }
 
 bool Modes::joins(std::uint32_t component) const {
-  return !modes_[from_].is_active[component] && modes_[request_.to].is_active[component];
+  return is_switched(component) && !modes_[from_].is_active[component] &&
+         modes_[request_.to].is_active[component];
 }
 
 /// One more component, of those that are waited for, has done its step.
@@ -314,6 +316,7 @@ void Modes::set_mode() {
     text += ": " + made.why;
   }
   application_.log(LogLevel::kInfo, {}, text);
+  application_.mode_changed();
 }
 
 std::string Modes::current() const {

@@ -131,7 +131,7 @@ FlightGuest::FlightGuest(Application& application,
 
 void FlightGuest::open(config::Problems& problems) {
   try {
-    recorder_.open(explain(application_.description(), application_.clock()));
+    recorder_.open(explain(application_));
   } catch (const std::exception& error) {  // Also those of the file system.
     problems.add(
         config::mistake(description_.place, std::string("flight recorder: ") + error.what()));

@@ -9,6 +9,7 @@
 #include "host/application.h"
 #include "host/call_head.h"
 #include "host/server_core.h"
+#include "host/status.h"
 #include "record/schema_difference.h"
 
 namespace fastcycle::host {
@@ -79,6 +80,7 @@ class Planner {
     for (std::size_t i = 0; i < streams_.size(); ++i) {
       plan_stream(streams_[i], plan_.streams[i]);
     }
+    run_own();
     check_inputs();
     check_that_something_is_fed();
     return std::move(plan_);
@@ -249,6 +251,16 @@ class Planner {
       nobody += "_";
     }
     return nobody;
+  }
+
+  /// What FastCycle itself publishes comes from the recording, if that has it; else it is made
+  /// anew.
+  void run_own() {
+    const bool is_own = std::ranges::any_of(
+        connections_, [](const Connection& one) { return one.component == kOwnName; });
+    if (is_own && !plan_.stands_in_for(kOwnName)) {
+      plan_.running.insert(kOwnName);
+    }
   }
 
   /// Who subscribes to what comes from nowhere.

@@ -97,6 +97,7 @@ void Bench::start() {
   throw_if_wrong(problems);
   state_->running = std::make_unique<host::Application>(
       std::move(description), host::ClockOptions{.is_simulated = true, .workers = 1});
+  state_->running->own_topics_are_free = true;
   state_->running->build(state_->classes, problems, host::ConstructorFault::kMistake);
   throw_if_wrong(problems);
   for (const auto& step : state_->steps) {
