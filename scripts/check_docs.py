@@ -39,8 +39,8 @@ def code_blocks(text, language):
 
 
 def words(text):
-    """Code without comments that stand alone and without layout."""
-    return re.sub(r"\s+", " ", re.sub(r"^\s*//.*$", "", text, flags=re.M)).strip()
+    """Code without comments that stand alone and without layout: a line may break elsewhere."""
+    return re.sub(r"\s+", "", re.sub(r"^\s*//.*$", "", text, flags=re.M))
 
 
 def strange_snippets():

@@ -390,10 +390,9 @@ TEST(Timers, TicksThatWereMissedAreCountedAsOverrunsAndReplacedByOne) {
 
   application->start();
   const auto& component = *application->components()[0];
-  wait_until([&] { return component.statistics.overruns.get() > 0; });
+  // The first tick may itself have come late, instead of earlier ones.
+  wait_until([&] { return component.statistics.overruns.get() >= 4; });
   application->stop();
-
-  EXPECT_GE(component.statistics.overruns.get(), 4U);
 }
 
 TEST(Timers, ManyComponentsInAPoolAllTick) {

@@ -60,7 +60,8 @@ class Surveyor final : public fastcycle::Component {
       : Component(context),
         routes_(context.create_client<demo::Route, demo::RouteReply>("plan_route")) {
     context.create_service<demo::Route, demo::RouteReply>(
-        "survey", [this](const demo::Route& request, fastcycle::Responder<demo::RouteReply> responder) {
+        "survey",
+        [this](const demo::Route& request, fastcycle::Responder<demo::RouteReply> responder) {
           if (request.goal().empty()) {
             responder.reject("a survey needs a goal");
             return;
@@ -132,21 +133,23 @@ class Driver final : public fastcycle::Component {
  public:
   explicit Driver(fastcycle::Context& context)
       : Component(context),
-        parker_(context.create_action_client<demo::Park, demo::ParkProgress, demo::Parked>("park")) {
+        parker_(
+            context.create_action_client<demo::Park, demo::ParkProgress, demo::Parked>("park")) {
     context.create_subscriber<demo::Park>("wish", [this](const demo::Park& wish) {
       auto goal = parker_.loan();
       goal->CopyFrom(wish);
-      parking_ = parker_.send(
-          std::move(goal),
-          {.call = {.deadline = 60s},
-           .on_feedback = [this](const demo::ParkProgress& progress) {
-             report("on_the_way_m", progress.distance_m());
-           }},
-          [this](const fastcycle::Reply<demo::Parked>& result) {
-            report("parked", fastcycle::to_word(result.status()));
-          });
+      parking_ = parker_.send(std::move(goal),
+                              {.call = {.deadline = 60s},
+                               .on_feedback =
+                                   [this](const demo::ParkProgress& progress) {
+                                     report("on_the_way_m", progress.distance_m());
+                                   }},
+                              [this](const fastcycle::Reply<demo::Parked>& result) {
+                                report("parked", fastcycle::to_word(result.status()));
+                              });
     });
-    context.create_subscriber<demo::Route>("stop", [this](const demo::Route&) { parking_.cancel(); });
+    context.create_subscriber<demo::Route>("stop",
+                                           [this](const demo::Route&) { parking_.cancel(); });
   }
 
  private:
