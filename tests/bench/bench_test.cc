@@ -82,7 +82,8 @@ void expect_times(const json& row, std::int64_t count) {
   EXPECT_EQ(row.at("n"), count) << row;
   EXPECT_EQ(row.at("lost"), 0) << row;
   EXPECT_LE(row.at("p50_us"), row.at("max_us"));
-  if (row.at("peer").get<std::string>().starts_with("fastcycle-") && row.at("mode") != "timer") {
+  if (row.at("peer").get<std::string>().starts_with("fastcycle-") && row.at("mode") != "timer" &&
+      row.at("mode") != "deadline") {
     EXPECT_EQ(row.at("damaged"), 0) << row;
   }
 }
@@ -205,6 +206,16 @@ TEST_F(Bench, TimersDoNotDrift) {
   }
 }
 
+TEST_F(Bench, TheDeadlineOfAStalledPublisherStandsBesideItsFloor) {
+  const auto found = rows(few({"deadline", "--wait", "park"}));
+
+  ASSERT_EQ(found.size(), 2U);
+  for (const json& row : found) {
+    expect_times(row, 50);
+    EXPECT_GE(row.at("min_us"), 0) << "no event comes before its deadline is over";
+  }
+}
+
 TEST_F(Bench, SimulatedPeriodsEndExactly) {
   const auto found =
       rows({"timer", "--clock", "simulated", "--count", "10000", "--interval-us", "7"});
@@ -314,7 +325,8 @@ TEST_F(Bench, RawStampsAreThoseOfEveryMessage) {
 }
 
 TEST_F(Bench, ItsApplicationIsOneThatRuns) {
-  for (const std::string mode : {"latency", "rtt", "flood", "fanout", "timer", "chain"}) {
+  for (const std::string mode :
+       {"latency", "rtt", "flood", "fanout", "timer", "deadline", "chain"}) {
     ASSERT_EQ(launch({mode, "--count", "20", "--print-application"}), 0) << errors_;
     const auto file = temporary_.write("app.json", output_);
 

@@ -25,9 +25,9 @@ Mode mode_of(const Options& options, Session* session) {
   static const std::map<std::string, Make> kModes = {
       {"latency", &bench::latency_mode}, {"rtt", &bench::latency_mode},
       {"flood", &bench::flood_mode},     {"fanout", &bench::fanout_mode},
-      {"timer", &bench::timer_mode},     {"chain", &bench::chain_mode},
-      {"startup", &bench::startup_mode}, {"record", &bench::record_mode},
-      {"disk", &bench::disk_mode}};
+      {"timer", &bench::timer_mode},     {"deadline", &bench::deadline_mode},
+      {"chain", &bench::chain_mode},     {"startup", &bench::startup_mode},
+      {"record", &bench::record_mode},   {"disk", &bench::disk_mode}};
   return kModes.at(options.mode)(options, session);
 }
 
@@ -58,6 +58,7 @@ constexpr const char* kModesText =
     "  flood    messages a second, as fast as possible, without loss unless --no-credits\n"
     "  fanout   what publishing costs for each further subscriber\n"
     "  timer    how late timers are, and that they do not drift\n"
+    "  deadline how soon a subscriber is told that its publisher is stalled\n"
     "  chain    several components in a row, on one thread and on two\n"
     "  startup  from nothing to the first messages; memory; an idle application\n"
     "  record   what recording costs publisher and subscriber; what of it is lost\n"

@@ -9,9 +9,13 @@ namespace fastcycle::tool::bench {
 [[nodiscard]] Mode flood_mode(const Options& options, Session* session);
 [[nodiscard]] Mode fanout_mode(const Options& options, Session* session);
 [[nodiscard]] Mode timer_mode(const Options& options, Session* session);
+[[nodiscard]] Mode deadline_mode(const Options& options, Session* session);
 [[nodiscard]] Mode chain_mode(const Options& options, Session* session);
 [[nodiscard]] Mode startup_mode(const Options& options, Session* session);
 [[nodiscard]] Mode record_mode(const Options& options, Session* session);
 [[nodiscard]] Mode disk_mode(const Options& options, Session* session);
+
+/// How late a bare sleep to absolute times is: what timers, and with them deadlines, stand beside.
+[[nodiscard]] Finding measure_timer_floor(const Session& session);
 
 }  // namespace fastcycle::tool::bench

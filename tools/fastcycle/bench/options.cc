@@ -67,6 +67,12 @@ const std::map<std::string, Defaults>& modes() {
         {0},
         5000,
         200}},
+      {"deadline",
+       {{"--count", "--warmup", "--interval-us", "--raw", "--wait", "--floors"},
+        {0},
+        2000,
+        100,
+        2000}},
       {"chain",
        {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--hops", "--wait", "--floors"},
         {64},
@@ -264,8 +270,9 @@ std::int64_t depth_for(std::int64_t size) {
 }
 
 void add_options(CLI::App& line, Options& options) {
-  line.add_option("mode", options.mode,
-                  "latency, rtt, flood, fanout, timer, chain, startup, record or disk; see below")
+  line.add_option(
+          "mode", options.mode,
+          "latency, rtt, flood, fanout, timer, deadline, chain, startup, record or disk; see below")
       ->required()
       ->type_name("MODE");
   const auto add = [&](const char* name, auto& value, const char* type, const char* text) {

@@ -71,15 +71,15 @@ Finding measure_simulated(Session& session) {
   return finding;
 }
 
-Finding measure_floor(const Session& session) {
+}  // namespace
+
+Finding measure_timer_floor(const Session& session) {
   const measure::Measured measured = floor_timer(session.plan(0));
   Finding finding{.row = session.row("floor-timer", 0), .samples = measured.samples};
   measure_into(finding.row, measured.samples, session.options().count, measured.usage);
   finding.row.end_to_end.reset();
   return finding;
 }
-
-}  // namespace
 
 Mode timer_mode(const Options& options, Session* session) {
   Mode mode;
@@ -113,7 +113,7 @@ Mode timer_mode(const Options& options, Session* session) {
   Point point;
   if (options.floors != "none") {
     point.steps.push_back(
-        {.peer = "floor-timer", .measure = [session] { return measure_floor(*session); }});
+        {.peer = "floor-timer", .measure = [session] { return measure_timer_floor(*session); }});
   }
   for (const std::string& wait : options.waits) {
     point.steps.push_back({.peer = "fastcycle-" + wait,
