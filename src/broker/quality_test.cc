@@ -142,6 +142,7 @@ TEST_F(QualityOfService, AFailedPublisherIsLostOnceAndAliveAgainOnlyByWhatCameLa
       << "it was published before";
   ASSERT_TRUE(Inbox::pop(head));
   quality.took(*head.lane, head.head);
+  release(head.head.envelope);
   publish(0, 9ms);
   ASSERT_TRUE(inbox_.peek(head));
   EXPECT_EQ(quality.judge(*head.lane, head.head, at(9ms), event), Quality::Verdict::kTell);
