@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -205,9 +206,12 @@ class Oracle {
 /// Streams as sensors make them: a period and an offset each, jitter, losses, equal times; and, as
 /// networks do it, some that arrive late, or in a wrong order.
 inline std::vector<Arrival> random_streams(std::mt19937_64& random, std::size_t topics) {
-  const auto up_to = [&](int limit) { return static_cast<int>(random() % (limit + 1)); };
+  const auto up_to = [&](int limit) {
+    return static_cast<int>(random() % static_cast<std::uint64_t>(limit + 1));
+  };
   struct Sent {
     int arrives;
+    std::size_t number;  ///< What arrives at one time stays in this order.
     Arrival arrival;
   };
   std::vector<Sent> sent;
@@ -227,11 +231,12 @@ inline std::vector<Arrival> random_streams(std::mt19937_64& random, std::size_t 
       const int arrives = std::max(earliest, time + latency + up_to(jitter));
       earliest = disorder == 0 ? arrives : arrives - disorder;
       if (up_to(9) >= loss) {
-        sent.push_back({arrives, {topic, time}});
+        sent.push_back({arrives, sent.size(), {topic, time}});
       }
     }
   }
-  std::ranges::stable_sort(sent, {}, &Sent::arrives);
+  std::ranges::sort(sent, {},
+                    [](const Sent& message) { return std::pair(message.arrives, message.number); });
   std::vector<Arrival> arrivals;
   for (const Sent& message : sent) {
     arrivals.push_back(message.arrival);

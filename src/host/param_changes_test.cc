@@ -463,7 +463,7 @@ class Follower final : public Component {
       changes_ += std::to_string(left) + " ";
     });
     context.create_subscriber<Int64Value>(
-        "fail", [this](const Int64Value&) { throw std::runtime_error("told to"); });
+        "fail", [](const Int64Value&) { throw std::runtime_error("told to"); });
   }
   void start() override {
     began_with_ = left_.get();

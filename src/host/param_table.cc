@@ -29,8 +29,9 @@ ParamSlot& ParamTable::declare(std::unique_ptr<ParamSlot> fresh, const config::V
   const std::lock_guard lock(mutex_);
   for (std::size_t i = 0; i < is_declared_again_.size(); ++i) {
     ParamSlot& slot = *params_[i].slot;
-    if (!is_declared_again_[i] && slot.spec.name == fresh->spec.name &&
-        typeid(slot) == typeid(*fresh)) {
+    const ParamSlot& declared = *fresh;
+    if (!is_declared_again_[i] && slot.spec.name == declared.spec.name &&
+        typeid(slot) == typeid(declared)) {
       is_declared_again_[i] = true;
       slot.renew(*fresh);
       slot.put(for_object_[i]);
