@@ -65,6 +65,11 @@ class Credits {
 
   void add(const std::shared_ptr<Lane>& lane) { receivers_.push_back({lane, lane->credit}); }
   void remove(const Lane& lane) noexcept;
+  /// The publisher is gone: it waits for nobody, and is told of nothing.
+  void leave() noexcept {
+    receivers_.clear();  // Their lanes hold this.
+    inbox_ = nullptr;
+  }
 
   /// How many messages may be published now, if `staged` are on their way to the lanes.
   [[nodiscard]] std::size_t left(std::uint64_t staged) const noexcept;

@@ -84,6 +84,9 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
 }
 
 PublisherCore::~PublisherCore() {
+  if (credits_ != nullptr) {
+    credits_->leave();
+  }
   for (const Target& target : targets_) {
     target.lane->is_left_by_publisher.store(true);
   }
