@@ -483,7 +483,7 @@ Outcome run(const std::string& text, std::size_t topics, unsigned workers) {
 }
 
 TEST(ManySynchronizedApplications, CallTheSetsThatTheRuleSays) {
-  constexpr int kApplications = 2000;
+  constexpr int kApplications = 1000;
   std::mt19937_64 random(5);
   std::size_t sets = 0;
   for (int i = 0; i < kApplications; ++i) {
