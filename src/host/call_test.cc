@@ -636,11 +636,11 @@ Results run_many(std::int64_t calls, std::int64_t each_tick, double period_ms,
   return results;
 }
 
-std::map<std::string, std::int64_t> sums(const Results& results) {
-  std::map<std::string, std::int64_t> sums;
+std::map<std::string, std::uint64_t> sums(const Results& results) {
+  std::map<std::string, std::uint64_t> sums;  // Some are checksums: they may go round.
   for (const auto& component : results) {
     for (const auto& [word, value] : component) {
-      sums[word] += std::get<std::int64_t>(value);
+      sums[word] += static_cast<std::uint64_t>(std::get<std::int64_t>(value));
     }
   }
   return sums;
@@ -651,11 +651,11 @@ TEST(ManyCalls, EndInExactlyOneReplyEachWhateverHappensAndForAnyNumberOfWorkers)
   const Results first = run_many(kCalls, 30, 20, {.is_simulated = true, .workers = 1});
   auto sum = sums(first);
 
-  EXPECT_EQ(sum["calls"], 3 * kCalls);
-  EXPECT_EQ(sum["wrong"], 0);
+  EXPECT_EQ(sum["calls"], std::uint64_t{3 * kCalls});
+  EXPECT_EQ(sum["wrong"], 0U);
   for (const char* word :
        {"ok", "absent", "busy", "faulted", "late", "cancelled", "rejected", "unanswered"}) {
-    EXPECT_GT(sum[word], 0) << word;
+    EXPECT_GT(sum[word], 0U) << word;
   }
   EXPECT_EQ(run_many(kCalls, 30, 20, {.is_simulated = true, .workers = 2}), first);
   EXPECT_EQ(run_many(kCalls, 30, 20, {.is_simulated = true, .workers = 4}), first);
@@ -664,9 +664,9 @@ TEST(ManyCalls, EndInExactlyOneReplyEachWhateverHappensAndForAnyNumberOfWorkers)
 TEST(ManyCalls, EndInExactlyOneReplyEachWithThreads) {
   auto sum = sums(run_many(1000, 10, 2, {}));
 
-  EXPECT_EQ(sum["calls"], 3000);
-  EXPECT_EQ(sum["wrong"], 0);
-  EXPECT_GT(sum["ok"], 0);
+  EXPECT_EQ(sum["calls"], 3000U);
+  EXPECT_EQ(sum["wrong"], 0U);
+  EXPECT_GT(sum["ok"], 0U);
 }
 
 // ---- Replay ----
