@@ -402,7 +402,7 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{}, "mode is required"},
       {{"latancy"}, "did you mean \"latency\"?"},
-      {{"xyz"}, "chain, disk, fanout, flood, latency, record, rtt, startup, timer"},
+      {{"xyz"}, "chain, deadline, disk, fanout, flood, latency, record, rtt, startup, timer"},
       {{"latency", "--size", "5X"}, "as 64, 32K or 4M"},
       {{"latency", "--size", "2G"}, "up to 1G"},
       {{"latency", "--count", "0"}, "--count wants a number from 1"},
