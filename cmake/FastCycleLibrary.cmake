@@ -63,7 +63,7 @@ endfunction()
 function(fastcycle_test target)
   cmake_parse_arguments(PARSE_ARGV 1 TEST "" "PREFIX" "SOURCES;LINK;PRECOMPILE;LABELS")
   add_executable(${target} ${TEST_SOURCES})
-  target_compile_options(${target} PRIVATE ${FASTCYCLE_WARNINGS})
+  target_compile_options(${target} PRIVATE ${FASTCYCLE_WARNINGS} ${FASTCYCLE_TEST_OPTIONS})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(${target} PRIVATE fastcycle GTest::gmock GTest::gtest_main ${TEST_LINK})
   set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests

@@ -22,7 +22,7 @@ struct QosEvent {
   QosKind kind{};
   std::string_view topic = {};      ///< Its full name.
   std::string_view publisher = {};  ///< The publishing component; empty: any of the topic's.
-  /// Of liveliness: "failed", "stopped", "silent"; "restarted", "publishes".
+  /// Of liveliness: "failed", "stopped", "inactive", "silent"; "restarted", "active", "publishes".
   std::string_view reason = {};
   /// How many there were of this kind, this one included, since the subscription or the publisher
   /// was made: periods of the deadline, messages, changes of liveliness.

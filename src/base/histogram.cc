@@ -6,8 +6,8 @@
 namespace fastcycle::base {
 std::uint64_t Histogram::count() const noexcept {
   std::uint64_t sum = 0;
-  for (const auto& bucket : buckets_) {
-    sum += bucket.load(std::memory_order_relaxed);
+  for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
+    sum += count_of(bucket);
   }
   return sum;
 }
@@ -26,7 +26,7 @@ double Histogram::percentile(double share, std::uint64_t count) const noexcept {
   const auto rank = static_cast<std::uint64_t>(std::ceil(share * static_cast<double>(count)));
   std::uint64_t seen = 0;
   for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
-    seen += buckets_[bucket].load(std::memory_order_relaxed);
+    seen += count_of(bucket);
     if (seen >= rank) {
       return std::min(middle_of(bucket), static_cast<double>(max_.load(std::memory_order_relaxed)));
     }

@@ -57,6 +57,18 @@ TEST(Histogram, ShortTimesAreToldApartByFourNanoseconds) {
   EXPECT_NEAR(histogram.summary().p50, 41, 4);
 }
 
+TEST(Histogram, CountsBeyondThirtyTwoBits) {
+  Histogram histogram;
+
+  histogram.record(1000, UINT32_MAX);
+  histogram.record(1000);
+  histogram.record(1000, UINT32_MAX);
+  histogram.record(9'000'000);
+
+  EXPECT_EQ(histogram.count(), 2ULL * UINT32_MAX + 2);
+  EXPECT_NEAR(histogram.summary().p999, 1000, 1000.0 / 16);
+}
+
 TEST(Histogram, TakesAnyValue) {
   Histogram histogram;
 

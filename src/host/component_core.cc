@@ -106,6 +106,21 @@ void ComponentCore::check_unused(config::Problems& its_problems) const {
   }
 }
 
+std::string ComponentCore::declare_topic(std::string_view name_in_code) {
+  const std::string full_name = topic_name(name_in_code);
+  topics_in_code.emplace(name_in_code);
+  if (full_name.find(kServiceMark) == std::string::npos) {
+    return full_name;
+  }
+  const std::string what = "component \"" + name + "\" uses the name \"" + full_name +
+                           "\": only topics of services have a '#' in theirs";
+  if (problems == nullptr) {
+    throw std::runtime_error(what);
+  }
+  problems->add(config::mistake(description.place, what));
+  return full_name;
+}
+
 SubscriberOptions ComponentCore::subscriber_options(std::string_view topic,
                                                     SubscriberOptions options) const {
   const auto found = description.subscribers.find(std::string(topic));

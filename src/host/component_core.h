@@ -79,6 +79,9 @@ class ComponentCore final : public Actor {
   [[nodiscard]] std::string topic_name(std::string_view name_in_code) const {
     return config::resolve_topic(description, name_in_code);
   }
+  /// The full name of the topic that its code uses as `name_in_code`; adds a mistake if only topics
+  /// of services may have it.
+  std::string declare_topic(std::string_view name_in_code);
   [[nodiscard]] SubscriberOptions subscriber_options(std::string_view topic,
                                                      SubscriberOptions options) const;
 

@@ -26,22 +26,6 @@ void assert_constructing(const ComponentCore& core) {
                    "the component's constructor");
 }
 
-/// The full name of what the component calls `topic`.
-std::string name_of_topic(ComponentCore& core, std::string_view topic) {
-  const std::string name = core.topic_name(topic);
-  core.topics_in_code.emplace(topic);
-  if (name.find(kServiceMark) == std::string::npos) {
-    return name;
-  }
-  const std::string what = "component \"" + core.name + "\" uses the name \"" + name +
-                           "\": only topics of services have a '#' in theirs";
-  if (core.problems == nullptr) {
-    throw std::runtime_error(what);
-  }
-  core.problems->add(config::mistake(core.description.place, what));
-  return name;
-}
-
 /// Whether a service or an action may have messages of `type`; else adds a mistake.
 void check_call_type(ComponentCore& core, const std::string& service,
                      const google::protobuf::Message* type) {
@@ -108,7 +92,7 @@ PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
                                 const google::protobuf::Message& default_instance,
                                 const google::protobuf::Message* prototype, bool is_external) {
   assert_constructing(core);
-  return declare_publisher(core, name_of_topic(core, topic), default_instance, prototype,
+  return declare_publisher(core, core.declare_topic(topic), default_instance, prototype,
                            is_external);
 }
 
@@ -158,7 +142,7 @@ CallbackSubscription& declare_subscription(ComponentCore& core, const std::strin
 Subscription& create_subscription(ComponentCore& core, std::string_view topic,
                                   const google::protobuf::Message& default_instance,
                                   const SubscriberOptions& options, EnvelopeCallback callback) {
-  const std::string name = name_of_topic(core, topic);
+  const std::string name = core.declare_topic(topic);
   if (core.is_constructing) {
     return declare_subscription(core, name, default_instance,
                                 core.subscriber_options(topic, options), std::move(callback));
@@ -180,7 +164,7 @@ ClientCore& create_client(ComponentCore& core, std::string_view name,
                           const google::protobuf::Message& reply,
                           const google::protobuf::Message* feedback, std::size_t max_open) {
   assert_constructing(core);
-  const std::string service = name_of_topic(core, name);
+  const std::string service = core.declare_topic(name);
   for (const auto* type : {&request, &reply, feedback}) {
     check_call_type(core, service, type);
   }
@@ -199,7 +183,7 @@ ClientCore& create_client(ComponentCore& core, std::string_view name,
 
 ServerCore& create_server(ComponentCore& core, std::string_view name, ServerSpec spec) {
   assert_constructing(core);
-  const std::string service = name_of_topic(core, name);
+  const std::string service = core.declare_topic(name);
   for (const auto* type : {&spec.request, &spec.reply, spec.feedback}) {
     check_call_type(core, service, type);
   }
@@ -222,7 +206,7 @@ View& create_view(ComponentCore& core, std::string_view topic,
                   const google::protobuf::Message& default_instance, std::size_t depth,
                   std::optional<Duration> span) {
   assert_constructing(core);
-  const std::string name = name_of_topic(core, topic);
+  const std::string name = core.declare_topic(topic);
   if (core.is_redeclaring) {
     return redeclare(core.declared.views, core.redeclared.views, name);
   }

@@ -81,8 +81,7 @@ void create_synchronizer(ComponentCore& core, std::span<const SynchronizedTopic>
                    "synchronizers are declared in the component's constructor");
   std::vector<std::string> names;
   for (const SynchronizedTopic& topic : topics) {
-    names.push_back(core.topic_name(topic.name));
-    core.topics_in_code.emplace(topic.name);
+    names.push_back(core.declare_topic(topic.name));
   }
   if (core.is_redeclaring) {
     redeclare(core, names, std::move(callback));

@@ -365,6 +365,7 @@ class Mistaken final : public Component {
  public:
   explicit Mistaken(Context& context) : Component(context) {
     const auto nothing = [](const Int64Value&, const Int64Value&) {};
+    context.create_synchronizer<Int64Value, Int64Value>({"a", "b#request"}, {}, nothing);
     context.create_synchronizer<Int64Value, Int64Value>({"a", "a"}, {}, nothing);
     context.create_synchronizer<Int64Value, Int64Value>({"a", "b"}, {.depth = 0}, nothing);
     context.create_synchronizer<Int64Value, Int64Value>(
@@ -389,7 +390,8 @@ TEST(ASynchronizer, MistakesInItAreFoundBeforeTheStart) {
     text += config::to_string(problem) + "\n";
   }
   for (const char* part :
-       {R"(component "m": its synchronizer of "a", "a" names one topic twice)",
+       {R"(component "m" uses the name "b#request")",
+        R"(component "m": its synchronizer of "a", "a" names one topic twice)",
         R"(its synchronizer of "a", "b" has depth 0)",
         R"(its synchronizer of "c", "d" has no max_difference above zero)",
         R"(its synchronizer of "c", "d" has a max_difference, which only)", "/components/0"}) {

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "duration.h"
+#include "host/component_library.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -54,6 +55,26 @@ config::ApplicationDescription Configuration::read(host::ConstructorFault on_thr
         problems);
   }
   return description;
+}
+
+std::unique_ptr<host::Application> Configuration::make_unstarted() const {
+  const std::string file = load.file.string();
+  config::Problems problems;
+  const config::ApplicationDescription description =
+      read(host::ConstructorFault::kMistake, problems);
+  if (!may_start(problems, file)) {
+    return nullptr;
+  }
+  host::LibraryLoader libraries(host::library_folders(description, library_path));
+  auto application = std::make_unique<host::Application>(
+      description, host::ClockOptions{.is_simulated = true, .workers = 1});
+  config::Problems found_now;
+  application->build(libraries, found_now, host::ConstructorFault::kMistake);
+  if (found_now.has_errors()) {
+    static_cast<void>(may_start(found_now, file));
+    return nullptr;
+  }
+  return application;
 }
 
 void print(const config::Problems& problems) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,10 @@ struct Configuration {
   /// Reads the application and tries its libraries and components in a child process.
   [[nodiscard]] config::ApplicationDescription read(host::ConstructorFault on_throw,
                                                     config::Problems& problems) const;
+
+  /// The application with its components made and connected, for commands that look at it: nothing
+  /// of it is started. Null, and all mistakes printed, if it cannot be made.
+  [[nodiscard]] std::unique_ptr<host::Application> make_unstarted() const;
 };
 
 /// Prints all mistakes and warnings to standard error, one a line.

@@ -13,7 +13,6 @@
 
 #include "command.h"
 #include "configuration.h"
-#include "host/component_library.h"
 #include "report_file.h"
 
 namespace fastcycle::tool {
@@ -80,24 +79,11 @@ int graph(const GraphOptions& options) {
                  options.output.c_str());
     return kWrong;
   }
-  config::Problems problems;
-  const config::ApplicationDescription description =
-      options.configuration.read(host::ConstructorFault::kMistake, problems);
-  const std::string file = options.configuration.load.file.string();
-  if (!may_start(problems, file)) {
+  const std::unique_ptr<host::Application> application = options.configuration.make_unstarted();
+  if (!application) {
     return kWrong;
   }
-  // Topics are known only once the components are made; nothing of this is started.
-  host::LibraryLoader libraries(
-      host::library_folders(description, options.configuration.library_path));
-  host::Application application(description, {.is_simulated = true, .workers = 1});
-  config::Problems found_now;
-  application.build(libraries, found_now, host::ConstructorFault::kMistake);
-  if (found_now.has_errors()) {
-    static_cast<void>(may_start(found_now, file));
-    return kWrong;
-  }
-  return write_graph(host::to_dot(application), options.output);
+  return write_graph(host::to_dot(*application), options.output);
 }
 
 }  // namespace

@@ -10,7 +10,6 @@
 #include "command.h"
 #include "config/nearest.h"
 #include "configuration.h"
-#include "host/component_library.h"
 #include "host/param_list.h"
 
 namespace fastcycle::tool {
@@ -54,24 +53,11 @@ bool choose(const std::vector<std::string>& patterns, std::vector<host::ListedPa
 }
 
 int params(const ParamsOptions& options) {
-  config::Problems problems;
-  const config::ApplicationDescription description =
-      options.configuration.read(host::ConstructorFault::kMistake, problems);
-  const std::string file = options.configuration.load.file.string();
-  if (!may_start(problems, file)) {
+  const std::unique_ptr<host::Application> application = options.configuration.make_unstarted();
+  if (!application) {
     return kWrong;
   }
-  // Params are known only once the components are made; nothing of this is started.
-  host::LibraryLoader libraries(
-      host::library_folders(description, options.configuration.library_path));
-  host::Application application(description, {.is_simulated = true, .workers = 1});
-  config::Problems found_now;
-  application.build(libraries, found_now, host::ConstructorFault::kMistake);
-  if (found_now.has_errors()) {
-    static_cast<void>(may_start(found_now, file));
-    return kWrong;
-  }
-  std::vector<host::ListedParam> listed = host::list_params(application);
+  std::vector<host::ListedParam> listed = host::list_params(*application);
   if (!choose(options.patterns, listed)) {
     return kWrong;
   }
