@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include <libdeflate.h>
 #include <zlib.h>
 
 #include "mcap/records.h"
@@ -12,8 +13,9 @@ namespace fastcycle::mcap {
 class Crc {
  public:
   void add(Bytes bytes) {
-    value_ = static_cast<std::uint32_t>(
-        ::crc32_z(value_, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
+    if (!bytes.empty()) {  // No bytes at no address would begin anew.
+      value_ = ::libdeflate_crc32(value_, bytes.data(), bytes.size());
+    }
   }
   /// Adds `size` bytes of which only the CRC is at hand.
   void add(std::uint32_t crc, std::uint64_t size) {
