@@ -22,6 +22,7 @@
 #include "host/services.h"
 #include "host/status.h"
 #include "host/steps.h"
+#include "host/wait.h"
 
 namespace fastcycle::host {
 
@@ -60,15 +61,6 @@ detail::WaitMode to_wait(config::Wait wait) {
       break;
   }
   return detail::WaitMode::kPark;
-}
-
-/// For the end of a run, when nothing is driven any more: looks every 200 µs.
-template <typename Condition>
-void wait_up_to(std::chrono::nanoseconds limit, const Condition& condition) {
-  const std::int64_t limit_ns = base::monotonic_ns() + limit.count();
-  while (!condition() && base::monotonic_ns() < limit_ns) {
-    std::this_thread::sleep_for(200us);
-  }
 }
 
 /// Tells guests of full queues.

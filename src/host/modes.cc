@@ -4,15 +4,14 @@
 #include <charconv>
 #include <chrono>
 #include <stdexcept>
-#include <thread>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "base/clock.h"
 #include "config/nearest.h"
 #include "host/application.h"
 #include "host/component_core.h"
+#include "host/wait.h"
 #include "mcap/topic_filter.h"
 
 namespace fastcycle::host {
@@ -191,10 +190,7 @@ void Modes::end() {
   if (application_.simulation() != nullptr) {
     return;
   }
-  const std::int64_t limit_ns = base::monotonic_ns() + std::chrono::nanoseconds(1s).count();
-  while (is_switching() && base::monotonic_ns() < limit_ns) {
-    std::this_thread::sleep_for(200us);
-  }
+  wait_up_to(1s, [this] { return !is_switching(); });
 }
 
 /// The first of those that wait is under way from now on.
