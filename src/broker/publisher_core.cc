@@ -272,6 +272,7 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   loan->payload = loan->own;
   const bool is_simulated = owner.stage != nullptr;
   number(*loan, origin, is_simulated ? owner.now : owner.clock->now());
+  owner.published = loan->info.publish_time;
   send(loan, owner.stage);
 }
 
@@ -297,6 +298,7 @@ void PublisherCore::forward(Envelope* received) {
   }
   const bool is_simulated = owner.stage != nullptr;
   number(*envelope, origin, is_simulated ? owner.now : owner.clock->now());
+  owner.published = envelope->info.publish_time;
   send(envelope, owner.stage);
 }
 

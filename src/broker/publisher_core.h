@@ -48,6 +48,7 @@ struct PublishingComponent {
   const Origin* origin = &kNoOrigin;
   static constexpr Origin kNoOrigin{};
   std::uint32_t publish_count = 0;  ///< In this activation.
+  Time published{};                 ///< The last publish time of its own publishers.
   /// Something is to be done when the activation is over: publishers were asked for credits, or a
   /// subscription has ended.
   bool has_leftovers = false;

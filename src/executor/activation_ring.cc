@@ -33,20 +33,23 @@ std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
   slot.key.store(record.key, release_order);
   slot.skipped.store(record.skipped, release_order);
   slot.time_ns.store(record.time_ns, release_order);
+  slot.cause_ns.store(record.cause_ns, release_order);
+  slot.begin_ns.store(record.begin_ns, release_order);
   slot.duration_ns.store(0, release_order);
+  slot.published_ns.store(0, release_order);
   slot.publish_count.store(0, release_order);
   slot.version.store(2 * place + 2, release_order);
   next_.add();
   return place;
 }
 
-void ActivationRing::end(std::uint64_t place, Outcome outcome, std::int64_t duration_ns,
-                         std::uint32_t publish_count) noexcept {
+void ActivationRing::end(std::uint64_t place, const ActivationRecord& record) noexcept {
   Slot& slot = slots_[place % kCapacity];
-  slot.duration_ns.store(duration_ns, std::memory_order_relaxed);
-  slot.publish_count.store(publish_count, std::memory_order_relaxed);
+  slot.duration_ns.store(record.duration_ns, std::memory_order_relaxed);
+  slot.published_ns.store(record.published_ns, std::memory_order_relaxed);
+  slot.publish_count.store(record.publish_count, std::memory_order_relaxed);
   const std::uint64_t head = slot.head.load(std::memory_order_relaxed);
-  slot.head.store((head & ~std::uint64_t{0xff}) | static_cast<std::uint64_t>(outcome),
+  slot.head.store((head & ~std::uint64_t{0xff}) | static_cast<std::uint64_t>(record.outcome),
                   std::memory_order_release);
 }
 
@@ -65,7 +68,10 @@ bool ActivationRing::read_at(std::uint64_t place, ActivationRecord& record) cons
   record.key = slot.key.load(order);
   record.skipped = slot.skipped.load(order);
   record.time_ns = slot.time_ns.load(order);
+  record.cause_ns = slot.cause_ns.load(order);
+  record.begin_ns = slot.begin_ns.load(order);
   record.duration_ns = slot.duration_ns.load(order);
+  record.published_ns = slot.published_ns.load(order);
   record.publish_count = static_cast<std::uint32_t>(slot.publish_count.load(order));
   return slot.version.load(order) == 2 * place + 2;
 }

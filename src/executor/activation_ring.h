@@ -35,12 +35,17 @@ struct ActivationRecord {
   std::uint32_t component = 0;  ///< The component's place in the application file.
   Cause cause{};
   Outcome outcome = Outcome::kRunning;
-  std::uint64_t number = 0;         ///< Of the component, from 1.
-  PublisherId publisher = 0;        ///< Of the message that caused it; else 0.
-  std::uint64_t key = 0;            ///< The message's sequence, or the timer's number.
-  std::uint64_t skipped = 0;        ///< Ticks skipped before this one.
-  std::int64_t time_ns = 0;         ///< The activation's time.
+  std::uint64_t number = 0;   ///< Of the component, from 1.
+  PublisherId publisher = 0;  ///< Of the message that caused it; else 0.
+  std::uint64_t key = 0;      ///< The message's sequence, or the timer's number.
+  std::uint64_t skipped = 0;  ///< Ticks skipped before this one.
+  std::int64_t time_ns = 0;   ///< The activation's time.
+  /// When its cause came about, on the application's clock: the message was published, the tick was
+  /// due; of all else the activation's time.
+  std::int64_t cause_ns = 0;
+  std::int64_t begin_ns = 0;        ///< CLOCK_MONOTONIC; of a component never before its last end.
   std::int64_t duration_ns = 0;     ///< By CLOCK_MONOTONIC, when ended.
+  std::int64_t published_ns = 0;    ///< Its last message's publish time; 0 if it published nothing.
   std::uint32_t publish_count = 0;  ///< Messages published in it, when ended.
 };
 
@@ -57,8 +62,9 @@ class ActivationRing {
 
   /// Writes `record`; returns its place for `end`.
   std::uint64_t begin(const ActivationRecord& record) noexcept;
-  void end(std::uint64_t place, Outcome outcome, std::int64_t duration_ns,
-           std::uint32_t publish_count) noexcept;
+  /// Completes the record at `place` with what `record` says of the end: outcome, duration, and
+  /// what was published.
+  void end(std::uint64_t place, const ActivationRecord& record) noexcept;
 
   /// Appends to `records` those from the place `next` on, up to one that has not ended yet, and
   /// moves `next` behind them. Returns how many were lost, since they were written over before.
@@ -81,7 +87,10 @@ class ActivationRing {
     std::atomic<std::uint64_t> key{0};
     std::atomic<std::uint64_t> skipped{0};
     std::atomic<std::int64_t> time_ns{0};
+    std::atomic<std::int64_t> cause_ns{0};
+    std::atomic<std::int64_t> begin_ns{0};
     std::atomic<std::int64_t> duration_ns{0};
+    std::atomic<std::int64_t> published_ns{0};
     std::atomic<std::uint64_t> publish_count{0};
   };
 

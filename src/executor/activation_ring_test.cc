@@ -13,6 +13,8 @@ ActivationRecord numbered(std::uint64_t number) {
   record.cause = Cause::kTick;
   record.number = number;
   record.key = 2 * number;
+  record.cause_ns = 16;
+  record.begin_ns = 17;
   return record;
 }
 
@@ -23,12 +25,17 @@ TEST(ActivationRing, ShowsAnActivationBeforeItEnds) {
 
   ASSERT_EQ(ring.snapshot().size(), 1U);
   EXPECT_EQ(ring.snapshot()[0].outcome, Outcome::kRunning);
-  ring.end(place, Outcome::kFault, 1234, 2);
+  ring.end(
+      place,
+      {.outcome = Outcome::kFault, .duration_ns = 1234, .published_ns = 99, .publish_count = 2});
   const ActivationRecord record = ring.snapshot()[0];
   EXPECT_EQ(record.component, 3U);
   EXPECT_EQ(record.cause, Cause::kTick);
   EXPECT_EQ(record.outcome, Outcome::kFault);
+  EXPECT_EQ(record.begin_ns, 17);
+  EXPECT_EQ(record.cause_ns, 16);
   EXPECT_EQ(record.duration_ns, 1234);
+  EXPECT_EQ(record.published_ns, 99);
   EXPECT_EQ(record.publish_count, 2U);
 }
 
@@ -50,7 +57,7 @@ TEST(ActivationRing, AReaderNeverSeesHalfARecord) {
   std::atomic<bool> is_over{false};
   std::thread writer([&] {
     for (std::uint64_t i = 1; i <= 100'000; ++i) {
-      ring.end(ring.begin(numbered(i)), Outcome::kDone, 0, 0);
+      ring.end(ring.begin(numbered(i)), {.outcome = Outcome::kDone});
     }
     is_over = true;
   });

@@ -120,26 +120,29 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   record.component = index;
   record.number = ++number_;
   record.time_ns = base::to_ns(publishing.now);
+  record.begin_ns = begin_ns;
   const std::uint64_t place = ring.begin(record);
-  Outcome outcome = Outcome::kDone;
+  record.outcome = Outcome::kDone;
   try {
     body();
   } catch (const std::exception& exception) {
-    outcome = Outcome::kFault;
+    record.outcome = Outcome::kFault;
     fault_ = where() + exception.what();
   } catch (...) {
-    outcome = Outcome::kFault;
+    record.outcome = Outcome::kFault;
     fault_ = where() + "something that is no std::exception";
   }
-  read_ns_ = base::monotonic_ns();
-  const std::int64_t duration = read_ns_ - begin_ns;
+  read_ns_ = std::max(begin_ns, base::monotonic_ns());
+  record.duration_ns = read_ns_ - begin_ns;
+  record.publish_count = publishing.publish_count;
+  record.published_ns = record.publish_count == 0 ? 0 : base::to_ns(publishing.published);
   statistics.activations.add();
-  statistics.callback.record(duration);
-  ring.end(place, outcome, duration, publishing.publish_count);
+  statistics.callback.record(record.duration_ns);
+  ring.end(place, record);
   if (publishing.has_leftovers) {
     finish_leftovers();
   }
-  if (outcome == Outcome::kFault) {
+  if (record.outcome == Outcome::kFault) {
     statistics.faults.add();
     on_fault(fault_);
     if (publishing.has_leftovers) {
@@ -270,7 +273,7 @@ void Actor::run_control(ActivationRing& ring, const Control& control) {
   read_ns_ = base::monotonic_ns();
   ActivationRecord record;
   record.cause = control.cause;
-  record.time_ns = base::to_ns(clock.at_monotonic(read_ns_));
+  record.time_ns = record.cause_ns = base::to_ns(clock.at_monotonic(read_ns_));
   activate(ring, record, oldest_held(), control.body, [] { return std::string(); });
   if (control.finished) {
     control.finished();
@@ -390,6 +393,7 @@ void Actor::tick(ActivationRing& ring, TimerCore& timer) {
   record.key = timer.number;
   record.skipped = tick.skipped;
   record.time_ns = now_ns;
+  record.cause_ns = base::to_ns(tick.due);
   activate(
       ring, record, oldest_held(), [&] { timer.callback(tick); },
       [&] { return timer.label + " threw: "; });
@@ -414,7 +418,7 @@ void Actor::tell(ActivationRing& ring, const Watch& its_watch, const QosEvent& e
   ActivationRecord record;
   record.cause = Cause::kEvent;
   record.key = event.count;
-  record.time_ns = base::to_ns(clock.at_monotonic(read_ns_));
+  record.time_ns = record.cause_ns = base::to_ns(clock.at_monotonic(read_ns_));
   activate(
       ring, record, oldest_held(), [&] { (*callback)(event); },
       [&] { return "its callback for events of \"" + std::string(event.topic) + "\" threw: "; });
@@ -451,7 +455,11 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   auto& subscription = static_cast<CallbackSubscription&>(lane.subscription);
   const bool ages = lane.options.ages;  // The callback may end the subscription, and its lane.
   const Time published = base::from_ns(head.head.time_ns);
-  const Time now = std::max(clock.at_monotonic(read_ns_), published);
+  Time now = clock.at_monotonic(read_ns_);
+  if (now < published && !clock.is_simulated()) {
+    now = published;  // It came after the clock was read.
+    read_ns_ = std::max(read_ns_, clock.monotonic_at(published));
+  }
   lane.delivered.add();
   ActivationRecord record;
   const bool is_input = lane.options.is_external && subscription.cause == Cause::kMessage;
@@ -459,6 +467,7 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   record.publisher = lane.publisher;
   record.key = head.head.sequence;
   record.time_ns = base::to_ns(now);
+  record.cause_ns = head.head.time_ns;
   activate(
       ring, record, envelope.info.origin,
       [&] { (*subscription.callback)(envelope, *head.head.payload); },
