@@ -36,7 +36,7 @@ Value empty_tree(const Value& file) {
       period != nullptr && period->is_number()) {
     tree.set("status_period_ms", *period);
   }
-  for (const std::string_view key : {"library_path", "executors"}) {
+  for (const std::string_view key : {"library_path", "executors", "chains"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
   }
   for (const std::string_view key :
@@ -233,6 +233,10 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
     problems_.add(
         mistake(modes.place(), "an included file cannot describe modes, only the one that is run"));
   }
+  if (const Value& chains = part["chains"]; chains.size() > 0) {
+    problems_.add(mistake(chains[0].place(),
+                          "an included file cannot describe chains, only the one that is run"));
+  }
   if (const Value* period = part.find("status_period_ms")) {
     problems_.add(mistake(period->place(),
                           "an included file cannot say how often the status is published, only the "
@@ -268,7 +272,7 @@ void Composer::add_topic(Value& tree, const std::string& name, const Value& topi
 }
 
 void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
-  for (const std::string_view key : {"library_path", "executors"}) {
+  for (const std::string_view key : {"library_path", "executors", "chains"}) {
     if (const Value* list = find_array(file, key)) {
       auto& items = tree.find(key)->items();
       items.insert(items.end(), list->items().begin(), list->items().end());
@@ -351,9 +355,9 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       for (const Value& component : value.items()) {
         apply_overlay_component(tree, component, variables);
       }
-    } else if (key == "executors") {
-      for (const Value& executor : value.items()) {
-        apply_overlay_executor(tree, executor);
+    } else if (key == "executors" || key == "chains") {
+      for (const Value& one : value.items()) {
+        apply_overlay_by_name(*tree.find(key), one);
       }
     } else if (key == "topics") {
       apply_overlay_topics(tree, value);
@@ -399,21 +403,21 @@ void Composer::apply_overlay_component(Value& tree, const Value& over, Variables
   merge_component(*component, rest, variables);
 }
 
-void Composer::apply_overlay_executor(Value& tree, const Value& over) {
+void Composer::apply_overlay_by_name(Value& list, const Value& over) {
   const std::string name = text_of(over, "name");
-  auto& executors = tree.find("executors")->items();
-  const auto found = std::ranges::find(
-      executors, name, [](const Value& executor) { return text_of(executor, "name"); });
+  auto& known = list.items();
+  const auto found =
+      std::ranges::find(known, name, [](const Value& one) { return text_of(one, "name"); });
   if (name.empty()) {
     return;
   }
-  if (found != executors.end()) {
+  if (found != known.end()) {
     merge(*found, over, problems_);
     return;
   }
   Value fresh = Value::object_at(over);
   merge(fresh, over, problems_);
-  executors.push_back(std::move(fresh));
+  known.push_back(std::move(fresh));
 }
 
 void Composer::apply_overlay_topics(Value& tree, const Value& topics) {

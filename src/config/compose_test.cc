@@ -130,6 +130,29 @@ TEST_F(ComposeTest, ModesAreOfTheFileThatIsRunAndOfOverlays) {
   EXPECT_NE(text_of(problems).find("an included file cannot describe modes"), std::string::npos);
 }
 
+TEST_F(ComposeTest, ChainsAreMergedByTheirName) {
+  folder.write("app.json", R"({"name": "app", "modes": {"safe": {}}, "initial_mode": "safe",
+      "chains": [{"name": "braking", "from": "/lidar", "to": "brake", "deadline_ms": 100}],
+      "components": [{"name": "a", "library": "l"}]})");
+  const auto overlay = folder.write("over.json", R"({"chains": [
+      {"name": "braking", "deadline_ms": 0.5, "on_breach": "degrade", "mode": "safe"},
+      {"name": "steering", "from": "camera", "to": "steer", "deadline_ms": 20,
+       "on_breach": "drop"}]})");
+
+  const ApplicationDescription app = describe(compose({.file = {}, .overlays = {overlay}}));
+
+  EXPECT_EQ(text_of(problems), "");
+  ASSERT_EQ(app.chains.size(), 2U);
+  EXPECT_EQ(app.chains[0].name, "braking");
+  EXPECT_EQ(app.chains[0].from, "lidar");
+  EXPECT_EQ(app.chains[0].to, "brake");
+  EXPECT_EQ(app.chains[0].deadline, std::chrono::microseconds(500));
+  EXPECT_EQ(app.chains[0].on_breach, OnBreach::kDegrade);
+  EXPECT_EQ(app.chains[0].mode, "safe");
+  EXPECT_EQ(app.chains[1].name, "steering");
+  EXPECT_EQ(app.chains[1].on_breach, OnBreach::kDrop);
+}
+
 TEST_F(ComposeTest, IncludesThatMultiplyAreStopped) {
   const std::string twice = R"([{"file": "next.json", "namespace": "a"},
                                 {"file": "next.json", "namespace": "b"}])";

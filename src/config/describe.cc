@@ -241,6 +241,20 @@ ModeDescription describe_mode(const std::string& name, const Value& value) {
   return mode;
 }
 
+ChainDescription describe_chain(const Value& value) {
+  ChainDescription chain;
+  chain.place = value.place();
+  chain.name = text_of(value, "name");
+  chain.from = without_slash(text_of(value, "from"));
+  chain.to = without_slash(text_of(value, "to"));
+  chain.deadline = find_span(value, "deadline_ms").value_or(std::chrono::nanoseconds{0});
+  chain.on_breach = find_word(value, "on_breach",
+                              std::array{OnBreach::kCount, OnBreach::kDrop, OnBreach::kDegrade})
+                        .value_or(OnBreach::kCount);
+  chain.mode = text_of(value, "mode");
+  return chain;
+}
+
 RecordDescription describe_record(const Value& value) {
   RecordDescription record;
   record.place = value.place();
@@ -317,6 +331,11 @@ ApplicationDescription describe(const Value& tree) {
     }
   }
   application.initial_mode = text_of(tree, "initial_mode");
+  if (const Value* chains = find_array(tree, "chains")) {
+    for (const Value& chain : chains->items()) {
+      application.chains.push_back(describe_chain(chain));
+    }
+  }
   const Value* shared = find_object(tree, "shared_params");
   application.shared_params = shared == nullptr ? Value::object_at(tree) : *shared;
   if (const Value* record = find_object(tree, "record")) {

@@ -87,6 +87,18 @@ std::string_view to_string(Compression compression) {
   return "";
 }
 
+std::string_view to_string(OnBreach on_breach) {
+  switch (on_breach) {
+    case OnBreach::kCount:
+      return "count";
+    case OnBreach::kDrop:
+      return "drop";
+    case OnBreach::kDegrade:
+      return "degrade";
+  }
+  return "";
+}
+
 std::string_view to_string(Overflow overflow) {
   switch (overflow) {
     case Overflow::kDropOldest:

@@ -128,6 +128,27 @@ struct ModeDescription {
   Place place;
 };
 
+/// What happens when a chain's message is delivered too late.
+enum class OnBreach : std::uint8_t {
+  kCount,    ///< It is counted.
+  kDrop,     ///< It is counted, and not delivered.
+  kDegrade,  ///< It is counted and delivered, and the mode is switched.
+};
+
+/// How old what is made of one topic's messages may be where another topic is delivered.
+struct ChainDescription {
+  std::string name;
+  std::string from;  ///< The topic where it begins: full, without a leading slash.
+  std::string to;    ///< The topic on whose delivery it is judged; the same.
+  std::chrono::nanoseconds deadline{0};
+  OnBreach on_breach = OnBreach::kCount;
+  std::string mode;  ///< With `OnBreach::kDegrade`.
+  Place place;
+};
+
+/// Where chains may begin: so many different topics, each of which every message knows.
+inline constexpr std::size_t kMaxChainRoots = 8;
+
 /// One component of the application, with all that its file, overlays and options say of it.
 struct ComponentDescription {
   std::string name;        ///< Full: `front/limiter` for `limiter` in the namespace `front`.
@@ -160,6 +181,7 @@ struct ApplicationDescription {
   std::vector<ComponentDescription> components;  ///< Included ones first, then in file order.
   std::vector<ModeDescription> modes;            ///< In file order.
   std::string initial_mode;                      ///< Empty where there are no modes.
+  std::vector<ChainDescription> chains;          ///< In file order.
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
@@ -190,5 +212,6 @@ struct ApplicationDescription {
 [[nodiscard]] std::string_view to_string(Wait wait);
 [[nodiscard]] std::string_view to_string(Overflow overflow);
 [[nodiscard]] std::string_view to_string(Compression compression);
+[[nodiscard]] std::string_view to_string(OnBreach on_breach);
 
 }  // namespace fastcycle::config

@@ -42,6 +42,7 @@ class Sense {
     }
     check_starts_have_an_order();
     check_modes();
+    check_chains();
   }
 
  private:
@@ -55,7 +56,7 @@ class Sense {
 
   // The place of a key of the executor, topic or component at `at`: it may come from another file.
   [[nodiscard]] Place place_of(const Place& at, const std::string& key) const {
-    for (const auto section : {"executors", "components", "topics", "modes"}) {
+    for (const auto section : {"executors", "components", "topics", "modes", "chains"}) {
       const Value* list = application_.effective.find(section);
       if (list == nullptr) {
         continue;
@@ -252,10 +253,7 @@ class Sense {
   }
 
   void check_modes() {
-    std::vector<std::string> names;
-    for (const ModeDescription& mode : application_.modes) {
-      names.push_back(mode.name);
-    }
+    const std::vector<std::string> names = mode_names();
     if (names.empty()) {
       if (const Value* initial = application_.effective.find("initial_mode")) {
         add(initial->place(), "", "an \"initial_mode\" has no meaning without \"modes\"");
@@ -274,6 +272,57 @@ class Sense {
             names.empty() ? "the application describes no \"modes\""
                           : did_you_mean(nearest(mode, names)));
       }
+    }
+  }
+
+  [[nodiscard]] std::vector<std::string> mode_names() const {
+    std::vector<std::string> names;
+    for (const ModeDescription& mode : application_.modes) {
+      names.push_back(mode.name);
+    }
+    return names;
+  }
+
+  // Whether its topics exist, and messages get from one to the other, only the code can tell.
+  void check_chains() {
+    check_names_are_used_once(application_.chains, "chain");
+    std::set<std::string> roots;
+    for (const ChainDescription& chain : application_.chains) {
+      check_chain_is_complete(chain);
+      check_chain_mode(chain);
+      if (chain.from == chain.to && !chain.from.empty()) {
+        add(chain.place, "to",
+            "the chain " + in_quotes(chain.name) + " ends where it begins, at " +
+                in_quotes(chain.to));
+      }
+      const bool is_new = !chain.from.empty() && roots.insert(chain.from).second;
+      if (is_new && roots.size() == kMaxChainRoots + 1) {
+        add(chain.place, "from",
+            "chains begin at more than " + std::to_string(kMaxChainRoots) + " topics");
+      }
+    }
+  }
+
+  // Not by the schema, which an overlay has to keep to as well.
+  void check_chain_is_complete(const ChainDescription& chain) {
+    for (const char* key : {"from", "to", "deadline_ms"}) {
+      if (place_of(chain.place, key) == chain.place) {
+        add(chain.place, "", "the key " + in_quotes(key) + " is missing");
+      }
+    }
+  }
+
+  void check_chain_mode(const ChainDescription& chain) {
+    const std::vector<std::string> names = mode_names();
+    const bool is_degrading = chain.on_breach == OnBreach::kDegrade;
+    if (is_degrading && chain.mode.empty()) {
+      add(chain.place, "on_breach", "\"degrade\" needs the key \"mode\"");
+    } else if (!is_degrading && !chain.mode.empty()) {
+      add(chain.place, "mode", "a \"mode\" has no meaning where \"on_breach\" is not \"degrade\"");
+    } else if (is_degrading && std::ranges::find(names, chain.mode) == names.end()) {
+      add(chain.place, "mode", "there is no mode " + in_quotes(chain.mode),
+          names.empty() ? "the application describes no \"modes\""
+                        : did_you_mean(nearest(chain.mode, names)));
     }
   }
 
