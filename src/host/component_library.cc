@@ -2,20 +2,16 @@
 
 #include <algorithm>
 #include <bit>
-#include <cerrno>
 #include <cstring>
 #include <span>
 #include <string_view>
 
 #include <dlfcn.h>
 #include <elf.h>
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "base/floating_point.h"
 #include "config/nearest.h"
+#include "host/mapped_file.h"
 
 namespace fastcycle::host {
 namespace {
@@ -23,64 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kEntry = "fastcycle_component_library_v1";
-
-/// A file mapped for reading; empty, with a reason, if it is none.
-class MappedFile {
- public:
-  explicit MappedFile(const fs::path& file) {
-    // O_NONBLOCK: a FIFO of that name must not hold up the start.
-    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (descriptor < 0) {
-      error = std::strerror(errno);
-      return;
-    }
-    struct stat status{};
-    if (fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
-      error = "not a regular file";
-    } else if (status.st_size > 0) {
-      size_ = static_cast<std::size_t>(status.st_size);
-      void* address = mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, descriptor, 0);
-      if (address == MAP_FAILED) {
-        error = std::strerror(errno);
-      } else {
-        address_ = address;
-      }
-    }
-    ::close(descriptor);
-  }
-  MappedFile(const MappedFile&) = delete;
-  MappedFile& operator=(const MappedFile&) = delete;
-  ~MappedFile() {
-    if (address_ != nullptr) {
-      munmap(address_, size_);
-    }
-  }
-
-  /// The bytes from `offset` on, if there are `size` of them.
-  [[nodiscard]] std::optional<std::string_view> at(std::uint64_t offset, std::uint64_t size) const {
-    if (address_ == nullptr || offset > size_ || size > size_ - offset) {
-      return std::nullopt;
-    }
-    return std::string_view(static_cast<const char*>(address_) + offset, size);
-  }
-
-  template <typename T>
-  [[nodiscard]] std::optional<T> read(std::uint64_t offset) const {
-    const auto bytes = at(offset, sizeof(T));
-    if (!bytes) {
-      return std::nullopt;
-    }
-    T value;
-    std::memcpy(&value, bytes->data(), sizeof(T));
-    return value;
-  }
-
-  std::string error;
-
- private:
-  void* address_ = nullptr;
-  std::size_t size_ = 0;
-};
 
 constexpr std::uint64_t round_up_to_4(std::uint64_t size) {
   return (size + 3) / 4 * 4;

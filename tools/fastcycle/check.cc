@@ -5,6 +5,7 @@
 #include "command.h"
 #include "config/print.h"
 #include "configuration.h"
+#include "host/library_imports.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -18,6 +19,10 @@ int check(const CheckOptions& options) {
   config::Problems problems;
   const config::ApplicationDescription description =
       options.configuration.read(host::ConstructorFault::kMistake, problems);
+  host::warn_of_imports(
+      description,
+      host::LibraryLoader(host::library_folders(description, options.configuration.library_path)),
+      problems);
   if (options.print && !description.effective.is_null()) {
     std::printf("%s\n", config::print(description.effective).c_str());
   }
