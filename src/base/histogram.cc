@@ -4,6 +4,18 @@
 #include <cmath>
 
 namespace fastcycle::base {
+void Histogram::merge(const Histogram& other) noexcept {
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
+    const std::uint64_t count = count_of(bucket) + other.count_of(bucket);
+    counts_[bucket].store(static_cast<std::uint32_t>(count), kRelaxed);
+    carries_[bucket].store(static_cast<std::uint16_t>(count >> 32U), kRelaxed);
+  }
+  add(sum_, other.sum_.load(kRelaxed));
+  add(square_sum_, other.square_sum_.load(kRelaxed));
+  max_.store(std::max(max_.load(kRelaxed), other.max_.load(kRelaxed)), kRelaxed);
+}
+
 std::uint64_t Histogram::count() const noexcept {
   std::uint64_t sum = 0;
   for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {

@@ -45,6 +45,9 @@ class Histogram {
     }
   }
 
+  /// Adds what `other` counted; as `record`.
+  void merge(const Histogram& other) noexcept;
+
   [[nodiscard]] std::uint64_t count() const noexcept;
   [[nodiscard]] HistogramSummary summary() const noexcept;
 

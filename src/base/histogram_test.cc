@@ -79,5 +79,25 @@ TEST(Histogram, TakesAnyValue) {
   EXPECT_EQ(histogram.summary().max, static_cast<double>(INT64_MAX));
 }
 
+TEST(Histogram, MergedIsAsIfAllHadBeenRecordedInOne) {
+  Histogram first;
+  Histogram second;
+  Histogram both;
+  for (std::int64_t value = 1; value < 10'000'000; value = value * 3 + 1) {
+    first.record(value);
+    second.record(value / 2, 70'000);
+    both.record(value);
+    both.record(value / 2, 70'000);
+  }
+
+  first.merge(second);
+
+  EXPECT_EQ(first.summary().count, both.summary().count);
+  EXPECT_EQ(first.summary().p50, both.summary().p50);
+  EXPECT_EQ(first.summary().p99, both.summary().p99);
+  EXPECT_EQ(first.summary().max, both.summary().max);
+  EXPECT_NEAR(first.summary().mean, both.summary().mean, 1.0);
+}
+
 }  // namespace
 }  // namespace fastcycle::base

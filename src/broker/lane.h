@@ -27,6 +27,7 @@ enum class DropReason : std::uint8_t {
   kInactive,      ///< The receiving component was not active.
   kUnmatched,     ///< A synchronizer found no partner for it.
   kExpired,       ///< It had waited longer than its lifespan.
+  kStale,         ///< What it was made of was too old for a latency chain.
   kCount,
 };
 

@@ -21,15 +21,19 @@ void recycle(Envelope* envelope) noexcept {
   envelope->pool->give_back(envelope);
 }
 
-Pool::Pool(const google::protobuf::Message* default_instance)
-    : default_instance_(default_instance) {}
+Pool::Pool(const google::protobuf::Message* default_instance, std::size_t trails)
+    : default_instance_(default_instance), trail_count_(trails) {}
 
 void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
   // Side by side: less memory than one by one, and fewer pages.
   slabs_.push_back(std::make_unique<Envelope[]>(count));
+  if (trail_count_ > 0) {
+    trails_.push_back(std::make_unique<Trail[]>(count * trail_count_));
+  }
   for (std::size_t i = 0; i < count; ++i) {
     Envelope* envelope = &slabs_.back()[i];
     envelope->pool = this;
+    envelope->trails = trail_count_ == 0 ? nullptr : &trails_.back()[i * trail_count_];
     if (default_instance_ != nullptr) {
       std::unique_ptr<google::protobuf::Message> message(default_instance_->New());
       if (prototype != nullptr) {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "broker/trail.h"
 #include "fastcycle/detail/envelope.h"
 
 namespace fastcycle::detail {
@@ -24,8 +25,8 @@ namespace fastcycle::detail {
 class Pool {
  public:
   /// A pool whose envelopes own messages like `default_instance`; none for envelopes that only
-  /// forward.
-  explicit Pool(const google::protobuf::Message* default_instance);
+  /// forward. Each has `trails` trails.
+  explicit Pool(const google::protobuf::Message* default_instance, std::size_t trails = 0);
 
   Pool(const Pool&) = delete;
   Pool& operator=(const Pool&) = delete;
@@ -65,9 +66,11 @@ class Pool {
 
   // Constant after construction.
   const google::protobuf::Message* const default_instance_;
+  const std::size_t trail_count_;  ///< Of each envelope.
 
   // Owner only.
   std::vector<std::unique_ptr<Envelope[]>> slabs_;  ///< All envelopes, as long as the pool lives.
+  std::vector<std::unique_ptr<Trail[]>> trails_;    ///< Those of the envelopes, slab by slab.
   /// A list of lists: what came back together stays together. Its first envelope knows the next.
   Envelope* free_ = nullptr;
   bool is_collected_by_hand_ = false;

@@ -64,10 +64,11 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
       owner(owner_),
       id(id_),
       options(options_),
+      root_count(topic_.root_count),
       default_instance(default_instance_),
       prototype_(prototype == nullptr ? nullptr : prototype->New()),
-      pool_(new Pool(&default_instance_)),
-      forwards_(new Pool(nullptr)) {
+      pool_(new Pool(&default_instance_, topic_.root_count)),
+      forwards_(new Pool(nullptr, topic_.root_count)) {
   if (prototype_ != nullptr) {
     prototype_->CopyFrom(*prototype);
   }
@@ -238,6 +239,27 @@ void PublisherCore::number(Envelope& envelope, const Origin& origin, Time now) n
   }
 }
 
+/// The message's trails are those that led to it, and one hop more.
+void PublisherCore::follow(Envelope& envelope, const Trail* cause,
+                           const Trail* held) const noexcept {
+  const MessageInfo& info = envelope.info;
+  for (std::size_t root = 0; root < root_count; ++root) {
+    Trail& trail = envelope.trails[root];
+    if (topic.root == root) {
+      trail.begin(info.origin.taken, id, info.publish_time);
+      continue;
+    }
+    const bool is_caused = cause != nullptr && cause[root].is_known();
+    const Trail* before = is_caused ? cause : held;
+    if (before == nullptr || !before[root].is_known()) {
+      trail.forget();
+      continue;
+    }
+    trail = before[root];
+    trail.add({.publisher = id, .begin = owner.now, .published = info.publish_time});
+  }
+}
+
 Time PublisherCore::read_last_publish_time() noexcept {
   if (!options.is_external) {
     return last_publish_time_;
@@ -273,6 +295,9 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   const bool is_simulated = owner.stage != nullptr;
   number(*loan, origin, is_simulated ? owner.now : owner.clock->now());
   owner.published = loan->info.publish_time;
+  if (root_count != 0) [[unlikely]] {
+    follow(*loan, owner.trails, owner.held_trails);
+  }
   send(loan, owner.stage);
 }
 
@@ -293,12 +318,16 @@ void PublisherCore::forward(Envelope* received) {
   envelope->foreign = foreign;
   envelope->payload = foreign->payload;
   Origin origin = *owner.origin;
-  if (origin.root == 0) {
+  const bool is_forwarded_alone = origin.root == 0;  // Nothing that was delivered led here.
+  if (is_forwarded_alone) {
     origin = received->info.origin;
   }
   const bool is_simulated = owner.stage != nullptr;
   number(*envelope, origin, is_simulated ? owner.now : owner.clock->now());
   owner.published = envelope->info.publish_time;
+  if (root_count != 0) [[unlikely]] {
+    follow(*envelope, is_forwarded_alone ? received->trails : owner.trails, owner.held_trails);
+  }
   send(envelope, owner.stage);
 }
 
@@ -311,6 +340,9 @@ void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
   }
   loan->payload = loan->own;
   number(*loan, {.taken = taken_at, .root = id}, owner.clock->now());
+  if (root_count != 0) [[unlikely]] {
+    follow(*loan, nullptr, nullptr);
+  }
   if (is_open_) {
     send(loan, external_stage_);
   } else {
@@ -326,6 +358,9 @@ void PublisherCore::publish_again(Envelope* loan, const MessageInfo& info) {
   loan->info.publisher = id;
   if (info.origin.root == 0) {
     loan->info.origin.root = id;
+  }
+  if (root_count != 0) [[unlikely]] {
+    follow(*loan, nullptr, nullptr);
   }
   last_publish_time_.store(std::max(last_publish_time(), info.publish_time),
                            std::memory_order_relaxed);

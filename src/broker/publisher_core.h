@@ -47,6 +47,11 @@ struct PublishingComponent {
   /// something is published.
   const Origin* origin = &kNoOrigin;
   static constexpr Origin kNoOrigin{};
+  /// What led to the activation, for each root of latency chains; null if nothing did.
+  const Trail* trails = nullptr;
+  /// The newest that was delivered for each root, for those that the cause knows nothing of; null
+  /// where there are no chains.
+  const Trail* held_trails = nullptr;
   std::uint32_t publish_count = 0;  ///< In this activation.
   Time published{};                 ///< The last publish time of its own publishers.
   /// Something is to be done when the activation is over: publishers were asked for credits, or a
@@ -146,6 +151,7 @@ class PublisherCore {
   PublishingComponent& owner;
   const PublisherId id;
   const Options options;
+  const std::size_t root_count;  ///< Of latency chains.
 
   /// Of what is published.
   const google::protobuf::Message& default_instance;
@@ -183,6 +189,7 @@ class PublisherCore {
   [[nodiscard]] Envelope* take_from(Pool& pool, Envelope*& scratch);
   void prepare() const noexcept;
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
+  void follow(Envelope& envelope, const Trail* cause, const Trail* held) const noexcept;
   void send(Envelope* envelope, Stage* stage) noexcept;
   void drop_scratch(Envelope* scratch) noexcept;
   void drop_muted(Envelope* loan) noexcept;

@@ -4,6 +4,7 @@
 #include <numeric>
 #include <utility>
 
+#include "broker/chain_end.h"
 #include "broker/inbox.h"
 #include "broker/quality.h"
 #include "broker/topics.h"
@@ -35,6 +36,8 @@ const char* to_word(DropReason reason) noexcept {
       return "unmatched";
     case DropReason::kExpired:
       return "expired";
+    case DropReason::kStale:
+      return "stale";
     case DropReason::kCount:
       break;
   }
@@ -52,12 +55,19 @@ Subscription::Subscription(Topic& topic_, Inbox& inbox_, std::string component_,
       keep(options.keep),
       quality(kind_ != Kind::kTap && Quality::is_asked_for(topic_, options)
                   ? std::make_unique<Quality>(topic_, options)
-                  : nullptr) {
+                  : nullptr),
+      chain_end(kind_ != Kind::kTap && !topic_.ends.empty()
+                    ? std::make_unique<ChainEnd>(topic_.ends)
+                    : nullptr) {
   set_history(options);
   FASTCYCLE_ASSERT(depth > 0, "at least one message may wait for a subscription");
 }
 
 Subscription::~Subscription() = default;
+
+bool Subscription::is_judged_by_quality() const noexcept {
+  return quality != nullptr && quality->is_judging();
+}
 
 void Subscription::set_history(const SubscriberOptions& options) noexcept {
   history = static_cast<std::uint16_t>(
@@ -67,16 +77,16 @@ void Subscription::set_history(const SubscriberOptions& options) noexcept {
 std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_external, bool ages,
                                              std::shared_ptr<LaneCredit> credit) {
   const std::lock_guard lock(mutex_);
-  auto lane =
-      std::make_shared<Lane>(*this, publisher, inbox.next_bit(),
-                             Lane::Options{.depth = depth,
-                                           .overflow = overflow,
-                                           .is_view = !is_called(),
-                                           .is_external = is_external,
-                                           .ages = ages,
-                                           .is_judged = quality != nullptr && quality->is_judging(),
-                                           .history = history},
-                             std::move(credit));
+  auto lane = std::make_shared<Lane>(
+      *this, publisher, inbox.next_bit(),
+      Lane::Options{.depth = depth,
+                    .overflow = overflow,
+                    .is_view = !is_called(),
+                    .is_external = is_external,
+                    .ages = ages,
+                    .is_judged = chain_end != nullptr || is_judged_by_quality(),
+                    .history = history},
+      std::move(credit));
   // Lanes that both ends have left only count from now on.
   std::erase_if(lanes_, [this](const std::shared_ptr<Lane>& old) {
     const bool is_done = old->is_left_by_publisher.load() && old->is_left_by_receiver.load();
@@ -165,6 +175,9 @@ Ledger Subscription::ledger() const {
     }
     if (quality != nullptr) {
       ledger.dropped[static_cast<std::size_t>(DropReason::kExpired)] += quality->expired.get();
+    }
+    if (chain_end != nullptr) {
+      ledger.dropped[static_cast<std::size_t>(DropReason::kStale)] += chain_end->stale.get();
     }
     if (ledger.adds_up()) {
       break;

@@ -12,6 +12,7 @@
 
 namespace fastcycle::detail {
 
+class ChainEnd;
 class Quality;
 class Topic;
 
@@ -88,6 +89,9 @@ class Subscription {
   const std::size_t keep;
   /// What it asks for beyond these; null, as for most, if nothing. Constant after construction.
   const std::unique_ptr<Quality> quality;
+  /// The latency chains that end here; null, as for most, if none does. Constant after
+  /// construction.
+  const std::unique_ptr<ChainEnd> chain_end;
 
   /// Whether its messages cause activations.
   [[nodiscard]] bool is_called() const noexcept {
@@ -108,6 +112,7 @@ class Subscription {
 
  private:
   void add_to(Ledger& ledger, const Lane& lane) const noexcept;
+  [[nodiscard]] bool is_judged_by_quality() const noexcept;
 
   // Control plane: taken when lanes come and go, and by readers of the ledger.
   mutable std::mutex mutex_;

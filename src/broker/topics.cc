@@ -21,13 +21,34 @@ PublisherId publisher_id(std::string_view component, std::string_view topic) noe
 }
 
 void Topics::set_options(const std::string& name, const TopicOptions& options) {
-  topics_.try_emplace(name, std::make_unique<Topic>(name, options));
+  const auto [topic, is_new] = topics_.try_emplace(name, std::make_unique<Topic>(name, options));
+  add_chains(*topic->second);
 }
 
 void Topics::set_overflow_watch(OverflowWatch& watch) noexcept {
   overflow_watch_ = &watch;
   for (const auto& [name, topic] : topics_) {
     topic->overflow_watch = &watch;
+  }
+}
+
+void Topics::set_chains(std::vector<std::string> roots,
+                        std::map<std::string, std::vector<ChainRule>> ends) {
+  roots_ = std::move(roots);
+  ends_ = std::move(ends);
+  for (const auto& [name, topic] : topics_) {
+    add_chains(*topic);
+  }
+}
+
+void Topics::add_chains(Topic& topic) const {
+  topic.root_count = roots_.size();
+  const auto root = std::ranges::find(roots_, topic.name);
+  if (root != roots_.end()) {
+    topic.root = static_cast<std::size_t>(root - roots_.begin());
+  }
+  if (const auto rules = ends_.find(topic.name); rules != ends_.end()) {
+    topic.ends = rules->second;
   }
 }
 
@@ -44,6 +65,7 @@ Topic& Topics::get(const std::string& name, const std::string& component,
     topic = std::make_unique<Topic>(
         name, options == default_options_.end() ? TopicOptions() : options->second);
     topic->overflow_watch = overflow_watch_;
+    add_chains(*topic);
   }
   const std::string type = default_instance.GetTypeName();
   if (topic->type.empty()) {

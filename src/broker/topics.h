@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "broker/chain_end.h"
 #include "broker/publisher_core.h"
 #include "broker/subscription.h"
 
@@ -48,6 +49,11 @@ class Topic {
 
   OverflowWatch* overflow_watch = nullptr;  ///< Constant once anything is published.
 
+  // Constant once anything is declared.
+  std::size_t root_count = 0;       ///< Of all latency chains: so many trails a message has.
+  std::optional<std::size_t> root;  ///< Which of these it is itself, if chains begin here.
+  std::vector<ChainRule> ends;      ///< The chains that end here.
+
   /// Whether its messages count for the origin of what timers publish. A latched message says how
   /// things are; its age is not the age of what follows from it.
   [[nodiscard]] bool ages() const noexcept { return options.ages && options.latched == 0; }
@@ -84,6 +90,11 @@ class Topics {
     default_options_[name] = options;
   }
 
+  /// Says where latency chains begin, and those that end at each topic; before anything is
+  /// declared.
+  void set_chains(std::vector<std::string> roots,
+                  std::map<std::string, std::vector<ChainRule>> ends);
+
   /// From now on `watch` is told of each overflow; before anything runs.
   void set_overflow_watch(OverflowWatch& watch) noexcept;
 
@@ -112,7 +123,11 @@ class Topics {
   [[nodiscard]] Topic* find(const std::string& name) const;
 
  private:
+  void add_chains(Topic& topic) const;
+
   std::map<std::string, std::unique_ptr<Topic>> topics_;
+  std::vector<std::string> roots_;
+  std::map<std::string, std::vector<ChainRule>> ends_;
   std::map<std::string, TopicOptions> default_options_;
   std::vector<TopicConflict> type_conflicts_;
   OverflowWatch* overflow_watch_ = nullptr;

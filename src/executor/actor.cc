@@ -1,6 +1,7 @@
 #include "executor/actor.h"
 
 #include <algorithm>
+#include <bit>
 #include <exception>
 #include <utility>
 
@@ -152,6 +153,7 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   }
   publishing.is_in_activation = false;
   publishing.origin = &PublishingComponent::kNoOrigin;
+  publishing.trails = nullptr;
 }
 
 void Actor::finish_leftovers() noexcept {
@@ -215,12 +217,17 @@ void Actor::refresh_views() {
           release(head.envelope);
           continue;
         }
+        const Time now = std::max(publishing.now, base::from_ns(head.time_ns));
+        if (view.chain_end != nullptr && !judge_chains(view, *head.envelope, now)) {
+          release(head.envelope);
+          continue;
+        }
         lane->delivered.add();
         if (lane->options.ages) {
-          hold(head.envelope->info.origin);
+          hold(*head.envelope);
         }
         // It may have come after the clock was read.
-        publishing.now = std::max(publishing.now, base::from_ns(head.time_ns));
+        publishing.now = now;
         view.insert(head.envelope);
       }
     }
@@ -230,7 +237,20 @@ void Actor::refresh_views() {
   }
 }
 
-void Actor::hold(const Origin& origin) noexcept {
+void Actor::set_root_count(std::size_t count) {
+  held_trails_.resize(count);
+  publishing.held_trails = count == 0 ? nullptr : held_trails_.data();
+}
+
+void Actor::hold(const Envelope& envelope) noexcept {
+  for (std::size_t root = 0; root < held_trails_.size(); ++root) {
+    const Trail& trail = envelope.trails[root];
+    Trail& held = held_trails_[root];
+    if (trail.is_known() && (!held.is_known() || held.taken() <= trail.taken())) {
+      held = trail;
+    }
+  }
+  const Origin& origin = envelope.info.origin;
   for (std::size_t i = 0; i < held_count_; ++i) {
     if (held_[i].root == origin.root) {
       held_[i].taken = std::max(held_[i].taken, origin.taken);
@@ -425,6 +445,34 @@ void Actor::tell(ActivationRing& ring, const Watch& its_watch, const QosEvent& e
 }
 
 bool Actor::judge(ActivationRing& ring, const Inbox::Head& head) {
+  Subscription& subscription = head.lane->subscription;
+  if (subscription.quality != nullptr ? !judge_quality(ring, head) : !Inbox::pop(head)) {
+    return false;
+  }
+  if (subscription.chain_end == nullptr || head.lane->is_closed()) {
+    return true;
+  }
+  const Time now = std::max(clock.at_monotonic(read_ns_), base::from_ns(head.head.time_ns));
+  if (judge_chains(subscription, *head.head.envelope, now)) {
+    return true;
+  }
+  release(head.head.envelope);
+  if (head.lane->credit != nullptr) {
+    give_back(head.lane->credit);
+  }
+  return false;
+}
+
+bool Actor::judge_chains(Subscription& subscription, const Envelope& envelope, Time now) {
+  const ChainEnd& end = *subscription.chain_end;
+  const ChainEnd::Verdict verdict = subscription.chain_end->judge(envelope.trails, now);
+  for (std::uint32_t left = verdict.breached; left != 0; left &= left - 1) {
+    on_breach(end.chains()[static_cast<unsigned>(std::countr_zero(left))]->rule.chain);
+  }
+  return !verdict.is_dropped;
+}
+
+bool Actor::judge_quality(ActivationRing& ring, const Inbox::Head& head) {
   Quality& quality = *head.lane->subscription.quality;
   const Time now = std::max(clock.at_monotonic(read_ns_), base::from_ns(head.head.time_ns));
   QosEvent event;
@@ -468,6 +516,9 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   record.key = head.head.sequence;
   record.time_ns = base::to_ns(now);
   record.cause_ns = head.head.time_ns;
+  if (root_count() != 0) [[unlikely]] {
+    publishing.trails = envelope.trails;
+  }
   activate(
       ring, record, envelope.info.origin,
       [&] { (*subscription.callback)(envelope, *head.head.payload); },
@@ -475,7 +526,7 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
   // The callback must not wait for what only statistics and later timers need.
   subscription.latency.record((now - published).count());
   if (ages) {
-    hold(envelope.info.origin);
+    hold(envelope);
   }
   release(&envelope);
 }

@@ -229,12 +229,20 @@ class Actor {
   std::vector<CallbackSubscription*> callbacks;
   std::vector<std::unique_ptr<Synchronizer>> synchronizers;
 
-  /// Remembers when something that was delivered was taken, for what timers publish.
-  void hold(const Origin& origin) noexcept;
+  /// Remembers when what was delivered was taken, for what timers publish.
+  void hold(const Envelope& envelope) noexcept;
+
+  /// How many roots latency chains have; before it subscribes to anything.
+  void set_root_count(std::size_t count);
+  [[nodiscard]] std::size_t root_count() const noexcept { return held_trails_.size(); }
 
  protected:
   /// A callback threw `what`; called in the same turn, after the activation ended.
   virtual void on_fault(std::string_view what) = 0;
+
+  /// A message came too late for the chain at this place of the application file, and is delivered
+  /// next, or dropped. In a turn, but in no activation.
+  virtual void on_breach([[maybe_unused]] std::size_t chain) {}
 
  private:
   struct Control {
@@ -290,6 +298,11 @@ class Actor {
   void tell(ActivationRing& ring, const Watch& watch, const QosEvent& event);
   /// Takes what `peek` found, if it is to be delivered now; tells what there is to tell of it.
   bool judge(ActivationRing& ring, const Inbox::Head& head);
+  /// As `judge`, for what a subscription asks for beyond depth and overflow.
+  bool judge_quality(ActivationRing& ring, const Inbox::Head& head);
+  /// Judges `envelope`, which would be delivered at `now`, for the chains that end there; false if
+  /// it is to be dropped.
+  bool judge_chains(Subscription& subscription, const Envelope& envelope, Time now);
   /// Serves what `peek` found; false if it is gone.
   bool take(ActivationRing& ring, const Inbox::Head& head);
   void deliver(ActivationRing& ring, const Inbox::Head& head);
@@ -315,7 +328,8 @@ class Actor {
   std::uint64_t turn_ = 0;
   std::vector<std::unique_ptr<TimerCore>> timers_;
   std::vector<CreditEvent> credit_events_;
-  bool are_timers_on_ = true;  ///< False once all are cancelled, until they start again.
+  bool are_timers_on_ = true;       ///< False once all are cancelled, until they start again.
+  std::vector<Trail> held_trails_;  ///< By root.
   std::array<HeldRoot, 16> held_{};
   std::size_t held_count_ = 0;
   std::vector<Staged> staged_;

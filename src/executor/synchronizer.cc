@@ -30,7 +30,8 @@ Synchronizer::Synchronizer(Actor& actor, std::size_t topics, const SynchronizerO
       count_(topics),
       time_(options.time),
       callback_(std::move(callback)),
-      matcher_(topics, options) {}
+      matcher_(topics, options),
+      trails_(actor.root_count()) {}
 
 Synchronizer::~Synchronizer() {
   matcher_.clear();
@@ -64,6 +65,17 @@ void Synchronizer::drop_held(DropReason reason) noexcept {
   release_departed(reason);
 }
 
+/// The oldest of a root is that of the set.
+void Synchronizer::take_trails(const Envelope& envelope) noexcept {
+  for (std::size_t root = 0; root < trails_.size(); ++root) {
+    const Trail& trail = envelope.trails[root];
+    Trail& oldest = trails_[root];
+    if (trail.is_known() && (!oldest.is_known() || trail.taken() < oldest.taken())) {
+      oldest = trail;
+    }
+  }
+}
+
 void Synchronizer::call() {
   /// Lets go of the set, also when the callback throws.
   struct Set {
@@ -79,6 +91,9 @@ void Synchronizer::call() {
   };
   const Set set{matcher_.set(), count_};
   std::array<Envelope*, SetMatcher::kMaxTopics> envelopes{};
+  for (Trail& trail : trails_) {
+    trail.forget();
+  }
   for (std::size_t i = 0; i < count_; ++i) {
     const SetMatcher::Member& member = set.members[i];
     const Origin& origin = member.envelope->info.origin;
@@ -86,14 +101,19 @@ void Synchronizer::call() {
     if (i == 0 || origin.taken < origin_.taken) {
       origin_ = origin;
     }
+    const bool ages = inputs_[i]->topic.ages();
+    if (ages) {
+      take_trails(*member.envelope);
+    }
     if (member.is_new) {
       inputs_[i]->matched.add();
-      if (inputs_[i]->topic.ages()) {
-        actor_.hold(origin);
+      if (ages) {
+        actor_.hold(*member.envelope);
       }
     }
   }
   actor_.publishing.origin = &origin_;
+  actor_.publishing.trails = trails_.empty() ? nullptr : trails_.data();
   callback_({envelopes.data(), count_});
 }
 

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <vector>
 
 #include "broker/topics.h"
 #include "executor/actor.h"
@@ -60,6 +61,7 @@ class Synchronizer {
  private:
   void release_departed(DropReason reason) noexcept;
   void call();
+  void take_trails(const Envelope& envelope) noexcept;
 
   Actor& actor_;
   const std::size_t count_;
@@ -67,7 +69,8 @@ class Synchronizer {
   EnvelopeSetCallback callback_;
   SetMatcher matcher_;
   std::array<SynchronizerInput*, SetMatcher::kMaxTopics> inputs_{};
-  Origin origin_;  ///< Of the set that was called last.
+  Origin origin_;              ///< Of the set that was called last.
+  std::vector<Trail> trails_;  ///< Of that set, by root; empty where there are no chains.
 };
 
 }  // namespace fastcycle::detail

@@ -129,6 +129,7 @@ Application::Application(config::ApplicationDescription description, const Clock
                                      .lifespan = topic.lifespan,
                                      .credits = topic.credits});
   }
+  chains_.declare(topics_);
 }
 
 Application::~Application() {
@@ -171,6 +172,7 @@ void Application::add_component(const config::ComponentDescription& component,
   auto core = std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
                                               component, its_class, clock_);
   core->is_wanted = modes_.is_active_at_first(core->index);
+  core->set_root_count(chains_.root_count());
   if (simulation_ != nullptr) {
     simulation_->add(*core);
   } else {
@@ -217,6 +219,7 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
     add_conflicts(problems);
     add_quality_conflicts(problems);
     check_credits(*this, problems);
+    chains_.check(problems);
     if (const auto& record = recorded_ ? recorded_ : description_.record) {
       check_patterns(*record, topics_, problems);
     }

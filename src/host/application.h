@@ -23,6 +23,7 @@
 #include "executor/executor.h"
 #include "executor/simulation.h"
 #include "fastcycle/library.h"
+#include "host/chains.h"
 #include "host/component_core.h"
 #include "host/modes.h"
 #include "host/param_changes.h"
@@ -161,6 +162,9 @@ class Application {
   [[nodiscard]] Modes& modes() { return modes_; }
   [[nodiscard]] const Modes& modes() const { return modes_; }
 
+  [[nodiscard]] Chains& chains() { return chains_; }
+  [[nodiscard]] const Chains& chains() const { return chains_; }
+
   /// Changes parameters of components, all that are named or none, and says what is wrong. Each
   /// component has the new values before it gets anything that is published after this returned.
   /// In simulated time they are in place from the next round on, in all components alike, also
@@ -278,6 +282,7 @@ class Application {
   std::vector<std::unique_ptr<detail::ComponentCore>> components_;
   std::vector<std::size_t> start_order_;  ///< Places in `components_`.
   Modes modes_{*this};
+  Chains chains_{*this};
   std::vector<std::unique_ptr<detail::Executor>> executors_;
   std::unique_ptr<detail::Simulation> simulation_;
   detail::ComponentCore* status_ = nullptr;  ///< Who publishes the status; null if nobody does.

@@ -335,6 +335,10 @@ void ComponentCore::fail(std::string_view what) {
   }
 }
 
+void ComponentCore::on_breach(std::size_t chain) {
+  application.chains().breached(*this, chain);
+}
+
 void ComponentCore::on_fault(std::string_view thrown) {
   std::string what(thrown);
   if (const char* call = std::exchange(in_call_, nullptr)) {

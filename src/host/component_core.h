@@ -170,6 +170,7 @@ class ComponentCore final : public Actor {
 
  protected:
   void on_fault(std::string_view what) override;
+  void on_breach(std::size_t chain) override;
 
  private:
   void activate_now();

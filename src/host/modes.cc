@@ -133,20 +133,30 @@ std::size_t Modes::find(std::string_view mode) const {
                               (hint.empty() ? "" : "; " + hint));
 }
 
+Modes::Request Modes::request(std::string_view mode, std::string_view why,
+                              const ComponentCore* by) const {
+  return {.to = find(mode), .why = std::string(why), .by = by == nullptr ? "" : by->name};
+}
+
 void Modes::ask(std::string_view mode, std::string_view why, ComponentCore* by) {
-  Request request{.to = find(mode), .why = std::string(why), .by = by == nullptr ? "" : by->name};
-  detail::Simulation* simulation = application_.simulation();
-  if (simulation == nullptr) {
-    put(std::move(request));
+  if (by != nullptr && by->publishing.is_in_activation) {
+    ask_in_turn(mode, why, *by);
     return;
   }
-  // Between two rounds, so that it does not matter which worker was faster.
-  auto action = [this, request = std::move(request)] { put(request); };
-  if (by != nullptr && by->publishing.is_in_activation) {
-    by->stage(std::move(action));
+  application_.between_rounds([this, request = request(mode, why, by)] { put(request); });
+}
+
+void Modes::ask_in_turn(std::string_view mode, std::string_view why, ComponentCore& by) {
+  if (application_.simulation() == nullptr) {
+    put(request(mode, why, &by));
   } else {
-    simulation->call(std::move(action));
+    // Between two rounds, so that it does not matter which worker was faster.
+    by.stage([this, request = request(mode, why, &by)] { put(request); });
   }
+}
+
+bool Modes::is_asked(std::string_view mode) const noexcept {
+  return !modes_.empty() && modes_[last_asked_.load()].name == mode;
 }
 
 void Modes::put(Request request) {

@@ -71,6 +71,10 @@ class Modes {
   ///
   /// @errors  std::invalid_argument if there is no such mode.
   void ask(std::string_view mode, std::string_view why, detail::ComponentCore* by);
+  /// As `ask`, by the worker that serves `by`, also where that is in no activation.
+  void ask_in_turn(std::string_view mode, std::string_view why, detail::ComponentCore& by);
+  /// Whether all that was asked for leads to `mode`. No lock.
+  [[nodiscard]] bool is_asked(std::string_view mode) const noexcept;
 
   /// The mode as of the last stamp; empty if there are none.
   [[nodiscard]] std::string current() const;
@@ -92,6 +96,8 @@ class Modes {
   };
 
   [[nodiscard]] std::size_t find(std::string_view mode) const;
+  [[nodiscard]] Request request(std::string_view mode, std::string_view why,
+                                const detail::ComponentCore* by) const;
   void put(Request request);
   void begin_next();
   void switch_at_once();
@@ -109,7 +115,8 @@ class Modes {
   std::deque<Request> waiting_;
   std::vector<ModeSwitch> switches_;
   std::size_t current_ = 0;
-  std::size_t last_asked_ = 0;  ///< Where the last of those that were asked for leads to.
+  /// Where the last of those that were asked for leads to. Written under the mutex.
+  std::atomic<std::size_t> last_asked_{0};
   std::uint64_t refused_ = 0;
   bool has_begun_ = false;
   bool is_over_ = false;

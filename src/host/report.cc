@@ -751,6 +751,39 @@ std::string modes_text(const ModesReport& modes) {
   return text;
 }
 
+/// What there is to say of a chain beside its row; nothing if all was in time.
+std::string breaches_text(const ChainReport& chain) {
+  if (chain.breaches == 0) {
+    return {};
+  }
+  std::string text = fmt::format("    {} of {} took longer than {}", chain.breaches, chain.count,
+                                 time_text(chain.deadline_ms * 1e6));
+  if (chain.dropped > 0) {
+    text += fmt::format(", {} dropped", chain.dropped);
+  }
+  if (const HopReport* hop = chain.guilty()) {
+    text +=
+        fmt::format("; guilty of {}: {}, by {}", hop->guilty(), hop->component, hop->guilty_part());
+  }
+  return wrapped(text, "      ");
+}
+
+std::string chains_text(const std::vector<ChainReport>& chains) {
+  Rows rows;
+  rows.add({"CHAIN", "COUNT", "AGE p50", "p99", "max", "DEADLINE", "BREACHES"});
+  for (const ChainReport& chain : chains) {
+    rows.add({shortened(chain.name, kNameColumns), std::to_string(chain.count),
+              time_text(chain.age, chain.age.p50), time_text(chain.age, chain.age.p99),
+              time_text(chain.age, chain.age.max), time_text(chain.deadline_ms * 1e6),
+              std::to_string(chain.breaches)});
+  }
+  std::string text = rows.line(0) + "\n";
+  for (std::size_t i = 0; i < chains.size(); ++i) {
+    text += rows.line(i + 1) + "\n" + breaches_text(chains[i]);
+  }
+  return text;
+}
+
 std::string replay_text(const ReplayReport& replay) {
   std::uint64_t messages = 0;
   std::size_t fed = 0;
@@ -871,6 +904,7 @@ RunReport make_report(const Application& application, Duration wall) {
   if (!application.modes().is_empty()) {
     report.modes = report_modes(application);
   }
+  report.chains = application.chains().report();
   const Replay* replay = application.replay();
   if (replay != nullptr) {
     report.replay = report_replay(application, *replay);
@@ -933,6 +967,9 @@ ordered_json to_json(const RunReport& report) {
   if (report.modes) {
     json["modes"] = json_of(*report.modes);
   }
+  if (!report.chains.empty()) {
+    json["chains"] = to_json(report.chains);
+  }
   if (report.replay) {
     json["replay"] = json_of(*report.replay);
   }
@@ -952,6 +989,9 @@ std::string to_table(const RunReport& report) {
   }
   if (report.modes) {
     text += "\n" + modes_text(*report.modes);
+  }
+  if (!report.chains.empty()) {
+    text += "\n" + chains_text(report.chains);
   }
   if (report.replay) {
     text += "\n" + replay_text(*report.replay);

@@ -12,6 +12,7 @@
 #include "broker/subscription.h"
 #include "fastcycle/component.h"
 #include "host/application.h"
+#include "host/chains.h"
 #include "host/component_core.h"
 
 namespace fastcycle::host {
@@ -127,6 +128,7 @@ struct RunReport {
   std::vector<ComponentReport> components;
   std::vector<TopicReport> topics;
   std::optional<ModesReport> modes;  ///< None if the application has none.
+  std::vector<ChainReport> chains;
   std::optional<ReplayReport> replay;
   std::optional<RecordingReport> recording;
   std::optional<record::FlightReport> flight_recorder;

@@ -88,6 +88,7 @@ void ServerCore::take_request(const Client& client, Envelope& envelope,
   owed->is_cancelling = false;
   owed->is_dropped = false;
   owed->origin = envelope.info.origin;
+  owed->trails.assign(envelope.trails, envelope.trails + core.root_count());
   owed->path = head_.path;
   owed->path.push_back(id);
   const Ticket ticket{this, static_cast<std::size_t>(owed - owed_.begin()), owed->serial};
@@ -171,7 +172,8 @@ void ServerCore::answer(const Ticket& ticket, CallStatus status, std::string_vie
                    "a component answers only inside its callbacks");
   FASTCYCLE_ASSERT(message == nullptr || lender == owed.client->replies,
                    "an answer is given by the responder that lent it");
-  const OriginOf origin(core.publishing, owed.origin);
+  const OriginOf origin(core.publishing, owed.origin,
+                        owed.trails.empty() ? nullptr : owed.trails.data());
   owed.serial = 0;
   reply(*owed.client,
         {.number = owed.number,

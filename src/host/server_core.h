@@ -76,6 +76,7 @@ class ServerCore {
     bool is_cancelling = false;
     bool is_dropped = false;  ///< Its responder is gone, since something was thrown.
     Origin origin{};
+    std::vector<Trail> trails = {};  ///< By root; empty where there are no chains.
     std::vector<std::uint64_t> path = {};
   };
 

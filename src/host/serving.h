@@ -35,21 +35,31 @@ class Unmuted {
   const bool before_;
 };
 
-/// While it lives, what is published has this origin.
+/// While it lives, what is published has this origin, and these trails if there are any.
 class OriginOf {
  public:
-  OriginOf(PublishingComponent& component, const Origin& origin)
-      : component_(component), origin_(origin), before_(component.origin) {
+  OriginOf(PublishingComponent& component, const Origin& origin, const Trail* trails = nullptr)
+      : component_(component),
+        origin_(origin),
+        before_(component.origin),
+        trails_before_(component.trails) {
     component.origin = &origin_;
+    if (trails != nullptr) {
+      component.trails = trails;
+    }
   }
   OriginOf(const OriginOf&) = delete;
   OriginOf& operator=(const OriginOf&) = delete;
-  ~OriginOf() { component_.origin = before_; }
+  ~OriginOf() {
+    component_.origin = before_;
+    component_.trails = trails_before_;
+  }
 
  private:
   PublishingComponent& component_;
   const Origin origin_;
   const Origin* const before_;
+  const Trail* const trails_before_;
 };
 
 }  // namespace fastcycle::detail

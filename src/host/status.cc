@@ -130,6 +130,13 @@ void StatusComponent::fill() {
   for (std::size_t index = 0; index < heard_.size(); ++index) {
     fill_component(index, *next_.add_components());
   }
+  for (const ChainReport& chain : application_.chains().report()) {
+    status::Chain& told = *next_.add_chains();
+    told.set_name(chain.name);
+    told.set_count(chain.count);
+    told.set_breaches(chain.breaches);
+    told.set_dropped(chain.dropped);
+  }
   application_.look_at_topics([this](const detail::Topics& topics) {
     for (const auto& [name, topic] : topics.all()) {
       fill_topic(*topic);

@@ -8,6 +8,7 @@
 namespace fastcycle::detail {
 
 class Pool;
+class Trail;
 
 /// What travels through the lanes: a counted handle to one published message, with its info.
 ///
@@ -28,6 +29,7 @@ struct alignas(64) Envelope {
   Envelope* next = nullptr;                  ///< In the pool's lists.
   Envelope* next_list = nullptr;             ///< Of the first in the pool's free list; see there.
   Pool* pool = nullptr;
+  Trail* trails = nullptr;  ///< One for each root of latency chains; null where there are none.
 };
 
 /// Takes one more reference; the caller must hold one already.

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include "fastcycle/message.h"
+#include "fastcycle/time.h"
+
+namespace fastcycle::detail {
+
+/// One publish on the way from a root to here.
+struct Hop {
+  PublisherId publisher = 0;
+  Time begin{};  ///< Of the activation that published; of the first hop: the taken time.
+  Time published{};
+};
+
+/// The way on which something that was measured came here: when it was taken, and every publish
+/// since. Each message has one for each root, a topic where chains begin.
+///
+/// Its spans add up: from the taken time to the last publish, nothing is counted twice and nothing
+/// left out. Beyond `kMaxHops` the last hop stands for all that follow, such as in a circle.
+///
+/// @threads  Compatible.
+/// @realtime No allocation; a copy costs what is known, not what there is room for.
+class Trail {
+ public:
+  static constexpr std::size_t kMaxHops = 16;
+
+  Trail() = default;
+  Trail(const Trail& other) noexcept { *this = other; }
+  Trail& operator=(const Trail& other) noexcept {
+    if (this != &other) {
+      taken_ = other.taken_;
+      count_ = other.count_;
+      std::copy_n(other.hops_.begin(), count_, hops_.begin());
+    }
+    return *this;
+  }
+  ~Trail() = default;
+
+  /// Whether anything of this root led here.
+  [[nodiscard]] bool is_known() const noexcept { return count_ > 0; }
+  [[nodiscard]] Time taken() const noexcept { return taken_; }
+  [[nodiscard]] std::span<const Hop> hops() const noexcept { return {hops_.data(), count_}; }
+
+  void forget() noexcept { count_ = 0; }
+
+  /// A message of the root itself.
+  void begin(Time taken, PublisherId publisher, Time published) noexcept {
+    taken_ = taken;
+    hops_[0] = {.publisher = publisher, .begin = taken, .published = published};
+    count_ = 1;
+  }
+
+  /// One hop more. @pre `is_known()`
+  void add(const Hop& hop) noexcept {
+    if (count_ < kMaxHops) {
+      hops_[count_++] = hop;
+    } else {
+      hops_.back().published = hop.published;
+    }
+  }
+
+ private:
+  Time taken_{};
+  std::size_t count_ = 0;
+  std::array<Hop, kMaxHops> hops_{};
+};
+
+}  // namespace fastcycle::detail
