@@ -28,6 +28,7 @@ Command add_record(CLI::App& program);
 Command add_play(CLI::App& program);
 Command add_check(CLI::App& program);
 Command add_graph(CLI::App& program);
+Command add_top(CLI::App& program);
 Command add_params(CLI::App& program);
 Command add_bench(CLI::App& program);
 Command add_info(CLI::App& program);

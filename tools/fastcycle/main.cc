@@ -95,11 +95,11 @@ int run_program(int argument_count, char** arguments) {
   program.footer(kExitCodes);
   program.get_formatter()->column_width(28);
   const std::vector<Command> commands = {
-      add_run(program),    add_record(program), add_play(program),    add_check(program),
-      add_graph(program),  add_params(program), add_bench(program),   add_info(program),
-      add_echo(program),   add_export(program), add_convert(program), add_filter(program),
-      add_merge(program),  add_split(program),  add_recover(program), add_doctor(program),
-      add_version(program)};
+      add_run(program),    add_record(program), add_play(program),   add_check(program),
+      add_graph(program),  add_top(program),    add_params(program), add_bench(program),
+      add_info(program),   add_echo(program),   add_export(program), add_convert(program),
+      add_filter(program), add_merge(program),  add_split(program),  add_recover(program),
+      add_doctor(program), add_version(program)};
   if (argument_count < 2) {
     std::fputs(program.help().c_str(), stderr);
     return kWrong;

@@ -220,7 +220,7 @@ int run_application(const config::ApplicationDescription& description, const Run
     host::check_patterns(*recording, application.topics(), warnings);
     tool::print(warnings);
   }
-  if (options.is_played && TerminalKeys::are_there()) {
+  if (options.is_played && TerminalModes::are_there()) {
     if (!options.is_quiet) {
       progress.print("keys: space pauses, . or s makes one step, + and - change the rate, q ends");
     }

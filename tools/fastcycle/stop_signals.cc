@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "command.h"
-#include "terminal_keys.h"
+#include "terminal_modes.h"
 
 namespace fastcycle::tool {
 
@@ -51,7 +51,7 @@ void StopSignals::wait() {
       continue;
     }
     if (!is_first) {
-      TerminalKeys::give_back();
+      TerminalModes::give_back();
       _exit(kEndedAtOnce);
     }
     is_first = false;

@@ -1,0 +1,213 @@
+#!/usr/bin/env python3
+"""Makes an SVG picture of what a terminal shows: of a command that it runs in tmux, or of what
+`tmux capture-pane -e -p` said, from standard input.
+
+  terminal_picture.py -o top.svg --wait 'CPU%' --key Down --pause 2 -- fastcycle top
+  tmux capture-pane -e -p | terminal_picture.py -o screen.svg
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import unicodedata
+from html import escape
+
+COLUMN, ROW, MARGIN, SIZE = 8.0, 17, 12, 13  # Of a character, in pixels of the picture.
+FONTS = "ui-monospace, 'DejaVu Sans Mono', Menlo, Consolas, monospace"
+FOREGROUND, BACKGROUND = "#d8dee9", "#1d2129"
+COLOURS = ["#2b303b", "#e06c75", "#98c379", "#e5c07b", "#4f8fd6", "#c678dd", "#4fb3bf", "#d8dee9",
+           "#6b7280", "#ff7b86", "#b5e890", "#ffd98a", "#7fb4ff", "#e29bff", "#7fe0ea", "#ffffff"]
+LONGEST_S = 30
+
+
+class Style:
+    """How characters look: what the sequences before them say."""
+
+    def __init__(self):
+        self.reset()
+
+    def reset(self):
+        self.foreground = self.background = None
+        self.bold = self.dim = self.underlined = self.reversed = False
+
+    def obey(self, numbers):
+        numbers = [int(number or 0) for number in numbers]
+        while numbers:
+            number = numbers.pop(0)
+            if number == 0:
+                self.reset()
+            elif number == 1:
+                self.bold = True
+            elif number == 2:
+                self.dim = True
+            elif number == 4:
+                self.underlined = True
+            elif number == 7:
+                self.reversed = True
+            elif number == 22:
+                self.bold = self.dim = False
+            elif number == 24:
+                self.underlined = False
+            elif number == 27:
+                self.reversed = False
+            elif number in (38, 48):
+                colour = self.colour_of(numbers)
+                if number == 38:
+                    self.foreground = colour
+                else:
+                    self.background = colour
+            elif 30 <= number <= 37 or 90 <= number <= 97:
+                self.foreground = COLOURS[number - 30 if number < 90 else number - 82]
+            elif 40 <= number <= 47 or 100 <= number <= 107:
+                self.background = COLOURS[number - 40 if number < 100 else number - 92]
+            elif number == 39:
+                self.foreground = None
+            elif number == 49:
+                self.background = None
+
+    @staticmethod
+    def colour_of(numbers):
+        kind = numbers.pop(0) if numbers else 0
+        if kind == 2 and len(numbers) >= 3:
+            return "#%02x%02x%02x" % tuple(numbers.pop(0) for _ in range(3))
+        number = numbers.pop(0) if numbers else 0
+        if number < 16:
+            return COLOURS[number]
+        if number >= 232:
+            return "#%02x%02x%02x" % ((8 + 10 * (number - 232),) * 3)
+        levels = [0, 95, 135, 175, 215, 255]
+        number -= 16
+        return "#%02x%02x%02x" % (levels[number // 36], levels[number // 6 % 6], levels[number % 6])
+
+    def look(self):
+        foreground, background = self.foreground or FOREGROUND, self.background
+        if self.reversed:
+            foreground, background = background or BACKGROUND, foreground
+        return foreground, background, self.bold, self.dim, self.underlined
+
+
+def width_of(character):
+    if unicodedata.combining(character) or unicodedata.category(character) in ("Mn", "Me", "Cf"):
+        return 0
+    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
+
+
+def runs_of(line):
+    """Pieces of one line that look alike: (column, width, text, look)."""
+    style, runs, column = Style(), [], 0
+    for piece in re.split(r"(\x1b\[[0-9;:]*m|\x1b\(B|\x0f|\x0e)", line):
+        if piece.startswith("\x1b[") and piece.endswith("m"):
+            style.obey(re.split("[;:]", piece[2:-1]))
+            continue
+        if not piece or piece[0] in "\x1b\x0e\x0f":
+            continue
+        width = sum(width_of(character) for character in piece)
+        runs.append((column, width, piece, style.look()))
+        column += width
+    return runs, column
+
+
+def picture_of(text, columns=0, rows=0, title=""):
+    lines = text.rstrip("\n").split("\n")
+    drawn = [runs_of(line) for line in lines]
+    columns = max([columns] + [width for _, width in drawn])
+    rows = max(rows, len(lines))
+    head = 26 if title else 0
+    width, height = columns * COLUMN + 2 * MARGIN, rows * ROW + 2 * MARGIN + head
+    svg = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" '
+           f'viewBox="0 0 {width:g} {height:g}" font-family="{FONTS}" font-size="{SIZE}">',
+           f'<rect width="100%" height="100%" rx="7" fill="{BACKGROUND}"/>']
+    if title:
+        svg.append(f'<text x="{width / 2:g}" y="20" text-anchor="middle" fill="#8b93a3">{escape(title)}</text>')
+    for row, (runs, _) in enumerate(drawn):
+        top = MARGIN + head + row * ROW
+        for column, count, piece, (foreground, background, bold, dim, underlined) in runs:
+            left = MARGIN + column * COLUMN
+            if background:
+                svg.append(f'<rect x="{left:g}" y="{top}" width="{count * COLUMN:g}" height="{ROW}" '
+                           f'fill="{background}"/>')
+            stripped = piece.strip(" ")
+            if not stripped:
+                continue
+            blanks = len(piece) - len(piece.lstrip(" "))
+            shown = sum(width_of(character) for character in stripped)
+            more = (' font-weight="bold"' if bold else "") + (' opacity="0.6"' if dim else "") + \
+                (' text-decoration="underline"' if underlined else "")
+            svg.append(f'<text x="{left + blanks * COLUMN:g}" y="{top + 13}" fill="{foreground}" '
+                       f'textLength="{shown * COLUMN:g}" lengthAdjust="spacingAndGlyphs" '
+                       f'xml:space="preserve"{more}>{escape(stripped)}</text>')
+    svg.append("</svg>")
+    return "\n".join(svg) + "\n"
+
+
+def capture(command, columns, rows, steps):
+    """What a terminal shows after the command has run through the steps."""
+    with tempfile.TemporaryDirectory() as folder:
+        tmux = ["tmux", "-u", "-S", os.path.join(folder, "tmux"), "-f", "/dev/null"]
+
+        def tell(*words):
+            return subprocess.run(tmux + list(words), check=True, capture_output=True, text=True).stdout
+
+        subprocess.run(tmux + ["new-session", "-d", "-x", str(columns), "-y", str(rows), "--"] + command +
+                       [";", "set-option", "-g", "remain-on-exit", "on", ";", "set-option", "-g", "status",
+                        "off"], check=True)
+        try:
+            for kind, value in steps:
+                if kind == "key":
+                    tell("send-keys", value)
+                elif kind == "pause":
+                    time.sleep(float(value))
+                else:
+                    end = time.monotonic() + LONGEST_S
+                    while value not in tell("capture-pane", "-p"):
+                        if time.monotonic() > end:
+                            sys.exit(f"the terminal never showed {value!r}:\n" + tell("capture-pane", "-p"))
+                        time.sleep(0.05)
+            return tell("capture-pane", "-e", "-p")
+        finally:
+            subprocess.run(tmux + ["kill-server"], check=False)
+
+
+def self_test():
+    svg = picture_of("\x1b[1;31mbad <1>\x1b[0m  plain\n\x1b[7m\u6fc0x\x1b[m")
+    assert 'fill="#e06c75"' in svg and 'font-weight="bold"' in svg, svg
+    assert "bad &lt;1&gt;" in svg and ">plain<" in svg, svg
+    assert f'width="{3 * COLUMN:g}" height="{ROW}" fill="{FOREGROUND}"' in svg, svg
+    assert Style.colour_of([5, 196]) == "#ff0000" and Style.colour_of([2, 1, 2, 3]) == "#010203"
+    print("terminal_picture.py: in order")
+
+
+def main():
+    class Step(argparse.Action):
+        def __call__(self, parser, namespace, value, option=None):
+            namespace.steps = (namespace.steps or []) + [(option.lstrip("-"), value)]
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", help="the picture; else to standard output")
+    parser.add_argument("--size", default="80x24", help="columns x rows (80x24)")
+    parser.add_argument("--title", default="", help="a line above the screen")
+    parser.add_argument("--wait", action=Step, help="wait until the screen shows this text", dest="steps")
+    parser.add_argument("--key", action=Step, help="press this key, by tmux's name", dest="steps")
+    parser.add_argument("--pause", action=Step, help="wait so many seconds", dest="steps")
+    parser.add_argument("--self-test", action="store_true")
+    parser.add_argument("command", nargs=argparse.REMAINDER, help="-- what to run")
+    options = parser.parse_args()
+    if options.self_test:
+        return self_test()
+    columns, rows = (int(number) for number in options.size.split("x"))
+    command = options.command[1:] if options.command[:1] == ["--"] else options.command
+    text = capture(command, columns, rows, options.steps or []) if command else sys.stdin.read()
+    svg = picture_of(text, columns if command else 0, 0, options.title)
+    if options.output:
+        with open(options.output, "w", encoding="utf-8") as file:
+            file.write(svg)
+    else:
+        sys.stdout.write(svg)
+
+
+if __name__ == "__main__":
+    main()
