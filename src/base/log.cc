@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <utility>
 
 #include <unistd.h>
 
@@ -74,6 +75,11 @@ void LogQueue::write(LogLevel level, std::string_view component, std::string_vie
   }
 }
 
+void LogQueue::set_listener(Listener listener) {
+  const std::lock_guard lock(listener_mutex_);
+  listener_ = std::move(listener);
+}
+
 bool LogQueue::has_line() const noexcept {
   return slots_[head_ % kCapacity].turn.load(std::memory_order_seq_cst) == head_ + 1;
 }
@@ -84,6 +90,13 @@ void LogQueue::print_line() noexcept {
                static_cast<int>(slot.component_size), slot.component.data(),
                slot.component_size == 0 ? "" : ": ", static_cast<int>(slot.text_size),
                slot.text.data());
+  {
+    const std::lock_guard lock(listener_mutex_);
+    if (listener_) {
+      listener_(slot.level, {slot.component.data(), slot.component_size},
+                {slot.text.data(), slot.text_size});
+    }
+  }
   slot.turn.store(head_ + kCapacity, std::memory_order_release);
   ++head_;
 }

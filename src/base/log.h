@@ -4,6 +4,8 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <mutex>
 #include <string_view>
 #include <vector>
 
@@ -27,6 +29,12 @@ class LogQueue {
   ~LogQueue();
 
   void write(LogLevel level, std::string_view component, std::string_view text) noexcept;
+
+  using Listener =
+      std::function<void(LogLevel level, std::string_view component, std::string_view text)>;
+  /// From now on `listener` is given each line that is printed, on the thread that prints; an empty
+  /// one ends that, and is not called any more once this has returned. Safe.
+  void set_listener(Listener listener);
 
  private:
   static constexpr std::size_t kCapacity = 1024;
@@ -54,6 +62,9 @@ class LogQueue {
 
   // Printing thread only.
   std::size_t head_ = 0;
+
+  std::mutex listener_mutex_;
+  Listener listener_;
 
   base::Thread thread_;
 };

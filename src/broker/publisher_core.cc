@@ -159,6 +159,13 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
   }
 }
 
+void PublisherCore::provide_for(const Lane::Options& lane, std::size_t keep) {
+  const std::size_t count = lane.depth + 1 + keep;
+  pool_->grow(count, prototype_.get());
+  provided_ += count;
+  targets_.reserve(targets_.size() + 1);
+}
+
 void PublisherCore::disconnect(const Lane& lane) noexcept {
   std::erase_if(targets_, [&](const Target& target) {
     if (target.lane.get() != &lane) {

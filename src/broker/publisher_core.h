@@ -102,6 +102,9 @@ class PublisherCore {
   void connect(const std::shared_ptr<Lane>& lane, Inbox& inbox);
   /// `lane` is closed and gets nothing more.
   void disconnect(const Lane& lane) noexcept;
+  /// From now on there is room for one more lane, and messages for all that it may hold: when it is
+  /// connected while the component runs, nothing is allocated. Before anything runs.
+  void provide_for(const Lane::Options& lane, std::size_t keep);
 
   [[nodiscard]] Envelope* loan(bool is_cleared);
   void return_loan(Envelope* loan) noexcept;

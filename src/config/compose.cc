@@ -102,7 +102,9 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
     apply_set(tree, set);
   }
   std::erase_if(tree.members(), [](const auto& member) {
-    return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number();
+    // An empty "inspect" says that there is one.
+    return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number() &&
+           member.key != "inspect";
   });
   return tree;
 }
@@ -229,6 +231,11 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
                   "an included file cannot say what is recorded, only the one that is run"));
     }
   }
+  if (const Value* inspect = part.find("inspect")) {
+    problems_.add(
+        mistake(inspect->place(),
+                "an included file cannot say who may look at the run, only the one that is run"));
+  }
   if (const Value& modes = part["modes"]; modes.size() > 0) {
     problems_.add(
         mistake(modes.place(), "an included file cannot describe modes, only the one that is run"));
@@ -298,6 +305,9 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       tree.set(key, *own);
     }
   }
+  if (const Value* inspect = file.find("inspect")) {
+    tree.set("inspect", *inspect);
+  }
 }
 
 void Composer::add_component(Value& tree, const Value& component, Variables& variables) {
@@ -366,10 +376,23 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
     } else if (key == "shared_params" || key == "modes" || key == "restart" || key == "record" ||
                key == "flight_recorder") {
       merge(*tree.find(key), value, problems_);
+    } else if (key == "inspect") {
+      apply_overlay_inspect(tree, value);
     } else if (key == "name" || key == "on_fault" || key == "library_path" ||
                key == "initial_mode" || key == "start_timeout_ms" || key == "status_period_ms") {
       tree.set(key, value);
     }
+  }
+}
+
+void Composer::apply_overlay_inspect(Value& tree, const Value& over) {
+  Value* known = tree.find("inspect");
+  if (over.is_null()) {
+    tree.erase("inspect");
+  } else if (over.is_object() && known != nullptr && known->is_object()) {
+    merge(*known, over, problems_);
+  } else {
+    tree.set("inspect", over);
   }
 }
 

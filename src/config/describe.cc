@@ -296,6 +296,23 @@ FlightRecorderDescription describe_flight_recorder(const Value& value) {
   return flight_recorder;
 }
 
+std::optional<InspectDescription> describe_inspect(const Value& value) {
+  InspectDescription inspect;
+  inspect.place = value.place();
+  if (value.is_bool() && !value.as_bool()) {
+    return std::nullopt;
+  }
+  std::vector<std::string> allowed;
+  read_texts(value, "allow", allowed);
+  const auto allows = [&](const char* word) {
+    return std::ranges::find(allowed, word) != allowed.end();
+  };
+  inspect.allows_params = allows("params");
+  inspect.allows_publish = allows("publish");
+  inspect.allows_lifecycle = allows("lifecycle");
+  return inspect;
+}
+
 }  // namespace
 
 ApplicationDescription describe(const Value& tree) {
@@ -343,6 +360,9 @@ ApplicationDescription describe(const Value& tree) {
   }
   if (const Value* flight_recorder = find_object(tree, "flight_recorder")) {
     application.flight_recorder = describe_flight_recorder(*flight_recorder);
+  }
+  if (const Value* inspect = tree.find("inspect")) {
+    application.inspect = describe_inspect(*inspect);
   }
   application.effective = tree;
   return application;

@@ -69,6 +69,14 @@ struct FlightRecorderDescription {
   Place place;
 };
 
+/// Who may look at a run over a socket, and what they may change.
+struct InspectDescription {
+  bool allows_params = false;     ///< Parameters.
+  bool allows_publish = false;    ///< Messages of their own, and calls of services.
+  bool allows_lifecycle = false;  ///< Modes, and components that stop, start, or are made anew.
+  Place place;
+};
+
 /// A pool of workers that serves components.
 struct ExecutorDescription {
   std::string name;
@@ -185,6 +193,7 @@ struct ApplicationDescription {
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
+  std::optional<InspectDescription> inspect;                 ///< None: nobody may look.
   OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
   std::chrono::nanoseconds status_period{1'000'000'000};     ///< Of "fastcycle/status".
   Place place;

@@ -230,6 +230,8 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   if (problems.has_errors()) {
     return;
   }
+  std::ranges::copy_if(guests_, std::back_inserter(hearing_guests_),
+                       [](const Guest* guest) { return guest->wants_changes(); });
   for (Guest* guest : guests_) {
     guest->tap(topics_);
   }
@@ -331,6 +333,12 @@ void Application::add_status(config::Problems& problems) {
 }
 
 void Application::component_changed(ComponentCore& component, bool is_urgent) {
+  if (!hearing_guests_.empty()) {
+    const ComponentNews news = news_of(component);
+    for (Guest* guest : hearing_guests_) {
+      guest->changed(news);
+    }
+  }
   if (status_ == nullptr || &component == status_ || is_stopped_) {
     return;
   }
@@ -750,6 +758,17 @@ void Application::run_at(detail::PublisherCore& publisher, ComponentCore& from,
     action = [&owner, staged = std::move(action)] { owner.stage(staged); };
   }
   owner.post(Cause::kConnect, std::move(action), &from);
+}
+
+void Application::beside(detail::PublisherCore& publisher, std::function<void()> action) {
+  if (simulation_ != nullptr) {
+    simulation_->call(std::move(action));
+  } else if (publisher.options.is_external) {
+    const std::lock_guard lock(publisher.mutex());
+    action();
+  } else {
+    component_of(publisher).post(Cause::kConnect, std::move(action));
+  }
 }
 
 void Application::reopen_subscription(ComponentCore& component,

@@ -200,6 +200,11 @@ class Application {
                      std::function<void(const ParamsResult&)> done);
   /// Does `action` now; in simulated time when no round is under way.
   void between_rounds(std::function<void()> action);
+  /// Does `action` where nobody publishes with `publisher` meanwhile, now or soon: in an activation
+  /// of its component, of an external one under its lock, in simulated time between two rounds.
+  /// For who is no component. Safe, from the start to the end of `stop`, after which it may never
+  /// be done.
+  void beside(detail::PublisherCore& publisher, std::function<void()> action);
   void submit(const std::string& executor, detail::ComponentCore& from, std::function<void()> job);
   /// Subscriptions that come and go while publishers run; in an activation of `component`.
   detail::CallbackSubscription& subscribe_late(detail::ComponentCore& component,
@@ -275,7 +280,8 @@ class Application {
   const config::ApplicationDescription description_;
   base::Clock clock_;
   detail::LogQueue log_queue_;
-  mutable std::mutex topics_mutex_;  ///< Control plane: when subscriptions come and go.
+  /// Control plane: when subscriptions come and go. Who looks on may hold it at a low priority.
+  mutable detail::PriorityMutex topics_mutex_;
   detail::Topics topics_;
   ParamChanges params_{*this};
   std::map<std::uint64_t, std::string> service_names_;  ///< By id; constant once built.
@@ -293,6 +299,7 @@ class Application {
   std::optional<config::FlightRecorderDescription> kept_;
   std::unique_ptr<FlightGuest> flight_recorder_;
   std::vector<Guest*> guests_;
+  std::vector<Guest*> hearing_guests_;  ///< Of these, who wants changes of components.
   std::unique_ptr<detail::OverflowWatch> overflow_watch_;  ///< If a guest wants to know.
   std::vector<base::Refusal> refusals_;
   std::vector<base::Thread> threads_;

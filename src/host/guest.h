@@ -12,6 +12,7 @@
 namespace fastcycle::host {
 
 class Application;
+struct ComponentNews;
 
 /// What a guest may look at while the application runs.
 struct GuestView {
@@ -55,6 +56,13 @@ class Guest {
   /// @realtime Must not wait: what `component` and `what` point to is gone afterwards.
   virtual void faulted([[maybe_unused]] std::string_view component,
                        [[maybe_unused]] std::string_view what) noexcept {}
+
+  /// A component has another health, fault or state. In its activation.
+  ///
+  /// @realtime Must not wait.
+  virtual void changed([[maybe_unused]] const ComponentNews& news) noexcept {}
+  /// Whether `changed` is to be called; asked once, before the topics are connected.
+  [[nodiscard]] virtual bool wants_changes() const { return false; }
 
   /// Whether `overflowed` is to be called; asked once, before the topics are connected.
   [[nodiscard]] virtual bool wants_overflows() const { return false; }

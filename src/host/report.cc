@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "host/replay.h"
+#include "host/words.h"
 
 namespace fastcycle::host {
 
@@ -195,26 +196,6 @@ ReplayReport report_replay(const Application& application, const Replay& replay)
 
 // ---- Words ----
 
-const char* to_word(ComponentCore::State state) {
-  switch (state) {
-    case ComponentCore::State::kDeclared:
-      return "declared";
-    case ComponentCore::State::kConstructed:
-      return "constructed";
-    case ComponentCore::State::kStandby:
-      return "standby";
-    case ComponentCore::State::kActive:
-      return "active";
-    case ComponentCore::State::kRestarting:
-      return "restarting";
-    case ComponentCore::State::kStopped:
-      return "stopped";
-    case ComponentCore::State::kFailed:
-      return "failed";
-  }
-  return "?";
-}
-
 const char* state_word(const ComponentReport& component) {
   if (component.is_replayed) {
     return "replayed";
@@ -223,34 +204,6 @@ const char* state_word(const ComponentReport& component) {
     return *component.was_active ? "active" : "standby";
   }
   return to_word(component.state);
-}
-
-const char* to_word(Health health) {
-  switch (health) {
-    case Health::kOk:
-      return "ok";
-    case Health::kDegraded:
-      return "degraded";
-    case Health::kFailed:
-      return "failed";
-  }
-  return "?";
-}
-
-const char* to_word(detail::Subscription::Kind kind) {
-  switch (kind) {
-    case detail::Subscription::Kind::kCallback:
-      return "callback";
-    case detail::Subscription::Kind::kLatest:
-      return "latest";
-    case detail::Subscription::Kind::kHistory:
-      return "history";
-    case detail::Subscription::Kind::kSynchronized:
-      return "synchronized";
-    case detail::Subscription::Kind::kTap:
-      return "tap";
-  }
-  return "?";
 }
 
 /// The reasons for which something was dropped, with how often.

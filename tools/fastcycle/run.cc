@@ -20,6 +20,8 @@
 #include "host/recording.h"
 #include "host/replay.h"
 #include "host/report.h"
+#include "inspect/server.h"
+#include "inspect_options.h"
 #include "progress_line.h"
 #include "recording_options.h"
 #include "replaying_options.h"
@@ -43,6 +45,7 @@ struct RunOptions {
   std::filesystem::path report;
   RecordingOptions record;
   FlightOptions flight_recorder;
+  InspectOptions inspect;
   ReplayingOptions replay;
   bool is_played = false;  ///< Simulated time at the pace of the wall, with keys.
   double play_rate = 1.0;
@@ -181,8 +184,13 @@ int run_application(const config::ApplicationDescription& description, const Run
     classes = replay.get();
   }
   host::WallPace pace(options.play_rate);
+  std::optional<inspect::Server> inspection;  // Outlives what it looks at.
   host::Application application(replay != nullptr ? replay->description() : description,
                                 clock_of(options));
+  if (const auto asked = options.inspect.describe(description)) {
+    inspection.emplace(application, *asked);
+    application.add(*inspection);  // Before those who record what it publishes.
+  }
   if (const auto kept = options.flight_recorder.describe(description)) {
     application.keep_last(*kept);
   }
@@ -278,6 +286,9 @@ int run(const RunOptions& options) {
       !sentence.empty()) {
     return wrong(sentence);
   }
+  if (const std::string sentence = options.inspect.find_wrong(description); !sentence.empty()) {
+    return wrong(sentence);
+  }
   return run_application(description, options, report_file);
 }
 
@@ -320,6 +331,7 @@ void add_options(CLI::App& line, RunOptions& options) {
   line.add_option("--flight-recorder-mb", options.flight_recorder.size_mb,
                   "How much it holds: 256, unless the application says else")
       ->type_name("MB");
+  options.inspect.add_to(line);
   line.add_flag("--strict", options.is_strict,
                 "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
   line.add_flag("--quiet", options.is_quiet, "No progress line and no table");

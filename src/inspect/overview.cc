@@ -1,0 +1,242 @@
+#include "inspect/overview.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <thread>
+
+#include <time.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "host/call_head.h"
+#include "host/client_core.h"
+#include "host/component_core.h"
+#include "host/replay.h"
+#include "host/server_core.h"
+#include "host/words.h"
+#include "record/descriptor_set.h"
+
+namespace fastcycle::inspect {
+namespace {
+
+void fill(const base::Histogram& histogram, protocol::Histogram& said) {
+  const base::HistogramSummary summary = histogram.summary();
+  said.set_count(summary.count);
+  said.set_mean_ns(summary.mean);
+  said.set_sd_ns(summary.standard_deviation);
+  said.set_p50_ns(summary.p50);
+  said.set_p99_ns(summary.p99);
+  said.set_p999_ns(summary.p999);
+  said.set_max_ns(summary.max);
+}
+
+void fill(const detail::Ledger& ledger, protocol::Ledger& said) {
+  said.set_published(ledger.published);
+  said.set_delivered(ledger.delivered);
+  said.set_queued(ledger.queued);
+  said.set_dropped(ledger.dropped_total());
+  for (std::size_t i = 0; i < ledger.dropped.size(); ++i) {
+    if (ledger.dropped[i] > 0) {
+      protocol::Drop& drop = *said.add_drops();
+      drop.set_reason(detail::to_word(static_cast<detail::DropReason>(i)));
+      drop.set_count(ledger.dropped[i]);
+    }
+  }
+}
+
+/// Of this process, as the kernel counts it; 0 if it does not say.
+std::int64_t rss_kib() {
+  long pages = 0;
+  if (std::FILE* file = std::fopen("/proc/self/statm", "re")) {
+    if (std::fscanf(file, "%*d %ld", &pages) != 1) {
+      pages = 0;
+    }
+    std::fclose(file);
+  }
+  return pages * (::sysconf(_SC_PAGESIZE) / 1024);
+}
+
+std::int64_t cpu_ns() {
+  timespec time{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
+bool is_replayed(const host::Application& application, const std::string& component) {
+  return application.replay() != nullptr && !application.replay()->plan().runs(component);
+}
+
+}  // namespace
+
+std::vector<KnownService> find_services(const host::Application& application) {
+  std::vector<KnownService> services;
+  for (const auto& component : application.components()) {
+    for (const auto& server : component->servers) {
+      services.push_back({.name = server->service,
+                          .component = component->name,
+                          .request = server->request_instance,
+                          .reply = server->reply_instance,
+                          .feedback = server->feedback_instance,
+                          .clients = {}});
+    }
+  }
+  for (KnownService& service : services) {
+    for (const auto& component : application.components()) {
+      for (const auto& client : component->clients) {
+        if (client->service == service.name) {
+          service.clients.push_back(component->name);
+        }
+      }
+    }
+  }
+  std::ranges::sort(services, {}, &KnownService::name);
+  return services;
+}
+
+void fill_application(const host::Application& application, protocol::Overview& overview) {
+  const config::ApplicationDescription& description = application.description();
+  overview.set_file(description.file.string());
+  overview.set_clock(application.clock().is_simulated() ? "simulated" : "live");
+  overview.set_now_ns(base::to_ns(application.clock().now()));
+  overview.set_start_ns(base::to_ns(application.start_time()));
+  overview.set_monotonic_ns(base::monotonic_ns());
+  overview.set_mode(application.modes().current());
+  for (const config::ModeDescription& mode : description.modes) {
+    overview.add_modes(mode.name);
+  }
+  overview.set_end(host::to_word(application.end_reason()));
+  overview.set_cpu_ns(cpu_ns());
+  overview.set_rss_kib(rss_kib());
+  overview.set_cpus(std::max(1U, std::thread::hardware_concurrency()));
+}
+
+void fill_executors(const host::Application& application, protocol::Overview& overview) {
+  const auto add = [&](const config::ExecutorDescription& executor) {
+    protocol::Executor& said = *overview.add_executors();
+    said.set_name(executor.name);
+    said.set_threads(static_cast<std::uint32_t>(executor.threads));
+    said.mutable_cpus()->Add(executor.cpus.begin(), executor.cpus.end());
+    said.set_policy(std::string(config::to_string(executor.policy)));
+    said.set_priority(executor.priority);
+    said.set_wait(std::string(config::to_string(executor.wait)));
+  };
+  const auto& described = application.description().executors;
+  std::ranges::for_each(described, add);
+  // Of all who name none.
+  for (std::size_t i = described.size(); i < application.executor_names().size(); ++i) {
+    config::ExecutorDescription pool;
+    pool.name = application.executor_names()[i];
+    pool.threads = i < application.executors().size()
+                       ? static_cast<int>(application.executors()[i]->options().threads)
+                       : 1;
+    add(pool);
+  }
+}
+
+void fill_components(const host::Application& application,
+                     const std::vector<host::ComponentNews>& news, protocol::Overview& overview) {
+  std::map<std::string, std::uint64_t> queued;
+  for (const SeenTopic& seen : see_topics(application)) {
+    for (const detail::Subscription* subscription : seen.subscriptions) {
+      queued[subscription->component] += subscription->ledger().queued;
+    }
+  }
+  const std::vector<std::string> executors = application.executor_names();
+  for (const auto& core : application.components()) {
+    protocol::Component& said = *overview.add_components();
+    said.set_name(core->name);
+    said.set_library(core->description.library);
+    said.set_class_name(core->description.class_name);
+    said.set_executor(core->description.executor.empty() && !executors.empty()
+                          ? executors.back()
+                          : core->description.executor);
+    said.set_state(is_replayed(application, core->name) ? "replayed"
+                                                        : host::to_word(core->state.load()));
+    const detail::ActorStatistics& statistics = core->statistics;
+    said.set_activations(statistics.activations.get());
+    said.set_faults(statistics.faults.get());
+    said.set_overruns(statistics.overruns.get());
+    fill(statistics.callback, *said.mutable_callback());
+    fill(statistics.lateness, *said.mutable_lateness());
+    said.set_busy_ns(static_cast<std::int64_t>(said.callback().mean_ns() *
+                                               static_cast<double>(said.callback().count())));
+    said.set_queued(queued[core->name]);
+    if (core->index < news.size()) {
+      const host::ComponentNews& its = news[core->index];
+      said.set_health(host::to_word(its.health));
+      said.set_health_reason(its.health_reason);
+      said.set_faults(std::max(said.faults(), its.faults));
+      said.set_last_fault(its.last_fault);
+      said.set_restarts(its.restarts);
+    }
+  }
+}
+
+std::vector<SeenTopic> see_topics(const host::Application& application) {
+  std::vector<SeenTopic> seen;
+  application.look_at_topics([&](const detail::Topics& topics) {
+    seen.reserve(topics.all().size());
+    for (const auto& [name, topic] : topics.all()) {
+      SeenTopic& one = seen.emplace_back();
+      one.topic = topic.get();
+      one.type = topic->type;
+      for (const auto& publisher : topic->publishers) {
+        one.publishers.push_back(publisher.get());
+      }
+      for (const auto& subscription : topic->subscriptions) {
+        one.subscriptions.push_back(subscription.get());
+      }
+    }
+  });
+  return seen;
+}
+
+void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
+  topic.set_name(seen.topic->name);
+  topic.set_type(seen.type);
+  topic.set_latched(seen.topic->options.latched);
+  topic.set_is_service(seen.topic->name.find(detail::kServiceMark) != std::string::npos);
+  for (const detail::PublisherCore* publisher : seen.publishers) {
+    protocol::Publisher& said = *topic.add_publishers();
+    said.set_component(publisher->owner.name);
+    said.set_id(publisher->id);
+    said.set_published(publisher->published());
+    said.set_last_publish_ns(base::to_ns(publisher->last_publish_time()));
+    said.set_is_external(publisher->options.is_external);
+    topic.set_published(topic.published() + said.published());
+  }
+  for (const detail::Subscription* subscription : seen.subscriptions) {
+    protocol::Subscriber& said = *topic.add_subscribers();
+    said.set_component(subscription->component);
+    said.set_kind(host::to_word(subscription->kind));
+    said.set_depth(subscription->depth);
+    said.set_overflow(subscription->overflow == Overflow::kDropOldest ? "drop_oldest"
+                                                                      : "drop_newest");
+    fill(subscription->ledger(), *said.mutable_ledger());
+    fill(subscription->latency, *said.mutable_latency());
+    topic.set_dropped(topic.dropped() + said.ledger().dropped());
+    if (!topic.has_latency() || said.latency().p99_ns() > topic.latency().p99_ns()) {
+      *topic.mutable_latency() = said.latency();
+    }
+  }
+}
+
+void fill_service(const KnownService& service, bool with_schemas, protocol::Service& said) {
+  said.set_name(service.name);
+  said.set_component(service.component);
+  said.set_request_type(service.request->GetTypeName());
+  said.set_reply_type(service.reply->GetTypeName());
+  if (service.feedback != nullptr) {
+    said.set_feedback_type(service.feedback->GetTypeName());
+  }
+  for (const std::string& client : service.clients) {
+    said.add_clients(client);
+  }
+  if (with_schemas) {
+    said.set_request_schema(record::descriptor_set_of(*service.request->GetDescriptor()));
+    said.set_reply_schema(record::descriptor_set_of(*service.reply->GetDescriptor()));
+  }
+}
+
+}  // namespace fastcycle::inspect

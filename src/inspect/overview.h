@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "host/application.h"
+#include "host/status.h"
+#include "inspect/inspect.pb.h"
+
+namespace fastcycle::inspect {
+
+/// A service as it was declared; constant once the application is built.
+struct KnownService {
+  std::string name;
+  std::string component;
+  const google::protobuf::Message* request = nullptr;
+  const google::protobuf::Message* reply = nullptr;
+  const google::protobuf::Message* feedback = nullptr;  ///< Null if it is no action.
+  std::vector<std::string> clients;
+};
+
+/// Those of an application that was built. Control thread.
+[[nodiscard]] std::vector<KnownService> find_services(const host::Application& application);
+
+void fill_application(const host::Application& application, protocol::Overview& overview);
+void fill_executors(const host::Application& application, protocol::Overview& overview);
+/// `news` is what each component said last of itself.
+void fill_components(const host::Application& application,
+                     const std::vector<host::ComponentNews>& news, protocol::Overview& overview);
+
+/// What stands still while one looks: the topics hold their places as long as the application is.
+struct SeenTopic {
+  const detail::Topic* topic = nullptr;
+  std::string type;
+  std::vector<const detail::PublisherCore*> publishers;
+  std::vector<const detail::Subscription*> subscriptions;
+};
+
+/// The topics as they are now; the application's lock is held only for this.
+[[nodiscard]] std::vector<SeenTopic> see_topics(const host::Application& application);
+void fill_topic(const SeenTopic& seen, protocol::Topic& topic);
+void fill_service(const KnownService& service, bool with_schemas, protocol::Service& said);
+
+}  // namespace fastcycle::inspect

@@ -1,0 +1,415 @@
+// What each request asks a server for.
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "base/clock.h"
+#include "config/nearest.h"
+#include "fastcycle/version.h"
+#include "host/component_core.h"
+#include "host/param_list.h"
+#include "inspect/frame.h"
+#include "inspect/refusal.h"
+#include "inspect/server.h"
+#include "mcap/topic_filter.h"
+#include "record/descriptor_set.h"
+
+namespace fastcycle::inspect {
+namespace {
+
+Refusal not_found(const std::string& kind, const std::string& name,
+                  const std::vector<std::string>& known) {
+  return {protocol::Error::KIND_NOT_FOUND, fmt::format("there is no {} \"{}\"", kind, name),
+          config::did_you_mean(config::nearest(name, known))};
+}
+
+const google::protobuf::Message* instance_of(const SeenTopic& seen) {
+  if (!seen.publishers.empty()) {
+    return &seen.publishers.front()->default_instance;
+  }
+  const auto* type =
+      google::protobuf::DescriptorPool::generated_pool()->FindMessageTypeByName(seen.type);
+  return type == nullptr
+             ? nullptr
+             : google::protobuf::MessageFactory::generated_factory()->GetPrototype(type);
+}
+
+protocol::Param to_message(const host::ListedParam& param) {
+  const auto text = [](const nlohmann::ordered_json& json) {
+    return json.is_null() ? std::string()
+                          : json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  };
+  protocol::Param said;
+  said.set_component(param.component);
+  said.set_name(param.name);
+  said.set_type(param.type);
+  said.set_unit(to_utf8(param.unit));
+  said.set_value_json(param.value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  said.set_min_json(text(param.min));
+  said.set_max_json(text(param.max));
+  if (param.has_fallback) {
+    said.set_default_json(
+        param.fallback.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  }
+  for (const std::string& name : param.names) {
+    said.add_names(to_utf8(name));
+  }
+  said.set_origin(param.origin);
+  if (!param.place.file.empty()) {
+    said.set_place(to_utf8(config::to_string(param.place)));
+  }
+  said.set_is_tunable(param.is_tunable);
+  said.set_description(to_utf8(param.description));
+  return said;
+}
+
+}  // namespace
+
+void Server::answer(Client& client, const protocol::Request& request) {
+  Connection& connection = *client.connection;
+  if (!connection.is_greeted) {
+    greet(client, request);
+    return;
+  }
+  protocol::Answer answer;
+  answer.set_id(request.id());
+  using What = protocol::Request::WhatCase;
+  switch (request.what_case()) {
+    case What::kOverview:
+      give_overview(request.overview(), answer);
+      break;
+    case What::kTopic:
+      give_topic(request.topic(), answer);
+      break;
+    case What::kParams:
+      give_params(request.params(), answer);
+      break;
+    case What::kChangeParams:
+      change_params(client, request.change_params(), answer);
+      break;
+    case What::kSwitchMode:
+      switch_mode(client, request.switch_mode(), answer);
+      break;
+    case What::kGraph:
+      answer.mutable_graph()->set_dot(graph_);
+      break;
+    case What::kDocument:
+      give_document(request.document(), answer);
+      break;
+    case What::kStream:
+      begin_stream(client, request);
+      return;
+    case What::kRecord:
+      begin_record(client, request);
+      return;
+    case What::kStreamLog:
+      begin_log(client, request);
+      return;
+    case What::kEndStream:
+      end_stream(client, request.end_stream().id());
+      return;
+    case What::kHello:
+      throw Refusal(protocol::Error::KIND_MALFORMED, "a connection has one hello");
+    default:
+      throw Refusal(protocol::Error::KIND_REFUSED,
+                    "this version of FastCycle cannot do what was asked for");
+  }
+  connection.put(answer);
+}
+
+void Server::greet(Client& client, const protocol::Request& request) {
+  if (!request.has_hello()) {
+    throw Refusal(protocol::Error::KIND_MALFORMED, "the first request has to be a hello");
+  }
+  if (request.hello().version() != kProtocolVersion) {
+    throw Refusal(protocol::Error::KIND_VERSION,
+                  fmt::format("the application speaks version {} of this protocol, the tool {}",
+                              kProtocolVersion, request.hello().version()),
+                  "use the tools that came with the application's FastCycle");
+  }
+  constexpr std::size_t kMaxName = 64;
+  client.connection->is_greeted = true;
+  client.connection->client = request.hello().client().substr(0, kMaxName);
+  protocol::Answer answer;
+  answer.set_id(request.id());
+  protocol::Welcome& welcome = *answer.mutable_welcome();
+  welcome.set_version(kProtocolVersion);
+  welcome.set_application(socket_->name());
+  welcome.set_pid(::getpid());
+  welcome.set_file(application_.description().file.string());
+  welcome.set_framework(FASTCYCLE_VERSION);
+  for (const std::string& word : allowed_words(description_)) {
+    welcome.add_allow(word);
+  }
+  for (const std::string& name : documents()) {
+    welcome.add_documents(name);
+  }
+  client.connection->put(answer);
+}
+
+void Server::give_overview(const protocol::GetOverview& request, protocol::Answer& answer) {
+  protocol::Overview& overview = *answer.mutable_overview();
+  overview.set_application(socket_->name());
+  overview.set_pid(::getpid());
+  fill_application(application_, overview);
+  fill_executors(application_, overview);
+  if (!request.without_components()) {
+    std::vector<host::ComponentNews> news;
+    {
+      const std::lock_guard lock(mutex_);
+      news = news_;
+    }
+    fill_components(application_, news, overview);
+  }
+  if (!request.without_topics()) {
+    for (const SeenTopic& seen : see_topics(application_)) {
+      protocol::Topic& topic = *overview.add_topics();
+      fill_topic(seen, topic);
+      topic.set_message_bytes(taps_.message_bytes(*seen.topic));
+    }
+    for (const KnownService& service : services_) {
+      fill_service(service, false, *overview.add_services());
+    }
+  }
+  overview.set_clients(clients_.size());
+  overview.set_clients_dropped(dropped_clients_);
+  for (const std::string& name : documents()) {
+    overview.add_documents(name);
+  }
+  for (const std::string& word : allowed_words(description_)) {
+    overview.add_allow(word);
+  }
+}
+
+void Server::give_topic(const protocol::GetTopic& request, protocol::Answer& answer) {
+  std::vector<std::string> known;
+  for (const SeenTopic& seen : see_topics(application_)) {
+    known.push_back(seen.topic->name);
+    if (seen.topic->name != request.topic()) {
+      continue;
+    }
+    protocol::Topic& topic = *answer.mutable_topic();
+    fill_topic(seen, topic);
+    topic.set_message_bytes(taps_.message_bytes(*seen.topic));
+    if (const auto* instance = instance_of(seen)) {
+      topic.set_schema(record::descriptor_set_of(*instance->GetDescriptor()));
+    }
+    return;
+  }
+  for (const KnownService& service : services_) {
+    known.push_back(service.name);
+    if (service.name == request.topic()) {
+      answer.mutable_topic()->set_name(service.name);
+      answer.mutable_topic()->set_is_service(true);
+      fill_service(service, true, *answer.mutable_topic()->mutable_service());
+      return;
+    }
+  }
+  throw not_found("topic", request.topic(), known);
+}
+
+void Server::give_params(const protocol::GetParams& request, protocol::Answer& answer) {
+  answer.mutable_params();
+  std::vector<std::string> known;
+  for (const auto& component : application_.components()) {
+    known.push_back(component->name);
+  }
+  if (!request.component().empty() &&
+      std::ranges::find(known, request.component()) == known.end()) {
+    throw not_found("component", request.component(), known);
+  }
+  for (const host::ListedParam& param : host::list_params(application_)) {
+    if (request.component().empty() || param.component == request.component()) {
+      *answer.mutable_params()->add_params() = to_message(param);
+    }
+  }
+}
+
+void Server::need(bool is_allowed, const char* word, const char* what) const {
+  if (!is_allowed) {
+    throw Refusal(protocol::Error::KIND_NOT_ALLOWED,
+                  fmt::format("this application does not let tools {}", what),
+                  fmt::format("run it with --inspect-allow {0}, or with \"inspect\": {{\"allow\": "
+                              "[\"{0}\"]}}",
+                              word),
+                  word);
+  }
+}
+
+void Server::note(const Client& client, std::string_view what) {
+  application_.log(LogLevel::kInfo, "inspect",
+                   to_utf8(fmt::format("process {} of user {} ({}) {}", client.connection->pid,
+                                       client.connection->uid, client.connection->client, what)));
+}
+
+void Server::change_params(Client& client, const protocol::ChangeParams& request,
+                           protocol::Answer& answer) {
+  need(description_.allows_params, "params", "change parameters");
+  std::vector<ParamChange> changes;
+  std::string what;
+  for (const protocol::ChangeParams::Change& change : request.changes()) {
+    changes.push_back({change.param(), change.value_json()});
+    what += (what.empty() ? "" : ", ") + change.param() + " to " + change.value_json();
+  }
+  const ParamsResult result = application_.change_params(changes);
+  protocol::ParamsChanged& said = *answer.mutable_params_changed();
+  for (const std::string& mistake : result.mistakes) {
+    said.add_mistakes(to_utf8(mistake));
+  }
+  note(client, result.has_changed() ? "set " + what : "could not set " + what);
+}
+
+void Server::switch_mode(Client& client, const protocol::SwitchMode& request,
+                         protocol::Answer& answer) {
+  need(description_.allows_lifecycle, "lifecycle", "switch modes");
+  std::vector<std::string> known;
+  for (const config::ModeDescription& mode : application_.description().modes) {
+    known.push_back(mode.name);
+  }
+  if (std::ranges::find(known, request.mode()) == known.end()) {
+    throw known.empty() ? Refusal(protocol::Error::KIND_NOT_FOUND, "this application has no modes")
+                        : not_found("mode", request.mode(), known);
+  }
+  note(client, fmt::format("asks for the mode \"{}\"", request.mode()));
+  application_.switch_mode(request.mode(), request.why());
+  answer.mutable_done()->set_text(fmt::format("the mode \"{}\" was asked for", request.mode()));
+}
+
+std::vector<std::string> Server::documents() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> names;
+  for (const auto& [name, make] : documents_) {
+    names.push_back(name);
+  }
+  return names;
+}
+
+void Server::give_document(const protocol::GetDocument& request, protocol::Answer& answer) {
+  std::function<std::string()> make;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = documents_.find(request.name());
+    if (found != documents_.end()) {
+      make = found->second;
+    }
+  }
+  if (!make) {
+    throw not_found("document", request.name(), documents());
+  }
+  answer.mutable_document()->set_name(request.name());
+  answer.mutable_document()->set_json(to_utf8(make()));
+}
+
+detail::Topic& Server::topic_of(const std::string& name) const {
+  std::vector<std::string> known;
+  for (const SeenTopic& seen : see_topics(application_)) {
+    known.push_back(seen.topic->name);
+    if (seen.topic->name == name) {
+      return const_cast<detail::Topic&>(*seen.topic);
+    }
+  }
+  throw not_found("topic", name, known);
+}
+
+void Server::open_stream(Client& client, std::unique_ptr<Stream> stream, protocol::Answer started) {
+  client.connection->put(started);
+  stream->open();
+  client.streams.push_back(std::move(stream));
+  next_look_ns_ = 0;
+}
+
+void Server::begin_stream(Client& client, const protocol::Request& request) {
+  constexpr double kMaxRateHz = 1e6;
+  const protocol::Stream& wanted = request.stream();
+  if (client.streams.size() + client.log_streams.size() >= kMaxStreams) {
+    throw Refusal(protocol::Error::KIND_TOO_MANY,
+                  fmt::format("a connection may have {} streams", kMaxStreams));
+  }
+  Stream::Options options;
+  options.content = wanted.content();
+  options.every = std::max(1U, wanted.every());
+  options.limit = wanted.limit();
+  options.with_size = wanted.with_size();
+  if (wanted.max_rate_hz() > 0) {
+    options.min_interval_ns =
+        static_cast<std::int64_t>(1e9 / std::clamp(wanted.max_rate_hz(), 1e-3, kMaxRateHz));
+  }
+  auto stream = std::make_unique<Stream>(request.id(), options, excerpts_);
+  protocol::Answer started;
+  started.set_id(request.id());
+  started.mutable_started();
+  detail::Topic& topic = topic_of(wanted.topic());
+  stream->add(taps_.get(topic), *started.mutable_started());
+  open_stream(client, std::move(stream), std::move(started));
+}
+
+void Server::begin_record(Client& client, const protocol::Request& request) {
+  const mcap::TopicFilter filter{
+      .topics = {request.record().topics().begin(), request.record().topics().end()},
+      .except = {request.record().except().begin(), request.record().except().end()}};
+  if (client.streams.size() + client.log_streams.size() >= kMaxStreams) {
+    throw Refusal(protocol::Error::KIND_TOO_MANY,
+                  fmt::format("a connection may have {} streams", kMaxStreams));
+  }
+  auto stream = std::make_unique<Stream>(
+      request.id(), Stream::Options{.content = protocol::Stream::CONTENT_FULL}, excerpts_);
+  protocol::Answer started;
+  started.set_id(request.id());
+  protocol::Started& said = *started.mutable_started();
+  for (const SeenTopic& seen : see_topics(application_)) {
+    if (!seen.publishers.empty() && filter.wants(seen.topic->name)) {
+      stream->add(taps_.get(const_cast<detail::Topic&>(*seen.topic)), said);
+    }
+  }
+  if (said.channels().empty()) {
+    throw Refusal(protocol::Error::KIND_NOT_FOUND, "there is no such topic that is published");
+  }
+  said.mutable_facts()->insert(explanation_.facts.begin(), explanation_.facts.end());
+  said.set_application_json(explanation_.application);
+  open_stream(client, std::move(stream), std::move(started));
+}
+
+void Server::begin_log(Client& client, const protocol::Request& request) {
+  if (client.streams.size() + client.log_streams.size() >= kMaxStreams) {
+    throw Refusal(protocol::Error::KIND_TOO_MANY,
+                  fmt::format("a connection may have {} streams", kMaxStreams));
+  }
+  Client::LogStream stream{.id = request.id(), .component = request.stream_log().component()};
+  const std::string& level = request.stream_log().level();
+  if (!level.empty()) {
+    bool is_known = false;
+    for (const LogLevel known :
+         {LogLevel::kDebug, LogLevel::kInfo, LogLevel::kWarning, LogLevel::kError}) {
+      if (level == to_word(known)) {
+        stream.level = known;
+        is_known = true;
+      }
+    }
+    if (!is_known) {
+      throw not_found("level", level, {"debug", "info", "warning", "error"});
+    }
+  }
+  protocol::Answer started;
+  started.set_id(request.id());
+  started.mutable_started();
+  client.connection->put(started);
+  client.log_streams.push_back(std::move(stream));
+  is_log_wanted_.store(true);
+}
+
+void Server::end_stream(Client& client, std::uint32_t id) {
+  const std::size_t before = client.streams.size() + client.log_streams.size();
+  std::erase_if(client.streams, [&](const auto& stream) { return stream->id == id; });
+  std::erase_if(client.log_streams, [&](const auto& stream) { return stream.id == id; });
+  if (client.streams.size() + client.log_streams.size() == before) {
+    return;  // It has ended already.
+  }
+  protocol::Answer answer;
+  answer.set_id(id);
+  answer.mutable_ended()->set_why("requested");
+  client.connection->put(answer);
+}
+
+}  // namespace fastcycle::inspect

@@ -1,0 +1,451 @@
+#include "inspect/server.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "host/graph.h"
+#include "inspect/frame.h"
+#include "inspect/refusal.h"
+
+namespace fastcycle::inspect {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::int64_t kLookNs = 20 * kMs;
+constexpr std::int64_t kComplaintNs = 1000 * kMs;  // At most one line of log in this time.
+constexpr std::int64_t kGreetingNs = 5000 * kMs;   // So long who connects may say nothing.
+constexpr std::int64_t kSlowNs = 10'000 * kMs;     // So long a client may read nothing.
+constexpr std::size_t kMaxGreetingBytes = 4096;
+constexpr std::size_t kMaxPlainBytes = std::size_t{64} << 10U;  // Where no messages may be sent.
+constexpr std::size_t kMaxLogLines = 1024;
+constexpr int kNice = 10;
+constexpr const char* kName = "inspect";
+
+}  // namespace
+
+std::vector<std::string> allowed_words(const config::InspectDescription& description) {
+  std::vector<std::string> words;
+  if (description.allows_params) {
+    words.emplace_back("params");
+  }
+  if (description.allows_publish) {
+    words.emplace_back("publish");
+  }
+  if (description.allows_lifecycle) {
+    words.emplace_back("lifecycle");
+  }
+  return words;
+}
+
+Server::Server(host::Application& application, config::InspectDescription description,
+               std::filesystem::path folder)
+    : application_(application),
+      description_(std::move(description)),
+      folder_(std::move(folder)),
+      taps_(application) {}
+
+Server::~Server() {
+  if (is_running_) {
+    is_stopping_.store(true);
+    wake();
+    thread_.join();
+  }
+  clients_.clear();
+  if (wake_ >= 0) {
+    ::close(wake_);
+  }
+}
+
+void Server::offer(std::string name, std::function<std::string()> make) {
+  const std::lock_guard lock(mutex_);
+  documents_[std::move(name)] = std::move(make);
+}
+
+std::filesystem::path Server::file() const {
+  return socket_ == nullptr ? std::filesystem::path() : socket_->file();
+}
+
+void Server::open(config::Problems& problems) {
+  try {
+    wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (wake_ < 0) {
+      throw std::runtime_error("no event descriptor can be made");
+    }
+    socket_ = std::make_unique<SocketFile>(folder_, application_.description().name);
+  } catch (const std::exception& error) {
+    problems.add(config::mistake(description_.place, std::string("inspect: ") + error.what()));
+    return;
+  }
+  taps_.provide();
+  services_ = find_services(application_);
+  graph_ = host::to_dot(application_);
+}
+
+void Server::start(const host::GuestView& view, std::vector<base::Refusal>& refusals) {
+  explanation_ = view.application.explanation();
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& component : view.application.components()) {
+      news_.push_back(host::news_of(*component));
+    }
+  }
+  application_.log_queue().set_listener(
+      [this](LogLevel level, std::string_view component, std::string_view text) {
+        if (!is_log_wanted_.load(std::memory_order_relaxed)) {
+          return;
+        }
+        {
+          const std::lock_guard lock(mutex_);
+          if (log_.size() == kMaxLogLines) {
+            log_.pop_front();
+            ++lost_log_;
+          }
+          log_.push_back({base::to_ns(application_.clock().now()), level, std::string(component),
+                          std::string(text)});
+        }
+        wake();
+      });
+  application_.log(LogLevel::kInfo, kName,
+                   fmt::format("tools may look at this run: {}", socket_->file().string()));
+  thread_ =
+      base::Thread(base::ThreadOptions{.name = kName, .cpus = {}}, [this] { serve(); }, refusals);
+  is_running_ = true;
+}
+
+void Server::changed(const host::ComponentNews& news) noexcept {
+  const std::lock_guard lock(mutex_);
+  if (news.component < news_.size()) {
+    news_[news.component] = news;
+  }
+}
+
+void Server::stop(const host::Application&) {
+  if (is_running_) {
+    application_.log_queue().set_listener({});
+    is_stopping_.store(true);
+    wake();
+    thread_.join();
+    is_running_ = false;
+  }
+  clients_.clear();
+  taps_.cut();
+  socket_.reset();
+}
+
+void Server::wake() noexcept {
+  const std::uint64_t one = 1;
+  static_cast<void>(!::write(wake_, &one, sizeof(one)));
+}
+
+// ------------------------------------------------------------------------------------ the thread
+
+void Server::serve() {
+  // Of this thread alone; lower is always allowed.
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), kNice);
+  while (!is_stopping_.load()) {
+    wait();
+    give_made();
+    give_log();
+    if (base::monotonic_ns() >= next_look_ns_ && taps_.is_used()) {
+      look();
+    }
+    forget_gone();
+  }
+  say_farewell();
+}
+
+bool Server::is_streaming() const {
+  return taps_.is_used();
+}
+
+void Server::wait() {
+  std::vector<pollfd> polled;
+  polled.push_back({.fd = wake_, .events = POLLIN, .revents = 0});
+  polled.push_back({.fd = socket_->descriptor(), .events = POLLIN, .revents = 0});
+  bool is_watching_time = false;
+  bool is_busy = false;
+  for (const auto& client : clients_) {
+    const Connection& connection = *client->connection;
+    short events = 0;
+    // Who does not read is not asked what else it wants.
+    if (connection.waiting() < Connection::kEnoughWaiting && !is_asking(*client)) {
+      events |= POLLIN;
+    }
+    is_busy |= is_asking(*client);
+    if (connection.waiting() > 0) {
+      events |= POLLOUT;
+    }
+    is_watching_time |= connection.waiting() > 0 || !connection.is_greeted;
+    polled.push_back({.fd = connection.descriptor(), .events = events, .revents = 0});
+  }
+  std::int64_t wait_ns = is_watching_time ? 500 * kMs : -1;
+  if (is_streaming()) {
+    wait_ns = std::max<std::int64_t>(next_look_ns_ - base::monotonic_ns(), 0);
+  }
+  wait_ns = is_busy ? 0 : wait_ns;
+  const int timeout = wait_ns < 0 ? -1 : static_cast<int>((wait_ns + kMs - 1) / kMs);
+  if (::poll(polled.data(), polled.size(), timeout) < 0) {
+    return;
+  }
+  if (polled[0].revents != 0) {
+    std::uint64_t count = 0;
+    static_cast<void>(!::read(wake_, &count, sizeof(count)));
+  }
+  const std::int64_t now_ns = base::monotonic_ns();
+  for (std::size_t i = 0; i + 2 < polled.size(); ++i) {
+    Client& client = *clients_[i];
+    const short events = polled[i + 2].revents;
+    if ((events & POLLIN) != 0) {
+      client.is_over = !client.connection->receive();
+    } else if ((events & (POLLHUP | POLLERR)) != 0) {
+      client.is_over = true;
+    }
+    serve(client);
+    write(client, now_ns);
+  }
+  if (polled[1].revents != 0) {
+    accept_all();
+  }
+}
+
+void Server::accept_all() {
+  constexpr int kAtOnce = 64;
+  for (int i = 0; i < kAtOnce; ++i) {
+    const int descriptor =
+        ::accept4(socket_->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    if (descriptor < 0) {
+      return;
+    }
+    accept_one(descriptor);
+  }
+}
+
+void Server::accept_one(int descriptor) {
+  ucred peer{};
+  socklen_t size = sizeof(peer);
+  if (::getsockopt(descriptor, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 ||
+      peer.uid != ::geteuid()) {
+    refuse(descriptor, protocol::Error::KIND_NOT_ALLOWED,
+           fmt::format("user {} may not look at an application of user {}", peer.uid, ::geteuid()));
+    return;
+  }
+  forget_gone();
+  if (clients_.size() >= kMaxConnections) {
+    refuse(descriptor, protocol::Error::KIND_TOO_MANY,
+           fmt::format("{} tools look at this application already", clients_.size()));
+    return;
+  }
+  clients_.push_back(std::make_unique<Client>(
+      std::make_unique<Connection>(descriptor, ++numbers_, peer.uid, peer.pid)));
+  clients_.back()->connection->came_ns = base::monotonic_ns();
+}
+
+void Server::refuse(int descriptor, protocol::Error::Kind kind, const std::string& text) {
+  Connection connection(descriptor, 0, 0, 0);
+  connection.put(error_answer(0, {kind, text}));
+  static_cast<void>(connection.write(0));
+  const std::int64_t now_ns = base::monotonic_ns();
+  if (now_ns >= next_complaint_ns_) {
+    next_complaint_ns_ = now_ns + kComplaintNs;
+    application_.log(LogLevel::kWarning, kName, "a connection was refused: " + text);
+  }
+}
+
+std::size_t Server::max_frame_of(const Client& client) const {
+  if (!client.connection->is_greeted) {
+    return kMaxGreetingBytes;
+  }
+  return description_.allows_publish ? kMaxRequestBytes : kMaxPlainBytes;
+}
+
+bool Server::is_asking(const Client& client) const {
+  return !client.is_over && client.connection->waiting() < Connection::kEnoughWaiting &&
+         client.connection->has_next(max_frame_of(client));
+}
+
+void Server::serve(Client& client) {
+  constexpr int kAtOnce = 64;  // Then it is the others' turn.
+  for (int i = 0; i < kAtOnce && is_asking(client); ++i) {
+    std::string wrong;
+    const auto frame = client.connection->next(max_frame_of(client), wrong);
+    if (!frame) {
+      client.connection->put(error_answer(0, {protocol::Error::KIND_MALFORMED, wrong}));
+    }
+    if (!frame || !take_frame(client, *frame)) {
+      static_cast<void>(client.connection->write(base::monotonic_ns()));
+      client.is_over = true;
+    }
+  }
+}
+
+bool Server::take_frame(Client& client, std::string_view frame) {
+  protocol::Request request;
+  const bool is_right = request.ParseFromArray(frame.data(), static_cast<int>(frame.size()));
+  if (!is_right || request.what_case() == protocol::Request::WHAT_NOT_SET || request.id() == 0) {
+    client.connection->put(error_answer(
+        request.id(), {protocol::Error::KIND_MALFORMED, "this is no request of a FastCycle tool"}));
+    return false;
+  }
+  try {
+    answer(client, request);
+  } catch (const Refusal& refusal) {
+    client.connection->put(error_answer(request.id(), refusal));
+    return refusal.goes_on();
+  } catch (const std::exception& error) {
+    client.connection->put(
+        error_answer(request.id(), {protocol::Error::KIND_REFUSED, error.what()}));
+  }
+  return true;
+}
+
+void Server::look() {
+  for (const auto& client : clients_) {
+    const std::size_t waiting = client->connection->waiting();
+    // Who reads slowly gets less, not later.
+    const std::size_t room =
+        waiting < Connection::kEnoughWaiting ? Connection::kMaxWaiting - waiting : 0;
+    for (const auto& stream : client->streams) {
+      stream->allow(room / client->streams.size());
+    }
+  }
+  taps_.look();
+  const std::int64_t now_ns = base::monotonic_ns();
+  for (const auto& client : clients_) {
+    for (const auto& stream : client->streams) {
+      protocol::Answer answer;
+      if (stream->collect(answer)) {
+        client->connection->put(answer);
+      }
+    }
+    write(*client, now_ns);
+  }
+  next_look_ns_ = now_ns + kLookNs;
+}
+
+void Server::give_log() {
+  std::deque<LogLine> lines;
+  std::uint64_t lost = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    lines.swap(log_);
+    lost = std::exchange(lost_log_, 0);
+  }
+  if (lines.empty() && lost == 0) {
+    return;
+  }
+  for (const auto& client : clients_) {
+    for (const Client::LogStream& stream : client->log_streams) {
+      protocol::Answer answer;
+      answer.set_id(stream.id);
+      for (const LogLine& line : lines) {
+        if (line.level < stream.level ||
+            (!stream.component.empty() && line.component != stream.component)) {
+          continue;
+        }
+        protocol::LogLine& said = *answer.mutable_log()->add_lines();
+        said.set_time_ns(line.time_ns);
+        said.set_level(to_word(line.level));
+        said.set_component(line.component);
+        said.set_text(to_utf8(line.text));
+      }
+      if (answer.has_log() || lost > 0) {
+        answer.mutable_log()->set_lost(lost);
+        client->connection->put(answer);
+      }
+    }
+  }
+}
+
+void Server::give_made() {
+  std::vector<Made> made;
+  {
+    const std::lock_guard lock(mutex_);
+    made.swap(made_);
+  }
+  for (const Made& one : made) {
+    const auto found = std::ranges::find_if(
+        clients_, [&](const auto& client) { return client->connection->number == one.connection; });
+    if (found != clients_.end()) {
+      (*found)->connection->put(one.answer);
+    }
+  }
+}
+
+void Server::write(Client& client, std::int64_t now_ns) {
+  Connection& connection = *client.connection;
+  if (!connection.write(now_ns)) {
+    client.is_over = true;
+  } else if (connection.waiting() > 2 * Connection::kMaxWaiting ||
+             (connection.stuck_since_ns() != 0 && now_ns - connection.stuck_since_ns() > kSlowNs)) {
+    drop(client, "it does not read");
+    ++dropped_clients_;
+  } else if (!connection.is_greeted && now_ns - connection.came_ns > kGreetingNs) {
+    drop(client, "it says nothing");
+  }
+}
+
+void Server::drop(Client& client, const std::string& why) {
+  if (client.is_over) {
+    return;
+  }
+  client.is_over = true;
+  const std::int64_t now_ns = base::monotonic_ns();
+  if (now_ns >= next_complaint_ns_) {
+    next_complaint_ns_ = now_ns + kComplaintNs;
+    application_.log(LogLevel::kWarning, kName,
+                     fmt::format("the connection of process {} {} was ended: {}",
+                                 client.connection->pid, client.connection->client, why));
+  }
+}
+
+void Server::forget_gone() {
+  std::erase_if(clients_, [](const auto& client) { return client->is_over; });
+  is_log_wanted_.store(std::ranges::any_of(
+      clients_, [](const auto& client) { return !client->log_streams.empty(); }));
+}
+
+void Server::say_farewell() {
+  constexpr std::int64_t kFarewellNs = 200 * kMs;
+  give_log();
+  for (const auto& client : clients_) {
+    const auto say = [&](std::uint32_t id) {
+      protocol::Answer answer;
+      answer.set_id(id);
+      answer.mutable_ended()->set_why("the application stops");
+      client->connection->put(answer);
+    };
+    for (const auto& stream : client->streams) {
+      say(stream->id);
+    }
+    for (const Client::LogStream& stream : client->log_streams) {
+      say(stream.id);
+    }
+  }
+  const std::int64_t end_ns = base::monotonic_ns() + kFarewellNs;
+  const auto is_waiting = [](const auto& client) {
+    return !client->is_over && client->connection->waiting() > 0;
+  };
+  for (;;) {
+    for (const auto& client : clients_) {
+      client->is_over = client->is_over || !client->connection->write(1);
+    }
+    if (std::ranges::none_of(clients_, is_waiting) || base::monotonic_ns() > end_ns) {
+      return;
+    }
+    ::poll(nullptr, 0, 1);
+  }
+}
+
+}  // namespace fastcycle::inspect

@@ -1,0 +1,166 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/thread.h"
+#include "config/description.h"
+#include "host/application.h"
+#include "host/guest.h"
+#include "host/status.h"
+#include "inspect/connection.h"
+#include "inspect/inspect.pb.h"
+#include "inspect/overview.h"
+#include "inspect/socket_file.h"
+#include "inspect/stream.h"
+#include "inspect/taps.h"
+
+namespace fastcycle::inspect {
+
+/// What the description of an application allows, in its words.
+[[nodiscard]] std::vector<std::string> allowed_words(const config::InspectDescription& description);
+
+/// Answers tools of the same user over a socket while an application runs.
+///
+///     Server server(application, description);
+///     application.add(server);
+///
+/// One thread of low priority does all of it. It reads counters and histograms, which need no lock,
+/// taps topics only while somebody looks at them, and waits for nobody: no component waits for it.
+///
+/// @threads  As `Guest`; `offer` is Safe. It has to live longer than the application.
+class Server final : public host::Guest {
+ public:
+  static constexpr std::size_t kMaxConnections = 32;
+  static constexpr std::size_t kMaxStreams = 64;  ///< Of one connection.
+
+  Server(host::Application& application, config::InspectDescription description,
+         std::filesystem::path folder = socket_folder());
+  ~Server() override;
+
+  /// `make` returns a JSON document that clients know as `name`. It is called on the server's
+  /// thread while the application runs.
+  void offer(std::string name, std::function<std::string()> make);
+
+  void open(config::Problems& problems) override;
+  void start(const host::GuestView& view, std::vector<base::Refusal>& refusals) override;
+  void changed(const host::ComponentNews& news) noexcept override;
+  [[nodiscard]] bool wants_changes() const override { return true; }
+  void stop(const host::Application& application) override;
+
+  /// Where it listens; empty before `open`.
+  [[nodiscard]] std::filesystem::path file() const;
+
+ private:
+  /// What is open of one client.
+  struct Client {
+    explicit Client(std::unique_ptr<Connection> its_connection)
+        : connection(std::move(its_connection)) {}
+    std::unique_ptr<Connection> connection;
+    std::vector<std::unique_ptr<Stream>> streams;
+    struct LogStream {
+      std::uint32_t id = 0;
+      LogLevel level = LogLevel::kDebug;
+      std::string component;
+    };
+    std::vector<LogStream> log_streams;
+    bool is_over = false;
+  };
+  struct LogLine {
+    std::int64_t time_ns;
+    LogLevel level;
+    std::string component;
+    std::string text;
+  };
+  /// An answer that somebody else's thread has made.
+  struct Made {
+    std::uint64_t connection;
+    protocol::Answer answer;
+  };
+
+  void serve();
+  void wait();
+  void accept_all();
+  void accept_one(int descriptor);
+  void refuse(int descriptor, protocol::Error::Kind kind, const std::string& text);
+  [[nodiscard]] std::size_t max_frame_of(const Client& client) const;
+  /// Whether what it sent already can be answered now.
+  [[nodiscard]] bool is_asking(const Client& client) const;
+  void serve(Client& client);
+  bool take_frame(Client& client, std::string_view frame);
+  void look();
+  void give_log();
+  void give_made();
+  void write(Client& client, std::int64_t now_ns);
+  void drop(Client& client, const std::string& why);
+  void forget_gone();
+  void say_farewell();
+  void wake() noexcept;
+  [[nodiscard]] bool is_streaming() const;
+
+  // What a request asks for.
+  void answer(Client& client, const protocol::Request& request);
+  void greet(Client& client, const protocol::Request& request);
+  void give_overview(const protocol::GetOverview& request, protocol::Answer& answer);
+  void give_topic(const protocol::GetTopic& request, protocol::Answer& answer);
+  void give_params(const protocol::GetParams& request, protocol::Answer& answer);
+  void change_params(Client& client, const protocol::ChangeParams& request,
+                     protocol::Answer& answer);
+  void switch_mode(Client& client, const protocol::SwitchMode& request, protocol::Answer& answer);
+  void give_document(const protocol::GetDocument& request, protocol::Answer& answer);
+  void begin_stream(Client& client, const protocol::Request& request);
+  void begin_record(Client& client, const protocol::Request& request);
+  void begin_log(Client& client, const protocol::Request& request);
+  void end_stream(Client& client, std::uint32_t id);
+  void open_stream(Client& client, std::unique_ptr<Stream> stream, protocol::Answer started);
+  void need(bool is_allowed, const char* word, const char* what) const;
+  [[nodiscard]] detail::Topic& topic_of(const std::string& name) const;
+  [[nodiscard]] std::vector<std::string> documents() const;
+  void note(const Client& client, std::string_view what);
+
+  host::Application& application_;
+  const config::InspectDescription description_;
+  const std::filesystem::path folder_;
+  std::unique_ptr<SocketFile> socket_;
+  int wake_ = -1;
+
+  // Constant once it serves.
+  std::vector<KnownService> services_;
+  std::string graph_;
+  record::Explanation explanation_;
+
+  // The server's thread.
+  Taps taps_;
+  Excerpts excerpts_;
+  std::vector<std::unique_ptr<Client>> clients_;
+  std::uint64_t numbers_ = 0;
+  std::uint64_t dropped_clients_ = 0;
+  std::int64_t next_look_ns_ = 0;
+  std::int64_t next_complaint_ns_ = 0;
+
+  // What others bring.
+  mutable detail::PriorityMutex mutex_;
+  std::vector<host::ComponentNews> news_;
+  std::map<std::string, std::function<std::string()>> documents_;
+  std::deque<LogLine> log_;
+  std::uint64_t lost_log_ = 0;
+  std::vector<Made> made_;
+
+  std::atomic<bool> is_log_wanted_{false};
+  std::atomic<bool> is_stopping_{false};
+  std::vector<base::Refusal> ignored_;
+  base::Thread thread_;
+  bool is_running_ = false;
+};
+
+}  // namespace fastcycle::inspect

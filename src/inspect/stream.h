@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "inspect/inspect.pb.h"
+#include "inspect/taps.h"
+
+namespace fastcycle::inspect {
+
+/// What was made of one message, for all streams that want the same of it.
+///
+/// @threads  Confined.
+class Excerpts {
+ public:
+  /// The message with its long fields cut to `limit` elements, bytes or letters; 0: 16 and 64.
+  const protocol::Message& elided(const detail::Envelope& envelope, std::uint32_t limit);
+  const protocol::Message& full(const detail::Envelope& envelope);
+
+ private:
+  struct Excerpt {
+    const google::protobuf::Message* payload = nullptr;
+    std::uint64_t sequence = 0;
+    std::uint32_t limit = 0;
+    protocol::Message message;
+  };
+
+  static bool is_of(const Excerpt& excerpt, const detail::Envelope& envelope);
+
+  Excerpt elided_;
+  Excerpt full_;
+  std::map<const google::protobuf::Descriptor*, std::unique_ptr<google::protobuf::Message>>
+      scratch_;
+};
+
+/// Messages of one or many topics on their way to one client.
+///
+/// @threads  Confined to the server's thread.
+class Stream final : public TapUser {
+ public:
+  /// What of each message is sent, and how often.
+  struct Options {
+    protocol::Stream::Content content = protocol::Stream::CONTENT_ELIDED;
+    std::uint32_t every = 1;
+    std::int64_t min_interval_ns = 0;
+    std::uint32_t limit = 0;
+    bool with_size = false;
+  };
+
+  Stream(std::uint32_t its_id, Options options, Excerpts& excerpts)
+      : id(its_id), options_(options), excerpts_(excerpts) {}
+  ~Stream() override;
+
+  /// Looks at `tap`'s topic too. Before it is opened.
+  void add(Tap& tap, protocol::Started& started);
+  /// From now on messages come.
+  void open();
+
+  void take(const detail::PublisherCore& publisher, const detail::Envelope& envelope) override;
+
+  /// Before each look: how many bytes may still wait for the client.
+  void allow(std::size_t bytes) noexcept { room_ = bytes; }
+  /// What came since the last call; false if there is nothing to say.
+  [[nodiscard]] bool collect(protocol::Answer& answer);
+
+  const std::uint32_t id;
+
+ private:
+  struct Channel {
+    std::uint32_t channel = 0;
+    std::uint64_t last = 0;   ///< Sequence of the last message that was seen.
+    std::uint64_t count = 0;  ///< Messages that were seen.
+    std::int64_t next_ns = 0;
+  };
+
+  const Options options_;
+  Excerpts& excerpts_;
+  std::vector<Tap*> taps_;
+  std::map<const detail::PublisherCore*, Channel> channels_;
+  std::map<std::string, std::uint32_t> schemas_;  ///< By type.
+  std::size_t room_ = 0;
+  protocol::Messages messages_;
+};
+
+}  // namespace fastcycle::inspect

@@ -1,0 +1,43 @@
+#include "inspect_options.h"
+
+namespace fastcycle::tool {
+
+void InspectOptions::add_to(CLI::App& line) {
+  line.add_flag("--inspect", is_asked, "Let your tools look at the run: fastcycle top, topic, ...");
+  line.add_option("--inspect-allow", allow,
+                  "And change it: params, publish, lifecycle (repeatable, or with commas)")
+      ->delimiter(',')
+      ->type_name("WORD");
+}
+
+std::string InspectOptions::find_wrong(const config::ApplicationDescription& application) const {
+  for (const std::string& word : allow) {
+    if (word != "params" && word != "publish" && word != "lifecycle") {
+      return "--inspect-allow wants params, publish or lifecycle, not \"" + word + "\"";
+    }
+  }
+  if (!allow.empty() && !is_asked && !application.inspect) {
+    return "--inspect-allow says what --inspect lets tools change, which is missing";
+  }
+  return {};
+}
+
+std::optional<config::InspectDescription> InspectOptions::describe(
+    const config::ApplicationDescription& application) const {
+  if (!is_asked && !application.inspect) {
+    return std::nullopt;
+  }
+  config::InspectDescription description =
+      application.inspect.value_or(config::InspectDescription{});
+  if (!application.inspect) {
+    description.place.file = "the command line";
+  }
+  for (const std::string& word : allow) {
+    description.allows_params |= word == "params";
+    description.allows_publish |= word == "publish";
+    description.allows_lifecycle |= word == "lifecycle";
+  }
+  return description;
+}
+
+}  // namespace fastcycle::tool
