@@ -681,6 +681,34 @@ TEST_F(Launcher, RunGoesOnWhereNothingCanBeRecorded) {
   EXPECT_EQ(run(strict), 1);
 }
 
+// ---- Traces ----
+
+TEST_F(Launcher, TraceIsWrittenForALiveAndForASimulatedRun) {
+  write_application({kCounter, kAdder});
+  for (const char* const clock : {"live", "simulated"}) {
+    const auto file = folder_ / (std::string(clock) + ".pftrace");
+    ASSERT_EQ(run({"--for", "100ms", "--clock", clock, "--trace", file.string()}), 0) << errors_;
+
+    const json trace = report()["trace"];
+    EXPECT_EQ(trace["file"], file.string());
+    EXPECT_EQ(trace["problem"], "");
+    EXPECT_EQ(trace["bytes"], std::filesystem::file_size(file));
+    EXPECT_GT(trace["slices"], 0);
+    EXPECT_GT(trace["flows"], 0);
+    EXPECT_EQ(trace["lost"], json({{"activations", 0}, {"events", 0}, {"notes", 0}}));
+    EXPECT_THAT(output_, HasSubstr("TRACED "));
+  }
+}
+
+TEST_F(Launcher, TraceThatCannotBeWrittenIsAMistake) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(run({"--trace", (folder_ / "missing/run.pftrace").string()}), 2);
+
+  EXPECT_THAT(errors_, HasSubstr("the trace cannot be written: "));
+  EXPECT_THAT(errors_, HasSubstr("missing/run.pftrace"));
+}
+
 // ---- The flight recorder ----
 
 constexpr const char* kFlightRecorder =

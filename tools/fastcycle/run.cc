@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "base/clock.h"
@@ -28,6 +29,7 @@
 #include "report_file.h"
 #include "stop_signals.h"
 #include "terminal_keys.h"
+#include "trace/tracer.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -46,6 +48,7 @@ struct RunOptions {
   RecordingOptions record;
   FlightOptions flight_recorder;
   InspectOptions inspect;
+  std::filesystem::path trace;
   ReplayingOptions replay;
   bool is_played = false;  ///< Simulated time at the pace of the wall, with keys.
   double play_rate = 1.0;
@@ -163,6 +166,37 @@ std::string to_text(const nlohmann::ordered_json& json) {
 }
 
 /// Builds and runs what was found to be right.
+/// What became of a trace, for the report.
+nlohmann::ordered_json json_of(const trace::TraceReport& trace) {
+  return {{"file", trace.file},
+          {"problem", trace.problem},
+          {"bytes", trace.bytes},
+          {"slices", trace.slices},
+          {"flows", trace.flows},
+          {"instants", trace.instants},
+          {"samples", trace.samples},
+          {"lost",
+           {{"activations", trace.activations_lost},
+            {"events", trace.events_lost},
+            {"notes", trace.notes_lost}}}};
+}
+
+/// The same for people.
+std::string text_of(const trace::TraceReport& trace) {
+  std::string text = fmt::format("\nTRACED {} activations, {} flows, {:.1f} MB, {}\n  {}\n",
+                                 trace.slices, trace.flows, static_cast<double>(trace.bytes) / 1e6,
+                                 trace.lost() == 0 ? "nothing lost" : "with losses", trace.file);
+  if (!trace.problem.empty()) {
+    text += "  not all could be written: " + trace.problem + "\n";
+  }
+  if (trace.lost() > 0) {
+    text += fmt::format(
+        "  lost: {} activations that came too fast, {} events without room, {} drops and faults\n",
+        trace.activations_lost, trace.events_lost, trace.notes_lost);
+  }
+  return text;
+}
+
 int run_application(const config::ApplicationDescription& description, const RunOptions& options,
                     const ReportFile& report_file) {
   ProgressLine progress(!options.is_quiet);
@@ -185,6 +219,10 @@ int run_application(const config::ApplicationDescription& description, const Run
   }
   host::WallPace pace(options.play_rate);
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
+  std::unique_ptr<trace::Tracer> tracer;
+  if (!options.trace.empty()) {
+    tracer = std::make_unique<trace::Tracer>(trace::TraceOptions{.file = options.trace});
+  }
   host::Application application(replay != nullptr ? replay->description() : description,
                                 clock_of(options));
   if (const auto asked = options.inspect.describe(description)) {
@@ -218,6 +256,9 @@ int run_application(const config::ApplicationDescription& description, const Run
   if (recording) {
     application.record(*recording);
   }
+  if (tracer != nullptr) {
+    application.add(*tracer);
+  }
   application.build(*classes, problems, host::ConstructorFault::kFault);
   if (problems.has_errors()) {
     static_cast<void>(may_start(problems, options.configuration.load.file.string()));
@@ -241,9 +282,15 @@ int run_application(const config::ApplicationDescription& description, const Run
   if (!failure.empty()) {
     report.end = failure;
   }
-  const std::string obstacle = report_file.write(to_text(host::to_json(report)));
+  nlohmann::ordered_json json = host::to_json(report);
+  std::string table = host::to_table(report);
+  if (tracer != nullptr) {
+    json["trace"] = json_of(tracer->report());
+    table += text_of(tracer->report());
+  }
+  const std::string obstacle = report_file.write(to_text(json));
   if (!options.is_quiet) {
-    std::fputs(host::to_table(report).c_str(), stdout);
+    std::fputs(table.c_str(), stdout);
     static_cast<void>(flush_output());  // It says why not; the run itself has not failed.
   }
   if (!obstacle.empty()) {
@@ -332,6 +379,9 @@ void add_options(CLI::App& line, RunOptions& options) {
                   "How much it holds: 256, unless the application says else")
       ->type_name("MB");
   options.inspect.add_to(line);
+  line.add_option("--trace", options.trace,
+                  "Write what the components do into this file, for ui.perfetto.dev")
+      ->type_name("FILE.pftrace");
   line.add_flag("--strict", options.is_strict,
                 "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
   line.add_flag("--quiet", options.is_quiet, "No progress line and no table");
@@ -358,6 +408,7 @@ Command add_run(CLI::App& program) {
                                     "data=drives/0042\n"
                                     "  fastcycle run app.json --record drive.mcap --record-topics "
                                     "'control/*'\n"
+                                    "  fastcycle run app.json --for 10s --trace drive.pftrace\n"
                                     "  fastcycle run app.json --replay drive.mcap --clock "
                                     "simulated\n") +
                         kEnds));

@@ -1,0 +1,111 @@
+#include "trace/trace_file.h"
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <system_error>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+namespace fastcycle::trace {
+
+TraceFile::TraceFile(std::filesystem::path file, std::uint64_t buffer_bytes)
+    : file_(std::move(file)), buffer_bytes_(buffer_bytes) {}
+
+TraceFile::~TraceFile() {
+  close();
+}
+
+void TraceFile::open() {
+  descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  if (descriptor_ < 0) {
+    throw std::system_error(errno, std::generic_category(), file_.string());
+  }
+}
+
+void TraceFile::start(std::vector<base::Refusal>& refusals) {
+  writing_ =
+      base::Thread({.name = "trace-write", .cpus = {}}, [this] { write_chunks(); }, refusals);
+  is_started_ = true;
+}
+
+bool TraceFile::append(std::string_view bytes, bool waits) {
+  std::unique_lock lock(mutex_);
+  const auto fits = [&] { return waiting_ + bytes.size() <= buffer_bytes_ || waiting_ == 0; };
+  if (waits) {
+    has_room_.wait(lock, [&] { return fits() || !problem_.empty(); });
+  }
+  if (!problem_.empty() || !fits()) {
+    return false;
+  }
+  if (chunks_.empty() || chunks_.back().size() + bytes.size() > kChunk) {
+    chunks_.emplace_back().reserve(kChunk);
+    changed_.notify_one();
+  }
+  chunks_.back().append(bytes);
+  waiting_ += bytes.size();
+  return true;
+}
+
+bool TraceFile::write(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t size = ::write(descriptor_, bytes.data(), bytes.size());
+    if (size < 0 && errno == EINTR) {
+      continue;
+    }
+    if (size < 0) {
+      return false;
+    }
+    bytes.remove_prefix(static_cast<std::size_t>(size));
+    written_ += static_cast<std::uint64_t>(size);
+  }
+  return true;
+}
+
+void TraceFile::write_chunks() {
+  using namespace std::chrono_literals;
+  // On Linux this is the calling thread alone.
+  static_cast<void>(setpriority(PRIO_PROCESS, 0, 19));
+  std::unique_lock lock(mutex_);
+  while (!is_closing_ || !chunks_.empty()) {
+    // A chunk that is being filled is written a little later.
+    changed_.wait_for(lock, 100ms, [this] { return is_closing_ || chunks_.size() > 1; });
+    if (chunks_.empty()) {
+      continue;
+    }
+    const std::string chunk = std::move(chunks_.front());
+    chunks_.pop_front();
+    lock.unlock();
+    const bool is_written = write(chunk);
+    const int error = errno;
+    lock.lock();
+    waiting_ -= chunk.size();
+    if (!is_written) {
+      problem_ = file_.string() + ": " + std::strerror(error);
+      chunks_.clear();
+      waiting_ = 0;
+    }
+    has_room_.notify_all();
+  }
+}
+
+void TraceFile::close() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_closing_ = true;
+    changed_.notify_all();
+  }
+  if (std::exchange(is_started_, false)) {
+    writing_.join();
+  }
+  if (descriptor_ >= 0) {
+    if (::close(std::exchange(descriptor_, -1)) != 0 && problem_.empty()) {
+      problem_ = file_.string() + ": " + std::strerror(errno);
+    }
+  }
+}
+
+}  // namespace fastcycle::trace

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/thread.h"
+
+namespace fastcycle::trace {
+
+/// A file that a thread of the lowest priority writes, behind a buffer of bounded size. It can be
+/// read by its owner alone.
+///
+/// @threads  `append` by one thread; all else by the control thread.
+class TraceFile {
+ public:
+  TraceFile(std::filesystem::path file, std::uint64_t buffer_bytes);
+  TraceFile(const TraceFile&) = delete;
+  TraceFile& operator=(const TraceFile&) = delete;
+  ~TraceFile();
+
+  /// Makes the file, or makes it empty.
+  ///
+  /// @errors  std::system_error
+  void open();
+  void start(std::vector<base::Refusal>& refusals);
+
+  /// Takes all of `bytes`, or none of it: false if there is no room, or the file cannot be written.
+  /// With `waits` it waits for room.
+  bool append(std::string_view bytes, bool waits);
+
+  /// Writes what waits, and closes the file.
+  void close();
+
+  [[nodiscard]] const std::filesystem::path& file() const noexcept { return file_; }
+  /// Bytes that stand in the file. When closed.
+  [[nodiscard]] std::uint64_t written() const noexcept { return written_; }
+  /// What went wrong; empty if nothing did. When closed.
+  [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
+
+ private:
+  static constexpr std::size_t kChunk = 64UL * 1024;
+
+  void write_chunks();
+  bool write(std::string_view bytes);
+
+  const std::filesystem::path file_;
+  const std::uint64_t buffer_bytes_;
+  int descriptor_ = -1;
+  base::Thread writing_;
+  bool is_started_ = false;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::condition_variable has_room_;
+  std::deque<std::string> chunks_;  ///< The last one is being filled.
+  std::uint64_t waiting_ = 0;       ///< Bytes in `chunks_`, and those that are being written.
+  bool is_closing_ = false;
+
+  std::uint64_t written_ = 0;  ///< The writing thread's, until it has ended.
+  std::string problem_;        ///< Under the mutex, until it has ended.
+};
+
+}  // namespace fastcycle::trace

@@ -1,0 +1,233 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <unordered_map>
+#include <vector>
+
+#include "base/clock.h"
+#include "base/thread.h"
+#include "broker/topics.h"
+#include "executor/activation_ring.h"
+#include "host/guest.h"
+#include "trace/packets.h"
+#include "trace/trace_file.h"
+
+namespace fastcycle::trace {
+
+/// Where a trace goes.
+struct TraceOptions {
+  std::filesystem::path file = {};          ///< What it held before is gone.
+  std::uint64_t buffer_bytes = 16'000'000;  ///< That may wait to be written.
+};
+
+/// What became of a trace.
+struct TraceReport {
+  std::string file = {};
+  std::string problem = {};  ///< Why not all was written; empty if nothing was in the way.
+  std::uint64_t bytes = 0;
+  std::uint64_t slices = 0;            ///< Activations.
+  std::uint64_t flows = 0;             ///< From publish to callback.
+  std::uint64_t instants = 0;          ///< Drops and faults.
+  std::uint64_t samples = 0;           ///< Of queues.
+  std::uint64_t activations_lost = 0;  ///< Written over before they were read.
+  std::uint64_t events_lost = 0;       ///< There was no room for them in the buffer.
+  std::uint64_t notes_lost = 0;        ///< Drops and faults that came too fast.
+
+  [[nodiscard]] std::uint64_t lost() const noexcept {
+    return activations_lost + events_lost + notes_lost;
+  }
+};
+
+/// Writes what an application does into a trace that Perfetto opens: a slice for each activation, a
+/// flow from each publish to the callback that it led to, queues as counters, drops and faults.
+///
+/// Live, one thread reads the activation rings every few milliseconds and another one writes the
+/// file: workers and publishers do nothing for it, except that an overflow leaves a note. What was
+/// written over before it was read, and what did not fit into the buffer, is counted, and said in
+/// the trace itself. A flow is written with the slice that it leads to or not at all, so each has
+/// both ends.
+///
+/// In simulated time nothing polls and nothing is lost: it is read after each round.
+///
+/// @threads  As `Guest`; `report` when stopped.
+class Tracer final : public host::Guest {
+ public:
+  static constexpr std::chrono::milliseconds kPoll{5};
+
+  explicit Tracer(TraceOptions options);
+  ~Tracer() override;
+
+  void open(config::Problems& problems) override;
+  void start(const host::GuestView& view, std::vector<base::Refusal>& refusals) override;
+  void round_ended(std::uint32_t step) override;
+  void faulted(std::string_view component, std::string_view what) noexcept override;
+  [[nodiscard]] bool wants_overflows() const override { return true; }
+  void overflowed(const detail::Subscription& subscription) noexcept override;
+  void stop(const host::Application& application) override;
+
+  [[nodiscard]] TraceReport report() const;
+
+ private:
+  /// An overflow on its way to the thread that reads. A bounded queue of many writers and one
+  /// reader: `turn` says whose place it is.
+  /// https://www.1024cores.net/home/lock-free-algorithms/queues/bounded-mpmc-queue
+  struct Note {
+    std::atomic<std::uint64_t> turn{0};
+    std::int64_t time_ns = 0;
+    const detail::Subscription* subscription = nullptr;
+  };
+  static constexpr std::size_t kNotes = 4096;
+
+  struct FaultNote {
+    std::int64_t time_ns = 0;
+    std::string component = {};
+    std::string what = {};
+  };
+  static constexpr std::size_t kFaultNotes = 64;
+
+  /// An activation that was read and is not written yet. Times are those of the trace.
+  struct Slice {
+    detail::ActivationRecord record = {};
+    std::int64_t begin_ns = 0;
+    std::int64_t end_ns = 0;
+    std::int64_t read_ns = 0;  ///< When it was read.
+  };
+  /// Where a flow begins.
+  struct FlowBegin {
+    std::uint64_t track = 0;
+    std::int64_t time_ns = 0;
+  };
+  enum class Found : std::uint8_t { kYes, kNo, kNotYet };
+
+  /// An activation in which something may have been published.
+  struct Past {
+    std::uint64_t number = 0;
+    std::uint64_t track = 0;
+    std::int64_t begin_ns = 0;
+    std::int64_t end_ns = 0;
+    std::int64_t time_ns = 0;  ///< The application's.
+    std::uint64_t batch = 0;   ///< When it was read.
+  };
+
+  struct Worker {
+    const detail::ActivationRing* ring = nullptr;
+    std::uint64_t next = 0;
+    std::uint64_t track = 0;
+    std::int64_t end_ns = 0;  ///< Of the last slice.
+    std::deque<Slice> slices = {};
+  };
+  struct ComponentState {
+    std::string name = {};
+    std::vector<std::string> timers = {};  ///< Names, by number.
+    std::uint64_t track = 0;               ///< In simulated time.
+    std::int64_t end_ns = 0;               ///< In simulated time: of the last slice.
+    std::deque<Past> past = {};
+  };
+  struct PublisherState {
+    std::string topic = {};
+    std::size_t component = 0;
+    std::uint64_t name = 0;            ///< Of the begin of a flow.
+    std::uint64_t external_track = 0;  ///< Where its flows begin, if it is in no activation.
+  };
+  struct Queue {
+    const detail::Subscription* subscription = nullptr;
+    std::vector<std::shared_ptr<detail::Lane>> lanes = {};
+    std::uint64_t track = 0;
+    std::uint64_t depth = 0;  ///< As written last.
+    std::uint64_t name_of_drop = 0;
+    detail::Ledger ledger = {};  ///< As written last.
+  };
+
+  void describe_tracks(const host::GuestView& view);
+  void describe_publishers(const detail::Topics& topics);
+  void poll();
+  void end_reading();
+  /// Reads and writes all that there is; with `is_last` nothing is waited for any more.
+  void take(bool is_last);
+  void read_rings();
+  void read_live(Worker& worker, const detail::ActivationRecord& record);
+  void write_simulated(Worker& worker, const detail::ActivationRecord& record);
+  void write_live(bool is_last);
+  void write_notes();
+  void write_faults();
+  void write_queues();
+  void write_ledgers();
+  void write_losses();
+  void find_queues();
+  void write_slice(const Slice& slice, std::uint64_t track, const std::optional<FlowBegin>& flow);
+  void write_instant(std::int64_t time_ns, std::uint64_t track, std::uint64_t name,
+                     std::span<const Annotation> annotations, std::string_view text = {});
+  /// Hands over what was made since; false if it is lost.
+  bool hand_over();
+  void remember(const detail::ActivationRecord& record, const Slice& slice, std::uint64_t track);
+  [[nodiscard]] Found find_live(const Slice& slice, FlowBegin& begin) const;
+  [[nodiscard]] std::optional<FlowBegin> find_simulated(
+      const detail::ActivationRecord& record) const;
+  [[nodiscard]] std::uint64_t name_of(const detail::ActivationRecord& record);
+  [[nodiscard]] std::uint64_t new_track(std::uint64_t parent, std::string name,
+                                        bool is_counter = false);
+  [[nodiscard]] std::int64_t now_ns() const;
+  [[nodiscard]] std::int64_t to_trace(std::int64_t time_ns) const;
+
+  const TraceOptions options_;
+  TraceFile file_;
+
+  // Constant once started.
+  const host::Application* application_ = nullptr;
+  const base::Clock* clock_ = nullptr;
+  bool is_started_ = false;
+  std::int64_t start_ns_ = 0;
+
+  // The thread that reads; in simulated time that of the simulation.
+  Packets packets_;
+  std::vector<Worker> workers_;
+  std::vector<ComponentState> components_;
+  std::unordered_map<PublisherId, PublisherState> publishers_;
+  std::vector<Queue> queues_;
+  std::unordered_map<const detail::Subscription*, std::size_t> queue_of_;
+  std::vector<detail::ActivationRecord> records_;
+  std::map<std::tuple<std::uint32_t, detail::Cause, std::uint64_t>, std::uint64_t> names_;
+  std::array<std::uint64_t, 12> categories_{};  ///< Names, by cause.
+  std::uint64_t next_track_ = 1;
+  std::uint64_t process_track_ = 0;
+  std::uint64_t drops_track_ = 0;
+  std::uint64_t faults_track_ = 0;
+  std::uint64_t losses_track_ = 0;
+  struct {
+    std::uint64_t number, sequence, waited, skipped, published, faulted, count, time, lost;
+  } words_{};
+  std::uint64_t batch_ = 0;
+  std::uint64_t lost_said_ = 0;
+  TraceReport counts_;
+
+  // From everywhere.
+  std::unique_ptr<std::array<Note, kNotes>> notes_;
+  std::atomic<std::uint64_t> next_note_{0};
+  std::uint64_t read_note_ = 0;
+  std::atomic<std::uint64_t> notes_lost_{0};
+  std::mutex fault_mutex_;
+  std::vector<FaultNote> faults_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool is_stopping_ = false;
+  base::Thread reading_;
+};
+
+}  // namespace fastcycle::trace
