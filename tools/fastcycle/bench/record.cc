@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -10,9 +11,11 @@
 #include <map>
 #include <optional>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <thread>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -34,6 +37,7 @@ namespace {
 
 constexpr double kMega = 1e6;
 constexpr const char* kWithout = "without";
+constexpr const char* kCopied = "floor-copy";
 constexpr const char* kRecorded = "recorded";
 
 std::runtime_error trouble_with(const std::filesystem::path& file) {
@@ -76,6 +80,18 @@ class RecordingFolder {
   std::string path_;
 };
 
+/// False if not all of `block` could be appended.
+bool append(int file, const std::vector<char>& block) {
+  for (std::size_t done = 0; done < block.size();) {
+    const ssize_t written = ::write(file, block.data() + done, block.size() - done);
+    if (written < 0 && errno != EINTR) {
+      return false;
+    }
+    done += static_cast<std::size_t>(std::max<ssize_t>(written, 0));
+  }
+  return true;
+}
+
 /// Memory of the process, in bytes: `VmRSS` or `VmHWM`; 0 if the system does not say.
 std::int64_t memory(std::string_view name) {
   std::ifstream status("/proc/self/status");
@@ -99,6 +115,42 @@ class PeakMemory {
 
  private:
   std::int64_t begin_;
+};
+
+/// Appends a block to a new file each interval, on a thread of its own that does nothing else: what
+/// the system alone takes for as many bytes as are published.
+class Copying {
+ public:
+  Copying(const std::filesystem::path& path, std::int64_t size, std::int64_t interval_us)
+      : block_(static_cast<std::size_t>(size)),
+        file_(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
+    if (file_ < 0) {
+      throw trouble_with(path);
+    }
+    measure::fill(block_.data(), block_.size(), 'x');
+    thread_ = std::jthread([this, interval_us](const std::stop_token& stop) {
+      for (std::int64_t due_ns = measure::now_ns(); !stop.stop_requested() && !has_failed_;
+           due_ns += interval_us * 1000) {
+        measure::sleep_until(due_ns);
+        has_failed_ = !append(file_, block_);
+      }
+    });
+  }
+  Copying(const Copying&) = delete;
+  Copying& operator=(const Copying&) = delete;
+  ~Copying() {
+    thread_.request_stop();
+    thread_.join();
+    ::close(file_);
+  }
+
+  [[nodiscard]] bool has_failed() const { return has_failed_; }
+
+ private:
+  std::vector<char> block_;
+  int file_;
+  std::atomic<bool> has_failed_{false};
+  std::jthread thread_;
 };
 
 void record_into(Json& application, const std::filesystem::path& file) {
@@ -155,20 +207,31 @@ Json record_application(const Options& options, std::int64_t size, const std::st
                      {its_source, its_sink});
 }
 
-Finding measure_record(Session& session, const std::string& wait, std::int64_t size,
-                       bool is_recorded) {
+Finding measure_record(Session& session, const std::string& what, const std::string& wait,
+                       std::int64_t size) {
   const Options& options = session.options();
+  const bool is_recorded = what == kRecorded;
   Json json = record_application(options, size, wait, session.folder());
-  std::optional<RecordingFolder> recording;
+  std::optional<RecordingFolder> folder;
+  if (what != kWithout) {
+    folder.emplace(options.record_folder, size * (options.count + options.warmup));
+  }
   if (is_recorded) {
-    recording.emplace(options.record_folder, size * (options.count + options.warmup));
-    record_into(json, recording->file());
+    record_into(json, folder->file());
   }
   const PeakMemory peak;
-  const Finished finished = session.run_application(json);
-  Finding finding{
-      .row = session.row(fmt::format("{}-{}", is_recorded ? kRecorded : kWithout, wait), size),
-      .samples = session.samples_of("sink")};
+  std::optional<Copying> copying;
+  RunHooks hooks;
+  if (what == kCopied) {
+    hooks.after_start = [&] { copying.emplace(folder->file(), size, options.interval_us); };
+  }
+  const Finished finished = session.run_application(json, hooks);
+  if (copying && copying->has_failed()) {
+    throw std::runtime_error("bench: " + folder->file().string() + " could not be written");
+  }
+  copying.reset();
+  Finding finding{.row = session.row(fmt::format("{}-{}", what, wait), size),
+                  .samples = session.samples_of("sink")};
   finding.row.more = fmt::format("\"peak_bytes\":{}", peak.bytes());
   measure_into(finding.row, finding.samples, finished.whole("source", "sent"),
                finished.usage("source"));
@@ -180,25 +243,27 @@ Finding measure_record(Session& session, const std::string& wait, std::int64_t s
   finding.row.more += "," + damaged_json(damaged);
   finding.trouble = damaged_trouble(damaged);
   if (is_recorded) {
-    add_recording(finding, finished.report.recording.value(), recording->file());
+    add_recording(finding, finished.report.recording.value(), folder->file());
   }
   return finding;
 }
 
-/// How the recorded run of a round stands beside the one without.
+/// How the other runs of a round stand beside the one without a recording.
 void add_ratios(std::vector<measure::Row>& rows) {
+  const auto wait_of = [](const measure::Row& row) {
+    return row.peer.substr(row.peer.rfind('-') + 1);
+  };
   std::map<std::pair<std::int64_t, std::string>, nlohmann::json> without;
   for (const measure::Row& row : rows) {
     if (row.peer.starts_with(kWithout)) {
-      without[{row.size, row.peer.substr(std::strlen(kWithout))}] =
-          nlohmann::json::parse(to_json(row));
+      without[{row.size, wait_of(row)}] = nlohmann::json::parse(to_json(row));
     }
   }
   for (measure::Row& row : rows) {
-    if (!row.peer.starts_with(kRecorded)) {
+    if (row.peer.starts_with(kWithout)) {
       continue;
     }
-    const auto found = without.find({row.size, row.peer.substr(std::strlen(kRecorded))});
+    const auto found = without.find({row.size, wait_of(row)});
     const nlohmann::json json = nlohmann::json::parse(to_json(row));
     for (const char* const key : {"p99_us", "publish_p99_us"}) {
       if (found != without.end() && found->second.at(key).get<double>() > 0) {
@@ -242,11 +307,7 @@ Finding measure_writes(const Session& session, std::int64_t size) {
   }
   bool is_written = true;
   for (std::int64_t i = 0; i < options.count && is_written && !session.is_stopped(); ++i) {
-    for (std::size_t done = 0; done < block.size() && is_written;) {
-      const ssize_t written = ::write(file, block.data() + done, block.size() - done);
-      is_written = written >= 0 || errno == EINTR;
-      done += static_cast<std::size_t>(std::max<ssize_t>(written, 0));
-    }
+    is_written = append(file, block);
   }
   is_written = is_written && ::fdatasync(file) == 0;
   const std::int64_t end_ns = measure::now_ns();
@@ -344,11 +405,10 @@ Mode record_mode(const Options& options, Session* session) {
   for (const std::int64_t size : options.sizes) {
     for (const std::string& wait : options.waits) {
       Point point;
-      for (const bool is_recorded : {false, true}) {
+      for (const char* const what : {kWithout, kCopied, kRecorded}) {
         point.steps.push_back(
-            {.peer = fmt::format("{}-{}", is_recorded ? kRecorded : kWithout, wait),
-             .measure = [session, wait, size, is_recorded] {
-               return measure_record(*session, wait, size, is_recorded);
+            {.peer = fmt::format("{}-{}", what, wait), .measure = [session, what, wait, size] {
+               return measure_record(*session, what, wait, size);
              }});
       }
       mode.points.push_back(std::move(point));
