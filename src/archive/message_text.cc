@@ -1,9 +1,12 @@
 #include "archive/message_text.h"
 
 #include <algorithm>
+#include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include <fmt/format.h>
 #include <google/protobuf/descriptor.h>
@@ -52,19 +55,39 @@ std::string_view first_of(std::string_view text, std::size_t bytes) {
   return text.substr(0, bytes);
 }
 
+/// What of each field is missing before anything is left out.
+using Cut = std::map<std::string, std::uint64_t, std::less<>>;
+
+Cut by_field(const std::vector<Elided>& cut) {
+  Cut result;
+  for (const Elided& elided : cut) {
+    result[elided.field] += elided.left_out;
+  }
+  return result;
+}
+
+std::uint64_t missing(const Cut& cut, const std::string& field) {
+  const auto found = cut.find(field);
+  return found == cut.end() ? 0 : found->second;
+}
+
+std::string path_to(const std::string& path, const Field& field) {
+  return path.empty() ? field.name() : path + "." + field.name();
+}
+
 /// Writes a message as text.
 class TextWriter {
  public:
-  explicit TextWriter(const TextLimits& limits) : limits_(limits) {}
+  TextWriter(const TextLimits& limits, Cut cut) : limits_(limits), cut_(std::move(cut)) {}
 
-  void write(const pb::Message& message, int indent) {
+  void write(const pb::Message& message, const std::string& path, int indent) {
     std::vector<const Field*> fields;
     message.GetReflection()->ListFields(message, &fields);
     for (const Field* field : fields) {
       if (field->is_repeated()) {
-        write_repeated(message, *field, indent);
+        write_repeated(message, *field, path_to(path, *field), indent);
       } else {
-        write_one(message, *field, -1, indent);
+        write_one(message, *field, -1, path_to(path, *field), indent);
       }
     }
   }
@@ -72,23 +95,26 @@ class TextWriter {
   std::string take() { return std::move(text_); }
 
  private:
-  void write_repeated(const pb::Message& message, const Field& field, int indent) {
+  void write_repeated(const pb::Message& message, const Field& field, const std::string& path,
+                      int indent) {
     const int size = message.GetReflection()->FieldSize(message, &field);
     const int shown =
         static_cast<int>(std::min<std::size_t>(limits_.elements, static_cast<std::size_t>(size)));
-    const auto left_out = static_cast<std::uint64_t>(size - shown);
+    const auto left_out = static_cast<std::uint64_t>(size - shown) + missing(cut_, path);
+    const auto place = [&](int i) { return fmt::format("{}[{}]", path, i); };
     if (field.cpp_type() == Field::CPPTYPE_MESSAGE) {
       for (int i = 0; i < shown; ++i) {
-        write_one(message, field, i, indent);
+        write_one(message, field, i, place(i), indent);
       }
       if (left_out > 0) {
         line(indent, fmt::format("{}: [{}]", field.name(), more(left_out)));
       }
       return;
     }
+    const bool is_text = field.cpp_type() == Field::CPPTYPE_STRING;
     std::string list;
     for (int i = 0; i < shown; ++i) {
-      list += (i == 0 ? "" : ", ") + value(message, field, i);
+      list += (i == 0 ? "" : ", ") + value(message, field, i, is_text ? place(i) : path);
     }
     if (left_out > 0) {
       list += (shown == 0 ? "" : ", ") + more(left_out);
@@ -96,29 +122,32 @@ class TextWriter {
     line(indent, fmt::format("{}: [{}]", field.name(), list));
   }
 
-  void write_one(const pb::Message& message, const Field& field, int index, int indent) {
+  void write_one(const pb::Message& message, const Field& field, int index, const std::string& path,
+                 int indent) {
     if (field.cpp_type() != Field::CPPTYPE_MESSAGE) {
-      line(indent, field.name() + ": " + value(message, field, index));
+      line(indent, field.name() + ": " + value(message, field, index, path));
       return;
     }
     line(indent, field.name() + " {");
-    write(message_in(message, field, index), indent + kIndent);
+    write(message_in(message, field, index), path, indent + kIndent);
     line(indent, "}");
   }
 
-  [[nodiscard]] std::string value(const pb::Message& message, const Field& field, int index) const {
+  [[nodiscard]] std::string value(const pb::Message& message, const Field& field, int index,
+                                  const std::string& path) const {
     if (field.cpp_type() != Field::CPPTYPE_STRING) {
       return scalar_text(message, field, index);
     }
     std::string memory;
     const std::string& text = text_in(message, field, index, memory);
+    const std::uint64_t cut = missing(cut_, path);
     if (field.type() == Field::TYPE_BYTES) {
-      return text.size() > limits_.bytes ? fmt::format("<{} bytes>", text.size())
-                                         : to_hex(mcap::bytes_of(text), limits_);
+      return text.size() > limits_.bytes || cut > 0 ? fmt::format("<{} bytes>", text.size() + cut)
+                                                    : to_hex(mcap::bytes_of(text), limits_);
     }
     const std::string_view shown = first_of(text, limits_.letters);
-    return "\"" + printable(shown) + "\"" +
-           (shown.size() < text.size() ? more(text.size() - shown.size()) : "");
+    const std::uint64_t left_out = text.size() - shown.size() + cut;
+    return "\"" + printable(shown) + "\"" + (left_out > 0 ? more(left_out) : "");
   }
 
   void line(int indent, const std::string& text) {
@@ -126,20 +155,21 @@ class TextWriter {
   }
 
   const TextLimits& limits_;
+  const Cut cut_;
   std::string text_;
 };
 
 /// Takes out of a message what is beyond the limits.
 class Elider {
  public:
-  Elider(const TextLimits& limits, std::vector<Elided>& elided)
-      : limits_(limits), elided_(elided) {}
+  Elider(const TextLimits& limits, Cut cut, std::vector<Elided>& elided)
+      : limits_(limits), cut_(std::move(cut)), elided_(elided) {}
 
   void shorten(pb::Message& message, const std::string& path) {
     std::vector<const Field*> fields;
     message.GetReflection()->ListFields(message, &fields);
     for (const Field* field : fields) {
-      const std::string name = path.empty() ? field->name() : path + "." + field->name();
+      const std::string name = path_to(path, *field);
       if (field->is_repeated()) {
         shorten_list(message, *field, name);
       } else {
@@ -157,8 +187,10 @@ class Elider {
     for (int i = size; i > most; --i) {
       reflection.RemoveLast(&message, &field);
     }
-    if (size > most) {
-      elided_.push_back({.field = name, .left_out = static_cast<std::uint64_t>(size - most)});
+    const std::uint64_t left_out =
+        static_cast<std::uint64_t>(std::max(size - most, 0)) + missing(cut_, name);
+    if (left_out > 0) {
+      elided_.push_back({.field = name, .left_out = left_out});
     }
     for (int i = 0; i < std::min(size, most); ++i) {
       shorten_one(message, field, i, fmt::format("{}[{}]", name, i));
@@ -179,11 +211,12 @@ class Elider {
     std::string memory;
     const std::string& text = text_in(message, field, index, memory);
     const bool is_bytes = field.type() == Field::TYPE_BYTES;
-    if (text.size() <= (is_bytes ? limits_.bytes : limits_.letters)) {
+    const std::uint64_t cut = missing(cut_, name);
+    if (text.size() <= (is_bytes ? limits_.bytes : limits_.letters) && cut == 0) {
       return;
     }
     std::string kept = is_bytes ? std::string() : std::string(first_of(text, limits_.letters));
-    elided_.push_back({.field = name, .left_out = text.size() - kept.size()});
+    elided_.push_back({.field = name, .left_out = text.size() - kept.size() + cut});
     if (index < 0) {
       reflection.SetString(&message, &field, std::move(kept));
     } else {
@@ -192,6 +225,7 @@ class Elider {
   }
 
   const TextLimits& limits_;
+  const Cut cut_;
   std::vector<Elided>& elided_;
 };
 
@@ -258,17 +292,19 @@ std::string scalar_text(const pb::Message& message, const Field& field, int inde
   throw std::logic_error("a message is no scalar");
 }
 
-std::string to_text(const pb::Message& message, const TextLimits& limits, int indent) {
-  TextWriter writer(limits);
-  writer.write(message, indent);
+std::string to_text(const pb::Message& message, const TextLimits& limits, int indent,
+                    const std::vector<Elided>& cut) {
+  TextWriter writer(limits, by_field(cut));
+  writer.write(message, "", indent);
   return writer.take();
 }
 
-MessageJson to_json(const pb::Message& message, const TextLimits& limits) {
+MessageJson to_json(const pb::Message& message, const TextLimits& limits,
+                    const std::vector<Elided>& cut) {
   MessageJson result;
   const std::unique_ptr<pb::Message> shortened(message.New());
   shortened->CopyFrom(message);
-  Elider(limits, result.elided).shorten(*shortened, "");
+  Elider(limits, by_field(cut), result.elided).shorten(*shortened, "");
   pb::util::JsonPrintOptions options;
   options.preserve_proto_field_names = true;
   const auto status = pb::util::MessageToJsonString(*shortened, &result.data, options);

@@ -34,19 +34,20 @@ struct TextLimits {
   [[nodiscard]] static TextLimits none();
 };
 
-/// A message as lines of text, each field that is set on one of its own, `indent` columns from the
-/// left.
-[[nodiscard]] std::string to_text(const google::protobuf::Message& message,
-                                  const TextLimits& limits = {}, int indent = 0);
-
 /// A field that is not shown whole.
 struct Elided {
   std::string field;           ///< `points[0].data`
   std::uint64_t left_out = 0;  ///< Elements, bytes or letters.
 };
 
+/// A message as lines of text, each field that is set on one of its own, `indent` columns from the
+/// left. `cut` is what of it is missing already: it counts as what is beyond the limits.
+[[nodiscard]] std::string to_text(const google::protobuf::Message& message,
+                                  const TextLimits& limits = {}, int indent = 0,
+                                  const std::vector<Elided>& cut = {});
+
 /// A message as protobuf's JSON, with the names of the schema. Of large fields, what is beyond the
-/// limits is missing; `elided` says of which.
+/// limits is missing; `elided` says of which, and of those that are `cut` already.
 ///
 /// @errors  `std::runtime_error` if it has no JSON, as a time stamp beyond the year 9999.
 struct MessageJson {
@@ -54,7 +55,8 @@ struct MessageJson {
   std::vector<Elided> elided;
 };
 [[nodiscard]] MessageJson to_json(const google::protobuf::Message& message,
-                                  const TextLimits& limits = {});
+                                  const TextLimits& limits = {},
+                                  const std::vector<Elided>& cut = {});
 
 /// Bytes as hexadecimal digits, at most `limits.bytes` of them: `0a1b… 2 more`.
 [[nodiscard]] std::string to_hex(mcap::Bytes bytes, const TextLimits& limits = {});

@@ -90,6 +90,25 @@ TEST_F(MessageText, JsonSaysWhatIsMissing) {
   EXPECT_EQ(json.elided[2].left_out, 5U);
 }
 
+TEST_F(MessageText, WhatIsCutAlreadyCountsAsLeftOut) {
+  const auto cut_message = message("image: 'ab' name: 'n' points { x: 1 } ranges: [7, 8]");
+  const std::vector<Elided> cut{{.field = "image", .left_out = 998},
+                                {.field = "name", .left_out = 4},
+                                {.field = "points", .left_out = 9},
+                                {.field = "ranges", .left_out = 100}};
+
+  EXPECT_EQ(to_text(*cut_message, {.elements = 1}, 0, cut),
+            "name: \"n\"… 4 more\n"
+            "points {\n  x: 1\n}\n"
+            "points: [… 9 more]\n"
+            "ranges: [7, … 101 more]\n"
+            "image: <1000 bytes>\n");
+  const MessageJson json = to_json(*cut_message, TextLimits::none(), cut);
+  ASSERT_EQ(json.elided.size(), 4U);
+  EXPECT_EQ(json.elided[3].field, "image");
+  EXPECT_EQ(json.elided[3].left_out, 1000U);
+}
+
 TEST(Printable, ControlsOfATerminalAreShownAsNumbers) {
   EXPECT_EQ(printable("a\x1b[31mä€\n\x7f"), "a\\x1b[31mä€\\x0a\\x7f");
   EXPECT_EQ(printable("\xc2\x9b"

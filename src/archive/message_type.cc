@@ -14,6 +14,7 @@
 #include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/dynamic_message.h>
 #include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/util/json_util.h>
 #include <google/protobuf/wire_format.h>
 
 #include "archive/utf8.h"
@@ -293,6 +294,16 @@ std::unique_ptr<pb::Message> MessageType::parse(mcap::Bytes data) const {
   std::unique_ptr<pb::Message> message(factory_->GetPrototype(descriptor_)->New());
   if (!message->ParsePartialFromArray(data.data(), size_of(data))) {
     throw std::runtime_error("bytes that are no " + descriptor_->full_name());
+  }
+  return message;
+}
+
+std::unique_ptr<pb::Message> MessageType::parse_json(std::string_view json) const {
+  std::unique_ptr<pb::Message> message(factory_->GetPrototype(descriptor_)->New());
+  const auto status =
+      pb::util::JsonStringToMessage(pb::StringPiece(json.data(), json.size()), message.get());
+  if (!status.ok()) {
+    throw std::runtime_error(std::string(status.message()));
   }
   return message;
 }

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "mcap/records.h"
 
@@ -42,6 +43,12 @@ class MessageType {
   ///
   /// @errors  `std::runtime_error` with what `find_wrong` says.
   [[nodiscard]] std::unique_ptr<google::protobuf::Message> parse(mcap::Bytes data) const;
+
+  /// The message that protobuf's JSON says, valid as long as this.
+  ///
+  /// @errors  `std::runtime_error` with what is wrong: no JSON, a field that there is not, a value
+  ///          of another kind.
+  [[nodiscard]] std::unique_ptr<google::protobuf::Message> parse_json(std::string_view json) const;
 
  private:
   std::unique_ptr<google::protobuf::DescriptorPool> pool_;

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include <CLI/App.hpp>
 
@@ -16,10 +17,12 @@ enum ExitCode : int {
   kEndedAtOnce = 130,  ///< Ctrl-C for the second time.
 };
 
-/// One word of the command line: what it accepts, and what it does once that was read.
+/// One word of the command line: what it accepts, and what it does once that was read; or that one
+/// of further words has to follow.
 struct Command {
   CLI::App* line = nullptr;
-  std::function<int()> run;
+  std::function<int()> run = {};
+  std::vector<Command> words = {};
 };
 
 // Each in a file of its own.
@@ -41,6 +44,16 @@ Command add_split(CLI::App& program);
 Command add_recover(CLI::App& program);
 Command add_doctor(CLI::App& program);
 Command add_version(CLI::App& program);
+
+// On a running application.
+Command add_list(CLI::App& program);
+Command add_topic(CLI::App& program);
+Command add_component(CLI::App& program);
+Command add_param(CLI::App& program);
+Command add_service(CLI::App& program);
+Command add_mode(CLI::App& program);
+Command add_log(CLI::App& program);
+Command add_chain(CLI::App& program);
 
 /// The examples at the end of a command's help.
 [[nodiscard]] std::string examples(const std::string& lines);

@@ -13,6 +13,9 @@
 
 #include "command.h"
 #include "configuration.h"
+#include "duration.h"
+#include "live/graph.h"
+#include "live/session.h"
 #include "report_file.h"
 
 namespace fastcycle::tool {
@@ -21,6 +24,9 @@ namespace {
 struct GraphOptions {
   Configuration configuration;
   std::filesystem::path output;
+  bool is_live = false;
+  live::Target target;
+  std::string span = "1s";
 };
 
 /// `dot -Tsvg -o output input`. Returns why that failed, or nothing.
@@ -72,13 +78,19 @@ int write_graph(const std::string& dot, const std::filesystem::path& output) {
   return kDone;
 }
 
-int graph(const GraphOptions& options) {
+int graph(const GraphOptions& options, const CLI::App& line) {
   const std::filesystem::path extension = options.output.extension();
   if (!options.output.empty() && extension != ".svg" && extension != ".dot") {
     std::fprintf(stderr, "fastcycle graph: -o wants a name that ends in .svg or .dot, not %s\n",
                  options.output.c_str());
     return kWrong;
   }
+  if (options.is_live) {
+    live::require_live_only(line, {"app", "output", "over"});
+    return write_graph(live::graph_of(options.target, *parse_duration(options.span)),
+                       options.output);
+  }
+  live::require_file(line);
   const std::unique_ptr<host::Application> application = options.configuration.make_unstarted();
   if (!application) {
     return kWrong;
@@ -93,13 +105,27 @@ Command add_graph(CLI::App& program) {
       program.add_subcommand("graph", "Draw the components and topics of an application");
   line->footer(
       examples("  fastcycle graph app.json -o app.svg\n"
-               "  fastcycle graph app.json | dot -Tpng -o app.png\n"));
+               "  fastcycle graph app.json | dot -Tpng -o app.png\n"
+               "  fastcycle graph --live -o now.svg\n"
+               "\n"
+               "--live draws an application that runs with --inspect, with its rates, latencies\n"
+               "and losses.\n"));
   const auto options = std::make_shared<GraphOptions>();
   options->configuration.add_to(*line);
   line->add_option("-o,--output", options->output,
                    "Where to: FILE.svg (needs Graphviz) or FILE.dot; else DOT to standard output")
       ->type_name("FILE");
-  return {line, [options] { return graph(*options); }};
+  line->get_option("application")->required(false);  // Not with --live.
+  line->add_flag("--live", options->is_live, "Draw an application that runs, with numbers");
+  options->target.add_application_to(*line);
+  line->add_option("--over", options->span, "With --live: rates are those of so long (1s)")
+      ->check([](const std::string& text) {
+        return parse_duration(text) ? "" : "wants a time above zero with its unit, as 500ms or 10s";
+      })
+      ->type_name("TIME");
+  return {line, [line, options] {
+            return live::guarded("graph", [&] { return graph(*options, *line); });
+          }};
 }
 
 }  // namespace fastcycle::tool

@@ -40,8 +40,13 @@ constexpr const char* kExitCodes =
     "  3    a log is not in order, or not all of it could be saved\n"
     "  130  ended at once by a second Ctrl-C\n";
 
+/// " topic echo": the words that lead to `line`.
+std::string words_of(const CLI::App& line) {
+  return line.get_parent() == nullptr ? "" : words_of(*line.get_parent()) + " " + line.get_name();
+}
+
 int print_wrong(const std::string& sentence, const CLI::App& line) {
-  const std::string command = line.get_parent() == nullptr ? "" : " " + line.get_name();
+  const std::string command = words_of(line);
   std::fprintf(stderr, "fastcycle%s: %s\n  fastcycle%s --help says more\n", command.c_str(),
                sentence.c_str(), command.c_str());
   return kWrong;
@@ -75,7 +80,7 @@ std::string missing_word(const CLI::App& line, const CLI::RequiredError& error) 
   return sentence + (option == nullptr ? "" : ": " + option->get_description());
 }
 
-/// A first word that is no command; empty if it is one, or an option.
+/// A word that is none of `commands`; empty if it is one, or an option.
 std::string unknown_command(const std::vector<Command>& commands, const std::string& word) {
   std::vector<std::string> names;
   for (const Command& command : commands) {
@@ -88,35 +93,72 @@ std::string unknown_command(const std::vector<Command>& commands, const std::str
   return "there is no command \"" + word + "\"" + (hint.empty() ? "" : "; " + hint);
 }
 
+const Command* find(const std::vector<Command>& commands, const std::string& word) {
+  const auto found = std::ranges::find_if(
+      commands, [&](const Command& command) { return command.line->get_name() == word; });
+  return found == commands.end() ? nullptr : &*found;
+}
+
+/// Prints what there is to choose from, where nothing was chosen.
+int print_choice(const CLI::App& line) {
+  std::fputs(line.help().c_str(), stderr);
+  return kWrong;
+}
+
+/// Follows the words that are commands, from `position` on. Null if they lead to none, with the
+/// exit code; of a group that is asked for help, the group itself.
+const Command* follow(const std::vector<Command>& commands, const CLI::App& line,
+                      const std::vector<std::string>& words, std::size_t position, int& exit_code) {
+  if (position >= words.size()) {
+    exit_code = print_choice(line);
+    return nullptr;
+  }
+  const std::string& word = words[position];
+  if (const std::string wrong = unknown_command(commands, word); !wrong.empty()) {
+    exit_code = print_wrong(wrong, line);
+    return nullptr;
+  }
+  const Command* const command = find(commands, word);
+  if (command == nullptr || command->words.empty()) {
+    return command;
+  }
+  if (position + 1 < words.size() && words[position + 1].starts_with('-')) {
+    return command;  // Its help, or an option that comes too early.
+  }
+  return follow(command->words, *command->line, words, position + 1, exit_code);
+}
+
+std::vector<Command> add_commands(CLI::App& program) {
+  return {add_run(program),     add_record(program), add_play(program),      add_check(program),
+          add_graph(program),   add_params(program), add_bench(program),     add_info(program),
+          add_echo(program),    add_export(program), add_convert(program),   add_filter(program),
+          add_merge(program),   add_split(program),  add_recover(program),   add_doctor(program),
+          add_list(program),    add_topic(program),  add_component(program), add_param(program),
+          add_service(program), add_mode(program),   add_log(program),       add_chain(program),
+          add_top(program),     add_version(program)};
+}
+
 int run_program(int argument_count, char** arguments) {
   CLI::App program("FastCycle: components of automated driving in one process.", "fastcycle");
   program.set_version_flag("--version", "fastcycle " FASTCYCLE_VERSION);
   program.set_help_flag("-h,--help", "Show this and exit");
   program.footer(kExitCodes);
   program.get_formatter()->column_width(28);
-  const std::vector<Command> commands = {
-      add_run(program),    add_record(program), add_play(program),   add_check(program),
-      add_graph(program),  add_top(program),    add_params(program), add_bench(program),
-      add_info(program),   add_echo(program),   add_export(program), add_convert(program),
-      add_filter(program), add_merge(program),  add_split(program),  add_recover(program),
-      add_doctor(program), add_version(program)};
-  if (argument_count < 2) {
-    std::fputs(program.help().c_str(), stderr);
-    return kWrong;
-  }
-  if (argument_count == 2 && std::string_view(arguments[1]) == "help") {
+  program.require_subcommand(0, 1);  // What follows a command is no command.
+  const std::vector<Command> commands = add_commands(program);
+  const std::vector<std::string> words(arguments + 1, arguments + argument_count);
+  if (words == std::vector<std::string>{"help"}) {
     std::fputs(program.help().c_str(), stdout);
     return kDone;
   }
-  if (const std::string wrong = unknown_command(commands, arguments[1]); !wrong.empty()) {
-    return print_wrong(wrong, program);
+  int exit_code = kDone;
+  const Command* const command = follow(commands, program, words, 0, exit_code);
+  if (exit_code != kDone) {
+    return exit_code;
   }
-  const CLI::App* line = &program;
-  for (const Command& command : commands) {
-    if (command.line->get_name() == arguments[1]) {
-      line = command.line;
-      command.line->allow_extras();
-    }
+  CLI::App* const line = command == nullptr ? &program : command->line;
+  if (command != nullptr) {
+    line->allow_extras();
   }
   try {
     program.parse(argument_count, arguments);
@@ -130,12 +172,10 @@ int run_program(int argument_count, char** arguments) {
   if (line->remaining_size() > 0) {
     return print_wrong(unknown_words(*line), *line);
   }
-  for (const Command& command : commands) {
-    if (command.line->parsed()) {
-      return command.run();
-    }
+  if (command == nullptr || !command->run) {
+    return print_wrong("a command is missing", *line);
   }
-  return print_wrong("a command is missing", program);
+  return command->run();
 }
 
 /// Gives the numbers of standard streams that the caller has closed to something harmless: a file

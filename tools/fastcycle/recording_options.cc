@@ -19,7 +19,8 @@ std::optional<config::Compression> find_compression(const std::string& word) {
   return std::nullopt;
 }
 
-/// A name that no run at another second has.
+}  // namespace
+
 std::filesystem::path name_by_time(const std::string& application) {
   const std::time_t now = std::time(nullptr);
   std::tm utc{};
@@ -28,8 +29,6 @@ std::filesystem::path name_by_time(const std::string& application) {
   std::strftime(text.data(), text.size(), "_%Y-%m-%d_%H-%M-%S", &utc);
   return application + text.data() + ".mcap";
 }
-
-}  // namespace
 
 bool RecordingOptions::say_how() const {
   return !topics.empty() || !except.empty() || !compression.empty() || split_mb || split_s;

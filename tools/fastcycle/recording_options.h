@@ -29,4 +29,7 @@ struct RecordingOptions {
       const config::ApplicationDescription& application) const;
 };
 
+/// `NAME_DATE_TIME.mcap`: a name that no run at another second has.
+[[nodiscard]] std::filesystem::path name_by_time(const std::string& application);
+
 }  // namespace fastcycle::tool

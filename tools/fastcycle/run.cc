@@ -23,6 +23,7 @@
 #include "host/report.h"
 #include "inspect/server.h"
 #include "inspect_options.h"
+#include "live/record.h"
 #include "progress_line.h"
 #include "recording_options.h"
 #include "replaying_options.h"
@@ -468,12 +469,15 @@ Command add_record(CLI::App& program) {
   CLI::App* line =
       program.add_subcommand("record", "Run an application, and record it into an MCAP file");
   line->footer(examples(
-      std::string("  fastcycle record app.json\n"
-                  "  fastcycle record app.json -o drive.mcap --for 10min\n"
-                  "  fastcycle record app.json --except 'camera/**' --compression zstd\n"
-                  "  fastcycle record app.json -o drive.mcap --split-mb 1000 --split-s 60\n"
-                  "\n"
-                  "A name that is taken is left alone, and the next number tried.\n") +
+      std::string(
+          "  fastcycle record app.json\n"
+          "  fastcycle record app.json -o drive.mcap --for 10min\n"
+          "  fastcycle record app.json --except 'camera/**' --compression zstd\n"
+          "  fastcycle record app.json -o drive.mcap --split-mb 1000 --split-s 60\n"
+          "  fastcycle record --live -o now.mcap --topics 'control/**' --for 10s\n"
+          "\n"
+          "A name that is taken is left alone, and the next number tried. --live records an\n"
+          "application that runs with --inspect, from outside.\n") +
       kEnds));
   const auto options = std::make_shared<RunOptions>();
   options->command = "record";
@@ -494,7 +498,25 @@ Command add_record(CLI::App& program) {
       ->type_name("MB");
   line->add_option("--split-s", record.split_s, "A new file after this many seconds")
       ->type_name("S");
-  return {line, [options] { return run(*options); }};
+  line->get_option("application")->required(false);  // Not with --live: see below.
+  const auto is_live = std::make_shared<bool>(false);
+  const auto target = std::make_shared<live::Target>();
+  line->add_flag("--live", *is_live, "Record an application that runs, from outside");
+  target->add_application_to(*line);
+  return {line, [line, options, is_live, target] {
+            return live::guarded("record", [&] {
+              if (!*is_live) {
+                live::require_file(*line);
+                return run(*options);
+              }
+              live::require_live_only(
+                  *line, {"app", "output", "topics", "except", "compression", "for", "quiet"});
+              return live::record({.target = *target,
+                                   .record = options->record,
+                                   .duration = options->limit,
+                                   .is_quiet = options->is_quiet});
+            });
+          }};
 }
 
 }  // namespace fastcycle::tool

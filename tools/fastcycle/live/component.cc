@@ -1,0 +1,219 @@
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "command.h"
+#include "live/session.h"
+#include "live/text.h"
+
+namespace fastcycle::tool {
+namespace live {
+namespace {
+
+struct ComponentOptions {
+  Target target;
+  std::string component;
+};
+
+std::string health_text(const protocol::Component& component) {
+  return component.health() + (component.health_reason().empty() ? "" : ": ") +
+         component.health_reason();
+}
+
+std::string span_or_none(const protocol::Histogram& histogram, double ns) {
+  return histogram.count() == 0 ? "-" : span_text(ns);
+}
+
+/// How much of one CPU its callbacks took, since the start.
+std::string cpu_text(const protocol::Component& component, const protocol::Overview& overview) {
+  const std::uint64_t ns = uptime_ns(overview);
+  return ns == 0 || overview.clock() != "live"
+             ? "-"
+             : fmt::format("{:.1f} %", 100.0 * static_cast<double>(component.busy_ns()) /
+                                           static_cast<double>(ns));
+}
+
+int list(const Target& target) {
+  Session session(target, "component list");
+  const protocol::Overview overview = session.overview();
+  std::vector<std::vector<std::string>> rows{{"component", "state", "executor", "activations",
+                                              "CPU", "p50", "p99", "max", "queued", "faults",
+                                              "health"}};
+  Json json = Json::array();
+  for (const protocol::Component& component : overview.components()) {
+    const protocol::Histogram& callback = component.callback();
+    rows.push_back(
+        {component.name(), component.state(),
+         component.executor().empty() ? "-" : component.executor(),
+         fmt::format("{}", component.activations()), cpu_text(component, overview),
+         span_or_none(callback, callback.p50_ns()), span_or_none(callback, callback.p99_ns()),
+         span_or_none(callback, callback.max_ns()), fmt::format("{}", component.queued()),
+         fmt::format("{}", component.faults()), health_text(component)});
+    json.push_back(json_of(component));
+  }
+  return target.is_json ? print_json(json) : print_text(table_text(rows));
+}
+
+// ---- One component ----
+
+void add_histogram(std::vector<std::vector<std::string>>& rows, const std::string& name,
+                   const protocol::Histogram& histogram) {
+  if (histogram.count() > 0) {
+    rows.push_back(
+        {name, fmt::format("p50 {}, p99 {}, p99.9 {}, max {} of {}", span_text(histogram.p50_ns()),
+                           span_text(histogram.p99_ns()), span_text(histogram.p999_ns()),
+                           span_text(histogram.max_ns()), histogram.count())});
+  }
+}
+
+/// What it publishes, and what it hears.
+std::string topics_text(const protocol::Overview& overview, const std::string& component) {
+  std::vector<std::vector<std::string>> published;
+  std::vector<std::vector<std::string>> heard;
+  for (const protocol::Topic& topic : overview.topics()) {
+    for (const protocol::Publisher& publisher : topic.publishers()) {
+      if (publisher.component() == component) {
+        published.push_back(
+            {topic.name(), topic.type(), count_text(publisher.published(), "message")});
+      }
+    }
+    for (const protocol::Subscriber& subscriber : topic.subscribers()) {
+      if (subscriber.component() == component) {
+        heard.push_back({topic.name(), topic.type(),
+                         fmt::format("{} delivered", subscriber.ledger().delivered()),
+                         fmt::format("{} queued", subscriber.ledger().queued()),
+                         fmt::format("{} dropped", subscriber.ledger().dropped())});
+      }
+    }
+  }
+  return (published.empty() ? "\nIt publishes nothing.\n"
+                            : "\npublishes\n" + table_text(published, "  ")) +
+         (heard.empty() ? "\nIt subscribes to nothing.\n" : "\nhears\n" + table_text(heard, "  "));
+}
+
+std::string info_text(const protocol::Component& component, const protocol::Overview& overview) {
+  std::vector<std::vector<std::string>> rows{
+      {"component", component.name()},
+      {"class", component.class_name().empty()
+                    ? component.library()
+                    : component.class_name() + " of " + component.library()},
+      {"executor", component.executor().empty() ? "-" : component.executor()},
+      {"state", component.state()},
+      {"health", health_text(component)},
+      {"activations", count_text(component.activations(), "activation") + ", " +
+                          cpu_text(component, overview) + " of a CPU"}};
+  add_histogram(rows, "callback", component.callback());
+  add_histogram(rows, "lateness", component.lateness());
+  rows.push_back({"waiting", count_text(component.queued(), "message")});
+  rows.push_back({"overruns", count_text(component.overruns(), "tick") + " skipped"});
+  rows.push_back({"faults", count_text(component.faults(), "fault") + ", " +
+                                count_text(component.restarts(), "restart")});
+  if (!component.last_fault().empty()) {
+    rows.push_back({"last fault", component.last_fault()});
+  }
+  std::string text;
+  for (const auto& row : rows) {
+    text += table_text({{row[0] + std::string(13 - row[0].size(), ' ') + row[1]}});
+  }
+  return text + topics_text(overview, component.name());
+}
+
+int info(const ComponentOptions& options) {
+  Session session(options.target, "component info");
+  const protocol::Overview overview = session.overview();
+  require_known(options.component, names_of_components(overview), "component");
+  for (const protocol::Component& component : overview.components()) {
+    if (component.name() == options.component) {
+      return options.target.is_json ? print_json(json_of(component))
+                                    : print_text(info_text(component, overview));
+    }
+  }
+  return kFailed;
+}
+
+// ---- Life ----
+
+int change(const ComponentOptions& options, const std::string& command,
+           protocol::Lifecycle::Action action) {
+  Session session(options.target, command);
+  require_known(options.component, names_of_components(session.overview()), "component");
+  protocol::Request request;
+  request.mutable_lifecycle()->set_action(action);
+  request.mutable_lifecycle()->set_component(options.component);
+  const std::string done = session.client().ask(std::move(request)).done().text();
+  if (options.target.is_json) {
+    return print_json({{"component", options.component}, {"done", done}});
+  }
+  return print_text((done.empty() ? options.component + ": done" : done) + "\n");
+}
+
+Command add_change(CLI::App& group, const std::string& word, const std::string& what,
+                   protocol::Lifecycle::Action action) {
+  CLI::App* line = group.add_subcommand(word, what);
+  line->footer(examples("  fastcycle component " + word +
+                        " planner\n"
+                        "\n"
+                        "The application has to allow it: \"inspect\": {\"allow\": "
+                        "[\"lifecycle\"]}.\n"));
+  const auto options = std::make_shared<ComponentOptions>();
+  line->add_option("component", options->component, "The component")
+      ->required()
+      ->type_name("COMPONENT");
+  options->target.add_to(*line);
+  const std::string command = "component " + word;
+  return {line, [options, command, action] {
+            return guarded(command, [&] { return change(*options, command, action); });
+          }};
+}
+
+Command add_list_of_components(CLI::App& group) {
+  CLI::App* line = group.add_subcommand("list", "List components, with what they do and how long");
+  line->footer(
+      examples("  fastcycle component list\n"
+               "  fastcycle component list --json | jq '.[] | select(.faults > 0).name'\n"
+               "\n"
+               "CPU: of one, within callbacks, since the start. p50, p99, max: of a callback.\n"));
+  const auto target = std::make_shared<Target>();
+  target->add_to(*line);
+  return {line, [target] { return guarded("component list", [&] { return list(*target); }); }};
+}
+
+Command add_info_of_component(CLI::App& group) {
+  CLI::App* line = group.add_subcommand("info", "Show all there is to say of one component");
+  line->footer(
+      examples("  fastcycle component info planner\n"
+               "  fastcycle component info planner --json | jq .callback.p99_ns\n"));
+  const auto options = std::make_shared<ComponentOptions>();
+  line->add_option("component", options->component, "The component")
+      ->required()
+      ->type_name("COMPONENT");
+  options->target.add_to(*line);
+  return {line, [options] { return guarded("component info", [&] { return info(*options); }); }};
+}
+
+}  // namespace
+}  // namespace live
+
+Command add_component(CLI::App& program) {
+  using live::protocol::Lifecycle;
+  CLI::App* group = program.add_subcommand(
+      "component", "Look at the components of a running application, start and stop them");
+  group->require_subcommand(0, 1);
+  group->footer(
+      examples("  fastcycle component list\n"
+               "  fastcycle component info planner\n"
+               "  fastcycle component restart planner\n"));
+  return {.line = group,
+          .words = {live::add_list_of_components(*group), live::add_info_of_component(*group),
+                    live::add_change(*group, "start", "Activate a component that was stopped",
+                                     Lifecycle::ACTION_START),
+                    live::add_change(*group, "stop", "Deactivate a component: its callbacks end",
+                                     Lifecycle::ACTION_STOP),
+                    live::add_change(*group, "restart", "Make a component anew, as after a fault",
+                                     Lifecycle::ACTION_RESTART)}};
+}
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <string>
+
+#include "fastcycle/time.h"
+#include "live/session.h"
+
+namespace fastcycle::tool::live {
+
+/// The graph of a running application, with what it did within `span`: rates, latencies, losses.
+[[nodiscard]] std::string graph_of(const Target& target, Duration span);
+
+}  // namespace fastcycle::tool::live
