@@ -278,6 +278,20 @@ TEST_F(Bench, RecordingStandsBesideTheSameWithoutIt) {
   EXPECT_THAT(left_behind(), IsEmpty());
 }
 
+TEST_F(Bench, InspectStandsBesideTheSameWithoutIt) {
+  const auto found = rows(few({"inspect", "--size", "64K"}));
+
+  EXPECT_EQ(peers_of(found),
+            (std::multiset<std::string>{"asked-park", "echoed-park", "without-park"}));
+  for (const json& row : found) {
+    expect_times(row, 50);
+    EXPECT_TRUE(row.contains("publish_p99_us"));
+    EXPECT_TRUE(row.contains("echoing"));
+    EXPECT_EQ(row.contains("publish_p99_us_ratio"), row.at("peer") != "without-park");
+  }
+  EXPECT_THAT(left_behind(), IsEmpty());
+}
+
 TEST_F(Bench, DiskComparesARecordingWithBareWritesOfTheSameBlocks) {
   const auto found = rows({"disk", "--size", "1M", "--count", "8"});
 
@@ -403,7 +417,8 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{}, "mode is required"},
       {{"latancy"}, "did you mean \"latency\"?"},
-      {{"xyz"}, "chain, deadline, disk, fanout, flood, latency, record, rtt, startup, timer"},
+      {{"xyz"},
+       "chain, deadline, disk, fanout, flood, inspect, latency, record, rtt, startup, timer"},
       {{"latency", "--size", "5X"}, "as 64, 32K or 4M"},
       {{"latency", "--size", "2G"}, "up to 1G"},
       {{"latency", "--count", "0"}, "--count wants a number from 1"},

@@ -229,6 +229,10 @@ int run_application(const config::ApplicationDescription& description, const Run
   if (const auto asked = options.inspect.describe(description)) {
     inspection.emplace(application, *asked);
     application.add(*inspection);  // Before those who record what it publishes.
+    if (!description.chains.empty()) {
+      inspection->offer("chains",
+                        [&application] { return to_json(application.chains().report()).dump(); });
+    }
   }
   if (const auto kept = options.flight_recorder.describe(description)) {
     application.keep_last(*kept);

@@ -193,6 +193,9 @@ Finished Runner::run(const Json& json, const std::string& folder, const RunHooks
   if (description.record) {
     application.record(*description.record);
   }
+  if (hooks.before_build) {
+    hooks.before_build(application);
+  }
   application.build(libraries, problems, host::ConstructorFault::kMistake);
   if (problems.has_errors()) {
     refuse(problems);

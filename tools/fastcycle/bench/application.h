@@ -66,6 +66,7 @@ struct Finished {
 struct RunHooks {
   host::ClockOptions clock = {};
   std::optional<Duration> limit = {};
+  std::function<void(host::Application&)> before_build = {};
   std::function<void()> after_start = {};
   std::function<void()> before_stop = {};
 };

@@ -27,7 +27,8 @@ Mode mode_of(const Options& options, Session* session) {
       {"flood", &bench::flood_mode},     {"fanout", &bench::fanout_mode},
       {"timer", &bench::timer_mode},     {"deadline", &bench::deadline_mode},
       {"chain", &bench::chain_mode},     {"startup", &bench::startup_mode},
-      {"record", &bench::record_mode},   {"disk", &bench::disk_mode}};
+      {"record", &bench::record_mode},   {"disk", &bench::disk_mode},
+      {"inspect", &bench::inspect_mode}};
   return kModes.at(options.mode)(options, session);
 }
 
@@ -63,6 +64,7 @@ constexpr const char* kModesText =
     "  startup  from nothing to the first messages; memory; an idle application\n"
     "  record   what recording costs publisher and subscriber; what of it is lost\n"
     "  disk     how fast a recording goes to the disk, beside write() and dd\n"
+    "  inspect  what five `fastcycle topic echo` cost publisher and subscriber\n"
     "\n"
     "Component libraries are loaded from JSON by the host, as `fastcycle run` does. They are\n"
     "compared with floors: the least that this machine needs for the same with bare system calls,\n"

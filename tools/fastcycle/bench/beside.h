@@ -30,7 +30,4 @@ inline constexpr const char* kWithout = "without";
 /// row without it: `publish_p99_us_ratio`, `p99_us_ratio`.
 void add_ratios(std::vector<measure::Row>& rows);
 
-/// The columns that show all this.
-[[nodiscard]] std::vector<Column> columns_beside();
-
 }  // namespace fastcycle::tool::bench

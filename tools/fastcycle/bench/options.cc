@@ -85,7 +85,13 @@ const std::map<std::string, Defaults>& modes() {
         500,
         50,
         4000}},
-      {"disk", {{"--size", "--count", "--dir"}, {4096 * kKiB}, 256, 0}}};
+      {"disk", {{"--size", "--count", "--dir"}, {4096 * kKiB}, 256, 0}},
+      {"inspect",
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait"},
+        {4096 * kKiB},
+        600,
+        100,
+        10000}}};
   return kModes;
 }
 
@@ -270,9 +276,10 @@ std::int64_t depth_for(std::int64_t size) {
 }
 
 void add_options(CLI::App& line, Options& options) {
-  line.add_option(
-          "mode", options.mode,
-          "latency, rtt, flood, fanout, timer, deadline, chain, startup, record or disk; see below")
+  line.add_option("mode", options.mode,
+                  "latency, rtt, flood, fanout, timer, deadline, chain, startup, record, disk or "
+                  "inspect; see "
+                  "below")
       ->required()
       ->type_name("MODE");
   const auto add = [&](const char* name, auto& value, const char* type, const char* text) {
@@ -282,7 +289,8 @@ void add_options(CLI::App& line, Options& options) {
     line.add_option(name, values, text)->type_name(type)->delimiter(',')->allow_extra_args(false);
   };
   add_list("--size", options.size_words, "N,N",
-           "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; record, disk: 4M; else 64)");
+           "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; record, disk, inspect: 4M; "
+           "else 64)");
   add("--count", options.given_count, "N",
       "Messages a point (5000; fanout, chain: 2000; record: 500; disk: 256; flood: 1000000)");
   add("--warmup", options.given_warmup, "N", "Messages before, not measured (200; record: 50)");

@@ -26,6 +26,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "bench/beside.h"
 #include "bench/modes.h"
 #include "mcap/record_reader.h"
 #include "measure/clock.h"
@@ -36,7 +37,6 @@ namespace fastcycle::tool::bench {
 namespace {
 
 constexpr double kMega = 1e6;
-constexpr const char* kWithout = "without";
 constexpr const char* kCopied = "floor-copy";
 constexpr const char* kRecorded = "recorded";
 
@@ -195,23 +195,11 @@ void add_recording(Finding& finding, const host::RecordingReport& recording,
 // ---------------------------------------------------------------------------------------------
 // record
 
-Json record_application(const Options& options, std::int64_t size, const std::string& wait,
-                        const std::string& folder) {
-  Json its_source = source(options, size);
-  Json its_sink = sink(options, "sink", size);
-  its_source["params"]["stamps_publish"] = true;
-  write_samples_to(its_source, folder);
-  write_samples_to(its_sink, folder);
-  return application({executor(options, "publisher", wait == "spin" ? "park" : wait, 1),
-                      executor(options, "subscriber", wait, 0)},
-                     {its_source, its_sink});
-}
-
 Finding measure_record(Session& session, const std::string& what, const std::string& wait,
                        std::int64_t size) {
   const Options& options = session.options();
   const bool is_recorded = what == kRecorded;
-  Json json = record_application(options, size, wait, session.folder());
+  Json json = application_beside(options, size, wait, session.folder());
   std::optional<RecordingFolder> folder;
   if (what != kWithout) {
     folder.emplace(options.record_folder, size * (options.count + options.warmup));
@@ -230,48 +218,12 @@ Finding measure_record(Session& session, const std::string& what, const std::str
     throw std::runtime_error("bench: " + folder->file().string() + " could not be written");
   }
   copying.reset();
-  Finding finding{.row = session.row(fmt::format("{}-{}", what, wait), size),
-                  .samples = session.samples_of("sink")};
-  finding.row.more = fmt::format("\"peak_bytes\":{}", peak.bytes());
-  measure_into(finding.row, finding.samples, finished.whole("source", "sent"),
-               finished.usage("source"));
-  const measure::Statistics publish = measure::summarize(
-      measure::transfer_ns(measure::without_warmup(session.samples_of("source"), options.warmup)));
-  finding.row.more += fmt::format(",\"publish_p50_us\":{:.3f},\"publish_p99_us\":{:.3f}",
-                                  publish.p50_us, publish.p99_us);
-  const std::int64_t damaged = finished.sum("damaged");
-  finding.row.more += "," + damaged_json(damaged);
-  finding.trouble = damaged_trouble(damaged);
+  Finding finding = finding_beside(session, what, wait, size, finished);
+  finding.row.more += fmt::format(",\"peak_bytes\":{}", peak.bytes());
   if (is_recorded) {
     add_recording(finding, finished.report.recording.value(), folder->file());
   }
   return finding;
-}
-
-/// How the other runs of a round stand beside the one without a recording.
-void add_ratios(std::vector<measure::Row>& rows) {
-  const auto wait_of = [](const measure::Row& row) {
-    return row.peer.substr(row.peer.rfind('-') + 1);
-  };
-  std::map<std::pair<std::int64_t, std::string>, nlohmann::json> without;
-  for (const measure::Row& row : rows) {
-    if (row.peer.starts_with(kWithout)) {
-      without[{row.size, wait_of(row)}] = nlohmann::json::parse(to_json(row));
-    }
-  }
-  for (measure::Row& row : rows) {
-    if (row.peer.starts_with(kWithout)) {
-      continue;
-    }
-    const auto found = without.find({row.size, wait_of(row)});
-    const nlohmann::json json = nlohmann::json::parse(to_json(row));
-    for (const char* const key : {"p99_us", "publish_p99_us"}) {
-      if (found != without.end() && found->second.at(key).get<double>() > 0) {
-        row.more += fmt::format(",\"{}_ratio\":{:.3f}", key,
-                                json.at(key).get<double>() / found->second.at(key).get<double>());
-      }
-    }
-  }
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -384,7 +336,7 @@ Finding measure_recording(Session& session, std::int64_t size) {
 
 Mode record_mode(const Options& options, Session* session) {
   Mode mode;
-  mode.application = record_application(options, options.sizes.front(), options.waits.front(), {});
+  mode.application = application_beside(options, options.sizes.front(), options.waits.front(), {});
   record_into(mode.application, options.record_folder / "bench.mcap");
   mode.title = fmt::format(
       "with and without a recording into {}, µs; {} messages after {} of warm-up, one each {} µs",
