@@ -109,6 +109,7 @@ struct TestTrace {
   std::vector<TestSlice> slices;  ///< In the order in which they end.
   std::map<std::uint64_t, std::int64_t> clocks;
   bool says_that_packets_were_dropped = false;
+  std::size_t packets = 0;
 
   [[nodiscard]] std::string track_name(std::uint64_t track) const {
     const TestMessage& descriptor = tracks.at(track);
@@ -130,6 +131,7 @@ inline TestTrace read_trace(std::string_view bytes) {
   const TestMessage whole = read_message(bytes);
   for (auto [packet_bytes, end] = whole.texts.equal_range(1); packet_bytes != end; ++packet_bytes) {
     const TestMessage packet = read_message(packet_bytes->second);
+    ++trace.packets;
     trace.says_that_packets_were_dropped |= packet.has(42);
     if ((packet.number(13) & 1U) != 0) {
       categories.clear();
