@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "fastcycle/version.h"
 #include "process/process.h"
 
 namespace fastcycle::live {
