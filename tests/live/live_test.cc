@@ -399,7 +399,9 @@ TEST_F(LiveCommands, RecordWritesALogFromOutside) {
       << errors_;
   EXPECT_THAT(output_, AllOf(HasSubstr("live.mcap: "), HasSubstr("of 2 topics")));
 
-  const json info = json_of({"info", file})[0];
+  const json info = json_of({"info", file})["files"][0];
+  EXPECT_GT(info["messages"], 0);
+  EXPECT_TRUE(info["topics"].contains("sensor/readings"));
   EXPECT_EQ(command({"doctor", file}), 0) << output_ << errors_;
   EXPECT_EQ(command({"echo", file, "sensor/readings", "--json", "--full"}), 0) << errors_;
   std::uint64_t sequence = 0;
