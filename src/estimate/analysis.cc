@@ -70,6 +70,8 @@ class Analysis {
     const Chain& chain;
     ChainEstimate result;
     std::vector<bool> is_visited;
+    std::vector<bool> is_sampled;      ///< Visited by way of what its component had heard before.
+    std::vector<bool> always_carries;  ///< Topics whose messages all know the root by themselves.
     std::size_t ways = 0;
     std::set<std::string> obstacles = {};
   };
@@ -92,13 +94,17 @@ class Analysis {
     return is_bounded_[system_.callbacks[callback].component];
   }
   [[nodiscard]] std::optional<Duration> gap_of(std::size_t callback) const;
+  [[nodiscard]] bool hears(std::size_t component) const;
   [[nodiscard]] std::optional<Duration> topic_age(std::size_t topic,
                                                   std::vector<bool>& visited) const;
 
   void walk_topic(Walk& walk, const Way& way, std::size_t topic) const;
   void walk_into(Walk& walk, Way way, std::size_t callback, std::size_t input) const;
   void walk_on(Walk& walk, const Way& way, std::size_t callback) const;
+  [[nodiscard]] std::vector<bool> find_carriers(std::size_t root) const;
+  [[nodiscard]] bool inherits(std::size_t callback, const std::vector<bool>& carries) const;
   void sample(Walk& walk, const Way& way, std::size_t component) const;
+  void end_in_view(Walk& walk, Way way, std::size_t component) const;
   void end(Walk& walk, const Way& way) const;
   bool add_hop(Walk& walk, Way& way, std::size_t callback, Duration held) const;
   void check_queue(Walk& walk, std::size_t callback, std::size_t input) const;
@@ -383,6 +389,13 @@ std::optional<Duration> Analysis::gap_of(std::size_t callback) const {
   return shortest ? std::optional(*shortest + late) : std::nullopt;
 }
 
+/// Whether `component` subscribes to anything.
+bool Analysis::hears(std::size_t component) const {
+  return std::ranges::any_of(callbacks_[component],
+                             [&](std::size_t i) { return !system_.callbacks[i].inputs.empty(); }) ||
+         std::ranges::find(system_.views, component, &View::component) != system_.views.end();
+}
+
 /// The largest age, of the oldest measurement that led to it, that a message of `topic` has when it
 /// is published.
 std::optional<Duration> Analysis::topic_age(std::size_t topic, std::vector<bool>& visited) const {
@@ -397,11 +410,8 @@ std::optional<Duration> Analysis::topic_age(std::size_t topic, std::vector<bool>
     if (visited[publisher] || !is_bounded(publisher)) {
       return std::nullopt;
     }
-    const bool hears = std::ranges::any_of(callbacks_[its.component], [&](std::size_t i) {
-      return !system_.callbacks[i].inputs.empty();
-    });
     if (its.inputs.empty()) {
-      if (hears) {
+      if (hears(its.component)) {
         return std::nullopt;  // What it holds may be of any age: such sets are not bounded.
       }
       oldest = std::max(oldest, run_time(publisher));
@@ -499,6 +509,10 @@ void Analysis::walk_topic(Walk& walk, const Way& way, std::size_t topic) const {
     }
   }
   for (const View& view : system_.views) {
+    if (view.topic == topic && is_end) {
+      is_called = true;
+      end_in_view(walk, way, view.component);
+    }
     if (view.topic != topic || !view.ages || is_end) {
       continue;
     }
@@ -556,21 +570,21 @@ void Analysis::walk_into(Walk& walk, Way way, std::size_t callback, std::size_t 
   way.age += run_time(callback);
   way.running += run_time(callback);
   way.is_pure = way.is_pure && (its.inputs.size() == 1 || its.joining != Joining::kEach);
-  if (!its.always_publishes && way.gap) {
-    way.gap.reset();
-    way.no_gap = "nothing says that \"" + system_.components[its.component].name +
-                 "\" publishes each time that " + its.name + " is called";
-  }
   if (its.joining != Joining::kEach && way.gap) {
     way.gap.reset();
     way.no_gap =
         "nothing says how often \"" + system_.components[its.component].name + "\" finds a set";
   }
   walk.is_visited[callback] = true;
-  walk_on(walk, way, callback);
   if (its.inputs[input].ages) {
     sample(walk, way, its.component);
   }
+  if (!its.always_publishes && way.gap) {
+    way.gap.reset();
+    way.no_gap = "nothing says that \"" + system_.components[its.component].name +
+                 "\" publishes each time that " + its.name + " is called";
+  }
+  walk_on(walk, way, callback);
   walk.is_visited[callback] = false;
 }
 
@@ -581,11 +595,41 @@ void Analysis::walk_on(Walk& walk, const Way& way, std::size_t callback) const {
   }
 }
 
-/// What came into `component` is looked at by its timers.
+/// The topics of which each message follows from one of `root`, as a cause and not by what was
+/// heard before.
+std::vector<bool> Analysis::find_carriers(std::size_t root) const {
+  std::vector<bool> carries(system_.topics.size());
+  carries[root] = true;
+  for (const std::size_t i : order_) {  // Each callback after those that call it.
+    for (const Publication& publication : system_.callbacks[i].publishes) {
+      if (publication.topic == root) {
+        continue;
+      }
+      const bool has_source = std::ranges::find(system_.sources, publication.topic,
+                                                &Source::topic) != system_.sources.end();
+      carries[publication.topic] =
+          !has_source && std::ranges::all_of(publishers_[publication.topic],
+                                             [&](std::size_t p) { return inherits(p, carries); });
+    }
+  }
+  return carries;
+}
+
+/// Whether what `callback` publishes always has the root of its cause.
+bool Analysis::inherits(std::size_t callback, const std::vector<bool>& carries) const {
+  const Callback& its = system_.callbacks[callback];
+  const auto is_carried = [&](const Input& input) { return carries[input.topic]; };
+  return !its.inputs.empty() &&
+         (its.joining == Joining::kEach ? std::ranges::all_of(its.inputs, is_carried)
+                                        : std::ranges::any_of(its.inputs, is_carried));
+}
+
+/// What came into `component` is inherited by what has no such root of its own: by its timers, and
+/// by callbacks for other messages.
 void Analysis::sample(Walk& walk, const Way& way, std::size_t component) const {
   for (const std::size_t i : callbacks_[component]) {
-    const Callback& timer = system_.callbacks[i];
-    if (!timer.inputs.empty() || timer.publishes.empty() || walk.is_visited[i]) {
+    const Callback& its = system_.callbacks[i];
+    if (its.publishes.empty() || walk.is_sampled[i] || inherits(i, walk.always_carries)) {
       continue;
     }
     if (!way.gap) {
@@ -600,22 +644,41 @@ void Analysis::sample(Walk& walk, const Way& way, std::size_t component) const {
     on.age += run_time(i);
     on.is_pure = true;
     on.running = run_time(i);  // What came before may have been done long ago.
-    if (timer.always_publishes) {
-      on.gap = gap_of(i);
-    } else {
-      on.gap.reset();
-      on.no_gap = "nothing says that \"" + system_.components[component].name +
-                  "\" publishes each time that " + timer.name + " is called";
+    on.gap = its.always_publishes ? gap_of(i) : std::nullopt;
+    if (!on.gap) {
+      on.no_gap = "nothing says how often \"" + system_.components[component].name +
+                  "\" publishes when " + its.name + " is called";
     }
-    walk.is_visited[i] = true;
+    walk.is_sampled[i] = true;
     walk_on(walk, on, i);
-    walk.is_visited[i] = false;
+    walk.is_sampled[i] = false;
+  }
+}
+
+/// A component takes what it only looks at when it is called for something else.
+void Analysis::end_in_view(Walk& walk, Way way, std::size_t component) const {
+  std::optional<Duration> shortest;
+  std::size_t its_callback = 0;
+  for (const std::size_t i : callbacks_[component]) {
+    if (const auto gap = gap_of(i); gap && (!shortest || *gap < *shortest)) {
+      shortest = gap;
+      its_callback = i;
+    }
+  }
+  if (!shortest) {
+    walk.obstacles.insert("nothing says how often \"" + system_.components[component].name +
+                          "\" looks at \"" + system_.topics[walk.chain.to] + "\"");
+  } else if (add_hop(walk, way, its_callback, *shortest)) {
+    end(walk, way);
   }
 }
 
 ChainEstimate Analysis::judge(const Chain& chain) const {
-  Walk walk{
-      .chain = chain, .result = {}, .is_visited = std::vector<bool>(system_.callbacks.size())};
+  Walk walk{.chain = chain,
+            .result = {},
+            .is_visited = std::vector<bool>(system_.callbacks.size()),
+            .is_sampled = std::vector<bool>(system_.callbacks.size()),
+            .always_carries = find_carriers(chain.from)};
   for (const Source& source : system_.sources) {
     if (source.topic != chain.from) {
       continue;
@@ -634,7 +697,16 @@ ChainEstimate Analysis::judge(const Chain& chain) const {
       walk.obstacles.insert(why_unbounded(publisher));
       continue;
     }
-    Way way{.age = run_time(publisher),
+    // What a component publishes that hears of others is as old as what led to it.
+    std::vector<bool> visited(system_.callbacks.size());
+    const std::optional<Duration> age =
+        hears(its.component) ? topic_age(chain.from, visited) : run_time(publisher);
+    if (!age) {
+      walk.obstacles.insert("nothing bounds how old what led to \"" + system_.topics[chain.from] +
+                            "\" is when it is published");
+      continue;
+    }
+    Way way{.age = *age,
             .no_gap = "nothing says that \"" + system_.topics[chain.from] +
                       "\" comes at least every so often"};
     if (its.always_publishes) {

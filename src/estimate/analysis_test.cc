@@ -141,6 +141,15 @@ TEST(AnEstimate, AddsTheTimeUntilATimerLooksAtWhatCame) {
   EXPECT_GE(observed * 3 / 2, *chain.bound);
 }
 
+TEST(AnEstimate, CountsFromWhatLedToTheFirstTopic) {
+  System system = small_system();
+  system.sources[0].age = milliseconds(7);
+  system.chains[0].from = 1;
+  const ChainEstimate chain = analyze(system).chains[0];
+  // As long as from "points", whose age when the driver publishes counts too.
+  EXPECT_EQ(chain.bound, milliseconds(38)) << to_text(system, analyze(system));
+}
+
 TEST(AnEstimate, RefusesCpusThatSomebodyElseNeverLeaves) {
   System system = small_system();
   system.executors.push_back({.name = "spinner", .is_spinning = true});

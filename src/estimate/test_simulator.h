@@ -105,7 +105,8 @@ class Simulator {
     Ns left = 0;        ///< CPU time until it returns.
     Ns publish_at = 0;  ///< Of CPU time left, when it publishes.
     bool has_published = false;
-    bool is_silent = false;  ///< A member of a set that is not complete.
+    std::map<std::size_t, Ns> own = {};  ///< Roots of the cause itself.
+    bool is_silent = false;              ///< A member of a set that is not complete.
   };
   enum class State { kAsleep, kWaking, kAwake, kTurn };
   struct Worker {
@@ -421,6 +422,11 @@ class Simulator {
       if (its.joining != Joining::kEach) {
         call.is_silent = !complete(callback, input, call.cause);
       }
+      // What it does not know it inherits from what was heard before.
+      call.own = call.cause.roots;
+      for (const auto& [root, taken] : state.held) {
+        call.cause.roots.try_emplace(root, taken);
+      }
     } else {
       call.cause.roots = state.held;
       call.cause.taken = now_;
@@ -482,7 +488,7 @@ class Simulator {
   void finish(Worker& worker) {
     const Call& call = *worker.call;
     if (call.has_cause && !call.is_silent) {
-      hold(components_[worker.component], call.cause.roots);
+      hold(components_[worker.component], call.own);
     }
     worker.call.reset();
   }

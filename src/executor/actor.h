@@ -194,6 +194,10 @@ class Actor {
   /// Lets go of all that synchronizers hold: it counts as dropped for `reason`.
   void drop_held(DropReason reason) noexcept;
   TimerCore& add_timer(const TimerOptions& options, TickCallback callback);
+  /// In the order in which they were added; before the start, and after the end.
+  [[nodiscard]] const std::vector<std::unique_ptr<TimerCore>>& timers() const noexcept {
+    return timers_;
+  }
   /// A timer that looks after `watch`, which must outlive it; from now on in an activation, else
   /// from the start of the timers on.
   TimerCore& add_watch(Watch& watch);

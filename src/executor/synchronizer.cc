@@ -28,7 +28,7 @@ Synchronizer::Synchronizer(Actor& actor, std::size_t topics, const SynchronizerO
                            EnvelopeSetCallback callback)
     : actor_(actor),
       count_(topics),
-      time_(options.time),
+      options_(options),
       callback_(std::move(callback)),
       matcher_(topics, options),
       trails_(actor.root_count()) {}
@@ -43,7 +43,7 @@ Synchronizer::~Synchronizer() {
 void Synchronizer::take(const SynchronizerInput& input, Envelope& envelope) {
   retain(envelope);
   const Time time =
-      time_ == SyncTime::kTaken ? envelope.info.origin.taken : envelope.info.publish_time;
+      options_.time == SyncTime::kTaken ? envelope.info.origin.taken : envelope.info.publish_time;
   const bool is_complete = matcher_.add(input.place, time, &envelope);
   release_departed(DropReason::kUnmatched);
   if (is_complete) {

@@ -57,6 +57,7 @@ class Synchronizer {
 
   [[nodiscard]] const SynchronizerInput& input(std::size_t place) const { return *inputs_[place]; }
   [[nodiscard]] std::size_t input_count() const noexcept { return count_; }
+  [[nodiscard]] const SynchronizerOptions& options() const noexcept { return options_; }
 
  private:
   void release_departed(DropReason reason) noexcept;
@@ -65,7 +66,7 @@ class Synchronizer {
 
   Actor& actor_;
   const std::size_t count_;
-  const SyncTime time_;
+  const SynchronizerOptions options_;
   EnvelopeSetCallback callback_;
   SetMatcher matcher_;
   std::array<SynchronizerInput*, SetMatcher::kMaxTopics> inputs_{};

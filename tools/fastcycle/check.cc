@@ -1,10 +1,19 @@
+#include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "command.h"
 #include "config/print.h"
 #include "configuration.h"
+#include "estimate/analysis.h"
+#include "estimate/system_of.h"
+#include "estimate/text.h"
+#include "estimate/timing.h"
 #include "host/library_imports.h"
 
 namespace fastcycle::tool {
@@ -13,9 +22,54 @@ namespace {
 struct CheckOptions {
   Configuration configuration;
   bool print = false;
+  std::vector<std::filesystem::path> timing;
+  double margin = 1.2;
+  double wake_us = 200;
+  unsigned cpus = 0;
+  bool json = false;
 };
 
+/// Whether the chains can hold, from how long callbacks take.
+int estimate(const CheckOptions& options) {
+  config::Problems problems;
+  estimate::Timing timing;
+  for (const std::filesystem::path& file : options.timing) {
+    estimate::read_timing(file, options.margin, timing, problems);
+  }
+  const std::string file = options.configuration.load.file.string();
+  if (!may_start(problems, file)) {
+    return kWrong;
+  }
+  const std::unique_ptr<host::Application> application = options.configuration.make_unstarted();
+  if (!application) {
+    return kWrong;
+  }
+  const estimate::Machine machine{.cpus = options.cpus,
+                                  .wake_up = std::chrono::ceil<Duration>(
+                                      std::chrono::duration<double, std::micro>(options.wake_us))};
+  const estimate::System system = estimate::system_of(*application, timing, machine, problems);
+  if (!may_start(problems, file)) {
+    return kWrong;
+  }
+  const estimate::Estimate result = estimate::analyze(system);
+  if (options.json) {
+    std::printf("%s\n", estimate::to_json(system, result).c_str());
+  } else {
+    std::fputs(estimate::to_text(system, result).c_str(), stdout);
+    if (system.chains.empty()) {
+      std::puts("the application has no \"chains\" whose age could be bounded");
+    }
+  }
+  const bool all_hold = std::ranges::all_of(
+      result.chains, [](const auto& chain) { return chain.verdict == estimate::Verdict::kHolds; });
+  const int flushed = flush_output();
+  return flushed != kDone ? flushed : all_hold ? kDone : kProblems;
+}
+
 int check(const CheckOptions& options) {
+  if (!options.timing.empty()) {
+    return estimate(options);
+  }
   config::Problems problems;
   const config::ApplicationDescription description =
       options.configuration.read(host::ConstructorFault::kMistake, problems);
@@ -42,13 +96,38 @@ Command add_check(CLI::App& program) {
   CLI::App* line = program.add_subcommand("check",
                                           "Find every mistake of an application, in its files and "
                                           "in its components, and start nothing");
-  line->footer(
-      examples("  fastcycle check app.json\n"
-               "  fastcycle check app.json --overlay vehicle_17.json --print\n"));
+  line->footer(examples(
+      "  fastcycle check app.json\n"
+      "  fastcycle check app.json --overlay vehicle_17.json --print\n"
+      "  fastcycle check app.json --timing times.json   can the latency chains hold?\n"
+      "  fastcycle run app.json --report r.json; fastcycle check app.json --timing r.json\n"));
   const auto options = std::make_shared<CheckOptions>();
   options->configuration.add_to(*line);
   line->add_flag("--print", options->print,
                  "Print the effective configuration, and where each value comes from");
+  const auto when_timed = [line](CLI::Option* option) {
+    return option->needs(line->get_option("--timing"));
+  };
+  line->add_option("--timing", options->timing,
+                   "Estimate whether the \"chains\" can hold, from how long callbacks take: a file "
+                   "of such times, or the report of a run. Repeatable; exit code 3 if one is not "
+                   "shown to hold")
+      ->allow_extra_args(false)
+      ->type_name("FILE");
+  when_timed(line->add_option("--margin", options->margin,
+                              "Take this many times the longest callbacks of a report (1.2)")
+                 ->type_name("FACTOR")
+                 ->check(CLI::Range(1.0, 100.0)));
+  when_timed(line->add_option("--wake-us", options->wake_us,
+                              "What the machine takes, at most, until a woken worker runs, in "
+                              "microseconds (200)")
+                 ->type_name("US")
+                 ->check(CLI::Range(0.0, 1e6)));
+  when_timed(line->add_option("--cpus", options->cpus,
+                              "CPUs of the machine that it will run on (those of this one)")
+                 ->type_name("N")
+                 ->check(CLI::Range(1, 1024)));
+  when_timed(line->add_flag("--json", options->json, "Print the estimate as one JSON document"));
   return {line, [options] { return check(*options); }};
 }
 

@@ -13,7 +13,8 @@ enum ExitCode : int {
   kDone = 0,
   kFailed = 1,    ///< The run failed, or a component did whose policy is to stop the application.
   kWrong = 2,     ///< The configuration or the command line is wrong; nothing was started.
-  kProblems = 3,  ///< Of logs: it is not in order, or not all of it could be saved.
+  kProblems = 3,  ///< Of logs: not in order, or not all could be saved. Of an estimate: a chain is
+                  ///< not shown to hold.
   kEndedAtOnce = 130,  ///< Ctrl-C for the second time.
 };
 

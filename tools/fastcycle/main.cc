@@ -37,7 +37,8 @@ constexpr const char* kExitCodes =
     "  0    done\n"
     "  1    the run failed, or a component did whose \"on_fault\" is \"stop\"; a file failed\n"
     "  2    the configuration or the command line is wrong; nothing was started\n"
-    "  3    a log is not in order, or not all of it could be saved\n"
+    "  3    a log is not in order, or not all of it could be saved; a latency chain is not shown\n"
+    "       to hold\n"
     "  130  ended at once by a second Ctrl-C\n";
 
 /// " topic echo": the words that lead to `line`.

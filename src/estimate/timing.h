@@ -1,0 +1,56 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/problem.h"
+#include "config/value.h"
+#include "estimate/model.h"
+
+namespace fastcycle::estimate {
+
+/// What is known of one callback; what is unset is not known.
+struct CallbackTiming {
+  std::optional<Duration> run_time;
+  std::optional<Arrivals> arrivals;  ///< Of a timer that is armed by hand.
+  /// Topics by full name, with the most messages in one call.
+  std::optional<std::vector<std::pair<std::string, std::uint64_t>>> publishes;
+  bool always_publishes = true;
+  bool is_said = false;  ///< By hand: then it has to exist.
+  config::Place place;
+};
+
+struct ComponentTiming {
+  std::optional<Duration> run_time;  ///< Of callbacks that are not named.
+  std::map<std::string, CallbackTiming> callbacks;
+  bool is_said = false;  ///< By hand: then it has to exist.
+  config::Place place;
+};
+
+struct SourceTiming {
+  Arrivals arrivals;
+  bool keeps_coming = true;
+  Duration age{};
+  config::Place place;
+};
+
+/// How long callbacks take, and how often messages come from outside: what an application does not
+/// say of itself. docs/reference/estimate.md has the form of the file.
+struct Timing {
+  std::map<std::string, ComponentTiming> components;
+  std::map<std::string, SourceTiming> sources;  ///< By topic.
+};
+
+/// Adds what `file` says, over what there is: a file of timing; or the report of a run, or a
+/// recording
+/// (`.mcap`), whose longest callbacks are taken `margin` times.
+///
+/// @errors  Into `problems`, with file, pointer, expected and found.
+void read_timing(const std::filesystem::path& file, double margin, Timing& timing,
+                 config::Problems& problems);
+
+}  // namespace fastcycle::estimate
