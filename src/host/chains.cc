@@ -293,11 +293,11 @@ ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) c
 
 std::vector<ChainReport> Chains::report() const {
   std::vector<ChainReport> reports;
-  application_.look_at_topics([&](const detail::Topics& topics) {
-    for (std::size_t i = 0; i < application_.description().chains.size(); ++i) {
-      reports.push_back(report_of(topics, i));
-    }
-  });
+  for (std::size_t i = 0; i < application_.description().chains.size(); ++i) {
+    // One at a time: who waits for the topics is not held up by all of them.
+    application_.look_at_topics(
+        [&](const detail::Topics& topics) { reports.push_back(report_of(topics, i)); });
+  }
   return reports;
 }
 
