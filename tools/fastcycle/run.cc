@@ -228,10 +228,6 @@ int run_application(const config::ApplicationDescription& description, const Run
                                 clock_of(options));
   if (const auto asked = options.inspect.describe(description)) {
     inspection.emplace(application, *asked);
-    if (!description.chains.empty()) {
-      inspection->offer("chains",
-                        [&] { return host::to_json(application.chains().report()).dump(); });
-    }
     application.add(*inspection);  // Before those who record what it publishes.
     if (!description.chains.empty()) {
       inspection->offer("chains",
