@@ -120,7 +120,7 @@ std::string graph_of(const Target& target, Duration span) {
   const protocol::Overview now = session.overview();
   const Growth growth(before, now);
   Drawing drawing{.name = now.application()};
-  std::string state = "runs since " + uptime_text(uptime_ns(now));
+  std::string state = "has run for " + uptime_text(uptime_ns(now));
   state += now.mode().empty() ? "" : " · mode " + now.mode();
   drawing.notes.push_back({.text = state});
   for (const protocol::Component& component : now.components()) {
