@@ -16,7 +16,7 @@ import time
 import unicodedata
 from html import escape
 
-COLUMN, ROW, MARGIN, SIZE = 8.0, 17, 12, 13  # Of a character, in pixels of the picture.
+COLUMN, ROW, MARGIN, SIZE = 7.83, 17, 12, 13  # Of a character, in pixels of the picture.
 FONTS = "ui-monospace, 'DejaVu Sans Mono', Menlo, Consolas, monospace"
 FOREGROUND, BACKGROUND = "#d8dee9", "#1d2129"
 COLOURS = ["#2b303b", "#e06c75", "#98c379", "#e5c07b", "#4f8fd6", "#c678dd", "#4fb3bf", "#d8dee9",
@@ -130,16 +130,15 @@ def picture_of(text, columns=0, rows=0, title=""):
             if background:
                 svg.append(f'<rect x="{left:g}" y="{top}" width="{count * COLUMN:g}" height="{ROW}" '
                            f'fill="{background}"/>')
-            stripped = piece.strip(" ")
-            if not stripped:
-                continue
-            blanks = len(piece) - len(piece.lstrip(" "))
-            shown = sum(width_of(character) for character in stripped)
             more = (' font-weight="bold"' if bold else "") + (' opacity="0.6"' if dim else "") + \
                 (' text-decoration="underline"' if underlined else "")
-            svg.append(f'<text x="{left + blanks * COLUMN:g}" y="{top + 13}" fill="{foreground}" '
-                       f'textLength="{shown * COLUMN:g}" lengthAdjust="spacingAndGlyphs" '
-                       f'xml:space="preserve"{more}>{escape(stripped)}</text>')
+            # Word by word, each in its column whatever font there is.
+            for word in re.finditer("[^ ]+", piece):
+                before = sum(width_of(character) for character in piece[:word.start()])
+                shown = sum(width_of(character) for character in word[0])
+                svg.append(f'<text x="{left + before * COLUMN:g}" y="{top + 13}" fill="{foreground}" '
+                           f'textLength="{shown * COLUMN:g}" lengthAdjust="spacingAndGlyphs"{more}>'
+                           f'{escape(word[0])}</text>')
     svg.append("</svg>")
     return "\n".join(svg) + "\n"
 
@@ -167,7 +166,7 @@ def capture(command, columns, rows, steps):
                         if time.monotonic() > end:
                             sys.exit(f"the terminal never showed {value!r}:\n" + tell("capture-pane", "-p"))
                         time.sleep(0.05)
-            return tell("capture-pane", "-e", "-p")
+            return tell("capture-pane", "-e", "-p", "-N")
         finally:
             subprocess.run(tmux + ["kill-server"], check=False)
 
@@ -175,7 +174,7 @@ def capture(command, columns, rows, steps):
 def self_test():
     svg = picture_of("\x1b[1;31mbad <1>\x1b[0m  plain\n\x1b[7m\u6fc0x\x1b[m")
     assert 'fill="#e06c75"' in svg and 'font-weight="bold"' in svg, svg
-    assert "bad &lt;1&gt;" in svg and ">plain<" in svg, svg
+    assert ">bad<" in svg and ">&lt;1&gt;<" in svg and ">plain<" in svg, svg
     assert f'width="{3 * COLUMN:g}" height="{ROW}" fill="{FOREGROUND}"' in svg, svg
     assert Style.colour_of([5, 196]) == "#ff0000" and Style.colour_of([2, 1, 2, 3]) == "#010203"
     print("terminal_picture.py: in order")
