@@ -13,6 +13,7 @@
 #include "host/application.h"
 #include "host/client_core.h"
 #include "host/server_core.h"
+#include "host/words.h"
 
 namespace fastcycle::detail {
 namespace {
@@ -451,6 +452,32 @@ void ComponentCore::restart(std::string_view what) {
   application.component_changed(*this);
   suspend();
   set_alarm(publishing.now + delay, [this] { make_anew(); });
+}
+
+std::string ComponentCore::renew() {
+  if (!threads.empty()) {
+    return "its threads use its object";
+  }
+  const State before = state;
+  if (before != State::kActive && before != State::kStandby) {
+    return std::string("it is ") + host::to_word(before);
+  }
+  if (before == State::kActive) {
+    in_call_ = "its deactivate()";
+    component->deactivate();
+  }
+  in_call_ = "its stop()";
+  component->stop();
+  in_call_ = nullptr;
+  ++restart_count;
+  application.tell_liveliness(*this, false, "restarted");
+  end_calls("it is made anew");
+  destroy();
+  end_old_subscriptions();
+  drop_held(DropReason::kFault);
+  clear_timers();
+  make_anew();
+  return {};
 }
 
 void ComponentCore::make_anew() {

@@ -65,6 +65,10 @@ class ComponentCore final : public Actor {
     return state == State::kStandby || state == State::kActive || state == State::kRestarting;
   }
 
+  /// Makes its object anew, as after a fault, but in order: it is deactivated and stopped before.
+  /// In an activation. Returns why that cannot be done; empty if it was, whatever came of it.
+  [[nodiscard]] std::string renew();
+
   /// Puts changed parameters in place; in an activation.
   void take_params(std::uint64_t transaction, const host::ParamValues& values);
 

@@ -15,6 +15,7 @@
 #include "host/replay.h"
 #include "host/server_core.h"
 #include "host/words.h"
+#include "inspect/voice.h"
 #include "record/descriptor_set.h"
 
 namespace fastcycle::inspect {
@@ -198,6 +199,10 @@ void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
   topic.set_latched(seen.topic->options.latched);
   topic.set_is_service(seen.topic->name.find(detail::kServiceMark) != std::string::npos);
   for (const detail::PublisherCore* publisher : seen.publishers) {
+    topic.set_allocated(topic.allocated() + publisher->allocated());
+    if (publisher->owner.name == Voice::kName && publisher->published() == 0) {
+      continue;  // No tool has said anything.
+    }
     protocol::Publisher& said = *topic.add_publishers();
     said.set_component(publisher->owner.name);
     said.set_id(publisher->id);
@@ -216,7 +221,8 @@ void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
     fill(subscription->ledger(), *said.mutable_ledger());
     fill(subscription->latency, *said.mutable_latency());
     topic.set_dropped(topic.dropped() + said.ledger().dropped());
-    if (!topic.has_latency() || said.latency().p99_ns() > topic.latency().p99_ns()) {
+    if (said.latency().count() > 0 &&
+        (!topic.has_latency() || said.latency().p99_ns() > topic.latency().p99_ns())) {
       *topic.mutable_latency() = said.latency();
     }
   }

@@ -1,5 +1,7 @@
 // What each request asks a server for.
 #include <algorithm>
+#include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <utility>
 
@@ -10,6 +12,7 @@
 #include "fastcycle/version.h"
 #include "host/component_core.h"
 #include "host/param_list.h"
+#include "host/words.h"
 #include "inspect/frame.h"
 #include "inspect/refusal.h"
 #include "inspect/server.h"
@@ -92,6 +95,15 @@ void Server::answer(Client& client, const protocol::Request& request) {
     case What::kSwitchMode:
       switch_mode(client, request.switch_mode(), answer);
       break;
+    case What::kLifecycle:
+      change_lifecycle(client, request);
+      return;
+    case What::kPublish:
+      publish(client, request.publish(), answer);
+      break;
+    case What::kCallService:
+      call_service(client, request);
+      return;
     case What::kGraph:
       answer.mutable_graph()->set_dot(graph_);
       break;
@@ -275,6 +287,97 @@ void Server::switch_mode(Client& client, const protocol::SwitchMode& request,
   note(client, fmt::format("asks for the mode \"{}\"", request.mode()));
   application_.switch_mode(request.mode(), request.why());
   answer.mutable_done()->set_text(fmt::format("the mode \"{}\" was asked for", request.mode()));
+}
+
+void Server::change_lifecycle(Client& client, const protocol::Request& request) {
+  using detail::ComponentCore;
+  need(description_.allows_lifecycle, "lifecycle", "stop and start components");
+  const protocol::Lifecycle& wanted = request.lifecycle();
+  std::vector<std::string> known;
+  ComponentCore* core = nullptr;
+  for (const auto& component : application_.components()) {
+    known.push_back(component->name);
+    core = component->name == wanted.component() ? component.get() : core;
+  }
+  if (core == nullptr) {
+    throw not_found("component", wanted.component(), known);
+  }
+  const auto action = wanted.action();
+  const char* verb = action == protocol::Lifecycle::ACTION_RESTART ? "restart"
+                     : action == protocol::Lifecycle::ACTION_STOP  ? "stop"
+                     : action == protocol::Lifecycle::ACTION_START ? "start"
+                                                                   : nullptr;
+  if (verb == nullptr) {
+    throw Refusal(protocol::Error::KIND_REFUSED, "a component is restarted, stopped or started");
+  }
+  if (core->name == host::kOwnName) {
+    throw Refusal(protocol::Error::KIND_REFUSED, "FastCycle's own component stays as it is");
+  }
+  note(client, fmt::format("asks to {} component \"{}\"", verb, core->name));
+  const auto why_not = std::make_shared<std::string>();
+  // In the component's own activation.
+  const auto change = [core, action, why_not] {
+    const ComponentCore::State state = core->state;
+    if (action == protocol::Lifecycle::ACTION_RESTART) {
+      *why_not = core->renew();
+    } else if (action == protocol::Lifecycle::ACTION_STOP &&
+               state == ComponentCore::State::kActive) {
+      core->call_deactivate();
+    } else if (action == protocol::Lifecycle::ACTION_START &&
+               state == ComponentCore::State::kStandby) {
+      core->call_activate();
+    } else {
+      *why_not = std::string("it is ") + host::to_word(state);
+    }
+  };
+  const auto tell = [this, core, verb, why_not, connection = client.connection->number,
+                     id = request.id()] {
+    protocol::Answer answer;
+    answer.set_id(id);
+    const std::string who = "component \"" + core->name + "\"";
+    if (!why_not->empty()) {
+      answer = error_answer(id, {protocol::Error::KIND_REFUSED,
+                                 fmt::format("{} cannot {}: {}", who, verb, *why_not)});
+    } else {
+      answer.mutable_done()->set_text(
+          fmt::format("{} is {}", who, host::to_word(core->state.load())));
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      made_.push_back({connection, std::move(answer)});
+    }
+    wake();
+  };
+  application_.between_rounds(
+      [core, change, tell] { core->post_and_tell(detail::Cause::kMode, change, tell); });
+}
+
+void Server::publish(Client& client, const protocol::Publish& request, protocol::Answer& answer) {
+  need(description_.allows_publish, "publish", "publish messages");
+  voice_->publish(request.topic(), request.message());
+  // One line for each topic of a client: it may publish at a rate.
+  if (client.published.insert(request.topic()).second) {
+    note(client, fmt::format("publishes on \"{}\"", request.topic()));
+  }
+  answer.mutable_done();
+}
+
+void Server::call_service(Client& client, const protocol::Request& request) {
+  constexpr std::int64_t kUsualMs = 5000;
+  constexpr std::int64_t kMostMs = 60'000;
+  need(description_.allows_publish, "publish", "call services");
+  const protocol::CallService& wanted = request.call_service();
+  const std::int64_t timeout_ms =
+      wanted.timeout_ms() <= 0 ? kUsualMs : std::min<std::int64_t>(wanted.timeout_ms(), kMostMs);
+  voice_->call(
+      wanted.service(), wanted.request(), timeout_ms * 1'000'000,
+      [this, connection = client.connection->number, id = request.id()](protocol::Reply reply) {
+        protocol::Answer answer;
+        answer.set_id(id);
+        *answer.mutable_reply() = std::move(reply);
+        give(connection, answer);
+      });
+  note(client, fmt::format("calls \"{}\"", wanted.service()));
 }
 
 std::vector<std::string> Server::documents() const {

@@ -24,6 +24,7 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kLookNs = 20 * kMs;
+constexpr std::int64_t kReplyNs = 5 * kMs;         // How often a reply is looked for.
 constexpr std::int64_t kComplaintNs = 1000 * kMs;  // At most one line of log in this time.
 constexpr std::int64_t kGreetingNs = 5000 * kMs;   // So long who connects may say nothing.
 constexpr std::int64_t kSlowNs = 10'000 * kMs;     // So long a client may read nothing.
@@ -77,6 +78,15 @@ std::filesystem::path Server::file() const {
   return socket_ == nullptr ? std::filesystem::path() : socket_->file();
 }
 
+void Server::tap(detail::Topics&) {
+  services_ = find_services(application_);
+  graph_ = host::to_dot(application_);
+  if (description_.allows_publish) {
+    voice_ = std::make_unique<Voice>(application_);
+    voice_->declare();
+  }
+}
+
 void Server::open(config::Problems& problems) {
   try {
     wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
@@ -89,8 +99,6 @@ void Server::open(config::Problems& problems) {
     return;
   }
   taps_.provide();
-  services_ = find_services(application_);
-  graph_ = host::to_dot(application_);
 }
 
 void Server::start(const host::GuestView& view, std::vector<base::Refusal>& refusals) {
@@ -117,6 +125,9 @@ void Server::start(const host::GuestView& view, std::vector<base::Refusal>& refu
         }
         wake();
       });
+  if (voice_ != nullptr) {
+    voice_->open();
+  }
   application_.log(LogLevel::kInfo, kName,
                    fmt::format("tools may look at this run: {}", socket_->file().string()));
   thread_ =
@@ -141,6 +152,9 @@ void Server::stop(const host::Application&) {
   }
   clients_.clear();
   taps_.cut();
+  if (voice_ != nullptr) {
+    voice_->close();
+  }
   socket_.reset();
 }
 
@@ -158,16 +172,15 @@ void Server::serve() {
     wait();
     give_made();
     give_log();
+    if (voice_ != nullptr) {
+      voice_->look();
+    }
     if (base::monotonic_ns() >= next_look_ns_ && taps_.is_used()) {
       look();
     }
     forget_gone();
   }
   say_farewell();
-}
-
-bool Server::is_streaming() const {
-  return taps_.is_used();
 }
 
 void Server::wait() {
@@ -191,8 +204,11 @@ void Server::wait() {
     polled.push_back({.fd = connection.descriptor(), .events = events, .revents = 0});
   }
   std::int64_t wait_ns = is_watching_time ? 500 * kMs : -1;
-  if (is_streaming()) {
+  if (taps_.is_used()) {
     wait_ns = std::max<std::int64_t>(next_look_ns_ - base::monotonic_ns(), 0);
+  }
+  if (voice_ != nullptr && voice_->is_waiting()) {
+    wait_ns = wait_ns < 0 ? kReplyNs : std::min(wait_ns, kReplyNs);
   }
   wait_ns = is_busy ? 0 : wait_ns;
   const int timeout = wait_ns < 0 ? -1 : static_cast<int>((wait_ns + kMs - 1) / kMs);
@@ -375,11 +391,15 @@ void Server::give_made() {
     made.swap(made_);
   }
   for (const Made& one : made) {
-    const auto found = std::ranges::find_if(
-        clients_, [&](const auto& client) { return client->connection->number == one.connection; });
-    if (found != clients_.end()) {
-      (*found)->connection->put(one.answer);
-    }
+    give(one.connection, one.answer);
+  }
+}
+
+void Server::give(std::uint64_t connection, const protocol::Answer& answer) {
+  const auto found = std::ranges::find_if(
+      clients_, [&](const auto& client) { return client->connection->number == connection; });
+  if (found != clients_.end()) {
+    (*found)->connection->put(answer);
   }
 }
 

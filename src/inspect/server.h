@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,6 +25,7 @@
 #include "inspect/socket_file.h"
 #include "inspect/stream.h"
 #include "inspect/taps.h"
+#include "inspect/voice.h"
 
 namespace fastcycle::inspect {
 
@@ -52,6 +54,7 @@ class Server final : public host::Guest {
   /// thread while the application runs.
   void offer(std::string name, std::function<std::string()> make);
 
+  void tap(detail::Topics& topics) override;
   void open(config::Problems& problems) override;
   void start(const host::GuestView& view, std::vector<base::Refusal>& refusals) override;
   void changed(const host::ComponentNews& news) noexcept override;
@@ -74,6 +77,7 @@ class Server final : public host::Guest {
       std::string component;
     };
     std::vector<LogStream> log_streams;
+    std::set<std::string> published;  ///< Topics that it published on: at most those there are.
     bool is_over = false;
   };
   struct LogLine {
@@ -106,7 +110,7 @@ class Server final : public host::Guest {
   void forget_gone();
   void say_farewell();
   void wake() noexcept;
-  [[nodiscard]] bool is_streaming() const;
+  void give(std::uint64_t connection, const protocol::Answer& answer);
 
   // What a request asks for.
   void answer(Client& client, const protocol::Request& request);
@@ -117,6 +121,9 @@ class Server final : public host::Guest {
   void change_params(Client& client, const protocol::ChangeParams& request,
                      protocol::Answer& answer);
   void switch_mode(Client& client, const protocol::SwitchMode& request, protocol::Answer& answer);
+  void change_lifecycle(Client& client, const protocol::Request& request);
+  void publish(Client& client, const protocol::Publish& request, protocol::Answer& answer);
+  void call_service(Client& client, const protocol::Request& request);
   void give_document(const protocol::GetDocument& request, protocol::Answer& answer);
   void begin_stream(Client& client, const protocol::Request& request);
   void begin_record(Client& client, const protocol::Request& request);
@@ -140,6 +147,7 @@ class Server final : public host::Guest {
   record::Explanation explanation_;
 
   // The server's thread.
+  std::unique_ptr<Voice> voice_;  ///< Null unless tools may publish.
   Taps taps_;
   Excerpts excerpts_;
   std::vector<std::unique_ptr<Client>> clients_;

@@ -1,5 +1,6 @@
 #include "inspect/server.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -15,8 +16,10 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "fastcycle/fastcycle.h"
 #include "host/test_application.h"
 #include "inspect/address.h"
@@ -58,17 +61,28 @@ class Source final : public Component {
   std::int64_t count_ = 0;
 };
 
+/// Doubles numbers on request, and hears wishes that nobody publishes.
 class Reader final : public Component {
  public:
   explicit Reader(Context& context)
       : Component(context),
         factor_(context.param<double>(
-            "factor", {.fallback = 1.0, .min = 0.0, .max = 9.0, .is_tunable = true})) {
+            "factor", {.fallback = 1.0, .min = 0.0, .max = 9.0, .is_tunable = true})),
+        heard_(context.create_publisher<Int64Value>("heard")) {
     context.create_subscriber<Int64Value>("numbers", [](const Int64Value&) {});
+    context.create_subscriber<Int64Value>("wishes", [this](const Int64Value& wish) {
+      auto heard = heard_.loan();
+      heard->set_value(wish.value());
+      heard_.publish(std::move(heard));
+    });
+    context.create_service<Int64Value, Int64Value>(
+        "double",
+        [](const Int64Value& number, Int64Value& twice) { twice.set_value(2 * number.value()); });
   }
 
  private:
   Param<double> factor_;
+  Publisher<Int64Value> heard_;
 };
 
 constexpr const char* kApplication = R"({"name": "looked_at", "components": [
@@ -78,15 +92,16 @@ constexpr const char* kApplication = R"({"name": "looked_at", "components": [
 /// An application that runs, in a folder of its own.
 class Running {
  public:
-  explicit Running(const config::InspectDescription& allowed = {})
+  explicit Running(const config::InspectDescription& allowed = {},
+                   const host::ClockOptions& clock = {})
       : folder_(
             std::filesystem::temp_directory_path() /
             ("fastcycle_inspect_" + std::to_string(::getpid()) + "_" + std::to_string(++runs_))) {
     std::filesystem::remove_all(folder_);
     classes_.with<Source>("source").with<Reader>("reader");
     config::Problems problems;
-    application = std::make_unique<host::Application>(host::describe_text(kApplication, problems),
-                                                      host::ClockOptions{});
+    application =
+        std::make_unique<host::Application>(host::describe_text(kApplication, problems), clock);
     server.emplace(*application, allowed, folder_);
     server->offer("greeting", [] { return std::string(R"({"hello": "world"})"); });
     application->add(*server);
@@ -212,12 +227,15 @@ TEST(AServer, SaysWhatRuns) {
   EXPECT_EQ(overview.components(0).state(), "active");
   EXPECT_EQ(overview.components(0).health(), "ok");
   EXPECT_EQ(overview.clock(), "live");
-  ASSERT_EQ(overview.topics().size(), 2);
-  EXPECT_EQ(overview.topics(1).name(), "numbers");
-  EXPECT_EQ(overview.topics(1).type(), "google.protobuf.Int64Value");
-  ASSERT_EQ(overview.topics(1).subscribers().size(), 1);
-  const protocol::Ledger& ledger = overview.topics(1).subscribers(0).ledger();
+  const auto numbers = std::ranges::find_if(
+      overview.topics(), [](const auto& topic) { return topic.name() == "numbers"; });
+  ASSERT_NE(numbers, overview.topics().end());
+  EXPECT_EQ(numbers->type(), "google.protobuf.Int64Value");
+  ASSERT_EQ(numbers->subscribers().size(), 1);
+  const protocol::Ledger& ledger = numbers->subscribers(0).ledger();
   EXPECT_EQ(ledger.published(), ledger.delivered() + ledger.dropped() + ledger.queued());
+  ASSERT_EQ(overview.services().size(), 1);
+  EXPECT_EQ(overview.services(0).name(), "double");
 }
 
 TEST(AServer, StreamsATopicFromItsPublisher) {
@@ -234,6 +252,23 @@ TEST(AServer, StreamsATopicFromItsPublisher) {
   client.end(started.id());
   EXPECT_EQ(await(client, [](const auto& answer) { return answer.has_ended(); }).ended().why(),
             "requested");
+}
+
+TEST(AServer, LooksAtASimulatedRunBetweenItsRounds) {
+  Running run({}, {.is_simulated = true});
+  Client client(run.socket(), "test");
+  client.begin(stream_request("numbers", protocol::Stream::CONTENT_INFO));
+  const auto end = std::chrono::steady_clock::now() + kBound;
+  for (int i = 1; std::chrono::steady_clock::now() < end; ++i) {
+    run.application->advance_to(run.application->start_time() + i * 1ms);
+    if (const auto answer = client.next(1ms); answer && has_messages(*answer)) {
+      const protocol::Message& message = answer->messages().messages(0);
+      EXPECT_EQ(message.publish_time_ns(),
+                base::to_ns(run.application->start_time() + message.sequence() * 1ms));
+      return;
+    }
+  }
+  FAIL() << "nothing came";
 }
 
 TEST(AServer, CutsWhatIsLongUnlessAllIsAskedFor) {
@@ -324,6 +359,86 @@ TEST(AServer, ChangesParamsWhereThatIsAllowed) {
   EXPECT_EQ(params.params(0).value_json(), "2.5");
 }
 
+std::string serialized(std::int64_t value) {
+  Int64Value message;
+  message.set_value(value);
+  return message.SerializeAsString();
+}
+
+config::InspectDescription all_allowed() {
+  config::InspectDescription allowed;
+  allowed.allows_params = allowed.allows_publish = allowed.allows_lifecycle = true;
+  return allowed;
+}
+
+TEST(AServer, PublishesWhereThatIsAllowed) {
+  Running run(all_allowed());
+  Client client(run.socket(), "test");
+  client.begin(stream_request("heard"));
+  protocol::Request request;
+  request.mutable_publish()->set_topic("wishes");
+  request.mutable_publish()->set_message(serialized(7));
+  EXPECT_TRUE(client.ask(request).has_done());
+  const protocol::Answer heard = await(client, has_messages);
+  EXPECT_EQ(heard.messages().messages(0).payload(), serialized(7));
+
+  request.mutable_publish()->set_message("\xff\xff");
+  EXPECT_EQ(error_of([&] { client.ask(request); }).kind(), protocol::Error::KIND_REFUSED);
+  request.mutable_publish()->set_topic("fastcycle/status");
+  EXPECT_THROW(client.ask(request), ClientError);
+}
+
+TEST(AServer, CallsAServiceWhereThatIsAllowed) {
+  Running run(all_allowed());
+  Client client(run.socket(), "test");
+  for (std::int64_t number = 1; number <= 3; ++number) {
+    protocol::Request request;
+    request.mutable_call_service()->set_service("double");
+    request.mutable_call_service()->set_request(serialized(number));
+    request.mutable_call_service()->set_timeout_ms(60'000);
+    const protocol::Reply reply = client.ask(std::move(request), kBound).reply();
+    EXPECT_EQ(reply.status(), "ok") << reply.error();
+    EXPECT_EQ(reply.reply(), serialized(2 * number));
+  }
+  protocol::Request request;
+  request.mutable_call_service()->set_service("dubble");
+  EXPECT_THAT(error_of([&] { client.ask(std::move(request)); }).hint(), HasSubstr("double"));
+}
+
+TEST(AServer, StopsStartsAndRestartsComponentsWhereThatIsAllowed) {
+  Running run(all_allowed());
+  Client client(run.socket(), "test");
+  const auto change = [&](protocol::Lifecycle::Action action) {
+    protocol::Request request;
+    request.mutable_lifecycle()->set_action(action);
+    request.mutable_lifecycle()->set_component("reader");
+    return client.ask(std::move(request), kBound).done().text();
+  };
+  EXPECT_EQ(change(protocol::Lifecycle::ACTION_STOP), "component \"reader\" is standby");
+  EXPECT_EQ(change(protocol::Lifecycle::ACTION_START), "component \"reader\" is active");
+  EXPECT_EQ(change(protocol::Lifecycle::ACTION_RESTART), "component \"reader\" is active");
+  const ClientError error = error_of([&] { change(protocol::Lifecycle::ACTION_START); });
+  EXPECT_THAT(error.what(), HasSubstr("it is active"));
+  const protocol::Overview overview = client.ask(overview_request()).overview();
+  EXPECT_EQ(overview.components(1).restarts(), 1U);
+  EXPECT_EQ(overview.components(1).faults(), 0U);
+}
+
+TEST(AServer, SendsAllThatARecordingNeeds) {
+  Running run;
+  Client client(run.socket(), "test");
+  protocol::Request request;
+  request.mutable_record()->add_topics("n*");
+  const protocol::Answer answer = client.begin(std::move(request));
+  const protocol::Started& started = answer.started();
+  ASSERT_EQ(started.channels().size(), 1);
+  EXPECT_EQ(started.channels(0).topic(), "numbers");
+  EXPECT_THAT(started.schemas(0), HasSubstr("wrappers.proto"));
+  EXPECT_FALSE(started.facts().empty());
+  const protocol::Message message = await(client, has_messages).messages().messages(0);
+  EXPECT_EQ(message.payload(), serialized(static_cast<std::int64_t>(message.sequence())));
+}
+
 TEST(AServer, GivesDocumentsOfOthersByName) {
   Running run;
   Client client(run.socket(), "test");
@@ -391,6 +506,41 @@ TEST(AHostileClient, IsTurnedAwayIfItSaysNothingMeaningful) {
   }
   Client client(run.socket(), "test");
   EXPECT_TRUE(client.ask(overview_request()).has_overview());
+}
+
+TEST(AHostileClient, OfAnotherUserIsRefused) {
+  if (::geteuid() != 0) {
+    GTEST_SKIP() << "only root can become somebody else";
+  }
+  Running run;
+  // As if the folder had been opened for all.
+  ::chmod(run.socket().parent_path().c_str(), 0755);
+  ::chmod(run.socket().c_str(), 0666);
+  const pid_t child = ::fork();
+  if (child == 0) {  // Only calls that are safe in the child of a process with threads.
+    const sockaddr_un address = address_of(run.socket());
+    const int descriptor = ::socket(AF_UNIX, SOCK_STREAM, 0);
+    if (::setuid(65534) != 0 ||
+        ::connect(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
+      ::_exit(1);
+    }
+    std::size_t heard = 0;
+    char piece[256];
+    for (;;) {
+      const ssize_t count = ::recv(descriptor, piece, sizeof(piece), 0);
+      if (count <= 0) {
+        break;
+      }
+      heard += static_cast<std::size_t>(count);
+    }
+    ::_exit(heard > 0 ? 0 : 2);  // It is told why, and the connection closed.
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+  Client client(run.socket(), "test");
+  EXPECT_EQ(client.ask(overview_request()).overview().clients(), 1U);
 }
 
 TEST(AHostileClient, OfAnotherVersionIsToldSo) {

@@ -1,0 +1,238 @@
+#include "inspect/voice.h"
+
+#include <algorithm>
+#include <mutex>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "base/clock.h"
+#include "broker/quality.h"
+#include "config/nearest.h"
+#include "host/call_head.h"
+#include "host/component_core.h"
+#include "host/server_core.h"
+#include "host/status.h"
+#include "inspect/refusal.h"
+
+namespace fastcycle::inspect {
+namespace {
+
+constexpr std::size_t kReplies = 4;  // One is open of each service; others are late.
+
+const google::protobuf::Message* instance_of(const detail::Topic& topic) {
+  if (!topic.publishers.empty()) {
+    return &topic.publishers.front()->default_instance;
+  }
+  const auto* type =
+      google::protobuf::DescriptorPool::generated_pool()->FindMessageTypeByName(topic.type);
+  return type == nullptr
+             ? nullptr
+             : google::protobuf::MessageFactory::generated_factory()->GetPrototype(type);
+}
+
+/// Somebody would hear that this one, which says nothing, is gone.
+bool is_watched(const detail::Topic& topic) {
+  return std::ranges::any_of(topic.subscriptions, [](const auto& subscription) {
+    return subscription->quality != nullptr && subscription->quality->is_timed();
+  });
+}
+
+/// What a reply has beside its fields, which only FastCycle reads.
+void remove_head(google::protobuf::Message& message) {
+  google::protobuf::UnknownFieldSet& fields =
+      *message.GetReflection()->MutableUnknownFields(&message);
+  for (int number = detail::kFirstHeadField; number <= detail::kLastHeadField; ++number) {
+    fields.DeleteByNumber(number);
+  }
+}
+
+}  // namespace
+
+Voice::Voice(host::Application& application) : application_(application), replies_(kName) {
+  owner_.name = kName;
+  owner_.clock = &application.clock();
+  if (application.clock().is_simulated()) {
+    owner_.stage = &stage_;
+  }
+}
+
+void Voice::declare() {
+  detail::Topics& topics = application_.topics();
+  for (const auto& [name, topic] : topics.all()) {
+    const bool is_own = name.starts_with(host::kOwnTopics);
+    const google::protobuf::Message* instance = instance_of(*topic);
+    if (!is_own && instance != nullptr && name.find(detail::kServiceMark) == std::string::npos &&
+        !is_watched(*topic)) {
+      publishers_[name] = &topics.add_publisher(name, owner_, *instance, nullptr, true);
+    }
+  }
+  for (const auto& component : application_.components()) {
+    for (const auto& server : component->servers) {
+      if (server->requests == nullptr) {
+        continue;
+      }
+      Line& line = lines_[server->service];
+      line.requests = &topics.add_publisher(detail::request_topic(server->service), owner_,
+                                            *server->request_instance, nullptr, true);
+      const auto publish = [&](const std::string& topic, const google::protobuf::Message& type) {
+        topics.set_options(topic, detail::kReplyTopicOptions);
+        detail::PublisherCore& publisher =
+            topics.add_publisher(topic, component->publishing, type, nullptr, false);
+        component->service_publishers.push_back(&publisher);
+        return &publisher;
+      };
+      const std::string reply_topic = detail::reply_topic(server->service, kName);
+      detail::PublisherCore* replies = publish(reply_topic, *server->reply_instance);
+      detail::PublisherCore* feedback =
+          server->feedback_instance == nullptr
+              ? nullptr
+              : publish(detail::feedback_topic(server->service, kName), *server->feedback_instance);
+      server->add_client(line.requests->id, *replies, feedback);
+      replies_.add(*topics.find(reply_topic), kReplies, 0);
+      line.replies = replies->id;
+    }
+  }
+}
+
+void Voice::open() {
+  const auto open_one = [this](detail::PublisherCore& publisher) {
+    const std::lock_guard lock(publisher.mutex());
+    publisher.set_external_stage(application_.simulation());
+    publisher.set_external_open(true);
+  };
+  for (const auto& [name, publisher] : publishers_) {
+    open_one(*publisher);
+  }
+  for (const auto& [service, line] : lines_) {
+    open_one(*line.requests);
+  }
+}
+
+void Voice::close() {
+  const auto close_one = [](detail::PublisherCore& publisher) {
+    const std::lock_guard lock(publisher.mutex());
+    publisher.set_external_open(false);
+  };
+  for (const auto& [name, publisher] : publishers_) {
+    close_one(*publisher);
+  }
+  for (const auto& [service, line] : lines_) {
+    close_one(*line.requests);
+  }
+  replies_.take(
+      [](const detail::Lane&, const detail::Lane::Head& head) { detail::release(head.envelope); });
+}
+
+detail::PublisherCore& Voice::publisher_of(const std::string& topic) const {
+  const auto found = publishers_.find(topic);
+  if (found != publishers_.end()) {
+    return *found->second;
+  }
+  bool is_there = false;
+  application_.look_at_topics(
+      [&](const detail::Topics& topics) { is_there = topics.find(topic) != nullptr; });
+  if (is_there) {
+    throw Refusal(protocol::Error::KIND_REFUSED,
+                  fmt::format("tools may not publish on \"{}\": it is FastCycle's own, or of a "
+                              "service, or a subscriber watches over each of its publishers",
+                              topic));
+  }
+  std::vector<std::string> known;
+  for (const auto& [name, publisher] : publishers_) {
+    known.push_back(name);
+  }
+  throw Refusal(protocol::Error::KIND_NOT_FOUND, fmt::format("there is no topic \"{}\"", topic),
+                config::did_you_mean(config::nearest(topic, known)));
+}
+
+void Voice::say(detail::PublisherCore& publisher, const std::string& serialized,
+                const std::function<void(google::protobuf::Message&)>& add) {
+  // Whether it is a message is found before anything is lent: nobody waits for that.
+  const std::unique_ptr<google::protobuf::Message> message(publisher.default_instance.New());
+  if (!message->ParseFromString(serialized)) {
+    throw Refusal(protocol::Error::KIND_REFUSED,
+                  fmt::format("what was sent is no {}", message->GetTypeName()));
+  }
+  add(*message);
+  detail::Envelope* loan = detail::take_external_loan(publisher, true);
+  message->GetReflection()->Swap(message.get(), loan->own);
+  detail::publish_external(publisher, loan, application_.clock().now());
+}
+
+void Voice::publish(const std::string& topic, const std::string& serialized) {
+  say(publisher_of(topic), serialized, [](google::protobuf::Message&) {});
+}
+
+void Voice::call(const std::string& service, const std::string& serialized, std::int64_t timeout_ns,
+                 Done done) {
+  const auto found = lines_.find(service);
+  if (found == lines_.end()) {
+    std::vector<std::string> known;
+    for (const auto& [name, line] : lines_) {
+      known.push_back(name);
+    }
+    throw Refusal(protocol::Error::KIND_NOT_FOUND,
+                  fmt::format("there is no service \"{}\"", service),
+                  config::did_you_mean(config::nearest(service, known)));
+  }
+  Line& line = found->second;
+  if (line.is_owed) {
+    throw Refusal(protocol::Error::KIND_REFUSED,
+                  fmt::format("a tool calls \"{}\" already, and has no answer yet", service));
+  }
+  detail::CallHead head;
+  head.number = line.number + 1;
+  head.deadline_ns = base::to_ns(application_.clock().now()) + timeout_ns;
+  say(*line.requests, serialized,
+      [&](google::protobuf::Message& message) { detail::write_head(message, head); });
+  line.number = head.number;
+  line.end_ns = base::monotonic_ns() + timeout_ns;
+  line.is_owed = true;
+  line.done = std::move(done);
+}
+
+bool Voice::is_waiting() const noexcept {
+  return std::ranges::any_of(lines_, [](const auto& entry) { return entry.second.is_owed; });
+}
+
+void Voice::look() {
+  replies_.take([this](const detail::Lane& lane, const detail::Lane::Head& head) {
+    take_reply(lane, *head.envelope);
+    detail::release(head.envelope);
+  });
+  const std::int64_t now_ns = base::monotonic_ns();
+  for (auto& [service, line] : lines_) {
+    if (line.done && now_ns > line.end_ns) {
+      protocol::Reply late;
+      late.set_status("late");
+      late.set_error(fmt::format("\"{}\" has not answered in time", service));
+      std::exchange(line.done, {})(std::move(late));
+    }
+  }
+}
+
+void Voice::take_reply(const detail::Lane& lane, const detail::Envelope& envelope) {
+  const auto found = std::ranges::find_if(
+      lines_, [&](const auto& entry) { return entry.second.replies == lane.publisher; });
+  detail::ReplyHead head;
+  if (found == lines_.end() || !detail::read_head(*envelope.payload, head) || head.is_accepted ||
+      head.number != found->second.number) {
+    return;
+  }
+  Line& line = found->second;
+  line.is_owed = false;
+  if (!line.done) {
+    return;  // It came too late.
+  }
+  protocol::Reply reply;
+  reply.set_status(fastcycle::to_word(head.status));
+  reply.set_error(to_utf8(head.reason));
+  const std::unique_ptr<google::protobuf::Message> message(envelope.payload->New());
+  message->CopyFrom(*envelope.payload);
+  remove_head(*message);
+  message->SerializePartialToString(reply.mutable_reply());
+  std::exchange(line.done, {})(std::move(reply));
+}
+
+}  // namespace fastcycle::inspect
