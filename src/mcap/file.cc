@@ -37,18 +37,13 @@ FileSink::~FileSink() {
 
 void FileSink::append(std::span<const Bytes> parts) {
   constexpr std::size_t kMost = 64;  // Parts per call; IOV_MAX is 1024.
-  // Bytes per call: within one, some kernels let no other thread have the CPU, and 4 MB take 2 ms.
-  constexpr std::size_t kMostBytes = 128UL * 1024;
-  std::size_t done = 0;  // Of the first part.
+  std::size_t done = 0;              // Of the first part.
   while (!parts.empty()) {
     std::array<iovec, kMost> vectors{};
-    const std::size_t most = std::min(parts.size(), kMost);
-    std::size_t count = 0;
-    for (std::size_t left = kMostBytes; count < most && left > 0; ++count) {
-      const Bytes rest = count == 0 ? parts[0].subspan(done) : parts[count];
-      const std::size_t size = std::min(rest.size(), left);
-      vectors[count] = {.iov_base = const_cast<std::byte*>(rest.data()), .iov_len = size};
-      left -= size;
+    const std::size_t count = std::min(parts.size(), kMost);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Bytes rest = i == 0 ? parts[0].subspan(done) : parts[i];
+      vectors[i] = {.iov_base = const_cast<std::byte*>(rest.data()), .iov_len = rest.size()};
     }
     const ssize_t written = ::writev(file_, vectors.data(), static_cast<int>(count));
     if (written < 0 && errno != EINTR) {

@@ -54,7 +54,6 @@ class Batch {
   std::vector<StoredMessage> latched;                         ///< Of them, those of latched topics.
   std::vector<std::pair<std::size_t, std::uint64_t>> counts;  ///< Messages, by topic.
   std::int64_t began_ns = 0;                                  ///< CLOCK_MONOTONIC, first message.
-  std::int64_t handed_ns = 0;  ///< The same, when it was handed over.
 
  private:
   detail::Envelope* held_ = nullptr;

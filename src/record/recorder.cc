@@ -96,17 +96,8 @@ void Recorder::poll() {
     lock.unlock();
     take();
     lock.lock();
-    giving_way_.hurry(!courtesy_.gives_way(base::monotonic_ns(), find_oldest()));
     ended_.wait_for(lock, kPoll, [this] { return stops_taking_; });
   }
-}
-
-/// When the oldest of what is not written yet was handed over; none if all is.
-std::optional<std::int64_t> Recorder::find_oldest() const {
-  if (written_since_ns_ || batches_.empty()) {
-    return written_since_ns_;
-  }
-  return batches_.front()->handed_ns;
 }
 
 void Recorder::take(std::uint32_t step) {
@@ -242,7 +233,6 @@ void Recorder::hand_over(std::unique_ptr<Batch> batch) {
   if (batch->infos.infos_size() > 0) {
     add_own(*batch, kInfosChannel, batch->infos);
   }
-  batch->handed_ns = base::monotonic_ns();
   {
     const std::lock_guard lock(mutex_);
     waiting_bytes_ += batch->chunk.size();
@@ -261,9 +251,6 @@ void Recorder::hand_over_what_is_due(bool all) {
 }
 
 void Recorder::write_batches() {
-  if (!clock_.is_simulated()) {
-    giving_way_.adopt();  // In simulated time the application waits for what is written.
-  }
   std::unique_lock lock(mutex_);
   for (;;) {
     came_.wait(lock, [this] { return !batches_.empty() || stops_writing_; });
@@ -272,23 +259,19 @@ void Recorder::write_batches() {
     }
     const std::unique_ptr<Batch> batch = std::move(batches_.front());
     batches_.pop_front();
-    written_since_ns_ = batch->handed_ns;
     lock.unlock();
     const std::uint64_t bytes = batch->chunk.size();
     write(*batch);
     batch->release();
     lock.lock();
-    written_since_ns_.reset();
     waiting_bytes_ -= bytes;
     went_.notify_one();
   }
 }
 
 void Recorder::write(Batch& batch) {
-  giving_way_.begin();
   batch.chunk.close();
   const bool is_written = recording_.write(batch.chunk);
-  giving_way_.end();
   std::uint64_t messages = 0;
   for (const auto& [topic, count] : batch.counts) {
     auto& counter = is_written ? topics_[topic]->recorded : topics_[topic]->disk;
@@ -381,7 +364,6 @@ void Recorder::stop(std::map<std::string, std::string> end) {
   if (!clock_.is_simulated()) {
     set(stops_taking_);
     polling_.join();
-    giving_way_.hurry(true);  // Nobody watches over it any more.
   }
   take();
   hand_over_what_is_due(true);

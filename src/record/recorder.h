@@ -17,13 +17,11 @@
 #include <vector>
 
 #include "base/clock.h"
-#include "base/giving_way.h"
 #include "base/thread.h"
 #include "broker/topics.h"
 #include "executor/activation_ring.h"
 #include "mcap/compression.h"
 #include "mcap/topic_filter.h"
-#include "record/courtesy.h"
 #include "record/recording.h"
 #include "record/serializer.h"
 #include "record/streams.h"
@@ -75,9 +73,6 @@ struct RecordedTopic {
 /// small ones copied, large ones as they are. Another one compresses and writes. So a publisher
 /// pays for one more queue and for nothing else; and what the disk does not take at once waits, up
 /// to the memory that is allowed, beyond which it is lost and counted.
-///
-/// The thread that writes lets the application go first while it keeps up (`Courtesy`), where the
-/// machine permits.
 ///
 /// A chunk is written at the latest `kChunkAge` after its first message came: a crash of the
 /// process takes no more than that.
@@ -157,7 +152,6 @@ class Recorder {
   void define();
   [[nodiscard]] std::size_t open_for(const std::string& topic);
   void poll();
-  [[nodiscard]] std::optional<std::int64_t> find_oldest() const;
   void take_message(const Stream& stream, detail::Envelope* envelope);
   void add_small(const Stream& stream, const detail::Envelope& envelope);
   void add_large(const Stream& stream, detail::Envelope* envelope);
@@ -191,7 +185,6 @@ class Recorder {
   std::array<std::uint32_t, 3> own_sequences_{};  ///< By channel, of what is not a topic's.
   std::optional<std::uint32_t> round_;  ///< Simulated time: that is being taken, in its moment.
   std::atomic<std::uint64_t> activations_lost_{0};
-  Courtesy courtesy_;
 
   // Between the two.
   mutable std::mutex mutex_;
@@ -200,12 +193,10 @@ class Recorder {
   std::condition_variable ended_;
   std::deque<std::unique_ptr<Batch>> batches_;
   std::uint64_t waiting_bytes_ = 0;
-  std::optional<std::int64_t> written_since_ns_;  ///< When what is being written was handed over.
   bool stops_taking_ = false;
   bool stops_writing_ = false;
 
   // The thread that writes.
-  base::GivingWay giving_way_;
   std::map<std::uint16_t, Latched> latched_;  ///< By channel.
   Recording recording_;
   bool is_in_trouble_ = false;

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <unistd.h>
 
+#include "fastcycle/version.h"
 #include "process/process.h"
 
 namespace fastcycle::tool::top {
