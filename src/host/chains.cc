@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -278,13 +279,15 @@ ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) c
   }
   report.age = age.summary();
   report.count = report.age.count;
-  std::vector<Sum*> order;
+  std::vector<Sum*> order;  // By place; in the order of the alphabet where that is the same.
   for (auto& [name, sum] : sums) {
     sum.report.waiting = sum.waiting.summary();
     sum.report.running = sum.running.summary();
     order.push_back(&sum);
   }
-  std::ranges::stable_sort(order, {}, [](const Sum* sum) { return sum->place; });
+  std::ranges::sort(order, {}, [](const Sum* sum) {
+    return std::tie(sum->place, sum->report.component, sum->report.topic);
+  });
   for (Sum* sum : order) {
     report.hops.push_back(std::move(sum->report));
   }

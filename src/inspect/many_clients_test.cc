@@ -9,6 +9,7 @@
 #include <memory>
 #include <random>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -19,6 +20,7 @@
 
 #include "base/clock.h"
 #include "fastcycle/fastcycle.h"
+#include "fastcycle/version.h"
 #include "host/test_application.h"
 #include "inspect/address.h"
 #include "inspect/client.h"
@@ -63,6 +65,13 @@ std::int64_t rss_kib() {
     std::fclose(file);
   }
   return pages * (::sysconf(_SC_PAGESIZE) / 1024);
+}
+
+/// The address sanitizer keeps what was freed for a while, so it shows no bound.
+void expect_grown_less(std::int64_t before_kib, std::int64_t kib) {
+  if (std::string_view(FASTCYCLE_SANITIZER) != "address") {
+    EXPECT_LT(rss_kib() - before_kib, kib);
+  }
 }
 
 class ManyHostileClients : public testing::Test {
@@ -182,7 +191,7 @@ TEST_F(ManyHostileClients, SayingRandomFramesChangeNothing) {
   ::close(descriptor);
   expect_alive();
   tell("random frames", frames);
-  EXPECT_LT(rss_kib() - before_kib, 256 * 1024);
+  expect_grown_less(before_kib, 256 * 1024);
 }
 
 TEST_F(ManyHostileClients, ThatNeverReadAreBounded) {
@@ -208,7 +217,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBounded) {
   std::this_thread::sleep_for(300ms);  // 300 messages of 10 kB for each of them.
   expect_alive();
   tell("who never reads", descriptors.size());
-  EXPECT_LT(rss_kib() - before_kib, 512 * 1024);
+  expect_grown_less(before_kib, 512 * 1024);
   for (const int descriptor : descriptors) {
     ::close(descriptor);
   }
