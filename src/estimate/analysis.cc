@@ -14,6 +14,13 @@
 namespace fastcycle::estimate {
 namespace {
 
+/// What takes most first.
+void sort_by_time(std::vector<Hindrance>& hindrances) {
+  std::ranges::sort(hindrances, [](const Hindrance& a, const Hindrance& b) {
+    return std::pair(b.time, a.component) < std::pair(a.time, b.component);
+  });
+}
+
 /// Beyond so many streams into one callback, those of equal period are looked at as one.
 constexpr std::size_t kManyStreams = 16;
 /// Beyond so many rounds, what still grows is taken to grow without end.
@@ -446,7 +453,7 @@ bool Analysis::add_hop(Walk& walk, Way& way, std::size_t callback, Duration held
       hop.hindrances.push_back({c, details_[component].hindrance[c]});
     }
   }
-  std::ranges::stable_sort(hop.hindrances, std::greater(), &Hindrance::time);
+  sort_by_time(hop.hindrances);
   way.age += hop.held + hop.waiting;
   way.hops.push_back(std::move(hop));
   return true;
@@ -832,7 +839,7 @@ void add_remedies(const System& system, std::size_t chain, ChainEstimate& judged
       }
     }
   }
-  std::ranges::stable_sort(hindrances, std::greater(), &Hindrance::time);
+  sort_by_time(hindrances);
   hindrances.resize(std::min<std::size_t>(hindrances.size(), 3));
   for (const Hindrance& hindrance : hindrances) {
     const std::size_t component = hindrance.component;

@@ -516,7 +516,7 @@ class Simulator {
       }
     }
     std::ranges::shuffle(wanting, random_);
-    std::ranges::stable_sort(wanting, [&](const Worker* a, const Worker* b) {
+    std::ranges::sort(wanting, [&](const Worker* a, const Worker* b) {
       const int its_a = system_.executors[a->executor].priority;
       const int its_b = system_.executors[b->executor].priority;
       // Within a slice who has a CPU keeps it.

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -122,7 +123,8 @@ std::string component_of(const TestSlice& slice) {
 /// The number of pairs of slices with the same `key` that are both under way at some time.
 template <typename Key>
 std::size_t overlaps_of(std::vector<TestSlice> slices, const Key& key) {
-  std::ranges::stable_sort(slices, {}, &TestSlice::begin_ns);
+  std::ranges::sort(slices, {},
+                    [](const TestSlice& slice) { return std::pair(slice.begin_ns, slice.end_ns); });
   std::map<std::string, std::int64_t> end_ns;
   std::size_t overlaps = 0;
   for (const TestSlice& slice : slices) {

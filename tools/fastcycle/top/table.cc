@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <numeric>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -213,9 +215,20 @@ void sort_by(Table& table, std::size_t column, bool is_reversed) {
     const Field& right = b.fields[column];
     return is_text ? left.text < right.text : left.number > right.number;
   };
-  std::stable_sort(table.lines.begin(), table.lines.end(), [&](const Line& a, const Line& b) {
-    return is_reversed ? comes_first(b, a) : comes_first(a, b);
+  std::vector<std::size_t> order(table.lines.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::sort(order, [&](std::size_t a, std::size_t b) {
+    const Line& first = table.lines[is_reversed ? b : a];
+    const Line& second = table.lines[is_reversed ? a : b];
+    // What is alike stays in its order.
+    return comes_first(first, second) || (!comes_first(second, first) && a < b);
   });
+  std::vector<Line> lines;
+  lines.reserve(order.size());
+  for (const std::size_t line : order) {
+    lines.push_back(std::move(table.lines[line]));
+  }
+  table.lines = std::move(lines);
 }
 
 std::vector<std::size_t> columns_that_fit(const Table& table, int width) {
