@@ -297,6 +297,9 @@ int run_application(const config::ApplicationDescription& description, const Run
   if (!options.is_quiet) {
     std::fputs(table.c_str(), stdout);
     static_cast<void>(flush_output());  // It says why not; the run itself has not failed.
+  } else if (tracer != nullptr && !tracer->report().problem.empty()) {
+    std::fprintf(stderr, "fastcycle %s: the trace is not whole: %s\n", options.command,
+                 tracer->report().problem.c_str());
   }
   if (!obstacle.empty()) {
     std::fprintf(stderr, "fastcycle run: the report %s was not written: %s\n",
