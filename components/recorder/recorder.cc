@@ -31,6 +31,7 @@ class Recorder final : public fastcycle::Component {
     record.sync_interval = nanoseconds_of(number("sync_ms", 1'000, 0, 86'400'000, "ms") * 1e6);
     record.memory_bytes = bytes_of(number("memory_mb", 256, 1, 1e6, "MB"));
     record.has_activations = context.param<bool>("activations", {.fallback = true}).get();
+    record.is_background = context.param<bool>("background", {.fallback = false}).get();
     fastcycle::host::record_for(context.core(), record);
   }
 

@@ -56,6 +56,11 @@ void set_policy(const ThreadOptions& options, std::vector<Refusal>& refusals) {
   if (options.policy == SchedulingPolicy::kOther) {
     return;
   }
+  if (options.policy == SchedulingPolicy::kIdle) {
+    const sched_param none{};
+    sched_setscheduler(0, SCHED_IDLE, &none);  // Which every thread may be.
+    return;
+  }
   const bool is_fifo = options.policy == SchedulingPolicy::kFifo;
   sched_param parameter{};
   parameter.sched_priority = options.priority;

@@ -9,7 +9,8 @@
 
 namespace fastcycle::base {
 
-enum class SchedulingPolicy : std::uint8_t { kOther, kFifo, kRoundRobin };
+/// `kIdle` (SCHED_IDLE) runs where nothing else wants the CPU, and gives way at once.
+enum class SchedulingPolicy : std::uint8_t { kOther, kFifo, kRoundRobin, kIdle };
 
 /// How a thread should run. What the machine refuses is reported, not fatal.
 struct ThreadOptions {

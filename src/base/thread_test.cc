@@ -28,6 +28,18 @@ TEST(Thread, HasItsNameAndATimerSlackOfOneNanosecond) {
   EXPECT_TRUE(refusals.empty());
 }
 
+TEST(Thread, GivesWayToAllOthersIfAskedTo) {
+  int policy = -1;
+  std::vector<Refusal> refusals;
+
+  Thread thread({.name = "t", .cpus = {}, .policy = SchedulingPolicy::kIdle},
+                [&] { policy = sched_getscheduler(0); }, refusals);
+  thread.join();
+
+  EXPECT_EQ(policy, SCHED_IDLE);
+  EXPECT_TRUE(refusals.empty());
+}
+
 TEST(Thread, SaysWhatTheMachineRefusesAndRunsAllTheSame) {
   bool has_run = false;
   std::vector<Refusal> refusals;

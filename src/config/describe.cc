@@ -278,6 +278,7 @@ RecordDescription describe_record(const Value& value) {
   record.sync_interval = find_ms(value, "sync_ms").value_or(record.sync_interval);
   read_mb(value, "memory_mb", record.memory_bytes);
   read_bool(value, "activations", record.has_activations);
+  read_bool(value, "background", record.is_background);
   return record;
 }
 

@@ -54,6 +54,7 @@ struct RecordDescription {
   std::chrono::nanoseconds sync_interval{1'000'000'000};  ///< 0: only at the end of a file.
   std::uint64_t memory_bytes = 256'000'000;               ///< That may wait to be written.
   bool has_activations = true;
+  bool is_background = false;  ///< Its threads run only where nothing else wants a CPU.
   Place place;
 };
 

@@ -64,6 +64,7 @@ record::RecorderOptions recorder_options(const config::RecordDescription& descri
   }
   options.memory_bytes = description.memory_bytes;
   options.records_activations = description.has_activations;
+  options.is_background = description.is_background;
   return options;
 }
 

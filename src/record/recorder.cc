@@ -82,10 +82,13 @@ bool Recorder::start(Explanation explanation, std::vector<const detail::Activati
   const bool is_open = recording_.open();
   is_in_trouble_ = !is_open;
   is_started_ = true;
-  writing_ =
-      base::Thread({.name = "record-write", .cpus = {}}, [this] { write_batches(); }, refusals_);
+  const auto policy =
+      options_.is_background ? base::SchedulingPolicy::kIdle : base::SchedulingPolicy::kOther;
+  writing_ = base::Thread({.name = "record-write", .cpus = {}, .policy = policy},
+                          [this] { write_batches(); }, refusals_);
   if (!clock_.is_simulated()) {
-    polling_ = base::Thread({.name = "record-take", .cpus = {}}, [this] { poll(); }, refusals_);
+    polling_ = base::Thread({.name = "record-take", .cpus = {}, .policy = policy},
+                            [this] { poll(); }, refusals_);
   }
   return is_open;
 }

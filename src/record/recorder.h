@@ -51,6 +51,8 @@ struct RecorderOptions {
   std::vector<CompressionRule> rules = {};                   ///< The first that matches counts.
   std::uint64_t memory_bytes = std::uint64_t{256} << 20U;    ///< That may wait to be written.
   bool records_activations = true;
+  /// Its threads run only where nothing else wants a CPU.
+  bool is_background = false;
 };
 
 /// What became of one topic.

@@ -39,6 +39,7 @@ namespace {
 constexpr double kMega = 1e6;
 constexpr const char* kCopied = "floor-copy";
 constexpr const char* kRecorded = "recorded";
+constexpr const char* kBackground = "background";
 
 std::runtime_error trouble_with(const std::filesystem::path& file) {
   return std::runtime_error("bench: " + file.string() + ": " + std::strerror(errno));
@@ -198,7 +199,7 @@ void add_recording(Finding& finding, const host::RecordingReport& recording,
 Finding measure_record(Session& session, const std::string& what, const std::string& wait,
                        std::int64_t size) {
   const Options& options = session.options();
-  const bool is_recorded = what == kRecorded;
+  const bool is_recorded = what == kRecorded || what == kBackground;
   Json json = application_beside(options, size, wait, session.folder());
   std::optional<RecordingFolder> folder;
   if (what != kWithout) {
@@ -206,6 +207,7 @@ Finding measure_record(Session& session, const std::string& what, const std::str
   }
   if (is_recorded) {
     record_into(json, folder->file());
+    json["record"]["background"] = what == kBackground;
   }
   const PeakMemory peak;
   std::optional<Copying> copying;
@@ -357,7 +359,7 @@ Mode record_mode(const Options& options, Session* session) {
   for (const std::int64_t size : options.sizes) {
     for (const std::string& wait : options.waits) {
       Point point;
-      for (const char* const what : {kWithout, kCopied, kRecorded}) {
+      for (const char* const what : {kWithout, kCopied, kRecorded, kBackground}) {
         point.steps.push_back(
             {.peer = fmt::format("{}-{}", what, wait), .measure = [session, what, wait, size] {
                return measure_record(*session, what, wait, size);
