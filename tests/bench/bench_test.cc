@@ -236,7 +236,7 @@ TEST_F(Bench, SimulatedPeriodsEndExactly) {
 TEST_F(Bench, ChainGoesOverOneExecutorAndOverTwo) {
   const auto found = rows(few({"chain", "--hops", "1,3"}));
 
-  ASSERT_EQ(found.size(), 6U);
+  ASSERT_EQ(found.size(), 8U);
   std::set<std::pair<int, int>> seen;
   for (const json& row : found) {
     expect_times(row, 50);
@@ -266,7 +266,7 @@ TEST_F(Bench, StartupReachesEverySubscriber) {
 TEST_F(Bench, RecordingStandsBesideTheSameWithoutIt) {
   const auto found = rows(few({"record", "--size", "64K,200K", "--dir", temporary_.path()}));
 
-  ASSERT_EQ(found.size(), 6U);
+  ASSERT_EQ(found.size(), 8U);
   EXPECT_EQ(peers_of(found),
             (std::multiset<std::string>{"background-park", "background-park", "floor-copy-park",
                                         "floor-copy-park", "recorded-park",
