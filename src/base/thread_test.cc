@@ -32,8 +32,9 @@ TEST(Thread, GivesWayToAllOthersIfAskedTo) {
   int policy = -1;
   std::vector<Refusal> refusals;
 
-  Thread thread({.name = "t", .cpus = {}, .policy = SchedulingPolicy::kIdle},
-                [&] { policy = sched_getscheduler(0); }, refusals);
+  Thread thread(
+      {.name = "t", .cpus = {}, .policy = SchedulingPolicy::kIdle},
+      [&] { policy = sched_getscheduler(0); }, refusals);
   thread.join();
 
   EXPECT_EQ(policy, SCHED_IDLE);

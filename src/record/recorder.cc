@@ -84,11 +84,12 @@ bool Recorder::start(Explanation explanation, std::vector<const detail::Activati
   is_started_ = true;
   const auto policy =
       options_.is_background ? base::SchedulingPolicy::kIdle : base::SchedulingPolicy::kOther;
-  writing_ = base::Thread({.name = "record-write", .cpus = {}, .policy = policy},
-                          [this] { write_batches(); }, refusals_);
+  writing_ = base::Thread(
+      {.name = "record-write", .cpus = {}, .policy = policy}, [this] { write_batches(); },
+      refusals_);
   if (!clock_.is_simulated()) {
-    polling_ = base::Thread({.name = "record-take", .cpus = {}, .policy = policy},
-                            [this] { poll(); }, refusals_);
+    polling_ = base::Thread(
+        {.name = "record-take", .cpus = {}, .policy = policy}, [this] { poll(); }, refusals_);
   }
   return is_open;
 }

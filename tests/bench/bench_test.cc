@@ -269,8 +269,8 @@ TEST_F(Bench, RecordingStandsBesideTheSameWithoutIt) {
   ASSERT_EQ(found.size(), 8U);
   EXPECT_EQ(peers_of(found),
             (std::multiset<std::string>{"background-park", "background-park", "floor-copy-park",
-                                        "floor-copy-park", "recorded-park",
-                                        "recorded-park", "without-park", "without-park"}));
+                                        "floor-copy-park", "recorded-park", "recorded-park",
+                                        "without-park", "without-park"}));
   for (const json& row : found) {
     expect_times(row, 50);
     EXPECT_TRUE(row.contains("publish_p99_us"));
