@@ -22,6 +22,9 @@ FOREGROUND, BACKGROUND = "#d8dee9", "#1d2129"
 COLOURS = ["#2b303b", "#e06c75", "#98c379", "#e5c07b", "#4f8fd6", "#c678dd", "#4fb3bf", "#d8dee9",
            "#6b7280", "#ff7b86", "#b5e890", "#ffd98a", "#7fb4ff", "#e29bff", "#7fe0ea", "#ffffff"]
 LONGEST_S = 30
+# A shell whose commands are typed and shown, an empty line between them; what it asks with begins a line.
+PROMPT = "\n$"
+SHELL = ["env", r"PS1=\n\[\e[32m\]$\[\e[m\] ", "bash", "--norc", "--noprofile"]
 
 
 class Style:
@@ -143,32 +146,71 @@ def picture_of(text, columns=0, rows=0, title=""):
     return "\n".join(svg) + "\n"
 
 
+class Terminal:
+    """A terminal of its own in which a command runs, until the block ends.
+
+        with Terminal(SHELL, 80, 24) as terminal:
+            terminal.type("fastcycle list")
+            print(terminal.text())
+    """
+
+    def __init__(self, command, columns, rows, environment=None):
+        self.folder = tempfile.TemporaryDirectory()
+        self.tmux = ["tmux", "-u", "-S", os.path.join(self.folder.name, "tmux"), "-f", "/dev/null"]
+        subprocess.run(self.tmux + ["new-session", "-d", "-x", str(columns), "-y", str(rows), "--"] + command +
+                       [";", "set-option", "-g", "remain-on-exit", "on", ";", "set-option", "-g", "status",
+                        "off"], check=True, env=environment)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        subprocess.run(self.tmux + ["kill-server"], check=False)
+        self.folder.cleanup()
+
+    def tell(self, *words):
+        return subprocess.run(self.tmux + list(words), check=True, capture_output=True, text=True).stdout
+
+    def key(self, name):
+        self.tell("send-keys", name)
+
+    def pause(self, seconds):
+        time.sleep(float(seconds))
+
+    def wait(self, text):
+        self.wait_until(lambda screen: text in screen, repr(text))
+
+    def type(self, line):
+        """To `SHELL`, and waits until it asks for more."""
+        asked = self.plain().count(PROMPT)
+        self.tell("send-keys", "-l", line)
+        self.tell("send-keys", "Enter")
+        self.wait_until(lambda screen: screen.count(PROMPT) > asked and screen.endswith(PROMPT), f"the end of {line}")
+
+    def wait_until(self, is_there, what):
+        end = time.monotonic() + LONGEST_S
+        while not is_there(self.plain()):
+            if time.monotonic() > end:
+                sys.exit(f"the terminal never showed {what}:\n" + self.plain())
+            time.sleep(0.05)
+
+    def plain(self):
+        return "\n" + self.tell("capture-pane", "-p").rstrip()
+
+    def text(self):
+        """What it shows, colours included, without the prompt that waits at the end."""
+        lines = self.tell("capture-pane", "-e", "-p", "-N").strip("\n").split("\n")
+        if self.plain().endswith(PROMPT):
+            lines.pop()
+        return "\n".join(lines).rstrip("\n")
+
+
 def capture(command, columns, rows, steps):
     """What a terminal shows after the command has run through the steps."""
-    with tempfile.TemporaryDirectory() as folder:
-        tmux = ["tmux", "-u", "-S", os.path.join(folder, "tmux"), "-f", "/dev/null"]
-
-        def tell(*words):
-            return subprocess.run(tmux + list(words), check=True, capture_output=True, text=True).stdout
-
-        subprocess.run(tmux + ["new-session", "-d", "-x", str(columns), "-y", str(rows), "--"] + command +
-                       [";", "set-option", "-g", "remain-on-exit", "on", ";", "set-option", "-g", "status",
-                        "off"], check=True)
-        try:
-            for kind, value in steps:
-                if kind == "key":
-                    tell("send-keys", value)
-                elif kind == "pause":
-                    time.sleep(float(value))
-                else:
-                    end = time.monotonic() + LONGEST_S
-                    while value not in tell("capture-pane", "-p"):
-                        if time.monotonic() > end:
-                            sys.exit(f"the terminal never showed {value!r}:\n" + tell("capture-pane", "-p"))
-                        time.sleep(0.05)
-            return tell("capture-pane", "-e", "-p", "-N")
-        finally:
-            subprocess.run(tmux + ["kill-server"], check=False)
+    with Terminal(command, columns, rows) as terminal:
+        for kind, value in steps:
+            getattr(terminal, kind)(value)
+        return terminal.text()
 
 
 def self_test():

@@ -99,6 +99,15 @@ def check_whole_drive(runner, clock):
     return results, picture
 
 
+def check_tunnel(runner, expected):
+    """Chains are declared, and tools may look: that changes nothing as long as nobody asks for the mode."""
+    results = runner.results("--overlay", str(HERE / "tunnel.json"))
+    assert results == expected, results
+    report = json.loads((runner.folder / "report.json").read_text())
+    assert [(chain["name"], chain["count"] > 0) for chain in report["chains"]] == [
+        ("wheels_to_pose", True), ("gnss_to_pose", True)], report["chains"]
+
+
 def check_parts(runner, folder):
     for begin_s, end_s in ((0, 12), (12, 30), (24, 42)):
         part = folder / f"part_{begin_s}"
@@ -129,6 +138,7 @@ def main():
             return
         first = check_whole_drive(runner, "simulated")
         assert check_whole_drive(runner, "simulated") == first, "two runs differ"
+        check_tunnel(runner, first[0])
         check_parts(runner, folder)
         check_damage(runner, folder)
 
