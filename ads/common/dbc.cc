@@ -18,6 +18,26 @@ namespace {
 constexpr std::size_t kLargestPayload = 64;  // of CAN FD, in bytes
 constexpr std::uint32_t kExtendedFlag = 0x8000'0000U;
 
+// The integer of `bit_count` bits that is closest to `value`, as bits.
+std::uint64_t nearest_raw(double value, std::size_t bit_count, bool is_signed) {
+  const double rounded = std::nearbyint(value);
+  const std::uint64_t ones = ~std::uint64_t{0} >> (64 - bit_count);
+  if (!is_signed) {
+    if (rounded <= 0.0) {
+      return 0;
+    }
+    return rounded < std::ldexp(1.0, static_cast<int>(bit_count))
+               ? static_cast<std::uint64_t>(rounded)
+               : ones;
+  }
+  const double limit = std::ldexp(1.0, static_cast<int>(bit_count) - 1);
+  if (rounded >= limit) {
+    return ones >> 1U;
+  }
+  return rounded <= -limit ? std::uint64_t{1} << (bit_count - 1)
+                           : static_cast<std::uint64_t>(static_cast<std::int64_t>(rounded)) & ones;
+}
+
 // The bit after (below) `bit` of a Motorola signal: down within a byte, then on to the next byte.
 std::size_t next_lower_bit(std::size_t bit) {
   return bit % 8 == 0 ? bit + 15 : bit - 1;
@@ -184,6 +204,20 @@ double DbcSignal::decode(std::span<const std::uint8_t> payload) const {
   const std::size_t unused = 64 - bit_count;
   const auto value = static_cast<std::int64_t>(raw << unused) >> unused;
   return static_cast<double>(value) * factor + offset;
+}
+
+void DbcSignal::encode(double value, std::span<std::uint8_t> payload) const {
+  const std::uint64_t raw = nearest_raw((value - offset) / factor, bit_count, is_signed);
+  std::size_t bit = is_big_endian ? start_bit : start_bit + bit_count - 1;
+  for (std::size_t left = bit_count; left > 0; --left) {
+    const auto mask = static_cast<std::uint8_t>(1U << (bit % 8));
+    if (((raw >> (left - 1)) & 1U) != 0) {
+      payload[bit / 8] |= mask;
+    } else {
+      payload[bit / 8] &= static_cast<std::uint8_t>(~mask);
+    }
+    bit = is_big_endian ? next_lower_bit(bit) : bit - 1;
+  }
 }
 
 const DbcSignal& DbcMessage::signal(std::string_view wanted) const {

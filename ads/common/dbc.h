@@ -30,6 +30,12 @@ struct DbcSignal {
   ///
   /// @pre  `payload.size() >= byte_count()`
   [[nodiscard]] double decode(std::span<const std::uint8_t> payload) const;
+
+  /// Writes the bits that come closest to `value`, in `unit`, and leaves all others as they are.
+  /// What the bits cannot hold becomes the nearest value that they can.
+  ///
+  /// @pre  `payload.size() >= byte_count()`, `value` is no NaN and `factor` is not 0.
+  void encode(double value, std::span<std::uint8_t> payload) const;
 };
 
 /// One message of a CAN bus.
