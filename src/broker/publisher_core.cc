@@ -300,7 +300,7 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   }
   loan->payload = loan->own;
   const bool is_simulated = owner.stage != nullptr;
-  number(*loan, origin, is_simulated ? owner.now : owner.clock->now());
+  number(*loan, origin, is_simulated ? owner.now + owner.simulated_cost : owner.clock->now());
   owner.published = loan->info.publish_time;
   if (root_count != 0) [[unlikely]] {
     follow(*loan, owner.trails, owner.held_trails);
@@ -330,7 +330,7 @@ void PublisherCore::forward(Envelope* received) {
     origin = received->info.origin;
   }
   const bool is_simulated = owner.stage != nullptr;
-  number(*envelope, origin, is_simulated ? owner.now : owner.clock->now());
+  number(*envelope, origin, is_simulated ? owner.now + owner.simulated_cost : owner.clock->now());
   owner.published = envelope->info.publish_time;
   if (root_count != 0) [[unlikely]] {
     follow(*envelope, is_forwarded_alone ? received->trails : owner.trails, owner.held_trails);

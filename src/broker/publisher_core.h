@@ -43,6 +43,7 @@ struct PublishingComponent {
   bool is_in_activation = false;  ///< Only then it may publish,
   bool is_muted = false;          ///< unless it is muted: then nobody hears it.
   Time now{};                     ///< The activation's time.
+  Duration simulated_cost{0};     ///< In simulated time: how much later it publishes.
   /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
   /// something is published.
   const Origin* origin = &kNoOrigin;

@@ -190,6 +190,8 @@ ComponentDescription describe_component(const Value& value, const ComponentDefau
   component.executor = text_of(value, "executor");
   component.serve_period = find_ms(value, "serve_period_ms");
   component.serve_phase = find_ms(value, "serve_phase_ms").value_or(std::chrono::nanoseconds{0});
+  component.simulated_cost =
+      find_ms(value, "simulated_cost_ms").value_or(std::chrono::nanoseconds{0});
   const Value* params = find_object(value, "params");
   component.params = params == nullptr ? Value::object_at(value) : *params;
   component.on_fault = find_on_fault(value).value_or(defaults.on_fault);

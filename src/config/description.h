@@ -167,6 +167,7 @@ struct ComponentDescription {
   std::string executor;    ///< Empty: the one of all who name none.
   std::optional<std::chrono::nanoseconds> serve_period;  ///< None: `serve()` is never called.
   std::chrono::nanoseconds serve_phase{0};
+  std::chrono::nanoseconds simulated_cost{0};  ///< In simulated time, of each of its turns.
   Value params;                              ///< Always an object.
   std::map<std::string, std::string> remap;  ///< Name in code → topic; see `resolve_topic`.
   OnFault on_fault = OnFault::kStopComponent;

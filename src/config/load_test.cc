@@ -28,6 +28,7 @@ constexpr std::string_view kApplication = R"({
   "components": [
     {"name": "limiter", "library": "speed_limiter", "class": "demo::SpeedLimiter",
      "namespace": "front", "executor": "control", "serve_period_ms": 0.5, "serve_phase_ms": 0.25,
+     "simulated_cost_ms": 1.5,
      "params": {"limit_mps": 22.2}, "remap": {"goal": "mission/goal"}, "on_fault": "stop",
      "subscribers": {"planning/speed": {"depth": 4, "overflow": "drop_newest"}},
      "publishers": {"control/speed": {"keep": 2}}},
@@ -82,6 +83,7 @@ TEST_F(LoadTest, EveryKeyOfAComponentArrives) {
   EXPECT_EQ(limiter.class_name, "demo::SpeedLimiter");
   EXPECT_EQ(limiter.executor, "control");
   EXPECT_EQ(limiter.serve_period, std::chrono::microseconds(500));
+  EXPECT_EQ(limiter.simulated_cost, std::chrono::microseconds(1500));
   EXPECT_EQ(limiter.serve_phase, std::chrono::microseconds(250));
   EXPECT_EQ(limiter.params.to_text(), R"({"limit_mps":22.2})");
   EXPECT_EQ(limiter.on_fault, OnFault::kStop);

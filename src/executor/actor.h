@@ -122,6 +122,9 @@ class Actor {
   /// As `post`; calls `finished` when the activation has ended, its fault, if any, included.
   void post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished);
 
+  /// Whether something waits for the end of the round.
+  [[nodiscard]] bool has_staged() const noexcept { return !staged_.empty(); }
+
   /// In simulated time: does `action` when the present round is over. From within a callback only.
   void stage(std::function<void()> action) { staged_.push_back({.action = std::move(action)}); }
 
@@ -140,6 +143,11 @@ class Actor {
 
   /// Hands over what was published and posted in a simulated round.
   void hand_over_stage();
+
+  /// In simulated time: how long a turn that publishes or posts something takes it. What it did is
+  /// seen by others when this is over, and it serves nothing else until then. Before the start.
+  void set_simulated_cost(Duration cost) noexcept { publishing.simulated_cost = cost; }
+  [[nodiscard]] Duration simulated_cost() const noexcept { return publishing.simulated_cost; }
 
   /// From now on messages and timers are served; until then only control causes are.
   void open() noexcept { gate_.store(Gate::kOpen, std::memory_order_relaxed); }

@@ -28,6 +28,7 @@ void Simulation::add(Actor& actor) {
   actors_.push_back(&actor);
   ready_ = std::vector<std::atomic<std::uint64_t>>((actors_.size() + 63) / 64);
   expected_ns_.push_back(0);
+  computing_until_ns_.push_back(base::kNever);
 }
 
 void Simulation::enqueue(std::uint32_t index) noexcept {
@@ -135,13 +136,15 @@ bool Simulation::take_fed() {
 
 bool Simulation::is_anyone_ready() const noexcept {
   const std::int64_t now_ns = base::to_ns(clock_.now());
-  const auto is_ready = [](const std::atomic<std::uint64_t>& word) {
-    return word.load(std::memory_order_seq_cst) != 0;
-  };
-  const auto is_due = [now_ns](const Actor* actor) {
-    return actor->is_ticking() && actor->armed_due_ns() <= now_ns;
-  };
-  return std::ranges::any_of(ready_, is_ready) || std::ranges::any_of(actors_, is_due);
+  for (std::size_t i = 0; i < actors_.size(); ++i) {
+    const std::uint64_t flag = std::uint64_t{1} << (i % 64);
+    const bool is_ready = (ready_[i / 64].load(std::memory_order_seq_cst) & flag) != 0;
+    const bool is_due = actors_[i]->is_ticking() && actors_[i]->armed_due_ns() <= now_ns;
+    if (is_computing(i) ? computing_until_ns_[i] <= now_ns : is_ready || is_due) {
+      return true;
+    }
+  }
+  return false;
 }
 
 void Simulation::begin_steps(std::uint32_t first, std::uint32_t end) noexcept {
@@ -153,6 +156,12 @@ void Simulation::collect_round() {
   round_.clear();
   const std::int64_t now_ns = base::to_ns(clock_.now());
   for (std::size_t i = 0; i < actors_.size(); ++i) {
+    if (is_computing(i)) {
+      if (computing_until_ns_[i] <= now_ns) {
+        round_.push_back({.actor = actors_[i], .index = i, .is_served = true});
+      }
+      continue;
+    }
     const std::uint64_t flag = std::uint64_t{1} << (i % 64);
     auto& word = ready_[i / 64];
     const bool is_ready = (word.load(std::memory_order_seq_cst) & flag) != 0 &&
@@ -185,7 +194,14 @@ bool Simulation::run_round() {
     }
   }
   for (const Turn& turn : round_) {
-    turn.actor->hand_over_stage();
+    const Duration cost = turn.actor->simulated_cost();
+    std::int64_t& until_ns = computing_until_ns_[turn.index];
+    if (until_ns == base::kNever && cost > Duration(0) && turn.actor->has_staged()) {
+      until_ns = base::to_ns(clock_.now() + cost);
+    } else {
+      until_ns = base::kNever;
+      turn.actor->hand_over_stage();
+    }
   }
   run_jobs();
   const std::uint32_t step = step_++;
@@ -270,8 +286,22 @@ void Simulation::run_jobs() {
 }
 
 void Simulation::run_now() {
-  for (std::uint64_t rounds = 0; rounds < kMaxRoundsAtOnce && run_round(); ++rounds) {
+  for (std::uint64_t rounds = 0; rounds < kMaxRoundsAtOnce; ++rounds) {
+    if (!run_round() && !end_computing()) {
+      return;
+    }
   }
+}
+
+bool Simulation::end_computing() noexcept {
+  bool has_ended = false;
+  for (std::int64_t& until_ns : computing_until_ns_) {
+    if (until_ns != base::kNever) {
+      until_ns = std::min(until_ns, base::to_ns(clock_.now()));
+      has_ended = true;
+    }
+  }
+  return has_ended;
 }
 
 std::int64_t Simulation::next_due_ns(const Actor* without) const noexcept {
@@ -281,9 +311,11 @@ std::int64_t Simulation::next_due_ns(const Actor* without) const noexcept {
     // What belongs to a later part of this moment does not let time go on.
     next_ns = fed_ns > base::to_ns(clock_.now()) || has_fed_at(fed_ns) ? fed_ns : base::kNever;
   }
-  for (const Actor* actor : actors_) {
-    if (actor->is_ticking() && actor != without) {
-      next_ns = std::min(next_ns, actor->armed_due_ns());
+  for (std::size_t i = 0; i < actors_.size(); ++i) {
+    if (is_computing(i)) {
+      next_ns = std::min(next_ns, computing_until_ns_[i]);
+    } else if (actors_[i]->is_ticking() && actors_[i] != without) {
+      next_ns = std::min(next_ns, actors_[i]->armed_due_ns());
     }
   }
   return next_ns;

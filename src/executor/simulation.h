@@ -57,6 +57,9 @@ class Pace {
 /// only when nothing is left to do at the present one and nobody holds it. So the result is the
 /// same for any number of workers, and as fast as the components compute.
 ///
+/// What a component with a simulated cost did in a round is handed over at the end of the first
+/// round in which that time is over; it serves nothing until then.
+///
 /// @threads  `enqueue`, `hold`, `let_go`, `submit`, `call`, `interrupt` are Safe; all else is
 ///           confined to the thread that runs it.
 class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
@@ -96,7 +99,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   End run_until(Time limit);
 
   /// Serves what is left to do at the present time, without advancing it; at most a hundred
-  /// thousand rounds.
+  /// thousand rounds. What is still being computed is done at once.
   void run_now();
 
   /// Ends `run_until` after the present round; `clear_interrupt` allows the next one.
@@ -145,13 +148,18 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   struct Turn {
     Actor* actor;
     std::size_t index;
-    bool is_served = false;  ///< Ahead of the others.
+    bool is_served = false;  ///< Ahead of the others, or before the time that it took.
   };
 
   static constexpr std::uint64_t kMaxRoundsAtOnce = 100'000;
 
   bool run_round();
   void collect_round();
+  /// What is still being computed is done now, as time does not go on; false if there is none.
+  bool end_computing() noexcept;
+  [[nodiscard]] bool is_computing(std::size_t index) const noexcept {
+    return computing_until_ns_[index] != base::kNever;
+  }
   void serve(const Turn& turn, unsigned worker);
   void serve_in_parallel();
   [[nodiscard]] bool is_worth_helpers() const noexcept;
@@ -181,6 +189,8 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   std::vector<std::unique_ptr<ActivationRing>> rings_;
 
   std::vector<std::atomic<std::uint64_t>> ready_;
+  /// By component: when what it computes is done, if that takes time; else `kNever`.
+  std::vector<std::int64_t> computing_until_ns_;
   std::atomic<bool> is_interrupted_{false};
   std::atomic<int> foreign_threads_{0};
 

@@ -174,6 +174,7 @@ void Application::add_component(const config::ComponentDescription& component,
   core->is_wanted = modes_.is_active_at_first(core->index);
   core->set_root_count(chains_.root_count());
   if (simulation_ != nullptr) {
+    core->set_simulated_cost(component.simulated_cost);
     simulation_->add(*core);
   } else {
     executor_of(component).add(*core);

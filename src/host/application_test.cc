@@ -6,6 +6,7 @@
 #include <mutex>
 #include <thread>
 
+#include <fmt/format.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 
@@ -759,6 +760,63 @@ TEST(Simulation, GivesTheSameResultWithAnyNumberOfWorkers) {
   EXPECT_EQ(results[0], results[1]);
   EXPECT_EQ(results[0], results[2]);
   EXPECT_EQ(results[2], results[3]);
+}
+
+/// Passes numbers on.
+class SlowRelay final : public Component {
+ public:
+  explicit SlowRelay(Context& context)
+      : Component(context), out_(context.create_publisher<Int64Value>("relayed")) {
+    context.create_subscriber<Int64Value>("numbers", {.depth = 64}, [this](const Int64Value& in) {
+      auto loan = out_.loan();
+      loan->set_value(in.value());
+      out_.publish(std::move(loan));
+    });
+  }
+
+ private:
+  Publisher<Int64Value> out_;
+};
+
+/// When which number came, and when it was published.
+class Arrivals final : public Component {
+ public:
+  explicit Arrivals(Context& context) : Component(context) {
+    context.create_subscriber<Int64Value>(
+        "relayed", {.depth = 64}, [this](const Sample<Int64Value>& number) {
+          const double ms = std::chrono::duration<double, std::milli>(now() - start_time()).count();
+          text_ += fmt::format("{}@{}", number->value(), ms);
+          text_ += number.info().publish_time == now() ? " " : "! ";
+        });
+  }
+  void stop() override { report("arrivals", text_); }
+
+ private:
+  std::string text_;
+};
+
+TEST(Simulation, ASimulatedCostDelaysWhatAComponentPublishesAndKeepsItBusy) {
+  TestClasses classes;
+  classes.with<Counter>("counter").with<SlowRelay>("relay").with<Arrivals>("arrivals");
+  for (const unsigned workers : {1U, 4U}) {
+    const auto application = make_application(R"({"name": "t", "components": [
+        {"name": "counter", "library": "counter", "serve_period_ms": 1, "params": {"count": 6}},
+        {"name": "relay", "library": "relay", "simulated_cost_ms": 2.5},
+        {"name": "arrivals", "library": "arrivals"}]})",
+                                              classes, {.is_simulated = true, .workers = workers});
+
+    application->start();
+    application->run(std::nullopt);
+    application->stop();
+
+    // The first comes at 1 ms and takes until 3.5; the next two have come meanwhile. What is being
+    // computed when the run ends is done then, and says when it would have been.
+    EXPECT_EQ(result(*application, 2, "arrivals"),
+              ReportValue(std::string("1@3.5 2@6 3@6 4@6! 5@6! 6@6! ")));
+    const Ledger ledger = ledger_of(*application, "relayed", "arrivals");
+    EXPECT_EQ(ledger.delivered, 6U);
+    EXPECT_TRUE(ledger.adds_up());
+  }
 }
 
 /// Answers every message with one to itself.
