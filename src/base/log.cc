@@ -8,25 +8,9 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/log_level.h"
 
 namespace fastcycle::detail {
-namespace {
-
-const char* word_for(LogLevel level) {
-  switch (level) {
-    case LogLevel::kDebug:
-      return "debug";
-    case LogLevel::kInfo:
-      return "info";
-    case LogLevel::kWarning:
-      return "warning";
-    case LogLevel::kError:
-      return "error";
-  }
-  return "?";
-}
-
-}  // namespace
 
 // The queue is the bounded one of Dmitry Vyukov: a slot's `turn` says whose turn it is to use it.
 // https://www.1024cores.net/home/lock-free-algorithms/queues/bounded-mpmc-queue
@@ -86,7 +70,7 @@ bool LogQueue::has_line() const noexcept {
 
 void LogQueue::print_line() noexcept {
   Slot& slot = slots_[head_ % kCapacity];
-  std::fprintf(stderr, "%s%s: %.*s%s%.*s\n", line_begin_, word_for(slot.level),
+  std::fprintf(stderr, "%s%s: %.*s%s%.*s\n", line_begin_, to_word(slot.level),
                static_cast<int>(slot.component_size), slot.component.data(),
                slot.component_size == 0 ? "" : ": ", static_cast<int>(slot.text_size),
                slot.text.data());

@@ -29,18 +29,4 @@ std::string to_utf8(std::string_view text) {
   return result;
 }
 
-const char* to_word(LogLevel level) noexcept {
-  switch (level) {
-    case LogLevel::kDebug:
-      return "debug";
-    case LogLevel::kInfo:
-      return "info";
-    case LogLevel::kWarning:
-      return "warning";
-    case LogLevel::kError:
-      return "error";
-  }
-  return "?";
-}
-
 }  // namespace fastcycle::inspect

@@ -5,7 +5,6 @@
 #include <string>
 #include <string_view>
 
-#include "fastcycle/log.h"
 #include "inspect/inspect.pb.h"
 
 namespace fastcycle::inspect {
@@ -33,8 +32,5 @@ class Refusal : public std::runtime_error {
 
 /// What is no UTF-8 is shown as '?': a text of a message has to be.
 [[nodiscard]] std::string to_utf8(std::string_view text);
-
-/// "debug", "info", "warning", "error"
-[[nodiscard]] const char* to_word(LogLevel level) noexcept;
 
 }  // namespace fastcycle::inspect

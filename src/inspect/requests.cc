@@ -3,11 +3,13 @@
 #include <memory>
 #include <mutex>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "base/clock.h"
+#include "base/log_level.h"
 #include "config/nearest.h"
 #include "fastcycle/version.h"
 #include "host/component_core.h"
@@ -482,17 +484,12 @@ void Server::begin_log(Client& client, const protocol::Request& request) {
   Client::LogStream stream{.id = request.id(), .component = request.stream_log().component()};
   const std::string& level = request.stream_log().level();
   if (!level.empty()) {
-    bool is_known = false;
-    for (const LogLevel known :
-         {LogLevel::kDebug, LogLevel::kInfo, LogLevel::kWarning, LogLevel::kError}) {
-      if (level == to_word(known)) {
-        stream.level = known;
-        is_known = true;
-      }
+    const auto& words = detail::kLogLevelWords;
+    const auto found = std::ranges::find(words, std::string_view(level));
+    if (found == words.end()) {
+      throw not_found("level", level, {words.begin(), words.end()});
     }
-    if (!is_known) {
-      throw not_found("level", level, {"debug", "info", "warning", "error"});
-    }
+    stream.level = static_cast<LogLevel>(found - words.begin());
   }
   protocol::Answer started;
   started.set_id(request.id());

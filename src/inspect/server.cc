@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/log_level.h"
 #include "host/graph.h"
 #include "inspect/frame.h"
 #include "inspect/refusal.h"
@@ -372,7 +373,7 @@ void Server::give_log() {
         }
         protocol::LogLine& said = *answer.mutable_log()->add_lines();
         said.set_time_ns(line.time_ns);
-        said.set_level(to_word(line.level));
+        said.set_level(detail::to_word(line.level));
         said.set_component(line.component);
         said.set_text(to_utf8(line.text));
       }
