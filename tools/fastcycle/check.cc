@@ -15,6 +15,7 @@
 #include "estimate/text.h"
 #include "estimate/timing.h"
 #include "host/library_imports.h"
+#include "option_values.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -117,16 +118,16 @@ Command add_check(CLI::App& program) {
   when_timed(line->add_option("--margin", options->margin,
                               "Take this many times the longest callbacks of a report (1.2)")
                  ->type_name("FACTOR")
-                 ->check(CLI::Range(1.0, 100.0)));
+                 ->check(is_number_from(1.0, 100.0)));
   when_timed(line->add_option("--wake-us", options->wake_us,
                               "What the machine takes, at most, until a woken worker runs, in "
                               "microseconds (200)")
                  ->type_name("US")
-                 ->check(CLI::Range(0.0, 1e6)));
+                 ->check(is_number_from(0.0, 1e6)));
   when_timed(line->add_option("--cpus", options->cpus,
                               "CPUs of the machine that it will run on (those of this one)")
                  ->type_name("N")
-                 ->check(CLI::Range(1, 1024)));
+                 ->check(is_number_from(1, 1024)));
   when_timed(line->add_flag("--json", options->json, "Print the estimate as one JSON document"));
   return {line, [options] { return check(*options); }};
 }

@@ -6,6 +6,7 @@
 
 #include "duration.h"
 #include "host/component_library.h"
+#include "option_values.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -38,9 +39,7 @@ void Configuration::add_to(CLI::App& line) {
   line.add_option("--load-timeout", load_timeout,
                   "Limit of loading a library or constructing a component (10s)")
       ->type_name("TIME")
-      ->check([](const std::string& text) {
-        return parse_duration(text) ? "" : "wants a time above zero with its unit, as 500ms or 10s";
-      });
+      ->check(is_time());
 }
 
 config::ApplicationDescription Configuration::read(host::ConstructorFault on_throw,

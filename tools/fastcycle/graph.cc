@@ -16,6 +16,7 @@
 #include "duration.h"
 #include "live/graph.h"
 #include "live/session.h"
+#include "option_values.h"
 #include "report_file.h"
 
 namespace fastcycle::tool {
@@ -119,9 +120,7 @@ Command add_graph(CLI::App& program) {
   line->add_flag("--live", options->is_live, "Draw an application that runs, with numbers");
   options->target.add_application_to(*line);
   line->add_option("--over", options->span, "With --live: rates are those of so long (1s)")
-      ->check([](const std::string& text) {
-        return parse_duration(text) ? "" : "wants a time above zero with its unit, as 500ms or 10s";
-      })
+      ->check(is_time())
       ->type_name("TIME");
   return {line, [line, options] {
             return live::guarded("graph", [&] { return graph(*options, *line); });

@@ -15,6 +15,7 @@
 #include "config/nearest.h"
 #include "config/problem.h"
 #include "fastcycle/version.h"
+#include "option_values.h"
 
 namespace fastcycle::tool {
 
@@ -79,6 +80,39 @@ std::string missing_word(const CLI::App& line, const CLI::RequiredError& error) 
   const std::string sentence = error.what();
   const CLI::Option* option = line.get_option_no_throw(sentence.substr(0, sentence.find(' ')));
   return sentence + (option == nullptr ? "" : ": " + option->get_description());
+}
+
+/// What stands where a number was wanted; a check of ours has said what it wants (option_values.h),
+/// and only lacks that it begins with a colon.
+std::string wrong_value(const CLI::App& line, const CLI::ParseError& error) {
+  std::string sentence = error.what();
+  if (const auto colon = sentence.find(": wants "); colon != std::string::npos) {
+    return sentence.erase(colon, 1);
+  }
+  for (const CLI::Option* option : line.get_options()) {
+    const std::string before = "Could not convert: " + option->get_name() + " = ";
+    if (sentence.starts_with(before)) {
+      const std::string found = sentence.substr(before.size());
+      const char* const wanted = option->get_items_expected_max() == 0 ? "no value"
+                                 : parse_number(found) ? "a whole number, not below 0"
+                                                       : "a number";
+      return option->get_name() + " wants " + wanted + ", found \"" + found + "\"";
+    }
+  }
+  return sentence;
+}
+
+/// An option that lacks its value, or was given twice.
+std::string wrong_count(const CLI::App& line, const CLI::ArgumentMismatch& error) {
+  const std::string sentence = error.what();
+  for (const CLI::Option* option : line.get_options()) {
+    if (sentence.starts_with(option->get_name() + ": ") && option->get_items_expected_max() == 1) {
+      return option->get_name() + (sentence.ends_with(" missing")
+                                       ? " wants a value: " + option->get_type_name()
+                                       : " may be given only once");
+    }
+  }
+  return sentence;
 }
 
 /// A word that is none of `commands`; empty if it is one, or an option.
@@ -167,8 +201,10 @@ int run_program(int argument_count, char** arguments) {
     return program.exit(success);  // Help and version, to standard output.
   } catch (const CLI::RequiredError& error) {
     return print_wrong(missing_word(*line, error), *line);
+  } catch (const CLI::ArgumentMismatch& error) {
+    return print_wrong(wrong_count(*line, error), *line);
   } catch (const CLI::ParseError& error) {
-    return print_wrong(error.what(), *line);
+    return print_wrong(wrong_value(*line, error), *line);
   }
   if (line->remaining_size() > 0) {
     return print_wrong(unknown_words(*line), *line);

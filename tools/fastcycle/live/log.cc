@@ -9,9 +9,11 @@
 #include <fmt/format.h>
 
 #include "archive/message_text.h"
+#include "base/log_level.h"
 #include "command.h"
 #include "live/session.h"
 #include "live/text.h"
+#include "option_values.h"
 #include "quantity.h"
 
 namespace fastcycle::tool {
@@ -85,11 +87,11 @@ Command add_log(CLI::App& program) {
                "Ctrl-C ends it.\n"));
   const auto options = std::make_shared<live::LogOptions>();
   line->add_option("--level", options->level, "Only this and what is worse")
-      ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
+      ->check(is_one_of({detail::kLogLevelWords.begin(), detail::kLogLevelWords.end()}))
       ->type_name("debug|info|warning|error");
   line->add_option("--component", options->component, "Only of this one")->type_name("COMPONENT");
   line->add_option("--count", options->count, "Only so many lines")
-      ->check(CLI::PositiveNumber)
+      ->check(is_above_zero())
       ->type_name("N");
   options->target.add_to(*line, "One JSON object a line");
   return {line, [options] { return live::guarded("log", [&] { return live::log(*options); }); }};

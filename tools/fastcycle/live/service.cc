@@ -13,6 +13,7 @@
 #include "live/message.h"
 #include "live/session.h"
 #include "live/text.h"
+#include "option_values.h"
 
 namespace fastcycle::tool {
 namespace live {
@@ -120,9 +121,7 @@ Command add_call(CLI::App& group) {
   line->add_option("service", options->service, "The service")->required()->type_name("SERVICE");
   line->add_option("request", options->json, "The request, as JSON")->type_name("JSON");
   line->add_option("--timeout", options->timeout, "How long it may take (5s, at most 60s)")
-      ->check([](const std::string& text) {
-        return parse_duration(text) ? "" : "wants a time above zero with its unit, as 500ms or 10s";
-      })
+      ->check(is_time())
       ->type_name("TIME");
   options->target.add_to(*line);
   return {line, [options] { return guarded("service call", [&] { return call(*options); }); }};

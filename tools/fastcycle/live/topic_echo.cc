@@ -17,6 +17,7 @@
 #include "live/session.h"
 #include "live/text.h"
 #include "live/topic.h"
+#include "option_values.h"
 #include "quantity.h"
 
 namespace fastcycle::tool::live {
@@ -178,12 +179,14 @@ Command add_topic_echo(CLI::App& group) {
   line->add_option("topics", options->patterns, "Which: a name, control/* (one level), camera/**")
       ->required()
       ->type_name("TOPIC-PATTERN");
-  CLI::Option* count = line->add_option("--count", options->count, "Only so many")->type_name("N");
+  CLI::Option* count = line->add_option("--count", options->count, "Only so many")
+                           ->check(is_above_zero())
+                           ->type_name("N");
   line->add_flag("--once", options->is_once, "Only one")->excludes(count);
   line->add_flag("--full", options->is_full, "Large fields as well, and all of long lists");
   line->add_option("--max-rate", options->max_rate_hz,
                    "At most so many of each topic a second; the others are left out")
-      ->check(CLI::PositiveNumber)
+      ->check(is_above_zero())
       ->type_name("HZ");
   options->target.add_to(*line, "One JSON object a line");
   return {line, [options] { return guarded("topic echo", [&] { return echo(*options); }); }};

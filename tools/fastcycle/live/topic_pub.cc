@@ -16,6 +16,7 @@
 #include "live/session.h"
 #include "live/text.h"
 #include "live/topic.h"
+#include "option_values.h"
 
 namespace fastcycle::tool::live {
 namespace {
@@ -74,11 +75,9 @@ Command add_topic_pub(CLI::App& group) {
   line->add_option("topic", options->topic, "The topic")->required()->type_name("TOPIC");
   line->add_option("message", options->json, "The message, as JSON")->required()->type_name("JSON");
   line->add_option("--rate", options->rate_hz, "So many a second")
-      ->check(CLI::PositiveNumber)
+      ->check(is_above_zero())
       ->type_name("HZ");
-  line->add_option("--count", options->count, "So many")
-      ->check(CLI::PositiveNumber)
-      ->type_name("N");
+  line->add_option("--count", options->count, "So many")->check(is_above_zero())->type_name("N");
   options->target.add_to(*line);
   return {line, [options] { return guarded("topic pub", [&] { return publish(*options); }); }};
 }

@@ -17,6 +17,7 @@
 #include "live/session.h"
 #include "live/text.h"
 #include "live/topic.h"
+#include "option_values.h"
 #include "quantity.h"
 
 namespace fastcycle::tool::live {
@@ -312,18 +313,15 @@ Command add_rate(CLI::App& group, Kind kind, const std::string& word, const std:
   const auto options = std::make_shared<RateOptions>();
   options->kind = kind;
   options->command = "topic " + word;
-  const auto is_time = [](const std::string& text) {
-    return parse_duration(text) ? "" : "wants a time above zero with its unit, as 500ms or 10s";
-  };
   line->add_option("topic", options->topic, "The topic")->required()->type_name("TOPIC");
   line->add_option("--every", options->every, "A line so often (1s)")
-      ->check(is_time)
+      ->check(is_time())
       ->type_name("TIME");
   line->add_option("--window", options->window, "Of the messages of so long (10s)")
-      ->check(is_time)
+      ->check(is_time())
       ->type_name("TIME");
   line->add_option("--count", options->count, "Only so many lines")
-      ->check(CLI::PositiveNumber)
+      ->check(is_above_zero())
       ->type_name("N");
   options->target.add_to(*line, "One JSON object a line");
   return {line, [options] { return guarded(options->command, [&] { return show(*options); }); }};
