@@ -28,7 +28,7 @@ constexpr std::int64_t kLookNs = 20 * kMs;
 constexpr std::int64_t kReplyNs = 5 * kMs;         // How often a reply is looked for.
 constexpr std::int64_t kComplaintNs = 1000 * kMs;  // At most one line of log in this time.
 constexpr std::int64_t kGreetingNs = 5000 * kMs;   // So long who connects may say nothing.
-constexpr std::int64_t kSlowNs = 10'000 * kMs;     // So long a client may read nothing.
+constexpr std::int64_t kWatchNs = 500 * kMs;       // How often these are looked after.
 constexpr std::size_t kMaxGreetingBytes = 4096;
 constexpr std::size_t kMaxPlainBytes = std::size_t{64} << 10U;  // Where no messages may be sent.
 constexpr std::size_t kMaxLogLines = 1024;
@@ -52,10 +52,11 @@ std::vector<std::string> allowed_words(const config::InspectDescription& descrip
 }
 
 Server::Server(host::Application& application, config::InspectDescription description,
-               std::filesystem::path folder)
+               std::filesystem::path folder, std::chrono::nanoseconds patience)
     : application_(application),
       description_(std::move(description)),
       folder_(std::move(folder)),
+      patience_ns_(patience.count()),
       taps_(application) {}
 
 Server::~Server() {
@@ -204,7 +205,7 @@ void Server::wait() {
     is_watching_time |= connection.waiting() > 0 || !connection.is_greeted;
     polled.push_back({.fd = connection.descriptor(), .events = events, .revents = 0});
   }
-  std::int64_t wait_ns = is_watching_time ? 500 * kMs : -1;
+  std::int64_t wait_ns = is_watching_time ? std::min(kWatchNs, patience_ns_) : -1;
   if (taps_.is_used()) {
     wait_ns = std::max<std::int64_t>(next_look_ns_ - base::monotonic_ns(), 0);
   }
@@ -409,7 +410,8 @@ void Server::write(Client& client, std::int64_t now_ns) {
   if (!connection.write(now_ns)) {
     client.is_over = true;
   } else if (connection.waiting() > 2 * Connection::kMaxWaiting ||
-             (connection.stuck_since_ns() != 0 && now_ns - connection.stuck_since_ns() > kSlowNs)) {
+             (connection.stuck_since_ns() != 0 &&
+              now_ns - connection.stuck_since_ns() > patience_ns_)) {
     drop(client, "it does not read");
     ++dropped_clients_;
   } else if (!connection.is_greeted && now_ns - connection.came_ns > kGreetingNs) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -45,9 +46,12 @@ class Server final : public host::Guest {
  public:
   static constexpr std::size_t kMaxConnections = 32;
   static constexpr std::size_t kMaxStreams = 64;  ///< Of one connection.
+  static constexpr std::chrono::seconds kPatience{10};
 
+  /// A client that reads nothing for `patience` is dropped.
   Server(host::Application& application, config::InspectDescription description,
-         std::filesystem::path folder = socket_folder());
+         std::filesystem::path folder = socket_folder(),
+         std::chrono::nanoseconds patience = kPatience);
   ~Server() override;
 
   /// `make` returns a JSON document that clients know as `name`. It is called on the server's
@@ -138,6 +142,7 @@ class Server final : public host::Guest {
   host::Application& application_;
   const config::InspectDescription description_;
   const std::filesystem::path folder_;
+  const std::int64_t patience_ns_;
   std::unique_ptr<SocketFile> socket_;
   int wake_ = -1;
 

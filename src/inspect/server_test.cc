@@ -14,6 +14,7 @@
 #include <gmock/gmock.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -93,7 +94,8 @@ constexpr const char* kApplication = R"({"name": "looked_at", "components": [
 class Running {
  public:
   explicit Running(const config::InspectDescription& allowed = {},
-                   const host::ClockOptions& clock = {})
+                   const host::ClockOptions& clock = {},
+                   std::chrono::nanoseconds patience = Server::kPatience)
       : folder_(
             std::filesystem::temp_directory_path() /
             ("fastcycle_inspect_" + std::to_string(::getpid()) + "_" + std::to_string(++runs_))) {
@@ -102,7 +104,7 @@ class Running {
     config::Problems problems;
     application =
         std::make_unique<host::Application>(host::describe_text(kApplication, problems), clock);
-    server.emplace(*application, allowed, folder_);
+    server.emplace(*application, allowed, folder_, patience);
     server->offer("greeting", [] { return std::string(R"({"hello": "world"})"); });
     application->add(*server);
     application->build(classes_, problems, host::ConstructorFault::kFault);
@@ -191,6 +193,13 @@ class Stranger {
 
   void say(const std::string& bytes) const {
     static_cast<void>(!::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL));
+  }
+  /// Whether the other one closes before long; nothing is read until then.
+  [[nodiscard]] bool is_closed() const {
+    pollfd polled{.fd = descriptor_, .events = 0, .revents = 0};
+    constexpr auto kLongest = std::chrono::milliseconds(kBound);
+    return ::poll(&polled, 1, static_cast<int>(kLongest.count())) == 1 &&
+           (polled.revents & POLLHUP) != 0;
   }
   /// All that is said until the other one closes.
   [[nodiscard]] std::string hear() const {
@@ -551,6 +560,45 @@ TEST(AHostileClient, OfAnotherVersionIsToldSo) {
   const Stranger stranger(run.socket());
   stranger.say(frame_of(request));
   EXPECT_THAT(stranger.hear(), HasSubstr("version 1"));
+}
+
+/// Asks for more than a socket holds, and reads nothing of it.
+std::string endless_questions() {
+  protocol::Request request;
+  request.set_id(1);
+  request.mutable_hello()->set_version(kProtocolVersion);
+  std::string bytes = frame_of(request);
+  protocol::Request overview = overview_request();
+  overview.set_id(2);
+  for (int i = 0; i < 1000; ++i) {
+    bytes += frame_of(overview);
+  }
+  return bytes;
+}
+
+TEST(AHostileClient, ThatDoesNotReadIsDroppedAndCounted) {
+  Running run({}, {}, 50ms);
+  Client other(run.socket(), "test");
+  const Stranger stranger(run.socket());
+
+  stranger.say(endless_questions());
+
+  EXPECT_TRUE(stranger.is_closed());
+  const protocol::Overview overview = other.ask(overview_request()).overview();
+  EXPECT_EQ(overview.clients(), 1U);
+  EXPECT_EQ(overview.clients_dropped(), 1U);
+}
+
+TEST(AHostileClient, MayRestForAWhile) {
+  Running run({}, {}, 1h);
+  const Stranger stranger(run.socket());
+
+  stranger.say(endless_questions());
+
+  Client other(run.socket(), "test");
+  const protocol::Overview overview = other.ask(overview_request()).overview();
+  EXPECT_EQ(overview.clients(), 2U);
+  EXPECT_EQ(overview.clients_dropped(), 0U);
 }
 
 TEST(AHostileClient, IsOneOfNotTooMany) {
