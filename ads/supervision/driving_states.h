@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace ads {
+
+/// Whether the vehicle drives by itself; as in `supervision.DrivingState`.
+enum class DrivingState : std::uint8_t {
+  kOff,
+  kAvailable,
+  kEngaged,
+  kEngagedDegraded,
+  kMinimalRiskStop,
+  kStopped,
+};
+
+std::string_view to_string(DrivingState state);
+
+/// Whether the vehicle moves, or keeps itself standing, on its own.
+bool is_autonomous(DrivingState state);
+
+/// Something that has to come again and again.
+struct Watched {
+  std::string_view what;  ///< In words: "the ego pose".
+  double age_s = 0.0;     ///< Of its newest; infinite if there was none.
+  double limit_s = 0.0;   ///< Older is missing.
+};
+
+/// What supervision sees at one moment.
+struct Observation {
+  double time_s = 0.0;                  ///< Of the application's clock.
+  std::optional<double> engage_at_s;    ///< None: nobody asked for autonomous driving.
+  std::vector<Watched> inputs;          ///< All of what autonomous driving needs.
+  std::vector<std::string> failures;    ///< In words: what makes it impossible at once.
+  std::vector<std::string> weaknesses;  ///< In words: what asks for care.
+  double speed_mps = 0.0;
+};
+
+/// The state machine that lets the vehicle drive by itself, and ends that safely.
+///
+/// Off, until everything is there; engaged when it was asked for; degraded while something is weak;
+/// and a stop of minimal risk, which nothing takes back, as soon as something is missing or has
+/// failed. A driver may take over from a vehicle that stands: that is not modelled.
+///
+/// @threads  Confined.
+class DrivingStates {
+ public:
+  struct Limits {
+    double recovery_s = 1.0;    ///< So long nothing may be weak before it is engaged again.
+    double standing_mps = 0.1;  ///< Slower counts as standing,
+    double standing_s = 0.5;    ///< after so long.
+  };
+
+  explicit DrivingStates(const Limits& limits) : limits_(limits) {}
+
+  /// Looks at `observation`; true if the state has changed.
+  bool look_at(const Observation& observation);
+
+  [[nodiscard]] DrivingState state() const { return state_; }
+  /// Why it is not engaged, or only with care; empty otherwise.
+  [[nodiscard]] const std::string& reason() const { return reason_; }
+  [[nodiscard]] double since_s() const { return since_s_; }
+
+ private:
+  [[nodiscard]] static std::string find_missing(const Observation& observation);
+  bool go_to(DrivingState state, std::string reason, double time_s);
+  bool look_while_off(const Observation& observation, const std::string& missing);
+  bool look_while_engaged(const Observation& observation, const std::string& missing);
+
+  Limits limits_;
+  DrivingState state_ = DrivingState::kOff;
+  std::string reason_ = "nothing has been seen yet";
+  double since_s_ = 0.0;
+  double weak_until_s_ = 0.0;
+  std::optional<double> standing_since_s_;
+};
+
+}  // namespace ads

@@ -1,0 +1,330 @@
+#include "supervision.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace ads {
+namespace {
+
+fastcycle::Time time_of(std::int64_t ns) {
+  return fastcycle::Time(fastcycle::Duration(ns));
+}
+
+supervision::DrivingState message_of(DrivingState state) {
+  return static_cast<supervision::DrivingState>(state);
+}
+static_assert(static_cast<int>(DrivingState::kEngaged) == supervision::ENGAGED);
+static_assert(static_cast<int>(DrivingState::kStopped) == supervision::STOPPED);
+
+std::vector<Eigen::Vector2d> points_of(const hd_map::Line& line) {
+  std::vector<Eigen::Vector2d> points;
+  for (int i = 0; i < std::min(line.x_m_size(), line.y_m_size()); ++i) {
+    points.emplace_back(line.x_m(i), line.y_m(i));
+  }
+  return points;
+}
+
+bool is_finite(const localization::Ego& ego) {
+  return std::isfinite(ego.x_m()) && std::isfinite(ego.y_m()) && std::isfinite(ego.heading_rad()) &&
+         std::isfinite(ego.speed_mps()) && std::isfinite(ego.acceleration_mps2());
+}
+
+}  // namespace
+
+fastcycle::Param<double> Supervision::limit(std::string_view name, double fallback_s) {
+  return context().param<double>(std::string(name), {.fallback = fallback_s,
+                                                     .min = 0.001,
+                                                     .max = 60.0,
+                                                     .unit = "s",
+                                                     .description = "Older is missing"});
+}
+
+Supervision::Supervision(fastcycle::Context& context)
+    : Component(context),
+      picture_file_(context.param<fastcycle::Path>(
+          "picture", {.fallback = fastcycle::Path("drive.svg"),
+                      .description = "Where the drive is drawn; empty: nowhere"})),
+      title_(context.param<std::string>(
+          "title", {.fallback = "A drive", .description = "What stands above the picture"})),
+      essential_(context.param<std::vector<std::string>>(
+          "essential",
+          {.fallback = std::vector<std::string>{},
+           .description = "Components whose failure ends autonomous driving at once"})),
+      ego_length_m_(context.param<double>(
+          "ego_length_m", {.fallback = 4.508, .min = 0.5, .max = 30.0, .unit = "m"})),
+      ego_width_m_(context.param<double>("ego_width_m",
+                                         {.fallback = 1.610, .min = 0.5, .max = 5.0, .unit = "m"})),
+      invalid_sweeps_s_(context.param<double>(
+          "invalid_sweeps_s", {.fallback = 0.25,
+                               .min = 0.0,
+                               .max = 10.0,
+                               .unit = "s",
+                               .description = "Without a usable sweep for longer, it stops"})),
+      no_plan_s_(context.param<double>(
+          "no_plan_s", {.fallback = 1.5,
+                        .min = 0.0,
+                        .max = 10.0,
+                        .unit = "s",
+                        .description = "Without a way other than to stop for longer, it stops"})),
+      states_(context.create_publisher<supervision::State>("supervision/state")),
+      ego_input_{"the ego pose", limit("ego_age_s", 0.1), {}},
+      objects_input_{"the newest look at the objects", limit("objects_age_s", 0.4), {}},
+      plan_input_{"the plan", limit("plan_age_s", 0.5), {}},
+      command_input_{"the newest command", limit("command_age_s", 0.15), {}},
+      vehicle_input_{"the vehicle's own state", limit("vehicle_age_s", 0.1), {}} {
+  context.create_subscriber<fastcycle::status::Status>(
+      "fastcycle/status", [this](const fastcycle::status::Status& status) { on_status(status); });
+  context.create_subscriber<localization::Ego>(
+      "localization/ego", [this](const localization::Ego& ego) { on_ego(ego); });
+  context.create_subscriber<perception::Objects>(
+      "perception/objects", [this](const perception::Objects& objects) { on_objects(objects); });
+  context.create_subscriber<planning::Plan>("planning/plan",
+                                            [this](const planning::Plan& plan) { on_plan(plan); });
+  context.create_subscriber<control::Command>(
+      "control/command", [this](const control::Command& command) {
+        command_input_.taken = time_of(command.header().taken_ns());
+      });
+  context.create_subscriber<vehicle::State>("vehicle/state", [this](const vehicle::State& state) {
+    vehicle_input_.taken = time_of(state.header().taken_ns());
+  });
+  context.create_subscriber<mission::Goal>("mission/goal",
+                                           [this](const mission::Goal& goal) { on_goal(goal); });
+  context.create_subscriber<hd_map::Tile>("map/tile",
+                                          [this](const hd_map::Tile& tile) { on_tile(tile); });
+}
+
+/// Since the vehicle was to drive by itself, once that is known.
+double Supervision::seconds(fastcycle::Time time) const {
+  return std::chrono::duration<double>(time - engage_at_.value_or(start_time())).count();
+}
+
+void Supervision::on_status(const fastcycle::status::Status& status) {
+  failures_.clear();
+  for (const auto& component : status.components()) {
+    const bool is_essential =
+        std::ranges::find(essential_.get(), component.name()) != essential_.get().end();
+    const bool has_failed = component.state() == fastcycle::status::STATE_FAILED ||
+                            component.state() == fastcycle::status::STATE_RESTARTING ||
+                            component.health() == fastcycle::status::HEALTH_FAILED;
+    if (is_essential && has_failed) {
+      const std::string& why =
+          component.last_fault().empty() ? component.health_reason() : component.last_fault();
+      failures_.push_back(fmt::format("{} has failed: {}", component.name(), why));
+    }
+  }
+  breach_.clear();
+  for (const auto& chain : status.chains()) {
+    std::uint64_t& before = breaches_[chain.name()];
+    if (chain.breaches() > before) {
+      breach_ = fmt::format("the chain {} was too slow", chain.name());
+    }
+    before = chain.breaches();
+  }
+}
+
+void Supervision::on_ego(const localization::Ego& ego) {
+  if (is_finite(ego)) {
+    ego_ = ego;
+    ego_input_.taken = time_of(ego.header().taken_ns());
+  }
+}
+
+void Supervision::on_objects(const perception::Objects& objects) {
+  objects_input_.taken = time_of(objects.header().taken_ns());
+  if (objects.is_sweep_valid()) {
+    sweeps_invalid_since_.reset();
+  } else {
+    sweeps_invalid_since_ = sweeps_invalid_since_.value_or(now());
+    sweep_reason_ = objects.reason();
+  }
+  remember(objects);
+}
+
+void Supervision::on_plan(const planning::Plan& plan) {
+  plan_input_.taken = time_of(plan.header().taken_ns());
+  plan_kind_ = plan.kind();
+  plan_reason_ = plan.reason();
+  if (plan.kind() == planning::NONE) {
+    plan_missing_since_ = plan_missing_since_.value_or(now());
+  } else {
+    plan_missing_since_.reset();
+  }
+  plan_path_.clear();
+  for (const auto& point : plan.nominal().points()) {
+    plan_path_.emplace_back(point.x_m(), point.y_m());
+  }
+}
+
+void Supervision::on_goal(const mission::Goal& goal) {
+  engage_at_ = time_of(goal.engage_ns());
+  picture_.goals.clear();
+  if (goal.has_rectangle()) {
+    picture_.goals.push_back({.center_m = {goal.rectangle().x_m(), goal.rectangle().y_m()},
+                              .heading_rad = goal.rectangle().heading_rad(),
+                              .length_m = goal.rectangle().length_m(),
+                              .width_m = goal.rectangle().width_m()});
+  }
+}
+
+void Supervision::on_tile(const hd_map::Tile& tile) {
+  for (const hd_map::Lane& lane : tile.lanes()) {
+    if (!lanes_.contains(lane.id())) {
+      lanes_[lane.id()] = {.left = points_of(lane.left()), .right = points_of(lane.right())};
+    }
+  }
+}
+
+Observation Supervision::observe_now() const {
+  const auto age_s = [this](const std::optional<fastcycle::Time>& time) {
+    return time ? std::chrono::duration<double>(now() - *time).count()
+                : std::numeric_limits<double>::infinity();
+  };
+  Observation observation;
+  observation.time_s = seconds(now());
+  observation.speed_mps = ego_.speed_mps();
+  if (engage_at_) {
+    observation.engage_at_s = 0.0;
+  }
+  for (const Input* input :
+       {&ego_input_, &objects_input_, &plan_input_, &command_input_, &vehicle_input_}) {
+    observation.inputs.push_back(
+        {.what = input->what, .age_s = age_s(input->taken), .limit_s = input->limit_s.get()});
+  }
+  observation.failures = failures_;
+  if (ego_.quality() == localization::LOST) {
+    observation.failures.push_back("the position is lost: " + ego_.reason());
+  }
+  if (sweeps_invalid_since_ && age_s(sweeps_invalid_since_) > invalid_sweeps_s_.get()) {
+    observation.failures.push_back("the lidar sweeps cannot be used: " + sweep_reason_);
+  }
+  if (plan_missing_since_ && age_s(plan_missing_since_) > no_plan_s_.get()) {
+    observation.failures.push_back("there is no way but to stop: " + plan_reason_);
+  }
+  if (ego_.quality() != localization::GOOD) {
+    observation.weaknesses.push_back("the position is uncertain: " + ego_.reason());
+  }
+  if (sweeps_invalid_since_) {
+    observation.weaknesses.push_back("a lidar sweep could not be used: " + sweep_reason_);
+  }
+  if (plan_kind_ != planning::NOMINAL) {
+    observation.weaknesses.push_back("the plan is no comfortable one: " + plan_reason_);
+  }
+  if (!breach_.empty()) {
+    observation.weaknesses.push_back(breach_);
+  }
+  return observation;
+}
+
+void Supervision::serve() {
+  const Observation observation = observe_now();
+  const DrivingState before = driving_.state();
+  if (last_look_) {
+    seconds_in_[before] += std::chrono::duration<double>(now() - *last_look_).count();
+  }
+  last_look_ = now();
+  if (driving_.look_at(observation)) {
+    const std::string text =
+        fmt::format("{} → {}{}{}", to_string(before), to_string(driving_.state()),
+                    driving_.reason().empty() ? "" : ": ", driving_.reason());
+    driving_.state() == DrivingState::kMinimalRiskStop ? log().warning("{}", text)
+                                                       : log().info("{}", text);
+    add_event(text);
+  }
+  auto state = states_.loan();
+  state->mutable_header()->set_taken_ns(now().time_since_epoch().count());
+  state->set_state(message_of(driving_.state()));
+  state->set_reason(driving_.reason());
+  state->set_since_ns((engage_at_.value_or(start_time()).time_since_epoch() +
+                       fastcycle::Duration(std::llround(driving_.since_s() * 1e9)))
+                          .count());
+  states_.publish(std::move(state));
+}
+
+void Supervision::add_event(std::string text) {
+  if (picture_.events.size() < kEventsMax) {
+    picture_.events.push_back({.time_s = seconds(now()), .text = std::move(text)});
+  }
+}
+
+void Supervision::remember(const perception::Objects& objects) {
+  if (picture_.moments.size() >= kMomentsMax || !ego_input_.taken || !engage_at_ ||
+      now() < *engage_at_) {
+    return;
+  }
+  DrivePicture::Moment moment{.time_s = seconds(now()),
+                              .ego = {.center_m = {ego_.x_m(), ego_.y_m()},
+                                      .heading_rad = ego_.heading_rad(),
+                                      .length_m = ego_length_m_.get(),
+                                      .width_m = ego_width_m_.get()},
+                              .speed_mps = ego_.speed_mps(),
+                              .acceleration_mps2 = ego_.acceleration_mps2(),
+                              .gap_m = std::numeric_limits<double>::infinity(),
+                              .state = std::string(to_string(driving_.state())),
+                              .objects = {},
+                              .plan = plan_path_};
+  for (const perception::Object& object : objects.objects()) {
+    const Box box{.center_m = {object.x_m(), object.y_m()},
+                  .heading_rad = object.heading_rad(),
+                  .length_m = object.length_m(),
+                  .width_m = object.width_m()};
+    if (std::isfinite(box.center_m.sum() + box.heading_rad + box.length_m + box.width_m)) {
+      moment.gap_m = std::min(moment.gap_m, distance_m(moment.ego, box));
+      moment.objects.push_back({.id = object.id(), .box = box});
+    }
+  }
+  picture_.moments.push_back(std::move(moment));
+}
+
+void Supervision::stop() {
+  report("state", std::string(to_string(driving_.state())));
+  report("reason", driving_.reason());
+  for (const DrivingState state : {DrivingState::kEngaged, DrivingState::kEngagedDegraded,
+                                   DrivingState::kMinimalRiskStop, DrivingState::kStopped}) {
+    std::string name = fmt::format("{}_s", to_string(state));
+    std::ranges::replace(name, ' ', '_');
+    std::ranges::replace(name, '-', '_');
+    report(name, seconds_in_[state]);
+  }
+  double gap_m = std::numeric_limits<double>::infinity();
+  for (const DrivePicture::Moment& moment : picture_.moments) {
+    gap_m = std::min(gap_m, moment.gap_m);
+  }
+  if (std::isfinite(gap_m)) {
+    report("smallest_perceived_gap_m", gap_m);
+  }
+  if (!picture_file_.get().empty()) {
+    draw();
+    report("picture", std::filesystem::absolute(picture_file_.get()).lexically_normal().string());
+  }
+}
+
+void Supervision::draw() {
+  picture_.title = title_.get();
+  double length_m = 0.0;
+  for (std::size_t i = 1; i < picture_.moments.size(); ++i) {
+    length_m += (picture_.moments[i].ego.center_m - picture_.moments[i - 1].ego.center_m).norm();
+  }
+  picture_.subtitle = fmt::format("{:.0f} m; {}{}{}", length_m, to_string(driving_.state()),
+                                  driving_.reason().empty() ? "" : ": ", driving_.reason());
+  for (const auto& [id, lane] : lanes_) {
+    picture_.lanes.push_back(lane);
+  }
+  std::ofstream file(picture_file_.get(), std::ios::binary);
+  file << draw_svg(picture_);
+  file.close();
+  if (!file) {
+    log().warning("{}: cannot be written", picture_file_.get().string());
+    health(fastcycle::Health::kDegraded, "the picture of the drive cannot be written");
+  }
+}
+
+}  // namespace ads
+
+FASTCYCLE_COMPONENT(ads::Supervision)

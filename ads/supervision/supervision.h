@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <fastcycle/fastcycle.h>
+
+#include "control/command.pb.h"
+#include "drive_picture.h"
+#include "driving_states.h"
+#include "hd_map/map.pb.h"
+#include "localization/ego.pb.h"
+#include "mission/goal.pb.h"
+#include "perception/objects.pb.h"
+#include "planning/plan.pb.h"
+#include "status/status.pb.h"
+#include "supervision/state.pb.h"
+#include "vehicle/state.pb.h"
+
+namespace ads {
+
+/// Lets the vehicle enter autonomous driving when all is there, and leave it safely when something
+/// is missing, has failed, or comes too late. Draws the drive when it is over.
+///
+/// In:   `fastcycle/status`, `localization/ego`, `perception/objects`, `planning/plan`,
+///       `control/command`, `vehicle/state`, `mission/goal`, `map/tile`
+/// Out:  `supervision/state`, with every tick of the Serve Timer; a picture, at the end
+class Supervision final : public fastcycle::Component {
+ public:
+  explicit Supervision(fastcycle::Context& context);
+  void serve() override;
+  void stop() override;
+
+ private:
+  // Enough for ten minutes at 10 Hz; a longer drive is drawn as far as that.
+  static constexpr std::size_t kMomentsMax = 6'000;
+  static constexpr std::size_t kEventsMax = 1'000;
+
+  /// When a message came last, and how old it may be.
+  struct Input {
+    std::string_view what;
+    fastcycle::Param<double> limit_s;
+    std::optional<fastcycle::Time> taken;
+  };
+
+  fastcycle::Param<double> limit(std::string_view name, double fallback_s);
+  [[nodiscard]] double seconds(fastcycle::Time time) const;
+  [[nodiscard]] Observation observe_now() const;
+  void on_status(const fastcycle::status::Status& status);
+  void on_ego(const localization::Ego& ego);
+  void on_objects(const perception::Objects& objects);
+  void on_plan(const planning::Plan& plan);
+  void on_goal(const mission::Goal& goal);
+  void on_tile(const hd_map::Tile& tile);
+  void remember(const perception::Objects& objects);
+  void add_event(std::string text);
+  void draw();
+
+  fastcycle::Param<fastcycle::Path> picture_file_;
+  fastcycle::Param<std::string> title_;
+  fastcycle::Param<std::vector<std::string>> essential_;
+  fastcycle::Param<double> ego_length_m_;
+  fastcycle::Param<double> ego_width_m_;
+  fastcycle::Param<double> invalid_sweeps_s_;
+  fastcycle::Param<double> no_plan_s_;
+  fastcycle::Publisher<supervision::State> states_;
+
+  Input ego_input_;
+  Input objects_input_;
+  Input plan_input_;
+  Input command_input_;
+  Input vehicle_input_;
+
+  DrivingStates driving_{{}};
+  localization::Ego ego_;
+  std::optional<fastcycle::Time> engage_at_;
+  std::optional<fastcycle::Time> sweeps_invalid_since_;
+  std::optional<fastcycle::Time> plan_missing_since_;
+  std::string sweep_reason_;
+  std::string plan_reason_;
+  planning::PlanKind plan_kind_ = planning::NOMINAL;
+  std::vector<std::string> failures_;
+  std::string breach_;
+  std::map<std::string, std::uint64_t, std::less<>> breaches_;
+  std::map<DrivingState, double> seconds_in_;
+  std::optional<fastcycle::Time> last_look_;
+
+  DrivePicture picture_;
+  std::map<std::int64_t, DrivePicture::Lane> lanes_;
+  std::vector<Eigen::Vector2d> plan_path_;
+};
+
+}  // namespace ads

@@ -1,0 +1,178 @@
+#include "supervision.h"
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+
+#include <fastcycle/testing.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace ads {
+namespace {
+
+using fastcycle::testing::Bench;
+using std::chrono_literals::operator""ms;
+using ::testing::HasSubstr;
+
+class SupervisionTest : public ::testing::Test {
+ protected:
+  SupervisionTest() {
+    bench_.add<Supervision>("supervision", R"({"serve_period_ms": 50, "params": {
+        "essential": ["perception"], "picture": ")" +
+                                               picture_.string() + R"("}})");
+    bench_.start();
+    mission::Goal goal;
+    goal.set_engage_ns(nanoseconds(bench_.now()));
+    goals_.publish(goal);
+  }
+  ~SupervisionTest() override { std::filesystem::remove(picture_); }
+
+  static std::int64_t nanoseconds(fastcycle::Time time) { return time.time_since_epoch().count(); }
+
+  template <typename T>
+  T taken_now(T message) {
+    message.mutable_header()->set_taken_ns(nanoseconds(bench_.now()));
+    return message;
+  }
+
+  // Everything comes at 100 Hz.
+  void run(std::chrono::milliseconds span) {
+    for (auto elapsed = 0ms; elapsed < span; elapsed += 10ms) {
+      egos_.publish(taken_now(ego_));
+      vehicles_.publish(taken_now(vehicle::State()));
+      commands_.publish(taken_now(control::Command()));
+      if (has_sweeps_) {
+        objects_in_.publish(taken_now(objects_));
+      }
+      plans_.publish(taken_now(plan_));
+      bench_.advance(10ms);
+    }
+  }
+
+  supervision::State last_state() {
+    const auto states = states_.take();
+    return states.empty() ? supervision::State() : states.back();
+  }
+
+  static localization::Ego good_ego() {
+    localization::Ego ego;
+    ego.set_quality(localization::GOOD);
+    ego.set_speed_mps(10.0);
+    return ego;
+  }
+  static perception::Objects valid_objects() {
+    perception::Objects objects;
+    objects.set_is_sweep_valid(true);
+    return objects;
+  }
+
+  std::filesystem::path picture_ =
+      std::filesystem::path(::testing::TempDir()) /
+      (std::string("supervision_") +
+       ::testing::UnitTest::GetInstance()->current_test_info()->name() + ".svg");
+  Bench bench_;
+  Bench::Input<fastcycle::status::Status> statuses_ =
+      bench_.input<fastcycle::status::Status>("fastcycle/status");
+  Bench::Input<localization::Ego> egos_ = bench_.input<localization::Ego>("localization/ego");
+  Bench::Input<perception::Objects> objects_in_ =
+      bench_.input<perception::Objects>("perception/objects");
+  Bench::Input<planning::Plan> plans_ = bench_.input<planning::Plan>("planning/plan");
+  Bench::Input<control::Command> commands_ = bench_.input<control::Command>("control/command");
+  Bench::Input<vehicle::State> vehicles_ = bench_.input<vehicle::State>("vehicle/state");
+  Bench::Input<mission::Goal> goals_ = bench_.input<mission::Goal>("mission/goal");
+  Bench::Input<hd_map::Tile> tiles_ = bench_.input<hd_map::Tile>("map/tile");
+  Bench::Output<supervision::State> states_ =
+      bench_.output<supervision::State>("supervision/state");
+
+  localization::Ego ego_ = good_ego();
+  perception::Objects objects_ = valid_objects();
+  planning::Plan plan_;
+  bool has_sweeps_ = true;
+};
+
+TEST_F(SupervisionTest, EngagesWhenAllIsThere) {
+  run(200ms);
+
+  EXPECT_EQ(last_state().state(), supervision::ENGAGED);
+}
+
+TEST_F(SupervisionTest, StopsWhenPerceptionStalls) {
+  run(200ms);
+  has_sweeps_ = false;
+  run(600ms);
+
+  const supervision::State state = last_state();
+  EXPECT_EQ(state.state(), supervision::MINIMAL_RISK_STOP);
+  EXPECT_THAT(state.reason(), HasSubstr("the newest look at the objects is"));
+}
+
+TEST_F(SupervisionTest, StopsWhenSweepsStayUnusableAndOnlyCaresAtFirst) {
+  run(200ms);
+  objects_.set_is_sweep_valid(false);
+  objects_.set_reason("no echoes");
+
+  run(100ms);
+  EXPECT_EQ(last_state().state(), supervision::ENGAGED_DEGRADED);
+  run(400ms);
+
+  const supervision::State state = last_state();
+  EXPECT_EQ(state.state(), supervision::MINIMAL_RISK_STOP);
+  EXPECT_THAT(state.reason(), HasSubstr("no echoes"));
+}
+
+TEST_F(SupervisionTest, StopsWhenAnEssentialComponentHasFailed) {
+  run(200ms);
+  fastcycle::status::Status status;
+  for (const char* const name : {"perception", "logging"}) {
+    auto& component = *status.add_components();
+    component.set_name(name);
+    component.set_state(fastcycle::status::STATE_FAILED);
+    component.set_last_fault("threw something");
+  }
+  statuses_.publish(status);
+
+  run(100ms);
+
+  const supervision::State state = last_state();
+  EXPECT_EQ(state.state(), supervision::MINIMAL_RISK_STOP);
+  EXPECT_EQ(state.reason(), "perception has failed: threw something");
+}
+
+TEST_F(SupervisionTest, GoesOnWhenSomethingElseHasFailed) {
+  run(200ms);
+  fastcycle::status::Status status;
+  status.add_components()->set_name("logging");
+  status.mutable_components(0)->set_state(fastcycle::status::STATE_FAILED);
+  statuses_.publish(status);
+
+  run(100ms);
+
+  EXPECT_EQ(last_state().state(), supervision::ENGAGED);
+}
+
+TEST_F(SupervisionTest, APoseThatIsNoNumberDoesNotCount) {
+  run(200ms);
+  ego_.set_x_m(std::numeric_limits<double>::quiet_NaN());
+
+  run(200ms);
+
+  EXPECT_EQ(last_state().state(), supervision::MINIMAL_RISK_STOP);
+}
+
+TEST_F(SupervisionTest, DrawsTheDriveAtTheEnd) {
+  run(500ms);
+  objects_.add_objects()->set_id(3);
+  run(500ms);
+  bench_.stop();
+
+  std::ifstream file(picture_);
+  const std::string svg{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_THAT(svg, HasSubstr("</svg>"));
+  EXPECT_THAT(svg, HasSubstr("off → engaged"));
+}
+
+}  // namespace
+}  // namespace ads
