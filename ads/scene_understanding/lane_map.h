@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "common/plane.h"
+#include "hd_map/map.pb.h"
+
+namespace ads {
+
+/// Where something is on a lane.
+struct LanePlace {
+  std::int64_t lane = 0;
+  double along_m = 0.0;   ///< Along the lane's centre.
+  double offset_m = 0.0;  ///< From there to the left.
+};
+
+/// The lanes of a tile, and which of them something is on.
+///
+/// @threads  Immutable.
+class LaneMap {
+ public:
+  struct Lane {
+    hd_map::Lane info;
+    Polyline center;
+    Polyline left;
+    Polyline right;
+    Eigen::AlignedBox2d bounds;
+  };
+
+  LaneMap() = default;
+  /// Lanes without a length are left out.
+  explicit LaneMap(const hd_map::Tile& tile);
+
+  [[nodiscard]] bool is_empty() const { return lanes_.empty(); }
+  /// Null if the tile does not have it.
+  [[nodiscard]] const Lane* find(std::int64_t id) const;
+
+  /// The lane that fits best: where the place is in the lane, or at most 1.5 m beside it, and in
+  /// its direction. Slow things may stand in any direction. Something stays on its `previous` lane,
+  /// or goes over to a successor, until another one fits clearly better.
+  [[nodiscard]] std::optional<LanePlace> match(const Eigen::Vector2d& position_m,
+                                               double heading_rad, double speed_mps,
+                                               std::int64_t previous) const;
+
+ private:
+  std::map<std::int64_t, Lane> lanes_;
+};
+
+}  // namespace ads
