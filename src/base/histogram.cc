@@ -4,27 +4,44 @@
 #include <cmath>
 
 namespace fastcycle::base {
-void Histogram::merge(const Histogram& other) noexcept {
+
+template <unsigned kSubBits>
+void LogHistogram<kSubBits>::merge(const LogHistogram& other) noexcept {
   constexpr auto kRelaxed = std::memory_order_relaxed;
   for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
-    const std::uint64_t count = count_of(bucket) + other.count_of(bucket);
-    counts_[bucket].store(static_cast<std::uint32_t>(count), kRelaxed);
-    carries_[bucket].store(static_cast<std::uint16_t>(count >> 32U), kRelaxed);
+    count(bucket, other.counts_[bucket].load(kRelaxed));
   }
+  add(halved_, other.halved_.load(kRelaxed));
   add(sum_, other.sum_.load(kRelaxed));
   add(square_sum_, other.square_sum_.load(kRelaxed));
   max_.store(std::max(max_.load(kRelaxed), other.max_.load(kRelaxed)), kRelaxed);
 }
 
-std::uint64_t Histogram::count() const noexcept {
+template <unsigned kSubBits>
+void LogHistogram<kSubBits>::halve() noexcept {
+  for (auto& counter : counts_) {
+    const std::uint32_t before = counter.load(std::memory_order_relaxed);
+    counter.store(before / 2, std::memory_order_relaxed);
+    add(halved_, std::uint64_t{before - before / 2});
+  }
+}
+
+template <unsigned kSubBits>
+std::uint64_t LogHistogram<kSubBits>::in_buckets() const noexcept {
   std::uint64_t sum = 0;
-  for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
-    sum += count_of(bucket);
+  for (const auto& counter : counts_) {
+    sum += counter.load(std::memory_order_relaxed);
   }
   return sum;
 }
 
-double Histogram::middle_of(std::size_t bucket) noexcept {
+template <unsigned kSubBits>
+std::uint64_t LogHistogram<kSubBits>::count() const noexcept {
+  return in_buckets() + halved_.load(std::memory_order_relaxed);
+}
+
+template <unsigned kSubBits>
+double LogHistogram<kSubBits>::middle_of(std::size_t bucket) noexcept {
   constexpr double kStep = 1U << kStepBits;
   if (bucket < (1U << kSubBits)) {
     return (static_cast<double>(bucket) + 0.5) * kStep;
@@ -34,11 +51,12 @@ double Histogram::middle_of(std::size_t bucket) noexcept {
   return std::ldexp((1 << kSubBits) + sub + 0.5, static_cast<int>(octave) - 1) * kStep;
 }
 
-double Histogram::percentile(double share, std::uint64_t count) const noexcept {
+template <unsigned kSubBits>
+double LogHistogram<kSubBits>::percentile(double share, std::uint64_t count) const noexcept {
   const auto rank = static_cast<std::uint64_t>(std::ceil(share * static_cast<double>(count)));
   std::uint64_t seen = 0;
   for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
-    seen += count_of(bucket);
+    seen += counts_[bucket].load(std::memory_order_relaxed);
     if (seen >= rank) {
       return std::min(middle_of(bucket), static_cast<double>(max_.load(std::memory_order_relaxed)));
     }
@@ -46,9 +64,11 @@ double Histogram::percentile(double share, std::uint64_t count) const noexcept {
   return static_cast<double>(max_.load(std::memory_order_relaxed));
 }
 
-HistogramSummary Histogram::summary() const noexcept {
+template <unsigned kSubBits>
+HistogramSummary LogHistogram<kSubBits>::summary() const noexcept {
   HistogramSummary summary;
-  summary.count = count();
+  const std::uint64_t kept = in_buckets();
+  summary.count = kept + halved_.load(std::memory_order_relaxed);
   if (summary.count == 0) {
     return summary;
   }
@@ -57,11 +77,14 @@ HistogramSummary Histogram::summary() const noexcept {
   const double variance =
       square_sum_.load(std::memory_order_relaxed) / n - summary.mean * summary.mean;
   summary.standard_deviation = std::sqrt(std::max(variance, 0.0));
-  summary.p50 = percentile(0.5, summary.count);
-  summary.p99 = percentile(0.99, summary.count);
-  summary.p999 = percentile(0.999, summary.count);
+  summary.p50 = percentile(0.5, kept);
+  summary.p99 = percentile(0.99, kept);
+  summary.p999 = percentile(0.999, kept);
   summary.max = static_cast<double>(max_.load(std::memory_order_relaxed));
   return summary;
 }
+
+template class LogHistogram<4>;
+template class LogHistogram<3>;
 
 }  // namespace fastcycle::base

@@ -6,7 +6,14 @@
 #include <cstddef>
 #include <cstdint>
 
+#ifndef FASTCYCLE_STATISTICS  // CMake says when it is OFF.
+#define FASTCYCLE_STATISTICS 1
+#endif
+
 namespace fastcycle::base {
+
+/// Whether anything is recorded in histograms.
+inline constexpr bool kHasStatistics = FASTCYCLE_STATISTICS != 0;
 
 /// Summary of a histogram, in the unit of what was recorded.
 struct HistogramSummary {
@@ -19,42 +26,42 @@ struct HistogramSummary {
   double max = 0;
 };
 
-/// Durations in nanoseconds, in buckets that grow with the value: each at most 1/16 of its value
-/// wide, or 4 ns, from 0 to 4.3 s; what is longer counts in the last one. Mean, deviation and
-/// maximum are exact. A bucket counts to 2^48, in 6 bytes: there is one histogram for each
-/// subscription, and most of its memory are the buckets.
+/// Durations in nanoseconds, in buckets that grow with the value: each at most 1/2^kSubBits of its
+/// value wide, or 4 ns, from 0 to 4.3 s; what is longer counts in the last one. Count, mean,
+/// deviation and maximum are exact. A bucket counts to 2^32; when one is full all are halved, so
+/// that in percentiles what was before weighs half from then on: after more than an hour of a
+/// million a second.
 ///
 /// @threads  `record` by one thread at a time; `summary` by any thread, and exact when nothing is
 ///           being recorded.
-/// @realtime No lock, no allocation; a handful of additions.
-class Histogram {
+/// @realtime No lock, no allocation; a handful of additions. Where FASTCYCLE_STATISTICS is OFF,
+///           nothing at all.
+template <unsigned kSubBits>
+class LogHistogram {
  public:
   /// Counts `nanoseconds`, as often as `times` says; what is negative counts as 0.
   void record(std::int64_t nanoseconds, std::uint32_t times = 1) noexcept {
-    const auto value = static_cast<std::uint64_t>(nanoseconds > 0 ? nanoseconds : 0);
-    const double real = static_cast<double>(value) * times;
-    const std::size_t bucket = bucket_of(value);
-    add(counts_[bucket], times);
-    if (counts_[bucket].load(std::memory_order_relaxed) < times) {
-      add(carries_[bucket], std::uint16_t{1});
-    }
-    add(sum_, real);
-    add(square_sum_, real * static_cast<double>(value));
-    if (value > max_.load(std::memory_order_relaxed)) {
-      max_.store(value, std::memory_order_relaxed);
+    if constexpr (kHasStatistics) {
+      const auto value = static_cast<std::uint64_t>(nanoseconds > 0 ? nanoseconds : 0);
+      const double real = static_cast<double>(value) * times;
+      count(bucket_of(value), times);
+      add(sum_, real);
+      add(square_sum_, real * static_cast<double>(value));
+      if (value > max_.load(std::memory_order_relaxed)) {
+        max_.store(value, std::memory_order_relaxed);
+      }
     }
   }
 
   /// Adds what `other` counted; as `record`.
-  void merge(const Histogram& other) noexcept;
+  void merge(const LogHistogram& other) noexcept;
 
   [[nodiscard]] std::uint64_t count() const noexcept;
   [[nodiscard]] HistogramSummary summary() const noexcept;
 
  private:
   static constexpr unsigned kStepBits = 2;  ///< What is shorter than 4 ns is not told apart.
-  static constexpr unsigned kSubBits = 4;
-  static constexpr unsigned kOctaves = 27;
+  static constexpr unsigned kOctaves = 31 - kSubBits;
   static constexpr std::size_t kBuckets = (kOctaves << kSubBits);
 
   template <typename T>
@@ -72,19 +79,31 @@ class Histogram {
     const std::size_t bucket = ((exponent - kSubBits + 1) << kSubBits) + sub;
     return bucket < kBuckets ? bucket : kBuckets - 1;
   }
-  [[nodiscard]] std::uint64_t count_of(std::size_t bucket) const noexcept {
-    return (std::uint64_t{carries_[bucket].load(std::memory_order_relaxed)} << 32U) |
-           counts_[bucket].load(std::memory_order_relaxed);
+  void count(std::size_t bucket, std::uint32_t times) noexcept {
+    while (counts_[bucket].load(std::memory_order_relaxed) > UINT32_MAX - times) {
+      halve();
+    }
+    add(counts_[bucket], times);
   }
+  void halve() noexcept;
+  [[nodiscard]] std::uint64_t in_buckets() const noexcept;
   [[nodiscard]] static double middle_of(std::size_t bucket) noexcept;
   [[nodiscard]] double percentile(double share, std::uint64_t count) const noexcept;
 
   // One writer: plain additions, as relaxed loads and stores so that a reader may look.
   std::array<std::atomic<std::uint32_t>, kBuckets> counts_{};
-  std::array<std::atomic<std::uint16_t>, kBuckets> carries_{};  ///< Of 2^32 each.
+  std::atomic<std::uint64_t> halved_{0};  ///< That were in buckets, and are no more.
   std::atomic<double> sum_{0};
   std::atomic<double> square_sum_{0};
   std::atomic<std::uint64_t> max_{0};
 };
+
+/// In 1.8 KB: one for a component.
+using Histogram = LogHistogram<4>;
+/// In 0.9 KB: one for each subscription and each callback.
+using CoarseHistogram = LogHistogram<3>;
+
+extern template class LogHistogram<4>;
+extern template class LogHistogram<3>;
 
 }  // namespace fastcycle::base

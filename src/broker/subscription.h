@@ -102,7 +102,7 @@ class Subscription {
   Counter inactive;
 
   /// From publish to callback, in nanoseconds. Written by the receiving component's worker.
-  base::Histogram latency;
+  base::CoarseHistogram latency;
 
  protected:
   /// For a receiver that puts messages aside before it decides about them: how many of those that

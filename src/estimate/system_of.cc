@@ -140,11 +140,11 @@ class SystemBuilder {
   void add_timers(const ComponentCore& core, std::size_t component) {
     for (const auto& timer : core.timers()) {
       // What is the framework's own calls the component when something has gone wrong.
-      if (timer->watch != nullptr || (!timer->is_periodic() && timer->label != "a timer")) {
+      if (timer->watch != nullptr || (!timer->is_periodic() && !timer->role.name.empty())) {
         continue;
       }
       std::vector<std::string> keys{"timer " + std::to_string(timer->number)};
-      if (timer->label == "its serve()") {
+      if (timer->role.name == "serve") {
         keys.insert(keys.begin(), "serve");
       }
       Callback callback;

@@ -5,6 +5,8 @@
 #include <exception>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "base/floating_point.h"
 #include "broker/topics.h"
 #include "executor/synchronizer.h"
@@ -109,7 +111,7 @@ void Actor::put_in_front(Control control) {
 
 template <typename Body, typename Where>
 void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
-                     const Body& body, const Where& where) {
+                     base::CoarseHistogram* run_time, const Body& body, const Where& where) {
   const std::int64_t begin_ns = read_ns_;
   publishing.now = std::max(base::from_ns(record.time_ns), publishing.now);
   publishing.origin = &origin;
@@ -139,6 +141,9 @@ void Actor::activate(ActivationRing& ring, ActivationRecord record, const Origin
   record.published_ns = record.publish_count == 0 ? 0 : base::to_ns(publishing.published);
   statistics.activations.add();
   statistics.callback.record(record.duration_ns);
+  if (run_time != nullptr) {
+    run_time->record(record.duration_ns);
+  }
   ring.end(place, record);
   if (publishing.has_leftovers) {
     finish_leftovers();
@@ -173,9 +178,11 @@ void Actor::finish_leftovers() noexcept {
 }
 
 void Actor::on_credits(PublisherCore& publisher, std::function<void()> callback) {
-  TimerCore& timer = add_timer({}, [callback = std::move(callback)](const Tick&) { callback(); });
-  timer.cause = Cause::kEvent;
-  timer.label = "its callback for credits of \"" + publisher.topic.name + "\"";
+  TimerCore& timer =
+      add_timer({}, [callback = std::move(callback)](const Tick&) { callback(); },
+                {.name = publisher.topic.name,
+                 .label = "its callback for credits of \"" + publisher.topic.name + "\"",
+                 .cause = Cause::kEvent});
   credit_events_.push_back({&publisher, &timer});
 }
 
@@ -294,7 +301,7 @@ void Actor::run_control(ActivationRing& ring, const Control& control) {
   ActivationRecord record;
   record.cause = control.cause;
   record.time_ns = record.cause_ns = base::to_ns(clock.at_monotonic(read_ns_));
-  activate(ring, record, oldest_held(), control.body, [] { return std::string(); });
+  activate(ring, record, oldest_held(), nullptr, control.body, [] { return std::string(); });
   if (control.finished) {
     control.finished();
   }
@@ -409,14 +416,14 @@ void Actor::tick(ActivationRing& ring, TimerCore& timer) {
   timer.armed_in_turn = turn_;
   statistics.lateness.record(now_ns - base::to_ns(tick.due));
   ActivationRecord record;
-  record.cause = timer.cause;
+  record.cause = timer.role.cause;
   record.key = timer.number;
   record.skipped = tick.skipped;
   record.time_ns = now_ns;
   record.cause_ns = base::to_ns(tick.due);
   activate(
-      ring, record, oldest_held(), [&] { timer.callback(tick); },
-      [&] { return timer.label + " threw: "; });
+      ring, record, oldest_held(), &timer.statistics->run_time, [&] { timer.callback(tick); },
+      [&] { return timer.role.label + " threw: "; });
 }
 
 void Actor::look(ActivationRing& ring, TimerCore& timer) {
@@ -440,7 +447,7 @@ void Actor::tell(ActivationRing& ring, const Watch& its_watch, const QosEvent& e
   record.key = event.count;
   record.time_ns = record.cause_ns = base::to_ns(clock.at_monotonic(read_ns_));
   activate(
-      ring, record, oldest_held(), [&] { (*callback)(event); },
+      ring, record, oldest_held(), nullptr, [&] { (*callback)(event); },
       [&] { return "its callback for events of \"" + std::string(event.topic) + "\" threw: "; });
 }
 
@@ -520,7 +527,7 @@ void Actor::deliver(ActivationRing& ring, const Inbox::Head& head) {
     publishing.trails = envelope.trails;
   }
   activate(
-      ring, record, envelope.info.origin,
+      ring, record, envelope.info.origin, &subscription.run_time,
       [&] { (*subscription.callback)(envelope, *head.head.payload); },
       [&] { return "its callback for \"" + subscription.topic.name + "\" threw: "; });
   // The callback must not wait for what only statistics and later timers need.
@@ -734,6 +741,10 @@ void Actor::clear_timers() noexcept {
   }
   timers_.clear();
   credit_events_.clear();
+  const std::lock_guard lock(timer_mutex_);
+  for (TimerStatistics& its : timer_statistics_) {
+    its.is_taken = false;
+  }
 }
 
 void Actor::publish_due() noexcept {
@@ -838,14 +849,39 @@ void Actor::end(CallbackSubscription& subscription, DropReason reason) noexcept 
   publishing.has_leftovers = true;
 }
 
-TimerCore& Actor::add_timer(const TimerOptions& options, TickCallback callback) {
-  timers_.push_back(
-      std::make_unique<TimerCore>(*this, timers_.size(), options, std::move(callback)));
+TimerCore& Actor::add_timer(const TimerOptions& options, TickCallback callback, TimerRole role) {
+  TimerStatistics& its_statistics = statistics_of_timer(
+      role.name.empty() ? fmt::format("timer {}", timers_.size()) : role.name, role.cause);
+  timers_.push_back(std::make_unique<TimerCore>(*this, timers_.size(), options, std::move(callback),
+                                                std::move(role)));
+  timers_.back()->statistics = &its_statistics;
   return *timers_.back();
 }
 
+TimerStatistics& Actor::statistics_of_timer(const std::string& its_name, Cause cause) {
+  const std::lock_guard lock(timer_mutex_);
+  for (TimerStatistics& its : timer_statistics_) {
+    if (!its.is_taken && its.name == its_name && its.cause == cause) {
+      its.is_taken = true;
+      return its;
+    }
+  }
+  return timer_statistics_.emplace_back(its_name, cause);
+}
+
+std::vector<const TimerStatistics*> Actor::timer_statistics() const {
+  const std::lock_guard lock(timer_mutex_);
+  std::vector<const TimerStatistics*> all;
+  for (const TimerStatistics& its : timer_statistics_) {
+    all.push_back(&its);
+  }
+  return all;
+}
+
 TimerCore& Actor::add_watch(Watch& its_watch) {
-  TimerCore& timer = add_timer({}, {});
+  timers_.push_back(std::make_unique<TimerCore>(*this, timers_.size(), TimerOptions(),
+                                                TickCallback(), TimerRole()));
+  TimerCore& timer = *timers_.back();
   timer.watch = &its_watch;
   if (publishing.is_in_activation) {
     its_watch.begin(base::to_ns(publishing.now));

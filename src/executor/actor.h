@@ -3,12 +3,14 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/clock.h"
@@ -40,6 +42,8 @@ class CallbackSubscription : public Subscription {
   /// Its callback is the framework's: it goes on after a fault, and while the component is not
   /// active.
   bool outlives_faults = false;
+  /// Time in its callback, ns by CLOCK_MONOTONIC. Written by the component's worker.
+  base::CoarseHistogram run_time;
 };
 
 /// The last messages of a topic, taken over when an activation starts.
@@ -60,15 +64,35 @@ class View final : public Subscription {
   std::vector<Envelope*> held;  ///< By publish time, oldest first.
 };
 
+/// What a timer is for.
+struct TimerRole {
+  std::string name = {};          ///< In reports; empty: "timer 2", by its number.
+  std::string label = "a timer";  ///< In words, for faults.
+  Cause cause = Cause::kTick;     ///< Of its activations.
+};
+
+/// How long the callbacks of one timer take. It outlives the timer: a component that is restarted
+/// makes its timers again, and each goes on with what it had.
+struct TimerStatistics {
+  TimerStatistics(std::string its_name, Cause its_cause)
+      : name(std::move(its_name)), cause(its_cause) {}
+
+  const std::string name;
+  const Cause cause;
+  bool is_taken = true;            ///< By a timer that there is now.
+  base::CoarseHistogram run_time;  ///< Ns by CLOCK_MONOTONIC. Written by the component's worker.
+};
+
 /// One timer of a component; periodic, or armed once.
 class TimerCore {
  public:
   TimerCore(Actor& its_actor, std::uint64_t its_number, const TimerOptions& its_options,
-            TickCallback its_callback)
+            TickCallback its_callback, TimerRole its_role)
       : actor(its_actor),
         number(its_number),
         options(its_options),
-        callback(std::move(its_callback)) {}
+        callback(std::move(its_callback)),
+        role(std::move(its_role)) {}
 
   [[nodiscard]] bool is_periodic() const noexcept { return options.period > Duration(0); }
 
@@ -76,11 +100,11 @@ class TimerCore {
   const std::uint64_t number;
   const TimerOptions options;
   TickCallback callback;
-  std::string label = "a timer";       ///< In words, for faults.
-  Watch* watch = nullptr;              ///< Then there is an activation only if it has an event.
-  Cause cause = Cause::kTick;          ///< Of its activations.
-  std::int64_t due_ns = base::kNever;  ///< On the application's clock.
-  std::uint64_t armed_in_turn = 0;     ///< In simulated time a timer fires once a round.
+  const TimerRole role;
+  Watch* watch = nullptr;                 ///< Then there is an activation only if it has an event.
+  TimerStatistics* statistics = nullptr;  ///< None if it has a watch.
+  std::int64_t due_ns = base::kNever;     ///< On the application's clock.
+  std::uint64_t armed_in_turn = 0;        ///< In simulated time a timer fires once a round.
 };
 
 /// Who is told when a component's next timer changes.
@@ -100,7 +124,7 @@ struct ActorStatistics {
   Counter activations;
   Counter faults;
   Counter overruns;          ///< Ticks skipped, over all timers.
-  base::Histogram callback;  ///< Time in callbacks, ns by CLOCK_MONOTONIC.
+  base::Histogram callback;  ///< Time in all callbacks, ns by CLOCK_MONOTONIC.
   base::Histogram lateness;  ///< From a tick's due time to its callback, ns.
 };
 
@@ -201,11 +225,14 @@ class Actor {
                             const SynchronizerOptions& options, EnvelopeSetCallback callback);
   /// Lets go of all that synchronizers hold: it counts as dropped for `reason`.
   void drop_held(DropReason reason) noexcept;
-  TimerCore& add_timer(const TimerOptions& options, TickCallback callback);
+  TimerCore& add_timer(const TimerOptions& options, TickCallback callback, TimerRole role = {});
   /// In the order in which they were added; before the start, and after the end.
   [[nodiscard]] const std::vector<std::unique_ptr<TimerCore>>& timers() const noexcept {
     return timers_;
   }
+  /// Of all timers that it ever had, but watches, in the order in which they were added.
+  /// @threads Safe; what it returns lives as long as the component.
+  [[nodiscard]] std::vector<const TimerStatistics*> timer_statistics() const;
   /// A timer that looks after `watch`, which must outlive it; from now on in an activation, else
   /// from the start of the timers on.
   TimerCore& add_watch(Watch& watch);
@@ -291,10 +318,11 @@ class Actor {
     Time taken{};
   };
 
-  /// Calls `body` as an activation; `where()` says, for a fault, what it was that threw.
+  /// Calls `body` as an activation; `where()` says, for a fault, what it was that threw. `run_time`
+  /// is that of the callback, if it has one of its own.
   template <typename Body, typename Where>
   void activate(ActivationRing& ring, ActivationRecord record, const Origin& origin,
-                const Body& body, const Where& where);
+                base::CoarseHistogram* run_time, const Body& body, const Where& where);
   void run_controls(ActivationRing& ring);
   void run_control(ActivationRing& ring, const Control& control);
   /// While suspended: serves one message of what outlives that; false if there is none.
@@ -325,6 +353,7 @@ class Actor {
   void end_credits(const Subscription& subscription) noexcept;
   void refresh_views();
   [[nodiscard]] Origin oldest_held() const noexcept;
+  TimerStatistics& statistics_of_timer(const std::string& its_name, Cause cause);
   [[nodiscard]] TimerCore* due_timer(std::int64_t now_ns) noexcept;
   void publish_due() noexcept;
 
@@ -348,6 +377,10 @@ class Actor {
   /// Callbacks of ended subscriptions, until they returned.
   std::vector<std::unique_ptr<EnvelopeCallback>> dying_;
   std::string fault_;
+
+  // Taken when timers are made, and by who looks at their statistics.
+  mutable std::mutex timer_mutex_;
+  std::deque<TimerStatistics> timer_statistics_;
 
   std::atomic<std::int64_t> armed_due_ns_{base::kNever};
 

@@ -62,9 +62,10 @@ void ClientCore::declare(const google::protobuf::Message& request,
     listen(feedback_topic(service, core_.name), *feedback, kFeedbackDepth,
            &ClientCore::take_feedback);
   }
-  timer_ = &core_.add_timer({}, [this](const Tick&) { on_deadline(); });
-  timer_->label = "its callback for the reply of \"" + service + "\"";
-  timer_->cause = Cause::kTimeout;
+  timer_ = &core_.add_timer({}, [this](const Tick&) { on_deadline(); },
+                            {.name = service,
+                             .label = "its callback for the reply of \"" + service + "\"",
+                             .cause = Cause::kTimeout});
 }
 
 void ClientCore::check_types(config::Problems& problems, const google::protobuf::Message& request,

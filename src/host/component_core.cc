@@ -69,8 +69,8 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
     check_unused(its_problems);
     if (description.serve_period) {
       add_timer({.period = *description.serve_period, .phase = description.serve_phase},
-                [this](const Tick&) { component->serve(); })
-          .label = "its serve()";
+                [this](const Tick&) { component->serve(); },
+                {.name = "serve", .label = "its serve()"});
     }
   }
   params.reset();

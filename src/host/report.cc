@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "host/callbacks.h"
 #include "host/replay.h"
 #include "host/words.h"
 
@@ -87,12 +88,17 @@ double cpu_seconds(const rusage& usage) {
   return seconds_of(usage.ru_utime) + seconds_of(usage.ru_stime);
 }
 
-ComponentReport report_component(const ComponentCore& core) {
+ComponentReport report_component(const ComponentCore& core,
+                                 const std::vector<KnownCallback>& callbacks) {
   ComponentReport report;
   report.name = core.name;
   report.state = core.state.load();
   report.activations = core.statistics.activations.get();
   report.callback = core.statistics.callback.summary();
+  for (const KnownCallback& callback : callbacks) {
+    report.callbacks.push_back(
+        {.name = callback.name, .kind = callback.kind, .time = callback.run_time->summary()});
+  }
   report.timer_lateness = core.statistics.lateness.summary();
   report.overruns = core.statistics.overruns.get();
   report.faults = core.fault_count;
@@ -337,10 +343,27 @@ ordered_json json_of(const ModesReport& modes) {
   return {{"at_end", modes.at_end}, {"switches", std::move(switches)}, {"refused", modes.refused}};
 }
 
+ordered_json json_of(const CallbackReport& callback) {
+  const HistogramSummary& time = callback.time;
+  return {{"name", callback.name},
+          {"kind", callback.kind},
+          {"count", time.count},
+          {"time_us",
+           {{"mean", microseconds(time, time.mean)},
+            {"p50", microseconds(time, time.p50)},
+            {"p99", microseconds(time, time.p99)},
+            {"max", microseconds(time, time.max)}}}};
+}
+
 ordered_json json_of(const ComponentReport& component) {
+  auto callbacks = ordered_json::array();
+  for (const CallbackReport& callback : component.callbacks) {
+    callbacks.push_back(json_of(callback));
+  }
   return {{"state", state_word(component)},
           {"activations", component.activations},
           {"callback_us", json_of_short(component.callback)},
+          {"callbacks", std::move(callbacks)},
           {"overruns", component.overruns},
           {"faults", component.faults},
           {"fault_texts", component.fault_texts},
@@ -862,12 +885,13 @@ RunReport make_report(const Application& application, Duration wall) {
   if (replay != nullptr) {
     report.replay = report_replay(application, *replay);
   }
+  auto callbacks = find_callbacks(application);
   for (const auto& component : application.components()) {
     const bool is_replayed = replay != nullptr && !replay->plan().runs(component->name);
     if (is_replayed && !replay->plan().stands_in_for(component->name)) {
       continue;
     }
-    report.components.push_back(report_component(*component));
+    report.components.push_back(report_component(*component, callbacks[component->name]));
     report.components.back().is_replayed = is_replayed;
     add_results(report, *component);
   }

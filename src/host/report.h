@@ -17,12 +17,20 @@
 
 namespace fastcycle::host {
 
+/// How often one callback of a component was called, and how long it took, ns.
+struct CallbackReport {
+  std::string name = {};  ///< As in `KnownCallback`.
+  std::string kind = {};
+  base::HistogramSummary time = {};
+};
+
 /// What one component did in a run. Times are in nanoseconds.
 struct ComponentReport {
   std::string name = {};
   detail::ComponentCore::State state{};
   std::uint64_t activations = 0;
-  base::HistogramSummary callback = {};
+  base::HistogramSummary callback = {};  ///< All its callbacks together, those of control too.
+  std::vector<CallbackReport> callbacks = {};
   base::HistogramSummary timer_lateness = {};
   std::uint64_t overruns = 0;
   std::uint64_t faults = 0;

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <limits>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -116,12 +117,15 @@ TEST(Report, HasItsKeysInOrder) {
   EXPECT_THAT(keys_of(json["components"]), ElementsAre("teller", "listener"));
   EXPECT_THAT(
       keys_of(json["components"]["teller"]),
-      ElementsAre("state", "activations", "callback_us", "overruns", "faults", "fault_texts",
-                  "restarts", "health", "health_reason", "timer_lateness_us"));
+      ElementsAre("state", "activations", "callback_us", "callbacks", "overruns", "faults",
+                  "fault_texts", "restarts", "health", "health_reason", "timer_lateness_us"));
   EXPECT_THAT(keys_of(json["components"]["teller"]["callback_us"]),
               ElementsAre("p50", "p99", "max"));
   EXPECT_THAT(keys_of(json["topics"]["numbers"]),
               ElementsAre("type", "published", "allocated", "rate_hz", "subscribers"));
+  const ordered_json& callback = json["components"]["teller"]["callbacks"][0];
+  EXPECT_THAT(keys_of(callback), ElementsAre("name", "kind", "count", "time_us"));
+  EXPECT_THAT(keys_of(callback["time_us"]), ElementsAre("mean", "p50", "p99", "max"));
   const ordered_json& subscriber = json["topics"]["numbers"]["subscribers"][0];
   EXPECT_THAT(keys_of(subscriber),
               ElementsAre("component", "kind", "depth", "published", "delivered", "dropped",
@@ -144,6 +148,47 @@ TEST(Report, SaysWhatHappened) {
   EXPECT_EQ(json["topics"]["numbers"]["subscribers"][0]["delivered"], 100);
   EXPECT_EQ(json["components"]["listener"]["health"], "degraded");
   EXPECT_EQ(json["components"]["listener"]["health_reason"], "it is tired");
+}
+
+/// Is called for messages and by two timers, and is made anew after the fifth message.
+class Fickle final : public Component {
+ public:
+  explicit Fickle(Context& context) : Component(context) {
+    context.create_timer({.period = std::chrono::milliseconds(20)}, [] {});
+    context.create_subscriber<Int64Value>("numbers", [](const Sample<Int64Value>& number) {
+      if (number.info().sequence == 5) {
+        throw std::runtime_error("not this one");
+      }
+    });
+  }
+};
+
+TEST(Report, TellsTheCallbacksOfAComponentApart) {
+  TestClasses classes;
+  classes.with<Teller>("teller").with<Fickle>("fickle");
+  const auto application = make_application(R"({"name": "two", "components": [
+        {"name": "teller", "library": "teller", "serve_period_ms": 10},
+        {"name": "fickle", "library": "fickle", "serve_period_ms": 50, "on_fault": "restart"}]})",
+                                            classes, {.is_simulated = true, .workers = 1});
+  application->start();
+  application->run(std::chrono::seconds(10));
+  application->stop();
+
+  const ordered_json fickle =
+      to_json(make_report(*application, std::chrono::milliseconds(250)))["components"]["fickle"];
+
+  ASSERT_EQ(fickle["restarts"], 1);
+  // One of each, although its timers were made twice.
+  std::vector<std::string> names;
+  for (const ordered_json& callback : fickle["callbacks"]) {
+    names.push_back(callback["name"].get<std::string>() + ": " +
+                    callback["kind"].get<std::string>());
+    EXPECT_GT(callback["count"], 100) << callback;
+    EXPECT_GT(callback["time_us"]["mean"], 0.0) << callback;
+    EXPECT_LE(callback["time_us"]["p50"], callback["time_us"]["max"]) << callback;
+    EXPECT_LE(callback["time_us"]["max"], fickle["callback_us"]["max"]) << callback;
+  }
+  EXPECT_THAT(names, ElementsAre("numbers: message", "timer 0: tick", "serve: tick"));
 }
 
 TEST(Report, ResultThatTwoComponentsReportKeepsBothValues) {

@@ -10,6 +10,7 @@
 
 #include "base/clock.h"
 #include "host/call_head.h"
+#include "host/callbacks.h"
 #include "host/client_core.h"
 #include "host/component_core.h"
 #include "host/replay.h"
@@ -21,8 +22,7 @@
 namespace fastcycle::inspect {
 namespace {
 
-void fill(const base::Histogram& histogram, protocol::Histogram& said) {
-  const base::HistogramSummary summary = histogram.summary();
+void fill(const base::HistogramSummary& summary, protocol::Histogram& said) {
   said.set_count(summary.count);
   said.set_mean_ns(summary.mean);
   said.set_sd_ns(summary.standard_deviation);
@@ -143,6 +143,7 @@ void fill_components(const host::Application& application,
       queued[subscription->component] += subscription->ledger().queued;
     }
   }
+  auto callbacks = host::find_callbacks(application);
   const std::vector<std::string> executors = application.executor_names();
   for (const auto& core : application.components()) {
     protocol::Component& said = *overview.add_components();
@@ -158,8 +159,14 @@ void fill_components(const host::Application& application,
     said.set_activations(statistics.activations.get());
     said.set_faults(statistics.faults.get());
     said.set_overruns(statistics.overruns.get());
-    fill(statistics.callback, *said.mutable_callback());
-    fill(statistics.lateness, *said.mutable_lateness());
+    fill(statistics.callback.summary(), *said.mutable_callback());
+    fill(statistics.lateness.summary(), *said.mutable_lateness());
+    for (const host::KnownCallback& callback : callbacks[core->name]) {
+      protocol::Callback& its = *said.add_callbacks();
+      its.set_name(callback.name);
+      its.set_kind(callback.kind);
+      fill(callback.run_time->summary(), *its.mutable_time());
+    }
     said.set_busy_ns(static_cast<std::int64_t>(said.callback().mean_ns() *
                                                static_cast<double>(said.callback().count())));
     said.set_queued(queued[core->name]);
@@ -219,7 +226,7 @@ void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
     said.set_overflow(subscription->overflow == Overflow::kDropOldest ? "drop_oldest"
                                                                       : "drop_newest");
     fill(subscription->ledger(), *said.mutable_ledger());
-    fill(subscription->latency, *said.mutable_latency());
+    fill(subscription->latency.summary(), *said.mutable_latency());
     topic.set_dropped(topic.dropped() + said.ledger().dropped());
     if (said.latency().count() > 0 &&
         (!topic.has_latency() || said.latency().p99_ns() > topic.latency().p99_ns())) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -235,6 +236,15 @@ TEST(AServer, SaysWhatRuns) {
   EXPECT_EQ(overview.components(0).name(), "source");
   EXPECT_EQ(overview.components(0).state(), "active");
   EXPECT_EQ(overview.components(0).health(), "ok");
+  ASSERT_EQ(overview.components(0).callbacks().size(), 1);
+  EXPECT_EQ(overview.components(0).callbacks(0).name(), "serve");
+  EXPECT_EQ(overview.components(0).callbacks(0).kind(), "tick");
+  std::map<std::string, std::string> kinds;
+  for (const protocol::Callback& callback : overview.components(1).callbacks()) {
+    kinds[callback.name()] = callback.kind();
+  }
+  EXPECT_EQ(kinds, (std::map<std::string, std::string>{
+                       {"double", "request"}, {"numbers", "message"}, {"wishes", "message"}}));
   EXPECT_EQ(overview.clock(), "live");
   const auto numbers = std::ranges::find_if(
       overview.topics(), [](const auto& topic) { return topic.name() == "numbers"; });

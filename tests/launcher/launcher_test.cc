@@ -555,6 +555,9 @@ json without_what_the_machine_says(json report) {
   }
   for (json& component : report["components"]) {
     component.erase("callback_us");
+    for (json& callback : component["callbacks"]) {
+      callback.erase("time_us");
+    }
   }
   for (json& topic : report["topics"]) {
     topic.erase("allocated");

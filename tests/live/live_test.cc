@@ -295,8 +295,13 @@ TEST_F(LiveCommands, ComponentsAreListedStoppedStartedAndMadeAnew) {
   EXPECT_THAT(output_, AllOf(HasSubstr("sensor"), HasSubstr("active"), HasSubstr("p99")));
   EXPECT_EQ(command({"component", "info", "filter"}), 0) << errors_;
   EXPECT_THAT(output_, AllOf(HasSubstr("Filter of live_parts"), HasSubstr("sensor/readings"),
-                             HasSubstr("sensor/filtered")));
-  EXPECT_EQ(json_of({"component", "info", "filter"})["state"], "active");
+                             HasSubstr("sensor/filtered"), HasSubstr("called for")));
+  const auto info = json_of({"component", "info", "filter"});
+  EXPECT_EQ(info["state"], "active");
+  EXPECT_EQ(info["callbacks"][0]["name"], "double");
+  EXPECT_EQ(info["callbacks"][0]["kind"], "request");
+  EXPECT_EQ(info["callbacks"][2]["name"], "sensor/readings");
+  EXPECT_GT(info["callbacks"][2]["time"]["count"], 0);
 
   EXPECT_EQ(command({"component", "stop", "filter"}), 0) << errors_;
   EXPECT_NE(json_of({"component", "info", "filter"})["state"], "active");

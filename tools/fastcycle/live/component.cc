@@ -69,6 +69,22 @@ void add_histogram(std::vector<std::vector<std::string>>& rows, const std::strin
   }
 }
 
+/// Its callbacks one by one; nothing if it has none.
+std::string callbacks_text(const protocol::Component& component) {
+  if (component.callbacks().empty()) {
+    return {};
+  }
+  std::vector<std::vector<std::string>> rows{
+      {"called for", "by", "count", "mean", "p50", "p99", "max"}};
+  for (const protocol::Callback& callback : component.callbacks()) {
+    const protocol::Histogram& time = callback.time();
+    rows.push_back({callback.name(), callback.kind(), fmt::format("{}", time.count()),
+                    span_or_none(time, time.mean_ns()), span_or_none(time, time.p50_ns()),
+                    span_or_none(time, time.p99_ns()), span_or_none(time, time.max_ns())});
+  }
+  return "\n" + table_text(rows);
+}
+
 /// What it publishes, and what it hears.
 std::string topics_text(const protocol::Overview& overview, const std::string& component) {
   std::vector<std::vector<std::string>> published;
@@ -118,7 +134,7 @@ std::string info_text(const protocol::Component& component, const protocol::Over
   for (const auto& row : rows) {
     text += table_text({{row[0] + std::string(13 - row[0].size(), ' ') + row[1]}});
   }
-  return text + topics_text(overview, component.name());
+  return text + callbacks_text(component) + topics_text(overview, component.name());
 }
 
 int info(const ComponentOptions& options) {
@@ -183,9 +199,10 @@ Command add_list_of_components(CLI::App& group) {
 
 Command add_info_of_component(CLI::App& group) {
   CLI::App* line = group.add_subcommand("info", "Show all there is to say of one component");
-  line->footer(
-      examples("  fastcycle component info planner\n"
-               "  fastcycle component info planner --json | jq .callback.p99_ns\n"));
+  line->footer(examples(
+      "  fastcycle component info planner\n"
+      "  fastcycle component info planner --json | jq .callback.p99_ns\n"
+      "  fastcycle component info planner --json | jq '.callbacks[] | [.name, .time.p99_ns]'\n"));
   const auto options = std::make_shared<ComponentOptions>();
   line->add_option("component", options->component, "The component")
       ->required()
