@@ -236,7 +236,7 @@ TEST_F(Bench, SimulatedPeriodsEndExactly) {
 TEST_F(Bench, ChainGoesOverOneExecutorAndOverTwo) {
   const auto found = rows(few({"chain", "--hops", "1,3"}));
 
-  ASSERT_EQ(found.size(), 8U);
+  ASSERT_EQ(found.size(), 6U);
   std::set<std::pair<int, int>> seen;
   for (const json& row : found) {
     expect_times(row, 50);
