@@ -102,9 +102,9 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
     apply_set(tree, set);
   }
   std::erase_if(tree.members(), [](const auto& member) {
-    // An empty "inspect" says that there is one.
+    // An empty "inspect" or "trace" says that there is one.
     return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number() &&
-           member.key != "inspect";
+           member.key != "inspect" && member.key != "trace";
   });
   return tree;
 }
@@ -231,6 +231,11 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
                   "an included file cannot say what is recorded, only the one that is run"));
     }
   }
+  if (const Value* trace = part.find("trace")) {
+    problems_.add(
+        mistake(trace->place(),
+                "an included file cannot say where a trace goes, only the one that is run"));
+  }
   if (const Value* inspect = part.find("inspect")) {
     problems_.add(
         mistake(inspect->place(),
@@ -305,8 +310,10 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       tree.set(key, *own);
     }
   }
-  if (const Value* inspect = file.find("inspect")) {
-    tree.set("inspect", *inspect);
+  for (const std::string_view key : {"trace", "inspect"}) {
+    if (const Value* own = file.find(key)) {
+      tree.set(key, *own);
+    }
   }
 }
 
@@ -376,8 +383,8 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
     } else if (key == "shared_params" || key == "modes" || key == "restart" || key == "record" ||
                key == "flight_recorder") {
       merge(*tree.find(key), value, problems_);
-    } else if (key == "inspect") {
-      apply_overlay_inspect(tree, value);
+    } else if (key == "trace" || key == "inspect") {
+      apply_overlay_optional(tree, key, value);
     } else if (key == "name" || key == "on_fault" || key == "library_path" ||
                key == "initial_mode" || key == "start_timeout_ms" || key == "status_period_ms") {
       tree.set(key, value);
@@ -385,14 +392,15 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
   }
 }
 
-void Composer::apply_overlay_inspect(Value& tree, const Value& over) {
-  Value* known = tree.find("inspect");
+// What is there, though it may be empty, or not.
+void Composer::apply_overlay_optional(Value& tree, const std::string& key, const Value& over) {
+  Value* known = tree.find(key);
   if (over.is_null()) {
-    tree.erase("inspect");
+    tree.erase(key);
   } else if (over.is_object() && known != nullptr && known->is_object()) {
     merge(*known, over, problems_);
   } else {
-    tree.set("inspect", over);
+    tree.set(key, over);
   }
 }
 

@@ -51,7 +51,7 @@ class Composer {
 
   void apply_overlay(Value& tree, const Value& overlay, Variables& variables);
   void apply_overlay_component(Value& tree, const Value& over, Variables& variables);
-  void apply_overlay_inspect(Value& tree, const Value& over);
+  void apply_overlay_optional(Value& tree, const std::string& key, const Value& over);
   void apply_overlay_by_name(Value& list, const Value& over);
   void apply_overlay_topics(Value& tree, const Value& topics);
   void apply_set(Value& tree, const std::string& set);

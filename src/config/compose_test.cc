@@ -1,6 +1,8 @@
 #include "config/compose.h"
 
 #include <chrono>
+#include <initializer_list>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -242,6 +244,35 @@ TEST_F(ComposeTest, OnlyTheFileThatIsRunAndOverlaysSayHowOftenTheStatusComes) {
                                    "often the status is published"),
             std::string::npos)
       << text_of(problems);
+}
+
+TEST_F(ComposeTest, TracesAreOfTheFileThatIsRunAndOfOverlays) {
+  folder.write("app.json",
+               R"({"name": "app", "components": [{"name": "planner", "library": "p"}]})");
+  folder.write("traced.json", R"({"trace": {}})");
+  folder.write("more.json", R"({"trace": {"file": "a.pftrace", "buffer_mb": 50}})");
+  folder.write("less.json", R"({"trace": {"buffer_mb": null}})");
+  folder.write("none.json", R"({"trace": null})");
+  const auto described = [this](std::initializer_list<const char*> overlays) {
+    LoadOptions options;
+    for (const char* const overlay : overlays) {
+      options.overlays.push_back(folder / overlay);
+    }
+    return describe(compose(std::move(options))).trace;
+  };
+
+  EXPECT_FALSE(described({}));
+  const auto empty = described({"traced.json"});
+  ASSERT_TRUE(empty);
+  EXPECT_EQ(empty->file, "");
+  EXPECT_EQ(empty->buffer_bytes, 16'000'000U);
+  const auto whole = described({"traced.json", "more.json"});
+  ASSERT_TRUE(whole);
+  EXPECT_EQ(whole->file, folder / "a.pftrace");
+  EXPECT_EQ(whole->buffer_bytes, 50'000'000U);
+  EXPECT_EQ(described({"more.json", "less.json"})->buffer_bytes, 16'000'000U);
+  EXPECT_FALSE(described({"more.json", "none.json"}));
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
 }
 
 TEST_F(ComposeTest, OverlaysGiveVariablesAndOptionsGoBeforeThem) {

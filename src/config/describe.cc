@@ -299,6 +299,16 @@ FlightRecorderDescription describe_flight_recorder(const Value& value) {
   return flight_recorder;
 }
 
+TraceDescription describe_trace(const Value& value) {
+  TraceDescription trace;
+  trace.place = value.place();
+  if (const Value* file = find_string(value, "file")) {
+    trace.file = file->as_path();
+  }
+  read_mb(value, "buffer_mb", trace.buffer_bytes);
+  return trace;
+}
+
 std::optional<InspectDescription> describe_inspect(const Value& value) {
   InspectDescription inspect;
   inspect.place = value.place();
@@ -363,6 +373,9 @@ ApplicationDescription describe(const Value& tree) {
   }
   if (const Value* flight_recorder = find_object(tree, "flight_recorder")) {
     application.flight_recorder = describe_flight_recorder(*flight_recorder);
+  }
+  if (const Value* trace = find_object(tree, "trace")) {
+    application.trace = describe_trace(*trace);
   }
   if (const Value* inspect = tree.find("inspect")) {
     application.inspect = describe_inspect(*inspect);

@@ -70,6 +70,13 @@ struct FlightRecorderDescription {
   Place place;
 };
 
+/// Where a trace of what the components do goes.
+struct TraceDescription {
+  std::filesystem::path file = {};          ///< What it held before is gone; empty: by the name.
+  std::uint64_t buffer_bytes = 16'000'000;  ///< That may wait to be written.
+  Place place = {};
+};
+
 /// Who may look at a run over a socket, and what they may change.
 struct InspectDescription {
   bool allows_params = false;     ///< Parameters.
@@ -195,6 +202,7 @@ struct ApplicationDescription {
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
+  std::optional<TraceDescription> trace;                     ///< None: nothing is traced.
   std::optional<InspectDescription> inspect;                 ///< None: nobody may look.
   OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
   std::chrono::nanoseconds status_period{1'000'000'000};     ///< Of "fastcycle/status".

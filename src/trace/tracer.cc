@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <filesystem>
 #include <fstream>
 #include <system_error>
 #include <utility>
@@ -59,9 +60,9 @@ std::uint64_t flow_id(const ActivationRecord& record) {
 
 }  // namespace
 
-Tracer::Tracer(TraceOptions options)
-    : options_(std::move(options)),
-      file_(options_.file, options_.buffer_bytes),
+Tracer::Tracer(config::TraceDescription description)
+    : description_(std::move(description)),
+      file_(description_.file, description_.buffer_bytes),
       notes_(std::make_unique<std::array<Note, kNotes>>()) {
   for (std::size_t i = 0; i < kNotes; ++i) {
     (*notes_)[i].turn.store(i, std::memory_order_relaxed);
@@ -85,7 +86,8 @@ void Tracer::open(config::Problems& problems) {
   try {
     file_.open();
   } catch (const std::system_error& error) {
-    problems.add(config::mistake({}, std::string("the trace cannot be written: ") + error.what()));
+    problems.add(config::mistake(description_.place,
+                                 std::string("the trace cannot be written: ") + error.what()));
   }
 }
 

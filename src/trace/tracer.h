@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -23,18 +22,13 @@
 #include "base/clock.h"
 #include "base/thread.h"
 #include "broker/topics.h"
+#include "config/description.h"
 #include "executor/activation_ring.h"
 #include "host/guest.h"
 #include "trace/packets.h"
 #include "trace/trace_file.h"
 
 namespace fastcycle::trace {
-
-/// Where a trace goes.
-struct TraceOptions {
-  std::filesystem::path file = {};          ///< What it held before is gone.
-  std::uint64_t buffer_bytes = 16'000'000;  ///< That may wait to be written.
-};
 
 /// What became of a trace.
 struct TraceReport {
@@ -70,7 +64,7 @@ class Tracer final : public host::Guest {
  public:
   static constexpr std::chrono::milliseconds kPoll{5};
 
-  explicit Tracer(TraceOptions options);
+  explicit Tracer(config::TraceDescription description);
   ~Tracer() override;
 
   void open(config::Problems& problems) override;
@@ -185,7 +179,7 @@ class Tracer final : public host::Guest {
   [[nodiscard]] std::int64_t now_ns() const;
   [[nodiscard]] std::int64_t to_trace(std::int64_t time_ns) const;
 
-  const TraceOptions options_;
+  const config::TraceDescription description_;
   TraceFile file_;
 
   // Constant once started.

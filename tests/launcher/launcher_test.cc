@@ -722,6 +722,33 @@ TEST_F(Launcher, TraceThatCannotBeWrittenIsAMistake) {
   EXPECT_THAT(errors_, HasSubstr("missing/run.pftrace"));
 }
 
+TEST_F(Launcher, TraceOfTheFileGoesWhereTheFileOrTheCommandLineSays) {
+  write_application({kCounter, kAdder}, R"(, "trace": {"file": "file.pftrace", "buffer_mb": 2})");
+  ASSERT_EQ(run({"--for", "20ms", "--clock", "simulated"}), 0) << errors_;
+  EXPECT_EQ(report()["trace"]["file"], (folder_ / "file.pftrace").string());
+  std::filesystem::remove(folder_ / "file.pftrace");
+
+  const auto other = folder_ / "line.pftrace";
+  ASSERT_EQ(run({"--for", "20ms", "--clock", "simulated", "--trace", other.string()}), 0)
+      << errors_;
+  EXPECT_EQ(report()["trace"]["file"], other.string());
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "file.pftrace"));
+
+  ASSERT_EQ(run({"--for", "20ms", "--clock", "simulated", "--overlay",
+                 folder_.write("quiet.json", R"({"trace": null})").string()}),
+            0)
+      << errors_;
+  EXPECT_FALSE(report().contains("trace"));
+}
+
+TEST_F(Launcher, TraceOfTheFileThatCannotBeWrittenIsAMistakeAtItsPlace) {
+  write_application({kCounter, kAdder}, R"(, "trace": {"file": "missing/run.pftrace"})");
+
+  EXPECT_EQ(run(), 2);
+
+  EXPECT_THAT(errors_, HasSubstr("app.json:1: /trace: the trace cannot be written: "));
+}
+
 // ---- The flight recorder ----
 
 constexpr const char* kFlightRecorder =

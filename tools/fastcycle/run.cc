@@ -31,6 +31,7 @@
 #include "stop_signals.h"
 #include "terminal_keys.h"
 #include "trace/tracer.h"
+#include "tracing_options.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -49,7 +50,7 @@ struct RunOptions {
   RecordingOptions record;
   FlightOptions flight_recorder;
   InspectOptions inspect;
-  std::filesystem::path trace;
+  TracingOptions trace;
   ReplayingOptions replay;
   bool is_played = false;  ///< Simulated time at the pace of the wall, with keys.
   double play_rate = 1.0;
@@ -166,7 +167,6 @@ std::string to_text(const nlohmann::ordered_json& json) {
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-/// Builds and runs what was found to be right.
 /// What became of a trace, for the report.
 nlohmann::ordered_json json_of(const trace::TraceReport& trace) {
   return {{"file", trace.file},
@@ -198,6 +198,7 @@ std::string text_of(const trace::TraceReport& trace) {
   return text;
 }
 
+/// Builds and runs what was found to be right.
 int run_application(const config::ApplicationDescription& description, const RunOptions& options,
                     const ReportFile& report_file) {
   ProgressLine progress(!options.is_quiet);
@@ -221,8 +222,8 @@ int run_application(const config::ApplicationDescription& description, const Run
   host::WallPace pace(options.play_rate);
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
   std::unique_ptr<trace::Tracer> tracer;
-  if (!options.trace.empty()) {
-    tracer = std::make_unique<trace::Tracer>(trace::TraceOptions{.file = options.trace});
+  if (const auto asked = options.trace.describe(description)) {
+    tracer = std::make_unique<trace::Tracer>(*asked);
   }
   host::Application application(replay != nullptr ? replay->description() : description,
                                 clock_of(options));
@@ -387,7 +388,7 @@ void add_options(CLI::App& line, RunOptions& options) {
                   "How much it holds: 256, unless the application says else")
       ->type_name("MB");
   options.inspect.add_to(line);
-  line.add_option("--trace", options.trace,
+  line.add_option("--trace", options.trace.file,
                   "Write what the components do into this file, for ui.perfetto.dev")
       ->type_name("FILE.pftrace");
   line.add_flag("--strict", options.is_strict,
