@@ -45,6 +45,18 @@ std::multimap<std::string, std::int64_t> threads_by_name() {
   return threads;
 }
 
+/// "serve", "timer 2", "timeout of the reply of "route""
+std::string name_of_timer(const detail::TimerCore& timer) {
+  constexpr std::string_view kBegin = "its callback for ";
+  if (timer.label == "its serve()") {
+    return "serve";
+  }
+  return timer.label.starts_with(kBegin)
+             ? fmt::format("{} of {}", detail::to_word(timer.cause),
+                           std::string_view(timer.label).substr(kBegin.size()))
+             : fmt::format("timer {}", timer.number);
+}
+
 /// The number of a flow: another one for each message and activation.
 std::uint64_t flow_id(const ActivationRecord& record) {
   std::uint64_t hash = record.publisher;
@@ -117,6 +129,9 @@ void Tracer::describe_tracks(const host::GuestView& view) {
             .process = getpid()});
   for (const auto& component : application.components()) {
     ComponentState state{.name = component->name};
+    for (const auto& timer : component->timers()) {
+      state.timers.push_back(name_of_timer(*timer));
+    }
     if (is_simulated) {
       state.track = new_track(process_track_, component->name);
     }
@@ -404,8 +419,8 @@ std::uint64_t Tracer::name_of(const ActivationRecord& record) {
   if (const auto publisher = publishers_.find(record.publisher); publisher != publishers_.end()) {
     text = publisher->second.topic;
   } else if (is_timer) {
-    text = record.key < component.timers.size() ? component.timers[record.key] : "";
-    text = text.empty() ? fmt::format("timer {}", record.key) : text;
+    text = record.key < component.timers.size() ? component.timers[record.key]
+                                                : fmt::format("timer {}", record.key);
   }
   name = packets_.name(component.name + ": " + text);
   return name;

@@ -128,7 +128,7 @@ class Tracer final : public host::Guest {
   };
   struct ComponentState {
     std::string name = {};
-    std::vector<std::string> timers = {};  ///< Names, by number.
+    std::vector<std::string> timers = {};  ///< Names, by number, as first declared.
     std::uint64_t track = 0;               ///< In simulated time.
     std::int64_t end_ns = 0;               ///< In simulated time: of the last slice.
     std::deque<Past> past = {};

@@ -73,6 +73,36 @@ class Sink final : public Component {
   int count_ = 0;
 };
 
+/// Takes requests, and never answers one.
+class Silent final : public Component {
+ public:
+  explicit Silent(Context& context) : Component(context) {
+    context.create_service<Int64Value, Int64Value>(
+        "route", {.depth = 4}, [this](const Int64Value&, Responder<Int64Value> responder) {
+          open_.push_back(std::move(responder));
+        });
+  }
+
+ private:
+  std::vector<Responder<Int64Value>> open_;
+};
+
+/// Has a timer of its own, and asks at each one's tick for what never comes.
+class Asking final : public Component {
+ public:
+  explicit Asking(Context& context)
+      : Component(context), client_(context.create_client<Int64Value, Int64Value>("route")) {
+    context.create_timer({.period = 20ms}, [this] {
+      client_.call(client_.loan(), {.deadline = 5ms}, [](const Reply<Int64Value>&) {});
+    });
+  }
+
+  void serve() override {}
+
+ private:
+  Client<Int64Value, Int64Value> client_;
+};
+
 constexpr const char* kApplication = R"({"name": "traced", "on_fault": "restart",
   "restart": {"limit": 1000000, "within_s": 1},
   "executors": [{"name": "pool", "threads": 3}, {"name": "other", "threads": 1}],
@@ -189,7 +219,7 @@ TEST(ATrace, OfALiveRunHasEachActivationOnItsWorker) {
     EXPECT_THAT((std::set<std::string>{"pool-0", "pool-1", "pool-2", "other"}), Contains(track));
   }
   EXPECT_THAT(names, testing::IsSupersetOf(
-                         {"source: timer 0", "middle: numbers", "sink: answers", "source: mode"}));
+                         {"source: serve", "middle: numbers", "sink: answers", "source: mode"}));
   EXPECT_TRUE(run.trace.clocks.contains(3));
   EXPECT_TRUE(run.trace.clocks.contains(1));
 }
@@ -274,6 +304,35 @@ TEST(ATrace, OfSimulatedTimeShowsWhatFollowsAtOneMomentOneAfterTheOther) {
     EXPECT_EQ(run.trace.track_name(slice.track), component_of(slice));
     EXPECT_GE(slice.begin_ns, slice.annotations.at("time_ns"));
   }
+}
+
+TEST(ATrace, NamesTimersByWhatTheyAreFor) {
+  const config::TestFolder folder;
+  Tracer tracer({.file = folder / "run.pftrace"});
+  host::TestClasses classes;
+  classes.with<Silent>("silent").with<Asking>("asking");
+  config::Problems problems;
+  host::Application application(host::describe_text(R"({"name": "traced", "components": [
+      {"name": "silent", "library": "silent"},
+      {"name": "asking", "library": "asking", "serve_period_ms": 10}]})",
+                                                    problems),
+                                {.is_simulated = true, .workers = 1});
+  application.add(tracer);
+  application.build(classes, problems, host::ConstructorFault::kFault);
+  ASSERT_EQ(config::text_of(problems), "");
+
+  application.start();
+  application.run(50ms);
+  application.stop();
+
+  std::set<std::string> names;
+  const TestTrace trace = read_trace(bytes_of(folder / "run.pftrace"));
+  for (const TestSlice& slice : trace.slices) {
+    names.insert(slice.name);
+  }
+  EXPECT_THAT(names, testing::IsSupersetOf({"asking: serve", "asking: timer 1",
+                                            "asking: timeout of the reply of \"route\""}));
+  EXPECT_THAT(names, testing::Not(Contains("asking: tick")));
 }
 
 TEST(ATrace, WithoutRoomCountsWhatIsLostAndCanStillBeRead) {
