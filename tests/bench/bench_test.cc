@@ -300,6 +300,29 @@ TEST_F(Bench, InspectStandsBesideTheSameWithoutIt) {
   EXPECT_THAT(left_behind(), IsEmpty());
 }
 
+TEST_F(Bench, TraceStandsBesideTheSameWithoutIt) {
+  const auto found = rows(few({"trace", "--wait", "park,adaptive", "--rounds", "2"}));
+
+  ASSERT_EQ(found.size(), 8U);
+  EXPECT_EQ(peers_of(found),
+            (std::multiset<std::string>{"traced-adaptive", "traced-adaptive", "traced-park",
+                                        "traced-park", "without-adaptive", "without-adaptive",
+                                        "without-park", "without-park"}));
+  for (const json& row : found) {
+    expect_times(row, 50);
+    EXPECT_TRUE(row.contains("publish_p50_us"));
+    const bool is_traced = row.at("peer").get<std::string>().starts_with("traced");
+    EXPECT_EQ(row.contains("cost_ns"), is_traced);
+    EXPECT_EQ(row.contains("publish_cost_ns"), is_traced);
+    if (is_traced) {
+      EXPECT_GE(row.at("slices"), 2 * 55);  // Of the source's timer, and of the sink.
+      EXPECT_EQ(row.at("trace_lost"), 0);
+      EXPECT_GT(row.at("trace_bytes"), 0);
+    }
+  }
+  EXPECT_THAT(left_behind(), IsEmpty());
+}
+
 TEST_F(Bench, DiskComparesARecordingWithBareWritesOfTheSameBlocks) {
   const auto found = rows({"disk", "--size", "1M", "--count", "8"});
 
@@ -349,7 +372,7 @@ TEST_F(Bench, RawStampsAreThoseOfEveryMessage) {
 
 TEST_F(Bench, ItsApplicationIsOneThatRuns) {
   for (const std::string mode :
-       {"latency", "rtt", "flood", "fanout", "timer", "deadline", "chain"}) {
+       {"latency", "rtt", "flood", "fanout", "timer", "deadline", "chain", "trace"}) {
     ASSERT_EQ(launch({mode, "--count", "20", "--print-application"}), 0) << errors_;
     const auto file = temporary_.write("app.json", output_);
 
@@ -426,7 +449,8 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
       {{}, "mode is required"},
       {{"latancy"}, "did you mean \"latency\"?"},
       {{"xyz"},
-       "chain, deadline, disk, fanout, flood, inspect, latency, record, rtt, startup, timer"},
+       "chain, deadline, disk, fanout, flood, inspect, latency, record, rtt, startup, timer, "
+       "trace"},
       {{"latency", "--size", "5X"}, "as 64, 32K or 4M"},
       {{"latency", "--size", "2G"}, "up to 1G"},
       {{"latency", "--count", "0"}, "--count wants a number from 1"},

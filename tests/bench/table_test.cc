@@ -18,6 +18,19 @@ TEST(Table, ShowsMediansOverRoundsAndSumsOfLosses) {
             "32 KiB  ours   2.0     3\n");
 }
 
+TEST(Table, ShowsQuartilesOverRoundsWhereTheyAreAskedFor) {
+  Table table({{"size", "size"}, {"cost", "cost_ns", 0, true}});
+  for (const double cost_ns : {40.0, 10.0, 30.0, 20.0, 1000.0}) {
+    table.add({0, 0}, {{"size", 64}, {"cost_ns", cost_ns}});
+  }
+  table.add({0, 1}, {{"size", 64}, {"cost_ns", 7}});
+
+  EXPECT_EQ(table.to_text(),
+            "size         cost\n"
+            "64 B  30 [20, 40]\n"
+            "64 B            7\n");
+}
+
 TEST(Table, StandsUprightWithALineForEachColumn) {
   Table table({{"time, µs", "time_us"}, {"bytes a topic", "bytes", 0}}, true);
   table.add({0, 0}, {{"time_us", 4.04}, {"bytes", 1000}});

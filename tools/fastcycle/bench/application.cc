@@ -189,9 +189,13 @@ Finished Runner::run(const Json& json, const std::string& folder, const RunHooks
   }
   finished.stages.read_ns = measure::now_ns();
   host::LibraryLoader libraries(host::library_folders(description, {}));
+  std::optional<trace::Tracer> tracer;  // Outlives what it looks at.
   host::Application application(description, hooks.clock);
   if (description.record) {
     application.record(*description.record);
+  }
+  if (description.trace) {
+    application.add(tracer.emplace(*description.trace));
   }
   if (hooks.before_build) {
     hooks.before_build(application);
@@ -219,6 +223,9 @@ Finished Runner::run(const Json& json, const std::string& folder, const RunHooks
   }
   finished.report = host::make_report(
       application, std::chrono::nanoseconds(measure::now_ns() - finished.stages.started_ns));
+  if (tracer) {
+    finished.trace = tracer->report();
+  }
   for (const auto& component : application.components()) {
     finished.results[component->name] = component->results;
   }

@@ -16,6 +16,7 @@
 #include "host/application.h"
 #include "host/report.h"
 #include "measure/usage.h"
+#include "trace/tracer.h"
 
 namespace fastcycle::tool::bench {
 
@@ -49,6 +50,7 @@ struct Stages {
 /// A run that is over.
 struct Finished {
   host::RunReport report;
+  std::optional<trace::TraceReport> trace;
   std::map<std::string, std::map<std::string, ReportValue, std::less<>>> results;
   std::vector<base::Refusal> refusals;
   Stages stages;

@@ -28,7 +28,7 @@ Mode mode_of(const Options& options, Session* session) {
       {"timer", &bench::timer_mode},     {"deadline", &bench::deadline_mode},
       {"chain", &bench::chain_mode},     {"startup", &bench::startup_mode},
       {"record", &bench::record_mode},   {"disk", &bench::disk_mode},
-      {"inspect", &bench::inspect_mode}};
+      {"inspect", &bench::inspect_mode}, {"trace", &bench::trace_mode}};
   return kModes.at(options.mode)(options, session);
 }
 
@@ -65,6 +65,7 @@ constexpr const char* kModesText =
     "  record   what recording costs publisher and subscriber; what of it is lost\n"
     "  disk     how fast a recording goes to the disk, beside write() and dd\n"
     "  inspect  what five `fastcycle topic echo` cost publisher and subscriber\n"
+    "  trace    what a trace costs a message\n"
     "\n"
     "Component libraries are loaded from JSON by the host, as `fastcycle run` does. They are\n"
     "compared with floors: the least that this machine needs for the same with bare system calls,\n"

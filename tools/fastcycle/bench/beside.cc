@@ -4,7 +4,6 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "measure/statistics.h"
 
@@ -37,7 +36,7 @@ Finding finding_beside(const Session& session, std::string_view what, const std:
   return finding;
 }
 
-void add_ratios(std::vector<measure::Row>& rows) {
+void for_each_beside(std::vector<measure::Row>& rows, const BesideVisitor& visit) {
   const auto wait_of = [](const measure::Row& row) {
     return row.peer.substr(row.peer.rfind('-') + 1);
   };
@@ -48,18 +47,22 @@ void add_ratios(std::vector<measure::Row>& rows) {
     }
   }
   for (measure::Row& row : rows) {
-    if (row.peer.starts_with(kWithout)) {
-      continue;
-    }
     const auto found = without.find({row.size, wait_of(row)});
-    const nlohmann::json json = nlohmann::json::parse(to_json(row));
-    for (const char* const key : {"p99_us", "publish_p99_us"}) {
-      if (found != without.end() && found->second.at(key).get<double>() > 0) {
-        row.more += fmt::format(",\"{}_ratio\":{:.3f}", key,
-                                json.at(key).get<double>() / found->second.at(key).get<double>());
-      }
+    if (!row.peer.starts_with(kWithout) && found != without.end()) {
+      visit(row, nlohmann::json::parse(to_json(row)), found->second);
     }
   }
+}
+
+void add_ratios(std::vector<measure::Row>& rows) {
+  for_each_beside(
+      rows, [](measure::Row& row, const nlohmann::json& with, const nlohmann::json& without) {
+        for (const char* const key : {"p99_us", "publish_p99_us"}) {
+          if (const auto its = without.at(key).get<double>(); its > 0) {
+            row.more += fmt::format(",\"{}_ratio\":{:.3f}", key, with.at(key).get<double>() / its);
+          }
+        }
+      });
 }
 
 }  // namespace fastcycle::tool::bench

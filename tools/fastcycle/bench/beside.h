@@ -1,9 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include <nlohmann/json.hpp>
 
 #include "bench/application.h"
 #include "bench/session.h"
@@ -25,6 +28,12 @@ inline constexpr const char* kWithout = "without";
 [[nodiscard]] Finding finding_beside(const Session& session, std::string_view what,
                                      const std::string& wait, std::int64_t size,
                                      const Finished& finished);
+
+/// A row that something goes on beside, the same as JSON, and that of the row without it.
+using BesideVisitor = std::function<void(measure::Row& row, const nlohmann::json& with,
+                                         const nlohmann::json& without)>;
+/// Visits the rows of a round that something goes on beside.
+void for_each_beside(std::vector<measure::Row>& rows, const BesideVisitor& visit);
 
 /// Adds to the rows of a round, of whatever goes on beside them, how often they take the p99 of the
 /// row without it: `publish_p99_us_ratio`, `p99_us_ratio`.

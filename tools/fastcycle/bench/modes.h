@@ -15,6 +15,7 @@ namespace fastcycle::tool::bench {
 [[nodiscard]] Mode record_mode(const Options& options, Session* session);
 [[nodiscard]] Mode disk_mode(const Options& options, Session* session);
 [[nodiscard]] Mode inspect_mode(const Options& options, Session* session);
+[[nodiscard]] Mode trace_mode(const Options& options, Session* session);
 
 /// How late a bare sleep to absolute times is: what timers, and with them deadlines, stand beside.
 [[nodiscard]] Finding measure_timer_floor(const Session& session);

@@ -91,7 +91,13 @@ const std::map<std::string, Defaults>& modes() {
         {4096 * kKiB},
         600,
         100,
-        10000}}};
+        10000}},
+      {"trace",
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait"},
+        {64},
+        5000,
+        200,
+        200}}};
   return kModes;
 }
 
@@ -277,9 +283,8 @@ std::int64_t depth_for(std::int64_t size) {
 
 void add_options(CLI::App& line, Options& options) {
   line.add_option("mode", options.mode,
-                  "latency, rtt, flood, fanout, timer, deadline, chain, startup, record, disk or "
-                  "inspect; see "
-                  "below")
+                  "latency, rtt, flood, fanout, timer, deadline, chain, startup, record, disk, "
+                  "inspect or trace; see below")
       ->required()
       ->type_name("MODE");
   const auto add = [&](const char* name, auto& value, const char* type, const char* text) {
@@ -295,12 +300,12 @@ void add_options(CLI::App& line, Options& options) {
       "Messages a point (5000; fanout, chain: 2000; record: 500; disk: 256; flood: 1000000)");
   add("--warmup", options.given_warmup, "N", "Messages before, not measured (200; record: 50)");
   add("--interval-us", options.given_interval_us, "N",
-      "Time from message to message (1000; record: 4000)");
+      "Time from message to message (1000; record: 4000; inspect: 10000; trace: 200)");
   add("--rounds", options.rounds, "R", "Measure everything so often, in turn with the floors (1)");
   add("--first-round", options.first_round, "R",
       "Count the rounds from this one, which says who begins (1)");
   add_list("--wait", options.waits, "WAY,WAY",
-           "park, spin, adaptive: how workers wait (park; fanout: park,spin)");
+           "park, spin, adaptive: how workers wait (park; fanout, trace: park,spin)");
   add("--load", options.load, "N", "Keep N other processes busy meanwhile (0)");
   line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
   add("--floors", options.floors, "WHICH", "default, all (latency: with malloc) or none");
@@ -349,7 +354,7 @@ std::string complete(Options& options, const CLI::App& line) {
   }
   if (options.waits.empty()) {
     options.waits = {"park"};
-    if (options.mode == "fanout") {
+    if (options.mode == "fanout" || options.mode == "trace") {
       options.waits.emplace_back("spin");  // Without the system call that wakes a sleeper.
     }
   }

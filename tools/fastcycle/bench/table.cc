@@ -1,6 +1,7 @@
 #include "bench/table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include <fmt/format.h>
@@ -13,6 +14,12 @@ namespace {
 std::size_t width(const std::string& text) {
   return static_cast<std::size_t>(
       std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+}
+
+/// The smallest value that at least that share of the values does not exceed.
+double quantile(const std::vector<double>& sorted, double share) {
+  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
+  return sorted[std::max<std::size_t>(rank, 1) - 1];
 }
 
 }  // namespace
@@ -60,9 +67,17 @@ std::string Table::cell(const Column& column, const Rounds& rounds) {
     }
     return fmt::format("{:.0f}", sum);
   }
-  const double value = median(std::move(values));
-  return column.key == "size" ? size_text(static_cast<std::int64_t>(value))
-                              : fmt::format("{:.{}f}", value, column.decimals);
+  const double value = median(values);
+  if (column.key == "size") {
+    return size_text(static_cast<std::int64_t>(value));
+  }
+  std::string text = fmt::format("{:.{}f}", value, column.decimals);
+  if (column.has_quartiles && values.size() > 1) {
+    std::sort(values.begin(), values.end());
+    text += fmt::format(" [{1:.{0}f}, {2:.{0}f}]", column.decimals, quantile(values, 0.25),
+                        quantile(values, 0.75));
+  }
+  return text;
 }
 
 Table::Cells Table::cells() const {

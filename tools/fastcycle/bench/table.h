@@ -15,6 +15,7 @@ struct Column {
   std::string title;
   std::string key;
   int decimals = 1;
+  bool has_quartiles = false;  ///< Over the rounds, behind the median: `48 [31, 60]`.
 };
 
 /// What `Column::key` says for the ratio to the floor of the same round.
