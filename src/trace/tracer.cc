@@ -48,13 +48,12 @@ std::multimap<std::string, std::int64_t> threads_by_name() {
 /// "serve", "timer 2", "timeout of the reply of "route""
 std::string name_of_timer(const detail::TimerCore& timer) {
   constexpr std::string_view kBegin = "its callback for ";
-  if (timer.label == "its serve()") {
-    return "serve";
+  const detail::TimerRole& role = timer.role;
+  if (role.label.starts_with(kBegin)) {
+    return fmt::format("{} of {}", detail::to_word(role.cause),
+                       std::string_view(role.label).substr(kBegin.size()));
   }
-  return timer.label.starts_with(kBegin)
-             ? fmt::format("{} of {}", detail::to_word(timer.cause),
-                           std::string_view(timer.label).substr(kBegin.size()))
-             : fmt::format("timer {}", timer.number);
+  return role.name.empty() ? fmt::format("timer {}", timer.number) : role.name;
 }
 
 /// The number of a flow: another one for each message and activation.
