@@ -247,7 +247,7 @@ void Tracer::take(bool is_last) {
   if (is_last || batch_ % kPollsPerLedger == 0) {
     write_ledgers();
   }
-  write_losses();
+  write_losses(is_last);
 }
 
 void Tracer::stop(const host::Application&) {
@@ -618,7 +618,8 @@ void Tracer::write_faults() {
   }
 }
 
-void Tracer::write_losses() {
+/// At the end it waits for room, so that no loss stays unsaid.
+void Tracer::write_losses(bool is_last) {
   counts_.notes_lost = notes_lost_.load(std::memory_order_relaxed);
   const std::uint64_t lost = counts_.activations_lost + counts_.events_lost + counts_.notes_lost;
   if (lost == lost_said_) {
@@ -631,7 +632,7 @@ void Tracer::write_losses() {
                      .track = losses_track_,
                      .name = words_.lost,
                      .annotations = std::span(&count, 1)});
-  if (file_.append(packets_.bytes(), clock_->is_simulated())) {
+  if (file_.append(packets_.bytes(), is_last || clock_->is_simulated())) {
     lost_said_ = lost;
   } else {
     packets_.begin_anew();

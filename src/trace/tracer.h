@@ -162,7 +162,7 @@ class Tracer final : public host::Guest {
   void write_faults();
   void write_queues();
   void write_ledgers();
-  void write_losses();
+  void write_losses(bool is_last);
   void find_queues();
   void write_slice(const Slice& slice, std::uint64_t track, const std::optional<FlowBegin>& flow);
   void write_instant(std::int64_t time_ns, std::uint64_t track, std::uint64_t name,
