@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "common/plane.h"
+#include "hd_map/map.pb.h"
+
+namespace ads {
+
+/// The centres of lanes that follow each other.
+struct LanePath {
+  struct Part {
+    std::int64_t lane = 0;
+    double begin_m = 0.0;  ///< Where the lane begins along the line.
+  };
+  Polyline line;
+  std::vector<Part> parts = {};
+
+  /// Where the lane begins along the line, if it is in the path.
+  [[nodiscard]] std::optional<double> begin_of(std::int64_t lane) const;
+};
+
+/// The lanes of a tile as paths to drive along.
+///
+/// @threads  Immutable.
+class LanePaths {
+ public:
+  LanePaths() = default;
+  /// Lanes without a length are left out.
+  explicit LanePaths(const hd_map::Tile& tile);
+
+  [[nodiscard]] bool has(std::int64_t lane) const { return lanes_.contains(lane); }
+  /// The lane beside it in its direction; 0 for none.
+  [[nodiscard]] std::int64_t beside(std::int64_t lane, bool is_left) const;
+  /// The ways along which one can drive on from `lane` for `length_m`, the straightest one first;
+  /// at most four, and one at least. The last lane of a map goes on straight.
+  [[nodiscard]] std::vector<LanePath> from(std::int64_t lane, double length_m) const;
+
+ private:
+  struct Lane {
+    Polyline center;
+    std::vector<std::int64_t> successors;
+    std::int64_t left = 0;  // In the same direction, or 0.
+    std::int64_t right = 0;
+  };
+
+  void extend(std::vector<std::int64_t>& chain, double length_m,
+              std::vector<std::vector<std::int64_t>>& chains) const;
+
+  std::map<std::int64_t, Lane> lanes_;
+};
+
+}  // namespace ads

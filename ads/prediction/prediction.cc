@@ -1,0 +1,64 @@
+#include "prediction.h"
+
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace ads {
+namespace {
+
+double number(fastcycle::Context& context, std::string_view name, double fallback, double max,
+              std::string unit, std::string description) {
+  return context
+      .param<double>(name, {.fallback = fallback,
+                            .min = 0.01,
+                            .max = max,
+                            .unit = std::move(unit),
+                            .description = std::move(description)})
+      .get();
+}
+
+PredictorOptions options(fastcycle::Context& context) {
+  const PredictorOptions usual;
+  return {
+      .horizon_s = number(context, "horizon_s", usual.horizon_s, 20.0, "s", "How far ahead"),
+      .step_s = number(context, "step_s", usual.step_s, 1.0, "s", "Between two points"),
+      .acceleration_mps2 = number(context, "acceleration_mps2", usual.acceleration_mps2, 5.0,
+                                  "m/s^2", "Of those who follow others"),
+      .deceleration_mps2 = number(context, "deceleration_mps2", usual.deceleration_mps2, 9.0,
+                                  "m/s^2", "How they like to brake"),
+      .time_gap_s = number(context, "time_gap_s", usual.time_gap_s, 5.0, "s",
+                           "The largest that they are taken to keep"),
+      .distance_min_m = number(context, "distance_min_m", usual.distance_min_m, 10.0, "m",
+                               "What they keep when they stand"),
+      .along_stddev_mps2 = number(context, "along_stddev_mps2", usual.along_stddev_mps2, 5.0,
+                                  "m/s^2", "Of the acceleration that is not foreseen"),
+      .along_stddev_mps = number(context, "along_stddev_mps", usual.along_stddev_mps, 10.0, "m/s",
+                                 "Of the speed that is not foreseen"),
+      .across_stddev_mps = number(context, "across_stddev_mps", usual.across_stddev_mps, 5.0, "m/s",
+                                  "Of the motion to the side"),
+      .across_stddev_max_m = number(context, "across_stddev_max_m", usual.across_stddev_max_m, 10.0,
+                                    "m", "Of the place in a lane"),
+  };
+}
+
+}  // namespace
+
+Prediction::Prediction(fastcycle::Context& context)
+    : Component(context),
+      predictor_(options(context)),
+      predictions_(context.create_publisher<prediction::Predictions>("prediction/objects")) {
+  context.create_subscriber<hd_map::Tile>(
+      "map/tile", [this](const hd_map::Tile& tile) { predictor_.use(LanePaths(tile)); });
+  context.create_subscriber<scene::Scene>("scene/scene", {.depth = 1},
+                                          [this](const scene::Scene& scene) {
+                                            auto predictions = predictions_.loan();
+                                            predictions->mutable_header()->CopyFrom(scene.header());
+                                            predictor_.predict(scene, *predictions);
+                                            predictions_.publish(std::move(predictions));
+                                          });
+}
+
+}  // namespace ads
+
+FASTCYCLE_COMPONENT(ads::Prediction)
