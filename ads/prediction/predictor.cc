@@ -13,9 +13,9 @@ constexpr double kStanding_mps = 0.3;
 constexpr double kStart_mps2 = 1.0;
 constexpr double kStart_mps = 5.0;
 constexpr double kStandingProbability = 0.6;
-constexpr double kTurnProbability = 0.1;
+constexpr double kTurnProbability = 0.2;
 // An acceleration that is seen dies away with this time, and is not believed beyond the limit.
-constexpr double kAccelerationDecay_s = 1.0;
+constexpr double kAccelerationDecay_s = 0.3;
 constexpr double kAccelerationMax_mps2 = 3.0;
 constexpr double kBraking_mps2 = 8.0;
 // A motion to the side that is no change of lane dies away.
