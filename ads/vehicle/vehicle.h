@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include <fastcycle/fastcycle.h>
+
+#include "can/frame.pb.h"
+#include "common/dbc.h"
+#include "common/frame_guard.h"
+#include "control/command.pb.h"
+#include "supervision/state.pb.h"
+#include "vehicle/state.pb.h"
+
+namespace ads {
+
+/// Speaks with the vehicle over its bus: commands become frames, frames become the vehicle's state.
+///
+/// Commands are sent as autonomous only while supervision says that the vehicle drives by itself.
+/// When supervision falls silent in that time, nothing is sent any more: the vehicle brakes by
+/// itself then.
+///
+/// In:   `can/state`, `control/command`, `supervision/state`
+/// Out:  `vehicle/state`, `can/command`
+class Vehicle final : public fastcycle::Component {
+ public:
+  explicit Vehicle(fastcycle::Context& context);
+  void start() override;
+  void stop() override;
+
+ private:
+  // The messages of the bus, as its file describes them.
+  struct Bus {
+    explicit Bus(const Dbc& dbc);
+
+    DbcMessage command;
+    DbcMessage state;
+    FrameGuard command_guard;
+    FrameGuard state_guard;
+  };
+
+  void on_frame(const can::Frame& frame);
+  void on_command(const control::Command& command);
+  void refuse(const can::Frame& frame, FrameGuard::Verdict verdict);
+
+  fastcycle::Param<fastcycle::Path> dbc_;
+  fastcycle::Param<double> supervision_age_max_s_;
+  fastcycle::Publisher<vehicle::State> states_;
+  fastcycle::Publisher<can::Frame> frames_;
+  fastcycle::Latest<supervision::State> supervision_;
+
+  std::optional<Bus> bus_;
+  std::int64_t received_ = 0;
+  std::int64_t refused_ = 0;
+  std::int64_t refused_in_a_row_ = 0;
+  std::int64_t sent_ = 0;
+  std::int64_t sent_autonomous_ = 0;
+  std::int64_t withheld_ = 0;
+  std::int64_t invalid_ = 0;
+};
+
+}  // namespace ads

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "common/plane.h"
+
+namespace ads {
+
+/// What the ego vehicle is, and what it can do.
+struct EgoLimits {
+  double length_m = 4.508;
+  double width_m = 1.610;
+  double height_m = 1.42;
+  double wheelbase_m = 2.58;
+  double steering_max_rad = 1.066;
+  double steering_rate_max_radps = 0.4;
+  double acceleration_max_mps2 = 4.0;
+  double deceleration_max_mps2 = 8.0;
+};
+
+struct EgoState {
+  Eigen::Vector2d center_m = Eigen::Vector2d::Zero();  ///< Of its box: midway between its axles.
+  double heading_rad = 0.0;
+  double speed_mps = 0.0;          ///< Along the heading.
+  double acceleration_mps2 = 0.0;  ///< Along the heading.
+  double steering_rad = 0.0;       ///< Of the front wheels, left positive.
+  double yaw_rate_radps = 0.0;
+};
+
+/// What moves the ego vehicle: the wheels turn towards `steering_rad` as fast as they can.
+struct EgoDemand {
+  double steering_rad = 0.0;
+  double acceleration_mps2 = 0.0;
+};
+
+/// How the ego vehicle moves: a kinematic single-track model, whose wheels do not slip and whose
+/// rear axle goes where it points. It does not drive backwards.
+///
+/// R. Rajamani, "Vehicle Dynamics and Control", 2nd edition, Springer 2012, section 2.2.
+///
+/// @threads  Compatible.
+class EgoModel {
+ public:
+  EgoModel(const EgoLimits& limits, const EgoState& initial) : limits_(limits), state_(initial) {}
+
+  /// Goes on by `seconds`, above 0, along an arc. A demand beyond the limits is met as far as they
+  /// go.
+  void advance(double seconds, const EgoDemand& demand);
+
+  [[nodiscard]] const EgoState& state() const { return state_; }
+  [[nodiscard]] Box box() const {
+    return {.center_m = state_.center_m,
+            .heading_rad = state_.heading_rad,
+            .length_m = limits_.length_m,
+            .width_m = limits_.width_m};
+  }
+
+ private:
+  EgoLimits limits_;
+  EgoState state_;
+};
+
+}  // namespace ads

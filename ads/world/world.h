@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstdint>
+#include <fstream>
+#include <optional>
+#include <string_view>
+
+#include <fastcycle/fastcycle.h>
+
+#include "actuators.h"
+#include "can/frame.pb.h"
+#include "common/commonroad.h"
+#include "common/frame_guard.h"
+#include "ego_model.h"
+#include "referee.h"
+#include "traffic.h"
+#include "world/scene.pb.h"
+
+namespace ads {
+
+/// What is behind the vehicle's bus and before its sensors: the ego vehicle, the traffic of a
+/// scenario, and a referee who sees whether they touch.
+///
+/// The world goes in steps of 10 ms from the application's start. The drive begins `settle_s`
+/// later, with exactly the initial state of the scenario; before, all that moves comes from behind
+/// with constant speed.
+///
+/// In:   `can/command`
+/// Out:  `world/scene`, `can/state`
+class World final : public fastcycle::Component {
+ public:
+  explicit World(fastcycle::Context& context);
+  void start() override;
+  void stop() override;
+
+ private:
+  // What the files say, made when the run starts.
+  struct Drive {
+    Drive(Scenario read, const Dbc& dbc, const EgoLimits& limits, TrafficMode mode);
+    Drive(const Drive&) = delete;
+    Drive& operator=(const Drive&) = delete;
+
+    const Scenario scenario;
+    const double begin_s;  // The initial state's, of the scenario's time.
+    const EgoState initial;
+    EgoModel ego;
+    Traffic traffic;
+    Referee referee;
+    const DbcMessage command;
+    const DbcMessage state;
+    FrameGuard command_guard;
+    FrameGuard state_guard;
+  };
+
+  [[nodiscard]] static EgoLimits read_limits(fastcycle::Context& context);
+  [[nodiscard]] static Actuators::Options read_actuators(fastcycle::Context& context);
+
+  void on_command(const can::Frame& frame);
+  void on_tick();
+  // Goes on by one step, to tick `tick_`.
+  void go_on();
+  void judge(double time_s);
+  void end_when_over(double time_s);
+  void publish_scene();
+  void publish_state();
+  void write_row(double time_s);
+  // Since the drive began; negative before.
+  [[nodiscard]] double drive_time_s() const;
+  [[nodiscard]] fastcycle::Time time_of_tick() const;
+
+  fastcycle::Param<fastcycle::Path> scenario_;
+  fastcycle::Param<fastcycle::Path> dbc_;
+  fastcycle::Param<fastcycle::Path> trajectory_;
+  fastcycle::Param<TrafficMode> mode_;
+  fastcycle::Param<double> settle_s_;
+  fastcycle::Param<double> linger_s_;
+  fastcycle::Param<double> overtime_s_;
+  EgoLimits limits_;
+  Actuators actuators_;
+
+  fastcycle::Publisher<world::Scene> scenes_;
+  fastcycle::Publisher<can::Frame> states_;
+  fastcycle::Source source_;
+
+  std::optional<Drive> drive_;
+  std::ofstream rows_;
+  std::int64_t tick_ = 0;
+  std::int64_t begin_tick_ = 0;
+  bool is_over_ = false;
+  std::size_t contacts_logged_ = 0;
+  std::size_t reacting_max_ = 0;
+  std::int64_t commands_ = 0;
+  std::int64_t refused_ = 0;
+  std::int64_t autonomous_ticks_ = 0;
+};
+
+}  // namespace ads
