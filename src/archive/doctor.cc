@@ -506,7 +506,7 @@ class ChannelCheck {
     const std::uint64_t span = static_cast<std::uint64_t>(highest_ - lowest_) + 1;
     const bool has_numbers = highest_ > lowest_;
     if (has_numbers && span > numbered_) {
-      findings.warn(findings.at(0), Opcode::kMessage,
+      findings.warn(findings.at(mcap::Place::kWholeFile), Opcode::kMessage,
                     fmt::format("all sequences of channel {} ({}) from its first to its last",
                                 channel.id, shown(channel.topic)),
                     fmt::format("{} that are missing", span - numbered_));

@@ -5,7 +5,10 @@
 namespace fastcycle::mcap {
 
 std::string to_string(const Problem& problem) {
-  std::string text = fmt::format("{}: byte {}", problem.place.file, problem.place.offset);
+  std::string text = problem.place.file;
+  if (problem.place.offset != Place::kWholeFile) {
+    text += fmt::format(": byte {}", problem.place.offset);
+  }
   if (problem.place.offset_in_chunk) {
     text += fmt::format(", byte {} of the chunk's records", *problem.place.offset_in_chunk);
   }

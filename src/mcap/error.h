@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -10,8 +11,11 @@ namespace fastcycle::mcap {
 
 /// A place in a file.
 struct Place {
-  std::string file;          ///< The name that the source or sink gives it.
-  std::uint64_t offset = 0;  ///< Of a record, or of what should be one.
+  /// In the place of an offset: it is about the file as a whole, as when there is none.
+  static constexpr std::uint64_t kWholeFile = std::numeric_limits<std::uint64_t>::max();
+
+  std::string file;                   ///< The name that the source or sink gives it.
+  std::uint64_t offset = kWholeFile;  ///< Of a record, or of what should be one.
   /// In the uncompressed records of the chunk that stands at `offset`.
   std::optional<std::uint64_t> offset_in_chunk{};
 };
@@ -24,7 +28,8 @@ struct Problem {
   std::string found = {};     ///< What stands there.
 };
 
-/// `drive.mcap: byte 4711: Chunk: expected …, found …`, on one line.
+/// `drive.mcap: byte 4711: Chunk: expected …, found …`, on one line. What is about the whole file
+/// names no byte.
 [[nodiscard]] std::string to_string(const Problem& problem);
 
 /// A file is not what the format says (then it is a `Damage`), or cannot be read or written, or a

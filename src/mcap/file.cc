@@ -27,7 +27,7 @@ FileSink::FileSink(const std::filesystem::path& path)
     : name_(path.string()),
       file_(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
   if (file_ < 0) {
-    fail("a file that can be made");
+    fail(Place::kWholeFile, "a file that can be made");
   }
 }
 
@@ -47,7 +47,7 @@ void FileSink::append(std::span<const Bytes> parts) {
     }
     const ssize_t written = ::writev(file_, vectors.data(), static_cast<int>(count));
     if (written < 0 && errno != EINTR) {
-      fail("to append to it");
+      fail(size_, "to append to it");
     }
     done += written < 0 ? 0 : static_cast<std::size_t>(written);
     size_ += written < 0 ? 0 : static_cast<std::uint64_t>(written);
@@ -60,12 +60,12 @@ void FileSink::append(std::span<const Bytes> parts) {
 
 void FileSink::sync() {
   if (::fdatasync(file_) != 0) {
-    fail("to get it onto the disk");
+    fail(Place::kWholeFile, "to get it onto the disk");
   }
 }
 
-void FileSink::fail(const char* expected) const {
-  throw Error({.place = {.file = name_, .offset = size_},
+void FileSink::fail(std::uint64_t offset, const char* expected) const {
+  throw Error({.place = {.file = name_, .offset = offset},
                .record = {},
                .expected = expected,
                .found = last_error()});
@@ -76,12 +76,12 @@ FileSource::FileSource(const std::filesystem::path& path)
       // O_NONBLOCK: a FIFO without a writer would keep us waiting. Regular files do not know it.
       file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
   if (file_ < 0) {
-    fail(0, "a file that can be read", last_error());
+    fail(Place::kWholeFile, "a file that can be read", last_error());
   }
   struct stat status{};
   if (::fstat(file_, &status) != 0 || !S_ISREG(status.st_mode)) {
     ::close(file_);
-    fail(0, "a regular file", "something else");
+    fail(Place::kWholeFile, "a regular file", "something else");
   }
   size_ = static_cast<std::uint64_t>(status.st_size);
 }

@@ -69,7 +69,7 @@ class FileSink final : public Sink {
   void sync();
 
  private:
-  [[noreturn]] void fail(const char* expected) const;
+  [[noreturn]] void fail(std::uint64_t offset, const char* expected) const;
 
   const std::string name_;
   int file_ = -1;

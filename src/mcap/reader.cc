@@ -187,7 +187,7 @@ void Reader::check_spans(std::uint64_t end) const {
     if (span->offset < free || span->offset > end || span->length > end - span->offset) {
       damaged(place, Opcode::kChunkIndex,
               fmt::format("a chunk between byte {} and byte {}", free, end),
-              fmt::format("one of {} bytes", span->length));
+              fmt::format("one of {} bytes at byte {}", span->length, span->offset));
     }
     if (span->length < kFrameBytes + kChunkHeadBytes) {
       damaged(place, Opcode::kChunkIndex,
@@ -349,7 +349,7 @@ std::vector<std::byte> Reader::read_record(Opcode opcode, std::uint64_t offset,
   if (length < kFrameBytes || offset > source_.size() || length > source_.size() - offset ||
       length > options_.limits.record_bytes) {
     damaged(place, opcode, "an index that names a record within the file",
-            fmt::format("one of {} bytes", length));
+            fmt::format("one of {} bytes at byte {}", length, offset));
   }
   std::vector<std::byte> bytes(static_cast<std::size_t>(length));
   source_.read(offset, bytes);

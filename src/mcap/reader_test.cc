@@ -73,7 +73,7 @@ std::string error_of(std::string_view file, const ReadOptions& options = {}) {
   try {
     (void)indexed(file, {}, options);
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("test.mcap: byte "));
+    EXPECT_THAT(error.what(), testing::StartsWith("test.mcap: "));
     return error.what();
   }
   return "";
@@ -319,7 +319,8 @@ TEST_F(LyingSummary, TruthIsTaken) {
 TEST_F(LyingSummary, OffsetsOutsideOfTheFileAreNamed) {
   for (const std::uint64_t offset :
        {std::uint64_t{0}, std::uint64_t{10}, file_.size(), ~std::uint64_t{0}, ~std::uint64_t{60}}) {
-    EXPECT_THAT(error_of(with(file_, chunk_index(0) + 16, offset)), HasSubstr("ChunkIndex"));
+    EXPECT_THAT(error_of(with(file_, chunk_index(0) + 16, offset)),
+                HasSubstr("bytes at byte " + std::to_string(offset)));
     EXPECT_THAT(error_of(with(file_, find_record(file_, Opcode::kFooter) + 9, offset | 1U)),
                 HasSubstr("expected "));
   }

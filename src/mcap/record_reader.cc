@@ -109,7 +109,7 @@ Bytes uncompress(const Chunk& chunk, const ReadOptions& options, const Place& pl
 }
 
 RecordReader::RecordReader(const Source& source, ReadOptions options)
-    : options_(options), window_(source), place_{.file = source.name()} {}
+    : options_(options), window_(source), place_{.file = source.name(), .offset = 0} {}
 
 std::optional<Record> RecordReader::next() {
   while (!stop_) {

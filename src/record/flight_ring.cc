@@ -340,7 +340,7 @@ std::uint64_t FlightRing::wakes() const noexcept {
 FlightRingReader::FlightRingReader(const std::filesystem::path& file)
     : file_(file), descriptor_(open_left_file(file)) {
   if (descriptor_ < 0) {
-    fail(0, "a file that can be read", last_error(ENOENT));
+    fail(mcap::Place::kWholeFile, "a file that can be read", last_error(ENOENT));
   }
   try {
     read_header();
@@ -365,7 +365,7 @@ FlightRingReader::FlightRingReader(const FlightRing& ring, const FlightMark& fro
       next_number_(from.number),
       end_number_(ring.number_) {
   if (descriptor_ < 0) {
-    fail(0, "one more open file", last_error());
+    fail(mcap::Place::kWholeFile, "one more open file", last_error());
   }
   const std::byte* const begin = ring.memory_ + kPage;
   explanation_.assign(begin, begin + ring.header_->constant.explanation_size);
@@ -378,11 +378,12 @@ FlightRingReader::~FlightRingReader() {
 void FlightRingReader::read_header() {
   struct stat status{};
   if (::fstat(descriptor_, &status) != 0) {
-    fail(0, "a file that can be read", last_error());
+    fail(mcap::Place::kWholeFile, "a file that can be read", last_error());
   }
   const auto size = static_cast<std::uint64_t>(status.st_size);
   if (size < 2 * kPage) {
-    damaged(0, "a ring of at least 8192 bytes", std::to_string(size) + " bytes");
+    damaged(mcap::Place::kWholeFile, "a ring of at least 8192 bytes",
+            std::to_string(size) + " bytes");
   }
   Constant constant;
   std::uint32_t crc = 0;

@@ -29,9 +29,10 @@ std::string line_of(const Json& json) {
 
 std::string json_of(const archive::Finding& finding) {
   const mcap::Problem& problem = finding.problem;
-  Json json{{"file", problem.place.file},
-            {"severity", finding.is_warning ? "warning" : "error"},
-            {"offset", problem.place.offset}};
+  Json json{{"file", problem.place.file}, {"severity", finding.is_warning ? "warning" : "error"}};
+  if (problem.place.offset != mcap::Place::kWholeFile) {
+    json["offset"] = problem.place.offset;
+  }
   if (problem.place.offset_in_chunk) {
     json["offset_in_chunk"] = *problem.place.offset_in_chunk;
   }
