@@ -175,8 +175,8 @@ struct ComponentDescription {
   std::optional<std::chrono::nanoseconds> serve_period;  ///< None: `serve()` is never called.
   std::chrono::nanoseconds serve_phase{0};
   std::chrono::nanoseconds simulated_cost{0};  ///< In simulated time, of each of its turns.
-  Value params;                              ///< Always an object.
-  std::map<std::string, std::string> remap;  ///< Name in code → topic; see `resolve_topic`.
+  Value params;                                ///< Always an object.
+  std::map<std::string, std::string> remap;    ///< Name in code → topic; see `resolve_topic`.
   OnFault on_fault = OnFault::kStopComponent;
   RestartDescription restart;      ///< With `OnFault::kRestart`.
   std::string fault_mode;          ///< The mode that follows its end by a fault; or none.
