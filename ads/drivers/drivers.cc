@@ -1,0 +1,280 @@
+#include "drivers.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace ads {
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+// Scenes that are farther apart are not joined: the lidar begins anew.
+constexpr std::int64_t kGapMax_ns = kSecond_ns / 5;
+
+fastcycle::Param<double> number(fastcycle::Context& context, std::string_view name, double fallback,
+                                double max, std::string unit, std::string description) {
+  return context.param<double>(name, {.fallback = fallback,
+                                      .min = 0.0,
+                                      .max = max,
+                                      .unit = std::move(unit),
+                                      .description = std::move(description)});
+}
+
+LidarConfig read_lidar(fastcycle::Context& context) {
+  LidarConfig lidar;
+  const auto angle = [&context](std::string_view name, double fallback, std::string description) {
+    return context
+        .param<double>(name, {.fallback = fallback,
+                              .min = -180.0,
+                              .max = 180.0,
+                              .unit = "deg",
+                              .description = std::move(description)})
+        .get();
+  };
+  const auto count = [&context](std::string_view name, int fallback, int max,
+                                std::string description) {
+    return context
+        .param<int>(
+            name,
+            {.fallback = fallback, .min = 1, .max = max, .description = std::move(description)})
+        .get();
+  };
+  lidar.columns = count("lidar.columns", lidar.columns, 36'000, "Azimuths of a turn");
+  lidar.rings = count("lidar.rings", lidar.rings, 256, "Elevations");
+  lidar.elevation_min_deg =
+      angle("lidar.elevation_min_deg", lidar.elevation_min_deg, "Of the lowest ring");
+  lidar.elevation_max_deg =
+      angle("lidar.elevation_max_deg", lidar.elevation_max_deg, "Of the highest ring");
+  lidar.first_azimuth_deg =
+      angle("lidar.first_azimuth_deg", lidar.first_azimuth_deg, "Where a turn begins");
+  lidar.range_max_m = number(context, "lidar.range_max_m", lidar.range_max_m, 1000.0, "m",
+                             "Farther things give no echo")
+                          .get();
+  lidar.range_stddev_m = number(context, "lidar.range_stddev_m", lidar.range_stddev_m, 10.0, "m",
+                                "Error of each range, 1 sigma")
+                             .get();
+  lidar.beam_dropout = number(context, "lidar.beam_dropout", lidar.beam_dropout, 1.0, "1",
+                              "Share of the beams that give no echo")
+                           .get();
+  lidar.mount_height_m = number(context, "lidar.mount_height_m", lidar.mount_height_m, 10.0, "m",
+                                "Of the sensor above the ground")
+                             .get();
+  lidar.mount_forward_m = context
+                              .param<double>("lidar.mount_forward_m",
+                                             {.fallback = lidar.mount_forward_m,
+                                              .min = -10.0,
+                                              .max = 10.0,
+                                              .unit = "m",
+                                              .description = "Of the sensor before the centre"})
+                              .get();
+  return lidar;
+}
+
+double seconds(std::int64_t span_ns) {
+  return static_cast<double>(span_ns) * 1e-9;
+}
+
+}  // namespace
+
+Drivers::Drivers(fastcycle::Context& context)
+    : Component(context),
+      lidar_config_(read_lidar(context)),
+      gnss_{.period_s = context.param<double>("gnss.period_s", {.fallback = 0.1,
+                                                                .min = 0.01,
+                                                                .max = 10.0,
+                                                                .unit = "s",
+                                                                .description = "Between fixes"}),
+            .noise_m = number(context, "gnss.noise_m", 0.1, 100.0, "m",
+                              "Error that is new with every fix, 1 sigma and per axis"),
+            .bias_m = number(context, "gnss.bias_m", 0.15, 100.0, "m",
+                             "Error that changes slowly, 1 sigma and per axis"),
+            .bias_time_s = context.param<double>(
+                "gnss.bias_time_s", {.fallback = 60.0,
+                                     .min = 0.01,
+                                     .max = 1e6,
+                                     .unit = "s",
+                                     .description = "Correlation time of the slow error"}),
+            .fix_dropout = context.param<std::uint32_t>(
+                "gnss.fix_dropout",
+                {.fallback = 0, .description = "Of so many fixes one is missing; 0: none"})},
+      imu_{.forward_noise_mps2 = number(context, "imu.forward_noise_mps2", 0.67, 100.0, "m/s^2",
+                                        "Error of one measurement, 1 sigma"),
+           .left_noise_mps2 = number(context, "imu.left_noise_mps2", 0.29, 100.0, "m/s^2",
+                                     "Error of one measurement, 1 sigma"),
+           .yaw_rate_noise_radps = number(context, "imu.yaw_rate_noise_radps", 0.0028, 1.0, "rad/s",
+                                          "Error of one measurement, 1 sigma"),
+           .acceleration_bias_mps2 = number(context, "imu.acceleration_bias_mps2", 0.04, 10.0,
+                                            "m/s^2", "Offset, 1 sigma"),
+           .yaw_rate_bias_radps =
+               number(context, "imu.yaw_rate_bias_radps", 0.0007, 1.0, "rad/s", "Offset, 1 sigma"),
+           .bias_time_s = context.param<double>(
+               "imu.bias_time_s", {.fallback = 300.0,
+                                   .min = 0.01,
+                                   .max = 1e6,
+                                   .unit = "s",
+                                   .description = "Correlation time of the offsets"})},
+      seed_(context.param<std::uint64_t>(
+          "seed", {.fallback = 0, .description = "Another number makes other noise"})),
+      lidar_fault_(context.param<LidarFault>("lidar_fault",
+                                             {.fallback = LidarFault::kNone,
+                                              .names = {{"none", LidarFault::kNone},
+                                                        {"nan", LidarFault::kNan},
+                                                        {"empty", LidarFault::kEmpty}},
+                                              .description = "What goes wrong with the sweeps"})),
+      lidar_fault_after_s_(number(context, "lidar_fault_after_s", 0.0, 1e9, "s",
+                                  "When that begins, after the start")),
+      sweeps_(context.create_publisher<lidar::Sweep>("lidar/points")),
+      positions_(context.create_publisher<gnss::Position>("gnss/position")),
+      motions_(context.create_publisher<imu::Motion>("imu/motion")) {
+  context.create_subscriber<world::Scene>(
+      "world/scene", {.keep = 1},
+      [this](const fastcycle::Sample<world::Scene>& scene) { on_scene(scene); });
+}
+
+void Drivers::start() {
+  std::seed_seq seeds{static_cast<std::uint32_t>(random()()),
+                      static_cast<std::uint32_t>(seed_.get()),
+                      static_cast<std::uint32_t>(seed_.get() >> 32)};
+  random_.seed(seeds);
+  lidar_.emplace(lidar_config_, random_());
+  const GaussMarkov position(gnss_.bias_m.get(), gnss_.bias_time_s.get());
+  const GaussMarkov acceleration(imu_.acceleration_bias_mps2.get(), imu_.bias_time_s.get());
+  errors_ = Errors{.east = position,
+                   .north = position,
+                   .forward = acceleration,
+                   .left = acceleration,
+                   .yaw_rate = {imu_.yaw_rate_bias_radps.get(), imu_.bias_time_s.get()}};
+
+  report("lidar_beams", std::int64_t{lidar_config_.columns} * lidar_config_.rings);
+  report("lidar_range_stddev_m", lidar_config_.range_stddev_m);
+  report("lidar_range_max_m", lidar_config_.range_max_m);
+  report("lidar_beam_dropout", lidar_config_.beam_dropout);
+  report("gnss_noise_m", gnss_.noise_m.get());
+  report("gnss_bias_m", gnss_.bias_m.get());
+  report("gnss_bias_time_s", gnss_.bias_time_s.get());
+  report("gnss_fix_dropout", std::int64_t{gnss_.fix_dropout.get()});
+  report("imu_forward_noise_mps2", imu_.forward_noise_mps2.get());
+  report("imu_left_noise_mps2", imu_.left_noise_mps2.get());
+  report("imu_yaw_rate_noise_radps", imu_.yaw_rate_noise_radps.get());
+  report("imu_acceleration_bias_mps2", imu_.acceleration_bias_mps2.get());
+  report("imu_yaw_rate_bias_radps", imu_.yaw_rate_bias_radps.get());
+  report("seed", static_cast<std::int64_t>(seed_.get()));
+}
+
+void Drivers::stop() {
+  report("sweeps", sweep_count_);
+  report("fixes", position_count_ - dropped_count_);
+  report("fixes_dropped", dropped_count_);
+  sweep_.reset();
+}
+
+void Drivers::on_scene(const fastcycle::Sample<world::Scene>& scene) {
+  const std::int64_t time_ns = scene->header().taken_ns();
+  const std::int64_t passed_ns = before_ ? time_ns - before_->header().taken_ns() : kGapMax_ns + 1;
+  const bool joins = passed_ns > 0 && passed_ns <= kGapMax_ns;
+  if (joins) {
+    turn_lidar(*scene);
+  } else {
+    begin_turn(time_ns);
+    next_position_ns_ = time_ns;
+  }
+  publish_motion(*scene, joins ? seconds(passed_ns) : 0.0);
+  if (time_ns >= next_position_ns_) {
+    publish_position(*scene);
+    next_position_ns_ += static_cast<std::int64_t>(gnss_.period_s.get() * 1e9);
+  }
+  before_ = scene;
+}
+
+// The columns that were measured since the scene before.
+void Drivers::turn_lidar(const world::Scene& after) {
+  const std::int64_t now_ns = after.header().taken_ns();
+  while (true) {
+    int end = next_column_;
+    while (end < lidar_config_.columns && turn_begin_ns_ + lidar_->column_ns(end) < now_ns) {
+      ++end;
+    }
+    std::string& points = *(*sweep_)->mutable_points();
+    lidar_->cast(*before_, after, turn_begin_ns_, next_column_, end,
+                 {points.data(), points.size()});
+    next_column_ = end;
+    if (now_ns < turn_begin_ns_ + lidar_config_.turn_ns) {
+      return;
+    }
+    end_turn();
+    begin_turn(turn_begin_ns_ + lidar_config_.turn_ns);
+  }
+}
+
+void Drivers::begin_turn(std::int64_t time_ns) {
+  turn_begin_ns_ = time_ns;
+  next_column_ = 0;
+  // Every byte of the points is written in each turn: they are neither cleared nor allocated anew.
+  sweep_.emplace(sweeps_.loan_uncleared());
+  lidar::Sweep& sweep = **sweep_;
+  sweep.mutable_header()->set_taken_ns(time_ns);
+  sweep.mutable_header()->set_frame("lidar");
+  sweep.set_duration_ns(lidar_config_.turn_ns);
+  sweep.set_columns(static_cast<std::uint32_t>(lidar_config_.columns));
+  sweep.set_rings(static_cast<std::uint32_t>(lidar_config_.rings));
+  sweep.set_mount_forward_m(lidar_config_.mount_forward_m);
+  sweep.set_mount_height_m(lidar_config_.mount_height_m);
+  sweep.mutable_points()->resize(lidar_->sweep_bytes());
+}
+
+void Drivers::end_turn() {
+  lidar::Sweep& sweep = **sweep_;
+  const bool has_fault = seconds((now() - start_time()).count()) >= lidar_fault_after_s_.get();
+  if (has_fault && lidar_fault_.get() == LidarFault::kEmpty) {
+    sweep.mutable_points()->clear();
+  } else if (has_fault && lidar_fault_.get() == LidarFault::kNan) {
+    spoil(*sweep.mutable_points());
+  }
+  ++sweep_count_;
+  sweeps_.publish(std::move(*sweep_));
+}
+
+void Drivers::publish_position(const world::Scene& scene) {
+  const double passed_s = gnss_.period_s.get();
+  const double east_m = errors_->east.step(passed_s, random_) + noise(gnss_.noise_m.get());
+  const double north_m = errors_->north.step(passed_s, random_) + noise(gnss_.noise_m.get());
+  ++position_count_;
+  const std::uint32_t dropout = gnss_.fix_dropout.get();
+  if (dropout > 0 && position_count_ % dropout == 0) {
+    ++dropped_count_;
+    return;
+  }
+  auto position = positions_.loan();
+  position->mutable_header()->set_taken_ns(scene.header().taken_ns());
+  position->mutable_header()->set_frame("map");
+  position->set_x_m(scene.ego().x_m() + east_m);
+  position->set_y_m(scene.ego().y_m() + north_m);
+  position->set_stddev_m(std::hypot(gnss_.noise_m.get(), gnss_.bias_m.get()));
+  positions_.publish(std::move(position));
+}
+
+void Drivers::publish_motion(const world::Scene& scene, double passed_s) {
+  const world::Body& ego = scene.ego();
+  auto motion = motions_.loan();
+  motion->mutable_header()->set_taken_ns(scene.header().taken_ns());
+  motion->set_forward_mps2(scene.ego_acceleration_mps2() +
+                           errors_->forward.step(passed_s, random_) +
+                           noise(imu_.forward_noise_mps2.get()));
+  motion->set_left_mps2(ego.speed_mps() * ego.yaw_rate_radps() +
+                        errors_->left.step(passed_s, random_) + noise(imu_.left_noise_mps2.get()));
+  motion->set_yaw_rate_radps(ego.yaw_rate_radps() + errors_->yaw_rate.step(passed_s, random_) +
+                             noise(imu_.yaw_rate_noise_radps.get()));
+  motions_.publish(std::move(motion));
+}
+
+double Drivers::noise(double stddev) {
+  return stddev * std::normal_distribution<double>()(random_);
+}
+
+}  // namespace ads
+
+FASTCYCLE_COMPONENT(ads::Drivers)
