@@ -1,0 +1,324 @@
+#include "box_view.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "common/plane.h"
+
+namespace ads {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+// Echoes of one face scatter by less than this.
+constexpr double kFace_m = 0.12;
+// A face is seen as such over this width.
+constexpr double kFaceWidth_m = 0.5;
+constexpr double kSideLength_m = 0.8;
+constexpr double kFaceStddev_m = 0.03;
+constexpr double kEndStddev_m = 0.06;
+// Beams that meet a face farther apart do not tell where it ends.
+constexpr double kSpacingMax_m = 1.0;
+constexpr float kUpright_m = 0.25F;
+
+// A point in the directions of the box, from the reference.
+using Along = Eigen::Vector2d;
+
+struct Extreme {
+  double place_m = -std::numeric_limits<double>::infinity();
+  std::size_t point = 0;
+};
+
+// One end of the silhouette.
+struct Silhouette {
+  double azimuth = 0.0;  // From that of the first point.
+  bool is_free = false;
+};
+
+class Measuring {
+ public:
+  Measuring(const ObjectView& view, const Skyline& skyline, const Eigen::Vector2d& reference_m,
+            double heading_rad)
+      : view_(view), reference_m_(reference_m), axis_(direction(heading_rad)) {
+    sensor_ = along(view.sensor_m);
+    for (std::size_t index = 0; index < view.points.size(); ++index) {
+      const Along place = along(view.points[index].place_m);
+      for (int axis = 0; axis < 2; ++axis) {
+        take(highest_[static_cast<std::size_t>(axis)], place[axis], index);
+        take(lowest_[static_cast<std::size_t>(axis)], -place[axis], index);
+      }
+    }
+    find_silhouette(skyline);
+  }
+
+  // The edge at the end of `axis` (0: heading, 1: left) in the direction `sign`.
+  [[nodiscard]] Edge edge(int axis, double sign) const {
+    const Extreme& extreme = extreme_of(axis, sign);
+    Edge edge{.place_m = sign * extreme.place_m, .stddev_m = kEndStddev_m, .is_end = false};
+    if (is_turned_to_sensor(axis, sign)) {
+      if (const auto place = face(axis, sign)) {
+        return {.place_m = sign * *place, .stddev_m = kFaceStddev_m, .is_end = true};
+      }
+    }
+    const int other = 1 - axis;
+    const double side = sensor_[other] > 0.0 ? 1.0 : -1.0;
+    if (!is_turned_to_sensor(other, side) || !is_at_free_end(extreme.point)) {
+      return edge;
+    }
+    // It lies on the face beside, at the end of the silhouette: the next beam passed by.
+    const Along end = along(view_.points[extreme.point].place_m);
+    const bool is_on_face = extreme_of(other, side).place_m - side * end[other] < kFace_m + 0.05;
+    const Along ray = (end - sensor_).normalized();
+    const double spacing =
+        view_.spread_rad * (end - sensor_).norm() / std::max(1e-3, std::abs(ray[other]));
+    // Little of a face may be the face beside it, if the heading is not that exact.
+    const bool is_long =
+        length_of_face(axis, other, side) > (axis == 0 ? kSideLength_m : kFaceWidth_m);
+    if (is_on_face && is_long && spacing < kSpacingMax_m && is_upright(axis, sign)) {
+      edge.place_m += sign * 0.5 * spacing;
+      edge.stddev_m = std::hypot(kEndStddev_m, spacing / std::sqrt(12.0));
+      edge.is_end = true;
+    }
+    return edge;
+  }
+
+ private:
+  static void take(Extreme& extreme, double place, std::size_t point) {
+    if (place > extreme.place_m) {
+      extreme = {.place_m = place, .point = point};
+    }
+  }
+
+  [[nodiscard]] Along along(const Eigen::Vector2d& place_m) const {
+    const Eigen::Vector2d apart = place_m - reference_m_;
+    return {apart.dot(axis_), apart.dot(left_of(axis_))};
+  }
+
+  // The largest place times `sign`.
+  [[nodiscard]] const Extreme& extreme_of(int axis, double sign) const {
+    return (sign > 0.0 ? highest_ : lowest_)[static_cast<std::size_t>(axis)];
+  }
+
+  [[nodiscard]] bool is_turned_to_sensor(int axis, double sign) const {
+    return sign * sensor_[axis] > extreme_of(axis, sign).place_m;
+  }
+
+  // Where the face is, if it is seen over some width: the mean of its points.
+  [[nodiscard]] std::optional<double> face(int axis, double sign) const {
+    const double end = extreme_of(axis, sign).place_m;
+    const int other = 1 - axis;
+    double low = std::numeric_limits<double>::infinity();
+    double high = -low;
+    double sum = 0.0;
+    int count = 0;
+    for (const ObjectPoint& point : view_.points) {
+      const Along place = along(point.place_m);
+      if (sign * place[axis] > end - kFace_m) {
+        low = std::min(low, place[other]);
+        high = std::max(high, place[other]);
+        sum += sign * place[axis];
+        ++count;
+      }
+    }
+    if (high - low < kFaceWidth_m || !is_upright(axis, sign)) {
+      return std::nullopt;
+    }
+    return sum / count;
+  }
+
+  void find_silhouette(const Skyline& skyline) {
+    if (view_.points.empty()) {
+      return;
+    }
+    std::size_t least = 0;
+    std::size_t most = 0;
+    for (std::size_t index = 0; index < view_.points.size(); ++index) {
+      least = azimuth(index) < azimuth(least) ? index : least;
+      most = azimuth(index) > azimuth(most) ? index : most;
+    }
+    const auto end = [&](std::size_t index, int side) {
+      const ObjectPoint& point = view_.points[index];
+      return Silhouette{
+          .azimuth = azimuth(index),
+          .is_free = !skyline.is_hidden_beside(point.azimuth_rad, point.range_m, side)};
+    };
+    ends_ = {end(least, -1), end(most, 1)};
+  }
+
+  // How far the points of the face at the end of `other` reach along `axis`.
+  [[nodiscard]] double length_of_face(int axis, int other, double side) const {
+    const double end = extreme_of(other, side).place_m;
+    double low = std::numeric_limits<double>::infinity();
+    double high = -low;
+    for (const ObjectPoint& point : view_.points) {
+      const Along place = along(point.place_m);
+      if (side * place[other] > end - kFace_m - 0.05) {
+        low = std::min(low, place[axis]);
+        high = std::max(high, place[axis]);
+      }
+    }
+    return high - low;
+  }
+
+  // Whether the outermost points stand above each other: a wall ends there, and not a roof.
+  [[nodiscard]] bool is_upright(int axis, double sign) const {
+    const double end = extreme_of(axis, sign).place_m;
+    float low = std::numeric_limits<float>::infinity();
+    float high = 0.0F;
+    for (const ObjectPoint& point : view_.points) {
+      if (sign * along(point.place_m)[axis] > end - kFace_m) {
+        low = std::min(low, point.height_m);
+        high = std::max(high, point.height_m);
+      }
+    }
+    return high - low > kUpright_m;
+  }
+
+  [[nodiscard]] bool is_at_free_end(std::size_t index) const {
+    return std::ranges::any_of(ends_, [&](const Silhouette& end) {
+      return end.is_free && std::abs(azimuth(index) - end.azimuth) < 1.5 * view_.spread_rad;
+    });
+  }
+
+  [[nodiscard]] double azimuth(std::size_t index) const {
+    return std::remainder(static_cast<double>(view_.points[index].azimuth_rad) -
+                              static_cast<double>(view_.points[0].azimuth_rad),
+                          2.0 * kPi);
+  }
+
+  const ObjectView& view_;
+  const Eigen::Vector2d reference_m_;
+  const Eigen::Vector2d axis_;
+  Along sensor_;
+  std::array<Extreme, 2> highest_;
+  std::array<Extreme, 2> lowest_;
+  std::array<Silhouette, 2> ends_;
+};
+
+}  // namespace
+
+BoxView view_box(const ObjectView& view, const Skyline& skyline, const Eigen::Vector2d& reference_m,
+                 double heading_rad) {
+  const Measuring measuring(view, skyline, reference_m, heading_rad);
+  BoxView box{.front = measuring.edge(0, 1.0),
+              .rear = measuring.edge(0, -1.0),
+              .left = measuring.edge(1, 1.0),
+              .right = measuring.edge(1, -1.0)};
+  for (const ObjectPoint& point : view.points) {
+    box.height_m = std::max(box.height_m, static_cast<double>(point.height_m));
+  }
+  return box;
+}
+
+std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
+                                            const Eigen::Vector2d& reference_m,
+                                            double heading_rad) {
+  constexpr double kBand_m = 0.15;
+  constexpr double kLength_m = 1.2;
+  constexpr int kPoints = 8;
+  constexpr double kPointStddev_m = 0.03;
+  constexpr double kStddev_rad = 0.008;
+  double weight = 0.0;
+  double turn = 0.0;
+  for (int axis = 0; axis < 2; ++axis) {
+    // A face along `axis`, on the sensor's side; its slope is how far the heading is off.
+    const Eigen::Vector2d ahead = direction(heading_rad + (axis == 0 ? 0.0 : 0.5 * kPi));
+    const double side = cross(ahead, view.sensor_m - reference_m) > 0.0 ? 1.0 : -1.0;
+    double slope = 0.0;
+    double offset = -std::numeric_limits<double>::infinity();
+    for (const ObjectPoint& point : view.points) {
+      offset = std::max(offset, side * cross(ahead, point.place_m - reference_m));
+    }
+    if (side * cross(ahead, view.sensor_m - reference_m) < offset) {
+      continue;
+    }
+    double length = 0.0;
+    double scatter = 0.0;
+    int count = 0;
+    for (int round = 0; round < 3; ++round) {
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+      double low = std::numeric_limits<double>::infinity();
+      double high = -low;
+      double square = 0.0;
+      double product = 0.0;
+      count = 0;
+      for (const ObjectPoint& point : view.points) {
+        const Eigen::Vector2d apart = point.place_m - reference_m;
+        const double x = apart.dot(ahead);
+        const double y = side * cross(ahead, apart);
+        const double inside = offset + slope * x - y;
+        if (inside < kBand_m && inside > -kBand_m) {
+          sum += Eigen::Vector2d(x, y);
+          square += x * x;
+          product += x * y;
+          low = std::min(low, x);
+          high = std::max(high, x);
+          ++count;
+        }
+      }
+      length = high - low;
+      if (count < kPoints || length < kLength_m) {
+        break;
+      }
+      const double n = count;
+      scatter = square - sum.x() * sum.x() / n;
+      slope = (product - sum.x() * sum.y() / n) / scatter;
+      offset = (sum.y() - slope * sum.x()) / n;
+    }
+    if (count < kPoints || length < kLength_m) {
+      continue;
+    }
+    const double variance = kStddev_rad * kStddev_rad + kPointStddev_m * kPointStddev_m / scatter;
+    weight += 1.0 / variance;
+    turn += side * std::atan(slope) / variance;
+  }
+  if (weight == 0.0) {
+    return std::nullopt;
+  }
+  return SeenHeading{.heading_rad = heading_rad + turn / weight,
+                     .stddev_rad = std::sqrt(1.0 / weight)};
+}
+
+double heading_by_closeness(const ObjectView& view, double middle_rad, double reach_rad) {
+  constexpr double kStep_rad = 2.5 * kPi / 180.0;
+  constexpr std::size_t kPointsMax = 120;
+  constexpr double kCloser_m = 0.03;  // Closer than that counts no more.
+  const std::size_t stride = view.points.size() / kPointsMax + 1;
+  const auto closeness = [&](double heading) {
+    const Eigen::Vector2d axis = direction(heading);
+    Eigen::Array2d low = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
+    Eigen::Array2d high = -low;
+    const auto along = [&](const ObjectPoint& point) {
+      const Eigen::Vector2d apart = point.place_m - view.sensor_m;
+      return Eigen::Array2d(apart.dot(axis), apart.dot(left_of(axis)));
+    };
+    for (std::size_t index = 0; index < view.points.size(); index += stride) {
+      const Eigen::Array2d place = along(view.points[index]);
+      low = low.min(place);
+      high = high.max(place);
+    }
+    double sum = 0.0;
+    for (std::size_t index = 0; index < view.points.size(); index += stride) {
+      const Eigen::Array2d place = along(view.points[index]);
+      sum += 1.0 / std::max(kCloser_m, (place - low).min(high - place).minCoeff());
+    }
+    return sum;
+  };
+  // From the middle outwards: among equals the closest to it.
+  double best = middle_rad;
+  double best_closeness = closeness(middle_rad);
+  for (double off = kStep_rad; off < reach_rad; off += kStep_rad) {
+    for (const double heading : {middle_rad + off, middle_rad - off}) {
+      const double its_closeness = closeness(heading);
+      if (its_closeness > best_closeness) {
+        best = heading;
+        best_closeness = its_closeness;
+      }
+    }
+  }
+  return best;
+}
+
+}  // namespace ads

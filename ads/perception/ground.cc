@@ -1,0 +1,81 @@
+#include "ground.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace ads {
+namespace {
+
+constexpr std::size_t kSectors = 240;
+constexpr float kBin_m = 1.0F;
+constexpr float kNothing = std::numeric_limits<float>::infinity();
+
+}  // namespace
+
+Ground::Ground(const GroundConfig& config)
+    : config_(config),
+      bins_per_sector_(static_cast<std::size_t>(config.range_max_m / kBin_m) + 1),
+      bins_(kSectors * bins_per_sector_),
+      ground_z_m_(bins_.size()) {}
+
+void Ground::fit(std::span<const RawEcho> echoes, double mount_height_m) {
+  std::fill(bins_.begin(), bins_.end(), Bin{.lowest_z_m = kNothing, .range_m = 0.0F});
+  for (const RawEcho& echo : echoes) {
+    Bin& bin = bins_[sector_of(echo) * bins_per_sector_ + bin_of(echo.range_m)];
+    if (echo.z_m < bin.lowest_z_m) {
+      bin = {.lowest_z_m = echo.z_m, .range_m = echo.range_m};
+    }
+  }
+  for (std::size_t sector = 0; sector < kSectors; ++sector) {
+    walk(sector, static_cast<float>(-mount_height_m));
+  }
+}
+
+float Ground::height_m(const RawEcho& echo) const {
+  return echo.z_m - ground_z_m_[sector_of(echo) * bins_per_sector_ + bin_of(echo.range_m)];
+}
+
+// Sectors need not be of one size: a pseudo-angle spares the arc tangent.
+std::size_t Ground::sector_of(const RawEcho& echo) const {
+  const float sum = std::abs(echo.x_m) + std::abs(echo.y_m) + 1e-6F;
+  const float quarter = echo.y_m / sum;
+  const float turn = echo.x_m >= 0.0F ? quarter : 2.0F - quarter;  // In [-1, 3].
+  const auto sector = static_cast<std::size_t>((turn + 1.0F) * (0.25F * kSectors));
+  return std::min(sector, kSectors - 1);
+}
+
+std::size_t Ground::bin_of(float range_m) const {
+  return std::min(static_cast<std::size_t>(range_m / kBin_m), bins_per_sector_ - 1);
+}
+
+void Ground::walk(std::size_t sector, float begin_z_m) {
+  const std::size_t first = sector * bins_per_sector_;
+  float last_range = 0.0F;
+  float last_z = begin_z_m;
+  float slope = 0.0F;
+  std::size_t done = 0;
+  for (std::size_t bin = 0; bin < bins_per_sector_; ++bin) {
+    const Bin& lowest = bins_[first + bin];
+    const float apart = lowest.range_m - last_range;
+    const float rise = lowest.lowest_z_m - last_z;
+    const bool is_ground = lowest.lowest_z_m < kNothing &&
+                           std::abs(rise) <= static_cast<float>(config_.slope_max) * apart +
+                                                 static_cast<float>(config_.step_max_m);
+    if (!is_ground) {
+      continue;
+    }
+    slope = rise / std::max(apart, kBin_m);
+    for (; done <= bin; ++done) {
+      const float middle = (static_cast<float>(done) + 0.5F) * kBin_m;
+      ground_z_m_[first + done] = last_z + slope * std::clamp(middle - last_range, 0.0F, apart);
+    }
+    last_range = lowest.range_m;
+    last_z = lowest.lowest_z_m;
+  }
+  for (; done < bins_per_sector_; ++done) {
+    ground_z_m_[first + done] = last_z;
+  }
+}
+
+}  // namespace ads

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace ads {
+
+struct GroundConfig {
+  /// How steep the ground may rise or fall, and how far it may step from one ring to the next.
+  double slope_max = 0.04;
+  double step_max_m = 0.08;
+  double range_max_m = 80.0;
+};
+
+/// An echo in the sensor's frame.
+struct RawEcho {
+  float x_m = 0.0F;
+  float y_m = 0.0F;
+  float z_m = 0.0F;
+  float time_s = 0.0F;   ///< Since the begin of the sweep.
+  float range_m = 0.0F;  ///< Along the ground.
+};
+
+/// Where the ground is around the sensor.
+///
+/// The plane around the sensor is cut into sectors and these into bins. Going outwards in each
+/// sector, the lowest echo of a bin belongs to the ground if it continues what was ground before
+/// it, neither too steep nor over a step; between such echoes the ground is a straight line. It is
+/// the scheme of Himmelsbach, von Hundelshausen and Wuensche, "Fast Segmentation of 3D Point Clouds
+/// for Ground Vehicles" (IV 2010), with a chain in place of the fitted lines.
+///
+/// @threads  Confined.
+/// @realtime Allocates in its constructor only.
+class Ground {
+ public:
+  explicit Ground(const GroundConfig& config);
+
+  /// @param mount_height_m  Of the sensor, above the ground below it.
+  void fit(std::span<const RawEcho> echoes, double mount_height_m);
+
+  /// The height above the ground; beyond the range, above its last bin.
+  [[nodiscard]] float height_m(const RawEcho& echo) const;
+
+ private:
+  struct Bin {
+    float lowest_z_m;
+    float range_m;  // Of the lowest.
+  };
+
+  [[nodiscard]] std::size_t sector_of(const RawEcho& echo) const;
+  [[nodiscard]] std::size_t bin_of(float range_m) const;
+  void walk(std::size_t sector, float begin_z_m);
+
+  const GroundConfig config_;
+  const std::size_t bins_per_sector_;
+  std::vector<Bin> bins_;
+  std::vector<float> ground_z_m_;  // In the middle of each bin.
+};
+
+}  // namespace ads

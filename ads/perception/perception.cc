@@ -1,0 +1,201 @@
+#include "perception.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace ads {
+namespace {
+
+// A little more than a second at 100 Hz: a sweep, and what it is late by.
+constexpr std::size_t kPoses = 128;
+
+RecognizerConfig read_config(fastcycle::Context& context) {
+  RecognizerConfig config;
+  const auto read = [&context](std::string_view name, double& value, double max, std::string unit,
+                               std::string description) {
+    value = context
+                .param<double>(name, {.fallback = value,
+                                      .min = 1e-6,
+                                      .max = max,
+                                      .unit = std::move(unit),
+                                      .description = std::move(description)})
+                .get();
+  };
+  const auto count = [&context](std::string_view name, int& value, int max,
+                                std::string description) {
+    value =
+        context
+            .param<int>(
+                name,
+                {.fallback = value, .min = 1, .max = max, .description = std::move(description)})
+            .get();
+  };
+  read("range_max_m", config.tracker.clustering.range_max_m, 200.0, "m",
+       "Farther echoes are not looked at");
+  config.ground.range_max_m = config.tracker.clustering.range_max_m;
+  read("ground_slope_max", config.ground.slope_max, 1.0, "1", "How steep the ground may be");
+  read("ground_step_max_m", config.ground.step_max_m, 1.0, "m", "And what steps it may have");
+  read("height_min_m", config.height_min_m, 2.0, "m", "Lower echoes belong to the ground");
+  read("height_max_m", config.height_max_m, 20.0, "m", "Higher ones are passed under");
+  read("own_length_m", config.own_length_m, 50.0, "m", "Echoes within are the vehicle's own");
+  read("own_width_m", config.own_width_m, 10.0, "m", "The same across");
+  read("invalid_share_max", config.invalid_share_max, 1.0, "1",
+       "A sweep with more echoes that are not finite is not used");
+  count("echoes_min", config.echoes_min, 1'000'000, "Nor one with fewer echoes");
+  read("across_m", config.tracker.clustering.across_m, 5.0, "m",
+       "Echoes that are closer belong together");
+  read("along_max_m", config.tracker.clustering.along_max_m, 10.0, "m",
+       "The same along the line of sight, at a distance");
+  count("object_echoes_min", config.tracker.echoes_min, 10'000, "Of a new object");
+  count("sightings_min", config.tracker.sightings_min, 100,
+        "Sweeps in which an object is seen before it is told of");
+  read("open_max_s", config.tracker.open_max_s, 60.0, "s",
+       "For how long an object is kept that should be seen and is not");
+  read("hidden_max_s", config.tracker.hidden_max_s, 60.0, "s",
+       "For how long one that is hidden behind others");
+  TrackConfig& track = config.tracker.track;
+  read("length_m", track.length_m, 50.0, "m", "Of an object that is not yet seen well");
+  read("length_stddev_m", track.length_stddev_m, 50.0, "m", "1 sigma");
+  read("width_m", track.width_m, 10.0, "m", "Of an object that is not yet seen well");
+  read("width_stddev_m", track.width_stddev_m, 10.0, "m", "1 sigma");
+  read("speed_stddev_mps", track.speed_stddev_mps, 100.0, "m/s", "Of a new object, per axis");
+  read("maneuver_s", track.maneuver_s, 60.0, "s", "For how long an acceleration lasts");
+  read("forward_stddev_mps2", track.forward_stddev_mps2, 50.0, "m/s^2",
+       "Accelerations along the heading, 1 sigma");
+  read("sideways_stddev_mps2", track.sideways_stddev_mps2, 50.0, "m/s^2",
+       "Accelerations across it, 1 sigma");
+  read("yaw_walk_radps_per_sqrt_s", track.yaw_walk_radps_per_sqrt_s, 10.0, "rad/s/sqrt(s)",
+       "How fast the yaw rate changes");
+  return config;
+}
+
+perception::ObjectClass class_of(const Track& track) {
+  if (track.length_m() < 1.2 && track.width_m() < 1.2) {
+    return perception::PEDESTRIAN;
+  }
+  if (track.width_m() < 1.2 && track.length_m() < 3.0) {
+    return perception::TWO_WHEELER;
+  }
+  const bool is_large = track.length_m() > 7.0 || track.height_m() > 2.6;
+  return is_large ? perception::TRUCK : perception::CAR;
+}
+
+void fill(perception::Object& message, const TrackedObject& object, std::int64_t time_ns) {
+  Track track = object.track;
+  track.predict(time_ns);
+  message.set_id(object.id);
+  message.set_object_class(class_of(track));
+  message.set_x_m(track.center_m().x());
+  message.set_y_m(track.center_m().y());
+  message.set_heading_rad(track.heading_rad());
+  message.set_length_m(track.length_m());
+  message.set_width_m(track.width_m());
+  message.set_height_m(track.height_m());
+  message.set_speed_mps(track.speed_mps());
+  message.set_acceleration_mps2(track.acceleration_mps2());
+  message.set_yaw_rate_radps(track.yaw_rate_radps());
+  message.set_position_stddev_m(track.position_stddev_m());
+  message.set_speed_stddev_mps(track.speed_stddev_mps());
+  message.set_heading_stddev_rad(track.heading_stddev_rad());
+  message.set_sightings(object.sightings);
+  message.set_unseen_s(object.missed == 0 ? 0.0
+                                          : static_cast<double>(time_ns - object.seen_ns) * 1e-9);
+}
+
+}  // namespace
+
+Perception::Perception(fastcycle::Context& context)
+    : Component(context),
+      sweep_age_max_s_(context.param<double>(
+          "sweep_age_max_s", {.fallback = 0.3,
+                              .min = 0.0,
+                              .max = 10.0,
+                              .unit = "s",
+                              .description = "A sweep that ended longer ago is not used"})),
+      recognizer_(read_config(context)),
+      ego_(context.create_history<localization::Ego>("localization/ego", {.depth = kPoses})),
+      objects_(context.create_publisher<perception::Objects>("perception/objects")) {
+  context.create_subscriber<lidar::Sweep>("lidar/points",
+                                          [this](const lidar::Sweep& sweep) { on_sweep(sweep); });
+}
+
+void Perception::stop() {
+  report("sweeps", sweep_count_);
+  report("sweeps_invalid", invalid_count_);
+  report("objects_max", confirmed_max_);
+}
+
+void Perception::on_sweep(const lidar::Sweep& sweep) {
+  ++sweep_count_;
+  const std::int64_t end_ns = sweep.header().taken_ns() + sweep.duration_ns();
+  const double age_s = static_cast<double>(now().time_since_epoch().count() - end_ns) * 1e-9;
+  SweepResult result;
+  if (!take_ego()) {
+    result = recognizer_.pass_over(end_ns, "localization/ego has no estimate");
+  } else if (age_s > sweep_age_max_s_.get()) {
+    result = recognizer_.pass_over(
+        end_ns, fmt::format("expected a sweep of at most {} s, found one of {:.3f} s",
+                            sweep_age_max_s_.get(), age_s));
+  } else {
+    result = recognizer_.take({.taken_ns = sweep.header().taken_ns(),
+                               .duration_ns = sweep.duration_ns(),
+                               .columns = sweep.columns(),
+                               .rings = sweep.rings(),
+                               .points = sweep.points(),
+                               .mount_forward_m = sweep.mount_forward_m(),
+                               .mount_height_m = sweep.mount_height_m()},
+                              motion_);
+  }
+  if (result.reason.empty()) {
+    health(fastcycle::Health::kOk);
+  } else {
+    ++invalid_count_;
+    health(fastcycle::Health::kDegraded, result.reason);
+  }
+  publish(end_ns, result);
+}
+
+// False if there is no pose.
+bool Perception::take_ego() {
+  motion_.clear();
+  bool has_pose = false;
+  for (std::size_t index = 0; index < ego_.size(); ++index) {
+    const auto sample = ego_[index];
+    const localization::Ego& ego = *sample;
+    if (ego.quality() == localization::INITIALIZING) {
+      continue;
+    }
+    motion_.add({.time_ns = ego.header().taken_ns(),
+                 .position_m = {ego.x_m(), ego.y_m()},
+                 .heading_rad = ego.heading_rad(),
+                 .speed_mps = ego.speed_mps(),
+                 .yaw_rate_radps = ego.yaw_rate_radps()});
+    has_pose = true;
+  }
+  return has_pose;
+}
+
+void Perception::publish(std::int64_t time_ns, const SweepResult& result) {
+  auto objects = objects_.loan();
+  objects->mutable_header()->set_taken_ns(time_ns);
+  objects->mutable_header()->set_frame("map");
+  objects->set_is_sweep_valid(result.reason.empty());
+  objects->set_reason(result.reason);
+  objects->set_echoes(result.echoes);
+  objects->set_invalid_echoes(result.invalid_echoes);
+  objects->set_ground_echoes(result.ground_echoes);
+  for (const TrackedObject& object : recognizer_.objects()) {
+    if (object.is_confirmed) {
+      fill(*objects->add_objects(), object, time_ns);
+    }
+  }
+  confirmed_max_ = std::max(confirmed_max_, std::int64_t{objects->objects_size()});
+  objects_.publish(std::move(objects));
+}
+
+}  // namespace ads
+
+FASTCYCLE_COMPONENT(ads::Perception)

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <fastcycle/fastcycle.h>
+
+#include "lidar/sweep.pb.h"
+#include "localization/ego.pb.h"
+#include "perception/objects.pb.h"
+#include "recognizer.h"
+
+namespace ads {
+
+/// Recognizes what moves and stands around the vehicle, and follows it.
+///
+/// In:   `lidar/points`, `localization/ego` (history)
+/// Out:  `perception/objects`, for each sweep
+class Perception final : public fastcycle::Component {
+ public:
+  explicit Perception(fastcycle::Context& context);
+  void stop() override;
+
+ private:
+  void on_sweep(const lidar::Sweep& sweep);
+  [[nodiscard]] bool take_ego();
+  void publish(std::int64_t time_ns, const SweepResult& result);
+
+  fastcycle::Param<double> sweep_age_max_s_;
+  Recognizer recognizer_;
+  fastcycle::History<localization::Ego> ego_;
+  fastcycle::Publisher<perception::Objects> objects_;
+
+  EgoMotion motion_;
+  std::int64_t sweep_count_ = 0;
+  std::int64_t invalid_count_ = 0;
+  std::int64_t confirmed_max_ = 0;
+};
+
+}  // namespace ads

@@ -1,0 +1,168 @@
+#include "recognizer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "common/plane.h"
+
+namespace ads {
+namespace {
+
+constexpr std::size_t kPointBytes = 16;
+// The vehicle's motion during a sweep is taken in so many steps.
+constexpr std::size_t kSlots = 64;
+// Of a sweep that does not say how its beams lie.
+constexpr double kSpread_rad = 0.0035;
+constexpr std::uint32_t kColumnsMin = 360;
+
+struct Point {
+  float x_m;
+  float y_m;
+  float z_m;
+  std::uint16_t time;
+};
+
+}  // namespace
+
+Recognizer::Recognizer(const RecognizerConfig& config)
+    : config_(config), ground_(config.ground), tracker_(config.tracker) {}
+
+SweepResult Recognizer::take(const SweepBytes& sweep, const EgoMotion& ego) {
+  SweepResult result;
+  result.reason = mistake_of(sweep, ego);
+  if (result.reason.empty()) {
+    last_ns_ = sweep.taken_ns;
+    read(sweep, result);
+    const auto total = result.echoes + result.invalid_echoes;
+    if (result.invalid_echoes > config_.invalid_share_max * total) {
+      result.reason = fmt::format("{} of {} echoes are not finite", result.invalid_echoes, total);
+    } else if (result.echoes < static_cast<std::uint32_t>(config_.echoes_min)) {
+      result.reason =
+          fmt::format("expected at least {} echoes, found {}", config_.echoes_min, result.echoes);
+    }
+  }
+  if (result.reason.empty()) {
+    find_obstacles(sweep, ego, result);
+    tracker_.update(sweep_, ego);
+  } else {
+    tracker_.coast(sweep.taken_ns + sweep.duration_ns);
+  }
+  return result;
+}
+
+SweepResult Recognizer::pass_over(std::int64_t end_ns, std::string reason) {
+  tracker_.coast(end_ns);
+  return {.reason = std::move(reason)};
+}
+
+std::string Recognizer::mistake_of(const SweepBytes& sweep, const EgoMotion& ego) const {
+  const std::uint64_t expected = std::uint64_t{sweep.columns} * sweep.rings * kPointBytes;
+  if (sweep.points.empty()) {
+    return "the sweep is empty";
+  }
+  if (sweep.points.size() != expected) {
+    return fmt::format("expected {} bytes of {} x {} points, found {}", expected, sweep.columns,
+                       sweep.rings, sweep.points.size());
+  }
+  if (sweep.duration_ns <= 0 || sweep.duration_ns > 1'000'000'000) {
+    return fmt::format("expected a duration of at most 1 s, found {} ns", sweep.duration_ns);
+  }
+  if (sweep.taken_ns <= last_ns_) {
+    return "the sweep is not later than the one before";
+  }
+  if (!ego.at(sweep.taken_ns) || !ego.at(sweep.taken_ns + sweep.duration_ns)) {
+    return "localization/ego says nothing of the time of the sweep";
+  }
+  return {};
+}
+
+void Recognizer::read(const SweepBytes& sweep, SweepResult& result) {
+  raw_.clear();
+  const auto half_length = static_cast<float>(0.5 * config_.own_length_m);
+  const auto half_width = static_cast<float>(0.5 * config_.own_width_m);
+  const auto forward = static_cast<float>(sweep.mount_forward_m);
+  const auto tick_s = static_cast<float>(static_cast<double>(sweep.duration_ns) * 1e-9 / 65536.0);
+  for (std::size_t offset = 0; offset < sweep.points.size(); offset += kPointBytes) {
+    Point point;
+    std::memcpy(&point, sweep.points.data() + offset, sizeof point);
+    if (point.x_m == 0.0F && point.y_m == 0.0F && point.z_m == 0.0F) {
+      continue;
+    }
+    // Finite only if all are; a place beyond any lidar's reach is no place.
+    const float size = std::abs(point.x_m) + std::abs(point.y_m) + std::abs(point.z_m);
+    if (!(size < 1e4F)) {
+      ++result.invalid_echoes;
+      continue;
+    }
+    ++result.echoes;
+    if (std::abs(point.x_m + forward) < half_length && std::abs(point.y_m) < half_width) {
+      continue;
+    }
+    raw_.push_back({.x_m = point.x_m,
+                    .y_m = point.y_m,
+                    .z_m = point.z_m,
+                    .time_s = static_cast<float>(point.time) * tick_s,
+                    .range_m = std::sqrt(point.x_m * point.x_m + point.y_m * point.y_m)});
+  }
+}
+
+// Leaves in `sweep_` what stands on the ground, put into the map.
+void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
+                                SweepResult& result) {
+  ground_.fit(raw_, sweep.mount_height_m);
+  const double duration_s = static_cast<double>(sweep.duration_ns) * 1e-9;
+  sweep_.begin_ns = sweep.taken_ns;
+  sweep_.duration_ns = sweep.duration_ns;
+  sweep_.origin_m = ego.at(sweep.taken_ns)->position_m;
+  sweep_.mount_forward_m = sweep.mount_forward_m;
+  sweep_.spread_rad =
+      sweep.columns >= kColumnsMin ? 2.0 * std::numbers::pi / sweep.columns : kSpread_rad;
+  sweep_.echoes.clear();
+
+  struct Place {
+    Eigen::Vector2f sensor_m;
+    Eigen::Vector2f ahead;
+  };
+  std::array<Place, kSlots + 1> places;
+  for (std::size_t slot = 0; slot <= kSlots; ++slot) {
+    const auto pose = ego.at(sweep.taken_ns +
+                             sweep.duration_ns * static_cast<int>(slot) / static_cast<int>(kSlots));
+    const Eigen::Vector2d ahead = direction(pose->heading_rad);
+    places[slot] = {
+        .sensor_m =
+            (pose->position_m + sweep.mount_forward_m * ahead - sweep_.origin_m).cast<float>(),
+        .ahead = ahead.cast<float>()};
+  }
+  const auto slots_per_s = static_cast<float>(kSlots / duration_s);
+  const auto range_max = static_cast<float>(config_.tracker.clustering.range_max_m);
+  const auto lowest = static_cast<float>(config_.height_min_m);
+  const auto highest = static_cast<float>(config_.height_max_m);
+  for (const RawEcho& echo : raw_) {
+    const float height = ground_.height_m(echo);
+    result.ground_echoes += height < lowest ? 1 : 0;
+    if (height < lowest || height > highest || echo.range_m > range_max) {
+      continue;
+    }
+    const float slot = std::min(echo.time_s * slots_per_s, static_cast<float>(kSlots) - 0.001F);
+    const auto first = static_cast<std::size_t>(slot);
+    const float share = slot - static_cast<float>(first);
+    const Eigen::Vector2f sensor_m =
+        (1.0F - share) * places[first].sensor_m + share * places[first + 1].sensor_m;
+    const Eigen::Vector2f ahead =
+        (1.0F - share) * places[first].ahead + share * places[first + 1].ahead;
+    sweep_.echoes.push_back(
+        {.place_m = sensor_m + echo.x_m * ahead + echo.y_m * Eigen::Vector2f(-ahead.y(), ahead.x()),
+         .height_m = height,
+         .time_s = echo.time_s,
+         .azimuth_rad = std::atan2(echo.y_m, echo.x_m),
+         .range_m = echo.range_m});
+  }
+}
+
+}  // namespace ads

@@ -1,0 +1,385 @@
+#include "tracker.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <tuple>
+#include <utility>
+
+#include "common/plane.h"
+
+namespace ads {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kGate = 13.8;           // 99.9 % of two dimensions.
+constexpr double kNearby_m = 12.0;       // Farther groups are not looked at for a track.
+constexpr double kKnownSpeed_mps = 4.0;  // 1 sigma: from then on echoes are moved with their track.
+constexpr double kMargin_m = 0.4;        // Around the box in which echoes are a track's.
+constexpr double kMarginMax_m = 1.0;
+constexpr double kReach_m = 4.0;     // Echoes of its group, farther away, are not.
+constexpr double kOwnedShare = 0.3;  // Of a group, for its rest to be the track's as well.
+constexpr std::size_t kEchoesSeen = 3;
+constexpr float kTop_m = 0.4F;        // Lower things do not begin a track.
+constexpr double kSideFrom_m = 2.7;   // No car is wider.
+constexpr double kFrontFrom_m = 1.2;  // Nor narrower.
+
+// From what is seen: a face that is wholly seen and no longer than a car is wide is its front or
+// its rear, a longer one its side. What is seen less is taken to lie as `likely_rad` does. Of both
+// directions the one that is closer to that.
+double first_heading(const ObjectView& view, const Skyline& skyline,
+                     const Eigen::Vector2d& reference_m, double likely_rad) {
+  double heading = heading_by_closeness(view, likely_rad, 0.25 * kPi);
+  const BoxView box = view_box(view, skyline, reference_m, heading);
+  const double along = box.front.place_m - box.rear.place_m;
+  const double across = box.left.place_m - box.right.place_m;
+  const bool is_across = along > across && along < kSideFrom_m && along > kFrontFrom_m &&
+                         box.front.is_end && box.rear.is_end;
+  if (across > kSideFrom_m || is_across) {
+    heading += 0.5 * kPi;
+  }
+  return std::cos(heading - likely_rad) < 0.0 ? heading + kPi : heading;
+}
+
+}  // namespace
+
+Tracker::Tracker(const TrackerConfig& config) : config_(config), clustering_(config.clustering) {}
+
+void Tracker::update(const SweepEchoes& sweep, const EgoMotion& ego) {
+  skyline_.fill(sweep.echoes);
+  is_seen_.assign(objects_.size(), false);
+  label(sweep);
+  gather(sweep, ego);
+  for (const Group& group : groups_) {
+    if (group.owner != kNobody && group.points.size() >= kEchoesSeen) {
+      sight(objects_[static_cast<std::size_t>(group.owner)], group);
+      is_seen_[static_cast<std::size_t>(group.owner)] = true;
+    }
+  }
+  associate();
+  for (std::size_t index = 0; index < objects_.size(); ++index) {
+    objects_[index].missed += is_seen_[index] ? 0 : 1;
+  }
+  forget(sweep.begin_ns + sweep.duration_ns, &sweep, &ego);
+  begin_tracks();
+  remove_doubles();
+}
+
+void Tracker::coast(std::int64_t time_ns) {
+  for (TrackedObject& object : objects_) {
+    ++object.missed;
+  }
+  forget(time_ns, nullptr, nullptr);
+}
+
+// In the directions of the object's box, as expected at that time, from its centre.
+Eigen::Vector2d Tracker::box_place(const TrackedObject& object, std::int64_t time_ns,
+                                   const Eigen::Vector2d& place_m) const {
+  const Track& track = object.track;
+  const double passed_s = static_cast<double>(time_ns - track.time_ns()) * 1e-9;
+  const Eigen::Vector2d apart = place_m - track.center_m() - passed_s * track.velocity_mps();
+  const Eigen::Vector2d ahead = direction(track.heading_rad() + passed_s * track.yaw_rate_radps());
+  return {apart.dot(ahead), apart.dot(left_of(ahead))};
+}
+
+// Step 1: whose echoes.
+void Tracker::label(const SweepEchoes& sweep) {
+  const std::size_t count = sweep.echoes.size();
+  labels_.assign(count, kNobody);
+  places_m_.resize(count);
+  outside_m_.assign(count, std::numeric_limits<float>::infinity());
+  for (std::size_t index = 0; index < objects_.size(); ++index) {
+    const Track& track = objects_[index].track;
+    if (track.speed_stddev_mps() > kKnownSpeed_mps) {
+      continue;
+    }
+    const double before_s = static_cast<double>(sweep.begin_ns - track.time_ns()) * 1e-9;
+    const double middle_s = before_s + 0.5e-9 * static_cast<double>(sweep.duration_ns);
+    const double margin = std::min(
+        kMarginMax_m, kMargin_m + std::max(0.0, middle_s - 0.1) * track.speed_stddev_mps());
+    const Eigen::Vector2f begin_m =
+        (track.center_m() + before_s * track.velocity_mps() - sweep.origin_m).cast<float>();
+    const Eigen::Vector2f velocity = track.velocity_mps().cast<float>();
+    const Eigen::Vector2f ahead =
+        direction(track.heading_rad() + middle_s * track.yaw_rate_radps()).cast<float>();
+    const auto half_length = static_cast<float>(0.5 * track.length_m());
+    const auto half_width = static_cast<float>(0.5 * track.width_m());
+    // It may be longer than was seen so far.
+    const auto rest = static_cast<float>(kMargin_m + std::min(1.0, track.length_stddev_m()));
+    const float reach = half_length + half_width + rest + static_cast<float>(margin);
+    for (std::size_t echo = 0; echo < count; ++echo) {
+      const Eigen::Vector2f apart =
+          sweep.echoes[echo].place_m - begin_m - sweep.echoes[echo].time_s * velocity;
+      if (std::abs(apart.x()) > reach || std::abs(apart.y()) > reach) {
+        continue;
+      }
+      const float along = std::abs(apart.x() * ahead.x() + apart.y() * ahead.y());
+      const float across = std::abs(apart.y() * ahead.x() - apart.x() * ahead.y());
+      const float its_outside = std::max(along - half_length, across - half_width);
+      const bool is_in_rest = along < half_length + rest && across < half_width;
+      if ((its_outside < static_cast<float>(margin) || is_in_rest) &&
+          its_outside < outside_m_[echo]) {
+        outside_m_[echo] = its_outside;
+        labels_[echo] = static_cast<int>(index);
+      }
+    }
+  }
+}
+
+// Step 2: groups of echoes.
+void Tracker::gather(const SweepEchoes& sweep, const EgoMotion& ego) {
+  const auto middle_s = static_cast<float>(0.5e-9 * static_cast<double>(sweep.duration_ns));
+  const auto pose = ego.at(sweep.begin_ns + sweep.duration_ns / 2);
+  const Eigen::Vector2f sensor_m = (pose->position_m - sweep.origin_m).cast<float>();
+  for (std::size_t echo = 0; echo < sweep.echoes.size(); ++echo) {
+    places_m_[echo] = sweep.echoes[echo].place_m - sensor_m;
+    if (labels_[echo] != kNobody) {
+      const Track& track = objects_[static_cast<std::size_t>(labels_[echo])].track;
+      places_m_[echo] +=
+          (middle_s - sweep.echoes[echo].time_s) * track.velocity_mps().cast<float>();
+    }
+  }
+  const std::vector<int>& clusters = clustering_.group(places_m_, sweep.spread_rad);
+
+  struct Owners {
+    int echoes = 0;
+    int owned = 0;
+    int rest_group = kNobody;
+    std::vector<int> who;
+  };
+  std::vector<Owners> owners(static_cast<std::size_t>(clustering_.groups()));
+  for (std::size_t echo = 0; echo < clusters.size(); ++echo) {
+    if (clusters[echo] < 0) {
+      continue;
+    }
+    Owners& its = owners[static_cast<std::size_t>(clusters[echo])];
+    ++its.echoes;
+    if (labels_[echo] != kNobody) {
+      ++its.owned;
+      if (outside_m_[echo] < kMargin_m &&
+          std::ranges::find(its.who, labels_[echo]) == its.who.end()) {
+        its.who.push_back(labels_[echo]);
+      }
+    }
+  }
+  // Beyond the end of a box echoes are the track's only if they hang together with it, or if they
+  // are a group that lies there altogether.
+  for (std::size_t echo = 0; echo < clusters.size(); ++echo) {
+    if (clusters[echo] >= 0 && labels_[echo] != kNobody && outside_m_[echo] >= kMargin_m) {
+      const Owners& its = owners[static_cast<std::size_t>(clusters[echo])];
+      if (its.owned < its.echoes && std::ranges::find(its.who, labels_[echo]) == its.who.end()) {
+        labels_[echo] = kNobody;
+      }
+    }
+  }
+
+  groups_.clear();
+  groups_.resize(objects_.size());
+  for (std::size_t index = 0; index < objects_.size(); ++index) {
+    groups_[index].owner = static_cast<int>(index);
+  }
+  for (std::size_t echo = 0; echo < clusters.size(); ++echo) {
+    if (clusters[echo] < 0) {
+      continue;
+    }
+    Owners& its = owners[static_cast<std::size_t>(clusters[echo])];
+    int owner = labels_[echo];
+    if (owner == kNobody && its.owned > kOwnedShare * its.echoes) {
+      const auto time_ns =
+          sweep.begin_ns + static_cast<std::int64_t>(1e9F * sweep.echoes[echo].time_s);
+      const Eigen::Vector2d place_m = sweep.origin_m + sweep.echoes[echo].place_m.cast<double>();
+      double nearest = kReach_m;
+      for (const int candidate : its.who) {
+        const TrackedObject& object = objects_[static_cast<std::size_t>(candidate)];
+        const Eigen::Vector2d place = box_place(object, time_ns, place_m);
+        const double outside = std::max(std::abs(place.x()) - 0.5 * object.track.length_m(),
+                                        std::abs(place.y()) - 0.5 * object.track.width_m());
+        if (outside < nearest) {
+          nearest = outside;
+          owner = candidate;
+        }
+      }
+    }
+    if (owner == kNobody) {
+      if (its.rest_group == kNobody) {
+        its.rest_group = static_cast<int>(groups_.size());
+        groups_.emplace_back();
+      }
+      owner = its.rest_group;  // The groups of tracks come first, in their order.
+    }
+    add_point(groups_[static_cast<std::size_t>(owner)], sweep, echo);
+  }
+  for (Group& group : groups_) {
+    finish(group, sweep, ego);
+  }
+}
+
+void Tracker::add_point(Group& group, const SweepEchoes& sweep, std::size_t echo) {
+  const Echo& its = sweep.echoes[echo];
+  group.time_ns += static_cast<std::int64_t>(1e9F * its.time_s);  // Their sum, until `finish`.
+  group.points.push_back({.place_m = sweep.origin_m + its.place_m.cast<double>(),
+                          .time_s = its.time_s,
+                          .height_m = its.height_m,
+                          .azimuth_rad = its.azimuth_rad,
+                          .range_m = its.range_m});
+}
+
+// All its points at one time: the mean of theirs.
+void Tracker::finish(Group& group, const SweepEchoes& sweep, const EgoMotion& ego) {
+  if (group.points.empty()) {
+    return;
+  }
+  const std::int64_t since_ns = group.time_ns / static_cast<std::int64_t>(group.points.size());
+  group.time_ns = sweep.begin_ns + since_ns;
+  if (group.owner != kNobody) {
+    const Eigen::Vector2d velocity =
+        objects_[static_cast<std::size_t>(group.owner)].track.velocity_mps();
+    for (ObjectPoint& point : group.points) {
+      point.place_m +=
+          (1e-9 * static_cast<double>(since_ns) - static_cast<double>(point.time_s)) * velocity;
+    }
+  }
+  const auto pose = ego.at(group.time_ns);
+  group.view = {.points = group.points,
+                .sensor_m = pose->position_m + sweep.mount_forward_m * direction(pose->heading_rad),
+                .spread_rad = sweep.spread_rad,
+                .sensor_heading_rad = pose->heading_rad};
+}
+
+// Step 3: groups of nobody, and tracks that are left over.
+void Tracker::associate() {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> pairs;
+  for (std::size_t group = 0; group < groups_.size(); ++group) {
+    const Group& its = groups_[group];
+    if (its.owner != kNobody || its.points.size() < kEchoesSeen) {
+      continue;
+    }
+    for (std::size_t index = 0; index < objects_.size(); ++index) {
+      const Track& track = objects_[index].track;
+      if (is_seen_[index] || (its.points[0].place_m - track.center_m()).norm() > kNearby_m) {
+        continue;
+      }
+      Track expected = track;
+      expected.predict(its.time_ns);
+      const double distance2 = expected.distance2(its.view, skyline_);
+      if (distance2 < kGate) {
+        pairs.emplace_back(distance2, index, group);
+      }
+    }
+  }
+  std::ranges::sort(pairs);
+  for (const auto& [distance2, index, group] : pairs) {
+    if (!is_seen_[index] && groups_[group].owner == kNobody) {
+      is_seen_[index] = true;
+      groups_[group].owner = static_cast<int>(index);
+      sight(objects_[index], groups_[group]);
+    }
+  }
+}
+
+void Tracker::sight(TrackedObject& object, const Group& group) {
+  object.track.predict(group.time_ns);
+  object.track.update(group.view, skyline_);
+  object.seen_ns = group.time_ns;
+  object.missed = 0;
+  ++object.sightings;
+  object.is_confirmed |= object.sightings >= static_cast<std::uint32_t>(config_.sightings_min);
+}
+
+void Tracker::begin_tracks() {
+  // The larger first: what lies where its box is expected belongs to it.
+  std::vector<std::pair<std::size_t, const Group*>> rest;
+  for (std::size_t index = 0; index < groups_.size(); ++index) {
+    const Group& group = groups_[index];
+    if (group.owner == kNobody &&
+        group.points.size() >= static_cast<std::size_t>(config_.echoes_min)) {
+      rest.emplace_back(index, &group);
+    }
+  }
+  std::ranges::sort(rest, [](const auto& a, const auto& b) {
+    return std::pair(b.second->points.size(), a.first) <
+           std::pair(a.second->points.size(), b.first);
+  });
+  for (const auto& [index, its_group] : rest) {
+    const Group& group = *its_group;
+    Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
+    float top_m = 0.0F;
+    for (const ObjectPoint& point : group.points) {
+      center_m += point.place_m / static_cast<double>(group.points.size());
+      top_m = std::max(top_m, point.height_m);
+    }
+    const bool is_known = std::ranges::any_of(objects_, [&](const TrackedObject& object) {
+      const Eigen::Vector2d place = box_place(object, group.time_ns, center_m);
+      return std::abs(place.x()) < 0.5 * object.track.length_m() + kMargin_m &&
+             std::abs(place.y()) < 0.5 * object.track.width_m() + kMargin_m;
+    });
+    if (is_known || top_m < kTop_m) {
+      continue;
+    }
+    const double heading =
+        first_heading(group.view, skyline_, center_m, group.view.sensor_heading_rad);
+    const BoxView box = view_box(group.view, skyline_, center_m, heading);
+    if (box.front.place_m - box.rear.place_m > config_.length_max_m ||
+        box.left.place_m - box.right.place_m > config_.width_max_m) {
+      continue;
+    }
+    TrackedObject object{.id = next_id_++,
+                         .track = Track(config_.track, group.time_ns, center_m, heading)};
+    sight(object, group);
+    objects_.push_back(std::move(object));
+  }
+}
+
+void Tracker::forget(std::int64_t time_ns, const SweepEchoes* sweep, const EgoMotion* ego) {
+  std::erase_if(objects_, [&](const TrackedObject& object) {
+    const double unseen_s = static_cast<double>(time_ns - object.seen_ns) * 1e-9;
+    if (object.missed == 0) {
+      return false;
+    }
+    if (!object.is_confirmed) {
+      return object.missed > 1;
+    }
+    if (sweep == nullptr) {
+      return unseen_s > config_.hidden_max_s;
+    }
+    const auto pose = ego->at(time_ns);
+    const double passed_s = static_cast<double>(time_ns - object.track.time_ns()) * 1e-9;
+    const Eigen::Vector2d apart = object.track.center_m() + passed_s * object.track.velocity_mps() -
+                                  pose->position_m -
+                                  sweep->mount_forward_m * direction(pose->heading_rad);
+    const double range = apart.norm();
+    const double azimuth = std::atan2(apart.y(), apart.x()) - pose->heading_rad;
+    const double half_width = std::atan2(0.5 * object.track.width_m(), range);
+    const bool is_hidden =
+        skyline_.hidden_share(azimuth, half_width, range - 0.5 * object.track.width_m()) > 0.5;
+    return range > config_.clustering.range_max_m ||
+           unseen_s > (is_hidden ? config_.hidden_max_s : config_.open_max_s);
+  });
+}
+
+// Two tracks of one object: the one that was seen more often stays.
+void Tracker::remove_doubles() {
+  std::vector<bool> is_double(objects_.size(), false);
+  for (std::size_t one = 0; one < objects_.size(); ++one) {
+    for (std::size_t other = 0; other < objects_.size(); ++other) {
+      const bool is_elder = std::pair(objects_[one].sightings, objects_[other].id) >
+                            std::pair(objects_[other].sightings, objects_[one].id);
+      if (one == other || !is_elder || is_double[one]) {
+        continue;
+      }
+      const Track& younger = objects_[other].track;
+      const Eigen::Vector2d place = box_place(objects_[one], younger.time_ns(), younger.center_m());
+      const Track& elder = objects_[one].track;
+      if (std::abs(place.x()) < 0.5 * elder.length_m() &&
+          std::abs(place.y()) < 0.5 * elder.width_m()) {
+        is_double[other] = true;
+      }
+    }
+  }
+  std::size_t index = 0;
+  std::erase_if(objects_, [&](const TrackedObject&) { return is_double[index++]; });
+}
+
+}  // namespace ads
