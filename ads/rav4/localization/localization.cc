@@ -19,14 +19,14 @@ fastcycle::ParamOptions<double> positive(double fallback, std::string unit,
           .description = std::move(description)};
 }
 
-PoseFilterConfig read_filter_config(fastcycle::Context& context) {
-  const PoseFilterConfig standard;
+ads::PoseFilterConfig read_filter_config(fastcycle::Context& context) {
+  const ads::PoseFilterConfig standard;
   const auto value = [&context](std::string_view name, double fallback, std::string unit,
                                 std::string description) {
     return context.param<double>(name, positive(fallback, std::move(unit), std::move(description)))
         .get();
   };
-  PoseFilterConfig config;
+  ads::PoseFilterConfig config;
   config.fix_bias_stddev_m = value("fix_bias_stddev_m", standard.fix_bias_stddev_m, "m",
                                    "Slow error of the receiver: its size, 1 sigma and per axis");
   config.fix_bias_time_s = value("fix_bias_time_s", standard.fix_bias_time_s, "s",
@@ -125,9 +125,9 @@ void Localization::on_fix(const gnss::Fix& message) {
   if (!plane_) {
     plane_.emplace(place);
   }
-  PlaneFix fix{.position_m = plane_->enu_from_geodetic(place).head<2>(),
-               .yaw_rad = std::nullopt,
-               .speed_mps = message.speed_mps()};
+  ads::PlaneFix fix{.position_m = plane_->enu_from_geodetic(place).head<2>(),
+                    .yaw_rad = std::nullopt,
+                    .speed_mps = message.speed_mps()};
   if (std::isfinite(message.course_deg())) {
     fix.yaw_rad = (90.0 - message.course_deg()) * kRadPerDeg;
   }
@@ -162,7 +162,7 @@ void Localization::on_wheel_speeds(const vehicle::WheelSpeeds& speeds) {
 }
 
 void Localization::publish_pose() {
-  const PoseEstimate estimate = filter_.estimate();
+  const ads::PoseEstimate estimate = filter_.estimate();
   auto pose = poses_.loan();
   pose->mutable_header()->set_taken_ns((*first_taken_ + estimate.time).count());
   pose->mutable_header()->set_frame("local_enu");

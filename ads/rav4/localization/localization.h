@@ -7,11 +7,11 @@
 #include <fastcycle/fastcycle.h>
 
 #include "common/geodesy.h"
+#include "common/pose_filter.h"
 #include "gnss/fix.pb.h"
 #include "imu/vector.pb.h"
 #include "level.h"
 #include "localization/pose.pb.h"
-#include "pose_filter.h"
 #include "receiver_clock.h"
 #include "vehicle/motion.pb.h"
 
@@ -45,7 +45,7 @@ class Localization final : public fastcycle::Component {
 
   fastcycle::Param<double> fix_delay_s_;
   Level level_;
-  PoseFilter filter_;
+  ads::PoseFilter filter_;
   fastcycle::Publisher<localization::Pose> poses_;
 
   ReceiverClock receiver_clock_;

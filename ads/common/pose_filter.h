@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-namespace rav4 {
+namespace ads {
 
 /// What the filter believes of its sensors and of the car. Standard deviations are 1 sigma.
 struct PoseFilterConfig {
@@ -19,7 +19,7 @@ struct PoseFilterConfig {
   /// Squared Mahalanobis distance beyond which a fix is an outlier; 13.8 is 99.9 % of two
   /// dimensions.
   double fix_gate = 13.8;
-  /// After so many outliers in a row the filter believes the fixes and not itself.
+  /// After so many outliers in a row the filter believes the fixes and not itself; 0: never.
   std::size_t fix_outliers_max = 20;
 
   /// True speed over wheel speed: how far from 1 it may be, and how it may wander.
@@ -44,6 +44,9 @@ struct PoseFilterConfig {
   double course_stddev_rad = 0.09;
   double course_noise_rad = 0.05;
 
+  /// Noise of one wheel speed. It does not enter the position, but what is told of the speed.
+  double wheel_noise_mps = 0.02;
+
   /// From the middle of the rear axle forward to the point whose position is estimated.
   double rear_axle_to_point_m = 1.6;
 };
@@ -53,6 +56,15 @@ struct PlaneFix {
   Eigen::Vector2d position_m{0.0, 0.0};  ///< East, north.
   std::optional<double> yaw_rad;         ///< Its course, counter-clockwise from east.
   double speed_mps = 0.0;
+};
+
+/// A pose that is known from elsewhere.
+struct KnownPose {
+  Eigen::Vector2d position_m{0.0, 0.0};
+  double yaw_rad = 0.0;
+  double speed_mps = 0.0;
+  double position_stddev_m = 1.0;  ///< Per axis.
+  double yaw_stddev_rad = 0.1;
 };
 
 /// What the filter knows at one time.
@@ -67,6 +79,9 @@ struct PoseEstimate {
   double yaw_stddev_rad = 0.0;
   double wheel_scale = 1.0;
   double gyro_bias_radps = 0.0;
+  double speed_mps = 0.0;  ///< Of the rear axle.
+  /// Of position, yaw, speed and yaw rate, in this order.
+  Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
 };
 
 /// Estimates the pose of a car from wheel speed, yaw rate and late GNSS fixes: an extended Kalman
@@ -86,8 +101,9 @@ struct PoseEstimate {
 /// present state, heading and wheel scale included, and no past state has to be kept. In a standing
 /// car the gyroscope shows its offset.
 ///
-/// Times of successive calls must not decrease; an earlier one counts as the last. There is no
-/// estimate before the first fix, and no heading before a fix with a course at some speed.
+/// Times of successive calls must not decrease; an earlier one counts as the last. It begins with
+/// the first fix, or with a known pose. Before there is no estimate, and with a fix no heading
+/// before one with a course at some speed.
 ///
 /// @threads  Confined.
 /// @realtime Bounded: it keeps the steps of at most one second, and no more than `kStepsMax`.
@@ -97,15 +113,21 @@ class PoseFilter {
 
   explicit PoseFilter(const PoseFilterConfig& config);
 
+  /// Begins, or begins anew, with a pose that is known.
+  void on_known_pose(std::chrono::nanoseconds time, const KnownPose& pose);
+
   /// The turn rate about the vertical, counter-clockwise, with the sensor's offset still in it.
   void on_yaw_rate(std::chrono::nanoseconds time, double radps);
   /// The speed of the rear axle.
   void on_wheel_speed(std::chrono::nanoseconds time, double mps);
+  /// The yaw rate that steering angle and speed make, as one measurement of the gyroscope's offset.
+  void on_steered_yaw_rate(std::chrono::nanoseconds time, double radps, double stddev_radps);
   /// A fix that arrived at `arrival` and says where the point was `age` before; an age beyond what
   /// the filter remembers is reckoned with the oldest speed. False if it was taken for an outlier.
   bool on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age, const PlaneFix& fix);
 
   [[nodiscard]] bool has_position() const { return has_position_; }
+  [[nodiscard]] std::size_t outliers_in_a_row() const { return outliers_in_a_row_; }
   /// @pre  `has_position()`
   [[nodiscard]] PoseEstimate estimate() const;
 
@@ -141,6 +163,7 @@ class PoseFilter {
   void predict(const Step& step);
   [[nodiscard]] Past look_back(double age_s) const;
   void begin(const PlaneFix& fix, double age_s);
+  void forget(int place, double stddev);
   void begin_heading(const PlaneFix& fix, double age_s);
   bool update_position(const PlaneFix& fix, const Past& past);
   void update_course(const PlaneFix& fix, const Past& past);
@@ -165,4 +188,4 @@ class PoseFilter {
   Covariance covariance_ = Covariance::Zero();
 };
 
-}  // namespace rav4
+}  // namespace ads

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace rav4 {
+namespace ads {
 namespace {
 
 using std::chrono::nanoseconds;
@@ -223,4 +223,4 @@ TEST(PoseFilter, TimeThatGoesBackDoesNoHarm) {
 }
 
 }  // namespace
-}  // namespace rav4
+}  // namespace ads

@@ -7,7 +7,7 @@
 
 #include <Eigen/LU>
 
-namespace rav4 {
+namespace ads {
 namespace {
 
 // Places in the state.
@@ -50,6 +50,22 @@ PoseFilter::PoseFilter(const PoseFilterConfig& config) : config_(config) {
   covariance_(kGyroBias, kGyroBias) = squared(config.gyro_bias_stddev_radps);
 }
 
+void PoseFilter::on_known_pose(std::chrono::nanoseconds time, const KnownPose& pose) {
+  advance_to(time);
+  has_position_ = true;
+  has_heading_ = true;
+  outliers_in_a_row_ = 0;
+  wheel_speed_mps_ = pose.speed_mps;
+  state_.segment<2>(kEast) = pose.position_m;
+  state_[kYaw] = wrapped(pose.yaw_rad);
+  state_.segment<2>(kFixBias).setZero();
+  forget(kEast, pose.position_stddev_m);
+  forget(kNorth, pose.position_stddev_m);
+  forget(kYaw, pose.yaw_stddev_rad);
+  forget(kFixBias, config_.fix_bias_stddev_m);
+  forget(kFixBias + 1, config_.fix_bias_stddev_m);
+}
+
 void PoseFilter::on_yaw_rate(std::chrono::nanoseconds time, double radps) {
   advance_to(time);
   yaw_rate_radps_ = radps;
@@ -63,6 +79,16 @@ void PoseFilter::on_wheel_speed(std::chrono::nanoseconds time, double mps) {
   wheel_speed_mps_ = mps;
 }
 
+void PoseFilter::on_steered_yaw_rate(std::chrono::nanoseconds time, double radps,
+                                     double stddev_radps) {
+  advance_to(time);
+  State jacobian = State::Zero();
+  jacobian[kGyroBias] = 1.0;
+  update_scalar(jacobian, {.innovation = yaw_rate_radps_ - radps - state_[kGyroBias],
+                           .noise = std::hypot(stddev_radps, config_.gyro_noise_radps),
+                           .gate = kCourseGate});
+}
+
 bool PoseFilter::on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age,
                         const PlaneFix& fix) {
   const double age_s = std::chrono::duration<double>(age).count();
@@ -73,7 +99,7 @@ bool PoseFilter::on_fix(std::chrono::nanoseconds arrival, std::chrono::nanosecon
   const Past past = look_back(age_s);
   if (!update_position(fix, past)) {
     outliers_in_a_row_ += 1;
-    if (outliers_in_a_row_ >= config_.fix_outliers_max) {
+    if (config_.fix_outliers_max > 0 && outliers_in_a_row_ >= config_.fix_outliers_max) {
       begin(fix, age_s);
     }
     return false;
@@ -102,6 +128,14 @@ PoseEstimate PoseFilter::estimate() const {
   estimate.yaw_stddev_rad = std::sqrt(covariance_(kYaw, kYaw));
   estimate.wheel_scale = state_[kScale];
   estimate.gyro_bias_radps = state_[kGyroBias];
+  estimate.speed_mps = state_[kScale] * wheel_speed_mps_;
+  Eigen::Matrix<double, 5, kSize> jacobian = Eigen::Matrix<double, 5, kSize>::Zero();
+  jacobian.topLeftCorner<3, 3>().setIdentity();
+  jacobian(3, kScale) = wheel_speed_mps_;
+  jacobian(4, kGyroBias) = -1.0;
+  estimate.covariance = jacobian * covariance_ * jacobian.transpose();
+  estimate.covariance(3, 3) += squared(config_.wheel_noise_mps);
+  estimate.covariance(4, 4) += squared(config_.gyro_noise_radps);
   return estimate;
 }
 
@@ -218,11 +252,6 @@ void PoseFilter::begin(const PlaneFix& fix, double age_s) {
   has_position_ = true;
   has_heading_ = false;
   outliers_in_a_row_ = 0;
-  const auto forget = [this](int place, double stddev) {
-    covariance_.row(place).setZero();
-    covariance_.col(place).setZero();
-    covariance_(place, place) = squared(stddev);
-  };
   state_.segment<2>(kEast) = fix.position_m;
   state_[kYaw] = 0.0;
   state_.segment<2>(kFixBias).setZero();
@@ -232,6 +261,12 @@ void PoseFilter::begin(const PlaneFix& fix, double age_s) {
   forget(kFixBias, config_.fix_bias_stddev_m);
   forget(kFixBias + 1, config_.fix_bias_stddev_m);
   begin_heading(fix, age_s);
+}
+
+void PoseFilter::forget(int place, double stddev) {
+  covariance_.row(place).setZero();
+  covariance_.col(place).setZero();
+  covariance_(place, place) = squared(stddev);
 }
 
 // Until now the position was that of the fix as it arrived; from now on it is reckoned forward.
@@ -314,4 +349,4 @@ void PoseFilter::update_scalar(const State& jacobian, const Scalar& scalar) {
       rest * covariance_ * rest.transpose() + squared(scalar.noise) * gain * gain.transpose();
 }
 
-}  // namespace rav4
+}  // namespace ads

@@ -1,0 +1,279 @@
+#include "localization.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace ads {
+namespace {
+
+class Reader {
+ public:
+  explicit Reader(fastcycle::Context& context) : context_(context) {}
+
+  double operator()(std::string_view name, double fallback, std::string unit,
+                    std::string description) {
+    return context_
+        .param<double>(name, {.fallback = fallback,
+                              .min = 1e-9,
+                              .max = 1e6,
+                              .unit = std::move(unit),
+                              .description = std::move(description)})
+        .get();
+  }
+
+ private:
+  fastcycle::Context& context_;
+};
+
+PoseFilterConfig read_pose_config(fastcycle::Context& context) {
+  Reader read(context);
+  PoseFilterConfig config;
+  config.fix_outliers_max = 0;
+  config.fix_noise_m = read("fix_noise_m", 0.1, "m", "Error that is new with every fix, per axis");
+  config.fix_bias_stddev_m =
+      read("fix_bias_stddev_m", 0.15, "m", "Slow error of the receiver, per axis");
+  config.fix_bias_time_s = read("fix_bias_time_s", 60.0, "s", "Its correlation time");
+  config.fix_gate = read("fix_gate", config.fix_gate, "1",
+                         "Squared Mahalanobis distance beyond which a fix is rejected");
+  config.wheel_scale_stddev =
+      read("wheel_scale_stddev", 0.005, "1", "True speed over wheel speed: how far from 1");
+  config.wheel_scale_walk_per_sqrt_s =
+      read("wheel_scale_walk_per_sqrt_s", 1e-4, "1/sqrt(s)", "Its random walk");
+  config.distance_walk_m_per_sqrt_s =
+      read("distance_walk_m_per_sqrt_s", 0.02, "m/sqrt(s)", "Of the position, along the heading");
+  config.slip_walk_m_per_sqrt_s =
+      read("slip_walk_m_per_sqrt_s", 0.02, "m/sqrt(s)", "The same across it");
+  config.yaw_walk_rad_per_sqrt_s =
+      read("yaw_walk_rad_per_sqrt_s", 0.0005, "rad/sqrt(s)", "Of the heading");
+  config.gyro_bias_stddev_radps =
+      read("gyro_bias_stddev_radps", 0.002, "rad/s", "Offset of the gyroscope");
+  config.gyro_bias_walk_radps_per_sqrt_s =
+      read("gyro_bias_walk_radps_per_sqrt_s", 1e-4, "rad/s/sqrt(s)", "Its random walk");
+  config.gyro_noise_radps =
+      read("gyro_noise_radps", 0.0028, "rad/s", "Noise of one measurement of the gyroscope");
+  config.wheel_noise_mps = 0.0;  // The speed is told by its own filter.
+  config.rear_axle_to_point_m =
+      read("rear_axle_to_center_m", 1.29, "m", "From the rear axle to the vehicle's centre");
+  return config;
+}
+
+SpeedFilterConfig read_speed_config(fastcycle::Context& context) {
+  Reader read(context);
+  SpeedFilterConfig config;
+  config.wheel_noise_mps =
+      read("wheel_noise_mps", config.wheel_noise_mps, "m/s", "Noise of one wheel speed");
+  config.acceleration_noise_mps2 = read("acceleration_noise_mps2", config.acceleration_noise_mps2,
+                                        "m/s^2", "Noise of one acceleration");
+  config.acceleration_bias_mps2 = read("acceleration_bias_mps2", config.acceleration_bias_mps2,
+                                       "m/s^2", "Offset of the accelerometer");
+  config.jerk_mps3_per_sqrt_hz = read("jerk_mps3_per_sqrt_hz", config.jerk_mps3_per_sqrt_hz,
+                                      "m/s^3/sqrt(Hz)", "How fast the acceleration changes");
+  return config;
+}
+
+QualityLimits read_limits(fastcycle::Context& context) {
+  Reader read(context);
+  QualityLimits limits;
+  limits.fix_uncertain_s =
+      read("fix_uncertain_s", limits.fix_uncertain_s, "s", "Without a good fix it is uncertain");
+  limits.fix_lost_s = read("fix_lost_s", limits.fix_lost_s, "s", "And from then on lost");
+  limits.position_uncertain_m = read("position_uncertain_m", limits.position_uncertain_m, "m",
+                                     "Standard deviation from which it is uncertain");
+  limits.position_lost_m =
+      read("position_lost_m", limits.position_lost_m, "m", "And from which it is lost");
+  limits.heading_uncertain_rad = read("heading_uncertain_rad", limits.heading_uncertain_rad, "rad",
+                                      "Standard deviation from which it is uncertain");
+  limits.heading_lost_rad =
+      read("heading_lost_rad", limits.heading_lost_rad, "rad", "And from which it is lost");
+  const auto count = [&context](std::string_view name, std::size_t fallback,
+                                std::string description) {
+    return context
+        .param<std::size_t>(name,
+                            {.fallback = fallback, .min = 1, .description = std::move(description)})
+        .get();
+  };
+  limits.rejected_uncertain =
+      count("rejected_uncertain", limits.rejected_uncertain, "Rejected fixes in a row: uncertain");
+  limits.rejected_lost =
+      count("rejected_lost", limits.rejected_lost, "Rejected fixes in a row: lost");
+  limits.input_lost_s = read("input_lost_s", limits.input_lost_s, "s",
+                             "Without motion or vehicle state for so long it is lost");
+  return limits;
+}
+
+}  // namespace
+
+Localization::Localization(fastcycle::Context& context)
+    : Component(context),
+      limits_(read_limits(context)),
+      wheelbase_m_(context.param<double>(
+          "wheelbase_m",
+          {.fallback = 2.58, .min = 0.1, .max = 20.0, .unit = "m", .description = "Axle to axle"})),
+      steering_noise_radps_(context.param<double>(
+          "steering_noise_radps",
+          {.fallback = 0.02,
+           .min = 1e-6,
+           .max = 10.0,
+           .unit = "rad/s",
+           .description = "Error of the yaw rate that the steering makes, when straight"})),
+      steering_noise_share_(context.param<double>(
+          "steering_noise_share", {.fallback = 0.1,
+                                   .min = 0.0,
+                                   .max = 1.0,
+                                   .unit = "1",
+                                   .description = "And beside that, the share of that yaw rate"})),
+      pose_(read_pose_config(context)),
+      speed_(read_speed_config(context)),
+      egos_(context.create_publisher<localization::Ego>("localization/ego")) {
+  context.create_subscriber<mission::InitialPose>(
+      "mission/initial_pose", [this](const mission::InitialPose& pose) { on_initial_pose(pose); });
+  context.create_subscriber<gnss::Position>(
+      "gnss/position", [this](const gnss::Position& position) { on_position(position); });
+  context.create_subscriber<imu::Motion>("imu/motion",
+                                         [this](const imu::Motion& motion) { on_motion(motion); });
+  context.create_subscriber<vehicle::State>(
+      "vehicle/state", [this](const vehicle::State& state) { on_vehicle_state(state); });
+}
+
+void Localization::stop() {
+  report("fixes", fix_count_);
+  report("fixes_rejected", rejected_count_);
+  report("inputs_invalid", invalid_count_);
+  report("estimates_uncertain", uncertain_count_);
+  report("estimates_lost", lost_count_);
+  if (pose_.has_position()) {
+    report("wheel_scale", pose_.estimate().wheel_scale);
+    report("gyro_bias_radps", pose_.estimate().gyro_bias_radps);
+  }
+}
+
+template <typename Measurement>
+Localization::Time Localization::time_of(const Measurement& message) {
+  const Time taken(message.header().taken_ns());
+  if (!first_taken_) {
+    first_taken_ = taken;
+  }
+  return taken - *first_taken_;
+}
+
+void Localization::on_initial_pose(const mission::InitialPose& pose) {
+  const KnownPose known{.position_m = {pose.x_m(), pose.y_m()},
+                        .yaw_rad = pose.heading_rad(),
+                        .speed_mps = pose.speed_mps(),
+                        .position_stddev_m = std::max(pose.position_stddev_m(), 1e-3),
+                        .yaw_stddev_rad = std::max(pose.heading_stddev_rad(), 1e-4)};
+  if (!known.position_m.allFinite() || !std::isfinite(known.yaw_rad) ||
+      !std::isfinite(known.speed_mps) || !std::isfinite(known.position_stddev_m) ||
+      !std::isfinite(known.yaw_stddev_rad)) {
+    ++invalid_count_;
+    return;
+  }
+  newest_ = std::max(newest_, time_of(pose));
+  pose_.on_known_pose(newest_, known);
+  heard_.good_fix = newest_;
+}
+
+void Localization::on_position(const gnss::Position& position) {
+  const PlaneFix fix{.position_m = {position.x_m(), position.y_m()}, .yaw_rad = std::nullopt};
+  if (!fix.position_m.allFinite()) {
+    ++invalid_count_;
+    return;
+  }
+  if (!pose_.has_position()) {
+    return;  // It has no heading: the initial pose comes from the mission.
+  }
+  const Time taken = time_of(position);
+  newest_ = std::max(newest_, taken);
+  ++fix_count_;
+  if (pose_.on_fix(newest_, newest_ - taken, fix)) {
+    heard_.good_fix = newest_;
+  } else {
+    ++rejected_count_;
+  }
+}
+
+void Localization::on_motion(const imu::Motion& motion) {
+  if (!std::isfinite(motion.yaw_rate_radps()) || !std::isfinite(motion.forward_mps2())) {
+    ++invalid_count_;
+    return;
+  }
+  newest_ = std::max(newest_, time_of(motion));
+  heard_.motion = newest_;
+  pose_.on_yaw_rate(newest_, motion.yaw_rate_radps());
+  speed_.on_acceleration(newest_, motion.forward_mps2());
+  publish();
+}
+
+void Localization::on_vehicle_state(const vehicle::State& state) {
+  if (!std::isfinite(state.speed_mps()) || !std::isfinite(state.steering_rad())) {
+    ++invalid_count_;
+    return;
+  }
+  newest_ = std::max(newest_, time_of(state));
+  heard_.vehicle_state = newest_;
+  pose_.on_wheel_speed(newest_, state.speed_mps());
+  speed_.on_wheel_speed(newest_, state.speed_mps());
+  const double steered = state.speed_mps() * std::tan(state.steering_rad()) / wheelbase_m_.get();
+  if (heard_.motion) {
+    pose_.on_steered_yaw_rate(
+        newest_, steered,
+        steering_noise_radps_.get() + steering_noise_share_.get() * std::abs(steered));
+  }
+  // Else it is told with the next motion.
+  if (std::chrono::duration<double>(newest_ - heard_.motion.value_or(newest_)).count() >
+      limits_.input_lost_s) {
+    publish();
+  }
+}
+
+void Localization::publish() {
+  auto ego = egos_.loan();
+  ego->mutable_header()->set_taken_ns((*first_taken_ + newest_).count());
+  ego->mutable_header()->set_frame("map");
+  if (!pose_.has_position()) {
+    ego->set_quality(localization::INITIALIZING);
+    ego->set_reason("there was no mission/initial_pose");
+    egos_.publish(std::move(ego));
+    return;
+  }
+  PoseEstimate estimate = pose_.estimate();
+  estimate.covariance(3, 3) += speed_.speed_variance();
+  ego->set_x_m(estimate.position_m.x());
+  ego->set_y_m(estimate.position_m.y());
+  ego->set_heading_rad(estimate.yaw_rad);
+  const bool has_speed = heard_.vehicle_state.has_value();
+  ego->set_speed_mps(has_speed ? estimate.wheel_scale * speed_.speed_mps() : estimate.speed_mps);
+  ego->set_acceleration_mps2(has_speed ? speed_.acceleration_mps2() : 0.0);
+  ego->set_yaw_rate_radps(estimate.yaw_rate_radps);
+  for (int row = 0; row < 5; ++row) {
+    for (int column = 0; column < 5; ++column) {
+      ego->add_covariance(estimate.covariance(row, column));
+    }
+  }
+  const Judgement judgement = judge_estimate(estimate);
+  ego->set_quality(judgement.quality);
+  ego->set_reason(judgement.reason);
+  uncertain_count_ += judgement.quality == localization::UNCERTAIN ? 1 : 0;
+  lost_count_ += judgement.quality == localization::LOST ? 1 : 0;
+  egos_.publish(std::move(ego));
+}
+
+Judgement Localization::judge_estimate(const PoseEstimate& estimate) const {
+  const auto since = [this](const std::optional<Time>& heard) {
+    return std::chrono::duration<double>(newest_ - heard.value_or(Time(0))).count();
+  };
+  return judge(limits_, {.since_fix_s = since(heard_.good_fix),
+                         .position_stddev_m = std::sqrt(
+                             std::max(estimate.covariance(0, 0), estimate.covariance(1, 1))),
+                         .heading_stddev_rad = std::sqrt(estimate.covariance(2, 2)),
+                         .rejected = pose_.outliers_in_a_row(),
+                         .since_vehicle_state_s = since(heard_.vehicle_state),
+                         .since_motion_s = since(heard_.motion)});
+}
+
+}  // namespace ads
+
+FASTCYCLE_COMPONENT(ads::Localization)

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+#include <fastcycle/fastcycle.h>
+
+#include "common/pose_filter.h"
+#include "gnss/position.pb.h"
+#include "imu/motion.pb.h"
+#include "localization/ego.pb.h"
+#include "mission/goal.pb.h"
+#include "quality.h"
+#include "speed_filter.h"
+#include "vehicle/state.pb.h"
+
+namespace ads {
+
+/// Estimates where the ego vehicle is and how it moves; see `PoseFilter` and `SpeedFilter`.
+///
+/// In:   `mission/initial_pose`, `gnss/position`, `imu/motion`, `vehicle/state`
+/// Out:  `localization/ego`, with every inertial measurement
+class Localization final : public fastcycle::Component {
+ public:
+  explicit Localization(fastcycle::Context& context);
+  void stop() override;
+
+ private:
+  using Time = std::chrono::nanoseconds;
+
+  // When something was last heard of.
+  struct Heard {
+    std::optional<Time> motion;
+    std::optional<Time> vehicle_state;
+    std::optional<Time> good_fix;
+  };
+
+  // Times that the filters reckon with: since the first message, so that they are small. None goes
+  // back.
+  template <typename Measurement>
+  Time time_of(const Measurement& message);
+
+  void on_initial_pose(const mission::InitialPose& pose);
+  void on_position(const gnss::Position& position);
+  void on_motion(const imu::Motion& motion);
+  void on_vehicle_state(const vehicle::State& state);
+  void publish();
+  [[nodiscard]] Judgement judge_estimate(const PoseEstimate& estimate) const;
+
+  const QualityLimits limits_;
+  fastcycle::Param<double> wheelbase_m_;
+  fastcycle::Param<double> steering_noise_radps_;
+  fastcycle::Param<double> steering_noise_share_;
+  PoseFilter pose_;
+  SpeedFilter speed_;
+  fastcycle::Publisher<localization::Ego> egos_;
+
+  std::optional<Time> first_taken_;
+  Time newest_{};
+  Heard heard_;
+  std::int64_t fix_count_ = 0;
+  std::int64_t rejected_count_ = 0;
+  std::int64_t invalid_count_ = 0;
+  std::int64_t lost_count_ = 0;
+  std::int64_t uncertain_count_ = 0;
+};
+
+}  // namespace ads

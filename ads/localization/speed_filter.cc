@@ -1,0 +1,62 @@
+#include "speed_filter.h"
+
+#include <algorithm>
+
+namespace ads {
+namespace {
+
+constexpr double kSpeed_mps = 50.0;
+constexpr double kAcceleration_mps2 = 3.0;
+constexpr double kLongestGap_s = 1.0;
+
+double squared(double value) {
+  return value * value;
+}
+
+}  // namespace
+
+SpeedFilter::SpeedFilter(const SpeedFilterConfig& config) : config_(config) {
+  covariance_ = Eigen::Vector3d(squared(kSpeed_mps), squared(kAcceleration_mps2),
+                                squared(config.acceleration_bias_mps2))
+                    .asDiagonal();
+}
+
+void SpeedFilter::on_wheel_speed(std::chrono::nanoseconds time, double mps) {
+  advance_to(time);
+  update({1.0, 0.0, 0.0}, mps, config_.wheel_noise_mps);
+}
+
+void SpeedFilter::on_acceleration(std::chrono::nanoseconds time, double mps2) {
+  advance_to(time);
+  update({0.0, 1.0, 1.0}, mps2, config_.acceleration_noise_mps2);
+}
+
+void SpeedFilter::advance_to(std::chrono::nanoseconds time) {
+  const double passed_s = std::chrono::duration<double>(time - time_.value_or(time)).count();
+  time_ = std::max(time, time_.value_or(time));
+  if (passed_s <= 0.0) {
+    return;
+  }
+  if (passed_s > kLongestGap_s) {
+    // What the acceleration was says nothing any more.
+    state_[1] = 0.0;
+    covariance_(0, 0) = squared(kSpeed_mps);
+    covariance_(1, 1) = squared(kAcceleration_mps2);
+    return;
+  }
+  Eigen::Matrix3d jacobian = Eigen::Matrix3d::Identity();
+  jacobian(0, 1) = passed_s;
+  state_ = jacobian * state_;
+  covariance_ = jacobian * covariance_ * jacobian.transpose();
+  covariance_(1, 1) += squared(config_.jerk_mps3_per_sqrt_hz) * passed_s;
+}
+
+void SpeedFilter::update(const Eigen::Vector3d& jacobian, double measured, double noise) {
+  const Eigen::Vector3d spread = covariance_ * jacobian;
+  const Eigen::Vector3d gain = spread / (jacobian.dot(spread) + squared(noise));
+  state_ += gain * (measured - jacobian.dot(state_));
+  const Eigen::Matrix3d rest = Eigen::Matrix3d::Identity() - gain * jacobian.transpose();
+  covariance_ = rest * covariance_ * rest.transpose() + squared(noise) * gain * gain.transpose();
+}
+
+}  // namespace ads
