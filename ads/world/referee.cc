@@ -57,7 +57,7 @@ void Referee::watch(double time_s, double seconds, const EgoState& ego, const Bo
                     std::span<const Body> bodies) {
   for (const Body& body : bodies) {
     if (!smallest_gap_) {
-      smallest_gap_.emplace();
+      smallest_gap_ = Gap();
     }
     // Boxes whose circles are farther apart need no closer look.
     const double reach_m =
