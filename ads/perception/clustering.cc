@@ -8,7 +8,7 @@ namespace {
 
 constexpr double kCell_m = 0.2;
 // A side seen at a grazing angle: some metres beside the line of sight.
-constexpr double kAside_m = 1.2;
+constexpr double kAside_m = 1.6;
 
 double squared(double value) {
   return value * value;

@@ -143,6 +143,22 @@ TEST_F(PerceptionTest, IdsStayTheSame) {
   EXPECT_EQ(after.objects(1).id(), before.objects(1).id());
 }
 
+TEST(PerceptionRuns, SameSweepsGiveTheSameBytes) {
+  const auto run = [] {
+    class Run : public PerceptionTest {
+     public:
+      void TestBody() override {}
+      std::string bytes() {
+        bench_.start();
+        return drive(8).SerializeAsString();
+      }
+    };
+    return Run().bytes();
+  };
+
+  EXPECT_EQ(run(), run());
+}
+
 TEST_F(PerceptionTest, ObjectsHoldForTheEndOfTheSweep) {
   bench_.start();
   const auto sweep = turn();

@@ -22,6 +22,7 @@ constexpr double kBoundStddev_m = 0.1;
 constexpr double kGate = 9.0;
 constexpr double kHolds_m = 0.3;
 constexpr int kAstrayMax = 4;
+constexpr int kMisfitsMax = 3;
 constexpr double kDependence = 0.25;  // Squared correlation.
 
 double squared(double value) {
@@ -87,7 +88,7 @@ void Track::predict(std::int64_t time_ns) {
 }
 
 void Track::update(const ObjectView& view, const Skyline& skyline) {
-  const double near_heading = heading_by_closeness(view, heading_[0], kTurn_rad);
+  const double near_heading = near_heading_of(view);
   if (const auto seen = heading_of_faces(view, center_m(), near_heading)) {
     const Eigen::Vector2d nearest_m = nearest_point(view.sensor_m);
     const double before = heading_[0];
@@ -137,6 +138,19 @@ void Track::turn_about(const Eigen::Vector2d& point_m, double turn_rad) {
   Covariance jacobian = Covariance::Identity();
   jacobian.topLeftCorner<2, 2>() = turn.toRotationMatrix();
   covariance_ = jacobian * covariance_ * jacobian.transpose();
+}
+
+// The heading of the rectangle that fits. If that is far off several times, it is believed.
+double Track::near_heading_of(const ObjectView& view) {
+  const double best = heading_by_closeness(view, heading_[0], 0.25 * kPi);
+  const bool is_near = std::abs(best - heading_[0]) < kTurn_rad;
+  misfits_ = is_near ? 0 : misfits_ + 1;
+  if (misfits_ > kMisfitsMax) {
+    misfits_ = 0;
+    turn_to(best);
+    return best;
+  }
+  return is_near ? best : heading_by_closeness(view, heading_[0], kTurn_rad);
 }
 
 // Edges from the centre.

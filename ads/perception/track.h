@@ -79,6 +79,7 @@ class Track {
 
   void begin_size();
   void update_heading(double heading_rad, double stddev_rad);
+  [[nodiscard]] double near_heading_of(const ObjectView& view);
   void doubt_size(const Edge& high, const Edge& low, int axis);
   void update_edge(const Edge& edge, int axis, double sign);
   [[nodiscard]] Eigen::Vector2d nearest_point(const Eigen::Vector2d& sensor_m) const;
@@ -95,6 +96,7 @@ class Track {
   double height_m_ = 0.0;
   bool has_course_ = false;  // Its direction of motion is known.
   int astray_ = 0;           // Sweeps in a row in which it moved across its heading.
+  int misfits_ = 0;          // And in which another heading fitted better.
 };
 
 }  // namespace ads

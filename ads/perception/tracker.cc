@@ -23,6 +23,7 @@ constexpr double kReach_m = 4.0;     // Echoes of its group, farther away, are n
 constexpr double kOwnedShare = 0.3;  // Of a group, for its rest to be the track's as well.
 constexpr std::size_t kEchoesSeen = 3;
 constexpr float kTop_m = 0.4F;        // Lower things do not begin a track.
+constexpr float kUpright_m = 0.25F;   // What is flatter is no wall.
 constexpr double kSideFrom_m = 2.7;   // No car is wider.
 constexpr double kFrontFrom_m = 1.2;  // Nor narrower.
 
@@ -306,16 +307,19 @@ void Tracker::begin_tracks() {
     const Group& group = *its_group;
     Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
     float top_m = 0.0F;
+    float bottom_m = std::numeric_limits<float>::infinity();
     for (const ObjectPoint& point : group.points) {
       center_m += point.place_m / static_cast<double>(group.points.size());
       top_m = std::max(top_m, point.height_m);
+      bottom_m = std::min(bottom_m, point.height_m);
     }
     const bool is_known = std::ranges::any_of(objects_, [&](const TrackedObject& object) {
       const Eigen::Vector2d place = box_place(object, group.time_ns, center_m);
       return std::abs(place.x()) < 0.5 * object.track.length_m() + kMargin_m &&
              std::abs(place.y()) < 0.5 * object.track.width_m() + kMargin_m;
     });
-    if (is_known || top_m < kTop_m) {
+    // What is flat is a roof, maybe that of an object of which other parts are followed.
+    if (is_known || top_m < kTop_m || top_m - bottom_m < kUpright_m) {
       continue;
     }
     const double heading =
@@ -335,6 +339,10 @@ void Tracker::begin_tracks() {
 void Tracker::forget(std::int64_t time_ns, const SweepEchoes* sweep, const EgoMotion* ego) {
   std::erase_if(objects_, [&](const TrackedObject& object) {
     const double unseen_s = static_cast<double>(time_ns - object.seen_ns) * 1e-9;
+    if (object.track.length_m() > config_.length_max_m ||
+        object.track.width_m() > config_.width_max_m) {
+      return true;  // Two that were taken for one, or no vehicle.
+    }
     if (object.missed == 0) {
       return false;
     }

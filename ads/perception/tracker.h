@@ -24,7 +24,7 @@ struct TrackerConfig {
   double hidden_max_s = 2.0;
   /// What is larger is no object.
   double length_max_m = 25.0;
-  double width_max_m = 5.0;
+  double width_max_m = 3.2;
 };
 
 /// Echoes of one sweep, and how they were taken.
