@@ -616,6 +616,9 @@ TEST_F(Flight, TheNextStartDumpsWhatAKilledRunHadPublished) {
     EXPECT_EQ(dump.problem, "");
     EXPECT_THAT(dump.file.filename().string(), HasSubstr("_crash"));
     const Content content = content_of(dump.file);
+    if (sure == 0 && content.numbers.empty()) {
+      continue;  // Killed when the recorder had come by for what begins a run, and nothing else.
+    }
     ASSERT_FALSE(content.numbers.empty());
     EXPECT_EQ(content.numbers, numbers_between(content.numbers.front(), content.numbers.back()));
     EXPECT_GE(content.numbers.back(), sure);
