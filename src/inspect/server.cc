@@ -349,7 +349,9 @@ void Server::look() {
     }
     write(*client, now_ns);
   }
-  next_look_ns_ = now_ns + kLookNs;
+  next_look_ns_ =
+      now_ns +
+      taps_.wait_for_pause(application_.clock().now(), std::chrono::nanoseconds(kLookNs)).count();
 }
 
 void Server::give_log() {

@@ -4,6 +4,8 @@
 #include <string>
 #include <utility>
 
+#include "inspect/pause.h"
+
 namespace fastcycle::inspect {
 namespace {
 
@@ -180,6 +182,8 @@ void Tap::hand(const detail::PublisherCore& publisher, detail::Envelope& envelop
   if (message_bytes_ == 0) {
     message_bytes_ = envelope.payload->SpaceUsedLong();
   }
+  before_newest_ = newest_;
+  newest_ = envelope.info.publish_time;
   for (const User& user : users_) {
     user.user->take(publisher, envelope);
   }
@@ -231,6 +235,20 @@ void Taps::look() {
     tap->take();
   }
   std::erase_if(leaving_, [](const auto& tap) { return tap->has_left(); });
+}
+
+std::chrono::nanoseconds Taps::wait_for_pause(Time now, std::chrono::nanoseconds period) const {
+  const Tap* last = nullptr;
+  for (const auto& [topic, tap] : taps_) {
+    if (last == nullptr || tap->newest() > last->newest()) {
+      last = tap.get();
+    }
+  }
+  if (last == nullptr) {
+    return period;
+  }
+  return inspect::wait_for_pause(last->newest() - last->before_newest(), now - last->newest(),
+                                 period);
 }
 
 std::uint64_t Taps::message_bytes(const detail::Topic& topic) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -62,6 +63,10 @@ class Tap {
 
   /// Of the last message that was looked at, in memory; 0 before.
   [[nodiscard]] std::uint64_t message_bytes() const noexcept { return message_bytes_; }
+  /// When the last message that was looked at was published, and the one before it; the epoch:
+  /// never.
+  [[nodiscard]] Time newest() const noexcept { return newest_; }
+  [[nodiscard]] Time before_newest() const noexcept { return before_newest_; }
 
   detail::Topic& topic;
 
@@ -91,6 +96,8 @@ class Tap {
   std::deque<Kept> kept_;                              ///< Of a latched topic.
   std::uint64_t message_bytes_ = 0;
   std::size_t depth_ = 0;
+  Time newest_;
+  Time before_newest_;
 };
 
 /// The taps of one application: at most one for each topic.
@@ -108,6 +115,9 @@ class Taps {
   /// Gives what came; ends taps without users.
   void look();
   [[nodiscard]] bool is_used() const noexcept { return !taps_.empty(); }
+  /// From `now` to the next look, about `period`: see `pause.h`, for the topic published last.
+  [[nodiscard]] std::chrono::nanoseconds wait_for_pause(Time now,
+                                                        std::chrono::nanoseconds period) const;
   /// What was seen of the size of messages of `topic`, in memory; 0: nothing.
   [[nodiscard]] std::uint64_t message_bytes(const detail::Topic& topic) const;
 
