@@ -16,7 +16,9 @@ class Recorder final : public fastcycle::Component {
   explicit Recorder(fastcycle::Context& context) : Component(context) {
     using fastcycle::config::Compression;
     fastcycle::config::RecordDescription record;
-    record.file = context.param<fastcycle::Path>("file").get();
+    record.file =
+        context.param<fastcycle::Path>("file", {.fallback = fastcycle::Path("recording.mcap")})
+            .get();
     record.topics = context.param<Texts>("topics", {.fallback = Texts{}}).get();
     record.except = context.param<Texts>("except", {.fallback = Texts{}}).get();
     record.compression =
