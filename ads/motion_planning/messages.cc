@@ -1,0 +1,177 @@
+#include "messages.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "common/plane.h"
+
+namespace motion_planning {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+std::vector<Eigen::Vector2d> centre_of(const hd_map::Lane& lane) {
+  std::vector<Eigen::Vector2d> centre;
+  const int count = std::min(lane.left().x_m_size(), lane.right().x_m_size());
+  for (int index = 0; index < count; ++index) {
+    centre.emplace_back(0.5 * (lane.left().x_m(index) + lane.right().x_m(index)),
+                        0.5 * (lane.left().y_m(index) + lane.right().y_m(index)));
+  }
+  return centre;
+}
+
+double width_of(const hd_map::Lane& lane) {
+  const int middle = lane.left().x_m_size() / 2;
+  return std::hypot(lane.left().x_m(middle) - lane.right().x_m(middle),
+                    lane.left().y_m(middle) - lane.right().y_m(middle));
+}
+
+Interval interval_of(const mission::Interval& interval) {
+  return {.low = interval.low(), .high = interval.high()};
+}
+
+PredictedWay way_of(const prediction::Hypothesis& hypothesis, double age_s) {
+  PredictedWay way{.probability = hypothesis.probability(), .first_s = -age_s, .states = {}};
+  for (const prediction::Point& point : hypothesis.points()) {
+    way.states.push_back({.x_m = point.x_m(),
+                          .y_m = point.y_m(),
+                          .heading_rad = point.heading_rad(),
+                          .speed_mps = point.speed_mps(),
+                          .along_stddev_m = point.along_stddev_m(),
+                          .across_stddev_m = point.across_stddev_m()});
+  }
+  if (hypothesis.points_size() > 1) {
+    way.step_s = hypothesis.points(1).time_s() - hypothesis.points(0).time_s();
+  }
+  return way;
+}
+
+bool is_finite(const PredictedWay& way) {
+  return way.step_s > 0.0 && std::isfinite(way.probability) &&
+         std::ranges::all_of(way.states, [](const PredictedState& state) {
+           return std::isfinite(state.x_m) && std::isfinite(state.y_m) &&
+                  std::isfinite(state.heading_rad) && std::isfinite(state.speed_mps) &&
+                  std::isfinite(state.along_stddev_m) && std::isfinite(state.across_stddev_m);
+         });
+}
+
+}  // namespace
+
+Road road_of(const hd_map::Route& route, const hd_map::Tile* tile) {
+  const hd_map::Line& line = route.reference();
+  std::vector<RoadPoint> points;
+  for (int index = 0; index < std::min(line.x_m_size(), line.y_m_size()); ++index) {
+    const auto value = [index](const auto& values, double fallback) {
+      return index < values.size() ? values[index] : fallback;
+    };
+    points.push_back({.x_m = line.x_m(index),
+                      .y_m = line.y_m(index),
+                      .left_edge_m = value(route.left_edge_m(), 0.0),
+                      .right_edge_m = value(route.right_edge_m(), 0.0),
+                      .speed_limit_mps = value(route.speed_limit_mps(), 0.0)});
+  }
+  Road road(points);
+  if (tile != nullptr && !road.is_empty()) {
+    for (const hd_map::Lane& lane : tile->lanes()) {
+      const std::vector<Eigen::Vector2d> centre = centre_of(lane);
+      if (lane.type() != hd_map::CROSSING && centre.size() > 1) {
+        road.add_lane(centre);
+      }
+    }
+  }
+  return road;
+}
+
+std::vector<TrafficObject> objects_of(const prediction::Predictions& predictions, double age_s) {
+  std::vector<TrafficObject> objects;
+  for (const prediction::PredictedObject& predicted : predictions.objects()) {
+    const perception::Object& object = predicted.object().object();
+    TrafficObject known{.id = object.id(),
+                        .length_m = object.length_m(),
+                        .width_m = object.width_m(),
+                        .goes_first = predicted.object().right_of_way() == scene::OBJECT_FIRST,
+                        .ways = {}};
+    for (const prediction::Hypothesis& hypothesis : predicted.hypotheses()) {
+      known.ways.push_back(way_of(hypothesis, age_s));
+    }
+    std::erase_if(known.ways,
+                  [](const PredictedWay& way) { return way.states.empty() || !is_finite(way); });
+    const bool has_size = std::isfinite(known.length_m) && std::isfinite(known.width_m);
+    if (predicted.object().is_relevant() && has_size && !known.ways.empty()) {
+      objects.push_back(std::move(known));
+    }
+  }
+  return objects;
+}
+
+std::vector<HazardArea> hazards_of(const prediction::Predictions& predictions,
+                                   std::int64_t now_ns) {
+  std::vector<HazardArea> hazards;
+  for (const connectivity::Hazard& hazard : predictions.hazards()) {
+    const bool is_over = hazard.valid_until_ns() != 0 && hazard.valid_until_ns() <= now_ns;
+    if (!hazard.is_cancelled() && !is_over) {
+      hazards.push_back({.x_m = hazard.x_m(),
+                         .y_m = hazard.y_m(),
+                         .radius_m = hazard.radius_m(),
+                         .speed_mps = hazard.speed_limit_mps()});
+    }
+  }
+  return hazards;
+}
+
+std::optional<Goal> goal_of(const mission::Goal& goal, const hd_map::Tile* tile,
+                            const std::function<double(std::int64_t)>& seconds) {
+  Goal known;
+  known.half_length_m = kInfinity;
+  known.half_width_m = kInfinity;
+  if (goal.has_rectangle()) {
+    const mission::Rectangle& rectangle = goal.rectangle();
+    known.centre = {
+        .x_m = rectangle.x_m(), .y_m = rectangle.y_m(), .heading_rad = rectangle.heading_rad()};
+    known.half_length_m = rectangle.length_m() / 2.0;
+    known.half_width_m = rectangle.width_m() / 2.0;
+  } else if (goal.lanes_size() > 0 && tile != nullptr) {
+    const auto lane = std::ranges::find_if(tile->lanes(), [&](const hd_map::Lane& candidate) {
+      return std::ranges::find(goal.lanes(), candidate.id()) != goal.lanes().end() &&
+             candidate.left().x_m_size() > 1;
+    });
+    if (lane == tile->lanes().end()) {
+      return std::nullopt;
+    }
+    const ads::Polyline centre(centre_of(*lane));
+    const double middle = centre.length_m() / 2.0;
+    const Eigen::Vector2d place = centre.point_at(middle);
+    known.centre = {.x_m = place.x(), .y_m = place.y(), .heading_rad = centre.heading_at(middle)};
+    known.half_length_m = middle;
+    known.half_width_m = width_of(*lane) / 2.0;
+  } else {
+    return std::nullopt;
+  }
+  if (goal.has_heading_rad()) {
+    known.heading_rad = interval_of(goal.heading_rad());
+  }
+  if (goal.has_speed_mps()) {
+    known.speed_mps = interval_of(goal.speed_mps());
+  }
+  known.time_s = {.low = seconds(goal.window_begin_ns()), .high = seconds(goal.window_end_ns())};
+  return known;
+}
+
+void write(const Vehicle& vehicle, const Trajectory& trajectory, std::int64_t start_ns,
+           planning::Trajectory& message) {
+  message.set_start_ns(start_ns);
+  for (std::size_t index = 0; index < trajectory.states.size(); ++index) {
+    const State& state = trajectory.states[index];
+    planning::TrajectoryPoint& point = *message.add_points();
+    point.set_time_s(trajectory.step_s * static_cast<double>(index));
+    point.set_x_m(state.x_m);
+    point.set_y_m(state.y_m);
+    point.set_heading_rad(wrapped(state.heading_rad));
+    point.set_curvature_per_m(std::tan(state.steering_rad) / vehicle.wheelbase_m);
+    point.set_speed_mps(state.speed_mps);
+    point.set_acceleration_mps2(state.acceleration_mps2);
+  }
+}
+
+}  // namespace motion_planning

@@ -1,0 +1,75 @@
+#include "minimal_risk.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "straight_road.h"
+
+namespace motion_planning {
+namespace {
+
+constexpr std::size_t kSteps = 60;
+
+Stop stop_among(const std::vector<TrafficObject>& objects, double speed_mps) {
+  const Vehicle vehicle;
+  const Road road = straight_road();
+  const Traffic traffic(objects, kSteps);
+  const Problem problem{.vehicle = vehicle,
+                        .road = road,
+                        .traffic = traffic,
+                        .start = {.speed_mps = speed_mps},
+                        .goal = {},
+                        .slow_stretches = {}};
+  Trajectory straight;
+  State state = problem.start;
+  for (int count = 0; count < 20; ++count) {
+    straight.states.push_back(state);
+    state = drive(vehicle, state, {}, straight.step_s);
+  }
+  return stop_along(problem, straight);
+}
+
+TEST(MinimalRisk, StopsMildlyOnAFreeRoad) {
+  const Stop stop = stop_among({}, 15.0);
+
+  EXPECT_EQ(stop.braking_mps2, 2.0);
+  EXPECT_TRUE(std::isinf(stop.hit_s));
+  EXPECT_EQ(stop.trajectory.states.back().speed_mps, 0.0);
+  EXPECT_NEAR(stop.trajectory.states.back().x_m, 15.0 * 15.0 / 4.0, 3.0);
+}
+
+TEST(MinimalRisk, BrakesHarderForWhatStandsAhead) {
+  const Stop stop = stop_among({car(35.0, 0.0, 0.0)}, 15.0);
+
+  EXPECT_GT(stop.braking_mps2, 3.0);
+  EXPECT_TRUE(std::isinf(stop.hit_s));
+  EXPECT_LT(stop.trajectory.states.back().x_m, 35.0 - 4.5);
+}
+
+TEST(MinimalRisk, SaysWhenNothingHelps) {
+  const Stop stop = stop_among({car(10.0, 0.0, 0.0)}, 15.0);
+
+  EXPECT_GE(stop.braking_mps2, 6.0) << "the slower, the better";
+  EXPECT_LT(stop.hit_s, 1.0);
+}
+
+TEST(MinimalRisk, BrakesSoThatWhoIsBehindCanBrakeAsWell) {
+  // It would take 6 m/s^2 with nobody behind.
+  const std::vector<TrafficObject> ahead = {car(29.0, 0.0, 0.0, 1)};
+  const Stop alone = stop_among(ahead, 15.0);
+  const Stop followed = stop_among({car(-22.0, 0.0, 15.0, 2)}, 15.0);
+
+  EXPECT_GE(alone.braking_mps2, 5.0);
+  EXPECT_LE(followed.braking_mps2, 4.0);
+}
+
+TEST(MinimalRisk, StaysWhereItStands) {
+  const Stop stop = stop_among({}, 0.0);
+
+  EXPECT_EQ(stop.trajectory.states.back().x_m, 0.0);
+  EXPECT_GE(stop.trajectory.duration_s(), 0.5);
+}
+
+}  // namespace
+}  // namespace motion_planning

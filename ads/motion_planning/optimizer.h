@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "problem.h"
+
+namespace motion_planning {
+
+/// Makes a way locally optimal: iterative LQR with Gauss-Newton costs and limits as penalties
+/// (Tassa, Mansard, Todorov, "Control-limited differential dynamic programming", ICRA 2014; for
+/// driving: Chen, Zhan, Tomizuka, "Constrained iterative LQR for on-road autonomous driving motion
+/// planning", IEEE T-IV 4(2), 2019).
+///
+/// @threads  Confined.
+class Optimizer {
+ public:
+  /// At most so many iterations, each of them linear in the number of steps.
+  static constexpr int kIterationsMax = 25;
+
+  explicit Optimizer(const Problem& problem) : problem_(problem) {}
+
+  /// The way that follows `guess`, one pose for each step after the start, as well as the vehicle
+  /// can.
+  [[nodiscard]] Way follow(const std::vector<Pose>& guess);
+  /// The best way near `guess`. It starts at the problem's start and has as many steps as `guess`.
+  [[nodiscard]] Way improve(const Way& guess);
+  /// What a way costs.
+  [[nodiscard]] double cost(const Way& way);
+
+ private:
+  struct Quadratic;
+  struct Gains;
+
+  [[nodiscard]] Way roll_out(const std::vector<Input>& inputs) const;
+  Way descend(Way way, int iterations_max);
+  double total_cost(const Way& way);
+  void aim(const Way& way);
+  void add_stage(Quadratic& sum, std::size_t step, const State& state, const Input* input) const;
+  void add_motion(Quadratic& sum, const State& state, const Input* input) const;
+  void add_road(Quadratic& sum, std::size_t step, const State& state) const;
+  void add_traffic(Quadratic& sum, std::size_t step, const State& state) const;
+  void add_goal(Quadratic& sum, const State& state) const;
+  void add_pursuit(Quadratic& sum, const Pose& pose, const State& state) const;
+
+  const Problem& problem_;
+
+  // What the present iteration takes as given.
+  const std::vector<Pose>* pursued_ = nullptr;
+  std::vector<std::size_t> road_hints_;
+  std::vector<double> lanes_m_;
+  std::size_t goal_step_ = 0;  // 0: there is none.
+  double goal_extra_s_ = 0.0;  // The goal's time, after that of its step.
+};
+
+}  // namespace motion_planning

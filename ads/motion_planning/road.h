@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace motion_planning {
+
+/// One point of the line that planning is done along, as a map gives it.
+struct RoadPoint {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double left_edge_m = 0.0;      ///< Distance to the road's left edge.
+  double right_edge_m = 0.0;     ///< And to the right one.
+  double speed_limit_mps = 0.0;  ///< 0 where there is none.
+};
+
+/// A place relative to a road: along its line, and to the left of it.
+struct RoadPlace {
+  double along_m = 0.0;
+  double offset_m = 0.0;
+  double heading_rad = 0.0;  ///< Of the line there.
+  std::size_t index = 0;     ///< Of the road's point before it: a hint for the next search.
+};
+
+/// A place and heading in the map.
+struct Pose {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double heading_rad = 0.0;
+};
+
+/// A line with a road around it, resampled to even steps; it goes on straight at both ends.
+///
+/// @threads  Compatible.
+class Road {
+ public:
+  static constexpr double kStep_m = 1.0;
+  /// No road is longer: what is beyond is cut off.
+  static constexpr std::size_t kPointsMax = 5000;
+
+  Road() = default;
+  explicit Road(const std::vector<RoadPoint>& points);
+
+  /// A lane's centre line, in driving direction. What of it lies beside the road, or leads
+  /// elsewhere, is passed over.
+  void add_lane(const std::vector<Eigen::Vector2d>& centre_m);
+
+  [[nodiscard]] bool is_empty() const { return points_.size() < 2; }
+  [[nodiscard]] double length_m() const {
+    return kStep_m * static_cast<double>(points_.empty() ? 0 : points_.size() - 1);
+  }
+
+  /// The nearest place of the whole road.
+  [[nodiscard]] RoadPlace locate(double x_m, double y_m) const;
+  /// The nearest place within some steps of `hint`, the index of a place nearby.
+  [[nodiscard]] RoadPlace locate_near(double x_m, double y_m, std::size_t hint) const;
+  [[nodiscard]] Pose pose(double along_m, double offset_m) const;
+
+  [[nodiscard]] double left_edge_m(double along_m) const;
+  [[nodiscard]] double right_edge_m(double along_m) const;
+  /// 0 where there is none.
+  [[nodiscard]] double speed_limit_mps(double along_m) const;
+  [[nodiscard]] double curvature_per_m(double along_m) const;
+  /// The centre of the lane nearest to `offset_m`; that itself where no lane is known.
+  [[nodiscard]] double lane_m(double along_m, double offset_m) const;
+
+ private:
+  struct Point {
+    RoadPoint at = {};
+    double heading_rad = 0.0;  // Of the way to the next point; not wrapped.
+    double cosine = 1.0;       // Of the heading.
+    double sine = 0.0;
+    double curvature_per_m = 0.0;
+    std::vector<double> lanes_m = {};  // Offsets of the lanes' centres, left positive.
+  };
+
+  [[nodiscard]] std::size_t index_at(double along_m) const;
+  [[nodiscard]] RoadPlace place_on(std::size_t index, double x_m, double y_m) const;
+
+  std::vector<Point> points_;
+};
+
+/// An angle brought into (-pi, pi].
+double wrapped(double angle_rad);
+
+}  // namespace motion_planning

@@ -1,0 +1,305 @@
+#include "search.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace motion_planning {
+namespace {
+
+constexpr double kLayer_s = 2.0 * Traffic::kStep_s;
+constexpr double kOffset_m = 0.2;
+constexpr double kAlongCell_m = 1.0;
+constexpr double kSpeedCell_mps = 0.7;
+constexpr std::size_t kCells = 1U << 15U;
+
+constexpr std::array kAccelerations_mps2 = {-6.0, -4.0, -2.5, -1.2, 0.0, 0.8, 1.8, 3.2};
+constexpr double kJerkMax_mps3 = 12.0;
+constexpr double kTouch_m = 0.3;
+
+// As in the optimizer.
+constexpr double kJerk = 0.05;
+constexpr double kAcceleration = 0.1;
+constexpr double kDiscomfort = 1.5;
+constexpr double kSideSpeed = 0.3;
+constexpr double kSideChange = 0.3;
+constexpr double kLane = 0.03;
+constexpr double kCruise = 0.05;
+constexpr double kSpeedLimit = 0.5;
+constexpr double kLateral_mps2 = 2.5;
+constexpr double kLateral = 20.0;
+constexpr double kSlow = 20.0;
+constexpr double kEdge = 100.0;
+constexpr double kGoalMiss = 50.0;
+constexpr double kGoalMissMax = 400.0;
+
+constexpr double outside(double value, double low, double high) {
+  return value < low ? value - low : (value > high ? value - high : 0.0);
+}
+
+constexpr double square(double value) {
+  return value * value;
+}
+
+}  // namespace
+
+Search::Search(const Problem& problem, std::size_t beam) : problem_(problem), beam_(beam) {
+  layers_ = problem.traffic.steps() / 2;
+  start_ = problem.road.locate(problem.start.x_m, problem.start.y_m);
+  if (problem.goal) {
+    goal_ = problem.road.locate(problem.goal->centre.x_m, problem.goal->centre.y_m);
+  }
+  cells_.assign(kCells, -1);
+  place_traffic();
+}
+
+void Search::place_traffic() {
+  const Road& road = problem_.road;
+  blocks_.resize(problem_.traffic.steps() + 1);
+  for (std::size_t step = 0; step < blocks_.size(); ++step) {
+    for (const Occupant& occupant : problem_.traffic.at(step)) {
+      const RoadPlace place = road.locate(occupant.x_m, occupant.y_m);
+      const double room = 8.0;
+      if (place.offset_m > road.left_edge_m(place.along_m) + room ||
+          -place.offset_m > road.right_edge_m(place.along_m) + room) {
+        continue;
+      }
+      const double angle = occupant.heading_rad - place.heading_rad;
+      const double cosine = std::abs(std::cos(angle));
+      const double sine = std::abs(std::sin(angle));
+      blocks_[step].push_back(
+          {.along_m = place.along_m,
+           .half_length_m = occupant.half_length_m * cosine + occupant.half_width_m * sine,
+           .offset_m = place.offset_m,
+           .half_width_m = occupant.half_length_m * sine + occupant.half_width_m * cosine,
+           .spaces = occupant.spaces});
+    }
+  }
+}
+
+double Search::traffic_cost(std::size_t step, double along_m, double offset_m, bool& is_hit) const {
+  const double half_length = problem_.vehicle.length_m / 2.0;
+  const double half_width = problem_.vehicle.width_m / 2.0;
+  double cost = 0.0;
+  for (const Block& block : blocks_[step]) {
+    const double across = std::abs(offset_m - block.offset_m) - block.half_width_m - half_width;
+    if (across >= block.spaces.front().beside_m) {
+      continue;
+    }
+    const double along = std::abs(along_m - block.along_m) - block.half_length_m - half_length;
+    if (along >= block.spaces.front().along_m) {
+      continue;
+    }
+    is_hit = is_hit || (along < kTouch_m && across < kTouch_m);
+    for (const Occupant::Space& space : block.spaces) {
+      const double into_along = space.along_m - along;
+      const double into_across = space.beside_m - across;
+      if (into_along <= 0.0 || into_across <= 0.0) {
+        break;
+      }
+      cost += 0.5 * space.weight * square(into_along * into_across) /
+              (square(into_along) + square(into_across));
+    }
+  }
+  return cost;
+}
+
+// How far the goal state is missed on the way from one node to the next, at the best time on it.
+double Search::goal_miss(const Node& from, const Node& to, double from_s) const {
+  const Goal& goal = *problem_.goal;
+  const double begin = std::max(from_s, goal.time_s.low);
+  const double end = std::min(from_s + kLayer_s, goal.time_s.high);
+  if (begin > end) {
+    return kGoalMissMax;
+  }
+  const double begin_share = (begin - from_s) / kLayer_s;
+  const double end_share = (end - from_s) / kLayer_s;
+  const double begin_m = from.along_m + begin_share * (to.along_m - from.along_m);
+  const double end_m = from.along_m + end_share * (to.along_m - from.along_m);
+  const double room = 0.4 * goal.half_length_m;
+  const double along = outside(goal_.along_m, begin_m - room, end_m + room);
+  const double offset = start_.offset_m + kOffset_m * (to.offset - 0.5 * to.move);
+  const double across =
+      outside(offset - goal_.offset_m, -0.3 * goal.half_width_m, 0.3 * goal.half_width_m);
+  const double speed = outside(to.speed_mps, goal.speed_mps.low, goal.speed_mps.high);
+  return kGoalMiss * (std::min(square(along), 4.0 + std::abs(along)) +
+                      std::min(square(across), 4.0 + std::abs(across)) + 0.3 * square(speed));
+}
+
+// The least that reaching the goal can cost from here: a linear acceleration profile, and moving
+// sideways at the search's pace.
+double Search::still_to_come(const Node& node, double time_s) const {
+  if (!problem_.goal || time_s >= problem_.goal->time_s.high) {
+    return node.goal_cost;
+  }
+  const Goal& goal = *problem_.goal;
+  const double latest = std::max(kLayer_s, goal.time_s.high - time_s);
+  const double earliest = std::max(kLayer_s, goal.time_s.low - time_s);
+  const double way = goal_.along_m - node.along_m;
+  const double late = std::max(0.0, way - node.speed_mps * latest);
+  const double early = std::max(0.0, node.speed_mps * earliest - way);
+  // The least integral of a^2 that gains a way of e within T is 3 e^2 / T^3.
+  const double effort = late > 0.0 ? 1.5 * square(late) / (latest * latest * latest)
+                                   : 1.5 * square(early) / (earliest * earliest * earliest);
+  const double side = std::abs(start_.offset_m + kOffset_m * node.offset - goal_.offset_m);
+  const double unreachable = std::max(0.0, side - latest) +
+                             std::max(0.0, 2.0 * late / square(latest) - 3.0) * 5.0 +
+                             std::max(0.0, 2.0 * early / square(earliest) - 5.0) * 5.0;
+  const double estimate = 3.0 * kAcceleration * effort + 0.5 * kSideSpeed * side * side / latest +
+                          kGoalMiss * square(unreachable);
+  return std::min(estimate, kGoalMissMax);
+}
+
+double Search::road_cost(const Node& node) const {
+  const Road& road = problem_.road;
+  const double offset = start_.offset_m + kOffset_m * node.offset;
+  double cost =
+      0.5 * kLane * square(std::min(1.8, std::abs(offset - road.lane_m(node.along_m, offset))));
+  const double space = problem_.vehicle.width_m / 2.0 + 0.2;
+  cost += 0.5 * kEdge * square(std::max(0.0, offset + space - road.left_edge_m(node.along_m)));
+  cost += 0.5 * kEdge * square(std::max(0.0, -offset + space - road.right_edge_m(node.along_m)));
+  const double limit = road.speed_limit_mps(node.along_m);
+  if (limit > 0.0) {
+    cost += 0.5 * kSpeedLimit * square(std::max(0.0, node.speed_mps - limit));
+  }
+  for (const SlowStretch& stretch : problem_.slow_stretches) {
+    if (node.along_m > stretch.along_m.low && node.along_m < stretch.along_m.high) {
+      cost += 0.5 * kSlow * square(std::max(0.0, node.speed_mps - stretch.speed_mps));
+    }
+  }
+  const double lateral = square(node.speed_mps) * std::abs(road.curvature_per_m(node.along_m));
+  cost += 0.5 * kLateral * square(std::max(0.0, lateral - kLateral_mps2));
+  return cost;
+}
+
+void Search::keep(const Node& node) {
+  std::size_t slot = (node.cell * 2654435761U) % kCells;
+  while (cells_[slot] >= 0) {
+    Node& other = next_[static_cast<std::size_t>(cells_[slot])];
+    if (other.cell == node.cell) {
+      if (node.promise < other.promise) {
+        other = node;
+      }
+      return;
+    }
+    slot = (slot + 1) % kCells;
+  }
+  cells_[slot] = static_cast<std::int32_t>(next_.size());
+  next_.push_back(node);
+}
+
+void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
+  const double from_s = kLayer_s * static_cast<double>(layer);
+  const std::size_t step = 2 * layer;
+  for (const double acceleration : kAccelerations_mps2) {
+    if (std::abs(acceleration - from.acceleration_mps2) > kJerkMax_mps3 * kLayer_s) {
+      continue;
+    }
+    Node to = from;
+    to.parent = index;
+    to.acceleration_mps2 = acceleration;
+    to.speed_mps = from.speed_mps + acceleration * kLayer_s;
+    double driven_s = kLayer_s;
+    if (to.speed_mps < 0.0) {
+      driven_s = acceleration < 0.0 ? std::max(0.0, -from.speed_mps / acceleration) : 0.0;
+      to.speed_mps = 0.0;
+      if (acceleration < -1.3 && from.speed_mps <= 0.0) {
+        continue;
+      }
+    }
+    const double way = driven_s * 0.5 * (from.speed_mps + to.speed_mps);
+    to.along_m = from.along_m + way;
+    const double jerk = (acceleration - from.acceleration_mps2) / kLayer_s;
+    const double used =
+        driven_s == kLayer_s ? acceleration : (to.speed_mps - from.speed_mps) / kLayer_s;
+    double motion = 0.5 * kLayer_s *
+                    (kJerk * square(jerk) * 0.5 + kAcceleration * square(used) +
+                     kDiscomfort * square(outside(used, -2.5, 1.8)));
+    const int stride = way > 0.8 ? 2 : 1;
+    for (int move = -stride; move <= stride; move += stride) {
+      if (move != 0 && way < 0.5) {
+        continue;
+      }
+      ++candidates_;
+      to.move = move;
+      to.offset = from.offset + move;
+      const double offset = start_.offset_m + kOffset_m * to.offset;
+      const double middle_offset = offset - 0.5 * kOffset_m * move;
+      bool is_hit = false;
+      double cost =
+          traffic_cost(step + 1, 0.5 * (from.along_m + to.along_m), middle_offset, is_hit) +
+          traffic_cost(step + 2, to.along_m, offset, is_hit);
+      feasible_ += is_hit ? 0 : 1;
+      cost *= 0.5 * kLayer_s;
+      cost += motion + kLayer_s * road_cost(to);
+      cost += 0.5 * kLayer_s *
+              (kSideSpeed * square(kOffset_m * move / kLayer_s) +
+               kSideChange * square(kOffset_m * (move - from.move) / kLayer_s));
+      const bool is_cruising = !problem_.goal || from_s >= problem_.goal->time_s.high;
+      if (is_cruising) {
+        cost += 0.5 * kLayer_s * kCruise * square(to.speed_mps - problem_.cruise_mps);
+      }
+      to.cost = from.cost + cost;
+      to.goal_cost = from.goal_cost;
+      if (problem_.goal) {
+        to.goal_cost = std::min(to.goal_cost, goal_miss(from, to, from_s));
+      }
+      to.promise = to.cost + std::min(to.goal_cost, still_to_come(to, from_s + kLayer_s));
+      const auto along_cell =
+          static_cast<std::uint32_t>((to.along_m - start_.along_m) / kAlongCell_m);
+      const auto speed_cell = static_cast<std::uint32_t>(to.speed_mps / kSpeedCell_mps);
+      const auto offset_cell = static_cast<std::uint32_t>(to.offset + 128) & 255U;
+      to.cell = (along_cell << 16U) | (speed_cell << 8U) | offset_cell;
+      keep(to);
+    }
+  }
+}
+
+Found Search::run() {
+  nodes_.clear();
+  nodes_.push_back({.along_m = start_.along_m,
+                    .speed_mps = std::max(0.0, problem_.start.speed_mps),
+                    .acceleration_mps2 = problem_.start.acceleration_mps2,
+                    .goal_cost = problem_.goal ? kGoalMissMax : 0.0});
+  std::size_t begin = 0;
+  for (std::size_t layer = 0; layer < layers_; ++layer) {
+    const std::size_t end = nodes_.size();
+    next_.clear();
+    std::fill(cells_.begin(), cells_.end(), -1);
+    for (std::size_t index = begin; index < end; ++index) {
+      expand(layer, Node(nodes_[index]), static_cast<std::int32_t>(index));
+    }
+    const auto is_before = [](const Node& one, const Node& other) {
+      return one.promise != other.promise ? one.promise < other.promise : one.cell < other.cell;
+    };
+    if (next_.size() > beam_) {
+      std::nth_element(next_.begin(), next_.begin() + static_cast<std::ptrdiff_t>(beam_),
+                       next_.end(), is_before);
+      next_.resize(beam_);
+    }
+    std::sort(next_.begin(), next_.end(), is_before);
+    nodes_.insert(nodes_.end(), next_.begin(), next_.end());
+    begin = end;
+  }
+  Found found{.cost = nodes_[begin].promise,
+              .reaches_goal = problem_.goal && nodes_[begin].goal_cost < 0.5 * kGoalMiss,
+              .candidates = candidates_,
+              .feasible = feasible_};
+  std::vector<const Node*> way;
+  for (std::int32_t index = static_cast<std::int32_t>(begin); index >= 0;
+       index = nodes_[static_cast<std::size_t>(index)].parent) {
+    way.push_back(&nodes_[static_cast<std::size_t>(index)]);
+  }
+  std::reverse(way.begin(), way.end());
+  for (std::size_t layer = 0; layer + 1 < way.size(); ++layer) {
+    const Node& from = *way[layer];
+    const Node& to = *way[layer + 1];
+    const double middle_m = from.along_m + kLayer_s * (3.0 * from.speed_mps + to.speed_mps) / 8.0;
+    found.poses.push_back(problem_.road.pose(
+        std::min(middle_m, to.along_m), start_.offset_m + kOffset_m * (to.offset - 0.5 * to.move)));
+    found.poses.push_back(problem_.road.pose(to.along_m, start_.offset_m + kOffset_m * to.offset));
+  }
+  return found;
+}
+
+}  // namespace motion_planning

@@ -1,0 +1,254 @@
+#include "traffic.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace motion_planning {
+namespace {
+
+// Ways less probable than this are not looked at.
+constexpr double kProbabilityMin = 0.04;
+
+PredictedState moved(const PredictedState& from, double time_s) {
+  PredictedState to = from;
+  to.x_m += time_s * from.speed_mps * std::cos(from.heading_rad);
+  to.y_m += time_s * from.speed_mps * std::sin(from.heading_rad);
+  to.along_stddev_m += std::max(0.0, time_s);
+  return to;
+}
+
+double mix(double from, double to, double share) {
+  return from + share * (to - from);
+}
+
+Occupant occupant(const PredictedState& state, const TrafficObject& object, double probability) {
+  const double along = state.along_stddev_m;
+  const double across = state.across_stddev_m;
+  const double speed = std::max(0.0, state.speed_mps);
+  const double first = object.goes_first ? 0.4 * speed : 0.0;
+  // What is far away in time is known less, and can still be avoided later.
+  const double trust = probability / (1.0 + along / 3.0);
+  return {.x_m = state.x_m,
+          .y_m = state.y_m,
+          .heading_rad = state.heading_rad,
+          .cosine = std::cos(state.heading_rad),
+          .sine = std::sin(state.heading_rad),
+          .half_length_m = object.length_m / 2.0,
+          .half_width_m = object.width_m / 2.0,
+          .speed_mps = speed,
+          .probability = probability,
+          .spaces = {{{.along_m = 1.5 + 0.6 * speed + first + std::min(along, 0.5 + 0.2 * speed),
+                       .beside_m = 1.0 + std::min(across, 0.4),
+                       .weight = 0.1 * trust},
+                      {.along_m = 1.0 + first + std::min(0.5 * along, 0.3 + 0.12 * speed),
+                       .beside_m = 0.7 + std::min(0.5 * across, 0.3),
+                       .weight = 40.0 * trust},
+                      {.along_m = 0.5, .beside_m = 0.5, .weight = 600.0 * trust}}}};
+}
+
+// One object in the road's frame, at one time after the other.
+struct Follower {
+  std::size_t object = 0;
+  double along_m = 0.0;  // At the start.
+  double offset_m = 0.0;
+  double half_length_m = 0.0;
+  double half_width_m = 0.0;
+  double lost_m = 0.0;                // How far it is behind what was predicted.
+  std::vector<double> alongs_m = {};  // At each step.
+  std::vector<double> speeds_mps = {};
+  std::vector<double> offsets_m = {};
+};
+
+constexpr double kSpeedingUp_mps2 = 1.0;
+constexpr double kAligned = 0.85;
+constexpr double kFarAway_m = 1e6;
+constexpr double kQueueReach_m = 60.0;
+constexpr double kRoom_m = 1.5;
+// So long nobody behind reacts to what the vehicle does.
+constexpr std::size_t kReactionSteps = 8;
+
+// The braking part of the intelligent driver model.
+double braking(double speed_mps, double closing_mps, double gap_m) {
+  constexpr double kStanding_m = 1.5;
+  constexpr double kHeadway_s = 0.5;
+  constexpr double kBraking_mps2 = 2.0;
+  constexpr double kBrakingMax_mps2 = 5.0;
+  const double wanted = kStanding_m + kHeadway_s * speed_mps +
+                        std::max(0.0, speed_mps * closing_mps / (2.0 * kBraking_mps2));
+  const double ratio = wanted / std::max(0.3, gap_m);
+  return std::clamp(kBraking_mps2 * (ratio * ratio - 1.0), 0.0, kBrakingMax_mps2);
+}
+
+// Slows `follower` down behind `leader`, from `first_step` on; between them `spare_m` is to stay
+// free.
+void keep_behind(Follower& follower, const Follower& leader, double spare_m,
+                 std::size_t first_step = 0) {
+  double along = follower.alongs_m.front();
+  double speed = follower.speeds_mps.front();
+  for (std::size_t step = 0; step + 1 < follower.alongs_m.size(); ++step) {
+    const bool is_same_lane =
+        step >= first_step && std::abs(follower.offsets_m[step] - leader.offsets_m[step]) <
+                                  follower.half_width_m + leader.half_width_m;
+    const double gap =
+        leader.alongs_m[step] - along - leader.half_length_m - follower.half_length_m - spare_m;
+    const double predicted = follower.alongs_m[step + 1] - follower.alongs_m[step];
+    speed += Traffic::kStep_s * kSpeedingUp_mps2;
+    if (is_same_lane) {
+      speed -= Traffic::kStep_s * braking(speed, speed - leader.speeds_mps[step], gap);
+    }
+    speed = std::clamp(speed, 0.0, std::max(0.0, predicted / Traffic::kStep_s));
+    follower.alongs_m[step] = along;
+    follower.speeds_mps[step] = speed;
+    along += Traffic::kStep_s * speed;
+  }
+  follower.alongs_m.back() = along;
+  follower.speeds_mps.back() = speed;
+}
+
+Follower follower_of(const TrafficObject& object, const PredictedWay& way, const Road& road,
+                     std::size_t steps) {
+  Follower follower{.half_length_m = object.length_m / 2.0, .half_width_m = object.width_m / 2.0};
+  for (std::size_t step = 0; step <= steps; ++step) {
+    const PredictedState state = state_at(way, Traffic::kStep_s * static_cast<double>(step));
+    const RoadPlace place = road.locate(state.x_m, state.y_m);
+    const bool is_aligned = std::cos(state.heading_rad - place.heading_rad) > kAligned;
+    // Who drives across the road stands in no queue.
+    follower.offsets_m.push_back(is_aligned ? place.offset_m : kFarAway_m);
+    follower.alongs_m.push_back(place.along_m);
+    follower.speeds_mps.push_back(state.speed_mps);
+  }
+  return follower;
+}
+
+Follower follower_of(const Vehicle& vehicle, const std::vector<State>& states, const Road& road,
+                     std::size_t steps) {
+  Follower follower{.half_length_m = vehicle.length_m / 2.0, .half_width_m = vehicle.width_m / 2.0};
+  for (std::size_t step = 0; step <= steps; ++step) {
+    const State& state = states[std::min(step, states.size() - 1)];
+    const RoadPlace place = road.locate(state.x_m, state.y_m);
+    follower.offsets_m.push_back(place.offset_m);
+    follower.alongs_m.push_back(place.along_m);
+    follower.speeds_mps.push_back(std::max(0.0, state.speed_mps));
+  }
+  return follower;
+}
+
+// The way, driven as far as `follower` says instead of as far as was predicted.
+PredictedWay slowed(const PredictedWay& way, const std::vector<double>& predicted_m,
+                    const Follower& follower) {
+  PredictedWay slow{.probability = way.probability, .step_s = Traffic::kStep_s};
+  std::size_t index = 0;
+  for (std::size_t step = 0; step < predicted_m.size(); ++step) {
+    const double along = follower.alongs_m[step];
+    while (index + 1 < predicted_m.size() && predicted_m[index + 1] < along) {
+      ++index;
+    }
+    const double piece =
+        index + 1 < predicted_m.size() ? predicted_m[index + 1] - predicted_m[index] : 0.0;
+    const double share =
+        piece > 1e-6 ? std::clamp((along - predicted_m[index]) / piece, 0.0, 1.0) : 0.0;
+    const double time = Traffic::kStep_s * (static_cast<double>(index) + share);
+    PredictedState state = state_at(way, time);
+    const PredictedState then = state_at(way, Traffic::kStep_s * static_cast<double>(step));
+    state.speed_mps = follower.speeds_mps[step];
+    state.along_stddev_m = then.along_stddev_m;
+    state.across_stddev_m = then.across_stddev_m;
+    slow.states.push_back(state);
+  }
+  return slow;
+}
+
+}  // namespace
+
+std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, const Road& road,
+                                     const Vehicle& vehicle, const std::vector<State>& ego,
+                                     double horizon_s) {
+  const auto steps = static_cast<std::size_t>(std::ceil(horizon_s / Traffic::kStep_s));
+  const Follower own = follower_of(vehicle, ego, road, steps);
+  std::vector<Follower> ahead = {};  // Those that were looked at, with what became of them.
+  std::vector<std::size_t> order = {};
+  std::vector<Follower> first(objects.size());
+  for (std::size_t index = 0; index < objects.size(); ++index) {
+    if (!objects[index].ways.empty() && !objects[index].ways.front().states.empty()) {
+      first[index] = follower_of(objects[index], objects[index].ways.front(), road, steps);
+      order.push_back(index);
+    }
+  }
+  std::sort(order.begin(), order.end(), [&](std::size_t one, std::size_t other) {
+    const double one_m = first[one].alongs_m.front();
+    const double other_m = first[other].alongs_m.front();
+    return one_m != other_m ? one_m > other_m : one < other;
+  });
+  std::vector<TrafficObject> result = objects;
+  for (const std::size_t index : order) {
+    for (PredictedWay& way : result[index].ways) {
+      const bool is_first = &way == &result[index].ways.front();
+      Follower follower = is_first ? first[index] : follower_of(objects[index], way, road, steps);
+      if (way.states.empty() || follower.offsets_m.front() == kFarAway_m) {
+        continue;
+      }
+      const std::vector<double> predicted_m = follower.alongs_m;
+      const bool is_behind_ego = own.alongs_m.front() > follower.alongs_m.front() &&
+                                 std::abs(own.offsets_m.front() - follower.offsets_m.front()) <
+                                     follower.half_width_m + own.half_width_m;
+      for (const Follower& leader : ahead) {
+        if (leader.alongs_m.front() - follower.alongs_m.front() > kQueueReach_m) {
+          continue;
+        }
+        const bool is_ego_between = is_behind_ego && own.alongs_m.front() < leader.alongs_m.front();
+        keep_behind(follower, leader, is_ego_between ? vehicle.length_m + kRoom_m : 0.0);
+      }
+      if (is_behind_ego) {
+        keep_behind(follower, own, 0.0, kReactionSteps);
+      }
+      if (follower.alongs_m != predicted_m) {
+        way = slowed(way, predicted_m, follower);
+      }
+      if (is_first) {
+        ahead.push_back(std::move(follower));
+      }
+    }
+  }
+  return result;
+}
+
+PredictedState state_at(const PredictedWay& way, double time_s) {
+  const double last = static_cast<double>(way.states.size() - 1);
+  const double place = (time_s - way.first_s) / way.step_s;
+  if (place <= 0.0) {
+    return moved(way.states.front(), place * way.step_s);
+  }
+  if (place >= last) {
+    return moved(way.states.back(), (place - last) * way.step_s);
+  }
+  const auto index = static_cast<std::size_t>(place);
+  const double share = place - static_cast<double>(index);
+  const PredictedState& from = way.states[index];
+  const PredictedState& to = way.states[index + 1];
+  return {.x_m = mix(from.x_m, to.x_m, share),
+          .y_m = mix(from.y_m, to.y_m, share),
+          .heading_rad =
+              from.heading_rad +
+              share * std::remainder(to.heading_rad - from.heading_rad, 2.0 * std::numbers::pi),
+          .speed_mps = mix(from.speed_mps, to.speed_mps, share),
+          .along_stddev_m = mix(from.along_stddev_m, to.along_stddev_m, share),
+          .across_stddev_m = mix(from.across_stddev_m, to.across_stddev_m, share)};
+}
+
+Traffic::Traffic(const std::vector<TrafficObject>& objects, std::size_t steps) : at_(steps + 1) {
+  for (std::size_t index = 0; index < objects.size(); ++index) {
+    for (const PredictedWay& way : objects[index].ways) {
+      if (way.states.empty() || way.probability < kProbabilityMin) {
+        continue;
+      }
+      for (std::size_t step = 0; step <= steps; ++step) {
+        const double time = kStep_s * static_cast<double>(step);
+        at_[step].push_back(occupant(state_at(way, time), objects[index], way.probability));
+        at_[step].back().object = index;
+      }
+    }
+  }
+}
+
+}  // namespace motion_planning

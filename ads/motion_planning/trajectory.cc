@@ -1,0 +1,92 @@
+#include "trajectory.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "common/plane.h"
+
+namespace motion_planning {
+namespace {
+
+// Less probable ways are looked at by what they cost only.
+constexpr double kProbabilityMin = 0.2;
+
+ads::Box box_of(const Vehicle& vehicle, const State& state) {
+  return {.center_m = {state.x_m, state.y_m},
+          .heading_rad = state.heading_rad,
+          .length_m = vehicle.length_m,
+          .width_m = vehicle.width_m};
+}
+
+ads::Box box_of(const Occupant& occupant) {
+  return {.center_m = {occupant.x_m, occupant.y_m},
+          .heading_rad = occupant.heading_rad,
+          .length_m = 2.0 * occupant.half_length_m,
+          .width_m = 2.0 * occupant.half_width_m};
+}
+
+}  // namespace
+
+State Trajectory::at(double time_s) const {
+  const double last = static_cast<double>(states.size() - 1);
+  const double place = std::clamp((time_s - start_s) / step_s, 0.0, last);
+  const auto index = static_cast<std::size_t>(place);
+  return between(states[index], states[std::min(index + 1, states.size() - 1)],
+                 place - static_cast<double>(index));
+}
+
+Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s) {
+  constexpr double kHalf_s = Traffic::kStep_s / 2.0;
+  Trajectory trajectory{.start_s = start_s, .step_s = kHalf_s, .states = {}};
+  for (std::size_t step = 0; step < way.inputs.size(); ++step) {
+    trajectory.states.push_back(way.states[step]);
+    trajectory.states.push_back(drive(vehicle, way.states[step], way.inputs[step], kHalf_s));
+  }
+  trajectory.states.push_back(way.states.back());
+  for (State& state : trajectory.states) {
+    state.speed_mps = std::max(0.0, state.speed_mps);
+  }
+  return trajectory;
+}
+
+Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffic& traffic,
+              double until_s, const std::vector<bool>& is_ignored) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Verdict verdict{.smallest_gap_m = kInfinity, .hit_s = kInfinity};
+  const double reach = 0.5 * std::hypot(vehicle.length_m, vehicle.width_m);
+  for (std::size_t step = 0; step <= traffic.steps(); ++step) {
+    const double time = Traffic::kStep_s * static_cast<double>(step);
+    if (time > until_s) {
+      break;
+    }
+    const State state = trajectory.at(trajectory.start_s + time);
+    verdict.acceleration_min_mps2 =
+        std::min(verdict.acceleration_min_mps2, state.acceleration_mps2);
+    verdict.acceleration_max_mps2 =
+        std::max(verdict.acceleration_max_mps2, state.acceleration_mps2);
+    verdict.lateral_max_mps2 =
+        std::max(verdict.lateral_max_mps2, std::abs(state.speed_mps * yaw_rate(vehicle, state)));
+    for (const Occupant& occupant : traffic.at(step)) {
+      const bool is_looked_at = occupant.probability >= kProbabilityMin &&
+                                (is_ignored.empty() || !is_ignored[occupant.object]);
+      const double distance = std::hypot(state.x_m - occupant.x_m, state.y_m - occupant.y_m);
+      const double radius = std::hypot(occupant.half_length_m, occupant.half_width_m);
+      if (!is_looked_at || distance - radius - reach > verdict.smallest_gap_m) {
+        continue;
+      }
+      const double gap = ads::distance_m(box_of(vehicle, state), box_of(occupant));
+      if (gap < verdict.smallest_gap_m) {
+        verdict.smallest_gap_m = gap;
+        verdict.gap_s = time;
+        verdict.object = occupant.object;
+      }
+      if (gap <= 0.0) {
+        verdict.hit_s = std::min(verdict.hit_s, time);
+      }
+    }
+  }
+  return verdict;
+}
+
+}  // namespace motion_planning

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "problem.h"
+
+namespace motion_planning {
+
+/// States at even times.
+struct Trajectory {
+  double start_s = 0.0;
+  double step_s = Traffic::kStep_s / 2.0;
+  std::vector<State> states = {};
+
+  /// Between the states; the first or the last one beyond the ends. @pre  There are states.
+  [[nodiscard]] State at(double time_s) const;
+  [[nodiscard]] double duration_s() const {
+    return step_s * static_cast<double>(states.empty() ? 0 : states.size() - 1);
+  }
+};
+
+/// The way as a trajectory: the same motion, at twice as many times.
+Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s);
+
+/// What a trajectory does, as far as predictions go.
+struct Verdict {
+  double smallest_gap_m = 0.0;  ///< To any way of any object; infinite without objects.
+  double gap_s = 0.0;           ///< When that is, since the start.
+  double hit_s = 0.0;           ///< When it touches something first; infinite if it does not.
+  std::size_t object = 0;       ///< What it is nearest to.
+  double acceleration_min_mps2 = 0.0;
+  double acceleration_max_mps2 = 0.0;
+  double lateral_max_mps2 = 0.0;
+};
+
+/// Looks at the first `until_s` of a trajectory with exact boxes. Objects for which `is_ignored` is
+/// set are left out.
+Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffic& traffic,
+              double until_s, const std::vector<bool>& is_ignored = {});
+
+}  // namespace motion_planning
