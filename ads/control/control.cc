@@ -1,0 +1,239 @@
+#include "control.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace ads {
+namespace {
+
+// A newer minimal-risk trajectory is gone over to if it begins where the vehicle is.
+constexpr double kSamePlace_m = 0.5;
+constexpr double kSameSpeed_mps = 0.5;
+
+fastcycle::ParamOptions<double> positive(double fallback, std::string unit,
+                                         std::string description) {
+  return {.fallback = fallback,
+          .min = 0.0,
+          .max = 100.0,
+          .unit = std::move(unit),
+          .description = std::move(description)};
+}
+
+TrackerConfig read_config(fastcycle::Context& context) {
+  const TrackerConfig standard;
+  const auto value = [&context](std::string_view name, double fallback, std::string unit,
+                                std::string description) {
+    return context.param<double>(name, positive(fallback, std::move(unit), std::move(description)))
+        .get();
+  };
+  TrackerConfig config;
+  config.wheelbase_m = value("wheelbase_m", standard.wheelbase_m, "m", "Between the axles");
+  config.centre_to_rear_axle_m = value("centre_to_rear_axle_m", standard.centre_to_rear_axle_m, "m",
+                                       "From the box's centre back to the rear axle");
+  config.steering_max_rad =
+      value("steering_max_rad", standard.steering_max_rad, "rad", "To each side");
+  config.steering_rate_max_radps = value(
+      "steering_rate_max_radps", standard.steering_rate_max_radps, "rad/s", "Of the front wheels");
+  config.acceleration_min_mps2 = -value("braking_max_mps2", -standard.acceleration_min_mps2,
+                                        "m/s^2", "The hardest braking that is asked for");
+  config.acceleration_max_mps2 = value("acceleration_max_mps2", standard.acceleration_max_mps2,
+                                       "m/s^2", "The strongest acceleration that is asked for");
+  config.jerk_max_mps3 = value("jerk_max_mps3", standard.jerk_max_mps3, "m/s^3",
+                               "How fast the asked acceleration changes");
+  config.steering_delay_s = value("steering_delay_s", standard.steering_delay_s, "s",
+                                  "From a command until the wheels turn");
+  config.acceleration_delay_s = value("acceleration_delay_s", standard.acceleration_delay_s, "s",
+                                      "From a command until the vehicle accelerates");
+  config.acceleration_lag_s = value("acceleration_lag_s", standard.acceleration_lag_s, "s",
+                                    "Time constant with which acceleration follows then");
+  config.lateral_length_m = value("lateral_length_m", standard.lateral_length_m, "m",
+                                  "Errors to the side fade within this way at least");
+  config.lateral_time_s = value("lateral_time_s", standard.lateral_time_s, "s",
+                                "and within this time at the present speed");
+  config.lateral_damping =
+      value("lateral_damping", standard.lateral_damping, "1", "Of errors to the side");
+  config.position_gain_per_s2 = value("position_gain_per_s2", standard.position_gain_per_s2,
+                                      "1/s^2", "Acceleration for each metre too far behind");
+  config.speed_gain_per_s = value("speed_gain_per_s", standard.speed_gain_per_s, "1/s",
+                                  "Acceleration for each m/s too slow");
+  return config;
+}
+
+bool is_finite(const planning::TrajectoryPoint& point) {
+  return std::isfinite(point.x_m()) && std::isfinite(point.y_m()) &&
+         std::isfinite(point.heading_rad()) && std::isfinite(point.curvature_per_m()) &&
+         std::isfinite(point.speed_mps()) && std::isfinite(point.acceleration_mps2());
+}
+
+// Empty if it is no trajectory that can be followed.
+Path path_of(const planning::Trajectory& trajectory, double start_s) {
+  Path path{.start_s = start_s, .points = {}};
+  for (const planning::TrajectoryPoint& point : trajectory.points()) {
+    if (!is_finite(point)) {
+      return {};
+    }
+    path.points.push_back({.x_m = point.x_m(),
+                           .y_m = point.y_m(),
+                           .heading_rad = point.heading_rad(),
+                           .curvature_per_m = point.curvature_per_m(),
+                           .speed_mps = point.speed_mps(),
+                           .acceleration_mps2 = point.acceleration_mps2()});
+  }
+  if (trajectory.points_size() > 1) {
+    path.step_s = trajectory.points(1).time_s() - trajectory.points(0).time_s();
+  }
+  return path.step_s > 0.0 ? path : Path{};
+}
+
+bool is_stopping(supervision::DrivingState state) {
+  return state == supervision::MINIMAL_RISK_STOP || state == supervision::STOPPED;
+}
+
+bool is_autonomous(supervision::DrivingState state) {
+  return state == supervision::ENGAGED || state == supervision::ENGAGED_DEGRADED ||
+         is_stopping(state);
+}
+
+}  // namespace
+
+Control::Control(fastcycle::Context& context)
+    : Component(context),
+      plan_age_s_(context.param<double>(
+          "plan_age_s", positive(0.5, "s",
+                                 "A plan that came longer ago is not followed in time "
+                                 "any more"))),
+      stale_braking_mps2_(context.param<double>(
+          "stale_braking_mps2", positive(3.0, "m/s^2", "How the vehicle then stops on its line"))),
+      tracker_(read_config(context)),
+      plans_(context.create_latest<planning::Plan>("planning/plan")),
+      egos_(context.create_latest<localization::Ego>("localization/ego")),
+      vehicle_states_(context.create_latest<vehicle::State>("vehicle/state")),
+      states_(context.create_latest<supervision::State>("supervision/state")),
+      commands_(context.create_publisher<control::Command>("control/command")) {}
+
+void Control::stop() {
+  report("lateral_error_max_m", lateral_error_max_m_);
+  report("along_error_max_m", along_error_max_m_);
+  report("commands_stale", commands_stale_);
+}
+
+double Control::seconds(std::int64_t ns) const {
+  return 1e-9 * static_cast<double>(ns - first_ns_.value_or(0));
+}
+
+// None while it is not known, or not a number.
+std::optional<Motion> Control::motion() const {
+  const auto ego = egos_.get();
+  const auto vehicle = vehicle_states_.get();
+  if (!ego || ego->quality() == localization::INITIALIZING) {
+    return std::nullopt;
+  }
+  Motion motion{.x_m = ego->x_m(),
+                .y_m = ego->y_m(),
+                .heading_rad = ego->heading_rad(),
+                .speed_mps = ego->speed_mps(),
+                .acceleration_mps2 = vehicle ? vehicle->acceleration_mps2() : 0.0,
+                .steering_rad = vehicle ? vehicle->steering_rad() : 0.0};
+  const double sum = motion.x_m + motion.y_m + motion.heading_rad + motion.speed_mps +
+                     motion.acceleration_mps2 + motion.steering_rad;
+  return std::isfinite(sum) ? std::optional(motion) : std::nullopt;
+}
+
+void Control::take_plan(const Motion& motion, double now_s) {
+  const auto plan = plans_.get();
+  if (!plan || plan.info().sequence == plan_sequence_) {
+    return;
+  }
+  plan_sequence_ = plan.info().sequence;
+  Path nominal = path_of(plan->nominal(), seconds(plan->nominal().start_ns()));
+  Path stop = path_of(plan->minimal_risk(), seconds(plan->minimal_risk().start_ns()));
+  if (nominal.points.empty() || stop.points.empty()) {
+    return;
+  }
+  plan_s_ = now_s;
+  nominal_ = std::move(nominal);
+  minimal_risk_ = std::move(stop);
+  if (stop_ && take_stop(motion, now_s)) {
+    stop_ = minimal_risk_;
+  }
+}
+
+// Whether the newest minimal-risk trajectory begins where the vehicle is.
+bool Control::take_stop(const Motion& motion, double now_s) {
+  const Reference begin = minimal_risk_.at(now_s);
+  return std::hypot(begin.x_m - motion.x_m, begin.y_m - motion.y_m) < kSamePlace_m &&
+         std::abs(begin.speed_mps - motion.speed_mps) < kSameSpeed_mps;
+}
+
+Actuation Control::act(supervision::DrivingState state, const Motion& motion, double motion_s,
+                       double now_s) {
+  if (state == supervision::STOPPED) {
+    return tracker_.hold(now_s);
+  }
+  if (state == supervision::MINIMAL_RISK_STOP) {
+    if (!stop_) {
+      stop_ = minimal_risk_;
+    }
+    return tracker_.follow(*stop_, motion, motion_s, now_s);
+  }
+  stop_.reset();
+  if (now_s - plan_s_ > plan_age_s_.get()) {
+    ++commands_stale_;
+    return tracker_.brake(nominal_, motion, motion_s, now_s, stale_braking_mps2_.get());
+  }
+  return tracker_.follow(nominal_, motion, motion_s, now_s);
+}
+
+void Control::serve() {
+  const std::int64_t now_ns = now().time_since_epoch().count();
+  if (!first_ns_) {
+    first_ns_ = now_ns;
+  }
+  const double now_s = seconds(now_ns);
+  const std::optional<Motion> where = motion();
+  if (where) {
+    take_plan(*where, now_s);
+  }
+  const auto state = states_.get();
+  const auto driving = state ? state->state() : supervision::OFF;
+  if (nominal_.points.empty()) {
+    return;
+  }
+  if (!where) {
+    // Blind: as before, and slower.
+    publish(is_autonomous(driving) ? tracker_.hold(now_s) : Actuation{}, is_autonomous(driving));
+    return;
+  }
+  const double motion_s = seconds(egos_.get()->header().taken_ns());
+  if (!is_autonomous(driving)) {
+    tracker_.forget();
+    stop_.reset();
+    publish(tracker_.follow(nominal_, *where, motion_s, now_s), false);
+    tracker_.forget();
+    return;
+  }
+  const Actuation actuation = act(driving, *where, motion_s, now_s);
+  lateral_error_max_m_ = std::max(lateral_error_max_m_, std::abs(tracker_.error().lateral_m));
+  along_error_max_m_ = std::max(along_error_max_m_, std::abs(tracker_.error().along_m));
+  publish(actuation, true);
+}
+
+void Control::publish(const Actuation& actuation, bool is_autonomous) {
+  auto command = commands_.loan();
+  command->mutable_header()->set_taken_ns(now().time_since_epoch().count());
+  command->set_steering_rad(actuation.steering_rad);
+  command->set_acceleration_mps2(actuation.acceleration_mps2);
+  command->set_is_autonomous(is_autonomous);
+  const TrackingError& error = tracker_.error();
+  command->set_lateral_error_m(error.lateral_m);
+  command->set_heading_error_rad(error.heading_rad);
+  command->set_speed_error_mps(error.speed_mps);
+  commands_.publish(std::move(command));
+}
+
+}  // namespace ads
+
+FASTCYCLE_COMPONENT(ads::Control)

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include <fastcycle/fastcycle.h>
+
+#include "control/command.pb.h"
+#include "localization/ego.pb.h"
+#include "planning/plan.pb.h"
+#include "supervision/state.pb.h"
+#include "tracker.h"
+#include "vehicle/state.pb.h"
+
+namespace ads {
+
+/// Makes the vehicle follow its plan; see `Tracker`.
+///
+/// In:   the newest of `planning/plan`, `localization/ego`, `vehicle/state`, `supervision/state`
+/// Out:  `control/command`, with each tick of the Serve Timer, from the first plan and pose on
+class Control final : public fastcycle::Component {
+ public:
+  explicit Control(fastcycle::Context& context);
+  void serve() override;
+  void stop() override;
+
+ private:
+  [[nodiscard]] double seconds(std::int64_t ns) const;
+  [[nodiscard]] std::optional<Motion> motion() const;
+  void take_plan(const Motion& motion, double now_s);
+  [[nodiscard]] bool take_stop(const Motion& motion, double now_s);
+  [[nodiscard]] Actuation act(supervision::DrivingState state, const Motion& motion,
+                              double motion_s, double now_s);
+  void publish(const Actuation& actuation, bool is_autonomous);
+
+  fastcycle::Param<double> plan_age_s_;
+  fastcycle::Param<double> stale_braking_mps2_;
+  Tracker tracker_;
+  fastcycle::Latest<planning::Plan> plans_;
+  fastcycle::Latest<localization::Ego> egos_;
+  fastcycle::Latest<vehicle::State> vehicle_states_;
+  fastcycle::Latest<supervision::State> states_;
+  fastcycle::Publisher<control::Command> commands_;
+
+  std::optional<std::int64_t> first_ns_;  // When the controller's clock begins.
+  std::uint64_t plan_sequence_ = 0;       // Of the plan that was taken last.
+  double plan_s_ = 0.0;                   // When it came.
+  Path nominal_;
+  Path minimal_risk_;
+  std::optional<Path> stop_;  // What a minimal-risk stop follows, while there is one.
+  double lateral_error_max_m_ = 0.0;
+  double along_error_max_m_ = 0.0;
+  std::int64_t commands_stale_ = 0;
+};
+
+}  // namespace ads

@@ -1,0 +1,186 @@
+#include "control.h"
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include <fastcycle/testing.h>
+#include <gtest/gtest.h>
+
+namespace ads {
+namespace {
+
+using fastcycle::testing::Bench;
+using std::chrono_literals::operator""ms;
+
+class ControlTest : public ::testing::Test {
+ protected:
+  ControlTest() {
+    bench_.add<Control>("control", R"({"serve_period_ms": 20})");
+    bench_.start();
+  }
+
+  std::int64_t now_ns() { return bench_.now().time_since_epoch().count(); }
+
+  void send_state(supervision::DrivingState driving) {
+    supervision::State state;
+    state.set_state(driving);
+    states_.publish(state);
+  }
+  void send_ego(double x_m, double y_m, double speed_mps) {
+    localization::Ego ego;
+    ego.mutable_header()->set_taken_ns(now_ns());
+    ego.set_x_m(x_m);
+    ego.set_y_m(y_m);
+    ego.set_speed_mps(speed_mps);
+    ego.set_quality(localization::GOOD);
+    egos_.publish(ego);
+    vehicle::State vehicle;
+    vehicle.mutable_header()->set_taken_ns(now_ns());
+    vehicle.set_speed_mps(speed_mps);
+    vehicles_.publish(vehicle);
+  }
+  // Along x at a constant acceleration, from where the vehicle is.
+  void write(planning::Trajectory& trajectory, double acceleration_mps2) {
+    trajectory.set_start_ns(now_ns());
+    for (int index = 0; index <= 60; ++index) {
+      const double time = 0.1 * index;
+      const double driven =
+          std::min(time, acceleration_mps2 < 0.0 ? 10.0 / -acceleration_mps2 : 1e9);
+      planning::TrajectoryPoint& point = *trajectory.add_points();
+      point.set_time_s(time);
+      point.set_x_m(10.0 * driven + 0.5 * acceleration_mps2 * driven * driven);
+      point.set_speed_mps(10.0 + acceleration_mps2 * driven);
+      point.set_acceleration_mps2(driven < time ? 0.0 : acceleration_mps2);
+    }
+  }
+  void send_plan(double acceleration_mps2 = 0.0) {
+    planning::Plan plan;
+    write(*plan.mutable_nominal(), acceleration_mps2);
+    write(*plan.mutable_minimal_risk(), -4.0);
+    plans_.publish(plan);
+  }
+  control::Command last_command() {
+    bench_.advance(20ms);
+    const auto commands = commands_.take();
+    return commands.empty() ? control::Command() : commands.back();
+  }
+
+  Bench bench_;
+  Bench::Input<planning::Plan> plans_ = bench_.input<planning::Plan>("planning/plan");
+  Bench::Input<localization::Ego> egos_ = bench_.input<localization::Ego>("localization/ego");
+  Bench::Input<vehicle::State> vehicles_ = bench_.input<vehicle::State>("vehicle/state");
+  Bench::Input<supervision::State> states_ = bench_.input<supervision::State>("supervision/state");
+  Bench::Output<control::Command> commands_ = bench_.output<control::Command>("control/command");
+};
+
+TEST_F(ControlTest, SaysNothingWithoutAPlan) {
+  send_ego(0.0, 0.0, 10.0);
+  send_state(supervision::ENGAGED);
+  bench_.advance(100ms);
+
+  EXPECT_TRUE(commands_.take().empty());
+}
+
+TEST_F(ControlTest, CommandsFiftyTimesASecond) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  bench_.advance(200ms);
+
+  EXPECT_EQ(commands_.take().size(), 10U);
+}
+
+TEST_F(ControlTest, IsReadyBeforeItDrives) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan(1.0);
+  const control::Command command = last_command();
+
+  EXPECT_FALSE(command.is_autonomous());
+  EXPECT_NEAR(command.acceleration_mps2(), 1.0, 0.3);
+}
+
+TEST_F(ControlTest, FollowsThePlan) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan(1.0);
+  send_state(supervision::ENGAGED);
+  const control::Command command = last_command();
+
+  EXPECT_TRUE(command.is_autonomous());
+  EXPECT_NEAR(command.acceleration_mps2(), 1.0, 0.3);
+  EXPECT_NEAR(command.steering_rad(), 0.0, 1e-9);
+}
+
+TEST_F(ControlTest, SteersBackToThePlan) {
+  send_ego(0.0, 0.5, 10.0);
+  send_plan();
+  send_state(supervision::ENGAGED);
+  const control::Command command = last_command();
+
+  EXPECT_LT(command.steering_rad(), 0.0);
+  EXPECT_NEAR(command.lateral_error_m(), 0.5, 1e-6);
+}
+
+TEST_F(ControlTest, TakesTheMinimalRiskTrajectoryWhenItIsTold) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  send_state(supervision::MINIMAL_RISK_STOP);
+
+  EXPECT_LT(last_command().acceleration_mps2(), -3.0);
+}
+
+TEST_F(ControlTest, StaysWithItsStopWhenNewerOnesBeginElsewhere) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  send_state(supervision::MINIMAL_RISK_STOP);
+  last_command();
+  // As if the plans did not know that the vehicle stops.
+  bench_.advance(400ms);
+  send_ego(3.8, 0.0, 8.3);
+  send_plan();
+
+  EXPECT_LT(last_command().acceleration_mps2(), -3.0);
+}
+
+TEST_F(ControlTest, HoldsTheBrakeWhenStopped) {
+  send_ego(0.0, 0.0, 0.0);
+  send_plan();
+  send_state(supervision::STOPPED);
+
+  EXPECT_LT(last_command().acceleration_mps2(), -1.0);
+}
+
+TEST_F(ControlTest, BrakesWhenNoPlanComesAnyMore) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  send_state(supervision::ENGAGED);
+  bench_.advance(700ms);
+  send_ego(7.0, 0.0, 10.0);
+
+  EXPECT_NEAR(last_command().acceleration_mps2(), -3.0, 0.1);
+}
+
+TEST_F(ControlTest, NumbersThatAreNoneNeverComeOut) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  send_state(supervision::ENGAGED);
+  bench_.advance(40ms);
+  send_ego(kNaN, 0.0, 10.0);
+  bench_.advance(40ms);
+  send_ego(0.4, 0.0, 10.0);
+  planning::Plan plan;
+  write(*plan.mutable_nominal(), kNaN);
+  write(*plan.mutable_minimal_risk(), kNaN);
+  plans_.publish(plan);
+  bench_.advance(40ms);
+
+  const auto commands = commands_.take();
+  ASSERT_EQ(commands.size(), 6U);
+  for (const control::Command& command : commands) {
+    EXPECT_TRUE(std::isfinite(command.steering_rad()));
+    EXPECT_TRUE(std::isfinite(command.acceleration_mps2()));
+  }
+}
+
+}  // namespace
+}  // namespace ads

@@ -1,0 +1,212 @@
+#include "tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace ads {
+namespace {
+
+constexpr double kRemembered_s = 1.0;
+constexpr double kPredictionStep_s = 0.02;
+// Slower than this the vehicle is about to stand.
+constexpr double kStanding_mps = 0.15;
+constexpr double kHolding_mps2 = -2.0;
+
+double wrapped(double angle_rad) {
+  return std::remainder(angle_rad, 2.0 * std::numbers::pi);
+}
+
+double mix(double from, double to, double share) {
+  return from + share * (to - from);
+}
+
+Reference between(const Reference& from, const Reference& to, double share) {
+  return {.x_m = mix(from.x_m, to.x_m, share),
+          .y_m = mix(from.y_m, to.y_m, share),
+          .heading_rad = from.heading_rad + share * wrapped(to.heading_rad - from.heading_rad),
+          .curvature_per_m = mix(from.curvature_per_m, to.curvature_per_m, share),
+          .speed_mps = mix(from.speed_mps, to.speed_mps, share),
+          .acceleration_mps2 = mix(from.acceleration_mps2, to.acceleration_mps2, share)};
+}
+
+}  // namespace
+
+Reference Path::at(double time_s) const {
+  const double last = static_cast<double>(points.size() - 1);
+  const double place = (time_s - start_s) / step_s;
+  if (place <= 0.0) {
+    return points.front();
+  }
+  if (place >= last) {
+    Reference end = points.back();
+    // Beyond its end the path goes on as it ended.
+    const double way = (place - last) * step_s * end.speed_mps;
+    end.x_m += way * std::cos(end.heading_rad);
+    end.y_m += way * std::sin(end.heading_rad);
+    end.acceleration_mps2 = 0.0;
+    end.curvature_per_m = 0.0;
+    return end;
+  }
+  const auto index = static_cast<std::size_t>(place);
+  return between(points[index], points[index + 1], place - static_cast<double>(index));
+}
+
+Reference Path::nearest(double x_m, double y_m) const {
+  Reference best = points.front();
+  double smallest = std::numeric_limits<double>::infinity();
+  for (std::size_t index = 0; index + 1 < points.size(); ++index) {
+    const Reference& from = points[index];
+    const Reference& to = points[index + 1];
+    const double dx = to.x_m - from.x_m;
+    const double dy = to.y_m - from.y_m;
+    const double square = dx * dx + dy * dy;
+    if (square < 1e-6) {
+      continue;
+    }
+    double share = ((x_m - from.x_m) * dx + (y_m - from.y_m) * dy) / square;
+    const bool is_last = index + 2 == points.size();
+    share = std::clamp(share, 0.0, is_last ? 100.0 : 1.0);
+    const double distance = std::hypot(from.x_m + share * dx - x_m, from.y_m + share * dy - y_m);
+    if (distance < smallest) {
+      smallest = distance;
+      best = between(from, to, std::min(share, 1.0));
+      best.x_m = from.x_m + share * dx;
+      best.y_m = from.y_m + share * dy;
+    }
+  }
+  return best;
+}
+
+// What was commanded last by then; null before the first command.
+const Actuation* Tracker::command_at(double time_s) const {
+  const Actuation* command = nullptr;
+  for (const Past& past : past_) {
+    if (past.time_s > time_s + 1e-9) {
+      break;
+    }
+    command = &past.command;
+  }
+  return command;
+}
+
+// Kinematic single-track model, with the commands that are on their way.
+Motion Tracker::predict(const Motion& motion, double from_s, double to_s) const {
+  Motion now = motion;
+  const double lever = config_.centre_to_rear_axle_m;
+  now.x_m -= lever * std::cos(now.heading_rad);
+  now.y_m -= lever * std::sin(now.heading_rad);
+  for (double time = from_s; time < to_s - 1e-9; time += kPredictionStep_s) {
+    const double step = std::min(kPredictionStep_s, to_s - time);
+    if (const Actuation* asked = command_at(time - config_.acceleration_delay_s)) {
+      const double share =
+          config_.acceleration_lag_s > step ? step / config_.acceleration_lag_s : 1.0;
+      now.acceleration_mps2 += share * (asked->acceleration_mps2 - now.acceleration_mps2);
+    }
+    if (const Actuation* asked = command_at(time - config_.steering_delay_s)) {
+      const double turn = config_.steering_rate_max_radps * step;
+      now.steering_rad += std::clamp(asked->steering_rad - now.steering_rad, -turn, turn);
+    }
+    const double yaw = now.speed_mps * std::tan(now.steering_rad) / config_.wheelbase_m;
+    const double heading = now.heading_rad + 0.5 * step * yaw;
+    now.x_m += step * now.speed_mps * std::cos(heading);
+    now.y_m += step * now.speed_mps * std::sin(heading);
+    now.heading_rad += step * yaw;
+    now.speed_mps = std::max(0.0, now.speed_mps + step * now.acceleration_mps2);
+  }
+  now.x_m += lever * std::cos(now.heading_rad);
+  now.y_m += lever * std::sin(now.heading_rad);
+  return now;
+}
+
+double Tracker::steering(const Reference& reference, const Motion& motion) {
+  const double lever = config_.centre_to_rear_axle_m;
+  const double cosine = std::cos(reference.heading_rad);
+  const double sine = std::sin(reference.heading_rad);
+  // At the rear axle, whose motion has no part across the heading.
+  const double dx =
+      motion.x_m - lever * std::cos(motion.heading_rad) - (reference.x_m - lever * cosine);
+  const double dy =
+      motion.y_m - lever * std::sin(motion.heading_rad) - (reference.y_m - lever * sine);
+  error_.along_m = dx * cosine + dy * sine;
+  error_.lateral_m = -dx * sine + dy * cosine;
+  error_.heading_rad = wrapped(motion.heading_rad - reference.heading_rad);
+  error_.speed_mps = motion.speed_mps - reference.speed_mps;
+  // What is too far along a curve is not beside it.
+  const double bend = 0.5 * reference.curvature_per_m * error_.along_m * error_.along_m;
+  error_.lateral_m -= bend;
+  error_.heading_rad -= reference.curvature_per_m * error_.along_m;
+  const double length =
+      std::max(config_.lateral_length_m, config_.lateral_time_s * motion.speed_mps);
+  const double curvature = reference.curvature_per_m - error_.lateral_m / (length * length) -
+                           2.0 * config_.lateral_damping * std::sin(error_.heading_rad) / length;
+  return std::atan(config_.wheelbase_m * curvature);
+}
+
+Actuation Tracker::give(Actuation wanted, double now_s) {
+  if (!std::isfinite(wanted.steering_rad) || !std::isfinite(wanted.acceleration_mps2)) {
+    wanted = past_.empty() ? Actuation{} : past_.back().command;
+  }
+  if (!past_.empty()) {
+    const Past& last = past_.back();
+    const double passed = std::clamp(now_s - last.time_s, 0.0, 0.1);
+    const double turn = config_.steering_rate_max_radps * passed;
+    const double jerk = config_.jerk_max_mps3 * passed;
+    wanted.steering_rad = std::clamp(wanted.steering_rad, last.command.steering_rad - turn,
+                                     last.command.steering_rad + turn);
+    wanted.acceleration_mps2 =
+        std::clamp(wanted.acceleration_mps2, last.command.acceleration_mps2 - jerk,
+                   last.command.acceleration_mps2 + jerk);
+  }
+  wanted.steering_rad =
+      std::clamp(wanted.steering_rad, -config_.steering_max_rad, config_.steering_max_rad);
+  wanted.acceleration_mps2 = std::clamp(wanted.acceleration_mps2, config_.acceleration_min_mps2,
+                                        config_.acceleration_max_mps2);
+  past_.push_back({now_s, wanted});
+  while (past_.size() > 2 && past_[1].time_s < now_s - kRemembered_s) {
+    past_.pop_front();
+  }
+  return wanted;
+}
+
+Actuation Tracker::follow(const Path& path, const Motion& motion, double motion_s, double now_s) {
+  const double effect_s = now_s + config_.steering_delay_s;
+  const Motion then = predict(motion, motion_s, effect_s);
+  Actuation wanted;
+  wanted.steering_rad = steering(path.at(effect_s), then);
+  // What follows with a lag has to be asked for earlier.
+  const Reference ahead =
+      path.at(now_s + config_.acceleration_delay_s + config_.acceleration_lag_s);
+  wanted.acceleration_mps2 = ahead.acceleration_mps2 - config_.speed_gain_per_s * error_.speed_mps -
+                             config_.position_gain_per_s2 * error_.along_m;
+  const bool ends_standing = ahead.speed_mps < kStanding_mps && ahead.acceleration_mps2 < 0.1;
+  if (ends_standing && then.speed_mps < kStanding_mps) {
+    wanted.acceleration_mps2 = std::min(wanted.acceleration_mps2, kHolding_mps2);
+  }
+  return give(wanted, now_s);
+}
+
+Actuation Tracker::brake(const Path& path, const Motion& motion, double motion_s, double now_s,
+                         double deceleration_mps2) {
+  const Motion then = predict(motion, motion_s, now_s + config_.steering_delay_s);
+  Reference reference = path.nearest(then.x_m, then.y_m);
+  reference.speed_mps = then.speed_mps;
+  Actuation wanted;
+  wanted.steering_rad = steering(reference, then);
+  wanted.acceleration_mps2 = -deceleration_mps2;
+  return give(wanted, now_s);
+}
+
+Actuation Tracker::hold(double now_s) {
+  error_ = {};
+  const double steering = past_.empty() ? 0.0 : past_.back().command.steering_rad;
+  return give({.steering_rad = steering, .acceleration_mps2 = kHolding_mps2}, now_s);
+}
+
+void Tracker::forget() {
+  past_.clear();
+  error_ = {};
+}
+
+}  // namespace ads

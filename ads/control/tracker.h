@@ -1,0 +1,114 @@
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <vector>
+
+namespace ads {
+
+/// What is to be followed, at one time: the centre of the vehicle's box, the body's heading, and
+/// the speed along it. The curvature is that of the rear axle's path: yaw rate over speed, left
+/// positive.
+struct Reference {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double heading_rad = 0.0;
+  double curvature_per_m = 0.0;
+  double speed_mps = 0.0;
+  double acceleration_mps2 = 0.0;
+};
+
+/// References at even times.
+struct Path {
+  double start_s = 0.0;
+  double step_s = 0.1;
+  std::vector<Reference> points = {};
+
+  /// Between the points, and standing at the last one after it. @pre  There are points.
+  [[nodiscard]] Reference at(double time_s) const;
+  /// That point of the line through the points which is nearest to a place.
+  [[nodiscard]] Reference nearest(double x_m, double y_m) const;
+};
+
+/// Where the vehicle is: the centre of its box.
+struct Motion {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double heading_rad = 0.0;
+  double speed_mps = 0.0;
+  double acceleration_mps2 = 0.0;
+  double steering_rad = 0.0;
+};
+
+struct Actuation {
+  double steering_rad = 0.0;
+  double acceleration_mps2 = 0.0;
+};
+
+/// How far the vehicle is from what it follows: it is to the left, turned to the left, too fast,
+/// too far by so much.
+struct TrackingError {
+  double lateral_m = 0.0;
+  double heading_rad = 0.0;
+  double speed_mps = 0.0;
+  double along_m = 0.0;
+};
+
+struct TrackerConfig {
+  double wheelbase_m = 2.58;
+  double centre_to_rear_axle_m = 1.29;
+  double steering_max_rad = 1.066;
+  double steering_rate_max_radps = 0.4;
+  double acceleration_min_mps2 = -8.0;
+  double acceleration_max_mps2 = 4.0;
+  double jerk_max_mps3 = 40.0;
+  /// A command shows so much later: dead time, and the time constant of what follows it.
+  double steering_delay_s = 0.1;
+  double acceleration_delay_s = 0.1;
+  double acceleration_lag_s = 0.0;
+  /// Lateral errors fade within this length: the larger of a length and a time at the present
+  /// speed.
+  double lateral_length_m = 4.0;
+  double lateral_time_s = 0.7;
+  double lateral_damping = 0.9;
+  double position_gain_per_s2 = 0.8;
+  double speed_gain_per_s = 1.6;
+};
+
+/// Follows a path in time; see README.md for the law.
+///
+/// @threads  Confined.
+class Tracker {
+ public:
+  explicit Tracker(const TrackerConfig& config) : config_(config) {}
+
+  /// The command for `now_s`, so that the vehicle, which was at `motion` at `motion_s`, follows
+  /// `path` in time. Times must not decrease.
+  Actuation follow(const Path& path, const Motion& motion, double motion_s, double now_s);
+  /// The command that keeps to the path's line and slows down to a stop.
+  Actuation brake(const Path& path, const Motion& motion, double motion_s, double now_s,
+                  double deceleration_mps2);
+  /// The command that holds the vehicle where it is.
+  Actuation hold(double now_s);
+  /// What the vehicle really does is unknown from now on: a driver drives.
+  void forget();
+
+  [[nodiscard]] const TrackingError& error() const { return error_; }
+
+ private:
+  struct Past {
+    double time_s = 0.0;
+    Actuation command;
+  };
+
+  [[nodiscard]] const Actuation* command_at(double time_s) const;
+  [[nodiscard]] Motion predict(const Motion& motion, double from_s, double to_s) const;
+  [[nodiscard]] double steering(const Reference& reference, const Motion& motion);
+  Actuation give(Actuation wanted, double now_s);
+
+  const TrackerConfig config_;
+  std::deque<Past> past_;  // Commands of the last second, oldest first.
+  TrackingError error_;
+};
+
+}  // namespace ads
