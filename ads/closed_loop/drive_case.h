@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/commonroad.h"
+#include "motion_planning/planner.h"
+#include "motion_planning/road.h"
+
+namespace motion_planning {
+
+/// A drive to be tried: a scenario, and the vehicle in it that the planner stands in for.
+struct DriveCase {
+  std::string name = {};
+  const ads::Scenario* scenario = nullptr;
+  std::int64_t replaced = 0;    ///< The obstacle that is taken out; 0 for none.
+  std::int64_t first_step = 0;  ///< When the drive begins.
+  State initial = {};
+  Goal goal = {};  ///< Times since the drive's begin.
+};
+
+/// The planning problem of the scenario's file.
+DriveCase given_case(const ads::Scenario& scenario);
+
+/// Drives of recorded vehicles: the goal is where the vehicle was at the end, with the intervals
+/// that planning problems of the family have.
+std::vector<DriveCase> recorded_cases(const ads::Scenario& scenario);
+
+/// The road to the goal: along the centres of lanes, joined where they change.
+Road make_road(const ads::Scenario& scenario, const State& from, const Pose& to);
+
+enum class Foresight { kPerfect, kConstantSpeed };
+
+struct DriveResult {
+  bool reached = false;
+  bool collided = false;
+  bool on_road = true;
+  double smallest_gap_m = 1e9;
+  std::int64_t gap_object = 0;
+  double gap_s = 0.0;
+  double acceleration_min_mps2 = 0.0;
+  double acceleration_max_mps2 = 0.0;
+  double lateral_max_mps2 = 0.0;
+  double jerk_max_mps3 = 0.0;
+  double reached_s = 0.0;
+  double goal_miss_m = 1e9;  ///< At the best step of the window.
+  std::string goal_miss = {};
+  double time_mean_ms = 0.0;
+  double time_max_ms = 0.0;
+  double tracking_max_m = 0.0;
+  double recorded_gap_m = 1e9;  ///< What the recorded vehicle itself kept.
+};
+
+struct DriveOptions {
+  Foresight foresight = Foresight::kConstantSpeed;
+  std::int64_t delay_steps = 1;
+  bool with_model = false;  ///< Control and a vehicle with delays in the loop, not the plan itself.
+  double noise = 0.0;       ///< 1 for what the sensors of the ADS leave as errors.
+  std::uint64_t seed = 1;
+  bool is_verbose = false;
+};
+
+DriveResult drive_through(const DriveCase& drive, const PlannerConfig& config,
+                          const DriveOptions& options);
+
+}  // namespace motion_planning
