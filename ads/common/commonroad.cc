@@ -1,7 +1,6 @@
 #include "common/commonroad.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -9,22 +8,19 @@
 #include <stdexcept>
 #include <system_error>
 #include <tuple>
-#include <type_traits>
 #include <utility>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
-#include <pugixml.hpp>
 
 #include "common/read_file.h"
+#include "common/xml.h"
 
 namespace ads {
 namespace {
 
 // Ten times what published scenarios have; as elements it takes up to half a gigabyte.
 constexpr std::uintmax_t kLargestFile = std::uintmax_t{32} << 20U;
-// Nothing on Earth is farther away; sums and squares of it stay exact enough.
-constexpr double kLargestNumber = 1e8;
 constexpr std::int64_t kLastStep = 10'000'000;
 
 // What countries number their signs for a speed limit: Germany and CommonRoad's Zamunda, the USA,
@@ -32,108 +28,7 @@ constexpr std::int64_t kLastStep = 10'000'000;
 constexpr std::array<std::string_view, 8> kSpeedLimitSigns{"274", "274.1", "R2-1", "R301",
                                                            "B14", "C43",   "R32",  "B31"};
 
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view kSpace = " \t\r\n";
-  const std::size_t begin = std::min(text.find_first_not_of(kSpace), text.size());
-  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
-}
-
-// An element of the file, which can say where it stands.
-class Element {
- public:
-  // The text and the name of a file, which all of its elements share.
-  struct File {
-    std::string_view text;
-    std::string_view name;
-  };
-
-  Element(const File& file, pugi::xml_node node) : file_(&file), node_(node) {}
-
-  [[nodiscard]] std::string_view name() const { return node_.name(); }
-
-  [[nodiscard]] bool has(const char* child) const { return !node_.child(child).empty(); }
-
-  [[nodiscard]] std::optional<Element> find(const char* child) const {
-    const pugi::xml_node found = node_.child(child);
-    return found.empty() ? std::nullopt : std::optional<Element>({*file_, found});
-  }
-
-  [[nodiscard]] Element get(const char* child) const {
-    const auto found = find(child);
-    if (!found) {
-      fail(fmt::format("<{}> in <{}>", child, name()), "none");
-    }
-    return *found;
-  }
-
-  [[nodiscard]] std::vector<Element> all(const char* child) const {
-    std::vector<Element> elements;
-    for (const pugi::xml_node node : node_.children(child)) {
-      elements.emplace_back(*file_, node);
-    }
-    return elements;
-  }
-
-  [[nodiscard]] std::string_view text() const { return trimmed(node_.text().get()); }
-
-  template <typename Number>
-  [[nodiscard]] Number number() const {
-    return number_of<Number>(text(), fmt::format("in <{}>", name()));
-  }
-
-  [[nodiscard]] std::optional<std::string_view> find_attribute(const char* attribute) const {
-    const pugi::xml_attribute found = node_.attribute(attribute);
-    return found.empty() ? std::nullopt : std::optional<std::string_view>(found.value());
-  }
-
-  [[nodiscard]] std::string_view attribute(const char* wanted) const {
-    const auto found = find_attribute(wanted);
-    if (!found) {
-      fail(fmt::format("an attribute {} of <{}>", wanted, name()), "none");
-    }
-    return *found;
-  }
-
-  template <typename Number>
-  [[nodiscard]] Number number_attribute(const char* wanted) const {
-    return number_of<Number>(trimmed(attribute(wanted)),
-                             fmt::format("as {} of <{}>", wanted, name()));
-  }
-
-  [[noreturn]] void fail(std::string_view expected, std::string_view found) const {
-    const auto offset = std::clamp<std::ptrdiff_t>(node_.offset_debug(), 0,
-                                                   static_cast<std::ptrdiff_t>(file_->text.size()));
-    throw std::runtime_error(fmt::format(
-        "{}:{}: expected {}, found {}", file_->name,
-        1 + std::ranges::count(file_->text.substr(0, static_cast<std::size_t>(offset)), '\n'),
-        expected, found));
-  }
-
- private:
-  template <typename Number>
-  [[nodiscard]] Number number_of(std::string_view text, std::string_view where) const {
-    Number value{};
-    const std::string_view digits = text.substr(text.starts_with('+') ? 1 : 0);
-    const auto [after, error] =
-        std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    const bool is_number = error == std::errc() && after == digits.data() + digits.size();
-    if constexpr (std::is_floating_point_v<Number>) {
-      if (!is_number || !(std::abs(value) <= kLargestNumber)) {
-        fail(fmt::format("a number of at most {:g} {}", kLargestNumber, where), quoted(text));
-      }
-    } else if (!is_number) {
-      fail(fmt::format("an integer {}", where), quoted(text));
-    }
-    return value;
-  }
-
-  static std::string quoted(std::string_view text) {
-    return fmt::format("'{}'", text.substr(0, 40));
-  }
-
-  const File* file_;
-  pugi::xml_node node_;
-};
+using Element = XmlElement;
 
 Eigen::Vector2d read_point(const Element& element) {
   return {element.get("x").number<double>(), element.get("y").number<double>()};
@@ -635,19 +530,8 @@ std::vector<Eigen::Vector2d> Lanelet::polygon_m() const {
 }
 
 Scenario Scenario::parse(std::string_view text, std::string_view name) {
-  const Element::File file{.text = text, .name = name};
-  pugi::xml_document document;
-  const pugi::xml_parse_result result =
-      document.load_buffer(text.data(), text.size(), pugi::parse_default, pugi::encoding_utf8);
-  if (!result) {
-    const auto offset =
-        std::clamp<std::ptrdiff_t>(result.offset, 0, static_cast<std::ptrdiff_t>(text.size()));
-    throw std::runtime_error(
-        fmt::format("{}:{}: expected XML, found: {}", name,
-                    1 + std::ranges::count(text.substr(0, static_cast<std::size_t>(offset)), '\n'),
-                    result.description()));
-  }
-  return read_scenario(Element(file, document.document_element()));
+  const XmlFile file(text, name);
+  return read_scenario(file.root());
 }
 
 Scenario Scenario::read(const std::filesystem::path& file) {

@@ -296,7 +296,7 @@ TEST(CommonRoad, GoalMayBeOneOfSeveral) {
 
 TEST(CommonRoad, MistakesAreToldWithTheirLine) {
   EXPECT_EQ(refusal_of_text("<commonRoad>\n<lanelet id='3'>\n</commonRoad>"),
-            "x.xml:3: expected XML, found: Start-end tags mismatch");
+            "x.xml:3: expected XML, found Start-end tags mismatch");
   EXPECT_EQ(refusal_of_text("<html/>"), "x.xml:1: expected <commonRoad>, found <html>");
   EXPECT_EQ(refusal_of_text(file("", "2017a")),
             "x.xml:2: expected commonRoadVersion 2018b or 2020a, found '2017a'");

@@ -9,8 +9,7 @@
 #include <variant>
 #include <vector>
 
-#include "common/commonroad.h"
-#include "commonroad_lanes.h"
+#include "map_file.h"
 
 namespace ads {
 namespace {
@@ -58,10 +57,12 @@ void fill(const LaneGraph::Node& node, hd_map::Lane& message) {
   if (lane.left) {
     message.set_left_lane(lane.left->id);
     message.set_is_left_same_direction(lane.left->is_same_direction);
+    message.set_is_left_change_forbidden(!lane.left->may_change());
   }
   if (lane.right) {
     message.set_right_lane(lane.right->id);
     message.set_is_right_same_direction(lane.right->is_same_direction);
+    message.set_is_right_change_forbidden(!lane.right->may_change());
   }
   message.set_speed_limit_mps(lane.speed_limit_mps);
   message.mutable_yields_to()->Add(node.yields_to.begin(), node.yields_to.end());
@@ -120,7 +121,7 @@ RouteGoal goal_of(const mission::Goal& message) {
 HdMap::HdMap(fastcycle::Context& context)
     : Component(context),
       file_(context.param<fastcycle::Path>(
-          "map", {.description = "The file with the lanes: a CommonRoad scenario"})),
+          "map", {.description = "The file with the lanes: CommonRoad, Lanelet2 or OpenDRIVE"})),
       radius_m_(context.param<double>("radius_m", {.fallback = 250.0,
                                                    .min = 30.0,
                                                    .max = kRadiusMax_m,
@@ -181,8 +182,13 @@ HdMap::HdMap(fastcycle::Context& context)
 }
 
 void HdMap::start() {
-  graph_.emplace(lanes_of(Scenario::read(file_.get())));
+  MapFile map = read_map(file_.get());
+  graph_.emplace(std::move(map.graph));
   log().info("{} lanes", graph_->nodes().size());
+  if (map.origin) {
+    log().info("(0, 0) is at {:.7f} N, {:.7f} E", map.origin->latitude_deg,
+               map.origin->longitude_deg);
+  }
   report("lanes", static_cast<std::int64_t>(graph_->nodes().size()));
 }
 

@@ -1,19 +1,29 @@
 #include "hd_map.h"
 
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
+#include <set>
 #include <string>
+#include <utility>
 
 #include <fastcycle/testing.h>
 #include <gmock/gmock.h>
 
 #include "common/commonroad.h"
+#include "common/plane.h"
+#include "lane_graph.h"
+#include "map_file.h"
 
 namespace ads {
 namespace {
 
 using fastcycle::testing::Bench;
 using ::testing::HasSubstr;
+
+// Two lanelets of Karlsruhe with 430 m of road between them.
+constexpr std::int64_t kBegin = 45252;
+constexpr std::int64_t kEnd = 45558;
 
 class HdMapTest : public ::testing::Test {
  protected:
@@ -132,6 +142,60 @@ TEST_F(HdMapTest, GoalOffTheMapIsToldWithTheReason) {
   ASSERT_EQ(routes.size(), 1U);
   EXPECT_FALSE(routes[0].is_found());
   EXPECT_THAT(routes[0].reason(), HasSubstr("the goal (5000.0, 0.0)"));
+}
+
+// A drive through Karlsruhe along the route's reference, in steps of 2 m.
+TEST(ManyTiles, OfARealMapComeAlongTheWay) {
+  const auto file = std::filesystem::path(ADS_DIR) / "data/lanelet2/karlsruhe.osm";
+  const LaneGraph graph = read_map(file).graph;
+  const Polyline& begin = graph.node(kBegin).center;
+  Bench bench;
+  bench.configure(R"({"topics": {"map/tile": {"latched": 1}, "map/route": {"latched": 1}}})");
+  bench.add<HdMap>("hd_map", R"({"params": {"map": ")" + file.string() + R"(", "radius_m": 60}})");
+  auto poses = bench.input<mission::InitialPose>("mission/initial_pose");
+  auto goals = bench.input<mission::Goal>("mission/goal");
+  auto egos = bench.input<localization::Ego>("localization/ego");
+  auto tiles = bench.output<hd_map::Tile>("map/tile");
+  auto routes = bench.output<hd_map::Route>("map/route");
+  bench.start();
+  mission::Goal goal;
+  goal.add_lanes(kEnd);
+  goals.publish(goal);
+  mission::InitialPose pose;
+  pose.set_x_m(begin.point_at(0.0).x());
+  pose.set_y_m(begin.point_at(0.0).y());
+  pose.set_heading_rad(begin.heading_at(0.0));
+  poses.publish(pose);
+  const auto found = routes.take();
+  ASSERT_EQ(found.size(), 1U);
+  ASSERT_TRUE(found[0].is_found()) << found[0].reason();
+  const hd_map::Line& way = found[0].reference();
+  ASSERT_GT(way.x_m_size(), 500);
+
+  hd_map::Tile tile = tiles.take().at(0);
+  std::size_t count = 1;
+  for (int index = 60; index < way.x_m_size() - 60; index += 2) {
+    const Eigen::Vector2d place(way.x_m(index), way.y_m(index));
+    localization::Ego ego;
+    ego.set_x_m(place.x());
+    ego.set_y_m(place.y());
+    ego.set_quality(localization::GOOD);
+    egos.publish(ego);
+    for (hd_map::Tile& next : tiles.take()) {
+      tile = std::move(next);
+      ++count;
+    }
+    EXPECT_LT((place - Eigen::Vector2d(tile.x_m(), tile.y_m())).norm(), 20.0 + 1e-9);
+    std::set<std::int64_t> sent;
+    for (const hd_map::Lane& lane : tile.lanes()) {
+      sent.insert(lane.id());
+    }
+    for (const std::int64_t id : graph.within(place, 39.0)) {
+      EXPECT_TRUE(sent.contains(id)) << "lane " << id << " near " << place.transpose();
+    }
+    EXPECT_FALSE(graph.within(place, 0.5).empty());
+  }
+  EXPECT_GT(count, 15U);
 }
 
 TEST(HdMap, MissingFileIsNamed) {

@@ -20,6 +20,15 @@ constexpr double kOncoming_rad = 2.2;
 // Ends of lanes touch those of others; what lies between counts.
 constexpr double kEnds_m = 1.0;
 constexpr double kStep_m = 0.5;
+// Lanes of which one follows the other touch each other, or nearly so.
+constexpr double kTouch_m = 1.0;
+// What is more is no map of a city, and would take minutes.
+constexpr std::size_t kLanesMax = 50'000;
+constexpr double kLengthMax_m = 2e7;
+// How many points of lanes are looked at, at most, to see which lanes conflict.
+constexpr std::int64_t kWorkMax = 100'000'000;
+constexpr std::int64_t kWorkPerLaneMax = 100'000;
+constexpr std::size_t kBesideMax = 64;
 
 bool has(const std::vector<std::int64_t>& ids, std::int64_t id) {
   return std::ranges::find(ids, id) != ids.end();
@@ -33,16 +42,33 @@ double turn_rad(const Polyline& line) {
   return normalize_angle(line.heading_at(line.length_m()) - line.heading_at(0.0));
 }
 
-// Whether the line, without its ends, runs through the lane for more than a touch.
-bool runs_through(const Polyline& line, const LaneGraph::Node& lane) {
+// Whether the line, without its ends, runs through the lane for more than a touch. Counts its work.
+bool runs_through(const Polyline& line, const LaneGraph::Node& lane, std::int64_t work_max,
+                  std::int64_t& work) {
   int inside = 0;
   for (double along = kEnds_m; along < line.length_m() - kEnds_m; along += kStep_m) {
-    inside = lane.contains(line.point_at(along)) ? inside + 1 : 0;
+    const Eigen::Vector2d point = line.point_at(along);
+    const bool is_near = lane.bounds.contains(point);
+    inside = is_near && lane.contains(point) ? inside + 1 : 0;
+    work += is_near ? std::ssize(lane.lane.left_m) : 1;
     if (inside == 2) {
       return true;
     }
+    if (work > work_max) {
+      return false;
+    }
   }
   return false;
+}
+
+bool is_beside(const std::optional<LaneBeside>& side, const LaneGraph::Node& other) {
+  return side && side->id == other.lane.id;
+}
+
+// Whether it is the same lane, driven the other way.
+bool is_reverse(const MapLane& a, const MapLane& b) {
+  return a.left_m.front() == b.right_m.back() && a.left_m.back() == b.right_m.front() &&
+         a.right_m.front() == b.left_m.back() && a.right_m.back() == b.left_m.front();
 }
 
 double distance_from_line_m(const Polyline& line, const Eigen::Vector2d& point_m) {
@@ -117,10 +143,21 @@ bool LaneGraph::Node::is_drivable() const {
 }
 
 LaneGraph::LaneGraph(std::vector<MapLane> lanes) {
+  if (lanes.size() > kLanesMax) {
+    throw std::runtime_error(
+        fmt::format("expected at most {} lanes, found {}", kLanesMax, lanes.size()));
+  }
+  double length_m = 0.0;
   for (MapLane& lane : lanes) {
     const std::int64_t id = lane.id;
-    if (!nodes_.emplace(id, node_of(std::move(lane))).second) {
+    const auto [place, is_new] = nodes_.emplace(id, node_of(std::move(lane)));
+    if (!is_new) {
       throw std::runtime_error(fmt::format("lane {}: expected once, found twice", id));
+    }
+    length_m += place->second.center.length_m();
+    if (!(length_m <= kLengthMax_m)) {
+      throw std::runtime_error(fmt::format("lane {}: expected at most {:g} m of lanes, found {:g}",
+                                           id, kLengthMax_m, length_m));
     }
   }
   check_references();
@@ -130,23 +167,22 @@ LaneGraph::LaneGraph(std::vector<MapLane> lanes) {
 std::vector<std::int64_t> LaneGraph::beside(std::int64_t id) const {
   const auto next = [&](std::int64_t from, bool is_left) -> std::optional<std::int64_t> {
     const auto& side = is_left ? node(from).lane.left : node(from).lane.right;
-    const bool is_lane = side && side->is_same_direction && node(side->id).is_drivable();
+    const bool is_lane = side && side->may_change() && node(side->id).is_drivable();
     return is_lane ? std::optional(side->id) : std::nullopt;
   };
   std::vector<std::int64_t> lanes{id};
-  while (const auto right = next(lanes.back(), false)) {
-    if (has(lanes, *right)) {
-      break;  // A map in which lanes lie side by side in a ring.
+  const auto add_all = [&](bool is_left) {
+    for (std::size_t count = 0; count < kBesideMax; ++count) {
+      const auto side = next(lanes.back(), is_left);
+      if (!side || has(lanes, *side)) {  // In a ring, in a map that makes no sense.
+        return;
+      }
+      lanes.push_back(*side);
     }
-    lanes.push_back(*right);
-  }
+  };
+  add_all(false);
   std::ranges::reverse(lanes);
-  while (const auto left = next(lanes.back(), true)) {
-    if (has(lanes, *left)) {
-      break;
-    }
-    lanes.push_back(*left);
-  }
+  add_all(true);
   return lanes;
 }
 
@@ -162,12 +198,20 @@ std::vector<std::int64_t> LaneGraph::within(const Eigen::Vector2d& place_m, doub
 }
 
 void LaneGraph::check_references() const {
+  const auto count = [](const MapLane& lane, std::size_t links, std::string_view what) {
+    if (links > kLinksMax) {
+      throw std::runtime_error(fmt::format("lane {}: expected at most {} {}, found {}", lane.id,
+                                           kLinksMax, what, links));
+    }
+  };
   const auto check = [this](std::int64_t from, std::int64_t id, std::string_view what) {
     if (!nodes_.contains(id)) {
       throw std::runtime_error(fmt::format("lane {}: its {} {} is not in the map", from, what, id));
     }
   };
   for (const auto& [id, node] : nodes_) {
+    count(node.lane, node.lane.predecessors.size(), "predecessors");
+    count(node.lane, node.lane.successors.size(), "successors");
     for (const std::int64_t other : node.lane.predecessors) {
       check(id, other, "predecessor");
     }
@@ -182,41 +226,78 @@ void LaneGraph::check_references() const {
   }
 }
 
+// Of each two lanes whose bounds touch each other, whether they conflict. The lanes are gone
+// through from west to east.
 void LaneGraph::find_conflicts() {
-  for (auto a = nodes_.begin(); a != nodes_.end(); ++a) {
-    for (auto b = std::next(a); b != nodes_.end(); ++b) {
-      if (!is_conflict(a->second, b->second)) {
-        continue;
+  std::vector<Node*> lanes;
+  for (auto& [id, node] : nodes_) {
+    if (node.lane.kind != LaneKind::kOther) {
+      lanes.push_back(&node);
+    }
+  }
+  std::ranges::sort(
+      lanes, {}, [](const Node* node) { return std::pair(node->bounds.min().x(), node->lane.id); });
+  std::int64_t work = 0;
+  for (auto first = lanes.begin(); first != lanes.end(); ++first) {
+    for (auto second = std::next(first);
+         second != lanes.end() &&
+         (*second)->bounds.min().x() <= (*first)->bounds.max().x() + kTouch_m;
+         ++second) {
+      const auto [a, b] = std::minmax(*first, *second, [](const Node* one, const Node* other) {
+        return one->lane.id < other->lane.id;
+      });
+      if (is_conflict(*a, *b, work)) {
+        add_conflict(*a, *b);
       }
-      a->second.conflicts.push_back(b->first);
-      b->second.conflicts.push_back(a->first);
-      if (yields(a->second, b->second)) {
-        a->second.yields_to.push_back(b->first);
-      } else if (yields(b->second, a->second)) {
-        b->second.yields_to.push_back(a->first);
+      if (++work > work_max()) {
+        throw std::runtime_error(fmt::format(
+            "lane {}: expected {} lanes to lie upon each other in fewer places, found it after {} "
+            "points",
+            a->lane.id, nodes_.size(), work));
       }
     }
   }
+  for (auto& [id, node] : nodes_) {
+    std::ranges::sort(node.conflicts);
+    std::ranges::sort(node.yields_to);
+  }
 }
 
-bool LaneGraph::is_conflict(const Node& a, const Node& b) const {
-  if (a.lane.kind == LaneKind::kOther || b.lane.kind == LaneKind::kOther ||
-      has(a.lane.successors, b.lane.id) || has(b.lane.successors, a.lane.id) ||
-      has(beside(a.lane.id), b.lane.id)) {
+void LaneGraph::add_conflict(Node& a, Node& b) {
+  a.conflicts.push_back(b.lane.id);
+  b.conflicts.push_back(a.lane.id);
+  if (yields(a, b)) {
+    a.yields_to.push_back(b.lane.id);
+  } else if (yields(b, a)) {
+    b.yields_to.push_back(a.lane.id);
+  }
+}
+
+std::int64_t LaneGraph::work_max() const {
+  return kWorkMax + kWorkPerLaneMax * std::ssize(nodes_);
+}
+
+bool LaneGraph::is_conflict(const Node& a, const Node& b, std::int64_t& work) const {
+  const auto touches = [](const Node& one, const Node& other) {
+    return one.bounds.exteriorDistance(other.bounds) <= kTouch_m;
+  };
+  if (!touches(a, b)) {
+    return false;
+  }
+  work += 100;
+  if (has(a.lane.successors, b.lane.id) || has(b.lane.successors, a.lane.id) ||
+      has(beside(a.lane.id), b.lane.id) || is_reverse(a.lane, b.lane)) {
     return false;
   }
   if (share(a.lane.successors, b.lane.successors)) {
     return true;
   }
-  const auto is_beside = [](const std::optional<LaneBeside>& side, const Node& other) {
-    return side && side->id == other.lane.id;
-  };
   if (!a.bounds.intersects(b.bounds) || share(a.lane.predecessors, b.lane.predecessors) ||
       is_beside(a.lane.left, b) || is_beside(a.lane.right, b) || is_beside(b.lane.left, a) ||
       is_beside(b.lane.right, a)) {
     return false;
   }
-  return runs_through(a.center, b) || runs_through(b.center, a);
+  return runs_through(a.center, b, work_max(), work) || runs_through(b.center, a, work_max(), work);
 }
 
 bool LaneGraph::yields(const Node& a, const Node& b) {

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -19,11 +21,21 @@ enum class LaneKind : std::uint8_t { kRoad, kHighway, kRamp, kShoulder, kCrossin
 struct LaneBeside {
   std::int64_t id = 0;
   bool is_same_direction = false;
+  /// By the line between, for one who comes from the lane that has this one beside it.
+  bool is_change_allowed = true;
+
+  /// Whether one may go over to it.
+  [[nodiscard]] bool may_change() const { return is_same_direction && is_change_allowed; }
 };
+
+/// More lanes than this neither precede nor follow one.
+constexpr std::size_t kLinksMax = 64;
 
 /// What a map says of a lane, whatever its file format is. Lanes that are named are in the map.
 struct MapLane {
   std::int64_t id = 0;
+  /// What it is in the file, for people: "road 3, section 0, lane -1".
+  std::string name = {};
   LaneKind kind = LaneKind::kRoad;
   /// In driving direction, with the same number of points.
   std::vector<Eigen::Vector2d> left_m = {};
@@ -45,7 +57,8 @@ struct MapLane {
 /// The lanes of a map, how they are joined, and who goes first where they meet. Knows no file.
 ///
 /// Two lanes conflict when one's centre line runs through the other, or when they lead into the
-/// same lane; lanes that follow each other, lie side by side, or only part from each other do not.
+/// same lane; lanes that follow each other, lie side by side, or only part from each other do not,
+/// nor do both directions of one lane.
 /// Of two that conflict, one yields:
 /// 1. to what crosses on foot;
 /// 2. the one with the lower `priority` of the signs;
@@ -74,14 +87,15 @@ class LaneGraph {
   };
 
   /// @errors  Throws `std::runtime_error` if a lane has no length, its bounds do not fit together,
-  /// or
-  ///          it names a lane that there is not.
+  ///          it names a lane that there is not, or the map is larger than the limits: 50,000
+  ///          lanes, 20,000 km of them, and not too much of them upon each other.
   explicit LaneGraph(std::vector<MapLane> lanes);
 
   [[nodiscard]] const std::map<std::int64_t, Node>& nodes() const { return nodes_; }
   [[nodiscard]] const Node& node(std::int64_t id) const { return nodes_.at(id); }
 
-  /// The drivable lanes side by side with `id` in its direction, from right to left, with it.
+  /// The drivable lanes side by side with `id` to which one may change from it, from right to left,
+  /// with it; 64 to each side at most.
   [[nodiscard]] std::vector<std::int64_t> beside(std::int64_t id) const;
 
   /// The lanes of which something is within `radius_m` of the place, in the order of their ids.
@@ -91,7 +105,10 @@ class LaneGraph {
  private:
   void check_references() const;
   void find_conflicts();
-  [[nodiscard]] bool is_conflict(const Node& a, const Node& b) const;
+  static void add_conflict(Node& a, Node& b);
+  /// How many points of lanes may be looked at.
+  [[nodiscard]] std::int64_t work_max() const;
+  [[nodiscard]] bool is_conflict(const Node& a, const Node& b, std::int64_t& work) const;
   [[nodiscard]] static bool yields(const Node& a, const Node& b);
 
   std::map<std::int64_t, Node> nodes_;

@@ -50,9 +50,14 @@ Matches match(const LaneGraph& graph, const Eigen::Vector2d& place_m,
       matches.lanes.push_back({.lane = id, .distance_m = distance_m, .slant_rad = slant_rad});
     }
   }
-  // Where some contain the place, it is not on those beside them.
-  std::erase_if(matches.lanes,
-                [&](const Match& found) { return found.distance_m > matches.nearest_m + 1e-6; });
+  // Where some contain the place, it is not on those beside them, nor behind the ends of others.
+  const auto contains = [&](const Match& found) {
+    return graph.node(found.lane).contains(place_m);
+  };
+  const bool is_on_any = std::ranges::any_of(matches.lanes, contains);
+  std::erase_if(matches.lanes, [&](const Match& found) {
+    return found.distance_m > matches.nearest_m + 1e-6 || (is_on_any && !contains(found));
+  });
   return matches;
 }
 
@@ -145,7 +150,7 @@ class Search {
                             std::max(1.0, options_.change_length_m / room_m) *
                             (1.0 + 1e-6 * cost_m);
     for (const auto& side : {node.lane.left, node.lane.right}) {
-      if (side && side->is_same_direction && graph_.node(side->id).is_drivable()) {
+      if (side && side->may_change() && graph_.node(side->id).is_drivable()) {
         reach({.lane = side->id, .has_moved = state.has_moved}, cost_m + change_m, state, true);
       }
     }

@@ -99,6 +99,15 @@ TEST(Router, StartMayLieBeforeTheMap) {
   EXPECT_NEAR(std::get<LanePath>(found).start_along_m, -40.0, 1e-9);
 }
 
+TEST(Router, WhatIsOnALaneIsNotBehindTheEndOfAnother) {
+  auto road = straight_road(2, 1);
+  road[0].successors = {};
+  road[1].predecessors = {};
+  EXPECT_THAT(lanes_of(find_path(LaneGraph(road), {120.0, 0.0}, 0.0,
+                                 {.place_m = Eigen::Vector2d(180.0, 0.0)}, {})),
+              ElementsAre(11));
+}
+
 TEST(Router, GoalBehindTheStartNeedsAWayRound) {
   auto road = straight_road(3, 1);
   const LaneGraph graph(road);

@@ -1,0 +1,727 @@
+#include "lanelet2_lanes.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "common/plane.h"
+#include "common/xml.h"
+
+namespace ads {
+namespace {
+
+// Of all bounds together; lanelets may share ways, so a small file may ask for a lot.
+constexpr std::size_t kPointsMax = 4'000'000;
+// In the tangential plane lengths are right to 1 in 30,000 so far from its origin.
+constexpr double kExtentMax_m = 50'000.0;
+// Points of both bounds that lie opposite of each other by less than this are one.
+constexpr double kOpposite_m = 0.01;
+
+using Tags = std::map<std::string_view, std::string_view>;
+
+Tags tags_of(const XmlElement& element) {
+  Tags tags;
+  for (const XmlElement& tag : element.all("tag")) {
+    tags.emplace(tag.attribute("k"), tag.attribute("v"));
+  }
+  return tags;
+}
+
+std::string_view get(const Tags& tags, std::string_view key) {
+  const auto found = tags.find(key);
+  return found == tags.end() ? std::string_view() : found->second;
+}
+
+bool is_yes(std::string_view value) {
+  return value == "yes" || value == "true" || value == "1";
+}
+
+bool is_one_of(const auto& words, std::string_view word) {
+  return std::ranges::find(words, word) != words.end();
+}
+
+// Into which direction a line may be crossed, as one looks along it.
+struct Crossing {
+  bool to_left = true;
+  bool to_right = true;
+};
+
+Crossing crossing_of(const Tags& tags) {
+  constexpr std::array<std::string_view, 2> kLines{"line_thin", "line_thick"};
+  Crossing crossing{.to_left = false, .to_right = false};
+  if (is_one_of(kLines, get(tags, "type"))) {
+    const std::string_view subtype = get(tags, "subtype");
+    crossing.to_left = subtype == "dashed" || subtype == "solid_dashed";
+    crossing.to_right = subtype == "dashed" || subtype == "dashed_solid";
+  }
+  const auto take = [&](std::string_view key, bool& is_allowed) {
+    const std::string_view value = get(tags, key);
+    is_allowed = value.empty() ? is_allowed : is_yes(value);
+  };
+  take("lane_change", crossing.to_left);
+  take("lane_change", crossing.to_right);
+  take("lane_change:left", crossing.to_left);
+  take("lane_change:right", crossing.to_right);
+  return crossing;
+}
+
+struct Way {
+  XmlElement element;
+  std::vector<std::int64_t> nodes = {};
+};
+
+struct Relation {
+  struct Member {
+    XmlElement element;
+    std::string_view type;
+    std::string_view role;
+    std::int64_t id = 0;
+  };
+  XmlElement element;
+  Tags tags = {};
+  std::vector<Member> members = {};
+};
+
+// What is in the file, by its number.
+class Osm {
+ public:
+  explicit Osm(const XmlElement& root) {
+    if (root.name() != "osm") {
+      root.fail("<osm>", fmt::format("<{}>", root.name().substr(0, 40)));
+    }
+    if (root.attribute("version") != "0.6") {
+      root.fail("version 0.6 of <osm>", XmlElement::quoted(root.attribute("version")));
+    }
+    for (const XmlElement& element : all(root, "node")) {
+      add(element, nodes_, read_node(element));
+    }
+    for (const XmlElement& element : all(root, "way")) {
+      Way way{.element = element};
+      for (const XmlElement& node : element.all("nd")) {
+        way.nodes.push_back(node.number_attribute<std::int64_t>("ref"));
+      }
+      add(element, ways_, std::move(way));
+    }
+    for (const XmlElement& element : all(root, "relation")) {
+      add(element, relations_, read_relation(element));
+    }
+  }
+
+  [[nodiscard]] const std::map<std::int64_t, Relation>& relations() const { return relations_; }
+  [[nodiscard]] const GeodeticPosition& node(std::int64_t id, const XmlElement& user) const {
+    return find(nodes_, "node", id, user);
+  }
+  [[nodiscard]] const Way& way(std::int64_t id, const XmlElement& user) const {
+    return find(ways_, "way", id, user);
+  }
+  [[nodiscard]] const Relation& relation(std::int64_t id, const XmlElement& user) const {
+    return find(relations_, "relation", id, user);
+  }
+
+ private:
+  template <typename Map>
+  static const Map::mapped_type& find(const Map& map, std::string_view what, std::int64_t id,
+                                      const XmlElement& user) {
+    const auto found = map.find(id);
+    if (found == map.end()) {
+      user.fail(fmt::format("<{}> {}, of which this <{}> tells", what, id, user.name()), "none");
+    }
+    return found->second;
+  }
+
+  // Without those that an editor has marked as deleted.
+  static std::vector<XmlElement> all(const XmlElement& root, const char* name) {
+    std::vector<XmlElement> elements = root.all(name);
+    std::erase_if(elements, [](const XmlElement& element) {
+      return element.find_attribute("action") == "delete" ||
+             element.find_attribute("visible") == "false";
+    });
+    return elements;
+  }
+
+  template <typename Map, typename T>
+  static void add(const XmlElement& element, Map& map, T value) {
+    const auto id = element.number_attribute<std::int64_t>("id");
+    if (id == std::numeric_limits<std::int64_t>::min()) {
+      element.fail("an id of which there is a negative one", fmt::format("{}", id));
+    }
+    if (!map.emplace(id, std::move(value)).second) {
+      element.fail(fmt::format("no second <{}> {}", element.name(), id), "one");
+    }
+  }
+
+  static GeodeticPosition read_node(const XmlElement& element) {
+    const GeodeticPosition place{.latitude_deg = element.number_attribute<double>("lat"),
+                                 .longitude_deg = element.number_attribute<double>("lon")};
+    if (std::abs(place.latitude_deg) > 90.0 || std::abs(place.longitude_deg) > 180.0) {
+      element.fail("lat from -90 to 90 and lon from -180 to 180",
+                   fmt::format("{:g} and {:g}", place.latitude_deg, place.longitude_deg));
+    }
+    return place;
+  }
+
+  static Relation read_relation(const XmlElement& element) {
+    Relation relation{.element = element, .tags = tags_of(element)};
+    for (const XmlElement& member : element.all("member")) {
+      relation.members.push_back({.element = member,
+                                  .type = member.attribute("type"),
+                                  .role = member.find_attribute("role").value_or(""),
+                                  .id = member.number_attribute<std::int64_t>("ref")});
+    }
+    return relation;
+  }
+
+  std::unordered_map<std::int64_t, GeodeticPosition> nodes_;
+  std::unordered_map<std::int64_t, Way> ways_;
+  std::map<std::int64_t, Relation> relations_;
+};
+
+// One side of a lanelet: the nodes of its ways, one after the other.
+struct Bound {
+  std::vector<std::int64_t> nodes = {};
+  Crossing crossing = {};
+
+  void reverse() {
+    std::ranges::reverse(nodes);
+    std::swap(crossing.to_left, crossing.to_right);
+  }
+};
+
+// Appends the nodes of a way that begins or ends where the bound does.
+void append(std::vector<std::int64_t> nodes, Crossing crossing, bool is_second, Bound& bound,
+            const XmlElement& element) {
+  const auto joins = [&] {
+    return bound.nodes.back() == nodes.front() || bound.nodes.back() == nodes.back();
+  };
+  if (is_second && !joins()) {
+    bound.reverse();
+  }
+  if (!joins()) {
+    element.fail(fmt::format("a way that begins or ends at node {}, as the one before it does",
+                             bound.nodes.back()),
+                 fmt::format("one from node {} to node {}", nodes.front(), nodes.back()));
+  }
+  if (bound.nodes.back() != nodes.front()) {
+    std::ranges::reverse(nodes);
+    std::swap(crossing.to_left, crossing.to_right);
+  }
+  bound.nodes.insert(bound.nodes.end(), std::next(nodes.begin()), nodes.end());
+  bound.crossing.to_left &= crossing.to_left;
+  bound.crossing.to_right &= crossing.to_right;
+}
+
+Bound read_bound(const Osm& osm, const Relation& lanelet, std::string_view role,
+                 std::size_t& points) {
+  Bound bound;
+  int ways = 0;
+  for (const Relation::Member& member : lanelet.members) {
+    if (member.role != role || member.type != "way") {
+      continue;
+    }
+    const Way& way = osm.way(member.id, member.element);
+    if (way.nodes.empty()) {
+      way.element.fail("<nd> in the <way> of a lanelet", "none");
+    }
+    points += way.nodes.size();
+    if (points > kPointsMax) {
+      member.element.fail(fmt::format("at most {} nodes of all lanelets' ways", kPointsMax),
+                          "more");
+    }
+    const Crossing crossing = crossing_of(tags_of(way.element));
+    if (ways == 0) {
+      bound = {.nodes = way.nodes, .crossing = crossing};
+    } else {
+      append(way.nodes, crossing, ways == 1, bound, member.element);
+    }
+    ++ways;
+  }
+  if (ways == 0) {
+    lanelet.element.fail(fmt::format("a way with role {} of a lanelet", role), "none");
+  }
+  return bound;
+}
+
+// A speed as "50", "50 km/h", "30 mph", or "13.9 m/s".
+std::optional<double> speed_mps(std::string_view text) {
+  double value = 0.0;
+  const auto [after, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const std::string_view unit =
+      trimmed({after, static_cast<std::size_t>(text.data() + text.size() - after)});
+  if (error != std::errc() || !(value > 0.0 && value < 1000.0)) {
+    return std::nullopt;
+  }
+  if (unit.empty() || unit == "km/h" || unit == "kmh" || unit == "kph") {
+    return value / 3.6;
+  }
+  if (unit == "mph") {
+    return value * 0.44704;
+  }
+  return unit == "m/s" || unit == "mps" ? std::optional(value) : std::nullopt;
+}
+
+// What a German sign for a speed limit says: "de274-60"; "de274_1" begins a zone of 30 km/h.
+std::optional<double> speed_of_sign_mps(std::string_view sign) {
+  if (!sign.starts_with("de274")) {
+    return std::nullopt;
+  }
+  const std::size_t dash = sign.find('-');
+  if (dash != std::string_view::npos) {
+    return speed_mps(sign.substr(dash + 1));
+  }
+  return sign.size() > 5 ? speed_mps("30") : std::nullopt;
+}
+
+// Without a sign, as § 3 of Germany's road traffic regulations has it for cars.
+double usual_speed_mps(const Tags& tags) {
+  if (get(tags, "region") != "de" || get(tags, "subtype") != "road") {
+    return 0.0;
+  }
+  return get(tags, "location") == "urban"      ? 50.0 / 3.6
+         : get(tags, "location") == "nonurban" ? 100.0 / 3.6
+                                               : 0.0;
+}
+
+double speed_limit_mps(const Relation& lanelet) {
+  const std::string_view text = get(lanelet.tags, "speed_limit");
+  if (text.empty()) {
+    return usual_speed_mps(lanelet.tags);
+  }
+  if (text == "none") {
+    return 0.0;
+  }
+  const auto speed = speed_mps(text);
+  if (!speed) {
+    lanelet.element.fail("a speed_limit such as '50 km/h'", XmlElement::quoted(text));
+  }
+  return *speed;
+}
+
+// Whether cars may drive there: who takes part says so, where it is said, else the subtype.
+bool is_for_cars(const Tags& tags) {
+  constexpr std::array<std::string_view, 4> kForCars{"road", "highway", "play_street", "exit"};
+  constexpr std::string_view kParticipant = "participant:";
+  const auto said = tags.lower_bound(kParticipant);
+  if (said == tags.end() || !said->first.starts_with(kParticipant)) {
+    return is_one_of(kForCars, get(tags, "subtype"));
+  }
+  const std::string_view car = get(tags, "participant:vehicle:car");
+  return is_yes(car.empty() ? get(tags, "participant:vehicle") : car);
+}
+
+LaneKind kind_of(const Tags& tags) {
+  const std::string_view subtype = get(tags, "subtype");
+  if (subtype == "crosswalk") {
+    return LaneKind::kCrossing;
+  }
+  if (is_for_cars(tags)) {
+    return subtype == "highway" ? LaneKind::kHighway : LaneKind::kRoad;
+  }
+  return subtype == "emergency_lane" ? LaneKind::kShoulder : LaneKind::kOther;
+}
+
+bool is_drivable(LaneKind kind) {
+  return kind == LaneKind::kRoad || kind == LaneKind::kHighway;
+}
+
+bool is_two_way(const Tags& tags) {
+  const std::string_view vehicle = get(tags, "one_way:vehicle");
+  const std::string_view value = vehicle.empty() ? get(tags, "one_way") : vehicle;
+  return is_drivable(kind_of(tags)) && !value.empty() && !is_yes(value);
+}
+
+Polyline line_of(const Osm& osm, const LocalFrame& frame, const Bound& bound,
+                 const XmlElement& user) {
+  std::vector<Eigen::Vector2d> points;
+  for (const std::int64_t node : bound.nodes) {
+    points.emplace_back(frame.enu_from_geodetic(osm.node(node, user)).head<2>());
+    if (!(points.back().norm() < kExtentMax_m)) {
+      user.fail(fmt::format("node {} within {:g} m of the middle of the map", node, kExtentMax_m),
+                fmt::format("{:g} m", points.back().norm()));
+    }
+  }
+  try {
+    return Polyline(points);
+  } catch (const std::invalid_argument&) {
+    user.fail("two different places on each side of a lanelet", "one");
+  }
+}
+
+// Both lines by as many points: each by its own, and by those that lie opposite of the other's, at
+// the same part of the way.
+std::pair<std::vector<Eigen::Vector2d>, std::vector<Eigen::Vector2d>> matched(
+    const Polyline& left, const Polyline& right) {
+  std::vector<double> parts;
+  for (const Polyline* line : {&left, &right}) {
+    for (const double along : line->arclengths_m()) {
+      parts.push_back(along / line->length_m());
+    }
+  }
+  std::ranges::sort(parts);
+  const double longer_m = std::max(left.length_m(), right.length_m());
+  std::vector<double> kept{0.0};
+  for (const double part : parts) {
+    const double gap_m = std::min(part - kept.back(), 1.0 - part) * longer_m;
+    if (gap_m > kOpposite_m) {
+      kept.push_back(part);
+    }
+  }
+  kept.push_back(1.0);
+  const auto points = [&](const Polyline& line) {
+    std::vector<Eigen::Vector2d> result;
+    for (const double part : kept) {
+      result.push_back(line.point_at(part * line.length_m()));
+    }
+    result.front() = line.points_m().front();
+    result.back() = line.points_m().back();
+    return result;
+  };
+  return {points(left), points(right)};
+}
+
+// A lane, and the nodes that its bounds go through in its direction.
+struct Directed {
+  MapLane lane;
+  Bound left;
+  Bound right;
+  XmlElement element;
+
+  [[nodiscard]] bool is_drivable() const { return ads::is_drivable(lane.kind); }
+};
+
+Directed reversed(Directed lane) {
+  std::swap(lane.left, lane.right);
+  lane.left.reverse();
+  lane.right.reverse();
+  std::swap(lane.lane.left_m, lane.lane.right_m);
+  std::ranges::reverse(lane.lane.left_m);
+  std::ranges::reverse(lane.lane.right_m);
+  lane.lane.id = -lane.lane.id;
+  lane.lane.name += ", reversed";
+  return lane;
+}
+
+class Reader {
+ public:
+  explicit Reader(const Osm& osm) : osm_(osm) {}
+
+  GeoreferencedLanes read() {
+    read_lanelets();
+    const GeodeticPosition origin = middle();
+    const LocalFrame frame(origin);
+    for (const auto& [id, sides] : sides_) {
+      add_lanes(id, sides.first, sides.second, frame);
+    }
+    link_ends();
+    link_sides();
+    for (const auto& [id, relation] : osm_.relations()) {
+      if (get(relation.tags, "type") == "regulatory_element") {
+        add_rule(id, relation, frame);
+      }
+    }
+    GeoreferencedLanes result{.origin = origin};
+    for (auto& [id, lane] : lanes_) {
+      result.lanes.push_back(std::move(lane.lane));
+    }
+    return result;
+  }
+
+ private:
+  void read_lanelets() {
+    std::size_t points = 0;
+    for (const auto& [id, relation] : osm_.relations()) {
+      if (get(relation.tags, "type") == "lanelet") {
+        Bound left = read_bound(osm_, relation, "left", points);
+        Bound right = read_bound(osm_, relation, "right", points);
+        sides_.emplace(id, std::pair(std::move(left), std::move(right)));
+        for (const Relation::Member& member : relation.members) {
+          if (member.role == "regulatory_element") {
+            (void)osm_.relation(member.id, member.element);
+            holders_[member.id].push_back(id);
+          }
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] GeodeticPosition middle() const {
+    double south = 90.0, north = -90.0, west = 180.0, east = -180.0;
+    for (const auto& [id, sides] : sides_) {
+      for (const Bound* bound : {&sides.first, &sides.second}) {
+        for (const std::int64_t node : bound->nodes) {
+          const auto& place = osm_.node(node, osm_.relations().at(id).element);
+          south = std::min(south, place.latitude_deg);
+          north = std::max(north, place.latitude_deg);
+          west = std::min(west, place.longitude_deg);
+          east = std::max(east, place.longitude_deg);
+        }
+      }
+    }
+    return {.latitude_deg = (south + north) / 2.0, .longitude_deg = (west + east) / 2.0};
+  }
+
+  void add_lanes(std::int64_t id, Bound left, Bound right, const LocalFrame& frame) {
+    const Relation& relation = osm_.relations().at(id);
+    Polyline left_line = line_of(osm_, frame, left, relation.element);
+    Polyline right_line = line_of(osm_, frame, right, relation.element);
+    // Ways may run either way; what is left and right says where the lane leads.
+    const bool is_left_reversed =
+        left_line.project(right_line.point_at(right_line.length_m() / 2.0)).offset_m > 0.0;
+    const bool is_right_reversed =
+        right_line.project(left_line.point_at(left_line.length_m() / 2.0)).offset_m < 0.0;
+    if (is_left_reversed) {
+      left.reverse();
+      left_line = line_of(osm_, frame, left, relation.element);
+    }
+    if (is_right_reversed) {
+      right.reverse();
+      right_line = line_of(osm_, frame, right, relation.element);
+    }
+    auto [left_m, right_m] = matched(left_line, right_line);
+    Directed lane{.lane = {.id = id,
+                           .name = fmt::format("lanelet {}", id),
+                           .kind = kind_of(relation.tags),
+                           .left_m = std::move(left_m),
+                           .right_m = std::move(right_m),
+                           .speed_limit_mps = speed_limit_mps(relation),
+                           .is_in_intersection = relation.tags.contains("turn_direction")},
+                  .left = std::move(left),
+                  .right = std::move(right),
+                  .element = relation.element};
+    if (is_two_way(relation.tags)) {
+      emplace(reversed(lane));
+    }
+    emplace(std::move(lane));
+  }
+
+  void emplace(Directed lane) {
+    const std::int64_t id = lane.lane.id;
+    const XmlElement element = lane.element;
+    if (!lanes_.emplace(id, std::move(lane)).second) {
+      element.fail(fmt::format("no lanelet {} beside lanelet {} that is driven both ways",
+                               std::abs(id), -std::abs(id)),
+                   "one");
+    }
+  }
+
+  // A lane follows another where both its bounds begin where the other's end.
+  void link_ends() {
+    std::map<std::tuple<std::int64_t, std::int64_t, bool>, std::vector<std::int64_t>> begins;
+    for (const auto& [id, lane] : lanes_) {
+      begins[{lane.left.nodes.front(), lane.right.nodes.front(), lane.is_drivable()}].push_back(id);
+    }
+    for (auto& [id, lane] : lanes_) {
+      const auto found =
+          begins.find({lane.left.nodes.back(), lane.right.nodes.back(), lane.is_drivable()});
+      if (found == begins.end()) {
+        continue;
+      }
+      if (found->second.size() > kLinksMax) {
+        lane.element.fail(fmt::format("at most {} lanelets that follow it", kLinksMax),
+                          fmt::format("{}", found->second.size()));
+      }
+      for (const std::int64_t next : found->second) {
+        if (next != id && next != -id) {
+          lane.lane.successors.push_back(next);
+          lanes_.at(next).lane.predecessors.push_back(id);
+        }
+      }
+    }
+  }
+
+  // Lanes lie side by side where they share a bound.
+  void link_sides() {
+    using Lanes = std::map<std::vector<std::int64_t>, std::vector<std::int64_t>>;
+    Lanes lefts;
+    Lanes rights;
+    for (const auto& [id, lane] : lanes_) {
+      lefts[lane.left.nodes].push_back(id);
+      rights[lane.right.nodes].push_back(id);
+    }
+    for (auto& [id, lane] : lanes_) {
+      lane.lane.left = beside(id, lane.left, rights, lefts, lane.left.crossing.to_left);
+      lane.lane.right = beside(id, lane.right, lefts, rights, lane.right.crossing.to_right);
+    }
+  }
+
+  // The lane beyond the bound: of several one that is driven, and one in the same direction, before
+  // others.
+  [[nodiscard]] std::optional<LaneBeside> beside(std::int64_t id, const Bound& bound,
+                                                 const auto& same, const auto& opposite,
+                                                 bool is_change_allowed) const {
+    std::optional<LaneBeside> best;
+    bool is_best_drivable = false;
+    const auto take = [&](const auto& lanes, const std::vector<std::int64_t>& nodes,
+                          bool is_same_direction) {
+      const auto found = lanes.find(nodes);
+      if (found == lanes.end()) {
+        return;
+      }
+      for (const std::int64_t other : found->second) {
+        const bool is_drivable = lanes_.at(other).is_drivable();
+        if (other != id && other != -id && (!best || (is_drivable && !is_best_drivable))) {
+          best = {.id = other,
+                  .is_same_direction = is_same_direction,
+                  .is_change_allowed = is_same_direction && is_change_allowed};
+          is_best_drivable = is_drivable;
+        }
+      }
+    };
+    take(same, bound.nodes, true);
+    take(opposite, {bound.nodes.rbegin(), bound.nodes.rend()}, false);
+    return best;
+  }
+
+  // The lane of a lanelet, and that of its other direction.
+  template <typename Change>
+  void change_lanes(std::int64_t lanelet, const Change& change) {
+    for (const std::int64_t id : std::set<std::int64_t>{lanelet, -lanelet}) {
+      const auto found = lanes_.find(id);
+      if (found != lanes_.end() && (id == lanelet || !sides_.contains(id))) {
+        change(found->second.lane);
+      }
+    }
+  }
+
+  void add_rule(std::int64_t id, const Relation& rule, const LocalFrame& frame) {
+    const auto holders = holders_.find(id);
+    const std::vector<std::int64_t> held_by =
+        holders == holders_.end() ? std::vector<std::int64_t>{} : holders->second;
+    const std::string_view subtype = get(rule.tags, "subtype");
+    if (subtype == "right_of_way") {
+      set_priority(lanelets_of(rule, "right_of_way"), 1);
+      const auto yielding = lanelets_of(rule, "yield");
+      set_priority(yielding, -1);
+      set_stop_line(yielding, rule, frame);
+    } else if (subtype == "traffic_light") {
+      set_stop_line(held_by, rule, frame);
+    } else if (subtype == "traffic_sign") {
+      add_signs(held_by, rule, frame);
+    } else if (subtype == "speed_limit") {
+      add_speed_limit(held_by, rule);
+    }
+  }
+
+  [[nodiscard]] std::vector<std::int64_t> lanelets_of(const Relation& rule,
+                                                      std::string_view role) const {
+    std::vector<std::int64_t> lanelets;
+    for (const Relation::Member& member : rule.members) {
+      if (member.role == role && member.type == "relation") {
+        (void)osm_.relation(member.id, member.element);
+        lanelets.push_back(member.id);
+      }
+    }
+    return lanelets;
+  }
+
+  // The signs that a rule refers to, as their ways call them.
+  [[nodiscard]] std::vector<std::string_view> signs_of(const Relation& rule) const {
+    std::vector<std::string_view> signs{get(rule.tags, "sign_type")};
+    for (const Relation::Member& member : rule.members) {
+      if (member.role == "refers" && member.type == "way") {
+        signs.push_back(get(tags_of(osm_.way(member.id, member.element).element), "subtype"));
+      }
+    }
+    return signs;
+  }
+
+  void set_priority(const std::vector<std::int64_t>& lanelets, int priority) {
+    for (const std::int64_t lanelet : lanelets) {
+      change_lanes(lanelet, [&](MapLane& lane) {
+        lane.priority = lane.priority < 0 ? lane.priority : priority;
+      });
+    }
+  }
+
+  // At the rule's line, where it is nearer to a lane's end than to its begin; without one, at the
+  // lane's end.
+  void set_stop_line(const std::vector<std::int64_t>& lanelets, const Relation& rule,
+                     const LocalFrame& frame) {
+    std::optional<std::array<Eigen::Vector2d, 2>> line;
+    for (const Relation::Member& member : rule.members) {
+      if (member.role == "ref_line" && member.type == "way") {
+        const Way& way = osm_.way(member.id, member.element);
+        if (way.nodes.empty()) {
+          way.element.fail("<nd> in a stop line", "none");
+        }
+        const auto place = [&](std::int64_t node) -> Eigen::Vector2d {
+          return frame.enu_from_geodetic(osm_.node(node, way.element)).head<2>();
+        };
+        line = {place(way.nodes.front()), place(way.nodes.back())};
+      }
+    }
+    for (const std::int64_t lanelet : lanelets) {
+      change_lanes(lanelet, [&](MapLane& lane) {
+        const std::array<Eigen::Vector2d, 2> end{lane.left_m.back(), lane.right_m.back()};
+        auto ends = line.value_or(end);
+        const Eigen::Vector2d middle = (ends[0] + ends[1]) / 2.0;
+        if ((middle - (end[0] + end[1]) / 2.0).norm() >
+            (middle - (lane.left_m.front() + lane.right_m.front()) / 2.0).norm()) {
+          return;
+        }
+        if ((ends[0] - end[0]).norm() > (ends[1] - end[0]).norm()) {
+          std::swap(ends[0], ends[1]);
+        }
+        lane.stop_line = ends;
+      });
+    }
+  }
+
+  void add_signs(const std::vector<std::int64_t>& lanelets, const Relation& rule,
+                 const LocalFrame& frame) {
+    constexpr std::array<std::string_view, 2> kYield{"de205", "de206"};
+    constexpr std::array<std::string_view, 2> kPriority{"de301", "de306"};
+    for (const std::string_view sign : signs_of(rule)) {
+      if (is_one_of(kYield, sign)) {
+        set_priority(lanelets, -1);
+        set_stop_line(lanelets, rule, frame);
+      } else if (is_one_of(kPriority, sign)) {
+        set_priority(lanelets, 1);
+      }
+    }
+  }
+
+  void add_speed_limit(const std::vector<std::int64_t>& lanelets, const Relation& rule) {
+    for (const std::string_view sign : signs_of(rule)) {
+      const auto limit = speed_of_sign_mps(sign);
+      for (const std::int64_t lanelet : limit ? lanelets : std::vector<std::int64_t>{}) {
+        change_lanes(lanelet, [&](MapLane& lane) { lane.speed_limit_mps = *limit; });
+      }
+    }
+  }
+
+  const Osm& osm_;
+  std::map<std::int64_t, std::pair<Bound, Bound>> sides_;
+  std::map<std::int64_t, std::vector<std::int64_t>> holders_;
+  std::map<std::int64_t, Directed> lanes_;
+};
+
+}  // namespace
+
+GeoreferencedLanes lanelet2_lanes(std::string_view text, std::string_view name) {
+  const XmlFile file(text, name);
+  const XmlElement root = file.root();
+  const Osm osm(root);
+  GeoreferencedLanes result = Reader(osm).read();
+  if (result.lanes.empty()) {
+    root.fail("a relation of type=lanelet in <osm>", "none");
+  }
+  return result;
+}
+
+}  // namespace ads
