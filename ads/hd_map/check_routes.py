@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Holds routes of hd_map_routes against the map file, which it reads by code of its own.
 
-    check_routes.py PROGRAM MAP [--pairs N] [--seed N]
+    check_routes.py PROGRAM MAP [--pairs N] [--seed N] [--data]
+
+With --data, MAP is in the folder $FASTCYCLE_DATA; without it the check is skipped (exit code 77).
 
 Each step of a route must lead to a lane that follows in the file, or be a change of lane that the line between
 allows; start and goal must lie on the first and last lane; a lane must begin and end where the file has it. Where
@@ -12,6 +14,7 @@ import argparse
 import collections
 import json
 import math
+import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -169,6 +172,168 @@ def read_lanelet2(root, origin):
     return lanes
 
 
+# --- OpenDRIVE ------------------------------------------------------------------------------------------------------
+
+def number(element, key):
+    return float(element.get(key))
+
+
+def cubic(records, s, key="s"):
+    """The value at s of the last of the records that begins before it."""
+    value = 0.0
+    for record in records:
+        ds = s - number(record, key)
+        if ds >= -1e-9:
+            value = sum(number(record, c) * ds ** power for power, c in enumerate("abcd"))
+    return value
+
+
+def pose(plan, s):
+    """Place and heading of a reference line: simple sums where there is no closed form."""
+    geometry = [g for g in plan if number(g, "s") <= s + 1e-9 or g is plan[0]][-1]
+    ds, heading = s - number(geometry, "s"), number(geometry, "hdg")
+    x, y = number(geometry, "x"), number(geometry, "y")
+    shape = geometry[0]
+    if shape.tag == "paramPoly3":
+        p = ds if shape.get("pRange") == "arcLength" else ds / number(geometry, "length")
+        u, v = (sum(number(shape, c + axis) * p ** power for power, c in enumerate("abcd")) for axis in "UV")
+        du, dv = (sum(number(shape, c + axis) * power * p ** (power - 1) for power, c in enumerate("abcd") if power)
+                  for axis in "UV")
+        x, y = x + u * math.cos(heading) - v * math.sin(heading), y + u * math.sin(heading) + v * math.cos(heading)
+        return x, y, heading + math.atan2(dv, du)
+    start, end = {"line": (0.0, 0.0), "arc": ("curvature", "curvature"),
+                  "spiral": ("curvStart", "curvEnd")}[shape.tag]
+    start, end = (value if shape.tag == "line" else number(shape, value) for value in (start, end))
+    rate = (end - start) / number(geometry, "length")
+    steps = max(1, int(ds * 20))
+    for step in range(steps):
+        middle = ds * (step + 0.5) / steps
+        angle = heading + start * middle + rate * middle ** 2 / 2
+        x, y = x + ds / steps * math.cos(angle), y + ds / steps * math.sin(angle)
+    return x, y, heading + start * ds + rate * ds ** 2 / 2
+
+
+def mark_allows(lane, up):
+    for mark in [] if lane is None else lane.findall("roadMark"):
+        change = mark.get("laneChange")
+        if change is None:
+            change = "both" if mark.get("type") in ("broken", "broken broken", "none") else "none"
+        if change not in ("both", "increase" if up else "decrease"):
+            return False
+    return True
+
+
+class RoadLane:
+    """A lane of a section as the file has it, and its place in the list of lanes to drive on."""
+
+    def __init__(self, element, name, left_hand):
+        self.element, self.name, self.number = element, name, int(element.get("id"))
+        self.is_along = ((self.number < 0) != left_hand) != (element.get("direction") == "reversed")
+        self.is_drivable = element.get("type") in (
+            "driving", "slipLane", "entry", "exit", "onRamp", "offRamp", "connectingRamp")
+
+    def links(self, which):
+        link = self.element.find("link")
+        return [] if link is None else [int(e.get("id")) for e in link.findall(which)]
+
+
+def read_opendrive(root):
+    roads, lanes = {}, {}
+    for road in root.findall("road"):
+        sections = []
+        for index, section in enumerate(road.find("lanes").findall("laneSection")):
+            sections.append({int(e.get("id")): RoadLane(e, f"road {road.get('id')}, section {index}, lane {e.get('id')}",
+                                                        road.get("rule") == "LHT")
+                             for side in section for e in side.findall("lane")})
+        roads[road.get("id")] = (road, sections)
+    for road, sections in roads.values():
+        add_road_lanes(road, sections, lanes)
+
+    def join(a, a_end, b, b_end):
+        for first, first_end, second, second_end in ((a, a_end, b, b_end), (b, b_end, a, a_end)):
+            leaves = first_end == ("end" if first.is_along else "start")
+            enters = second_end == ("start" if second.is_along else "end")
+            if leaves and enters and first.name in lanes and second.name in lanes:
+                lanes[first.name].successors.add(second.name)
+
+    def section_at(road_id, end):
+        return roads[road_id][1][0 if end == "start" else -1]
+
+    for road, sections in roads.values():
+        for before, after in zip(sections, sections[1:]):
+            for a in before.values():
+                for number_ in a.links("successor"):
+                    if a.number and number_:
+                        join(a, "end", after[number_], "start")
+            for b in after.values():
+                for number_ in b.links("predecessor"):
+                    if b.number and number_:
+                        join(before[number_], "end", b, "start")
+        for which, end in (("predecessor", "start"), ("successor", "end")):
+            link = road.find(f"link/{which}")
+            if link is not None and link.get("elementType") == "road":
+                for a in section_at(road.get("id"), end).values():
+                    for number_ in a.links(which) if a.number else []:
+                        join(a, end, section_at(link.get("elementId"), link.get("contactPoint"))[number_],
+                             link.get("contactPoint"))
+    for junction in root.findall("junction"):
+        for connection in junction.findall("connection"):
+            incoming = connection.get("incomingRoad")
+            outgoing = connection.get("connectingRoad") or connection.get("linkedRoad")
+            contact = connection.get("contactPoint")
+            back = roads[outgoing][0].find("link/" + ("predecessor" if contact == "start" else "successor"))
+            if back is not None and back.get("elementType") == "road" and back.get("elementId") == incoming:
+                end = back.get("contactPoint")
+            else:
+                into = roads[incoming][0].find("link/successor")
+                is_end = into is not None and into.get("elementType") == "junction" and \
+                    into.get("elementId") == junction.get("id")
+                end = "end" if is_end else "start"
+            for link in connection.findall("laneLink"):
+                join(section_at(incoming, end)[int(link.get("from"))], end,
+                     section_at(outgoing, contact)[int(link.get("to"))], contact)
+    return lanes
+
+
+def add_road_lanes(road, sections, lanes):
+    plan = road.find("planView").findall("geometry")
+    offsets = road.find("lanes").findall("laneOffset")
+    begins = [number(e, "s") for e in road.find("lanes").findall("laneSection")]
+    begins.append(number(plan[-1], "s") + number(plan[-1], "length"))
+    for index, section in enumerate(sections):
+        begin, end = begins[index:index + 2]
+        count = max(2, int((end - begin) / 0.5))
+        places = [begin + (end - begin) * step / count for step in range(count + 1)]
+        poses = [pose(plan, s) for s in places]
+
+        def edge(outermost):
+            points = []
+            for s, (x, y, heading) in zip(places, poses):
+                t, step = cubic(offsets, s), 1 if outermost > 0 else -1
+                for lane_number in range(step, outermost + step, step) if outermost else []:
+                    t += step * max(0.0, cubic(section[lane_number].element.findall("width"), s - begin, "sOffset"))
+                points.append((x - t * math.sin(heading), y + t * math.cos(heading)))
+            return points
+
+        for lane in section.values():
+            if not lane.is_drivable:
+                continue
+            inner = lane.number - 1 if lane.number > 0 else lane.number + 1
+            left, right = edge(max(inner, lane.number)), edge(min(inner, lane.number))
+            if not lane.is_along:
+                left, right = right[::-1], left[::-1]
+            lanes[lane.name] = Lane(left, right)
+        for lane in section.values():
+            for other, up in ((lane.number + 1 or 1, True), (lane.number - 1 or -1, False)):
+                beside = section.get(other)
+                if not lane.is_drivable or lane.number == 0 or beside is None or not beside.is_drivable:
+                    continue
+                nearer = 0 if lane.number * other < 0 else min(lane.number, other, key=abs)
+                if beside.is_along == lane.is_along and mark_allows(
+                        section[nearer].element if nearer in section else None, up):
+                    lanes[lane.name].changes.add(beside.name)
+
+
 # --- The check ------------------------------------------------------------------------------------------------------
 
 def is_reachable(lanes, start, goal):
@@ -230,13 +395,25 @@ def main():
     parser.add_argument("map")
     parser.add_argument("--pairs", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--data", action="store_true")
     arguments = parser.parse_args()
+    if arguments.data:
+        arguments.map = os.path.join(os.environ.get("FASTCYCLE_DATA", ""), arguments.map)
+        if "FASTCYCLE_DATA" not in os.environ or not os.path.exists(arguments.map):
+            print(f"skipped: FASTCYCLE_DATA names no folder with {arguments.map}")
+            return 77
     done = subprocess.run([arguments.program, arguments.map, "--pairs", str(arguments.pairs), "--seed",
                            str(arguments.seed)], stdout=subprocess.PIPE, check=True)
     result = json.loads(done.stdout)
     root = ElementTree.parse(arguments.map).getroot()
-    lanes = read_lanelet2(root, result["origin_deg"])
-    mistakes = check(result, lanes, str)
+    if root.tag == "osm":
+        lanes, name_of = read_lanelet2(root, result["origin_deg"]), str
+    else:
+        lanes = read_opendrive(root)
+
+        def name_of(lane):
+            return result["lanes"][str(lane)]["name"]
+    mistakes = check(result, lanes, name_of)
     found = [route for route in result["routes"] if "steps" in route]
     changes = sum(step["is_change"] for route in found for step in route["steps"])
     steps = sum(len(route["steps"]) for route in found)

@@ -13,6 +13,7 @@
 #include "common/read_file.h"
 #include "commonroad_lanes.h"
 #include "lanelet2_lanes.h"
+#include "opendrive_lanes.h"
 
 namespace ads {
 namespace {
@@ -51,6 +52,9 @@ MapFile parse_map(std::string_view text, std::string_view name) {
   if (root == "osm") {
     GeoreferencedLanes map = lanelet2_lanes(text, name);
     return {.graph = graph_of(std::move(map.lanes), name), .origin = map.origin};
+  }
+  if (root == "OpenDRIVE") {
+    return {.graph = graph_of(opendrive_lanes(text, name), name)};
   }
   if (root == "commonRoad") {
     return {.graph = graph_of(lanes_of(Scenario::parse(text, name)), name)};
