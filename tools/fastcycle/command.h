@@ -44,6 +44,7 @@ Command add_merge(CLI::App& program);
 Command add_split(CLI::App& program);
 Command add_recover(CLI::App& program);
 Command add_doctor(CLI::App& program);
+Command add_render(CLI::App& program);
 Command add_version(CLI::App& program);
 
 // On a running application.

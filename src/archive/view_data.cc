@@ -1,0 +1,703 @@
+#include "archive/view_data.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+#include <nlohmann/json.hpp>
+
+#include "archive/message_type.h"
+
+namespace fastcycle::archive {
+namespace {
+
+namespace pb = google::protobuf;
+using Field = pb::FieldDescriptor;
+using Json = nlohmann::ordered_json;
+
+constexpr int kDecimals = 3;
+constexpr int kMostDecimals = 9;
+constexpr double kNsPerSecond = 1e9;
+
+// ---- The view ----
+
+/// Points in a field of bytes, all of the same size: where each has what.
+struct PointLayout {
+  std::size_t stride = 0;
+  std::size_t x = 0;  ///< Of floats, little endian, in metres.
+  std::size_t y = 0;
+  std::size_t z = 0;
+  std::optional<std::size_t> time = {};  ///< Of 16 bits: the part of the turn that was over.
+  std::uint64_t most = 0;                ///< In all messages together.
+};
+
+/// What the page calls `name`, and where it is in a message.
+struct Pick {
+  std::string name;
+  std::vector<std::string> path = {};
+  int decimals = kDecimals;
+  int every = 1;  ///< Of a repeated field, one element of so many.
+  bool is_time = false;
+  std::optional<PointLayout> points = {};
+  std::vector<Pick> fields = {};
+};
+
+struct Layer {
+  std::string name;
+  std::string topic;
+  double least_period_ns = 0.0;
+  bool is_latched = false;  ///< Its messages hold until the next one comes, however late that is.
+  std::vector<Pick> fields = {};
+};
+
+/// A part of the view, with its place.
+struct Part {
+  const Json& json;
+  std::string place;
+
+  [[noreturn]] void fail(const std::string& expected) const {
+    throw ViewMistake(
+        fmt::format("{}: expected {}, found {}", place.empty() ? "/" : place, expected,
+                    json.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 60)));
+  }
+  [[nodiscard]] Part at(const std::string& key) const {
+    if (!json.is_object() || !json.contains(key)) {
+      fail(fmt::format("an object with \"{}\"", key));
+    }
+    return {json.at(key), place + "/" + key};
+  }
+  [[nodiscard]] std::optional<Part> find(const std::string& key) const {
+    return json.contains(key) ? std::optional<Part>(at(key)) : std::nullopt;
+  }
+  void expect_only(std::initializer_list<std::string_view> keys) const {
+    if (!json.is_object()) {
+      fail("an object");
+    }
+    for (const auto& [key, value] : json.items()) {
+      if (std::ranges::find(keys, key) == keys.end()) {
+        throw ViewMistake(fmt::format("{}/{}: there is no such key", place, key));
+      }
+    }
+  }
+  [[nodiscard]] std::string text() const {
+    if (!json.is_string() || json.get<std::string>().empty()) {
+      fail("a name");
+    }
+    return json.get<std::string>();
+  }
+  [[nodiscard]] bool flag() const {
+    if (!json.is_boolean()) {
+      fail("true or false");
+    }
+    return json.get<bool>();
+  }
+  [[nodiscard]] std::uint64_t number(std::uint64_t least, std::uint64_t most) const {
+    if (!json.is_number_unsigned() || json.get<std::uint64_t>() < least ||
+        json.get<std::uint64_t>() > most) {
+      fail(fmt::format("a whole number in [{}, {}]", least, most));
+    }
+    return json.get<std::uint64_t>();
+  }
+};
+
+std::vector<std::string> split(const std::string& path) {
+  std::vector<std::string> names(1);
+  for (const char letter : path) {
+    if (letter == '.') {
+      names.emplace_back();
+    } else {
+      names.back() += letter;
+    }
+  }
+  return names;
+}
+
+PointLayout parse_points(const Part& part) {
+  part.expect_only({"stride", "x", "y", "z", "time", "most"});
+  PointLayout layout;
+  layout.stride = part.at("stride").number(4, 1024);
+  const auto offset = [&](const char* key, std::size_t size) {
+    return part.at(key).number(0, layout.stride - size);
+  };
+  layout.x = offset("x", sizeof(float));
+  layout.y = offset("y", sizeof(float));
+  layout.z = offset("z", sizeof(float));
+  if (part.find("time")) {
+    layout.time = offset("time", sizeof(std::uint16_t));
+  }
+  layout.most = part.at("most").number(1, 100'000'000);
+  return layout;
+}
+
+std::vector<Pick> parse_fields(const Part& part);
+
+Pick parse_pick(const std::string& name, const Part& part) {
+  if (part.json.is_string()) {
+    return {.name = name, .path = split(part.text())};
+  }
+  part.expect_only({"from", "decimals", "every", "time", "points", "fields"});
+  Pick pick{.name = name, .path = split(part.at("from").text())};
+  if (const auto decimals = part.find("decimals")) {
+    pick.decimals = static_cast<int>(decimals->number(0, kMostDecimals));
+  }
+  if (const auto every = part.find("every")) {
+    pick.every = static_cast<int>(every->number(1, 1'000'000));
+  }
+  if (const auto time = part.find("time")) {
+    pick.is_time = time->flag();
+  }
+  if (const auto points = part.find("points")) {
+    pick.points = parse_points(*points);
+  }
+  if (const auto fields = part.find("fields")) {
+    pick.fields = parse_fields(*fields);
+  }
+  return pick;
+}
+
+std::vector<Pick> parse_fields(const Part& part) {
+  if (!part.json.is_object() || part.json.empty()) {
+    part.fail("an object of fields");
+  }
+  std::vector<Pick> picks;
+  for (const auto& [name, value] : part.json.items()) {
+    picks.push_back(parse_pick(name, {value, part.place + "/" + name}));
+  }
+  return picks;
+}
+
+std::vector<Layer> parse_layers(const Part& part) {
+  if (!part.json.is_object() || part.json.empty()) {
+    part.fail("an object of layers");
+  }
+  std::vector<Layer> layers;
+  for (const auto& [name, value] : part.json.items()) {
+    const Part one{value, part.place + "/" + name};
+    one.expect_only({"topic", "most_hz", "latched", "fields"});
+    const auto most_hz = one.find("most_hz");
+    const auto latched = one.find("latched");
+    layers.push_back(
+        {.name = name,
+         .topic = one.at("topic").text(),
+         .least_period_ns =
+             most_hz ? kNsPerSecond / static_cast<double>(most_hz->number(1, 100'000)) : 0.0,
+         .is_latched = latched && latched->flag(),
+         .fields = parse_fields(one.at("fields"))});
+  }
+  return layers;
+}
+
+// ---- Its picks, found in a message type ----
+
+struct Bound {
+  const Pick* pick = nullptr;
+  std::vector<const Field*> way;  ///< From the message to the field.
+  std::vector<Bound> fields;
+
+  [[nodiscard]] const Field& field() const { return *way.back(); }
+};
+
+std::vector<Bound> bind(const std::vector<Pick>& picks, const pb::Descriptor& type);
+
+Bound bind(const Pick& pick, const pb::Descriptor& type) {
+  Bound bound{.pick = &pick, .way = {}, .fields = {}};
+  const pb::Descriptor* within = &type;
+  for (const std::string& name : pick.path) {
+    const bool is_in_one =
+        within != nullptr && (bound.way.empty() || !bound.way.back()->is_repeated());
+    const Field* const field = is_in_one ? within->FindFieldByName(name) : nullptr;
+    if (field == nullptr) {
+      throw std::runtime_error(
+          fmt::format("{} has no field {}", type.full_name(), fmt::join(pick.path, ".")));
+    }
+    bound.way.push_back(field);
+    within = field->message_type();
+  }
+  const auto expect = [&](bool is_so, const char* what) {
+    if (!is_so) {
+      throw std::runtime_error(
+          fmt::format("{} of {} is no {}", fmt::join(pick.path, "."), type.full_name(), what));
+    }
+  };
+  const Field& field = bound.field();
+  expect((within != nullptr) == !pick.fields.empty(),
+         pick.fields.empty() ? "single value" : "message");
+  expect(!pick.is_time || field.cpp_type() == Field::CPPTYPE_INT64, "time: a number of 64 bits");
+  expect(pick.points.has_value() == (field.type() == Field::TYPE_BYTES),
+         pick.points ? "field of bytes" : "value that can be shown");
+  if (within != nullptr) {
+    bound.fields = bind(pick.fields, *within);
+  }
+  return bound;
+}
+
+std::vector<Bound> bind(const std::vector<Pick>& picks, const pb::Descriptor& type) {
+  std::vector<Bound> bound;
+  bound.reserve(picks.size());
+  for (const Pick& pick : picks) {
+    bound.push_back(bind(pick, type));
+  }
+  return bound;
+}
+
+// ---- Its values ----
+
+void add_number(double value, int decimals, std::string& text) {
+  if (!std::isfinite(value)) {
+    text += "null";
+    return;
+  }
+  const std::size_t before = text.size();
+  fmt::format_to(std::back_inserter(text), "{:.{}f}", value, decimals);
+  if (decimals > 0) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') {
+      text.pop_back();
+    }
+  }
+  if (std::string_view(text).substr(before) == "-0") {
+    text.erase(before, 1);
+  }
+}
+
+/// So that it may stand in a page.
+void add_json(const Json& json, std::string& text) {
+  for (const char letter : json.dump(-1, ' ', false, Json::error_handler_t::replace)) {
+    if (letter == '<') {
+      text += "\\u003c";
+    } else {
+      text += letter;
+    }
+  }
+}
+
+void add_text(const std::string& value, std::string& text) {
+  add_json(value, text);
+}
+
+void add_base64(const std::vector<std::uint8_t>& bytes, std::string& text) {
+  constexpr std::string_view kLetters =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
+    std::uint32_t group = 0;
+    for (std::size_t j = 0; j < 3; ++j) {
+      group = group << 8U | (j < count ? bytes[i + j] : 0U);
+    }
+    for (std::size_t j = 0; j < 4; ++j) {
+      text += j <= count ? kLetters[group >> (18U - 6U * j) & 63U] : '=';
+    }
+  }
+}
+
+template <typename T>
+T read(std::string_view bytes, std::size_t offset) {
+  static_assert(std::endian::native == std::endian::little);
+  T value{};
+  std::memcpy(&value, bytes.data() + offset, sizeof(T));
+  return value;
+}
+
+/// Points, thinned: of each x, y and z in centimetres and the time, 16 bits each, as base64.
+class ThinnedPoints {
+ public:
+  /// Of `most` points a message.
+  ThinnedPoints(const PointLayout& layout, std::uint64_t most) : layout_(layout), most_(most) {}
+
+  void add(std::string_view bytes, std::string& text) const {
+    std::vector<std::size_t> there;
+    for (std::size_t at = 0; at + layout_.stride <= bytes.size(); at += layout_.stride) {
+      if (is_there(bytes, at)) {
+        there.push_back(at);
+      }
+    }
+    const std::size_t step = std::max<std::size_t>(1, (there.size() + most_ - 1) / most_);
+    std::vector<std::uint8_t> packed;
+    for (std::size_t i = 0; i < there.size(); i += step) {
+      for (const std::size_t offset : {layout_.x, layout_.y, layout_.z}) {
+        const auto cm =
+            static_cast<std::int16_t>(std::lround(kCmPerM * read<float>(bytes, there[i] + offset)));
+        put(static_cast<std::uint16_t>(cm), packed);
+      }
+      put(layout_.time ? read<std::uint16_t>(bytes, there[i] + *layout_.time) : std::uint16_t{0},
+          packed);
+    }
+    text += '"';
+    add_base64(packed, text);
+    text += '"';
+  }
+
+ private:
+  static constexpr float kCmPerM = 100.0F;
+  static constexpr float kFarthestM = 327.0F;
+
+  /// Not at the origin, which stands for no echo; and near enough for 16 bits.
+  [[nodiscard]] bool is_there(std::string_view bytes, std::size_t at) const {
+    bool is_near = true;
+    bool is_apart = false;
+    for (const std::size_t offset : {layout_.x, layout_.y, layout_.z}) {
+      const auto value = read<float>(bytes, at + offset);
+      is_near = is_near && std::abs(value) < kFarthestM;
+      is_apart = is_apart || value != 0.0F;
+    }
+    return is_near && is_apart;
+  }
+
+  static void put(std::uint16_t value, std::vector<std::uint8_t>& packed) {
+    packed.push_back(static_cast<std::uint8_t>(value & 0xFFU));
+    packed.push_back(static_cast<std::uint8_t>(value >> 8U));
+  }
+
+  const PointLayout& layout_;
+  const std::uint64_t most_;
+};
+
+/// Writes the picked values of messages of one layer.
+class Values {
+ public:
+  Values(std::uint64_t begin_ns, std::uint64_t messages)
+      : begin_ns_(begin_ns), messages_(std::max<std::uint64_t>(1, messages)) {}
+
+  void add_all(const pb::Message& message, const std::vector<Bound>& fields,
+               std::string& text) const {
+    for (const Bound& bound : fields) {
+      text += ',';
+      add(message, bound, text);
+    }
+  }
+  void add_time(std::int64_t time_ns, std::string& text) const {
+    const auto since_ns = time_ns - static_cast<std::int64_t>(begin_ns_);
+    add_number(static_cast<double>(since_ns) / kNsPerSecond, kTimeDecimals, text);
+  }
+
+ private:
+  static constexpr int kTimeDecimals = 4;
+
+  void add(const pb::Message& message, const Bound& bound, std::string& text) const {
+    const pb::Message* within = &message;
+    for (std::size_t i = 0; i + 1 < bound.way.size(); ++i) {
+      if (!within->GetReflection()->HasField(*within, bound.way[i])) {
+        text += "null";
+        return;
+      }
+      within = &within->GetReflection()->GetMessage(*within, bound.way[i]);
+    }
+    if (!bound.field().is_repeated()) {
+      add_one(*within, bound, -1, text);
+      return;
+    }
+    text += '[';
+    const int size = within->GetReflection()->FieldSize(*within, &bound.field());
+    for (int i = 0; i < size; i += bound.pick->every) {
+      text += i == 0 ? "" : ",";
+      add_one(*within, bound, i, text);
+    }
+    text += ']';
+  }
+
+  /// The field; of a repeated one, the element at `index`.
+  void add_one(const pb::Message& message, const Bound& bound, int index, std::string& text) const {
+    const Field* const field = &bound.field();
+    const pb::Reflection& reflection = *message.GetReflection();
+    const bool is_one = index < 0;
+    switch (field->cpp_type()) {
+      case Field::CPPTYPE_MESSAGE:
+        if (is_one && !reflection.HasField(message, field)) {
+          text += "null";
+          return;
+        }
+        add_message(is_one ? reflection.GetMessage(message, field)
+                           : reflection.GetRepeatedMessage(message, field, index),
+                    bound, text);
+        return;
+      case Field::CPPTYPE_STRING:
+        add_string(is_one ? reflection.GetString(message, field)
+                          : reflection.GetRepeatedString(message, field, index),
+                   *bound.pick, text);
+        return;
+      case Field::CPPTYPE_ENUM:
+        add_text((is_one ? reflection.GetEnum(message, field)
+                         : reflection.GetRepeatedEnum(message, field, index))
+                     ->name(),
+                 text);
+        return;
+      case Field::CPPTYPE_INT64: {
+        const std::int64_t value = is_one ? reflection.GetInt64(message, field)
+                                          : reflection.GetRepeatedInt64(message, field, index);
+        if (bound.pick->is_time) {
+          add_time(value, text);
+        } else {
+          text += std::to_string(value);
+        }
+        return;
+      }
+      case Field::CPPTYPE_UINT64:
+        text += std::to_string(is_one ? reflection.GetUInt64(message, field)
+                                      : reflection.GetRepeatedUInt64(message, field, index));
+        return;
+      default:
+        add_number(small_number(message, *field, index), bound.pick->decimals, text);
+    }
+  }
+
+  static double small_number(const pb::Message& message, const Field& field, int index) {
+    const pb::Reflection& reflection = *message.GetReflection();
+    const bool is_one = index < 0;
+    switch (field.cpp_type()) {
+      case Field::CPPTYPE_DOUBLE:
+        return is_one ? reflection.GetDouble(message, &field)
+                      : reflection.GetRepeatedDouble(message, &field, index);
+      case Field::CPPTYPE_FLOAT:
+        return is_one ? reflection.GetFloat(message, &field)
+                      : reflection.GetRepeatedFloat(message, &field, index);
+      case Field::CPPTYPE_INT32:
+        return is_one ? reflection.GetInt32(message, &field)
+                      : reflection.GetRepeatedInt32(message, &field, index);
+      case Field::CPPTYPE_UINT32:
+        return is_one ? reflection.GetUInt32(message, &field)
+                      : reflection.GetRepeatedUInt32(message, &field, index);
+      default:
+        return (is_one ? reflection.GetBool(message, &field)
+                       : reflection.GetRepeatedBool(message, &field, index))
+                   ? 1.0
+                   : 0.0;
+    }
+  }
+
+  void add_message(const pb::Message& message, const Bound& bound, std::string& text) const {
+    const std::size_t before = text.size();
+    add_all(message, bound.fields, text);
+    text[before] = '[';  // In the place of the first comma.
+    text += ']';
+  }
+
+  void add_string(const std::string& value, const Pick& pick, std::string& text) const {
+    if (!pick.points) {
+      add_text(value, text);
+      return;
+    }
+    const std::uint64_t most = std::max<std::uint64_t>(1, pick.points->most / messages_);
+    ThinnedPoints(*pick.points, most).add(value, text);
+  }
+
+  const std::uint64_t begin_ns_;
+  const std::uint64_t messages_;  ///< Of the layer, in the whole log.
+};
+
+// ---- The log ----
+
+/// The messages of a topic, as the log counts them.
+std::uint64_t messages_of(const mcap::Reader& reader, const std::string& topic) {
+  std::uint64_t messages = 0;
+  const auto& counts = reader.statistics()->channel_message_counts;
+  for (const auto& [id, channel] : reader.definitions().channels()) {
+    const auto count = counts.find(id);
+    messages += channel.topic == topic && count != counts.end() ? count->second : 0;
+  }
+  return messages;
+}
+
+/// What is picked for one layer.
+class LayerData {
+ public:
+  LayerData(const Layer& layer, const mcap::Reader& reader, std::uint64_t begin_ns)
+      : layer_(layer), reader_(reader), values_(begin_ns, messages_of(reader, layer.topic)) {}
+
+  void take(const mcap::StoredMessage& message, MessageTypes& types) {
+    const auto time_ns = static_cast<double>(message.publish_time_ns);
+    // A little less than the period: messages come at times that are not exact.
+    if (!problem_.empty() || time_ns < next_ns_ - layer_.least_period_ns / 10.0) {
+      return;
+    }
+    const std::size_t before = messages_.size();
+    try {
+      const MessageType& type = type_of(*message.channel, types);
+      const auto parsed = type.parse(message.data);
+      messages_ += count_ == 0 ? "[" : ",\n[";
+      values_.add_time(static_cast<std::int64_t>(message.publish_time_ns), messages_);
+      values_.add_all(*parsed, fields_of(type), messages_);
+      messages_ += ']';
+    } catch (const std::runtime_error& error) {
+      messages_.erase(before);
+      problem_ = error.what();
+      return;
+    }
+    ++count_;
+    next_ns_ = time_ns + layer_.least_period_ns;
+  }
+
+  [[nodiscard]] std::uint64_t count() const { return count_; }
+  [[nodiscard]] std::size_t bytes() const { return messages_.size(); }
+  [[nodiscard]] const std::string& topic() const { return layer_.topic; }
+
+  /// Why it is not, or not all of it, in the page.
+  [[nodiscard]] std::string left_out() const {
+    if (problem_.empty() && count_ > 0) {
+      return {};
+    }
+    return fmt::format("{} ({}): {}", layer_.name, layer_.topic,
+                       problem_.empty() ? "no messages" : problem_);
+  }
+
+  void write(std::string& json) const {
+    add_text(layer_.name, json);
+    json += ":{\"topic\":";
+    add_text(layer_.topic, json);
+    json += ",\"names\":";
+    add_names(layer_.fields, json);
+    json += ",\"messages\":[" + messages_ + "]}";
+  }
+
+ private:
+  const MessageType& type_of(const mcap::Channel& channel, MessageTypes& types) const {
+    if (channel.message_encoding != "protobuf") {
+      throw std::runtime_error("its messages are no protobuf");
+    }
+    const mcap::Schema* const schema = reader_.definitions().find_schema(channel.schema_id);
+    if (schema == nullptr) {
+      throw std::runtime_error("it has no schema");
+    }
+    const MessageTypes::Found& found = types.find(*schema);
+    if (found.type == nullptr) {
+      throw std::runtime_error(found.problem);
+    }
+    return *found.type;
+  }
+
+  const std::vector<Bound>& fields_of(const MessageType& type) {
+    const auto known = bound_.find(&type);
+    return known != bound_.end()
+               ? known->second
+               : bound_.emplace(&type, bind(layer_.fields, type.descriptor())).first->second;
+  }
+
+  static void add_names(const std::vector<Pick>& fields, std::string& json) {
+    json += '[';
+    for (const Pick& pick : fields) {
+      json += &pick == &fields.front() ? "" : ",";
+      if (pick.fields.empty()) {
+        add_text(pick.name, json);
+        continue;
+      }
+      json += '[';
+      add_text(pick.name, json);
+      json += ',';
+      add_names(pick.fields, json);
+      json += ']';
+    }
+    json += ']';
+  }
+
+  const Layer& layer_;
+  const mcap::Reader& reader_;
+  const Values values_;
+  std::map<const MessageType*, std::vector<Bound>> bound_;
+  double next_ns_ = 0.0;
+  std::uint64_t count_ = 0;
+  std::string messages_;
+  std::string problem_;
+};
+
+/// Gives a message to its layers.
+void take(const mcap::StoredMessage& message, std::vector<LayerData>& data, MessageTypes& types,
+          std::uint64_t most_bytes) {
+  std::uint64_t size = 0;
+  for (LayerData& layer : data) {
+    if (layer.topic() == message.channel->topic) {
+      layer.take(message, types);
+    }
+    size += layer.bytes();
+  }
+  if (size > most_bytes) {
+    throw std::runtime_error(
+        fmt::format("more than {} MiB would be needed; choose a part of the log by --start and "
+                    "--end, or less of it by --view",
+                    most_bytes >> 20U));
+  }
+}
+
+}  // namespace
+
+ViewData view_data(const mcap::Reader& reader, std::string_view view, const ViewOptions& options,
+                   std::uint64_t bytes, const Progress& progress) {
+  Json json;
+  try {
+    json = Json::parse(view, nullptr, true, true);
+  } catch (const Json::parse_error& error) {
+    throw ViewMistake(fmt::format("expected JSON, found a mistake at byte {}", error.byte));
+  }
+  const Part part{json, ""};
+  part.expect_only({"constants", "layers"});
+  const std::vector<Layer> layers = parse_layers(part.at("layers"));
+  const mcap::Statistics& statistics = *reader.statistics();
+  const std::uint64_t begin_ns = std::max(options.begin_ns, statistics.message_start_time_ns);
+  const std::uint64_t end_ns =
+      std::min(options.end_ns.value_or(std::numeric_limits<std::uint64_t>::max()),
+               statistics.message_end_time_ns);
+
+  std::vector<LayerData> data;
+  mcap::MessageQuery before{.topics = {}, .begin_ns = 0, .end_ns = begin_ns};
+  mcap::MessageQuery query{.topics = {}, .begin_ns = begin_ns, .end_ns = options.end_ns};
+  for (const Layer& layer : layers) {
+    data.emplace_back(layer, reader, begin_ns);
+    query.topics.push_back(layer.topic);
+    if (layer.is_latched) {
+      before.topics.push_back(layer.topic);
+    }
+  }
+  MessageTypes types;
+  const double span_ns = std::max(1.0, static_cast<double>(end_ns) - static_cast<double>(begin_ns));
+  const auto take_all = [&](mcap::MessageReader messages) {
+    while (const std::optional<mcap::StoredMessage> message = messages.next()) {
+      take(*message, data, types, options.most_bytes);
+      const double since_ns =
+          static_cast<double>(message->log_time_ns) - static_cast<double>(begin_ns);
+      if (progress) {
+        progress(static_cast<std::uint64_t>(static_cast<double>(bytes) *
+                                            std::clamp(since_ns / span_ns, 0.0, 1.0)));
+      }
+    }
+  };
+  if (!before.topics.empty()) {
+    take_all(reader.messages(std::move(before)));
+  }
+  take_all(reader.messages(std::move(query)));
+
+  ViewData result;
+  const Json constants = json.value("constants", Json::object());
+  result.json = fmt::format("{{\"begin_ns\":\"{}\",\"duration\":", begin_ns);
+  add_number((static_cast<double>(end_ns) - static_cast<double>(begin_ns)) / kNsPerSecond,
+             kDecimals, result.json);
+  result.json += ",\"constants\":";
+  add_json(constants, result.json);
+  result.json += ",\"layers\":{";
+  bool is_first = true;
+  for (const LayerData& layer : data) {
+    if (std::string left_out = layer.left_out(); !left_out.empty()) {
+      result.left_out.push_back(std::move(left_out));
+    }
+    if (layer.count() > 0) {
+      result.messages += layer.count();
+      result.json += is_first ? "" : ",\n";
+      layer.write(result.json);
+      is_first = false;
+    }
+  }
+  result.json += "}}";
+  if (is_first) {
+    throw std::runtime_error(
+        fmt::format("there is nothing to draw: {}", fmt::join(result.left_out, "; ")));
+  }
+  return result;
+}
+
+}  // namespace fastcycle::archive

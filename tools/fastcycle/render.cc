@@ -1,0 +1,173 @@
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "archive/output_file.h"
+#include "archive/view_data.h"
+#include "command.h"
+#include "file_work.h"
+#include "mcap/reader.h"
+#include "page.h"
+#include "quantity.h"
+#include "rewriting.h"
+
+namespace fastcycle::tool {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RenderOptions {
+  fs::path file;
+  fs::path output;
+  fs::path view;
+  std::string start;
+  std::string end;
+  bool is_forced = false;
+  bool is_quiet = false;
+};
+
+std::string read_text(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  if (!file) {
+    throw std::runtime_error(path.string() + ": cannot be read");
+  }
+  return text.str();
+}
+
+/// The letters that mean something in HTML.
+std::string in_html(const std::string& text) {
+  std::string result;
+  for (const char letter : text) {
+    switch (letter) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      default:
+        result += letter;
+    }
+  }
+  return result;
+}
+
+/// Writes the page, with `title` and `data` in the places that it keeps for them.
+void write_page(const std::string& title, std::string_view data, mcap::Sink& sink) {
+  constexpr std::string_view kTitle = "%TITLE%";
+  constexpr std::string_view kData = "%DATA%";
+  const std::string_view page = page_html();
+  const std::size_t title_at = page.find(kTitle);
+  const std::size_t data_at = page.find(kData);
+  const std::string html_title = in_html(title);
+  for (const std::string_view part :
+       {page.substr(0, title_at), std::string_view(html_title),
+        page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size()), data,
+        page.substr(data_at + kData.size())}) {
+    const mcap::Bytes bytes = mcap::bytes_of(part);
+    sink.append({&bytes, 1});
+  }
+}
+
+int render_log(const RenderOptions& options, const archive::ViewOptions& times) {
+  const std::string view =
+      options.view.empty() ? std::string(page_view()) : read_text(options.view);
+  const std::string view_name = options.view.empty() ? "its own view" : options.view.string();
+  const mcap::FileSource source(options.file);
+  const mcap::Reader reader(source);
+  if (reader.problem()) {
+    print_problem("render", *reader.problem(), "what there is was taken");
+  }
+  archive::ViewOptions from_log = times;
+  const std::uint64_t first_ns = reader.statistics()->message_start_time_ns;
+  from_log.begin_ns += first_ns;
+  if (from_log.end_ns) {
+    *from_log.end_ns += first_ns;
+  }
+  const fs::path output =
+      options.output.empty() ? fs::path(options.file).replace_extension(".html") : options.output;
+  std::vector<fs::path> inputs{options.file};
+  if (!options.view.empty()) {
+    inputs.push_back(options.view);
+  }
+  FileWork work(!options.is_quiet);
+  archive::OutputFile file(output, {.may_replace = options.is_forced, .inputs = inputs});
+  archive::ViewData data;
+  try {
+    data = archive::view_data(reader, view, from_log, source.size(),
+                              work.progress(options.file.filename().string(), source.size()));
+  } catch (const archive::ViewMistake& mistake) {
+    return print_mistake("render", view_name + ": " + mistake.what());
+  }
+  write_page(options.file.filename().string(), data.json, file.sink());
+  file.commit();
+  if (!options.is_quiet) {
+    for (const std::string& layer : data.left_out) {
+      std::fprintf(stderr, "fastcycle render: not shown: %s\n", layer.c_str());
+    }
+    std::printf("%s: %s, %llu messages\n", output.c_str(),
+                bytes_text(fs::file_size(output)).c_str(),
+                static_cast<unsigned long long>(data.messages));
+  }
+  return flush_output();
+}
+
+int render(const RenderOptions& options) {
+  if (page_html().empty()) {
+    std::fputs(
+        "fastcycle render: this program was built without its page: when it was built, node or\n"
+        "the packages of tools/page/package.json were missing (./dev setup, then ./dev build)\n",
+        stderr);
+    return kFailed;
+  }
+  std::optional<std::uint64_t> start_ns;
+  archive::ViewOptions times;
+  std::string wrong = read_offset("--start", options.start, start_ns);
+  wrong = wrong.empty() ? read_offset("--end", options.end, times.end_ns) : wrong;
+  times.begin_ns = start_ns.value_or(0);
+  if (wrong.empty() && times.end_ns && *times.end_ns <= times.begin_ns) {
+    wrong = "--end wants a time after --start";
+  }
+  return wrong.empty() ? render_log(options, times) : print_mistake("render", wrong);
+}
+
+}  // namespace
+
+Command add_render(CLI::App& program) {
+  CLI::App* line = program.add_subcommand("render", "Make a page of a log that plays the drive");
+  line->footer(
+      examples("  fastcycle render drive.mcap\n"
+               "  fastcycle render drive.mcap -o first.html --end 30s\n"
+               "  fastcycle render drive.mcap --view other.json\n"));
+  const auto options = std::make_shared<RenderOptions>();
+  line->add_option("file", options->file, "The log")->required()->type_name("FILE");
+  line->add_option("-o,--output", options->output,
+                   "Where to; else beside the log, as drive.html of drive.mcap")
+      ->type_name("FILE");
+  line->add_option("--start", options->start, "From here on, from the beginning of the log: 10s")
+      ->type_name("TIME");
+  line->add_option("--end", options->end, "Up to here, from the beginning of the log: 15s")
+      ->type_name("TIME");
+  line->add_option("--view", options->view,
+                   "Which topics and fields the page shows, JSON (docs/reference/page.md)")
+      ->type_name("FILE");
+  line->add_flag("--force", options->is_forced, "Replace what has the name of the output");
+  line->add_flag("--quiet", options->is_quiet, "No progress line, no words about what was done");
+  return {line, [options] { return render(*options); }};
+}
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,229 @@
+// What the log had: layers, each with its messages in the order of their times.
+
+function decodeBase64(text) {
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+}
+
+// Values, one after the other, get their names.
+function named(names, values, offset) {
+  const result = {};
+  names.forEach((name, i) => {
+    const value = values[offset + i];
+    if (typeof name === "string") {
+      result[name] = value;
+      return;
+    }
+    const [own, fields] = name;
+    result[own] = value === null || value === undefined ? null
+      : Array.isArray(value[0]) || value.length === 0 ? value.map((one) => named(fields, one, 0))
+      : named(fields, value, 0);
+  });
+  return result;
+}
+
+// Messages become objects when they are looked at for the first time.
+class Layer {
+  constructor({ topic, names, messages }) {
+    this.topic = topic;
+    this.names = names;
+    this.values = messages;
+    this.objects = new Array(messages.length);
+    const at = names.indexOf("time");
+    this.published = messages.map((message) => message[0]);
+    this.taken = at < 0 ? this.published : messages.map((message) => message[at + 1]);
+  }
+  get count() {
+    return this.values.length;
+  }
+  get(index) {
+    return (this.objects[index] ??= { published: this.published[index], ...named(this.names, this.values[index], 1) });
+  }
+  // The last one that is not after `time`; none before the first.
+  lastPublished(time) {
+    const index = lastNotAfter(this.published, time);
+    return index < 0 ? null : this.get(index);
+  }
+  // The two that `time` lies between, and how far it is from the first to the second.
+  around(time) {
+    if (this.count === 0) {
+      return null;
+    }
+    const index = Math.max(0, lastNotAfter(this.taken, time));
+    const next = Math.min(index + 1, this.count - 1);
+    const span = this.taken[next] - this.taken[index];
+    const part = span > 0 ? Math.min(1, Math.max(0, (time - this.taken[index]) / span)) : 0;
+    return { a: this.get(index), b: this.get(next), part, age: time - this.taken[index] };
+  }
+  column(name) {
+    const at = this.names.findIndex((one) => one === name || one[0] === name);
+    return at < 0 ? null : this.values.map((message) => message[at + 1]);
+  }
+}
+
+export function lastNotAfter(times, time) {
+  let low = 0;
+  let high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  return low - 1;
+}
+
+export function mix(a, b, part) {
+  return a + (b - a) * part;
+}
+
+export function mixAngle(a, b, part) {
+  return a + Math.atan2(Math.sin(b - a), Math.cos(b - a)) * part;
+}
+
+export class Drive {
+  constructor(json) {
+    this.duration = json.duration;
+    this.constants = json.constants;
+    this.layers = {};
+    for (const [name, layer] of Object.entries(json.layers)) {
+      this.layers[name] = new Layer(layer);
+    }
+  }
+
+  // Where the vehicle was; the first and the last place hold before and after.
+  egoAt(time) {
+    const found = this.layers.ego?.around(time);
+    if (!found) {
+      return null;
+    }
+    const { a, b, part } = found;
+    return {
+      x: mix(a.x, b.x, part),
+      y: mix(a.y, b.y, part),
+      heading: mixAngle(a.heading, b.heading, part),
+      speed: mix(a.speed, b.speed, part),
+      acceleration: mix(a.acceleration, b.acceleration, part),
+      quality: a.quality,
+      length: this.constants.ego_length ?? 4.5,
+      width: this.constants.ego_width ?? 1.8,
+    };
+  }
+
+  // The tracked boxes, between two messages on their way from one to the other.
+  objectsAt(time) {
+    const found = this.layers.objects?.around(time);
+    if (!found || time < this.layers.objects.taken[0]) {
+      return [];
+    }
+    const { a, b, part, age } = found;
+    const next = new Map(b.objects.map((object) => [object.id, object]));
+    return a.objects.map((object) => {
+      const later = next.get(object.id);
+      if (later && b !== a) {
+        return {
+          ...object,
+          x: mix(object.x, later.x, part),
+          y: mix(object.y, later.y, part),
+          heading: mixAngle(object.heading, later.heading, part),
+          speed: mix(object.speed, later.speed, part),
+        };
+      }
+      const on = object.speed * Math.min(age, 0.2);  // It is not there any more soon.
+      return { ...object, x: object.x + on * Math.cos(object.heading), y: object.y + on * Math.sin(object.heading) };
+    });
+  }
+
+  // The points of the last sweep, in the map: x, y and height above the ground, one after the other.
+  pointsAt(time) {
+    const layer = this.layers.points;
+    const index = layer ? lastNotAfter(layer.taken, time) : -1;
+    if (index < 0 || time - layer.taken[index] > 0.5) {
+      return null;
+    }
+    if (this.sweep?.index !== index) {
+      this.sweep = { index, points: this.#placed(layer.get(index)) };
+    }
+    return this.sweep.points;
+  }
+
+  #placed(sweep) {
+    const bytes = decodeBase64(sweep.points);
+    const view = new DataView(bytes.buffer);
+    const size = 8;
+    const count = Math.floor(bytes.length / size);
+    const placed = new Float32Array(3 * count);
+    const duration = (sweep.duration_ns ?? 0) / 1e9;
+    const from = this.egoAt(sweep.time);
+    const to = this.egoAt(sweep.time + duration);
+    for (let i = 0; i < count; ++i) {
+      const part = view.getUint16(i * size + 6, true) / 65536;
+      const heading = mixAngle(from.heading, to.heading, part);
+      const forward = view.getInt16(i * size, true) / 100 + (sweep.forward ?? 0);
+      const left = view.getInt16(i * size + 2, true) / 100;
+      placed[3 * i] = mix(from.x, to.x, part) + forward * Math.cos(heading) - left * Math.sin(heading);
+      placed[3 * i + 1] = mix(from.y, to.y, part) + forward * Math.sin(heading) + left * Math.cos(heading);
+      placed[3 * i + 2] = view.getInt16(i * size + 4, true) / 100 + (sweep.height ?? 0);
+    }
+    return placed;
+  }
+
+  // When the state became another one.
+  stateChanges() {
+    const layer = this.layers.state;
+    const changes = [];
+    for (let i = 0; layer && i < layer.count; ++i) {
+      const { published, state, reason } = layer.get(i);
+      if (changes.length === 0 || changes.at(-1).state !== state) {
+        changes.push({ time: Math.max(0, published), state, reason });
+      }
+    }
+    return changes;
+  }
+
+  // good, careful, bad or idle: what a state means.
+  meaningOf(state) {
+    const is = (names) => (names ?? []).includes(state);
+    return is(this.constants.driving) ? "good" : is(this.constants.careful) ? "careful"
+      : is(this.constants.stopping) ? "bad" : "idle";
+  }
+}
+
+function corners({ x, y, heading, length, width }) {
+  const c = Math.cos(heading);
+  const s = Math.sin(heading);
+  return [[1, 1], [1, -1], [-1, -1], [-1, 1]].map(([f, l]) => [
+    x + (f * length * c - l * width * s) / 2,
+    y + (f * length * s + l * width * c) / 2,
+  ]);
+}
+
+function toSegment([px, py], [ax, ay], [bx, by]) {
+  const dx = bx - ax;
+  const dy = by - ay;
+  const along = Math.min(1, Math.max(0, ((px - ax) * dx + (py - ay) * dy) / (dx * dx + dy * dy || 1)));
+  return Math.hypot(px - ax - along * dx, py - ay - along * dy);
+}
+
+function isInside([px, py], { x, y, heading, length, width }) {
+  const c = Math.cos(heading);
+  const s = Math.sin(heading);
+  return Math.abs((px - x) * c + (py - y) * s) <= length / 2 && Math.abs((py - y) * c - (px - x) * s) <= width / 2;
+}
+
+// Between two boxes; 0 where a corner of one is in the other.
+export function distance(a, b) {
+  const as = corners(a);
+  const bs = corners(b);
+  if (as.some((corner) => isInside(corner, b)) || bs.some((corner) => isInside(corner, a))) {
+    return 0;
+  }
+  let least = Infinity;
+  for (let i = 0; i < 4; ++i) {
+    for (let j = 0; j < 4; ++j) {
+      least = Math.min(least, toSegment(as[i], bs[j], bs[(j + 1) % 4]), toSegment(bs[j], as[i], as[(i + 1) % 4]));
+    }
+  }
+  return least;
+}
