@@ -22,12 +22,6 @@ constexpr double kEnds_m = 1.0;
 constexpr double kStep_m = 0.5;
 // Lanes of which one follows the other touch each other, or nearly so.
 constexpr double kTouch_m = 1.0;
-// What is more is no map of a city, and would take minutes.
-constexpr std::size_t kLanesMax = 50'000;
-constexpr double kLengthMax_m = 2e7;
-// How many points of lanes are looked at, at most, to see which lanes conflict.
-constexpr std::int64_t kWorkMax = 100'000'000;
-constexpr std::int64_t kWorkPerLaneMax = 100'000;
 constexpr std::size_t kBesideMax = 64;
 
 bool has(const std::vector<std::int64_t>& ids, std::int64_t id) {
@@ -142,10 +136,10 @@ bool LaneGraph::Node::is_drivable() const {
          lane.kind == LaneKind::kRamp;
 }
 
-LaneGraph::LaneGraph(std::vector<MapLane> lanes) {
-  if (lanes.size() > kLanesMax) {
+LaneGraph::LaneGraph(std::vector<MapLane> lanes, const MapLimits& limits) {
+  if (lanes.size() > limits.lanes) {
     throw std::runtime_error(
-        fmt::format("expected at most {} lanes, found {}", kLanesMax, lanes.size()));
+        fmt::format("expected at most {} lanes, found {}", limits.lanes, lanes.size()));
   }
   double length_m = 0.0;
   for (MapLane& lane : lanes) {
@@ -155,13 +149,13 @@ LaneGraph::LaneGraph(std::vector<MapLane> lanes) {
       throw std::runtime_error(fmt::format("lane {}: expected once, found twice", id));
     }
     length_m += place->second.center.length_m();
-    if (!(length_m <= kLengthMax_m)) {
+    if (!(length_m <= limits.lanes_length_m)) {
       throw std::runtime_error(fmt::format("lane {}: expected at most {:g} m of lanes, found {:g}",
-                                           id, kLengthMax_m, length_m));
+                                           id, limits.lanes_length_m, length_m));
     }
   }
   check_references();
-  find_conflicts();
+  find_conflicts(limits.work + limits.work_per_lane * std::ssize(nodes_));
 }
 
 std::vector<std::int64_t> LaneGraph::beside(std::int64_t id) const {
@@ -228,7 +222,7 @@ void LaneGraph::check_references() const {
 
 // Of each two lanes whose bounds touch each other, whether they conflict. The lanes are gone
 // through from west to east.
-void LaneGraph::find_conflicts() {
+void LaneGraph::find_conflicts(std::int64_t work_max) {
   std::vector<Node*> lanes;
   for (auto& [id, node] : nodes_) {
     if (node.lane.kind != LaneKind::kOther) {
@@ -246,10 +240,10 @@ void LaneGraph::find_conflicts() {
       const auto [a, b] = std::minmax(*first, *second, [](const Node* one, const Node* other) {
         return one->lane.id < other->lane.id;
       });
-      if (is_conflict(*a, *b, work)) {
+      if (is_conflict(*a, *b, work_max, work)) {
         add_conflict(*a, *b);
       }
-      if (++work > work_max()) {
+      if (++work > work_max) {
         throw std::runtime_error(fmt::format(
             "lane {}: expected {} lanes to lie upon each other in fewer places, found it after {} "
             "points",
@@ -273,11 +267,8 @@ void LaneGraph::add_conflict(Node& a, Node& b) {
   }
 }
 
-std::int64_t LaneGraph::work_max() const {
-  return kWorkMax + kWorkPerLaneMax * std::ssize(nodes_);
-}
-
-bool LaneGraph::is_conflict(const Node& a, const Node& b, std::int64_t& work) const {
+bool LaneGraph::is_conflict(const Node& a, const Node& b, std::int64_t work_max,
+                            std::int64_t& work) const {
   const auto touches = [](const Node& one, const Node& other) {
     return one.bounds.exteriorDistance(other.bounds) <= kTouch_m;
   };
@@ -297,7 +288,7 @@ bool LaneGraph::is_conflict(const Node& a, const Node& b, std::int64_t& work) co
       is_beside(b.lane.right, a)) {
     return false;
   }
-  return runs_through(a.center, b, work_max(), work) || runs_through(b.center, a, work_max(), work);
+  return runs_through(a.center, b, work_max, work) || runs_through(b.center, a, work_max, work);
 }
 
 bool LaneGraph::yields(const Node& a, const Node& b) {

@@ -31,6 +31,20 @@ struct LaneBeside {
 /// More lanes than this neither precede nor follow one.
 constexpr std::size_t kLinksMax = 64;
 
+/// How large a map may be. What is more is no map of a city, and would take minutes.
+struct MapLimits {
+  std::size_t lanes = 50'000;
+  /// Of all lanes, and of the roads of OpenDRIVE.
+  double lanes_length_m = 2e7;
+  double roads_length_m = 2e6;
+  /// Of all lanes' bounds together; lanes may share them, so a small file may ask for a lot.
+  std::size_t points = 4'000'000;
+  /// How many points are looked at to see which lanes lie upon each other, and how many more for
+  /// each lane: twenty times what maps of cities need.
+  std::int64_t work = 20'000'000;
+  std::int64_t work_per_lane = 10'000;
+};
+
 /// What a map says of a lane, whatever its file format is. Lanes that are named are in the map.
 struct MapLane {
   std::int64_t id = 0;
@@ -87,9 +101,8 @@ class LaneGraph {
   };
 
   /// @errors  Throws `std::runtime_error` if a lane has no length, its bounds do not fit together,
-  ///          it names a lane that there is not, or the map is larger than the limits: 50,000
-  ///          lanes, 20,000 km of them, and not too much of them upon each other.
-  explicit LaneGraph(std::vector<MapLane> lanes);
+  ///          it names a lane that there is not, or the map is larger than the limits.
+  explicit LaneGraph(std::vector<MapLane> lanes, const MapLimits& limits = {});
 
   [[nodiscard]] const std::map<std::int64_t, Node>& nodes() const { return nodes_; }
   [[nodiscard]] const Node& node(std::int64_t id) const { return nodes_.at(id); }
@@ -104,11 +117,10 @@ class LaneGraph {
 
  private:
   void check_references() const;
-  void find_conflicts();
+  void find_conflicts(std::int64_t work_max);
   static void add_conflict(Node& a, Node& b);
-  /// How many points of lanes may be looked at.
-  [[nodiscard]] std::int64_t work_max() const;
-  [[nodiscard]] bool is_conflict(const Node& a, const Node& b, std::int64_t& work) const;
+  [[nodiscard]] bool is_conflict(const Node& a, const Node& b, std::int64_t work_max,
+                                 std::int64_t& work) const;
   [[nodiscard]] static bool yields(const Node& a, const Node& b);
 
   std::map<std::int64_t, Node> nodes_;

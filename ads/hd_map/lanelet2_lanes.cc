@@ -26,8 +26,6 @@
 namespace ads {
 namespace {
 
-// Of all bounds together; lanelets may share ways, so a small file may ask for a lot.
-constexpr std::size_t kPointsMax = 4'000'000;
 // In the tangential plane lengths are right to 1 in 30,000 so far from its origin.
 constexpr double kExtentMax_m = 50'000.0;
 // Points of both bounds that lie opposite of each other by less than this are one.
@@ -227,7 +225,7 @@ void append(std::vector<std::int64_t> nodes, Crossing crossing, bool is_second, 
 }
 
 Bound read_bound(const Osm& osm, const Relation& lanelet, std::string_view role,
-                 std::size_t& points) {
+                 std::size_t points_max, std::size_t& points) {
   Bound bound;
   int ways = 0;
   for (const Relation::Member& member : lanelet.members) {
@@ -239,8 +237,8 @@ Bound read_bound(const Osm& osm, const Relation& lanelet, std::string_view role,
       way.element.fail("<nd> in the <way> of a lanelet", "none");
     }
     points += way.nodes.size();
-    if (points > kPointsMax) {
-      member.element.fail(fmt::format("at most {} nodes of all lanelets' ways", kPointsMax),
+    if (points > points_max) {
+      member.element.fail(fmt::format("at most {} nodes of all lanelets' ways", points_max),
                           "more");
     }
     const Crossing crossing = crossing_of(tags_of(way.element));
@@ -418,7 +416,7 @@ Directed reversed(Directed lane) {
 
 class Reader {
  public:
-  explicit Reader(const Osm& osm) : osm_(osm) {}
+  Reader(const Osm& osm, const MapLimits& limits) : osm_(osm), limits_(limits) {}
 
   GeoreferencedLanes read() {
     read_lanelets();
@@ -446,8 +444,8 @@ class Reader {
     std::size_t points = 0;
     for (const auto& [id, relation] : osm_.relations()) {
       if (get(relation.tags, "type") == "lanelet") {
-        Bound left = read_bound(osm_, relation, "left", points);
-        Bound right = read_bound(osm_, relation, "right", points);
+        Bound left = read_bound(osm_, relation, "left", limits_.points, points);
+        Bound right = read_bound(osm_, relation, "right", limits_.points, points);
         sides_.emplace(id, std::pair(std::move(left), std::move(right)));
         for (const Relation::Member& member : relation.members) {
           if (member.role == "regulatory_element") {
@@ -550,8 +548,13 @@ class Reader {
     Lanes lefts;
     Lanes rights;
     for (const auto& [id, lane] : lanes_) {
-      lefts[lane.left.nodes].push_back(id);
-      rights[lane.right.nodes].push_back(id);
+      auto& on_left = lefts[lane.left.nodes];
+      auto& on_right = rights[lane.right.nodes];
+      on_left.push_back(id);
+      on_right.push_back(id);
+      if (std::max(on_left.size(), on_right.size()) > kLinksMax) {
+        lane.element.fail(fmt::format("at most {} lanelets with the same side", kLinksMax), "more");
+      }
     }
     for (auto& [id, lane] : lanes_) {
       lane.lane.left = beside(id, lane.left, rights, lefts, lane.left.crossing.to_left);
@@ -706,6 +709,7 @@ class Reader {
   }
 
   const Osm& osm_;
+  MapLimits limits_;
   std::map<std::int64_t, std::pair<Bound, Bound>> sides_;
   std::map<std::int64_t, std::vector<std::int64_t>> holders_;
   std::map<std::int64_t, Directed> lanes_;
@@ -713,11 +717,12 @@ class Reader {
 
 }  // namespace
 
-GeoreferencedLanes lanelet2_lanes(std::string_view text, std::string_view name) {
+GeoreferencedLanes lanelet2_lanes(std::string_view text, std::string_view name,
+                                  const MapLimits& limits) {
   const XmlFile file(text, name);
   const XmlElement root = file.root();
   const Osm osm(root);
-  GeoreferencedLanes result = Reader(osm).read();
+  GeoreferencedLanes result = Reader(osm, limits).read();
   if (result.lanes.empty()) {
     root.fail("a relation of type=lanelet in <osm>", "none");
   }

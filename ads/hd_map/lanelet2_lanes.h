@@ -23,6 +23,7 @@ struct GeoreferencedLanes {
 /// the middle of the lanelets' nodes, their heights aside.
 ///
 /// @errors  Throws `std::runtime_error` with `name`, line, what was expected and what was found.
-GeoreferencedLanes lanelet2_lanes(std::string_view text, std::string_view name);
+GeoreferencedLanes lanelet2_lanes(std::string_view text, std::string_view name,
+                                  const MapLimits& limits = {});
 
 }  // namespace ads

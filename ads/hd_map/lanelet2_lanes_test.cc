@@ -1,10 +1,12 @@
 #include "lanelet2_lanes.h"
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <stdexcept>
 #include <string>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "lane_graph.h"
@@ -26,9 +28,9 @@ std::map<std::int64_t, MapLane> lanes_of(const OsmText& osm) {
   return lanes;
 }
 
-std::string error_of(const std::string& text) {
+std::string error_of(const std::string& text, const MapLimits& limits = {}) {
   try {
-    (void)parse_map(text, "x.osm");
+    (void)parse_map(text, "x.osm", limits);
   } catch (const std::runtime_error& error) {
     return error.what();
   }
@@ -216,6 +218,59 @@ TEST(Lanelet2, WhatIsWrongIsToldWithItsLine) {
   EXPECT_THAT(error_of("<osm version='0.6'><way id='1'>"), HasSubstr("x.osm:1: expected XML"));
   EXPECT_EQ(error_of("<!-- <osm> --> <gpx/>"),
             "x.osm:1: expected <commonRoad>, <osm> or <OpenDRIVE>, found 'gpx'");
+}
+
+// Lanelets that ask for more than their number: they are refused, and soon.
+TEST(ManyLanelets, UponEachOtherAreRefused) {
+  OsmText osm = two_lanes();
+  for (int id = 1; id <= 65; ++id) {
+    osm.road(1000 + id, 11, 21);
+  }
+  EXPECT_THAT(error_of(osm.text()),
+              HasSubstr("at most 64 lanelets with the same side, found more"));
+
+  OsmText crossing;
+  for (int id = 1; id <= 500; ++id) {
+    const double angle = 3.1 * id / 500.0;
+    crossing.node(4 * id, -50.0 * std::cos(angle), -50.0 * std::sin(angle));
+    crossing.node(4 * id + 1, 50.0 * std::cos(angle), 50.0 * std::sin(angle));
+    crossing.node(4 * id + 2, -50.0 * std::cos(angle), -50.0 * std::sin(angle) + 3.0);
+    crossing.node(4 * id + 3, 50.0 * std::cos(angle), 50.0 * std::sin(angle) + 3.0);
+    crossing.way(2 * id, {4 * id, 4 * id + 1}).way(2 * id + 1, {4 * id + 2, 4 * id + 3});
+    crossing.road(id, 2 * id, 2 * id + 1);
+  }
+  EXPECT_THAT(error_of(crossing.text(), {.work = 100'000, .work_per_lane = 1}),
+              HasSubstr("to lie upon each other in fewer places"));
+}
+
+TEST(ManyLanelets, WithLongWaysInCommonAreRefused) {
+  std::string text = "<osm version='0.6'>";
+  std::string way;
+  for (int node = 1; node <= 1000; ++node) {
+    text += fmt::format("<node id='{}' lat='49' lon='8.{:06}'/>", node, node);
+    way += fmt::format("<nd ref='{}'/>", node);
+  }
+  text += "<way id='1'>" + way + "</way>";
+  for (int id = 1; id <= 3000; ++id) {
+    text += fmt::format(
+        "<relation id='{}'><tag k='type' v='lanelet'/><member type='way' ref='1' "
+        "role='left'/><member type='way' ref='1' role='right'/></relation>",
+        id);
+  }
+  EXPECT_EQ(error_of(text + "</osm>"),
+            "x.osm:1: expected at most 4000000 nodes of all lanelets' ways, found more");
+}
+
+TEST(ManyLanelets, NestedDeepOrCutOffAnywhereAreNoHarm) {
+  std::string nested = "<osm version='0.6'>";
+  for (int depth = 0; depth < 200'000; ++depth) {
+    nested += "<way>";
+  }
+  EXPECT_THAT(error_of(nested), HasSubstr("x.osm:1: expected XML"));
+  const std::string whole = two_lanes().road(101, 11, 21).road(102, 12, 22).text();
+  for (std::size_t size = 0; size + 2 < whole.size(); size += 7) {
+    EXPECT_THAT(error_of(whole.substr(0, size)), HasSubstr("x.osm:")) << size;
+  }
 }
 
 TEST(ManyLanelets, OfKarlsruheAreJoined) {

@@ -37,9 +37,9 @@ std::string_view root_name(std::string_view text) {
   return {};
 }
 
-LaneGraph graph_of(std::vector<MapLane> lanes, std::string_view name) {
+LaneGraph graph_of(std::vector<MapLane> lanes, std::string_view name, const MapLimits& limits) {
   try {
-    return LaneGraph(std::move(lanes));
+    return LaneGraph(std::move(lanes), limits);
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(fmt::format("{}: {}", name, error.what()));
   }
@@ -47,17 +47,17 @@ LaneGraph graph_of(std::vector<MapLane> lanes, std::string_view name) {
 
 }  // namespace
 
-MapFile parse_map(std::string_view text, std::string_view name) {
+MapFile parse_map(std::string_view text, std::string_view name, const MapLimits& limits) {
   const std::string_view root = root_name(text);
   if (root == "osm") {
-    GeoreferencedLanes map = lanelet2_lanes(text, name);
-    return {.graph = graph_of(std::move(map.lanes), name), .origin = map.origin};
+    GeoreferencedLanes map = lanelet2_lanes(text, name, limits);
+    return {.graph = graph_of(std::move(map.lanes), name, limits), .origin = map.origin};
   }
   if (root == "OpenDRIVE") {
-    return {.graph = graph_of(opendrive_lanes(text, name), name)};
+    return {.graph = graph_of(opendrive_lanes(text, name, limits), name, limits)};
   }
   if (root == "commonRoad") {
-    return {.graph = graph_of(lanes_of(Scenario::parse(text, name)), name)};
+    return {.graph = graph_of(lanes_of(Scenario::parse(text, name)), name, limits)};
   }
   throw std::runtime_error(fmt::format(
       "{}:1: expected <commonRoad>, <osm> or <OpenDRIVE>, found '{}'", name, root.substr(0, 40)));

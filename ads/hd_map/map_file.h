@@ -21,6 +21,6 @@ struct MapFile {
 /// @errors  Throws `std::runtime_error` with file, place, what was expected and what was found.
 MapFile read_map(const std::filesystem::path& file);
 /// Reads the `text` of a file; `name` stands in the messages of what is thrown.
-MapFile parse_map(std::string_view text, std::string_view name);
+MapFile parse_map(std::string_view text, std::string_view name, const MapLimits& limits = {});
 
 }  // namespace ads

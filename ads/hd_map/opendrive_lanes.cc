@@ -26,9 +26,6 @@ namespace {
 constexpr double kStep_m = 1.0;
 // Two places of a bound are farther apart.
 constexpr double kSame_m = 0.01;
-// Of all roads together, and of all lanes' bounds.
-constexpr double kLengthMax_m = 2e6;
-constexpr std::size_t kPointsMax = 4'000'000;
 // How far a road's own length may be from that of its geometries.
 constexpr double kLengthError_m = 1.0;
 
@@ -343,10 +340,10 @@ std::map<int, Line> edges_of(const Road& road, const Section& section,
 
 class Reader {
  public:
-  explicit Reader(const XmlElement& root) : root_(root) {
+  Reader(const XmlElement& root, const MapLimits& limits) : root_(root), limits_(limits) {
     double length_m = 0.0;
     for (const XmlElement& element : root.all("road")) {
-      Road road = read_road(element, kLengthMax_m - length_m);
+      Road road = read_road(element, limits.roads_length_m - length_m);
       length_m += road.plan.length_m();
       if (!roads_.emplace(road.id, roads_list_.size()).second) {
         element.fail(fmt::format("no second road '{}'", road.id.substr(0, 40)), "one");
@@ -403,8 +400,8 @@ class Reader {
       }
       const std::vector<double> places = places_of(road, section);
       points_ += 2 * places.size() * section.lanes.size();
-      if (points_ > kPointsMax) {
-        road.element.fail(fmt::format("at most {} points of all lanes' bounds", kPointsMax),
+      if (points_ > limits_.points) {
+        road.element.fail(fmt::format("at most {} points of all lanes' bounds", limits_.points),
                           "more");
       }
       const auto edges = edges_of(road, section, places);
@@ -594,6 +591,7 @@ class Reader {
   }
 
   XmlElement root_;
+  MapLimits limits_;
   std::vector<Road> roads_list_;
   std::map<std::string_view, std::size_t> roads_;
   std::vector<MapLane> lanes_;  // In the order of their ids, from 1 on.
@@ -603,7 +601,8 @@ class Reader {
 
 }  // namespace
 
-std::vector<MapLane> opendrive_lanes(std::string_view text, std::string_view name) {
+std::vector<MapLane> opendrive_lanes(std::string_view text, std::string_view name,
+                                     const MapLimits& limits) {
   const XmlFile file(text, name);
   const XmlElement root = file.root();
   if (root.name() != "OpenDRIVE") {
@@ -613,7 +612,7 @@ std::vector<MapLane> opendrive_lanes(std::string_view text, std::string_view nam
   if (header.number_attribute<int>("revMajor") != 1) {
     header.fail("revMajor 1 of <header>", XmlElement::quoted(header.attribute("revMajor")));
   }
-  return Reader(root).read();
+  return Reader(root, limits).read();
 }
 
 }  // namespace ads

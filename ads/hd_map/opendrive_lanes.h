@@ -13,6 +13,7 @@ namespace ads {
 /// Bounds are sampled each metre, and where a geometry or a width begins. Heights are left aside.
 ///
 /// @errors  Throws `std::runtime_error` with `name`, line, what was expected and what was found.
-std::vector<MapLane> opendrive_lanes(std::string_view text, std::string_view name);
+std::vector<MapLane> opendrive_lanes(std::string_view text, std::string_view name,
+                                     const MapLimits& limits = {});
 
 }  // namespace ads
