@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/message_type.h"
+#include "archive/view.h"
 
 namespace fastcycle::archive {
 namespace {
@@ -24,177 +25,8 @@ namespace pb = google::protobuf;
 using Field = pb::FieldDescriptor;
 using Json = nlohmann::ordered_json;
 
-constexpr int kDecimals = 3;
-constexpr int kMostDecimals = 9;
 constexpr double kNsPerSecond = 1e9;
-
-// ---- The view ----
-
-/// Points in a field of bytes, all of the same size: where each has what.
-struct PointLayout {
-  std::size_t stride = 0;
-  std::size_t x = 0;  ///< Of floats, little endian, in metres.
-  std::size_t y = 0;
-  std::size_t z = 0;
-  std::optional<std::size_t> time = {};  ///< Of 16 bits: the part of the turn that was over.
-  std::uint64_t most = 0;                ///< In all messages together.
-};
-
-/// What the page calls `name`, and where it is in a message.
-struct Pick {
-  std::string name;
-  std::vector<std::string> path = {};
-  int decimals = kDecimals;
-  int every = 1;  ///< Of a repeated field, one element of so many.
-  bool is_time = false;
-  std::optional<PointLayout> points = {};
-  std::vector<Pick> fields = {};
-};
-
-struct Layer {
-  std::string name;
-  std::string topic;
-  double least_period_ns = 0.0;
-  bool is_latched = false;  ///< Its messages hold until the next one comes, however late that is.
-  std::vector<Pick> fields = {};
-};
-
-/// A part of the view, with its place.
-struct Part {
-  const Json& json;
-  std::string place;
-
-  [[noreturn]] void fail(const std::string& expected) const {
-    throw ViewMistake(
-        fmt::format("{}: expected {}, found {}", place.empty() ? "/" : place, expected,
-                    json.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 60)));
-  }
-  [[nodiscard]] Part at(const std::string& key) const {
-    if (!json.is_object() || !json.contains(key)) {
-      fail(fmt::format("an object with \"{}\"", key));
-    }
-    return {json.at(key), place + "/" + key};
-  }
-  [[nodiscard]] std::optional<Part> find(const std::string& key) const {
-    return json.contains(key) ? std::optional<Part>(at(key)) : std::nullopt;
-  }
-  void expect_only(std::initializer_list<std::string_view> keys) const {
-    if (!json.is_object()) {
-      fail("an object");
-    }
-    for (const auto& [key, value] : json.items()) {
-      if (std::ranges::find(keys, key) == keys.end()) {
-        throw ViewMistake(fmt::format("{}/{}: there is no such key", place, key));
-      }
-    }
-  }
-  [[nodiscard]] std::string text() const {
-    if (!json.is_string() || json.get<std::string>().empty()) {
-      fail("a name");
-    }
-    return json.get<std::string>();
-  }
-  [[nodiscard]] bool flag() const {
-    if (!json.is_boolean()) {
-      fail("true or false");
-    }
-    return json.get<bool>();
-  }
-  [[nodiscard]] std::uint64_t number(std::uint64_t least, std::uint64_t most) const {
-    if (!json.is_number_unsigned() || json.get<std::uint64_t>() < least ||
-        json.get<std::uint64_t>() > most) {
-      fail(fmt::format("a whole number in [{}, {}]", least, most));
-    }
-    return json.get<std::uint64_t>();
-  }
-};
-
-std::vector<std::string> split(const std::string& path) {
-  std::vector<std::string> names(1);
-  for (const char letter : path) {
-    if (letter == '.') {
-      names.emplace_back();
-    } else {
-      names.back() += letter;
-    }
-  }
-  return names;
-}
-
-PointLayout parse_points(const Part& part) {
-  part.expect_only({"stride", "x", "y", "z", "time", "most"});
-  PointLayout layout;
-  layout.stride = part.at("stride").number(4, 1024);
-  const auto offset = [&](const char* key, std::size_t size) {
-    return part.at(key).number(0, layout.stride - size);
-  };
-  layout.x = offset("x", sizeof(float));
-  layout.y = offset("y", sizeof(float));
-  layout.z = offset("z", sizeof(float));
-  if (part.find("time")) {
-    layout.time = offset("time", sizeof(std::uint16_t));
-  }
-  layout.most = part.at("most").number(1, 100'000'000);
-  return layout;
-}
-
-std::vector<Pick> parse_fields(const Part& part);
-
-Pick parse_pick(const std::string& name, const Part& part) {
-  if (part.json.is_string()) {
-    return {.name = name, .path = split(part.text())};
-  }
-  part.expect_only({"from", "decimals", "every", "time", "points", "fields"});
-  Pick pick{.name = name, .path = split(part.at("from").text())};
-  if (const auto decimals = part.find("decimals")) {
-    pick.decimals = static_cast<int>(decimals->number(0, kMostDecimals));
-  }
-  if (const auto every = part.find("every")) {
-    pick.every = static_cast<int>(every->number(1, 1'000'000));
-  }
-  if (const auto time = part.find("time")) {
-    pick.is_time = time->flag();
-  }
-  if (const auto points = part.find("points")) {
-    pick.points = parse_points(*points);
-  }
-  if (const auto fields = part.find("fields")) {
-    pick.fields = parse_fields(*fields);
-  }
-  return pick;
-}
-
-std::vector<Pick> parse_fields(const Part& part) {
-  if (!part.json.is_object() || part.json.empty()) {
-    part.fail("an object of fields");
-  }
-  std::vector<Pick> picks;
-  for (const auto& [name, value] : part.json.items()) {
-    picks.push_back(parse_pick(name, {value, part.place + "/" + name}));
-  }
-  return picks;
-}
-
-std::vector<Layer> parse_layers(const Part& part) {
-  if (!part.json.is_object() || part.json.empty()) {
-    part.fail("an object of layers");
-  }
-  std::vector<Layer> layers;
-  for (const auto& [name, value] : part.json.items()) {
-    const Part one{value, part.place + "/" + name};
-    one.expect_only({"topic", "most_hz", "latched", "fields"});
-    const auto most_hz = one.find("most_hz");
-    const auto latched = one.find("latched");
-    layers.push_back(
-        {.name = name,
-         .topic = one.at("topic").text(),
-         .least_period_ns =
-             most_hz ? kNsPerSecond / static_cast<double>(most_hz->number(1, 100'000)) : 0.0,
-         .is_latched = latched && latched->flag(),
-         .fields = parse_fields(one.at("fields"))});
-  }
-  return layers;
-}
+constexpr int kTimeDecimals = 4;
 
 // ---- Its picks, found in a message type ----
 
@@ -375,13 +207,13 @@ class Values {
     }
   }
   void add_time(std::int64_t time_ns, std::string& text) const {
-    const auto since_ns = time_ns - static_cast<std::int64_t>(begin_ns_);
-    add_number(static_cast<double>(since_ns) / kNsPerSecond, kTimeDecimals, text);
+    // A file may say any time: the difference of numbers without a sign is always one.
+    const std::uint64_t since_ns = static_cast<std::uint64_t>(time_ns) - begin_ns_;
+    add_number(static_cast<double>(static_cast<std::int64_t>(since_ns)) / kNsPerSecond,
+               kTimeDecimals, text);
   }
 
  private:
-  static constexpr int kTimeDecimals = 4;
-
   void add(const pb::Message& message, const Bound& bound, std::string& text) const {
     const pb::Message* within = &message;
     for (std::size_t i = 0; i + 1 < bound.way.size(); ++i) {
@@ -629,20 +461,16 @@ void take(const mcap::StoredMessage& message, std::vector<LayerData>& data, Mess
 
 ViewData view_data(const mcap::Reader& reader, std::string_view view, const ViewOptions& options,
                    std::uint64_t bytes, const Progress& progress) {
-  Json json;
-  try {
-    json = Json::parse(view, nullptr, true, true);
-  } catch (const Json::parse_error& error) {
-    throw ViewMistake(fmt::format("expected JSON, found a mistake at byte {}", error.byte));
-  }
-  const Part part{json, ""};
-  part.expect_only({"constants", "layers"});
-  const std::vector<Layer> layers = parse_layers(part.at("layers"));
+  const auto [constants, layers] = parse_view(view);
   const mcap::Statistics& statistics = *reader.statistics();
   const std::uint64_t begin_ns = std::max(options.begin_ns, statistics.message_start_time_ns);
   const std::uint64_t end_ns =
       std::min(options.end_ns.value_or(std::numeric_limits<std::uint64_t>::max()),
                statistics.message_end_time_ns);
+  if (begin_ns > end_ns) {
+    throw std::runtime_error("there is nothing to draw: the log ends before that");
+  }
+  const double span_ns = std::max(1.0, static_cast<double>(end_ns - begin_ns));
 
   std::vector<LayerData> data;
   mcap::MessageQuery before{.topics = {}, .begin_ns = 0, .end_ns = begin_ns};
@@ -655,7 +483,6 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
     }
   }
   MessageTypes types;
-  const double span_ns = std::max(1.0, static_cast<double>(end_ns) - static_cast<double>(begin_ns));
   const auto take_all = [&](mcap::MessageReader messages) {
     while (const std::optional<mcap::StoredMessage> message = messages.next()) {
       take(*message, data, types, options.most_bytes);
@@ -673,10 +500,8 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
   take_all(reader.messages(std::move(query)));
 
   ViewData result;
-  const Json constants = json.value("constants", Json::object());
   result.json = fmt::format("{{\"begin_ns\":\"{}\",\"duration\":", begin_ns);
-  add_number((static_cast<double>(end_ns) - static_cast<double>(begin_ns)) / kNsPerSecond,
-             kDecimals, result.json);
+  add_number(span_ns / kNsPerSecond, kTimeDecimals, result.json);
   result.json += ",\"constants\":";
   add_json(constants, result.json);
   result.json += ",\"layers\":{";

@@ -175,6 +175,14 @@ TEST(ViewData, NothingToDrawIsAnErrorAndSoIsTooMuch) {
               HasSubstr("--start"));
 }
 
+TEST(ViewData, ATimeBehindTheLogIsAnError) {
+  EXPECT_THAT(failure(scenes({"name: 'a'"}),
+                      R"({"layers": {"it": {"topic": "scene", "latched": true,
+                                     "fields": {"n": "name"}}}})",
+                      {.begin_ns = 5000}),
+              HasSubstr("the log ends before that"));
+}
+
 TEST(ViewData, WhatIsWrongWithAViewIsSaidWithItsPlace) {
   EXPECT_EQ(mistake("{"), "expected JSON, found a mistake at byte 2");
   EXPECT_EQ(mistake("7"), "/: expected an object, found 7");

@@ -3,7 +3,7 @@
 // pictures there. Ends with 77 and says why where there is no browser to look with.
 import assert from "node:assert/strict";
 import { execFileSync, spawnSync } from "node:child_process";
-import { existsSync, mkdtempSync, rmSync, statSync, truncateSync, copyFileSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync, statSync, truncateSync, copyFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
@@ -256,6 +256,7 @@ test("what is wrong is said", async () => {
   };
   wrong(1, /nothing\.mcap/, "nothing.mcap");
   wrong(1, /drive\.html: expected a name that is free/, drive, "-o", "drive.html");
+  wrong(1, /the log ends before that/, drive, "--start", "60s", "-o", "x.html");
   wrong(2, /--start/, drive, "--start", "soon");
   wrong(2, /--end wants a time after --start/, drive, "--start", "3s", "--end", "2s");
   writeFileSync(at("wrong.json"), '{"layers": {"ego": {"topic": 7}}}');
@@ -266,11 +267,15 @@ test("what is wrong is said", async () => {
   wrong(1, /localization\.Ego has no field x_km/, drive, "--view", "field.json", "-o", "x.html");
   // Half of it: what there is is shown, and it is said where it ends.
   copyFileSync(at(drive), at("half.mcap"));
-  truncateSync(at("half.mcap"), statSync(at(drive)).size / 2);
+  truncateSync(at("half.mcap"), Math.floor(statSync(at(drive)).size / 2));
   wrong(0, /half\.mcap: .*what there is was taken/, "half.mcap");
+  const bytes = readFileSync(at(drive));
+  bytes[Math.floor(bytes.length / 2)] ^= 1;
+  writeFileSync(at("bad.mcap"), bytes);
+  wrong(1, /bad\.mcap: byte \d+: Chunk: expected CRC/, "bad.mcap");
   writeFileSync(at("none.mcap"), "this is no log");
   wrong(1, /none\.mcap/, "none.mcap");
-  assert.ok(!existsSync(at("x.html")) && !existsSync(at("none.html")));
+  assert.ok(!existsSync(at("x.html")) && !existsSync(at("none.html")) && !existsSync(at("bad.html")));
 });
 
 // ---- The browser ----
