@@ -79,7 +79,7 @@ struct Road {
   std::optional<Link> predecessor = {};
   std::optional<Link> successor = {};
 
-  [[nodiscard]] Section& section_at(End end) {
+  [[nodiscard]] const Section& section_at(End end) const {
     return end == End::kStart ? sections.front() : sections.back();
   }
   [[nodiscard]] const std::optional<Link>& link_at(End end) const {
@@ -359,7 +359,7 @@ class Reader {
     if (lanes_.empty()) {
       root_.fail("<lane> in a <road>", "none");
     }
-    for (Road& road : roads_list_) {
+    for (const Road& road : roads_list_) {
       link_sections(road);
       link_end(road, End::kStart);
       link_end(road, End::kEnd);
@@ -373,7 +373,7 @@ class Reader {
   }
 
  private:
-  [[nodiscard]] Road& road(std::string_view id, const XmlElement& user) {
+  [[nodiscard]] const Road& road(std::string_view id, const XmlElement& user) const {
     const auto found = roads_.find(id);
     if (found == roads_.end()) {
       user.fail(fmt::format("road '{}', of which this <{}> tells", id.substr(0, 40), user.name()),
@@ -382,7 +382,7 @@ class Reader {
     return roads_list_[found->second];
   }
 
-  static Lane& lane(Section& section, int number, const XmlElement& user) {
+  static const Lane& lane(const Section& section, int number, const XmlElement& user) {
     const auto found = section.lanes.find(number);
     if (found == section.lanes.end() || number == 0) {
       user.fail(fmt::format("lane {}, of which this <{}> tells", number, user.name()), "none");
@@ -472,16 +472,16 @@ class Reader {
         .is_change_allowed = mark == section.lanes.end() || may_cross(mark->second, is_left)};
   }
 
-  void link_sections(Road& road) {
+  void link_sections(const Road& road) {
     for (std::size_t index = 0; index + 1 < road.sections.size(); ++index) {
-      Section& before = road.sections[index];
-      Section& after = road.sections[index + 1];
-      for (auto& [number, from] : before.lanes) {
+      const Section& before = road.sections[index];
+      const Section& after = road.sections[index + 1];
+      for (const auto& [number, from] : before.lanes) {
         for (const int to : number == 0 ? std::vector<int>{} : from.successors) {
           join(from, End::kEnd, lane(after, to, from.element), End::kStart);
         }
       }
-      for (auto& [number, to] : after.lanes) {
+      for (const auto& [number, to] : after.lanes) {
         for (const int from : number == 0 ? std::vector<int>{} : to.predecessors) {
           join(lane(before, from, to.element), End::kEnd, to, End::kStart);
         }
@@ -490,13 +490,13 @@ class Reader {
   }
 
   // Where the road leads to another one, its lanes say to which of its lanes.
-  void link_end(Road& from, End end) {
+  void link_end(const Road& from, End end) {
     const auto& link = from.link_at(end);
     if (!link || link->is_junction) {
       return;
     }
-    Section& other = road(link->id, link->element).section_at(*link->contact);
-    for (auto& [number, own] : from.section_at(end).lanes) {
+    const Section& other = road(link->id, link->element).section_at(*link->contact);
+    for (const auto& [number, own] : from.section_at(end).lanes) {
       const auto& numbers = end == End::kStart ? own.predecessors : own.successors;
       for (const int to : number == 0 ? std::vector<int>{} : numbers) {
         join(own, end, lane(other, to, own.element), *link->contact);
@@ -508,12 +508,12 @@ class Reader {
     const std::string_view id = junction.attribute("id");
     for (const XmlElement& connection : junction.all("connection")) {
       const bool is_direct = connection.find_attribute("linkedRoad").has_value();
-      Road& from = road(connection.attribute("incomingRoad"), connection);
-      Road& to =
+      const Road& from = road(connection.attribute("incomingRoad"), connection);
+      const Road& to =
           road(connection.attribute(is_direct ? "linkedRoad" : "connectingRoad"), connection);
       const End contact = read_contact(connection);
       const End end = end_at(from, to, contact, id, connection);
-      Section& incoming = from.section_at(end);
+      const Section& incoming = from.section_at(end);
       for (const XmlElement& link : connection.all("laneLink")) {
         join(lane(incoming, link.number_attribute<int>("from"), link), end,
              lane(to.section_at(contact), link.number_attribute<int>("to"), link), contact);

@@ -208,6 +208,13 @@ TEST(ManyOpenDriveLanes, AreRefused) {
             "x.xodr:1: expected at most 4000000 points of all lanes' bounds, found more");
 }
 
+TEST(ManyOpenDriveLanes, CutOffAnywhereAreNoHarm) {
+  const std::string whole = read_file(kCrossing);
+  for (std::size_t size = 0; size + 2 < whole.size(); size += 29) {
+    EXPECT_THAT(error_of(whole.substr(0, size)), HasSubstr("x.xodr:")) << size;
+  }
+}
+
 TEST(ManyOpenDriveLanes, OfOtherFilesAreRead) {
   const char* const data = std::getenv("FASTCYCLE_DATA");
   const auto folder = std::filesystem::path(data == nullptr ? "" : data) / "hdmaps";
