@@ -28,6 +28,8 @@ namespace {
 
 // In the tangential plane lengths are right to 1 in 30,000 so far from its origin.
 constexpr double kExtentMax_m = 50'000.0;
+// So far from where it begins a rule for an intersection holds at most.
+constexpr double kIntersection_m = 60.0;
 // Points of both bounds that lie opposite of each other by less than this are one.
 constexpr double kOpposite_m = 0.01;
 
@@ -432,6 +434,7 @@ class Reader {
         add_rule(id, relation, frame);
       }
     }
+    pass_on_priorities();
     GeoreferencedLanes result{.origin = origin};
     for (auto& [id, lane] : lanes_) {
       result.lanes.push_back(std::move(lane.lane));
@@ -648,6 +651,30 @@ class Reader {
       change_lanes(lanelet, [&](MapLane& lane) {
         lane.priority = lane.priority < 0 ? lane.priority : priority;
       });
+    }
+  }
+
+  // A rule's lanelets lie before an intersection, and what conflicts lies in it: priority holds for
+  // those that follow, up to where lanes from elsewhere join them.
+  void pass_on_priorities() {
+    std::vector<std::pair<std::int64_t, double>> open;
+    for (const auto& [id, lane] : lanes_) {
+      if (lane.lane.priority != 0) {
+        open.emplace_back(id, kIntersection_m);
+      }
+    }
+    while (!open.empty()) {
+      const auto [id, left_m] = open.back();
+      open.pop_back();
+      const MapLane& lane = lanes_.at(id).lane;
+      for (const std::int64_t next : lane.successors) {
+        MapLane& following = lanes_.at(next).lane;
+        if (following.priority == 0 && following.predecessors.size() == 1 && left_m > 0.0) {
+          following.priority = lane.priority;
+          const double length_m = (following.left_m.back() - following.left_m.front()).norm();
+          open.emplace_back(next, left_m - length_m);
+        }
+      }
     }
   }
 

@@ -184,6 +184,23 @@ TEST(Lanelet2, RightOfWayGivesPriorityAndAStopLine) {
   EXPECT_FALSE(lanes[201].stop_line);
 }
 
+TEST(Lanelet2, PriorityHoldsThroughTheIntersectionUntilOthersJoin) {
+  OsmText osm = two_lanes();
+  osm.node(4, 250.0, 0.0).node(14, 250.0, -3.5).node(50, 150.0, 60.0).node(51, 153.5, 60.0);
+  osm.way(13, {3, 4}).way(23, {13, 14}).way(61, {51, 3}).way(62, {50, 13});
+  osm.relation(300, {{"yield", 101}},
+               {{"type", "regulatory_element"}, {"subtype", "right_of_way"}});
+  osm.road(101, 11, 21).road(102, 12, 22).road(103, 13, 23).road(104, 61, 62);
+
+  auto lanes = lanes_of(osm);
+
+  ASSERT_THAT(lanes[103].predecessors, ElementsAre(102, 104));
+  EXPECT_EQ(lanes[101].priority, -1);
+  EXPECT_EQ(lanes[102].priority, -1);
+  EXPECT_EQ(lanes[103].priority, 0);
+  EXPECT_EQ(lanes[104].priority, 0);
+}
+
 TEST(Lanelet2, WhatIsWrongIsToldWithItsLine) {
   EXPECT_EQ(error_of(OsmText().way(11, {1}).way(12, {1}).road(101, 11, 12).text()),
             "x.osm:9: expected <node> 1, of which this <relation> tells, found none");
@@ -295,7 +312,11 @@ TEST(ManyLanelets, OfKarlsruheAreJoined) {
   EXPECT_EQ(crossings, 8U);
   EXPECT_EQ(successors, 378U);
   EXPECT_EQ(changes, 57U);
-  EXPECT_EQ(yielding, 14U);
+  EXPECT_EQ(yielding, 25U);
+  // Out of a side street to who drives along the main road; and there to who walks.
+  EXPECT_THAT(map.graph.node(45030).yields_to, ElementsAre(44988, 44992, 44996, 45000, 45078));
+  EXPECT_THAT(map.graph.node(44992).yields_to, IsEmpty());
+  EXPECT_THAT(map.graph.node(44982).yields_to, ElementsAre(44986));
 }
 
 }  // namespace
