@@ -3,6 +3,7 @@
 export const LAYERS = [
   ["lanes", "lanes", "--edge"],
   ["route", "route", "--route"],
+  ["goal", "goal", "--goal"],
   ["points", "lidar", "--points"],
   ["predictions", "predictions", "--prediction"],
   ["plan", "plan", "--plan"],
@@ -31,7 +32,7 @@ export class Scene {
     this.color = (name) => style.getPropertyValue(name).trim();
     this.colors = Object.fromEntries(
       ["--ground", "--road", "--edge", "--route", "--ego", "--object", "--unseen", "--velocity", "--points",
-       "--prediction", "--plan", "--risk", "--text", "--soft"].map((name) => [name.slice(2), this.color(name)]));
+       "--prediction", "--plan", "--risk", "--goal", "--text", "--soft"].map((name) => [name.slice(2), this.color(name)]));
   }
 
   resize() {
@@ -111,6 +112,7 @@ export class Scene {
     this.objects = drive.objectsAt(time);
     if (shown.lanes) this.#lanes(drive.layers.lanes?.lastPublished(time));
     if (shown.route) this.#route(drive.layers.route?.lastPublished(time));
+    if (shown.goal) this.#goal(drive.layers.goal?.lastPublished(time)?.place);
     if (shown.points) this.#points(drive.pointsAt(time));
     if (shown.predictions) this.#predictions(drive.layers.predictions?.lastPublished(time));
     const plan = drive.layers.plan?.lastPublished(time);
@@ -158,6 +160,26 @@ export class Scene {
     this.#line(route.x, route.y);
     context.stroke();
     context.globalAlpha = 1;
+  }
+
+  // Where the vehicle is to come to.
+  #goal(place) {
+    if (!place) return;
+    const { context, colors } = this;
+    const { x, y, heading, length, width } = place;
+    context.save();
+    context.translate(x, y);
+    context.rotate(heading);
+    context.fillStyle = context.strokeStyle = colors.goal;
+    context.globalAlpha = 0.15;
+    context.fillRect(-length / 2, -width / 2, length, width);
+    context.globalAlpha = 1;
+    context.lineWidth = Math.max(0.15, 2 * this.pixel);
+    context.strokeRect(-length / 2, -width / 2, length, width);
+    context.beginPath();
+    context.arc(0, 0, Math.hypot(length, width) / 2 + 6 * this.pixel, 0, 2 * Math.PI);
+    context.stroke();
+    context.restore();
   }
 
   #points(points) {
