@@ -26,8 +26,9 @@ def read(path):
 
 
 class CheckRoutes(unittest.TestCase):
-    def setUp(self):
-        self.maps = [read(path) for path in MAPS]
+    @classmethod
+    def setUpClass(cls):
+        cls.maps = [read(path) for path in MAPS]
 
     def mistakes_after(self, spoil):
         """What is found in each map when `spoil(route)` has changed the routes with at least three steps."""
