@@ -9,7 +9,8 @@
 namespace ads {
 namespace {
 
-// A newer minimal-risk trajectory is gone over to if it begins where the vehicle is.
+// A newer minimal-risk trajectory is gone over to if it begins where the vehicle is, and ends no
+// later.
 constexpr double kSamePlace_m = 0.5;
 constexpr double kSameSpeed_mps = 0.5;
 
@@ -88,6 +89,14 @@ Path path_of(const planning::Trajectory& trajectory, double start_s) {
   return path.step_s > 0.0 ? path : Path{};
 }
 
+// When the vehicle stands, on such a path.
+double end_s(const Path& path) {
+  constexpr double kStanding_mps = 0.05;
+  const auto standing = std::ranges::find_if(
+      path.points, [](const Reference& at) { return at.speed_mps < kStanding_mps; });
+  return path.start_s + path.step_s * static_cast<double>(standing - path.points.begin());
+}
+
 bool is_stopping(supervision::DrivingState state) {
   return state == supervision::MINIMAL_RISK_STOP || state == supervision::STOPPED;
 }
@@ -156,15 +165,17 @@ void Control::take_plan(const Motion& motion, double now_s) {
   plan_s_ = now_s;
   nominal_ = std::move(nominal);
   minimal_risk_ = std::move(stop);
-  if (stop_ && take_stop(motion, now_s)) {
+  if (stop_ && is_better_stop(motion, now_s)) {
     stop_ = minimal_risk_;
   }
 }
 
-// Whether the newest minimal-risk trajectory begins where the vehicle is.
-bool Control::take_stop(const Motion& motion, double now_s) {
+// Whether the newest minimal-risk trajectory is better than the one that is followed: each of them
+// begins with a moment of driving on, and who takes one after the other never stops.
+bool Control::is_better_stop(const Motion& motion, double now_s) const {
   const Reference begin = minimal_risk_.at(now_s);
-  return std::hypot(begin.x_m - motion.x_m, begin.y_m - motion.y_m) < kSamePlace_m &&
+  return end_s(minimal_risk_) <= end_s(*stop_) &&
+         std::hypot(begin.x_m - motion.x_m, begin.y_m - motion.y_m) < kSamePlace_m &&
          std::abs(begin.speed_mps - motion.speed_mps) < kSameSpeed_mps;
 }
 

@@ -28,7 +28,7 @@ class Control final : public fastcycle::Component {
   [[nodiscard]] double seconds(std::int64_t ns) const;
   [[nodiscard]] std::optional<Motion> motion() const;
   void take_plan(const Motion& motion, double now_s);
-  [[nodiscard]] bool take_stop(const Motion& motion, double now_s);
+  [[nodiscard]] bool is_better_stop(const Motion& motion, double now_s) const;
   [[nodiscard]] Actuation act(supervision::DrivingState state, const Motion& motion,
                               double motion_s, double now_s);
   void publish(const Actuation& actuation, bool is_autonomous);

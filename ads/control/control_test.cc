@@ -141,6 +141,26 @@ TEST_F(ControlTest, StaysWithItsStopWhenNewerOnesBeginElsewhere) {
   EXPECT_LT(last_command().acceleration_mps2(), -3.0);
 }
 
+TEST_F(ControlTest, StopsAlthoughEachNewStopBeginsWithDrivingOn) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  send_state(supervision::MINIMAL_RISK_STOP);
+  last_command();
+  bench_.advance(100ms);
+  planning::Plan plan;
+  write(*plan.mutable_nominal(), 0.0);
+  write(*plan.mutable_minimal_risk(), -2.0);
+  for (auto* trajectory : {plan.mutable_nominal(), plan.mutable_minimal_risk()}) {
+    for (planning::TrajectoryPoint& point : *trajectory->mutable_points()) {
+      point.set_x_m(point.x_m() + 1.0);
+    }
+  }
+  send_ego(1.0, 0.0, 10.0);
+  plans_.publish(plan);
+
+  EXPECT_LT(last_command().acceleration_mps2(), -3.0) << "the later stop is not gone over to";
+}
+
 TEST_F(ControlTest, HoldsTheBrakeWhenStopped) {
   send_ego(0.0, 0.0, 0.0);
   send_plan();
