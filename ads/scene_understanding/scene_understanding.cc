@@ -41,9 +41,14 @@ SceneUnderstanding::SceneUnderstanding(fastcycle::Context& context)
       "map/route", [this](const hd_map::Route& route) { route_ = RouteFrame::of(route); });
   context.create_subscriber<connectivity::Hazard>(
       "connectivity/hazard", [this](const connectivity::Hazard& hazard) { take(hazard); });
-  context.create_subscriber<perception::Objects>(
-      "perception/objects", {.depth = 1},
-      [this](const perception::Objects& objects) { judge(objects); });
+  context.create_subscriber<perception::Objects>("perception/objects", {.depth = 1},
+                                                 [this](const perception::Objects& objects) {
+                                                   // Of a sweep that shows nothing the road looks
+                                                   // empty: better to know nothing new.
+                                                   if (objects.is_sweep_valid()) {
+                                                     judge(objects);
+                                                   }
+                                                 });
 }
 
 void SceneUnderstanding::take(const connectivity::Hazard& hazard) {

@@ -32,6 +32,7 @@ class SceneUnderstandingTest : public ::testing::Test {
 
   scene::Scene see_one_at(double x_m, double y_m) {
     perception::Objects objects;
+    objects.set_is_sweep_valid(true);
     objects.mutable_header()->set_taken_ns(now_ns());
     objects.mutable_header()->set_frame("map");
     perception::Object& object = *objects.add_objects();
@@ -72,6 +73,15 @@ TEST_F(SceneUnderstandingTest, ObjectsAreJudgedOnTheRoute) {
   EXPECT_EQ(scene.objects(0).lane(), 1);
   EXPECT_NEAR(scene.objects(0).offset_m(), 0.2, 1e-9);
   EXPECT_NEAR(scene.objects(0).gap_m(), 30.0 - 2.0 - 2.254, 1e-6);
+}
+
+TEST_F(SceneUnderstandingTest, NothingIsMadeOfASweepThatCannotBeUsed) {
+  perception::Objects objects;
+  objects.mutable_header()->set_taken_ns(now_ns());
+  objects.set_is_sweep_valid(false);
+  objects_.publish(objects);
+
+  EXPECT_TRUE(scenes_.take().empty());
 }
 
 TEST_F(SceneUnderstandingTest, WithoutAPositionEverythingIsRelevant) {
