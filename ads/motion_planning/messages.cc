@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <map>
+#include <utility>
 
 #include "common/plane.h"
 
@@ -56,6 +59,19 @@ bool is_finite(const PredictedWay& way) {
          });
 }
 
+// With room on both sides: it says where a lane goes, not how wide the road is.
+Road road_along(const std::vector<const hd_map::Lane*>& lanes) {
+  constexpr double kRoom_m = 50.0;
+  std::vector<RoadPoint> points;
+  for (const hd_map::Lane* lane : lanes) {
+    for (const Eigen::Vector2d& point : centre_of(*lane)) {
+      points.push_back(
+          {.x_m = point.x(), .y_m = point.y(), .left_edge_m = kRoom_m, .right_edge_m = kRoom_m});
+    }
+  }
+  return Road(points);
+}
+
 }  // namespace
 
 Road road_of(const hd_map::Route& route, const hd_map::Tile* tile) {
@@ -81,6 +97,46 @@ Road road_of(const hd_map::Route& route, const hd_map::Tile* tile) {
     }
   }
   return road;
+}
+
+std::vector<Road> lanes_of(const hd_map::Tile& tile) {
+  constexpr std::size_t kRoadsMax = 64;
+  constexpr std::size_t kLanesMax = 50;
+  std::map<std::int64_t, const hd_map::Lane*> lanes;
+  for (const hd_map::Lane& lane : tile.lanes()) {
+    if (lane.type() != hd_map::CROSSING) {
+      lanes[lane.id()] = &lane;
+    }
+  }
+  using Chain = std::vector<const hd_map::Lane*>;
+  std::vector<Chain> open;
+  for (const auto& [id, lane] : lanes) {
+    const bool is_first = std::ranges::none_of(
+        lane->predecessors(), [&](std::int64_t before) { return lanes.contains(before); });
+    if (is_first) {
+      open.push_back({lane});
+    }
+  }
+  std::vector<Road> roads;
+  while (!open.empty() && roads.size() < kRoadsMax) {
+    Chain chain = std::move(open.back());
+    open.pop_back();
+    bool goes_on = false;
+    for (const std::int64_t after : chain.back()->successors()) {
+      const auto next = lanes.find(after);
+      if (next != lanes.end() && chain.size() < kLanesMax &&
+          std::ranges::find(chain, next->second) == chain.end()) {
+        goes_on = true;
+        open.push_back(chain);
+        open.back().push_back(next->second);
+      }
+    }
+    if (!goes_on) {
+      roads.push_back(road_along(chain));
+    }
+  }
+  std::erase_if(roads, [](const Road& road) { return road.is_empty(); });
+  return roads;
 }
 
 std::vector<TrafficObject> objects_of(const prediction::Predictions& predictions, double age_s) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "hd_map/map.pb.h"
 #include "mission/goal.pb.h"
@@ -14,6 +15,10 @@ namespace motion_planning {
 
 /// The road along the reference of a route, with the lanes that lead in its direction.
 Road road_of(const hd_map::Route& route, const hd_map::Tile* tile);
+
+/// Ways along single lanes: each lane that has no predecessor in the tile, with its successors.
+/// Where lanes part, there is a way for each, up to a bound.
+std::vector<Road> lanes_of(const hd_map::Tile& tile);
 
 /// The objects to be looked at; `age_s` is how long ago the predictions begin.
 std::vector<TrafficObject> objects_of(const prediction::Predictions& predictions, double age_s);

@@ -4,6 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include "optimizer.h"
 
 namespace motion_planning {
 namespace {
@@ -12,6 +15,19 @@ constexpr std::array kBrakings_mps2 = {2.0, 3.0, 4.0, 5.0, 6.0, 8.0};
 constexpr double kJerk_mps3 = 15.0;
 // What it holds the brake after it has stopped, and what it looks at.
 constexpr double kStanding_s = 1.0;
+// To leave a lane before it brakes.
+constexpr double kDrivingOn_s = 2.5;
+// Farther ahead the predictions of others say nothing.
+constexpr double kLook_s = 6.0;
+
+// What counts like a braking harder by so many m/s^2: someone behind who has to brake, at once, and
+// who would be too late; another line than the plan's; another lane.
+constexpr double kNotYielding = 40.0;
+constexpr double kPressed_m = 1.0;
+constexpr double kTooLate = 50.0;
+constexpr double kLeavingThePlan = 0.5;
+constexpr double kChangingLane = 2.0;
+constexpr double kLaneWidth_m = 3.5;
 
 // The line of a trajectory, by its length.
 class Line {
@@ -49,7 +65,8 @@ class Line {
   std::vector<double> alongs_m_;
 };
 
-Trajectory braked(const Line& line, const Trajectory& along, double braking_mps2) {
+// Drives on for `after_s`, then brakes.
+Trajectory braked(const Line& line, const Trajectory& along, double braking_mps2, double after_s) {
   Trajectory stop{.start_s = along.start_s, .step_s = along.step_s, .states = {}};
   double speed = along.states.front().speed_mps;
   double acceleration = along.states.front().acceleration_mps2;
@@ -62,7 +79,9 @@ Trajectory braked(const Line& line, const Trajectory& along, double braking_mps2
     state.acceleration_mps2 = speed > 0.0 ? acceleration : 0.0;
     stop.states.push_back(state);
     stood += speed > 0.0 ? 0 : 1;
-    acceleration += std::clamp(-braking_mps2 - acceleration, -kJerk_mps3 * step, kJerk_mps3 * step);
+    const double time = step * static_cast<double>(stop.states.size());
+    const double wanted = time > after_s ? -braking_mps2 : 0.0;
+    acceleration += std::clamp(wanted - acceleration, -kJerk_mps3 * step, kJerk_mps3 * step);
     const double next = std::max(0.0, speed + step * acceleration);
     driven += 0.5 * step * (speed + next);
     speed = next;
@@ -93,9 +112,63 @@ bool is_run_into(const Problem& problem, const Trajectory& stop, const Occupant&
   return false;
 }
 
+const std::vector<Road>& lanes_of(const Problem& problem) {
+  static const std::vector<Road> none;
+  return problem.lanes == nullptr ? none : *problem.lanes;
+}
+
+// When the first of those who come from behind on the lane where the vehicle stands would be there;
+// infinite if nobody comes, or no lane is known.
+double arrival_s(const Problem& problem, const Traffic& unyielding, const Trajectory& stop) {
+  constexpr double kMoving_mps = 0.5;
+  constexpr double kProbabilityMin = 0.2;
+  constexpr double kAligned = 0.85;
+  const auto step =
+      std::min(unyielding.steps(), static_cast<std::size_t>(kLook_s / Traffic::kStep_s));
+  const State& end = stop.states.back();
+  double first = std::numeric_limits<double>::infinity();
+  for (const Road& lane : lanes_of(problem)) {
+    const RoadPlace place = lane.locate(end.x_m, end.y_m);
+    if (std::abs(place.offset_m) > kLaneWidth_m / 2.0) {
+      continue;
+    }
+    for (const Occupant& other : unyielding.at(step)) {
+      const RoadPlace from = lane.locate(other.x_m, other.y_m);
+      const double way = place.along_m - from.along_m;
+      const double beside = other.half_width_m + problem.vehicle.width_m / 2.0;
+      if (other.probability >= kProbabilityMin && other.speed_mps > kMoving_mps && way > 0.0 &&
+          std::cos(other.heading_rad - from.heading_rad) > kAligned &&
+          std::abs(from.offset_m - place.offset_m) < beside) {
+        first = std::min(first, kLook_s + way / other.speed_mps);
+      }
+    }
+  }
+  return first;
+}
+
+// Drives on at the present speed, into a lane.
+Trajectory into_lane(const Problem& problem, const Road& lane, const RoadPlace& start,
+                     double start_s) {
+  constexpr double kSideways_mps = 1.2;
+  constexpr double kShortest_s = 2.0;
+  const double duration = std::max(kShortest_s, std::abs(start.offset_m) / kSideways_mps);
+  std::vector<Pose> guess;
+  for (std::size_t step = 1; step <= problem.traffic.steps(); ++step) {
+    const double time = Traffic::kStep_s * static_cast<double>(step);
+    const double along = start.along_m + std::max(0.0, problem.start.speed_mps) * time;
+    const double share = std::min(1.0, time / duration);
+    const double left_over = 1.0 - share * share * (3.0 - 2.0 * share);
+    guess.push_back(lane.pose(along, start.offset_m * left_over));
+  }
+  const Problem on_lane{
+      .vehicle = problem.vehicle, .road = lane, .traffic = problem.traffic, .start = problem.start};
+  return trajectory_of(problem.vehicle, Optimizer(on_lane).follow(guess), start_s);
+}
+
 }  // namespace
 
-Stop stop_along(const Problem& problem, const Trajectory& along) {
+Stop stop_along(const Problem& problem, const Traffic& unyielding, const Trajectory& along,
+                bool stays_in_lane) {
   const Line line(along);
   const State& start = along.states.front();
   // Those who come from behind on the same line see the vehicle brake.
@@ -109,30 +182,66 @@ Stop stop_along(const Problem& problem, const Trajectory& along) {
     const double left = -dx * std::sin(start.heading_rad) + dy * std::cos(start.heading_rad);
     const bool is_aligned = std::cos(occupant.heading_rad - start.heading_rad) > 0.85;
     const double beside = occupant.half_width_m + problem.vehicle.width_m / 2.0;
-    if (ahead < -problem.vehicle.length_m / 2.0 && std::abs(left) < beside && is_aligned) {
+    const bool is_follower = std::abs(left) < beside;
+    if (ahead < -problem.vehicle.length_m / 2.0 && is_aligned && (is_follower || stays_in_lane)) {
       is_behind[occupant.object] = true;
-      followers.push_back(&occupant);
+      if (is_follower) {
+        followers.push_back(&occupant);
+      }
     }
   }
-  Stop best;
-  double best_price = std::numeric_limits<double>::infinity();
-  for (const double braking : kBrakings_mps2) {
-    Trajectory stop = braked(line, along, braking);
-    const Verdict verdict =
-        judge(problem.vehicle, stop, problem.traffic, stop.duration_s(), is_behind);
-    double price = braking;
+  Stop best{.price = std::numeric_limits<double>::infinity()};
+  const auto consider = [&](double braking, double after_s) {
+    Trajectory stop = braked(line, along, braking, after_s);
+    const Verdict verdict = judge(problem.vehicle, stop, problem.traffic, kLook_s, is_behind);
+    double price = braking + after_s;
     if (std::isfinite(verdict.hit_s)) {
-      price +=
-          1000.0 / (0.2 + verdict.hit_s) + 100.0 * stop.at(stop.start_s + verdict.hit_s).speed_mps;
+      // Soon is certain; what is predicted for later may well not come.
+      const double impact_mps = stop.at(stop.start_s + verdict.hit_s).speed_mps;
+      price += (1000.0 + 50.0 * impact_mps) / std::pow(0.2 + verdict.hit_s, 3.0);
     } else if (verdict.smallest_gap_m < 0.5) {
       price += 20.0 * (0.5 - verdict.smallest_gap_m);
     }
-    for (const Occupant* follower : followers) {
-      price += is_run_into(problem, stop, *follower) ? 50.0 : 0.0;
+    const Verdict pressed = judge(problem.vehicle, stop, unyielding, kLook_s);
+    const double pressed_s = pressed.smallest_gap_m < std::min(kPressed_m, verdict.smallest_gap_m)
+                                 ? pressed.gap_s
+                                 : arrival_s(problem, unyielding, stop);
+    const bool is_too_late =
+        std::isfinite(pressed_s) && std::ranges::any_of(followers, [&](const Occupant* follower) {
+          return is_run_into(problem, stop, *follower);
+        });
+    price += kNotYielding / (1.0 + pressed_s) + (is_too_late ? kTooLate : 0.0);
+    if (price < best.price) {
+      best = {.trajectory = std::move(stop),
+              .braking_mps2 = braking,
+              .hit_s = verdict.hit_s,
+              .price = price};
     }
-    if (price < best_price) {
-      best_price = price;
-      best = {.trajectory = std::move(stop), .braking_mps2 = braking, .hit_s = verdict.hit_s};
+  };
+  for (const double braking : kBrakings_mps2) {
+    consider(braking, 0.0);
+  }
+  consider(kBrakings_mps2.front(), kDrivingOn_s);
+  return best;
+}
+
+Stop safest_stop(const Problem& problem, const Traffic& unyielding, const Trajectory& nominal) {
+  constexpr double kAligned = 0.85;
+  constexpr double kLanesBeside = 2.2;
+  constexpr double kLengthMin_m = 20.0;
+  Stop best = stop_along(problem, unyielding, nominal);
+  for (const Road& lane : lanes_of(problem)) {
+    const RoadPlace start = lane.locate(problem.start.x_m, problem.start.y_m);
+    const double changes = std::abs(start.offset_m) / kLaneWidth_m;
+    if (changes > kLanesBeside || start.along_m > lane.length_m() - kLengthMin_m ||
+        std::cos(problem.start.heading_rad - start.heading_rad) < kAligned) {
+      continue;
+    }
+    Stop other = stop_along(problem, unyielding, into_lane(problem, lane, start, nominal.start_s),
+                            changes < 0.5);
+    other.price += kLeavingThePlan + kChangingLane * changes;
+    if (other.price < best.price) {
+      best = std::move(other);
     }
   }
   return best;

@@ -27,7 +27,7 @@ Stop stop_among(const std::vector<TrafficObject>& objects, double speed_mps) {
     straight.states.push_back(state);
     state = drive(vehicle, state, {}, straight.step_s);
   }
-  return stop_along(problem, straight);
+  return stop_along(problem, traffic, straight);
 }
 
 TEST(MinimalRisk, StopsMildlyOnAFreeRoad) {

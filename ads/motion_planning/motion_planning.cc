@@ -107,6 +107,7 @@ void MotionPlanning::update_road() {
   route_sequence_ = route.info().sequence;
   tile_sequence_ = tile_sequence;
   road_ = road_of(*route, tile ? &*tile : nullptr);
+  lanes_ = tile ? lanes_of(*tile) : std::vector<Road>();
 }
 
 // The newest estimate, moved on to now.
@@ -146,6 +147,7 @@ Situation MotionPlanning::situation_of(const prediction::Predictions& prediction
           .ego = ego_now(),
           .is_driving = vehicle && vehicle->is_autonomous(),
           .road = &road_,
+          .lanes = &lanes_,
           .objects = objects_of(predictions, now_s - seconds(predictions.header().taken_ns())),
           .hazards = hazards_of(predictions, now_ns),
           .goal = goal()};

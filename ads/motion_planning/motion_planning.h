@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include <fastcycle/fastcycle.h>
 
@@ -49,6 +50,7 @@ class MotionPlanning final : public fastcycle::Component {
   std::uint64_t route_sequence_ = 0;  // Of the messages that the road is made of.
   std::uint64_t tile_sequence_ = 0;
   Road road_;
+  std::vector<Road> lanes_;
   std::int64_t plans_made_ = 0;
   std::int64_t plans_evasive_ = 0;
   std::int64_t plans_to_goal_ = 0;

@@ -245,17 +245,19 @@ Way Planner::evade(const Problem& problem, const Way& nominal) const {
   });
 }
 
-void Planner::add_minimal_risk(const Problem& problem, Plan& plan) const {
-  Stop stop = stop_along(problem, plan.nominal);
+void Planner::add_minimal_risk(const Problem& problem, const Traffic& unyielding,
+                               Plan& plan) const {
+  Stop stop = safest_stop(problem, unyielding, plan.nominal);
   if (stop.hit_s <= stop.trajectory.duration_s()) {
-    // Not along this line, then: wherever there is room to stop.
+    // In no lane, then: wherever there is room to stop.
     Problem stopping = problem;
     stopping.goal.reset();
     stopping.cruise_mps = 0.0;
     stopping.is_emergency = true;
     Optimizer optimizer(stopping);
     const Way aside = optimizer.improve(optimizer.follow(braking_guess(problem, 0.0)));
-    Stop other = stop_along(problem, trajectory_of(config_.vehicle, aside, plan.nominal.start_s));
+    Stop other = stop_along(problem, unyielding,
+                            trajectory_of(config_.vehicle, aside, plan.nominal.start_s));
     if (other.hit_s > stop.hit_s) {
       stop = std::move(other);
     }
@@ -274,13 +276,15 @@ Plan Planner::plan(const Situation& situation) {
   const auto steps = 2 * static_cast<std::size_t>(std::ceil(horizon / (2.0 * kStep_s)));
   const std::vector<State> expected_states =
       expected(committed_states.back(), start_s, situation.is_driving, steps);
-  const Traffic traffic(in_queues(objects_from(situation, config_.committed_s), *situation.road,
-                                  config_.vehicle, expected_states, horizon),
-                        steps);
+  const std::vector<TrafficObject> objects = objects_from(situation, config_.committed_s);
+  const Traffic unyielding(objects, steps);
+  const Traffic traffic(
+      in_queues(objects, *situation.road, config_.vehicle, expected_states, horizon), steps);
   Problem problem{.vehicle = config_.vehicle,
                   .road = *situation.road,
                   .traffic = traffic,
                   .start = committed_states.back(),
+                  .lanes = situation.lanes,
                   .goal = goal,
                   .slow_stretches = slow_stretches(situation)};
   if (situation.goal &&
@@ -302,7 +306,7 @@ Plan Planner::plan(const Situation& situation) {
     plan.nominal = trajectory_of(config_.vehicle, way, start_s);
     verdict = judge(config_.vehicle, plan.nominal, traffic, config_.certain_s);
   }
-  add_minimal_risk(problem, plan);
+  add_minimal_risk(problem, unyielding, plan);
   if (std::isfinite(verdict.hit_s)) {
     const Verdict stopping = judge(config_.vehicle, plan.minimal_risk, traffic, config_.certain_s);
     if (stopping.hit_s > verdict.hit_s) {

@@ -33,7 +33,8 @@ struct Situation {
   State ego = {};           ///< At that time.
   bool is_driving = false;  ///< Whether the vehicle follows the plans.
   const Road* road = nullptr;
-  std::vector<TrafficObject> objects = {};  ///< Times of their ways are since `now_s`.
+  const std::vector<Road>* lanes = nullptr;  ///< Ways along single lanes, to stop on.
+  std::vector<TrafficObject> objects = {};   ///< Times of their ways are since `now_s`.
   std::vector<HazardArea> hazards = {};
   std::optional<Goal> goal = {};  ///< Its times are on the clock.
 };
@@ -83,7 +84,7 @@ class Planner {
   [[nodiscard]] Way best_way(const Problem& problem, double start_s, bool is_driving,
                              Plan& plan) const;
   [[nodiscard]] Way evade(const Problem& problem, const Way& nominal) const;
-  void add_minimal_risk(const Problem& problem, Plan& plan) const;
+  void add_minimal_risk(const Problem& problem, const Traffic& unyielding, Plan& plan) const;
 
   PlannerConfig config_;
   std::optional<Way> last_;

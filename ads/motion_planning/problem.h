@@ -39,6 +39,7 @@ struct Problem {
   const Road& road;
   const Traffic& traffic;
   State start = {};
+  const std::vector<Road>* lanes = nullptr;  ///< Ways along single lanes; to stop on, see there.
   std::optional<Goal> goal = {};
   std::vector<SlowStretch> slow_stretches = {};
   double cruise_mps = 10.0;   ///< The speed to drive at where no goal asks for another.
