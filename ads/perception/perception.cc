@@ -11,6 +11,8 @@ namespace {
 
 // A little more than a second at 100 Hz: a sweep, and what it is late by.
 constexpr std::size_t kPoses = 128;
+// Posts stand.
+constexpr double kTwoWheelerSpeed_mps = 1.5;
 
 RecognizerConfig read_config(fastcycle::Context& context) {
   RecognizerConfig config;
@@ -56,6 +58,8 @@ RecognizerConfig read_config(fastcycle::Context& context) {
        "For how long an object is kept that should be seen and is not");
   read("hidden_max_s", config.tracker.hidden_max_s, 60.0, "s",
        "For how long one that is hidden behind others");
+  read("reach_m", config.tracker.reach_m, 20.0, "m",
+       "So far around its box a track takes what its echoes are grouped with");
   TrackConfig& track = config.tracker.track;
   read("length_m", track.length_m, 50.0, "m", "Of an object that is not yet seen well");
   read("length_stddev_m", track.length_stddev_m, 50.0, "m", "1 sigma");
@@ -72,7 +76,14 @@ RecognizerConfig read_config(fastcycle::Context& context) {
   return config;
 }
 
-perception::ObjectClass class_of(const Track& track) {
+perception::ObjectClass class_of(const TrackedObject& object, double likeness_min) {
+  const Track& track = object.track;
+  if (object.two_wheeler_likeness > 0.0 && track.speed_mps() > kTwoWheelerSpeed_mps) {
+    return perception::TWO_WHEELER;
+  }
+  if (object.vehicle_likeness < likeness_min) {
+    return perception::UNKNOWN;
+  }
   if (track.length_m() < 1.2 && track.width_m() < 1.2) {
     return perception::PEDESTRIAN;
   }
@@ -83,11 +94,12 @@ perception::ObjectClass class_of(const Track& track) {
   return is_large ? perception::TRUCK : perception::CAR;
 }
 
-void fill(perception::Object& message, const TrackedObject& object, std::int64_t time_ns) {
+void fill(perception::Object& message, const TrackedObject& object, std::int64_t time_ns,
+          double likeness_min) {
   Track track = object.track;
   track.predict(time_ns);
   message.set_id(object.id);
-  message.set_object_class(class_of(track));
+  message.set_object_class(class_of(object, likeness_min));
   message.set_x_m(track.center_m().x());
   message.set_y_m(track.center_m().y());
   message.set_heading_rad(track.heading_rad());
@@ -115,6 +127,14 @@ Perception::Perception(fastcycle::Context& context)
                               .max = 10.0,
                               .unit = "s",
                               .description = "A sweep that ended longer ago is not used"})),
+      likeness_min_(context.param<double>(
+          "likeness_min",
+          {.fallback = -1e3,
+           .min = -1e3,
+           .max = 5.0,
+           .unit = "1",
+           .description =
+               "What looked less like a vehicle has no class: sweeps for, less against"})),
       recognizer_(read_config(context)),
       ego_(context.create_history<localization::Ego>("localization/ego", {.depth = kPoses})),
       objects_(context.create_publisher<perception::Objects>("perception/objects")) {
@@ -189,7 +209,7 @@ void Perception::publish(std::int64_t time_ns, const SweepResult& result) {
   objects->set_ground_echoes(result.ground_echoes);
   for (const TrackedObject& object : recognizer_.objects()) {
     if (object.is_confirmed) {
-      fill(*objects->add_objects(), object, time_ns);
+      fill(*objects->add_objects(), object, time_ns, likeness_min_.get());
     }
   }
   confirmed_max_ = std::max(confirmed_max_, std::int64_t{objects->objects_size()});

@@ -27,6 +27,7 @@ class Perception final : public fastcycle::Component {
   void publish(std::int64_t time_ns, const SweepResult& result);
 
   fastcycle::Param<double> sweep_age_max_s_;
+  fastcycle::Param<double> likeness_min_;
   Recognizer recognizer_;
   fastcycle::History<localization::Ego> ego_;
   fastcycle::Publisher<perception::Objects> objects_;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/plane.h"
+#include "shape.h"
 
 namespace ads {
 namespace {
@@ -19,13 +20,16 @@ constexpr double kNearby_m = 12.0;       // Farther groups are not looked at for
 constexpr double kKnownSpeed_mps = 4.0;  // 1 sigma: from then on echoes are moved with their track.
 constexpr double kMargin_m = 0.4;        // Around the box in which echoes are a track's.
 constexpr double kMarginMax_m = 1.0;
-constexpr double kReach_m = 4.0;     // Echoes of its group, farther away, are not.
 constexpr double kOwnedShare = 0.3;  // Of a group, for its rest to be the track's as well.
 constexpr std::size_t kEchoesSeen = 3;
 constexpr float kTop_m = 0.4F;        // Lower things do not begin a track.
 constexpr float kUpright_m = 0.25F;   // What is flatter is no wall.
 constexpr double kSideFrom_m = 2.7;   // No car is wider.
 constexpr double kFrontFrom_m = 1.2;  // Nor narrower.
+constexpr std::size_t kEchoesTwoWheeler = 12;
+constexpr double kTwoWheelerLength_m = 1.8;
+constexpr double kTwoWheelerWidth_m = 0.7;
+constexpr double kMemory = 0.8;  // Of what an object looked like.
 
 // From what is seen: a face that is wholly seen and no longer than a car is wide is its front or
 // its rear, a longer one its side. What is seen less is taken to lie as `likely_rad` does. Of both
@@ -191,7 +195,7 @@ void Tracker::gather(const SweepEchoes& sweep, const EgoMotion& ego) {
       const auto time_ns =
           sweep.begin_ns + static_cast<std::int64_t>(1e9F * sweep.echoes[echo].time_s);
       const Eigen::Vector2d place_m = sweep.origin_m + sweep.echoes[echo].place_m.cast<double>();
-      double nearest = kReach_m;
+      double nearest = config_.reach_m;
       for (const int candidate : its.who) {
         const TrackedObject& object = objects_[static_cast<std::size_t>(candidate)];
         const Eigen::Vector2d place = box_place(object, time_ns, place_m);
@@ -286,7 +290,30 @@ void Tracker::sight(TrackedObject& object, const Group& group) {
   object.seen_ns = group.time_ns;
   object.missed = 0;
   ++object.sightings;
+  look_at(object, group);
   object.is_confirmed |= object.sightings >= static_cast<std::uint32_t>(config_.sightings_min);
+}
+
+void Tracker::look_at(TrackedObject& object, const Group& group) {
+  object.vehicle_likeness *= kMemory;
+  object.two_wheeler_likeness *= kMemory;
+  switch (likeness_of(shape_of(group.view, object.track.heading_rad()))) {
+    case Likeness::kVehicle:
+      object.vehicle_likeness += 1.0;
+      object.two_wheeler_likeness -= 1.0;
+      break;
+    case Likeness::kTwoWheeler:
+      // So does a car of which a part is hidden.
+      object.vehicle_likeness -= 0.5;
+      object.two_wheeler_likeness += 1.0;
+      break;
+    case Likeness::kNeither:
+      object.vehicle_likeness -= 1.0;
+      object.two_wheeler_likeness -= 1.0;
+      break;
+    case Likeness::kUnclear:
+      break;
+  }
 }
 
 void Tracker::begin_tracks() {
@@ -329,11 +356,33 @@ void Tracker::begin_tracks() {
         box.left.place_m - box.right.place_m > config_.width_max_m) {
       continue;
     }
-    TrackedObject object{.id = next_id_++,
-                         .track = Track(config_.track, group.time_ns, center_m, heading)};
+    TrackConfig track = config_.track;
+    if (is_two_wheeler(group, heading)) {
+      track.length_m = kTwoWheelerLength_m;
+      track.length_stddev_m = 0.3;
+      track.width_m = kTwoWheelerWidth_m;
+      track.width_stddev_m = 0.15;
+    }
+    TrackedObject object{.id = next_id_++, .track = Track(track, group.time_ns, center_m, heading)};
     sight(object, group);
     objects_.push_back(std::move(object));
   }
+}
+
+// It looks like one, and nothing hides more of it.
+bool Tracker::is_two_wheeler(const Group& group, double heading_rad) const {
+  if (group.points.size() < kEchoesTwoWheeler ||
+      likeness_of(shape_of(group.view, heading_rad)) != Likeness::kTwoWheeler) {
+    return false;
+  }
+  const double sight_rad = group.points.front().azimuth_rad;
+  const auto from_sight = [sight_rad](const ObjectPoint& a, const ObjectPoint& b) {
+    return std::remainder(a.azimuth_rad - sight_rad, 2.0 * kPi) <
+           std::remainder(b.azimuth_rad - sight_rad, 2.0 * kPi);
+  };
+  const auto [right, left] = std::ranges::minmax_element(group.points, from_sight);
+  return !skyline_.is_hidden_beside(right->azimuth_rad, right->range_m, -1) &&
+         !skyline_.is_hidden_beside(left->azimuth_rad, left->range_m, 1);
 }
 
 void Tracker::forget(std::int64_t time_ns, const SweepEchoes* sweep, const EgoMotion* ego) {

@@ -22,6 +22,8 @@ struct TrackerConfig {
   /// For how long an object is kept that is not seen: in open view, and hidden behind others.
   double open_max_s = 0.35;
   double hidden_max_s = 2.0;
+  /// A group in which a track has enough echoes is its whole group, so far around its box.
+  double reach_m = 4.0;
   /// What is larger is no object.
   double length_max_m = 25.0;
   double width_max_m = 3.2;
@@ -45,6 +47,9 @@ struct TrackedObject {
   std::uint32_t missed = 0;  ///< Sweeps since it was last seen.
   std::int64_t seen_ns = 0;
   bool is_confirmed = false;
+  /// By how much more it looked like it than not in the last sweeps; 0 if that was not clear.
+  double vehicle_likeness = 0.0;
+  double two_wheeler_likeness = 0.0;
 };
 
 /// Follows objects through the sweeps.
@@ -89,6 +94,8 @@ class Tracker {
   void associate();
   void begin_tracks();
   void sight(TrackedObject& object, const Group& group);
+  void look_at(TrackedObject& object, const Group& group);
+  [[nodiscard]] bool is_two_wheeler(const Group& group, double heading_rad) const;
   void forget(std::int64_t time_ns, const SweepEchoes* sweep, const EgoMotion* ego);
   void remove_doubles();
   [[nodiscard]] Eigen::Vector2d box_place(const TrackedObject& object, std::int64_t time_ns,

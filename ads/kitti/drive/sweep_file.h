@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace kitti {
+
+/// One echo of a recorded sweep: metres, x forward, y left, z up, from the sensor.
+struct Point {
+  float x_m = 0.0F;
+  float y_m = 0.0F;
+  float z_m = 0.0F;
+  float reflectance = 0.0F;  ///< From 0 to 1.
+};
+
+/// The echoes of a sweep in a file as KITTI has them, four little-endian floats each, packed by xz.
+///
+/// @errors  Throws `std::runtime_error`, with file, place, expected and found, if the file cannot
+///          be read or unpacked, ends early, is no multiple of 16 bytes, or is larger than a sweep
+///          can be.
+[[nodiscard]] std::vector<Point> read_sweep(const std::filesystem::path& file);
+
+}  // namespace kitti

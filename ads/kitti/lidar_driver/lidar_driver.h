@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <fastcycle/fastcycle.h>
+
+#include "kitti/drive/frames.h"
+#include "kitti/drive/sweep_file.h"
+#include "lidar/sweep.pb.h"
+
+namespace kitti {
+
+/// Publishes the recorded sweeps of a drive, each when its turn is over.
+///
+/// Out:  `lidar/points`, one message for each file
+class LidarDriver final : public fastcycle::Component {
+ public:
+  explicit LidarDriver(fastcycle::Context& context);
+  void start() override;
+  void stop() override;
+
+ private:
+  void play();
+  void schedule();
+  void publish(const Frame& frame);
+  void place(const std::vector<Point>& points, lidar::Sweep& sweep);
+
+  fastcycle::Param<fastcycle::Path> data_;
+  fastcycle::Param<int> columns_;
+  fastcycle::Param<int> rings_;
+  fastcycle::Param<bool> is_clockwise_;
+  fastcycle::Param<double> mount_forward_m_;
+  fastcycle::Param<double> mount_height_m_;
+  fastcycle::Publisher<lidar::Sweep> sweeps_;
+  fastcycle::Timer timer_;
+  fastcycle::Source source_;
+
+  std::vector<Frame> frames_;
+  std::size_t next_ = 0;
+  std::int64_t points_ = 0;
+  std::int64_t points_left_out_ = 0;
+};
+
+}  // namespace kitti

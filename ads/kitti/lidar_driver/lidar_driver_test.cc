@@ -1,0 +1,65 @@
+#include "lidar_driver.h"
+
+#include <cstring>
+
+#include <fastcycle/testing.h>
+#include <gtest/gtest.h>
+
+#include "kitti/drive/small_drive.h"
+
+namespace kitti {
+namespace {
+
+using fastcycle::testing::Bench;
+using std::chrono_literals::operator""ms;
+
+TEST(LidarDriver, SweepsComeWhenTheirTurnIsOver) {
+  const testing::SmallDrive drive("lidar_driver");
+  drive.sweep(5, {{10.0F, 1.0F, 0.5F, 1.0F}});
+  drive.sweep(7, {{0.0F, -10.0F, 0.5F, 0.0F}});
+  Bench bench;
+  bench.add<LidarDriver>("lidar_driver", drive.configuration());
+  auto sweeps = bench.output<lidar::Sweep>("lidar/points");
+  bench.start();
+
+  bench.advance(99ms);
+  EXPECT_TRUE(sweeps.take().empty());
+  bench.advance(2ms);
+  const auto first = sweeps.take();
+  bench.advance(150ms);
+  EXPECT_TRUE(sweeps.take().empty()) << "frame 6 is missing";
+  bench.advance(50ms);
+  const auto second = sweeps.take();
+
+  ASSERT_EQ(first.size(), 1U);
+  ASSERT_EQ(second.size(), 1U);
+  EXPECT_EQ(second[0].header().taken_ns() - first[0].header().taken_ns(), 2 * kFrame_ns);
+  const std::string& points = second[0].points();
+  ASSERT_EQ(points.size(), std::size_t{16} * second[0].columns() * second[0].rings());
+  int echoes = 0;
+  for (std::size_t offset = 0; offset < points.size(); offset += 16) {
+    float place[3];
+    std::uint16_t time = 0;
+    std::memcpy(place, points.data() + offset, sizeof place);
+    std::memcpy(&time, points.data() + offset + 12, sizeof time);
+    if (place[1] == -10.0F) {
+      ++echoes;
+      EXPECT_EQ(time, 49152) << "to the right after three quarters of a turn";
+    }
+  }
+  EXPECT_EQ(echoes, 1);
+}
+
+TEST(LidarDriver, MissingDriveIsNamed) {
+  Bench bench;
+  bench.add<LidarDriver>("lidar_driver", R"({"params": {"data": "/no/such/drive"}})");
+  bench.start();
+
+  const auto faults = bench.faults("lidar_driver");
+
+  ASSERT_EQ(faults.size(), 1U);
+  EXPECT_NE(faults[0].find("/no/such/drive"), std::string::npos) << faults[0];
+}
+
+}  // namespace
+}  // namespace kitti

@@ -1,0 +1,96 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace kitti {
+
+/// A place in the plane and a direction, or the motion from one to another.
+struct Pose {
+  Eigen::Vector2d place_m = Eigen::Vector2d::Zero();
+  double heading_rad = 0.0;
+
+  /// This pose, moved by `motion` as seen from it.
+  [[nodiscard]] Pose moved(const Pose& motion) const;
+  /// The motion from here to `other`, as seen from here.
+  [[nodiscard]] Pose motion_to(const Pose& other) const;
+};
+
+struct ScanMatcherConfig {
+  double voxel_m = 1.0;
+  double range_min_m = 3.0;
+  double range_max_m = 60.0;
+  /// Of the map: what lies farther from the sensor is forgotten.
+  double map_range_m = 80.0;
+  /// Above the sensor. Ground and what hangs over the street do not help.
+  double height_min_m = -1.3;
+  double height_max_m = 3.0;
+  /// How far the place of a point in the map may be: before anything is known of the motion, and
+  /// later.
+  double reach_first_m = 2.5;
+  double reach_m = 1.0;
+};
+
+/// A point of a sweep, from the sensor, and when it was taken: 0 at the begin and 1 at the end.
+struct TimedPoint {
+  Eigen::Vector3f place_m = Eigen::Vector3f::Zero();
+  float share = 0.0F;
+};
+
+/// How the sensor moves in the plane, from its sweeps alone: each is laid on a map of those before.
+///
+/// The scheme is that of Vizzo, Guadagnino, Mersch, Wiesmann, Behley, Stachniss, "KISS-ICP: In
+/// Defense of Point-to-Point ICP" (RA-L 8(2), 2023): the motion goes on as it was, takes the points
+/// of the turn to one time, and is corrected by the iterated closest points (Besl, McKay, PAMI
+/// 14(2), 1992) of voxels against a map of voxels, with weights that leave out what moves. Here the
+/// pose has three unknowns, and each step has a closed form.
+///
+/// Deterministic: the same sweeps give the same poses.
+///
+/// @threads  Confined.
+class ScanMatcher {
+ public:
+  explicit ScanMatcher(const ScanMatcherConfig& config);
+
+  /// Lays the next sweep on the map. @param passed_s  Since the sweep before; above 0.
+  void take(std::span<const TimedPoint> points, double passed_s);
+
+  /// Of the sensor at the end of the last sweep; the first one ends at the origin.
+  [[nodiscard]] const Pose& pose() const { return pose_; }
+  /// Of the sensor over the last sweep's time, per second.
+  [[nodiscard]] const Pose& rate() const { return rate_; }
+  /// The mean distance of matched points from the map, and the share that was matched.
+  [[nodiscard]] double residual_m() const { return residual_m_; }
+  [[nodiscard]] double matched_share() const { return matched_share_; }
+
+ private:
+  using Voxel = std::array<int, 3>;
+  struct VoxelHash {
+    std::size_t operator()(const Voxel& voxel) const;
+  };
+  using Voxels = std::unordered_map<Voxel, std::vector<Eigen::Vector3f>, VoxelHash>;
+
+  [[nodiscard]] std::vector<Eigen::Vector3f> at_end(std::span<const TimedPoint> points,
+                                                    const Pose& motion) const;
+  [[nodiscard]] Pose align(const std::vector<Eigen::Vector3f>& points, Pose pose, double reach_m);
+  [[nodiscard]] const Eigen::Vector3f* nearest(const Eigen::Vector3f& place_m,
+                                               double reach_m) const;
+  void add_to_map(const std::vector<Eigen::Vector3f>& points);
+
+  const ScanMatcherConfig config_;
+  Voxels map_;
+  Pose pose_;
+  Pose rate_;
+  std::vector<TimedPoint> first_;  // The first sweep, until the motion during it is known.
+  int sweeps_ = 0;
+  double residual_m_ = 0.0;
+  double matched_share_ = 0.0;
+};
+
+}  // namespace kitti
