@@ -198,7 +198,7 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Traject
     if (std::isfinite(verdict.hit_s)) {
       // Soon is certain; what is predicted for later may well not come.
       const double impact_mps = stop.at(stop.start_s + verdict.hit_s).speed_mps;
-      price += (1000.0 + 50.0 * impact_mps) / std::pow(0.2 + verdict.hit_s, 3.0);
+      price += (3000.0 + 100.0 * impact_mps) / std::pow(0.2 + verdict.hit_s, 3.0);
     } else if (verdict.smallest_gap_m < 0.5) {
       price += 20.0 * (0.5 - verdict.smallest_gap_m);
     }
