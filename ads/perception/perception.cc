@@ -217,5 +217,3 @@ void Perception::publish(std::int64_t time_ns, const SweepResult& result) {
 }
 
 }  // namespace ads
-
-FASTCYCLE_COMPONENT(ads::Perception)

@@ -16,7 +16,7 @@ namespace ads {
 ///
 /// In:   `lidar/points`, `localization/ego` (history)
 /// Out:  `perception/objects`, for each sweep
-class Perception final : public fastcycle::Component {
+class Perception : public fastcycle::Component {
  public:
   explicit Perception(fastcycle::Context& context);
   void stop() override;

@@ -116,8 +116,8 @@ export class Scene {
     if (shown.points) this.#points(drive.pointsAt(time));
     if (shown.predictions) this.#predictions(drive.layers.predictions?.lastPublished(time));
     const plan = drive.layers.plan?.lastPublished(time);
-    if (shown.minimal_risk) this.#way(plan?.minimal_risk, colors.risk, 2, [1.5, 1]);
     if (shown.plan) this.#way(plan?.nominal, colors.plan, 3, []);
+    if (shown.minimal_risk) this.#way(plan?.minimal_risk, colors.risk, 2, [1.5, 1]);
     if (shown.objects) this.objects.forEach((object) => this.#box(object, object.unseen > 0 ? colors.unseen : colors.object));
     if (shown.velocity) this.objects.forEach((object) => this.#velocity(object));
     if (ego) this.#box(ego, colors.ego);

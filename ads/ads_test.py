@@ -1,0 +1,185 @@
+#!/usr/bin/env python3
+"""Drives the ADS through recorded traffic and judges the drives by their files.
+
+    ads_test.py FASTCYCLE SCENES CASE [...]      cases: see the methods of Drives; `all` for all of them
+
+SCENES is the folder with the CommonRoad files that belong to the project.
+"""
+
+import json
+import math
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+import judge_drive  # noqa: E402
+
+MODULES = {"world", "drivers", "vehicle", "connectivity", "localization", "hd_map", "perception", "scene_understanding",
+           "prediction", "motion_planning", "control", "supervision", "logging"}  # fmt: skip
+FASTEST_BRAKING_MPS2, FASTEST_SPEEDING_UP_MPS2, LATERAL_MAX_MPS2, GAP_MIN_M = -6.0, 4.0, 3.0, 0.5
+
+
+class Drive:
+    """One run, and what came of it."""
+
+    def __init__(self, fastcycle, folder, scenario, *options, clock="simulated", traffic="replay"):
+        folder.mkdir(parents=True)
+        self.folder, self.scenario = folder, scenario
+        done = subprocess.run(
+            [fastcycle, "run", HERE / "ads.json", "--clock", clock, "--quiet", "--var", f"scenario={scenario}", "--var",
+             f"traffic={traffic}", "--var", "trajectory=out.csv", "--report", "report.json", *options],
+            cwd=folder, capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
+        self.output = done.stdout + done.stderr
+        assert done.returncode == 0, f"exit code {done.returncode}: {self.output[-2000:]}"
+        self.report = json.loads((folder / "report.json").read_text())
+        self.results = self.report["results"]
+        self.rows = judge_drive.read_rows(folder / "out.csv")
+
+    def judge(self, with_traffic=True):
+        return judge_drive.judge(judge_drive.ElementTree.parse(self.scenario).getroot(), self.rows, with_traffic)
+
+    def expect_goal(self):
+        verdict = self.judge()
+        why = f"{self.scenario}: {self.results['verdict']}: {verdict}"
+        assert verdict["goal_step"] is not None, why
+        assert verdict["rows_off_road"] == 0, why
+        assert verdict["smallest_gap_m"] >= GAP_MIN_M, why
+        assert FASTEST_BRAKING_MPS2 <= verdict["acceleration_min_mps2"], why
+        assert verdict["acceleration_max_mps2"] <= FASTEST_SPEEDING_UP_MPS2, why
+        assert verdict["lateral_acceleration_max_mps2"] <= LATERAL_MAX_MPS2, why
+
+    def expect_nothing_touched(self, with_traffic=True):
+        if with_traffic:
+            assert not self.judge()["touched"], f"{self.scenario}: {self.judge()}"
+        assert self.results["collisions"] == 0, self.results["verdict"]
+
+    def expect_minimal_risk_stop(self, fault_s, within_s):
+        """It left autonomous mode in time after the fault, and stood at the end."""
+        assert self.results["state"] in ("minimal-risk stop", "stopped"), self.results["state"]
+        left_s = self.results["engaged_s"] + self.results["degraded_s"] + 2.0
+        assert left_s <= fault_s + within_s, f"left after {left_s} s, the fault was at {fault_s} s"
+        assert self.rows[-1][4] < self.rows[int((fault_s - 2.0) * 10)][4] - 3.0, "it did not brake"
+
+
+class Drives:
+    def __init__(self, fastcycle, scenes, folder):
+        self.fastcycle, self.scenes, self.folder = pathlib.Path(fastcycle).resolve(), pathlib.Path(scenes), folder
+        self.count = 0
+
+    def drive(self, scenario, *options, **how):
+        self.count += 1
+        path = scenario if isinstance(scenario, pathlib.Path) else self.scenes / f"USA_US101-{scenario}_T-1.xml"
+        return Drive(self.fastcycle, self.folder / str(self.count), path.resolve(), *options, **how)
+
+    def transformed(self, scenario, *options):
+        path = self.folder / f"transformed-{self.count}.xml"
+        subprocess.run([sys.executable, HERE / "transform_scenario.py", self.scenes / f"USA_US101-{scenario}_T-1.xml",
+                        path, *options], check=True)  # fmt: skip
+        return path
+
+    def goals_are_reached(self):
+        for scenario in ("23_1", "3_1", "4_1"):
+            self.drive(scenario).expect_goal()
+
+    def all_modules_take_part_and_the_chain_is_measured(self):
+        drive = self.drive("3_1")
+        names = set(drive.report["components"]) - {"fastcycle"}
+        assert names == MODULES, names ^ MODULES
+        chain = next(chain for chain in drive.report["chains"] if chain["name"] == "lidar_to_can")
+        assert chain["count"] > 300, chain
+        hops = list(dict.fromkeys(hop["component"] for hop in chain["hops"]))
+        assert hops == ["drivers", "perception", "scene_understanding", "prediction", "motion_planning", "control",
+                        "vehicle", "world"], hops  # fmt: skip
+        for part in ("p50", "p99", "max"):
+            assert 0.0 < chain["age_us"][part] < 250e3, chain["age_us"]
+        assert (drive.folder / "drive.svg").stat().st_size > 10_000
+
+    def a_turned_and_moved_scene_drives_the_same(self):
+        here = self.drive("3_1")
+        there = self.drive(self.transformed("3_1", "--rotate-deg", "90", "--shift", "400000", "-300000"))
+        there.expect_goal()
+        assert abs(len(here.rows) - len(there.rows)) <= 1, (len(here.rows), len(there.rows))
+        for one, other in zip(here.rows, there.rows):
+            x, y = -one[2] + 400_000.0, one[1] - 300_000.0
+            away = math.hypot(x - other[1], y - other[2])
+            assert away < 2.0, f"{away} m away at {one[0]} s"
+
+    def a_standing_car_on_the_way_is_not_hit(self):
+        row = self.drive("23_1").rows[60]
+        scenario = self.transformed("23_1", "--car", str(row[1]), str(row[2]), str(math.degrees(row[3])))
+        self.drive(scenario, traffic="reactive").expect_nothing_touched(with_traffic=False)
+
+    def noise_and_dropouts_do_no_harm(self, seeds=(1,)):
+        for scenario in ("23_1", "4_1"):
+            for seed in seeds:
+                self.drive(scenario, "--var", f"seed={seed}", "--set", "drivers.lidar.beam_dropout=0.1", "--set",
+                           "drivers.gnss.fix_dropout=3").expect_nothing_touched()  # fmt: skip
+
+    def unusable_sweeps_end_in_a_minimal_risk_stop(self):
+        for fault in ("nan", "empty"):
+            for scenario, traffic in (("23_1", "replay"), ("3_1", "reactive")):
+                drive = self.drive(scenario, "--set", f"drivers.lidar_fault={fault}", "--set",
+                                   "drivers.lidar_fault_after_s=4", traffic=traffic)  # fmt: skip
+                drive.expect_minimal_risk_stop(4.0, within_s=0.6)
+                drive.expect_nothing_touched(with_traffic=traffic == "replay")
+
+    def perception_that_fails_ends_in_a_minimal_risk_stop(self, clock="simulated", fault="exception"):
+        overlay = self.folder / f"fault-{self.count}.json"
+        overlay.write_text(json.dumps({"components": [{"name": "perception", "library": "faulty_perception",
+                                                       "params": {"fault": fault, "after_s": 4}}]}))  # fmt: skip
+        for scenario, traffic in (("23_1", "replay"), ("3_1", "reactive")):
+            drive = self.drive(scenario, "--overlay", overlay, traffic=traffic, clock=clock)
+            drive.expect_minimal_risk_stop(4.0, within_s=0.8)
+            drive.expect_nothing_touched(with_traffic=traffic == "replay")
+
+    def a_drive_repeats_with_any_number_of_workers(self):
+        first = None
+        for workers in ("1", "4"):
+            drive = self.drive("4_1", "--workers", workers)
+            log = subprocess.run([self.fastcycle, "echo", "recording.mcap", "--json", "--full"], cwd=drive.folder,
+                                 capture_output=True, check=True).stdout.splitlines()  # fmt: skip
+            # What the run says of itself has real times in it; what is published at one time has no order.
+            messages = sorted(line for line in log if b'"topic":"fastcycle/' not in line.replace(b": ", b":"))
+            assert len(messages) > 1000, log[:3]
+            found = (messages, (drive.folder / "out.csv").read_bytes())
+            assert first in (None, found), f"with {workers} workers it was another drive"
+            first = found
+
+    # Only when asked for.
+
+    def long_ten_seeds(self):
+        self.noise_and_dropouts_do_no_harm(seeds=range(1, 11))
+
+    def long_live(self):
+        for scenario in ("23_1", "3_1", "4_1"):
+            self.drive(scenario, clock="live").expect_goal()
+        for fault in ("exception", "stall"):
+            self.perception_that_fails_ends_in_a_minimal_risk_stop(clock="live", fault=fault)
+
+
+def main():
+    if len(sys.argv) < 4:
+        print(__doc__, file=sys.stderr)
+        return 2
+    chosen = sys.argv[3:]
+    if chosen == ["all"]:
+        chosen = [name for name in vars(Drives) if name[0] != "_" and name not in ("drive", "transformed")]
+    os.environ.pop("FASTCYCLE_DATA", None)
+    failed = 0
+    for name in chosen:
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                getattr(Drives(sys.argv[1], sys.argv[2], pathlib.Path(folder)), name)()
+                print(f"ok      {name}", flush=True)
+            except AssertionError as error:
+                print(f"FAILED  {name}: {error}", flush=True)
+                failed += 1
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
