@@ -16,11 +16,11 @@ class FaultyPerception final : public Perception {
  public:
   explicit FaultyPerception(fastcycle::Context& context)
       : Perception(context),
-        fault_(context.param<PerceptionFault>(
-            "fault", {.fallback = PerceptionFault::kException,
-                      .names = {{"exception", PerceptionFault::kException},
-                                {"stall", PerceptionFault::kStall}},
-                      .description = "What goes wrong"})),
+        fault_(context.param<PerceptionFault>("fault",
+                                              {.fallback = PerceptionFault::kException,
+                                               .names = {{"exception", PerceptionFault::kException},
+                                                         {"stall", PerceptionFault::kStall}},
+                                               .description = "What goes wrong"})),
         after_s_(context.param<double>("after_s", {.fallback = 5.0, .min = 0.0, .unit = "s"})),
         stall_s_(context.param<double>("stall_s", {.fallback = 3.0, .min = 0.0, .unit = "s"})) {
     context.create_subscriber<lidar::Sweep>("lidar/points",
