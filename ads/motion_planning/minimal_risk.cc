@@ -22,9 +22,9 @@ constexpr double kLook_s = 6.0;
 
 // What counts like a braking harder by so many m/s^2: someone behind who has to brake, at once, and
 // who would be too late; another line than the plan's; another lane.
-constexpr double kNotYielding = 40.0;
+constexpr double kNotYielding = 80.0;
 constexpr double kPressed_m = 1.0;
-constexpr double kTooLate = 50.0;
+constexpr double kTooLate = 60.0;
 constexpr double kLeavingThePlan = 0.5;
 constexpr double kChangingLane = 2.0;
 constexpr double kLaneWidth_m = 3.5;
@@ -168,7 +168,7 @@ Trajectory into_lane(const Problem& problem, const Road& lane, const RoadPlace& 
 }  // namespace
 
 Stop stop_along(const Problem& problem, const Traffic& unyielding, const Trajectory& along,
-                bool stays_in_lane) {
+                StopLine kind) {
   const Line line(along);
   const State& start = along.states.front();
   // Those who come from behind on the same line see the vehicle brake.
@@ -183,7 +183,8 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Traject
     const bool is_aligned = std::cos(occupant.heading_rad - start.heading_rad) > 0.85;
     const double beside = occupant.half_width_m + problem.vehicle.width_m / 2.0;
     const bool is_follower = std::abs(left) < beside;
-    if (ahead < -problem.vehicle.length_m / 2.0 && is_aligned && (is_follower || stays_in_lane)) {
+    if (ahead < -problem.vehicle.length_m / 2.0 && is_aligned &&
+        (is_follower || kind == StopLine::kOwnLane)) {
       is_behind[occupant.object] = true;
       if (is_follower) {
         followers.push_back(&occupant);
@@ -221,7 +222,9 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Traject
   for (const double braking : kBrakings_mps2) {
     consider(braking, 0.0);
   }
-  consider(kBrakings_mps2.front(), kDrivingOn_s);
+  if (kind == StopLine::kOtherLane) {
+    consider(kBrakings_mps2.front(), kDrivingOn_s);
+  }
   return best;
 }
 
@@ -238,7 +241,7 @@ Stop safest_stop(const Problem& problem, const Traffic& unyielding, const Trajec
       continue;
     }
     Stop other = stop_along(problem, unyielding, into_lane(problem, lane, start, nominal.start_s),
-                            changes < 0.5);
+                            changes < 0.5 ? StopLine::kOwnLane : StopLine::kOtherLane);
     other.price += kLeavingThePlan + kChangingLane * changes;
     if (other.price < best.price) {
       best = std::move(other);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "trajectory.h"
@@ -14,15 +15,19 @@ struct Stop {
   double price = 0.0;  ///< By which stops are compared.
 };
 
+/// What the line is that a stop is made on.
+enum class StopLine : std::uint8_t { kPlan, kOwnLane, kOtherLane };
+
 /// Stops on the line that `along` drives, by the mildest braking that is safe.
 ///
 /// Each braking is tried from the present speed and acceleration. It is judged first by whom the
 /// vehicle runs into, how soon and how fast, then by who behind it could not brake in time, if that
 /// driver begins a second later and brakes by no more than 5 m/s^2, then by who would run
 /// into it if he did not react to it at all, as in `unyielding`, then by comfort.
-/// Where the vehicle stays in its lane, those are left out who drive into that lane from behind.
+/// In the vehicle's own lane those are left out who drive into it from behind. On the way into
+/// another one it may also drive on for a while before it brakes.
 Stop stop_along(const Problem& problem, const Traffic& unyielding, const Trajectory& along,
-                bool stays_in_lane = false);
+                StopLine line = StopLine::kPlan);
 
 /// The best stop: along `nominal`, or on one of the problem's lanes, up to two beside the
 /// vehicle's.
