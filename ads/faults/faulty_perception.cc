@@ -4,8 +4,8 @@
 
 #include <fastcycle/fastcycle.h>
 
-#include "../perception/perception.h"
 #include "lidar/sweep.pb.h"
+#include "perception/perception.h"
 
 namespace ads {
 
