@@ -30,6 +30,13 @@ TEST(Corpus, IsSurvived) {
   EXPECT_GT(take_all_of(FASTCYCLE_CORPUS), 5U);
 }
 
+TEST(Corpus, WhatFuzzingFoundIsSurvived) {
+  if (!std::filesystem::exists(FASTCYCLE_FOUND)) {
+    GTEST_SKIP() << "nothing is kept of it";
+  }
+  EXPECT_GT(take_all_of(FASTCYCLE_FOUND), 100U);
+}
+
 TEST(Corpus, FilesOfOtherTestsAreSurvived) {
   EXPECT_GT(take_all_of(std::filesystem::path(FASTCYCLE_TEST_DATA) / "mcap"), 5U);
 }
