@@ -57,6 +57,32 @@ std::optional<Goal> goal_from(const mission::Goal& goal, const hd_map::Tile* til
   return goal_of(goal, tile, [](std::int64_t ns) { return 1e-9 * static_cast<double>(ns); });
 }
 
+TEST(Messages, LanesGoOnToEachOfTheirSuccessors) {
+  hd_map::Tile tile = tile_with_lane(1, 0.0);
+  tile.mutable_lanes(0)->add_successors(2);
+  tile.mutable_lanes(0)->add_successors(3);
+  for (const std::int64_t id : {2, 3}) {
+    hd_map::Lane& lane = *tile.add_lanes();
+    lane.set_id(id);
+    lane.add_predecessors(1);
+    lane.add_successors(id);  // A circle ends somewhere.
+    for (const double x : {100.0, 150.0}) {
+      const double y = id == 2 ? 0.0 : -0.1 * (x - 100.0);
+      lane.mutable_left()->add_x_m(x);
+      lane.mutable_left()->add_y_m(y + 1.75);
+      lane.mutable_right()->add_x_m(x);
+      lane.mutable_right()->add_y_m(y - 1.75);
+    }
+  }
+
+  const std::vector<Road> lanes = lanes_of(tile);
+
+  ASSERT_EQ(lanes.size(), 2U);
+  EXPECT_NEAR(lanes[0].length_m(), 150.0, 2.0);
+  EXPECT_NEAR(lanes[1].length_m(), 150.0, 2.0);
+  EXPECT_NEAR(std::abs(lanes[0].pose(148.0, 0.0).y_m - lanes[1].pose(148.0, 0.0).y_m), 4.8, 0.5);
+}
+
 TEST(Messages, RoadHasTheRoutesEdgesAndTheTilesLanes) {
   const hd_map::Tile tile = tile_with_lane(1, 3.5);
   const Road road = road_of(straight_route(), &tile);

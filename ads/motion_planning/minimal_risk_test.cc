@@ -64,6 +64,51 @@ TEST(MinimalRisk, BrakesSoThatWhoIsBehindCanBrakeAsWell) {
   EXPECT_LE(followed.braking_mps2, 4.0);
 }
 
+// Stops on lanes along y = 0 and y = -3.5 m.
+State end_of_safest_stop(const std::vector<TrafficObject>& objects) {
+  const Vehicle vehicle;
+  const Road road = straight_road();
+  std::vector<Road> lanes;
+  for (const double offset : {0.0, -kLane_m}) {
+    std::vector<RoadPoint> points;
+    for (double x = -50.0; x <= 400.0; x += 5.0) {
+      points.push_back({.x_m = x, .y_m = offset, .left_edge_m = 50.0, .right_edge_m = 50.0});
+    }
+    lanes.emplace_back(points);
+  }
+  const Traffic traffic(objects, kSteps);
+  const Problem problem{.vehicle = vehicle,
+                        .road = road,
+                        .traffic = traffic,
+                        .start = {.speed_mps = 15.0},
+                        .lanes = &lanes};
+  Trajectory straight;
+  State state = problem.start;
+  for (int count = 0; count < 20; ++count) {
+    straight.states.push_back(state);
+    state = drive(vehicle, state, {}, straight.step_s);
+  }
+  return safest_stop(problem, traffic, straight).trajectory.states.back();
+}
+
+TEST(MinimalRisk, StopsInItsLaneWhenNobodyComes) {
+  EXPECT_NEAR(end_of_safest_stop({}).y_m, 0.0, 0.1);
+}
+
+TEST(MinimalRisk, LeavesTheLaneToWhoComesFromBehindAndDoesNotBrake) {
+  const State end = end_of_safest_stop({car(-13.0, 0.0, 15.0)});
+
+  EXPECT_NEAR(end.y_m, -kLane_m, 0.4);
+  EXPECT_EQ(end.speed_mps, 0.0);
+}
+
+TEST(MinimalRisk, StaysInItsLaneWhenSomebodyComesOnTheOtherAsWell) {
+  const std::vector<TrafficObject> behind = {car(-13.0, 0.0, 15.0, 1),
+                                             car(-13.0, -kLane_m, 15.0, 2)};
+
+  EXPECT_NEAR(end_of_safest_stop(behind).y_m, 0.0, 0.4);
+}
+
 TEST(MinimalRisk, StaysWhereItStands) {
   const Stop stop = stop_among({}, 0.0);
 
