@@ -197,7 +197,13 @@ def main():
     chosen = line.parse_args()
     try:
         result = judge(ElementTree.parse(chosen.scenario).getroot(), read_rows(chosen.trajectory), not chosen.no_traffic)
-    except (OSError, ValueError, ElementTree.ParseError) as error:
+    except OSError as error:
+        print(f"judge_drive: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
+    except ElementTree.ParseError as error:
+        print(f"judge_drive: {chosen.scenario}: expected XML: {error}", file=sys.stderr)
+        return 2
+    except ValueError as error:
         print(f"judge_drive: {error}", file=sys.stderr)
         return 2
     print(json.dumps(result))
