@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Says which links of the documents lead nowhere, and which code of README.md and of the guides is not code
-that the tests build and run. Exits with 1 if there is any."""
+"""Says which links of the documents lead nowhere, and which code of README.md, of the guides and lessons is not
+code that the tests build and run. Exits with 1 if there is any."""
 
 import pathlib
 import re
@@ -12,6 +12,8 @@ SNIPPETS = [("cpp", "tests/consumer/project/speed_limiter.cc")]
 # The guides' code stands in these tests, word for word; tests/consumer builds this one as it stands.
 GUIDE_TESTS = "tests/guides"
 BUILT_WHOLE = "first_component.md"
+# What a lesson shows stands in its own folder, which is built and run.
+LESSONS = "examples"
 
 
 def documents():
@@ -63,10 +65,21 @@ def unbuilt_snippets():
                     yield f"{guide.relative_to(ROOT)}: no test in {GUIDE_TESTS} has its code {words(block)[:70]}…"
 
 
+def strange_lessons():
+    for lesson in sorted((ROOT / LESSONS).glob("[0-9]*/README.md")):
+        sources = [words(file.read_text(encoding="utf-8"))
+                   for pattern in ("*.cc", "*.h", "*.json") for file in sorted(lesson.parent.glob(pattern))]
+        for language in ("cpp", "json"):
+            for block in code_blocks(lesson.read_text(encoding="utf-8"), language):
+                if not any(words(block) in source for source in sources):
+                    yield f"{lesson.relative_to(ROOT)}: no file beside it has its code {words(block)[:70]}…"
+
+
 def main():
     problems = [problem for document in documents() for problem in dead_links(document)]
     problems += strange_snippets()
     problems += unbuilt_snippets()
+    problems += strange_lessons()
     print("\n".join(problems) if problems else "check_docs: links lead somewhere, the code shown is built")
     return 1 if problems else 0
 
