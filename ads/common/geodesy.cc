@@ -23,6 +23,24 @@ Eigen::Vector3d ecef_from_geodetic(const GeodeticPosition& position) {
           (normal_m * (1.0 - kEccentricitySquared) + position.altitude_m) * sine};
 }
 
+GeodeticPosition geodetic_from_ecef(const Eigen::Vector3d& position_m) {
+  constexpr int kRounds = 6;  // Each makes the error smaller by more than a factor of a hundred.
+  const double axis_distance_m = std::hypot(position_m.x(), position_m.y());
+  double latitude = std::atan2(position_m.z(), axis_distance_m * (1.0 - kEccentricitySquared));
+  double normal_m = kSemiMajorAxis_m;
+  for (int round = 0; round < kRounds; ++round) {
+    const double sine = std::sin(latitude);
+    normal_m = kSemiMajorAxis_m / std::sqrt(1.0 - kEccentricitySquared * sine * sine);
+    latitude = std::atan2(position_m.z() + kEccentricitySquared * normal_m * sine, axis_distance_m);
+  }
+  // Along the normal: right at the poles and at the equator.
+  const double altitude_m = axis_distance_m * std::cos(latitude) +
+                            position_m.z() * std::sin(latitude) -
+                            kSemiMajorAxis_m * kSemiMajorAxis_m / normal_m;
+  return {latitude / kRadPerDeg, std::atan2(position_m.y(), position_m.x()) / kRadPerDeg,
+          altitude_m};
+}
+
 LocalFrame::LocalFrame(const GeodeticPosition& origin)
     : origin_(origin), origin_ecef_m_(ecef_from_geodetic(origin)) {
   const double sin_latitude = std::sin(origin.latitude_deg * kRadPerDeg);

@@ -19,6 +19,10 @@ struct GeodeticPosition {
 /// 2nd edition, 2013, equations 2.105, 2.106 and 2.112; the ellipsoid is that of NIMA TR8350.2.
 Eigen::Vector3d ecef_from_geodetic(const GeodeticPosition& position);
 
+/// And back, by the iteration on the latitude that follows from them; within a millimetre up to
+/// 100 km above the ellipsoid. The centre of the earth has no latitude.
+GeodeticPosition geodetic_from_ecef(const Eigen::Vector3d& position_m);
+
 /// The tangential plane at an origin: x east, y north, z up, in metres.
 ///
 /// The rotation is Groves (as above), equation 2.150, with the axes in the order east, north, up.
@@ -38,6 +42,9 @@ class LocalFrame {
   }
   [[nodiscard]] Eigen::Vector3d ecef_from_enu(const Eigen::Vector3d& position_m) const {
     return origin_ecef_m_ + enu_from_ecef_.transpose() * position_m;
+  }
+  [[nodiscard]] GeodeticPosition geodetic_from_enu(const Eigen::Vector3d& position_m) const {
+    return geodetic_from_ecef(ecef_from_enu(position_m));
   }
   /// Turns a velocity, or any other free vector.
   [[nodiscard]] Eigen::Vector3d rotate_to_enu(const Eigen::Vector3d& ecef_vector) const {

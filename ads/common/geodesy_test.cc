@@ -11,6 +11,21 @@ TEST(Geodesy, AxesOfTheEllipsoidAreThoseOfWgs84) {
   EXPECT_NEAR(ecef_from_geodetic({0.0, 90.0, 10.0}).y(), 6378147.0, 1e-9);
 }
 
+TEST(Geodesy, WayThereAndBackEndsWhereItBegan) {
+  for (const double latitude_deg : {-90.0, -89.9999, -45.0, 0.0, 37.72, 49.01, 89.0, 90.0}) {
+    for (const double longitude_deg : {-179.9, -122.47, 0.0, 8.4}) {
+      for (const double altitude_m : {-400.0, 0.0, 115.0, 100'000.0}) {
+        const Eigen::Vector3d place = ecef_from_geodetic({latitude_deg, longitude_deg, altitude_m});
+
+        const GeodeticPosition back = geodetic_from_ecef(place);
+
+        EXPECT_NEAR((ecef_from_geodetic(back) - place).norm(), 0.0, 1e-3) << latitude_deg;
+        EXPECT_NEAR(back.altitude_m, altitude_m, 1e-3);
+      }
+    }
+  }
+}
+
 TEST(LocalFrame, DirectionsAreEastNorthUp) {
   const LocalFrame frame({37.72, -122.47, 33.0});
 

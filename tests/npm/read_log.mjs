@@ -3,6 +3,7 @@
 //   node read_log.mjs count FILE...    by the stream reader: messages of each topic, one line a file
 //   node read_log.mjs stream FILE      by the stream reader: each record, with decoded messages
 //   node read_log.mjs index FILE       by the indexed reader: what the summary says and leads to
+//   node read_log.mjs fields FILE      of each schema: the fields of its messages, with their numbers
 //   node read_log.mjs ranges FILE < Q  by the indexed reader: heads of the messages asked for by each
 //                                      line of Q, {"begin": "1", "end": "5", "topics": ["a"]}: from
 //                                      begin on, before end; without topics: of all
@@ -172,6 +173,32 @@ async function index(file) {
   }
 }
 
+/** The fields of a type and of all that is in it: by type, by name, the number and the type. */
+function fieldsOf(type, found = {}) {
+  const name = type.fullName.replace(/^[.]/, "");
+  if (name in found) {
+    return found;
+  }
+  found[name] = {};
+  for (const field of type.fieldsArray) {
+    field.resolve();
+    const resolved = field.resolvedType?.fullName.replace(/^[.]/, "") ?? field.type;
+    found[name][field.name] = [field.id, (field.repeated ? "repeated " : "") + resolved];
+    if (field.resolvedType instanceof protobuf.Type) {
+      fieldsOf(field.resolvedType, found);
+    }
+  }
+  return found;
+}
+
+async function fields(file) {
+  const reader = await indexed(file);
+  for (const { name, data, encoding } of reader.schemasById.values()) {
+    const root = protobuf.Root.fromDescriptor(descriptor.FileDescriptorSet.decode(data));
+    print({ type: "fields", name, encoding, fields: fieldsOf(root.lookupType(name)) });
+  }
+}
+
 async function ranges(file) {
   const reader = await indexed(file);
   for await (const line of createInterface({ input: process.stdin })) {
@@ -192,11 +219,11 @@ if (what === "count" && names.length > 0) {
   await count(names);
 } else if (what === "stream" && names.length === 1) {
   await stream(names[0]);
-} else if ((what === "index" || what === "ranges") && names.length === 1) {
+} else if (["index", "fields", "ranges"].includes(what) && names.length === 1) {
   const file = await open(names[0]);
-  await (what === "index" ? index(file) : ranges(file));
+  await { index, fields, ranges }[what](file);
   await file.close();
 } else {
-  process.stderr.write("usage: read_log.mjs count FILE... | stream FILE | index FILE | ranges FILE\n");
+  process.stderr.write("usage: read_log.mjs count FILE... | stream FILE | index FILE | fields FILE | ranges FILE\n");
   process.exitCode = 2;
 }
