@@ -1,0 +1,3 @@
+#include "distance_keeper.h"
+
+FASTCYCLE_COMPONENT(DistanceKeeper)
