@@ -6,6 +6,7 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 #include <poll.h>
+#include <sched.h>
 #include <unistd.h>
 
 #include "archive/message_text.h"
@@ -21,6 +22,12 @@ using Field = pb::FieldDescriptor;
 
 constexpr std::chrono::milliseconds kPatience{50};
 constexpr std::chrono::seconds kDrain{5};
+
+/// From now on this thread runs where nothing else wants the CPU: who only looks makes nobody wait.
+void give_way() {
+  const sched_param none{};
+  static_cast<void>(::sched_setscheduler(0, SCHED_IDLE, &none));  // Lower is always allowed.
+}
 
 /// Whoever reads standard output is still there.
 bool has_reader() {
@@ -164,6 +171,9 @@ void Streams::end_all() {
 
 void Streams::follow(Output& output, const std::function<bool(const protocol::Answer*)>& give,
                      bool drains) {
+  if (!drains) {
+    give_way();
+  }
   std::optional<std::chrono::steady_clock::time_point> stopped;
   while (!running_.empty()) {
     if (is_stopped_ && !stopped) {

@@ -86,6 +86,8 @@ class Streams {
 
   /// Calls `give` with each answer; with null, if none came for a while. Returns when `give`
   /// returns false, or see above. With `drains`, what was under way at Ctrl-C is still given.
+  /// Without it the thread runs from here on as SCHED_IDLE: on a full machine what is shown gets
+  /// late, or is counted as lost, and the application does not.
   void follow(Output& output, const std::function<bool(const protocol::Answer*)>& give,
               bool drains = false);
 
