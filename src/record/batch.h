@@ -20,6 +20,13 @@ namespace fastcycle::record {
 /// @threads  Confined; handed from the thread that fills it to the one that writes it.
 class Batch {
  public:
+  /// Messages of one topic, and their bytes, serialized.
+  struct Count {
+    std::size_t topic;
+    std::uint64_t messages = 0;
+    std::uint64_t bytes = 0;
+  };
+
   explicit Batch(const mcap::ChunkOptions& options) : chunk(options) {}
   Batch(const Batch&) = delete;
   Batch& operator=(const Batch&) = delete;
@@ -50,10 +57,10 @@ class Batch {
   mcap::ChunkBuilder chunk;
   Serializer serializer;  ///< Of the message that is borrowed.
   log::MessageInfos infos;
-  std::vector<log::Activations> activations;                  ///< By worker.
-  std::vector<StoredMessage> latched;                         ///< Of them, those of latched topics.
-  std::vector<std::pair<std::size_t, std::uint64_t>> counts;  ///< Messages, by topic.
-  std::int64_t began_ns = 0;                                  ///< CLOCK_MONOTONIC, first message.
+  std::vector<log::Activations> activations;  ///< By worker.
+  std::vector<StoredMessage> latched;         ///< Of them, those of latched topics.
+  std::vector<Count> counts;
+  std::int64_t began_ns = 0;  ///< CLOCK_MONOTONIC, first message.
 
  private:
   detail::Envelope* held_ = nullptr;

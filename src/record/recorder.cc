@@ -144,16 +144,16 @@ void Recorder::take_message(const Stream& stream, detail::Envelope* envelope) {
     detail::release(envelope);
     return;
   }
-  topic.bytes.fetch_add(bytes, std::memory_order_relaxed);
   if (is_large) {
-    add_large(stream, envelope);
+    add_large(stream, envelope, bytes);
     return;
   }
-  add_small(stream, *envelope);
+  add_small(stream, *envelope, bytes);
   detail::release(envelope);
 }
 
-void Recorder::add_small(const Stream& stream, const detail::Envelope& envelope) {
+void Recorder::add_small(const Stream& stream, const detail::Envelope& envelope,
+                         std::uint64_t bytes) {
   Open& open = open_[states_[stream.index]->open];
   if (open.batch == nullptr) {
     open.batch = new_batch(open.options);
@@ -161,7 +161,7 @@ void Recorder::add_small(const Stream& stream, const detail::Envelope& envelope)
   const mcap::MessageHead head = head_of(stream, envelope.info);
   const std::span<const mcap::Bytes> parts = serializer_.serialize(*envelope.payload);
   open.batch->chunk.add(head, parts);
-  note(*open.batch, stream, envelope);
+  note(*open.batch, stream, envelope, bytes);
   if (stream.latched > 0) {
     open.batch->latched.push_back({.head = head, .data = copy_of(parts)});
   }
@@ -170,25 +170,27 @@ void Recorder::add_small(const Stream& stream, const detail::Envelope& envelope)
   }
 }
 
-void Recorder::add_large(const Stream& stream, detail::Envelope* envelope) {
+void Recorder::add_large(const Stream& stream, detail::Envelope* envelope, std::uint64_t bytes) {
   StreamState& state = *states_[stream.index];
   std::unique_ptr<Batch> batch = new_batch(open_[state.open].options);
   batch->chunk.borrow(head_of(stream, envelope->info),
                       batch->serializer.serialize(*envelope->payload));
-  note(*batch, stream, *envelope);
+  note(*batch, stream, *envelope, bytes);
   state.held.fetch_add(1, std::memory_order_relaxed);
   batch->hold(envelope, state.held);
   hand_over(std::move(batch));
 }
 
-void Recorder::note(Batch& batch, const Stream& stream, const detail::Envelope& envelope) {
+void Recorder::note(Batch& batch, const Stream& stream, const detail::Envelope& envelope,
+                    std::uint64_t bytes) {
   if (auto info = describe(stream, envelope.info, round_)) {
     *batch.infos.add_infos() = std::move(*info);
   }
-  if (batch.counts.empty() || batch.counts.back().first != stream.topic) {
-    batch.counts.emplace_back(stream.topic, 0);
+  if (batch.counts.empty() || batch.counts.back().topic != stream.topic) {
+    batch.counts.push_back({.topic = stream.topic});
   }
-  ++batch.counts.back().second;
+  ++batch.counts.back().messages;
+  batch.counts.back().bytes += bytes;
 }
 
 void Recorder::take_activations() {
@@ -277,10 +279,12 @@ void Recorder::write(Batch& batch) {
   batch.chunk.close();
   const bool is_written = recording_.write(batch.chunk);
   std::uint64_t messages = 0;
-  for (const auto& [topic, count] : batch.counts) {
-    auto& counter = is_written ? topics_[topic]->recorded : topics_[topic]->disk;
-    counter.fetch_add(count, std::memory_order_relaxed);
-    messages += count;
+  for (const Batch::Count& count : batch.counts) {
+    Topic& topic = *topics_[count.topic];
+    auto& counter = is_written ? topic.recorded : topic.disk;
+    counter.fetch_add(count.messages, std::memory_order_relaxed);
+    topic.bytes.fetch_add(is_written ? count.bytes : 0, std::memory_order_relaxed);
+    messages += count.messages;
   }
   tell(is_written, messages);
   for (StoredMessage& message : batch.latched) {

@@ -155,10 +155,11 @@ class Recorder {
   [[nodiscard]] std::size_t open_for(const std::string& topic);
   void poll();
   void take_message(const Stream& stream, detail::Envelope* envelope);
-  void add_small(const Stream& stream, const detail::Envelope& envelope);
-  void add_large(const Stream& stream, detail::Envelope* envelope);
+  void add_small(const Stream& stream, const detail::Envelope& envelope, std::uint64_t bytes);
+  void add_large(const Stream& stream, detail::Envelope* envelope, std::uint64_t bytes);
   void take_activations();
-  void note(Batch& batch, const Stream& stream, const detail::Envelope& envelope);
+  void note(Batch& batch, const Stream& stream, const detail::Envelope& envelope,
+            std::uint64_t bytes);
   void add_own(Batch& batch, std::uint16_t channel, const google::protobuf::Message& message);
   void hand_over(std::unique_ptr<Batch> batch);
   void hand_over_what_is_due(bool all);

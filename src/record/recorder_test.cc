@@ -199,6 +199,7 @@ TEST_F(Recorded, WhatCannotBeWrittenIsCounted) {
   const RecordedTopic topic = recorder_->topics()[0];
   EXPECT_EQ(topic.published, 100U);
   EXPECT_EQ(topic.recorded, 0U);
+  EXPECT_EQ(topic.bytes, 0U);
   EXPECT_EQ(topic.lost(), 100U);
 }
 
