@@ -1,27 +1,92 @@
+#include <cstdio>
 #include <memory>
 
+#include <fmt/format.h>
+
+#include "archive/output_file.h"
 #include "command.h"
+#include "file_work.h"
 #include "rewriting.h"
+#include "rosbag/rosbag.h"
 
 namespace fastcycle::tool {
+namespace {
+
+/// Says what was not converted; the exit code.
+int tell(const Rewriting& work, const rosbag::Converted& done) {
+  const std::string in = work.inputs[0].string();
+  for (const mcap::Problem& problem : done.problems) {
+    print_problem(work.command, problem, "what there is was taken");
+  }
+  std::uint64_t copied = 0;
+  bool is_all = true;
+  std::string words;
+  for (const rosbag::Topic& topic : done.topics) {
+    if (!topic.is_converted) {
+      copied += topic.messages;
+      words += fmt::format("{}: {}: {} is not known here; copied as they are: {} messages\n", in,
+                           topic.name, topic.type.empty() ? "no type" : topic.type, topic.messages);
+    } else if (topic.unreadable > 0) {
+      is_all = false;
+      words +=
+          fmt::format("{}: {}: missing, as they are no {}: {} of {} messages; the first: {}\n", in,
+                      topic.name, topic.type, topic.unreadable, topic.messages, topic.mistake);
+    }
+  }
+  std::fputs(words.c_str(), stderr);
+  if (!work.is_quiet) {
+    std::printf("%s: %llu messages of a ROS bag, of which %llu are copied as they are\n",
+                work.output.c_str(), static_cast<unsigned long long>(done.messages),
+                static_cast<unsigned long long>(copied));
+  }
+  const int code = flush_output();
+  return code == kDone && !is_all ? kProblems : code;
+}
+
+int convert_rosbag(Rewriting& work, const mcap::FileSource& source) {
+  archive::OutputFile file(work.output, {.may_replace = work.is_forced, .inputs = work.inputs});
+  rosbag::Converted done;
+  {
+    FileWork file_work(!work.is_quiet);
+    done = rosbag::convert(source, file.sink(), work.layout,
+                           file_work.progress(work.command, source.size()));
+    file.commit();
+  }
+  return tell(work, done);
+}
+
+}  // namespace
 
 Command add_convert(CLI::App& program) {
-  CLI::App* line = program.add_subcommand(
-      "convert", "Write a log anew: with another compression, other chunks, an index");
+  CLI::App* line = program.add_subcommand("convert",
+                                          "Write a log anew: with another compression, other "
+                                          "chunks, an index; or a ROS 2 bag as a log");
   line->footer(
       examples("  fastcycle convert drive.mcap small.mcap --compression zstd\n"
-               "  fastcycle convert drive.mcap plain.mcap --compression none --no-index\n"));
+               "  fastcycle convert drive.mcap plain.mcap --compression none --no-index\n"
+               "  fastcycle convert rosbag2_0.mcap drive.mcap\n"));
   const auto work = std::make_shared<Rewriting>();
   const auto has_no_index = std::make_shared<bool>(false);
+  const auto is_as_it_is = std::make_shared<bool>(false);
   work->command = "convert";
   work->inputs.resize(1);
   line->add_option("in", work->inputs[0], "The log")->required()->type_name("IN");
   line->add_option("out", work->output, "The new one")->required()->type_name("OUT");
   line->add_flag("--no-index", *has_no_index,
                  "Without indexes of chunks and messages: readers have to go through all of it");
+  line->add_flag("--as-it-is", *is_as_it_is, "Leave messages of ROS in their own encoding");
   work->add_options(*line);
-  return {line, [work, has_no_index] {
+  return {line, [work, has_no_index, is_as_it_is] {
             work->layout.has_index = !*has_no_index;
+            if (const std::string wrong = work->find_wrong(); !wrong.empty()) {
+              return print_mistake(work->command, wrong);
+            }
+            if (!*is_as_it_is) {
+              const mcap::FileSource source(work->inputs[0]);
+              if (rosbag::is_rosbag(source)) {
+                return convert_rosbag(*work, source);
+              }
+            }
             return work->run();
           }};
 }

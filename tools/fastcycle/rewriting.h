@@ -28,11 +28,13 @@ struct Rewriting {
   /// The words for all but the files.
   void add_options(CLI::App& line);
 
+  /// Takes what the options say; a sentence if it is wrong.
+  [[nodiscard]] std::string find_wrong();
+
   /// Does it; the exit code.
   int run();
 
  private:
-  [[nodiscard]] std::string find_wrong();
   [[nodiscard]] std::filesystem::path path_of(std::uint64_t number) const;
 };
 

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "archive/progress.h"
+#include "archive/rewrite.h"
+#include "mcap/error.h"
+#include "mcap/file.h"
+
+namespace fastcycle::rosbag {
+
+/// What became of the messages of one topic.
+struct Topic {
+  std::string name;
+  std::string type;  ///< Of ROS.
+  std::uint64_t messages = 0;
+  bool is_converted = false;  ///< Else it was copied as it is.
+  /// Those that could not be read, and are missing; and why, of the first.
+  std::uint64_t unreadable = 0;
+  std::string mistake;
+};
+
+struct Converted {
+  std::uint64_t messages = 0;           ///< Written.
+  std::vector<Topic> topics;            ///< In the order of their names.
+  std::vector<mcap::Problem> problems;  ///< Of an input that was not closed.
+};
+
+/// Whether a file has messages that ROS 2 serialized.
+///
+/// @errors  `mcap::Error`
+[[nodiscard]] bool is_rosbag(const mcap::Source& source);
+
+/// Writes the messages of a bag in the order of their log times: those of known types in protobuf,
+/// on the topic of the same name without the slash at its begin; others as they are. Attachments
+/// and metadata stand before them.
+///
+/// @errors  `mcap::Error`, also a `Damage` of the input.
+Converted convert(const mcap::Source& source, mcap::Sink& sink, const archive::Layout& layout,
+                  const archive::Progress& progress = {});
+
+}  // namespace fastcycle::rosbag
