@@ -26,13 +26,13 @@ FASTEST_BRAKING_MPS2, FASTEST_SPEEDING_UP_MPS2, LATERAL_MAX_MPS2, GAP_MIN_M = -6
 class Drive:
     """One run, and what came of it."""
 
-    def __init__(self, fastcycle, folder, scenario, *options, clock="simulated", traffic="replay"):
+    def __init__(self, fastcycle, folder, scenario, *options, clock="simulated", traffic="replay", environment=None):
         folder.mkdir(parents=True)
         self.folder, self.scenario = folder, scenario
         done = subprocess.run(
             [fastcycle, "run", HERE / "ads.json", "--clock", clock, "--quiet", "--var", f"scenario={scenario}", "--var",
              f"traffic={traffic}", "--var", "trajectory=out.csv", "--report", "report.json", *options],
-            cwd=folder, capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
+            cwd=folder, env={**os.environ, **(environment or {})}, capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
         self.output = done.stdout + done.stderr
         assert done.returncode == 0, f"exit code {done.returncode}: {self.output[-2000:]}"
         self.report = json.loads((folder / "report.json").read_text())
@@ -148,6 +148,17 @@ class Drives:
             found = (messages, (drive.folder / "out.csv").read_bytes())
             assert first in (None, found), f"with {workers} workers it was another drive"
             first = found
+
+    def sweeps_are_read_where_they_were_written(self):
+        without_logging = self.folder / "without_logging.json"
+        without_logging.write_text(json.dumps({"components": [{"name": "logging", "library": None}]}))
+        for options, is_recorded in (([], False), (["--record", "all.mcap"], True)):
+            drive = self.drive("4_1", "--overlay", without_logging, *options, environment={"LD_PRELOAD": os.environ["PAYLOAD_WITNESS_LIBRARY"],
+                                                             "PAYLOAD_WITNESS": "witness.json"})  # fmt: skip
+            seen = json.loads((drive.folder / "witness.json").read_text())
+            assert seen["published"] > 90 and seen["received"] > 90, seen
+            assert seen["elsewhere"] == 0, seen
+            assert (seen["serialized"] > seen["published"]) if is_recorded else (seen["serialized"] == 0), seen
 
     # Only when asked for.
 
