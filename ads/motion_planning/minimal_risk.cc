@@ -25,6 +25,9 @@ constexpr double kLook_s = 6.0;
 constexpr double kNotYielding = 80.0;
 constexpr double kPressed_m = 1.0;
 constexpr double kTooLate = 60.0;
+// What others will likely do, and what weighs that they might do something else.
+constexpr double kLikely = 0.5;
+constexpr double kPossible = 0.25;
 constexpr double kLeavingThePlan = 0.5;
 constexpr double kChangingLane = 2.0;
 constexpr double kLaneWidth_m = 3.5;
@@ -89,6 +92,15 @@ Trajectory braked(const Line& line, const Trajectory& along, double braking_mps2
   return stop;
 }
 
+// Soon is certain; what is predicted for later may well not come.
+double price_of_hit(const Trajectory& stop, const Verdict& verdict) {
+  if (!std::isfinite(verdict.hit_s)) {
+    return 0.0;
+  }
+  const double impact_mps = stop.at(stop.start_s + verdict.hit_s).speed_mps;
+  return (3000.0 + 100.0 * impact_mps) / std::pow(0.2 + verdict.hit_s, 3.0);
+}
+
 // Whether a driver who comes from behind, on the same line, would run into the vehicle.
 bool is_run_into(const Problem& problem, const Trajectory& stop, const Occupant& behind) {
   constexpr double kReaction_s = 1.0;
@@ -121,7 +133,6 @@ const std::vector<Road>& lanes_of(const Problem& problem) {
 // infinite if nobody comes, or no lane is known.
 double arrival_s(const Problem& problem, const Traffic& unyielding, const Trajectory& stop) {
   constexpr double kMoving_mps = 0.5;
-  constexpr double kProbabilityMin = 0.2;
   constexpr double kAligned = 0.85;
   const auto step =
       std::min(unyielding.steps(), static_cast<std::size_t>(kLook_s / Traffic::kStep_s));
@@ -195,27 +206,33 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Traject
   const auto consider = [&](double braking, double after_s) {
     Trajectory stop = braked(line, along, braking, after_s);
     const Verdict verdict = judge(problem.vehicle, stop, problem.traffic, kLook_s, is_behind);
+    const Verdict likely =
+        judge(problem.vehicle, stop, problem.traffic, kLook_s, is_behind, kLikely);
     double price = braking + after_s;
     if (std::isfinite(verdict.hit_s)) {
-      // Soon is certain; what is predicted for later may well not come.
-      const double impact_mps = stop.at(stop.start_s + verdict.hit_s).speed_mps;
-      price += (3000.0 + 100.0 * impact_mps) / std::pow(0.2 + verdict.hit_s, 3.0);
+      price += std::max(price_of_hit(stop, likely), kPossible * price_of_hit(stop, verdict));
     } else if (verdict.smallest_gap_m < 0.5) {
       price += 20.0 * (0.5 - verdict.smallest_gap_m);
     }
-    const Verdict pressed = judge(problem.vehicle, stop, unyielding, kLook_s);
-    const double pressed_s = pressed.smallest_gap_m < std::min(kPressed_m, verdict.smallest_gap_m)
-                                 ? pressed.gap_s
-                                 : arrival_s(problem, unyielding, stop);
+    const auto pressed_s = [&](double probability_min) {
+      const Verdict pressed =
+          judge(problem.vehicle, stop, unyielding, kLook_s, {}, probability_min);
+      return pressed.smallest_gap_m < std::min(kPressed_m, verdict.smallest_gap_m)
+                 ? pressed.gap_s
+                 : arrival_s(problem, unyielding, stop);
+    };
+    const double possible_s = pressed_s(kProbabilityMin);
     const bool is_too_late =
-        std::isfinite(pressed_s) && std::ranges::any_of(followers, [&](const Occupant* follower) {
+        std::isfinite(possible_s) && std::ranges::any_of(followers, [&](const Occupant* follower) {
           return is_run_into(problem, stop, *follower);
         });
-    price += kNotYielding / (1.0 + pressed_s) + (is_too_late ? kTooLate : 0.0);
+    price += std::max(kNotYielding / (1.0 + pressed_s(kLikely)),
+                      kPossible * kNotYielding / (1.0 + possible_s));
+    price += is_too_late ? kTooLate : 0.0;
     if (price < best.price) {
       best = {.trajectory = std::move(stop),
               .braking_mps2 = braking,
-              .hit_s = verdict.hit_s,
+              .hit_s = likely.hit_s,
               .price = price};
     }
   };

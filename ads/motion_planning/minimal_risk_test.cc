@@ -109,6 +109,22 @@ TEST(MinimalRisk, StaysInItsLaneWhenSomebodyComesOnTheOtherAsWell) {
   EXPECT_NEAR(end_of_safest_stop(behind).y_m, 0.0, 0.4);
 }
 
+TEST(MinimalRisk, LeavesTheLaneEvenIfSomebodyMightPerhapsGoThereToo) {
+  TrafficObject beside = car(-13.0, kLane_m, 15.0, 2);
+  PredictedWay into_the_free_lane = beside.ways.front();
+  for (int step = 1; step <= 20; ++step) {
+    PredictedState& state =
+        into_the_free_lane.states.emplace_back(into_the_free_lane.states.front());
+    state.x_m += 1.5 * step;
+    state.y_m -= 2.0 * kLane_m * std::min(1.0, 0.1 * step);
+  }
+  into_the_free_lane.probability = 0.25;
+  beside.ways.front().probability = 0.75;
+  beside.ways.push_back(into_the_free_lane);
+
+  EXPECT_NEAR(end_of_safest_stop({car(-13.0, 0.0, 15.0, 1), beside}).y_m, -kLane_m, 0.4);
+}
+
 TEST(MinimalRisk, StaysWhereItStands) {
   const Stop stop = stop_among({}, 0.0);
 

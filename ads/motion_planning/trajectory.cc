@@ -9,9 +9,6 @@
 namespace motion_planning {
 namespace {
 
-// Less probable ways are looked at by what they cost only.
-constexpr double kProbabilityMin = 0.2;
-
 ads::Box box_of(const Vehicle& vehicle, const State& state) {
   return {.center_m = {state.x_m, state.y_m},
           .heading_rad = state.heading_rad,
@@ -51,7 +48,7 @@ Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s)
 }
 
 Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffic& traffic,
-              double until_s, const std::vector<bool>& is_ignored) {
+              double until_s, const std::vector<bool>& is_ignored, double probability_min) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Verdict verdict{.smallest_gap_m = kInfinity, .hit_s = kInfinity};
   const double reach = 0.5 * std::hypot(vehicle.length_m, vehicle.width_m);
@@ -68,7 +65,7 @@ Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffi
     verdict.lateral_max_mps2 =
         std::max(verdict.lateral_max_mps2, std::abs(state.speed_mps * yaw_rate(vehicle, state)));
     for (const Occupant& occupant : traffic.at(step)) {
-      const bool is_looked_at = occupant.probability >= kProbabilityMin &&
+      const bool is_looked_at = occupant.probability >= probability_min &&
                                 (is_ignored.empty() || !is_ignored[occupant.object]);
       const double distance = std::hypot(state.x_m - occupant.x_m, state.y_m - occupant.y_m);
       const double radius = std::hypot(occupant.half_length_m, occupant.half_width_m);

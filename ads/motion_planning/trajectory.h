@@ -34,9 +34,13 @@ struct Verdict {
   double lateral_max_mps2 = 0.0;
 };
 
+/// Less probable ways are looked at by what they cost only.
+inline constexpr double kProbabilityMin = 0.2;
+
 /// Looks at the first `until_s` of a trajectory with exact boxes. Objects for which `is_ignored` is
-/// set are left out.
+/// set are left out, and ways that are less probable than `probability_min`.
 Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffic& traffic,
-              double until_s, const std::vector<bool>& is_ignored = {});
+              double until_s, const std::vector<bool>& is_ignored = {},
+              double probability_min = kProbabilityMin);
 
 }  // namespace motion_planning
