@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""check_example.py <build folder> <lesson's folder>
+"""check_example.py <build folder> <document>
 
-Types what the lesson's README.md shows behind `$` in its `console` blocks, in a folder from which `examples` and
+Types what the document, a lesson's README.md for instance, shows behind `$` in its `console` blocks, in a folder from which `examples` and
 `build/dev` are reached as from the root of the project, and compares what comes out, stderr before stdout, with
-the lines that the README shows below. There, `…` stands for anything, and a line that is only `…` for any
+the lines that the document shows below. There, `…` stands for anything, and a line that is only `…` for any
 number of lines. How long something took, and how much memory, differs from run to run and is not compared, but
-in lines of the log. A command may end with another exit code than 0 only where the README has it say so
+in lines of the log. A command may end with another exit code than 0 only where the document has it say so
 (`|| echo "exit code $?"`)."""
 
 import os
@@ -19,9 +19,9 @@ MEASURED = re.compile(r"(?<![\w.])\d[\d.,]* (?:ns|µs|ms|s|KiB|MiB|B)(?!\w)")
 OF_LOG = re.compile(r"(debug|info|warning|error): ")
 
 
-def commands(readme):
+def commands(text):
     """(command, shown lines) of each command of each console block."""
-    for block in re.findall(r"```console\n(.*?)```", readme, flags=re.S):
+    for block in re.findall(r"```console\n(.*?)```", text, flags=re.S):
         for part in re.split(r"^\$ ", block, flags=re.M)[1:]:
             lines = part.replace("\\\n", "").splitlines()
             yield lines[0], [line.rstrip() for line in lines[1:] if line.strip()]
@@ -65,24 +65,23 @@ def check(command, shown, folder, environment):
 
 
 def main():
-    build, lesson = (pathlib.Path(path).resolve() for path in sys.argv[1:])
-    readme = lesson / "README.md"
-    typed = list(commands(readme.read_text(encoding="utf-8")))
+    build, document = (pathlib.Path(path).resolve() for path in sys.argv[1:])
+    typed = list(commands(document.read_text(encoding="utf-8")))
     if not typed:
-        print(f"{readme}: shows no command")
+        print(f"{document}: shows no command")
         return 1
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        (folder / "examples").symlink_to(lesson.parent)
+        (folder / "examples").symlink_to(pathlib.Path(__file__).resolve().parent)
         (folder / "build").mkdir()
         (folder / "build/dev").symlink_to(build)
         environment = os.environ | {"PATH": f"{build}/bin:{os.environ['PATH']}", "NO_COLOR": "1"}
         for command, shown in typed:
             problem = check(command, shown, folder, environment)
             if problem:
-                print(f"{readme}: $ {command}\n{problem}")
+                print(f"{document}: $ {command}\n{problem}")
                 return 1
-    print(f"{lesson.name}: {len(typed)} commands print what its README.md shows")
+    print(f"{document}: {len(typed)} commands print what it shows")
     return 0
 
 

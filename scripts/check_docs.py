@@ -65,6 +65,15 @@ def unbuilt_snippets():
                     yield f"{guide.relative_to(ROOT)}: no test in {GUIDE_TESTS} has its code {words(block)[:70]}…"
 
 
+def lonely_snippets():
+    """In the guides from other frameworks each of their snippets has one of ours below it."""
+    for guide in sorted((ROOT / "docs/guides").glob("from_*.md")):
+        languages = re.findall(r"```(\S+)\n.*?```", guide.read_text(encoding="utf-8"), flags=re.S)
+        for theirs, ours in zip(languages[::2], languages[1::2] + [None] * (len(languages) % 2)):
+            if theirs in ("cpp", "json") or ours not in ("cpp", "json"):
+                yield f"{guide.relative_to(ROOT)}: {theirs} and {ours} are no pair of theirs and ours"
+
+
 def strange_lessons():
     for lesson in sorted((ROOT / LESSONS).glob("[0-9]*/README.md")):
         sources = [words(file.read_text(encoding="utf-8"))
@@ -79,6 +88,7 @@ def main():
     problems = [problem for document in documents() for problem in dead_links(document)]
     problems += strange_snippets()
     problems += unbuilt_snippets()
+    problems += lonely_snippets()
     problems += strange_lessons()
     print("\n".join(problems) if problems else "check_docs: links lead somewhere, the code shown is built")
     return 1 if problems else 0
