@@ -374,6 +374,16 @@ TEST_F(Broker, ViewsCauseNoWakeUp) {
       reader.subscription->ledger().dropped[static_cast<std::size_t>(DropReason::kSuperseded)], 1U);
 }
 
+TEST_F(Broker, ATopicFromOutsideNeedsNoPublisher) {
+  topics_.set_options("outside", {.external = true});
+  Receiver lonely;
+  Topic& outside = topics_.get("outside", "d", Int64Value::default_instance());
+  outside.subscriptions.push_back(std::make_unique<Subscription>(
+      outside, lonely.inbox, "d", Subscription::Kind::kCallback, SubscriberOptions{}));
+
+  EXPECT_TRUE(topics_.conflicts().empty());
+}
+
 TEST_F(Broker, ConflictsAreFound) {
   publisher("a");
   publisher("b");

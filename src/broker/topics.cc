@@ -128,7 +128,7 @@ std::vector<TopicConflict> Topics::conflicts() const {
                              topic->publishers[i]->owner.name, topic->publishers[0]->owner.name});
       }
     }
-    if (topic->publishers.empty()) {
+    if (topic->publishers.empty() && !topic->options.external) {
       for (const auto& subscription : topic->subscriptions) {
         conflicts.push_back({TopicConflict::Kind::kNoPublisher, name, subscription->component});
       }

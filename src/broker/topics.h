@@ -20,6 +20,7 @@ struct TopicOptions {
   std::size_t keep = 0;
   std::size_t pool_max = 0;
   bool multiple_publishers = false;
+  bool external = false;                  ///< No component has to publish it.
   std::optional<Duration> lifespan = {};  ///< Older messages are not delivered.
   std::size_t credits = 0;  ///< Messages on their way to a subscriber; 0: what the code says.
 };

@@ -106,6 +106,7 @@ TopicDescription describe_topic(const std::string& name, const Value& value) {
   read_integer(value, "keep", topic.keep);
   read_bool(value, "ages", topic.ages);
   read_bool(value, "multiple_publishers", topic.multiple_publishers);
+  read_bool(value, "external", topic.external);
   read_integer(value, "credits", topic.credits);
   read_size(value, "pool_max", topic.pool_max);
   topic.lifespan = find_span(value, "lifespan_ms");

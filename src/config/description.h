@@ -105,6 +105,7 @@ struct TopicDescription {
   std::optional<std::size_t> pool_max;  ///< Messages that the pool may have at most.
   std::size_t keep = 0;                 ///< Samples that components retain.
   bool multiple_publishers = false;
+  bool external = false;  ///< Its messages may come from outside of the application.
   std::optional<std::chrono::nanoseconds> lifespan;  ///< Older messages are not delivered.
   std::size_t credits = 0;  ///< Messages on their way to a subscriber; 0: what the code says.
   Place place;

@@ -21,7 +21,7 @@ constexpr std::string_view kApplication = R"({
   ],
   "topics": {
     "planning/speed": {"latched": 1, "ages": false, "pool_max": 64, "keep": 3,
-                       "multiple_publishers": true},
+                       "multiple_publishers": true, "external": true},
     "/map": {}
   },
   "shared_params": {"width_m": 2},
@@ -66,6 +66,7 @@ TEST_F(LoadTest, EveryKeyArrives) {
   ASSERT_EQ(app.topics.size(), 2U);
   EXPECT_EQ(app.topics[0].latched, 1);
   EXPECT_FALSE(app.topics[0].ages);
+  EXPECT_TRUE(app.topics[0].external);
   EXPECT_EQ(app.topics[0].pool_max, 64U);
   EXPECT_EQ(app.topics[0].keep, 3U);
   EXPECT_TRUE(app.topics[0].multiple_publishers);

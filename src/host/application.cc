@@ -126,6 +126,7 @@ Application::Application(config::ApplicationDescription description, const Clock
                                      .keep = topic.keep,
                                      .pool_max = topic.pool_max.value_or(0),
                                      .multiple_publishers = topic.multiple_publishers,
+                                     .external = topic.external,
                                      .lifespan = topic.lifespan,
                                      .credits = topic.credits});
   }
