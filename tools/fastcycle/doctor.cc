@@ -9,8 +9,11 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "duration.h"
 #include "file_work.h"
+#include "machine/examine.h"
 #include "mcap/file.h"
+#include "option_values.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -19,6 +22,7 @@ using Json = nlohmann::ordered_json;
 
 struct DoctorOptions {
   std::vector<std::filesystem::path> files;
+  std::string time = "2s";
   bool is_json = false;
   bool is_quiet = false;
 };
@@ -82,6 +86,9 @@ archive::Diagnosis look_at(const std::filesystem::path& path, const DoctorOption
 
 int doctor(const DoctorOptions& options) {
   Output output;
+  if (options.files.empty()) {
+    return machine::examine(*parse_duration(options.time), options.is_json, output);
+  }
   int result = kDone;
   for (const std::filesystem::path& file : options.files) {
     try {
@@ -100,16 +107,28 @@ int doctor(const DoctorOptions& options) {
 }  // namespace
 
 Command add_doctor(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("doctor", "Check everything of logs that can be checked");
+  CLI::App* line = program.add_subcommand(
+      "doctor", "What this machine allows, and how late it is; or check everything of logs");
   line->footer(examples(
+      "  fastcycle doctor\n"
       "  fastcycle doctor drive.mcap\n"
       "  fastcycle doctor --json drive_*.mcap\n"
       "\n"
-      "Exit codes: 0 all in order (warnings do not count), 3 problems found, 1 a file cannot\n"
-      "be read, 2 the command line is wrong.\n"));
+      "Without a file: the rights, settings of the kernel and wake-ups that latencies hang on, "
+      "the\n"
+      "worst first, each with the command that changes it.\n"
+      "\n"
+      "Exit codes: 0 all in order (warnings and what could be better do not count), 3 problems\n"
+      "found, 1 a file cannot be read, 2 the command line is wrong.\n"));
   const auto options = std::make_shared<DoctorOptions>();
-  line->add_option("files", options->files, "The logs")->required()->type_name("FILE…");
-  line->add_flag("--json", options->is_json, "One JSON object a line for each finding");
+  CLI::Option* const files =
+      line->add_option("files", options->files, "The logs")->type_name("FILE…");
+  line->add_option("--for", options->time, "Measure each way of waking up so long (2s)")
+      ->type_name("TIME")
+      ->check(is_time())
+      ->excludes(files);
+  line->add_flag("--json", options->is_json,
+                 "One JSON object; of logs, one a line for each finding");
   line->add_flag("--quiet", options->is_quiet, "No progress line");
   return {line, [options] { return doctor(*options); }};
 }
