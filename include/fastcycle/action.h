@@ -30,6 +30,7 @@ struct ActionServerOptions {
 template <Message Feedback, Message Result>
 class ServerGoal {
  public:
+  /// Made by FastCycle, for the callback that brings the goal.
   explicit ServerGoal(const detail::Ticket& ticket) : responder_(ticket) {}
 
   /// Tells the server's goals apart.
@@ -40,6 +41,7 @@ class ServerGoal {
   [[nodiscard]] bool is_cancelled() const noexcept {
     return detail::is_cancelling(responder_.ticket());
   }
+  /// Until when the client waits, if it said so.
   [[nodiscard]] std::optional<Time> deadline() const noexcept { return responder_.deadline(); }
 
   /// Refuses the goal. @pre It was not kept: in the callback that brought it.
@@ -60,20 +62,24 @@ class ServerGoal {
   [[nodiscard]] Loan<Result> loan() const { return responder_.loan(); }
   /// Ends the goal: it is reached. These do nothing, but count it, if it has ended already.
   void succeed(Loan<Result> result) { end(CallStatus::kOk, {}, std::move(result)); }
+  /// As the other one, with a copy of `result`.
   void succeed(const Result& result) { responder_.answer(result); }
   /// Ends it: it cannot be reached.
   void abort(std::string_view reason, Loan<Result> result) {
     end(CallStatus::kAborted, reason, std::move(result));
   }
+  /// As the other one, with an empty result.
   void abort(std::string_view reason) {
     detail::answer(responder_.ticket(), CallStatus::kAborted, reason, nullptr, nullptr);
   }
   /// Ends it, as the client wanted; the result says what was reached until then.
   void cancelled(Loan<Result> result) { end(CallStatus::kCancelled, {}, std::move(result)); }
+  /// As the other one, with an empty result.
   void cancelled() {
     detail::answer(responder_.ticket(), CallStatus::kCancelled, {}, nullptr, nullptr);
   }
 
+  /// For `CallOptions::on_behalf_of`: calls that this goal waits for.
   [[nodiscard]] const detail::Ticket& ticket() const noexcept { return responder_.ticket(); }
 
  private:
@@ -90,6 +96,7 @@ template <Message Feedback>
 struct GoalOptions {
   CallOptions call = {};                   ///< Its deadline, and so on.
   std::function<void()> on_accepted = {};  ///< At most once, before any feedback.
+  /// Called with each feedback, in order.
   std::function<void(const Feedback& feedback)> on_feedback = {};
 };
 
@@ -108,6 +115,7 @@ struct GoalOptions {
 template <Message Goal, Message Feedback, Message Result>
 class ActionClient {
  public:
+  /// Made by `Context::create_action_client`.
   explicit ActionClient(detail::ClientCore& core) : core_(&core) {}
 
   /// Borrows an empty goal to fill in.

@@ -129,6 +129,7 @@ concept ParamCallback = std::invocable<F&, const T&> || std::invocable<F&>;
 /// @threads  Safe.
 class Source {
  public:
+  /// Made by `Context::create_source`.
   explicit Source(detail::ComponentCore& core) : core_(&core) {}
 
   /// Says that this component has no more input. A second call does nothing.
@@ -143,7 +144,9 @@ class Source {
 /// @threads  Safe to hold and to let go on any thread.
 class TimeHold {
  public:
+  /// Made by `Context::hold_time`.
   explicit TimeHold(detail::ComponentCore& core);
+  /// Takes the hold over.
   TimeHold(TimeHold&& other) noexcept : core_(std::exchange(other.core_, nullptr)) {}
   TimeHold(const TimeHold&) = delete;
   TimeHold& operator=(const TimeHold&) = delete;
@@ -164,12 +167,14 @@ class TimeHold {
 /// @realtime Allocates: not for use on a hot path.
 class Context {
  public:
+  /// Made by FastCycle, which gives it to the constructor of the component.
   explicit Context(detail::ComponentCore& core) : core_(core) {}
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
   /// The component's name in the application, with its namespace: "front/limiter".
   [[nodiscard]] const std::string& component_name() const;
+  /// The application's name, as its file has it.
   [[nodiscard]] const std::string& application_name() const;
 
   /// Declares the parameter `name` (dots reach into objects: "limits.jerk") and gives its
@@ -222,6 +227,7 @@ class Context {
   Subscribed create_subscriber(std::string_view topic, F callback) {
     return create_subscriber<T>(topic, SubscriberOptions{}, std::move(callback));
   }
+  /// As the other one, with what the code says of its queue and its quality of service.
   template <Message T, MessageCallback<T> F>
   Subscribed create_subscriber(std::string_view topic, const SubscriberOptions& options,
                                F callback);
@@ -266,6 +272,7 @@ class Context {
   /// service in this component is the same one. Names are placed as those of topics.
   template <Message Request, Message T>
   [[nodiscard]] Client<Request, T> create_client(std::string_view name);
+  /// As the other one, with more or fewer calls at once.
   template <Message Request, Message T>
   [[nodiscard]] Client<Request, T> create_client(std::string_view name,
                                                  const ClientOptions& options);
@@ -275,12 +282,14 @@ class Context {
   /// activation.
   template <Message Request, Message T, typename F>
   void create_service(std::string_view name, F callback);
+  /// As the other one, with more or fewer answers owed at once.
   template <Message Request, Message T, typename F>
   void create_service(std::string_view name, const ServiceOptions& options, F callback);
 
   /// Declares that the component sends goals to the action `name`; see `ActionClient`.
   template <Message Goal, Message Feedback, Message Result>
   [[nodiscard]] ActionClient<Goal, Feedback, Result> create_action_client(std::string_view name);
+  /// As the other one, with more or fewer goals at once.
   template <Message Goal, Message Feedback, Message Result>
   [[nodiscard]] ActionClient<Goal, Feedback, Result> create_action_client(
       std::string_view name, const ClientOptions& options);
@@ -289,6 +298,7 @@ class Context {
   /// the goal, or rejects it; see `ServerGoal`.
   template <Message Goal, Message Feedback, Message Result, typename F>
   void create_action_server(std::string_view name, F on_goal);
+  /// As the other one, with a limit of goals, and what is called when one shall end.
   template <Message Goal, Message Feedback, Message Result, typename F>
   void create_action_server(std::string_view name, const ActionServerOptions& options, F on_goal);
 
@@ -340,6 +350,7 @@ class Context {
   /// earlier.
   void report(std::string_view name, ReportValue value);
 
+  /// What the library's own templates need; of no use to others.
   [[nodiscard]] detail::ComponentCore& core() noexcept { return core_; }
 
  private:
@@ -356,6 +367,7 @@ class Context {
 /// @threads  Everything is called by one worker at a time; which one may change between calls.
 class Component {
  public:
+  /// `context` outlives the component.
   explicit Component(Context& context) : context_(context) {}
   Component(const Component&) = delete;
   Component& operator=(const Component&) = delete;
@@ -387,7 +399,9 @@ class Component {
   [[nodiscard]] Time now() const;
   /// When the application's timers started; in `start()` the time of its activation.
   [[nodiscard]] Time start_time() const;
+  /// Where lines for people go.
   [[nodiscard]] Log log() const;
+  /// The component's own generator; see `Random`.
   [[nodiscard]] Random& random();
 
   /// The result of `f`, which asks the world something that a repeated run could not know: a
@@ -404,6 +418,7 @@ class Component {
   /// Says how well the component does its work; shown in the final table and the report.
   void health(Health state, std::string_view reason = {});
 
+  /// What the constructor was given, for calls in activations.
   [[nodiscard]] Context& context() noexcept { return context_; }
 
  private:

@@ -15,7 +15,9 @@ namespace fastcycle {
 
 /// How the host makes and destroys components of one class.
 struct ComponentClass {
+  /// The class's name, without namespaces: `"class"` of the application file.
   const char* name;
+  /// Makes one; what its constructor throws passes through.
   Component* (*create)(Context& context);
   /// Destroys `component`; returns false, with what was thrown in `error`, if its destructor threw.
   bool (*destroy)(Component* component, std::string& error) noexcept;
@@ -23,8 +25,11 @@ struct ComponentClass {
 
 /// What a component library offers: the one thing that it exports.
 struct ComponentLibrary {
+  /// `kInterfaceVersion` of the headers that it was compiled with.
   std::uint32_t interface_version;
+  /// How many `classes` there are.
   std::size_t class_count;
+  /// Its classes, in the order in which it offers them.
   const ComponentClass* classes;
 };
 

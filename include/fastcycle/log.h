@@ -26,20 +26,25 @@ void write_log(LogQueue& queue, LogLevel level, std::string_view component,
 ///           counted.
 class Log {
  public:
+  /// Made by `Component::log`; `component` outlives it.
   Log(detail::LogQueue& queue, std::string_view component) : queue_(queue), component_(component) {}
 
+  /// For who develops the component.
   template <typename... Args>
   void debug(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kDebug, text, std::forward<Args>(args)...);
   }
+  /// What somebody who runs the application may want to know.
   template <typename... Args>
   void info(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kInfo, text, std::forward<Args>(args)...);
   }
+  /// Something is not as it should be, and the component goes on.
   template <typename... Args>
   void warning(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kWarning, text, std::forward<Args>(args)...);
   }
+  /// Something that the component is there for does not work.
   template <typename... Args>
   void error(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kError, text, std::forward<Args>(args)...);

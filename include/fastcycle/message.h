@@ -27,7 +27,9 @@ struct Origin {
 struct MessageInfo {
   std::uint64_t sequence = 0;  ///< Counts the publisher's messages, from 1, without gaps.
   Time publish_time{};         ///< When it was published; of one publisher it never goes back.
+  /// Who published it.
   PublisherId publisher = 0;
+  /// The oldest measurement that led to it.
   Origin origin{};
 };
 

@@ -27,11 +27,13 @@ template <typename T>
 concept ParamScalar = std::same_as<T, bool> || std::integral<T> || std::floating_point<T> ||
                       std::same_as<T, std::string> || std::same_as<T, Path>;
 
+/// Whether `T` is a vector of what a parameter may hold.
 template <typename T>
 struct IsParamVector : std::false_type {};
 template <typename T>
 struct IsParamVector<std::vector<T>> : std::bool_constant<ParamScalar<T> || std::is_enum_v<T>> {};
 
+/// What may be the type of a parameter: a scalar, an enumeration, a vector of these, or a message.
 template <typename T>
 concept ParamType = ParamScalar<T> || std::is_enum_v<T> || IsParamVector<T>::value || Message<T>;
 
@@ -51,12 +53,17 @@ struct ParamElement<std::vector<T>> {
 /// What a component says of one of its parameters. Without a `fallback` a value must be configured.
 template <typename T>
 struct ParamOptions {
+  /// `T`, or what a vector `T` holds.
   using Element = typename detail::ParamElement<T>::Type;
 
+  /// The value where none is configured.
   std::optional<T> fallback = {};
   std::optional<Element> min = {};  ///< For numbers, and for each number of a vector; included.
+  /// The largest value; included.
   std::optional<Element> max = {};
+  /// For people: "m/s".
   std::string unit = {};
+  /// For people, in one sentence.
   std::string description = {};
   bool is_tunable = false;  ///< It may be changed while the component runs.
 };
@@ -65,11 +72,16 @@ struct ParamOptions {
 template <typename T>
   requires std::is_enum_v<typename detail::ParamElement<T>::Type>
 struct ParamOptions<T> {
+  /// The enumeration `T`, or the one that a vector `T` holds.
   using Element = typename detail::ParamElement<T>::Type;
 
+  /// The value where none is configured.
   std::optional<T> fallback = {};
+  /// What each value is called.
   std::vector<std::pair<std::string, Element>> names = {};
+  /// For people, in one sentence.
   std::string description = {};
+  /// It may be changed while the component runs.
   bool is_tunable = false;
 };
 
@@ -243,12 +255,15 @@ class ParamSlotOf final : public ParamSlot {
 template <ParamType T>
 class Param {
  public:
+  /// Made by `Context::param`.
   explicit Param(const detail::ParamSlotOf<T>& slot) : slot_(&slot) {}
 
+  /// The value; it does not change within an activation.
   [[nodiscard]] const T& get() const& noexcept { return slot_->value(); }
   /// Of a parameter that is not kept, its value.
   [[nodiscard]] T get() && { return slot_->value(); }
 
+  /// What the library's own templates need; of no use to others.
   [[nodiscard]] const detail::ParamSlotOf<T>& slot() const noexcept { return *slot_; }
 
  private:
@@ -269,16 +284,20 @@ struct ParamsResult {
   /// Each on one line: `limiter.limit_mps: expected a number in [0, 60], found "fast"`.
   std::vector<std::string> mistakes = {};
 
+  /// Whether all changes were made.
   [[nodiscard]] bool has_changed() const noexcept { return mistakes.empty(); }
 };
 
 /// The values that a component's parameters would have after a transaction.
 class ProposedParams {
  public:
+  /// How the library finds a value that is proposed.
   using Find = std::function<const detail::ParamData&(const detail::ParamSlot&)>;
 
+  /// Made by FastCycle, for one check.
   explicit ProposedParams(Find find) : find_(std::move(find)) {}
 
+  /// The value that `param` would have.
   template <ParamType T>
   [[nodiscard]] T get(const Param<T>& param) const {
     return param.slot().decode(find_(param.slot()));

@@ -44,6 +44,7 @@ bool wait_for_credit(PublisherCore& publisher, const std::stop_token& stop);
 template <Message T>
 class Loan {
  public:
+  /// Takes the loan over.
   Loan(Loan&& other) noexcept
       : publisher_(other.publisher_),
         envelope_(std::exchange(other.envelope_, nullptr)),
@@ -62,10 +63,12 @@ class Loan {
     }
   }
 
+  /// The message to fill in. @pre It was not published.
   [[nodiscard]] T& operator*() const {
     FASTCYCLE_ASSERT(envelope_ != nullptr, "a published loan is not written any more");
     return static_cast<T&>(*envelope_->own);
   }
+  /// As `*`.
   [[nodiscard]] T* operator->() const { return &**this; }
 
  private:
@@ -101,6 +104,7 @@ class Loan {
 template <Message T>
 class Publisher {
  public:
+  /// Made by `Context::create_publisher`.
   explicit Publisher(detail::PublisherCore& core) : core_(&core) {}
 
   /// Borrows an empty message to fill in. It never fails: when readers hold every message that the
@@ -155,11 +159,14 @@ class Publisher {
 template <Message T>
 class ExternalPublisher {
  public:
+  /// Made by `Context::create_external_publisher`.
   explicit ExternalPublisher(detail::PublisherCore& core) : core_(&core) {}
 
+  /// Borrows an empty message to fill in; see `Publisher::loan`.
   [[nodiscard]] Loan<T> loan() {
     return Loan<T>(*core_, detail::take_external_loan(*core_, true), true);
   }
+  /// Borrows one with its last content; see `Publisher::loan_uncleared`.
   [[nodiscard]] Loan<T> loan_uncleared() {
     return Loan<T>(*core_, detail::take_external_loan(*core_, false), true);
   }

@@ -19,6 +19,7 @@ enum class QosKind : std::uint8_t {
 
 /// Something that a component is told about one of its subscriptions or publishers.
 struct QosEvent {
+  /// What happened.
   QosKind kind{};
   std::string_view topic = {};      ///< Its full name.
   std::string_view publisher = {};  ///< The publishing component; empty: any of the topic's.

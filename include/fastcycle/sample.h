@@ -30,12 +30,15 @@ template <Message T>
 class Sample {
  public:
   Sample() = default;
+  /// Holds the same message.
   Sample(const Sample& other) noexcept : envelope_(other.envelope_) {
     if (envelope_ != nullptr) {
       detail::retain(*envelope_);
     }
   }
+  /// Takes the message over.
   Sample(Sample&& other) noexcept : envelope_(std::exchange(other.envelope_, nullptr)) {}
+  /// Lets go of what it held, and holds that of `other`.
   Sample& operator=(Sample other) noexcept {
     std::swap(envelope_, other.envelope_);
     return *this;
@@ -54,7 +57,9 @@ class Sample {
     FASTCYCLE_ASSERT(envelope_ != nullptr, "a sample that is read holds a message");
     return static_cast<const T&>(*envelope_->payload);
   }
+  /// As `*`.
   [[nodiscard]] const T* operator->() const { return &**this; }
+  /// The message; null for a sample that holds none.
   [[nodiscard]] const T* get() const noexcept { return envelope_ == nullptr ? nullptr : &**this; }
 
   /// Sequence, publish time, publisher and origin. @pre It holds a message.

@@ -52,10 +52,13 @@ struct Ticket;
 template <Message T>
 class Reply {
  public:
+  /// Made by FastCycle, for one callback.
   Reply(CallStatus status, std::string_view error, detail::Envelope* envelope)
       : status_(status), error_(error), envelope_(envelope) {}
 
+  /// Whether there is an answer, without an error.
   [[nodiscard]] bool ok() const noexcept { return status_ == CallStatus::kOk; }
+  /// How the call ended.
   [[nodiscard]] CallStatus status() const noexcept { return status_; }
   /// In words: `"plan_route": late, 100 ms are over`. Empty if all is well.
   [[nodiscard]] std::string_view error() const noexcept { return error_; }
@@ -67,7 +70,9 @@ class Reply {
     FASTCYCLE_ASSERT(envelope_ != nullptr, "a reply that is read has a value");
     return static_cast<const T&>(*envelope_->payload);
   }
+  /// As `*`.
   [[nodiscard]] const T* operator->() const { return &**this; }
+  /// Whether there is something to read.
   [[nodiscard]] bool has_value() const noexcept { return envelope_ != nullptr; }
 
   /// The answer, to be kept; empty if there is none.
@@ -160,8 +165,11 @@ struct LoanAccess {
 template <Message T>
 class Responder {
  public:
+  /// Made by FastCycle, for the callback that brings the request.
   explicit Responder(const detail::Ticket& ticket) : ticket_(ticket) {}
+  /// Takes the duty over.
   Responder(Responder&& other) noexcept : ticket_(std::exchange(other.ticket_, {})) {}
+  /// As if this were destroyed; then takes the duty over.
   Responder& operator=(Responder&& other) noexcept {
     if (this != &other) {
       let_go();
@@ -204,6 +212,7 @@ class Responder {
     detail::answer(ticket_, CallStatus::kRejected, reason, nullptr, nullptr);
   }
 
+  /// For `CallOptions::on_behalf_of`.
   [[nodiscard]] const detail::Ticket& ticket() const noexcept { return ticket_; }
 
  private:
@@ -244,6 +253,7 @@ struct ServiceOptions {
 class Call {
  public:
   Call() = default;
+  /// Made by `Client::call` and `ActionClient::send`.
   Call(detail::ClientCore& client, std::uint64_t number) : client_(&client), number_(number) {}
 
   /// Whether its callback is still to come.
@@ -287,6 +297,7 @@ concept ReplyHandler = std::invocable<F&, const Reply<T>&>;
 template <Message Request, Message T>
 class Client {
  public:
+  /// Made by `Context::create_client`.
   explicit Client(detail::ClientCore& core) : core_(&core) {}
 
   /// Borrows an empty request to fill in.
@@ -309,6 +320,7 @@ class Client {
                          },
                          {})};
   }
+  /// As the other one, without a deadline.
   template <ReplyHandler<T> F>
   Call call(Loan<Request> request, F callback) {
     return call(std::move(request), CallOptions{}, std::move(callback));

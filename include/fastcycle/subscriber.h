@@ -55,9 +55,12 @@ void end_subscription(Subscription& subscription) noexcept;
 /// @threads  Confined to its component's activations.
 class Subscriber {
  public:
+  /// Made from what `Context::create_subscriber` returns.
   explicit Subscriber(detail::Subscription& subscription) : subscription_(&subscription) {}
+  /// Takes the subscription over.
   Subscriber(Subscriber&& other) noexcept
       : subscription_(std::exchange(other.subscription_, nullptr)) {}
+  /// Both change places.
   Subscriber& operator=(Subscriber&& other) noexcept {
     std::swap(subscription_, other.subscription_);
     return *this;
@@ -82,8 +85,10 @@ class Subscriber {
 /// component; turned into a `Subscriber`, it ends when that one does.
 class Subscribed {
  public:
+  /// Made by `Context::create_subscriber`.
   explicit Subscribed(detail::Subscription& subscription) : subscription_(&subscription) {}
 
+  /// From now on the handle says when the subscription ends.
   operator Subscriber() && {  // NOLINT(google-explicit-constructor): reads as an assignment
     return Subscriber(*subscription_);
   }

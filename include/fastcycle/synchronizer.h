@@ -55,12 +55,14 @@ enum class SyncTime : std::uint8_t {
 
 /// How a synchronizer finds messages that belong together.
 struct SynchronizerOptions {
+  /// Which messages belong together.
   SyncPolicy policy = SyncPolicy::kExact;
   Duration max_difference{};  ///< Above zero with `kApproximate`, else zero.
   /// Messages of each topic that are held for partners that are still to come; also how many may
   /// wait in each queue before that, unless the application file says something else under
   /// `"subscribers"`.
   std::size_t depth = 16;
+  /// The time by which they are compared.
   SyncTime time = SyncTime::kTaken;
 };
 

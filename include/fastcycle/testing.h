@@ -94,7 +94,9 @@ class Bench {
 
   /// Activates or deactivates component `name` alone, whatever the modes say.
   void activate(const std::string& name);
+  /// The other way round.
   void deactivate(const std::string& name);
+  /// Whether component `name` is active.
   [[nodiscard]] bool is_active(const std::string& name) const;
 
   /// Changes parameters as a transaction does, and serves what follows from it: all of them, or
@@ -104,6 +106,7 @@ class Bench {
   /// Stops the components in order and destroys them.
   void stop();
 
+  /// The bench's time: `kSimulatedStart` at first; only `advance` moves it.
   [[nodiscard]] Time now() const;
 
   /// What component `name` reported under `result`. @pre It did.
@@ -238,12 +241,15 @@ class Bench::Answer {
  public:
   /// Whether the reply is there.
   [[nodiscard]] bool is_done() const { return state_->is_done; }
+  /// Whether the reply is there, and has no error.
   [[nodiscard]] bool ok() const { return is_done() && status() == CallStatus::kOk; }
   /// @pre  `is_done()`
   [[nodiscard]] CallStatus status() const { return state_->status; }
+  /// In words; empty if all is well.
   [[nodiscard]] const std::string& error() const { return state_->error; }
   /// @pre  `ok()`
   [[nodiscard]] const T& operator*() const { return state_->value; }
+  /// As `*`.
   [[nodiscard]] const T* operator->() const { return &state_->value; }
 
   /// Cancels the call, and serves what follows from it.

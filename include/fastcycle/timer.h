@@ -10,6 +10,7 @@ namespace fastcycle {
 /// time at which the application's timers started, the same for all of them.
 struct TimerOptions {
   Duration period{};  ///< Above zero.
+  /// How much later than the others it begins.
   Duration phase{};
 };
 
@@ -35,6 +36,7 @@ void cancel_timer(TimerCore& timer) noexcept;
 /// @realtime No allocation, no lock.
 class Timer {
  public:
+  /// Made by `Context::create_timer`.
   explicit Timer(detail::TimerCore& core) : core_(&core) {}
 
   /// Calls back once at `due`, or as soon as possible if that is past; replaces an earlier

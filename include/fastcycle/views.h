@@ -11,6 +11,7 @@ namespace fastcycle {
 
 /// How much a `History` holds: at most `depth` messages, none older than `span`.
 struct HistoryOptions {
+  /// Above zero.
   std::size_t depth = 64;
   std::optional<Duration> span =
       {};  ///< Measured from the newest activation's time; no limit if absent.
@@ -37,6 +38,7 @@ Time view_now(const View& view) noexcept;
 template <Message T>
 class Latest {
  public:
+  /// Made by `Context::create_latest`.
   explicit Latest(detail::View& view) : view_(&view) {}
 
   /// The newest message, or an empty sample if none came yet.
@@ -65,8 +67,10 @@ class Latest {
 template <Message T>
 class History {
  public:
+  /// Made by `Context::create_history`.
   explicit History(detail::View& view) : view_(&view) {}
 
+  /// How many messages it shows.
   [[nodiscard]] std::size_t size() const { return detail::view_size(*view_); }
 
   /// The message at `index`, counted from the oldest. @pre `index < size()`

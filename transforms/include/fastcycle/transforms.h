@@ -23,19 +23,28 @@ namespace fastcycle::transforms {
 /// the frame. For a vehicle we take x forward, y to the left, z up; for a map x east, y north, z
 /// up.
 struct Vector {
+  /// Forward, or east.
   double x = 0.0;
+  /// To the left, or north.
   double y = 0.0;
+  /// Up.
   double z = 0.0;
 };
 
 /// A rotation as a unit quaternion; what is made without values turns nothing.
 struct Quaternion {
+  /// The real part: the cosine of half the angle.
   double w = 1.0;
+  /// The part about x.
   double x = 0.0;
+  /// The part about y.
   double y = 0.0;
+  /// The part about z.
   double z = 0.0;
 
+  /// The way back.
   [[nodiscard]] Quaternion conjugate() const noexcept { return {w, -x, -y, -z}; }
+  /// Turns `vector`.
   [[nodiscard]] Vector operator*(const Vector& vector) const noexcept;
   /// Turns by `first`, then by this.
   [[nodiscard]] Quaternion operator*(const Quaternion& first) const noexcept;
@@ -55,11 +64,16 @@ struct Quaternion {
 /// The same numbers are the pose of frame a in frame b: `translation` is where a's origin is in b,
 /// `rotation` how a's axes stand in b.
 struct Transform {
+  /// Where a's origin is in b, in metres.
   Vector translation{};
+  /// How a's axes stand in b.
   Quaternion rotation{};
 
+  /// `point` of frame a in frame b.
   [[nodiscard]] Vector operator*(const Vector& point) const noexcept;
+  /// By `first`, then by this.
   [[nodiscard]] Transform operator*(const Transform& first) const noexcept;
+  /// From b to a.
   [[nodiscard]] Transform inverse() const noexcept;
 };
 
@@ -70,7 +84,9 @@ struct Transform {
 
 /// The pose of a child in its parent at one time.
 struct Pose {
+  /// When it was measured.
   Time taken{};
+  /// Takes points of the child to the parent.
   Transform child_to_parent{};
 };
 
@@ -94,7 +110,9 @@ enum class Missing : std::uint8_t {
 /// Why a look-up found nothing, with the names of the frames: "map ← base_link: the newest on
 /// "localization/pose" is 120 ms older than asked; 50 ms are allowed (max_hold)".
 struct Error {
+  /// What is missing.
   Missing missing{};
+  /// In words.
   std::string why;
 };
 
@@ -102,9 +120,12 @@ struct Error {
 template <typename T>
 class Result {
  public:
-  Result(T value) : content_(std::move(value)) {}      // NOLINT(google-explicit-constructor)
+  /// What was found.
+  Result(T value) : content_(std::move(value)) {}  // NOLINT(google-explicit-constructor)
+  /// Why nothing was.
   Result(Error error) : content_(std::move(error)) {}  // NOLINT(google-explicit-constructor)
 
+  /// Whether it was found.
   [[nodiscard]] explicit operator bool() const noexcept { return content_.index() == 0; }
 
   /// @pre  It was found.
@@ -112,6 +133,7 @@ class Result {
     FASTCYCLE_ASSERT(content_.index() == 0, "what is taken from a look-up was found");
     return *std::get_if<0>(&content_);
   }
+  /// As `*`.
   [[nodiscard]] const T* operator->() const { return &**this; }
 
   /// @pre  It was not found.
@@ -126,12 +148,16 @@ class Result {
 
 /// A frame that moves against its parent, and the topic that says how.
 struct MovingFrame {
+  /// Where its poses are published.
   std::string topic;
+  /// The frame that it moves in.
   std::string parent;
+  /// Its own name.
   std::string child;
   std::size_t depth = 64;  ///< Poses that are kept: how far back a look-up can reach.
 };
 
+/// What a component says of the frames that it asks for.
 struct TreeOptions {
   /// Where frames that do not move are published, by any number of publishers, as
   /// `transform::StaticTransforms`; the topic is latched. Empty: there are none.
@@ -279,6 +305,7 @@ class Tree {
 /// @threads  Confined to its component: made in its constructor, used in its activations.
 class StaticBroadcaster {
  public:
+  /// Declares that the component publishes on `topic`, in its constructor.
   explicit StaticBroadcaster(Context& context, std::string_view topic = "transforms/static")
       : publisher_(context.create_publisher<transform::StaticTransforms>(topic)) {}
 
