@@ -54,6 +54,20 @@ function(fastcycle_component)
   endif()
 endfunction()
 
+# fastcycle_application(<file.json> ...)
+#
+# Application files, copied beside the libraries, where `fastcycle run <build folder>/<file.json>` finds them; the
+# schema, for editors, comes along. Each is checked by a test, <file>.is_right.
+function(fastcycle_application)
+  foreach(file ${ARGN})
+    cmake_path(GET file FILENAME name)
+    cmake_path(GET file STEM stem)
+    configure_file(${file} ${CMAKE_BINARY_DIR}/${name} COPYONLY)
+    add_test(NAME ${stem}.is_right COMMAND ${FastCycle_PROGRAM_DIR}/fastcycle check ${CMAKE_BINARY_DIR}/${name})
+  endforeach()
+  configure_file(${FastCycle_SHARE_DIR}/application.schema.json ${CMAKE_BINARY_DIR}/application.schema.json COPYONLY)
+endfunction()
+
 # The test program of one component.
 function(fastcycle_component_test target component sources libraries)
   if(NOT TARGET GTest::gtest_main)

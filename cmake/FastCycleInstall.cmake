@@ -1,4 +1,5 @@
-# What find_package(FastCycle) finds: headers, targets, the helpers for messages and components.
+# What find_package(FastCycle) and pkg-config find: headers, targets, the helpers for messages and components.
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
 include(CMakePackageConfigHelpers)
 
 # The schemas of the files that people write; editors read them.
@@ -7,7 +8,7 @@ foreach(schema ${schemas})
   cmake_path(GET schema FILENAME name)
   configure_file(${schema} ${PROJECT_BINARY_DIR}/${FASTCYCLE_SHARE_DIR}/${name} COPYONLY)
 endforeach()
-install(FILES ${schemas} DESTINATION ${FASTCYCLE_SHARE_DIR})
+install(FILES ${schemas} DESTINATION ${FASTCYCLE_SHARE_DIR} COMPONENT tools)
 
 install(DIRECTORY include/fastcycle transforms/include/fastcycle DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
 
@@ -21,4 +22,19 @@ install(FILES ${PROJECT_BINARY_DIR}/FastCycleConfig.cmake
               ${PROJECT_BINARY_DIR}/FastCycleConfigVersion.cmake
               cmake/FastCycleMessages.cmake cmake/FastCycleComponent.cmake
         DESTINATION ${FASTCYCLE_CMAKE_DIR})
-install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+
+if(EXISTS ${PROJECT_SOURCE_DIR}/examples)
+  install(DIRECTORY examples DESTINATION ${FASTCYCLE_SHARE_DIR} COMPONENT examples
+          PATTERN "*.py" EXCLUDE PATTERN "__pycache__" EXCLUDE)
+endif()
+
+fastcycle_run_path(to_prefix ${FASTCYCLE_LIBRARY_DIR}/pkgconfig .)
+string(REPLACE "$ORIGIN" "\${pcfiledir}" FASTCYCLE_PC_PREFIX "${to_prefix}")
+configure_file(cmake/fastcycle.pc.in fastcycle.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/fastcycle.pc DESTINATION ${FASTCYCLE_LIBRARY_DIR}/pkgconfig)
+
+if(FASTCYCLE_PACKAGES)
+  include(FastCyclePackages)
+else()
+  install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT tools)
+endif()

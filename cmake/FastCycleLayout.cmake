@@ -7,8 +7,12 @@
 #   libexec/fastcycle/     helper programs
 #   share/fastcycle/       schema, .proto files
 #
-# Both trees run without LD_LIBRARY_PATH.
-if(NOT DEFINED CMAKE_INSTALL_LIBDIR)
+# Both trees run without LD_LIBRARY_PATH. In packages, whose prefix is /usr, the libraries are where the
+# distribution has those of a machine: lib/x86_64-linux-gnu.
+if(FASTCYCLE_PACKAGES)
+  set(CMAKE_INSTALL_LIBDIR lib/${CMAKE_LIBRARY_ARCHITECTURE})
+  set(CMAKE_SKIP_INSTALL_RPATH ON)
+elseif(NOT DEFINED CMAKE_INSTALL_LIBDIR)
   set(CMAKE_INSTALL_LIBDIR lib CACHE STRING "Folder of the libraries, below the prefix")
 endif()
 include(GNUInstallDirs)
@@ -22,8 +26,11 @@ set(FASTCYCLE_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/FastCycle)
 set(FASTCYCLE_MESSAGE_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/fastcycle-messages)
 
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
-set(CMAKE_LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/lib)
+set(CMAKE_LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/${FASTCYCLE_LIBRARY_DIR})
 set(CMAKE_BUILD_RPATH_USE_ORIGIN ON)
+
+# What is installed belongs to a part: `library`, `development`, `tools` or `examples`. A package holds one.
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME tools)
 
 # The folder `to` as seen from the folder `from`, as a run path. Both are relative to the prefix.
 function(fastcycle_run_path result from to)

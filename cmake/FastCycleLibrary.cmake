@@ -18,7 +18,13 @@ function(fastcycle_core_library)
   set_target_properties(fastcycle PROPERTIES INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}"
     VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}
     INSTALL_RPATH ${run_path})
-  install(TARGETS fastcycle EXPORT FastCycleTargets LIBRARY DESTINATION ${FASTCYCLE_LIBRARY_DIR})
+  fastcycle_install_library(fastcycle)
+endfunction()
+
+# What others link to: the library itself, and the name that the linker looks for.
+function(fastcycle_install_library target)
+  install(TARGETS ${target} EXPORT FastCycleTargets LIBRARY DESTINATION ${FASTCYCLE_LIBRARY_DIR}
+          COMPONENT library NAMELINK_COMPONENT development)
 endfunction()
 
 # fastcycle_library(<name> SOURCES ... [DEPENDS ...] [LINK ...] [PRECOMPILE <header> ...] [TESTS ...])

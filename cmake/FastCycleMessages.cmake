@@ -57,8 +57,10 @@ function(fastcycle_messages)
     list(APPEND sources ${generated}/${stem}.pb.cc)
     list(APPEND headers ${generated}/${stem}.pb.h)
     if(FASTCYCLE_IN_PROJECT AND NOT FASTCYCLE_NOT_INSTALLED)
-      install(FILES ${MSG_PROTO_ROOT}/${proto} DESTINATION ${FASTCYCLE_SHARE_DIR}/proto/${folder})
-      install(FILES ${generated}/${stem}.pb.h DESTINATION ${FASTCYCLE_MESSAGE_INCLUDE_DIR}/${folder})
+      install(FILES ${MSG_PROTO_ROOT}/${proto} DESTINATION ${FASTCYCLE_SHARE_DIR}/proto/${folder}
+              COMPONENT development)
+      install(FILES ${generated}/${stem}.pb.h DESTINATION ${FASTCYCLE_MESSAGE_INCLUDE_DIR}/${folder}
+              COMPONENT development)
     endif()
   endforeach()
 
@@ -78,9 +80,12 @@ function(fastcycle_messages)
     target_include_directories(${MSG_NAME} SYSTEM PUBLIC
       $<INSTALL_INTERFACE:${FASTCYCLE_MESSAGE_INCLUDE_DIR}>)
     set_target_properties(${MSG_NAME} PROPERTIES
+      # Among the libraries of a whole system it has to say whose it is, and which version.
+      OUTPUT_NAME fastcycle_${MSG_NAME}
+      VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}
       INSTALL_RPATH "$ORIGIN" EXPORT_PROPERTIES FASTCYCLE_IS_MESSAGES)
     if(NOT FASTCYCLE_NOT_INSTALLED)
-      install(TARGETS ${MSG_NAME} EXPORT FastCycleTargets LIBRARY DESTINATION ${FASTCYCLE_LIBRARY_DIR})
+      fastcycle_install_library(${MSG_NAME})
     endif()
   else()
     set_target_properties(${MSG_NAME} PROPERTIES

@@ -21,8 +21,8 @@ namespace fastcycle::host {
     const std::vector<std::filesystem::path>& from_command_line);
 
 /// The folder of libfastcycle.so, from which installed things are found: `fastcycle` in it holds
-/// the component libraries, `../libexec/fastcycle` the helper programs, `../share/fastcycle` the
-/// schema.
+/// the component libraries, and FASTCYCLE_HELPERS (src/host/CMakeLists.txt) leads from it to the
+/// helper programs.
 [[nodiscard]] std::filesystem::path core_library_folder();
 
 /// The text of a library's build note, read from the file without loading it.

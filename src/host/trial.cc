@@ -122,9 +122,8 @@ class Child {
     posix_spawnattr_setsigmask(&attributes, &none);
     posix_spawnattr_setpgroup(&attributes, 0);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
-    const std::string program = (core_library_folder() / "../libexec/fastcycle/fastcycle-trial")
-                                    .lexically_normal()
-                                    .string();
+    const std::string program =
+        (core_library_folder() / FASTCYCLE_HELPERS / "fastcycle-trial").lexically_normal().string();
     std::string name = "fastcycle-trial";
     std::string copy = argument;
     char* arguments[] = {name.data(), copy.data(), nullptr};

@@ -1,48 +1,71 @@
 #!/usr/bin/env python3
-"""guide.py <docs/guides/first_component.md> <folder> [--with-test]
+"""guide.py <docs/guides/first_component.md> [--way packages|sources]
 
-Does what the guide says: writes its files into the folder, each code block under the file that the text before
-it named last. With --with-test also what it says about a test: the class goes into a header, the test beside it.
+Prints what the guide says as a script for bash: its commands (```sh) word for word, and its files. A block of another
+language is the file that the text before it names last; where that text says that it was written by a command, it
+must be there already and be the same, else the script writes it. With --way, first what the guide says about
+installing FastCycle in that way; without, FastCycle is there already.
+
+The script says at its end how many commands there were, and after how many and how long the first component ran.
 """
 
-import pathlib
+import argparse
 import re
-import sys
+import shlex
+
+BEGIN = """set -euo pipefail
+commands=0
+typed() { commands=$((commands + 1)); printf '\\n[%4d s] $ %s\\n' "$SECONDS" "$1"; }
+same() { diff -u "$1" - || { echo "guide: $1 is not what the guide shows" >&2; exit 1; }; }
+ran=''
+first_run() { [ -n "$ran" ] || ran="a component of one's own ran after $commands commands and $SECONDS s"; }
+"""
+END = """
+echo
+echo "guide: $ran; $commands commands and $SECONDS s in all"
+"""
 
 
-def files_of(guide):
-    """(name, code) of each block that holds a file, in the order of the guide."""
-    name = None
-    for text, language, code in re.findall(r"(.*?)```(\w*)\n(.*?)```", guide, flags=re.S):
-        named = re.findall(r"`(?:speed/)?([\w/]+\.(?:proto|cc|h|json|txt))`", text)
-        name = named[-1] if named else name
-        if language in ("proto", "cpp", "cmake", "json"):
-            yield ("speed_limiter.cc" if code.startswith('#include "speed_limiter.h"') else name), code
+def blocks(text):
+    """(text before, language, code) of each code block."""
+    return re.findall(r"(.*?)^```(\w*)\n(.*?)^```$", text, flags=re.S | re.M)
+
+
+def of_commands(code):
+    for line in code.splitlines():
+        yield f"typed {shlex.quote(line)}\n{line}"
+        if line.startswith("fastcycle run"):
+            yield "first_run"
+
+
+def of_file(before, code):
+    name = re.findall(r"`([\w/]+\.(?:proto|cc|h|json|txt))`", before)[-1]
+    sentence = re.split(r"(?<=[.:;])\s", before.strip())
+    wrote = any("wrote" in part and f"`{name}`" in part for part in sentence)
+    return f"{'same' if wrote else 'cat >'} {name} <<'END OF FILE'\n{code}END OF FILE"
+
+
+def script(guide, way):
+    sections = re.split(r"^## ", guide, flags=re.M)
+    installing = re.split(r"^### ", sections[1], flags=re.M)
+    chosen = [part for part in installing if way and part.lower().startswith(("as" if way == "packages" else "from"))]
+    yield BEGIN
+    for part in chosen + sections[2:]:
+        for before, language, code in blocks(part):
+            if language == "sh":
+                yield from of_commands(code)
+            elif language:
+                yield of_file(before, code)
+    yield END
 
 
 def main():
-    guide, folder = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
-    blocks = list(files_of(guide.read_text(encoding="utf-8")))
-    first = {}
-    for name, code in blocks:
-        first.setdefault(name, code)
-    files = dict(first)
-    if "--with-test" in sys.argv:
-        last = dict(blocks)
-        files["speed_limiter.cc"] = last["speed_limiter.cc"]
-        files["speed_limiter_test.cc"] = last["speed_limiter_test.cc"]
-        files["speed_limiter.h"] = "#pragma once\n\n" + first["speed_limiter.cc"].rsplit("\n", 2)[0] + "\n"
-        old = next(line for line in first["CMakeLists.txt"].splitlines() if "NAME speed_limiter " in line)
-        project = next(line for line in first["CMakeLists.txt"].splitlines() if line.startswith("project("))
-        files["CMakeLists.txt"] = (first["CMakeLists.txt"].replace(old, last["CMakeLists.txt"].rstrip())
-                                   .replace(project, project + "\nenable_testing()"))
-    else:
-        del files["speed_limiter_test.cc"]
-    for name, code in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(code, encoding="utf-8")
-    print("guide: " + " ".join(sorted(files)))
+    parser = argparse.ArgumentParser()
+    parser.add_argument("guide")
+    parser.add_argument("--way", choices=("packages", "sources"))
+    given = parser.parse_args()
+    with open(given.guide, encoding="utf-8") as file:
+        print("\n".join(script(file.read(), given.way)))
 
 
 if __name__ == "__main__":

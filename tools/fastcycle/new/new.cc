@@ -1,0 +1,335 @@
+// fastcycle new: begins a project of its own that builds against the installed FastCycle, and adds
+// to it.
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <dlfcn.h>
+
+#include "command.h"
+#include "fastcycle/version.h"
+#include "new/edits.h"
+#include "new/templates.h"
+
+namespace fastcycle::tool {
+namespace {
+
+namespace fs = std::filesystem;
+
+using Words = std::map<std::string, std::string>;  ///< What stands for each %placeholder%.
+
+/// What is wrong, in a sentence for the user. Nothing was written.
+class Refusal : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+constexpr std::array kCppKeywords = {
+    "alignas",  "alignof",  "and",      "asm",     "auto",    "bitand",    "bitor",   "bool",
+    "break",    "case",     "catch",    "char",    "class",   "compl",     "concept", "const",
+    "continue", "decltype", "default",  "delete",  "do",      "double",    "else",    "enum",
+    "explicit", "export",   "extern",   "false",   "float",   "for",       "friend",  "goto",
+    "if",       "inline",   "int",      "long",    "mutable", "namespace", "new",     "noexcept",
+    "not",      "nullptr",  "operator", "or",      "private", "protected", "public",  "register",
+    "requires", "return",   "short",    "signed",  "sizeof",  "static",    "struct",  "switch",
+    "template", "this",     "throw",    "true",    "try",     "typedef",   "typeid",  "typename",
+    "union",    "unsigned", "using",    "virtual", "void",    "volatile",  "while",   "xor"};
+
+/// Names that CMake, C++ or FastCycle have for something else.
+constexpr std::array kTakenNames = {
+    "all",  "build",    "clean",   "depend",   "fastcycle", "google", "help",    "install",
+    "main", "messages", "package", "protobuf", "std",       "test",   "testing", "components"};
+
+/// A name becomes a file, a target of CMake, a namespace of C++ and a package of protobuf.
+void check_name(const std::string& name) {
+  const auto is_allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+  };
+  if (name.empty() || name.size() > 40 || name.front() < 'a' || name.front() > 'z' ||
+      !std::ranges::all_of(name, is_allowed)) {
+    throw Refusal(
+        "expected a name of at most 40 small letters, digits and _, such as speed_limiter, found "
+        "\"" +
+        name + "\"");
+  }
+  if (std::ranges::find(kCppKeywords, name) != kCppKeywords.end()) {
+    throw Refusal("\"" + name + "\" is a word of C++ itself; choose another name");
+  }
+  if (std::ranges::find(kTakenNames, name) != kTakenNames.end()) {
+    throw Refusal("\"" + name + "\" is the name of something else already; choose another one");
+  }
+  if (dlsym(RTLD_DEFAULT, name.c_str()) != nullptr) {
+    throw Refusal("\"" + name +
+                  "\" is a function of the C library, and cannot name anything else in C++; "
+                  "choose another name");
+  }
+}
+
+/// "SpeedLimiter" of "speed_limiter".
+std::string class_name(const std::string& name) {
+  std::string result;
+  bool is_first = true;
+  for (const char c : name) {
+    if (c != '_') {
+      result += is_first ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
+    }
+    is_first = c == '_';
+  }
+  return result;
+}
+
+std::string filled(std::string text, const Words& words) {
+  for (const auto& [word, value] : words) {
+    const std::string placeholder = "%" + word + "%";
+    for (std::size_t at = text.find(placeholder); at != std::string::npos;
+         at = text.find(placeholder, at + value.size())) {
+      text.replace(at, placeholder.size(), value);
+    }
+  }
+  return text;
+}
+
+std::string read(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+/// New files and changed ones: all of them, or none where one cannot be.
+class Changes {
+ public:
+  void add(const fs::path& path, std::string text) {
+    if (fs::exists(fs::symlink_status(path))) {
+      throw Refusal(path.string() + " exists already; nothing was written");
+    }
+    files_.emplace_back(path, std::move(text));
+  }
+  void add_templates(const std::string& kind, const fs::path& folder, const Words& words) {
+    for (const Template& file : templates()) {
+      if (file.kind == kind) {
+        add(folder / filled(file.path, words), filled(file.text, words));
+      }
+    }
+  }
+  void change(const fs::path& path, std::string text) {
+    files_.emplace_back(path, std::move(text));
+  }
+
+  void write() const {
+    for (const auto& [path, text] : files_) {
+      if (path.has_parent_path()) {
+        fs::create_directories(path.parent_path());
+      }
+      std::ofstream file(path, std::ios::binary);
+      file << text;
+      file.close();
+      if (!file) {
+        throw std::runtime_error("cannot write " + path.string());
+      }
+      std::printf("  %s\n", path.c_str());
+    }
+  }
+
+ private:
+  std::vector<std::pair<fs::path, std::string>> files_;
+};
+
+/// The project in the working folder.
+struct Project {
+  std::string cmake;
+  std::string name;
+};
+
+Project project_here() {
+  Project project{.cmake = read("CMakeLists.txt"), .name = {}};
+  if (project.cmake.find("find_package(FastCycle") == std::string::npos) {
+    throw Refusal(
+        "here is no project of FastCycle: " + fs::current_path().string() +
+        " has no CMakeLists.txt with find_package(FastCycle); `fastcycle new app NAME` makes one");
+  }
+  project.name = project_of(project.cmake).value_or("");
+  return project;
+}
+
+void refuse_target(const Project& project, const std::string& function, const std::string& name) {
+  for (const char* const end : {" ", ")", "\n"}) {
+    if (project.cmake.find(function + "(NAME " + name + end) != std::string::npos) {
+      throw Refusal("CMakeLists.txt has already " + function + "(NAME " + name + " …)");
+    }
+  }
+}
+
+std::string call_of_messages(const std::string& name) {
+  return "fastcycle_messages(NAME " + name + "_messages PROTO_ROOT messages PROTOS " + name +
+         "/value.proto)";
+}
+
+std::string call_of_component(const std::string& name, const std::string& package) {
+  return "fastcycle_component(NAME " + name + " SOURCES components/" + name + ".cc MESSAGES " +
+         package + "_messages\n                    TESTS components/" + name + "_test.cc)";
+}
+
+/// What cmake has to be told so that it finds this FastCycle; nothing if it does by itself.
+std::string prefix_option() {
+  std::error_code error;
+  const fs::path prefix = fs::read_symlink("/proc/self/exe", error).parent_path().parent_path();
+  const char* const path = std::getenv("PATH");
+  const std::string folders = ":" + std::string(path == nullptr ? "" : path) + ":";
+  const bool is_found = error || prefix == "/usr" || prefix == "/usr/local" ||
+                        folders.find(":" + (prefix / "bin").string() + ":") != std::string::npos;
+  return is_found ? "" : " -DCMAKE_PREFIX_PATH=" + prefix.string();
+}
+
+void new_app(const std::string& name) {
+  check_name(name);
+  if (fs::exists(fs::symlink_status(name))) {
+    throw Refusal(name + " exists already; nothing was written");
+  }
+  Changes changes;
+  changes.add_templates("app", name,
+                        {{"name", name},
+                         {"Class", class_name(name)},
+                         {"version", std::to_string(FASTCYCLE_VERSION_MAJOR) + "." +
+                                         std::to_string(FASTCYCLE_VERSION_MINOR)}});
+  changes.write();
+  std::printf(
+      "\nNext:\n  cd %s\n  cmake -B build%s\n  cmake --build build\n  ctest --test-dir build\n"
+      "  fastcycle run build/%s.json --for 2s\n",
+      name.c_str(), prefix_option().c_str(), name.c_str());
+}
+
+void new_component(const std::string& name, const std::string& messages) {
+  check_name(name);
+  const Project project = project_here();
+  const std::string package = messages.empty() ? project.name : messages;
+  refuse_target(project, "fastcycle_component", name);
+  if (!fs::exists("messages/" + package + "/value.proto")) {
+    throw Refusal("there is no messages/" + package +
+                  "/value.proto, which the new component would speak; "
+                  "--messages NAME names another package");
+  }
+  Changes changes;
+  changes.add_templates("component", "",
+                        {{"name", name}, {"Class", class_name(name)}, {"package", package}});
+  changes.change("CMakeLists.txt",
+                 with_call(project.cmake, "fastcycle_component", call_of_component(name, package),
+                           "fastcycle_application"));
+  const std::string entry = R"({"name": ")" + name + R"(", "library": ")" + name + R"("})";
+  const std::string application = application_of(project.cmake).value_or("");
+  const auto changed = with_component(read(application), entry);
+  if (changed) {
+    changes.change(application, *changed);
+  }
+  changes.write();
+  if (!changed) {
+    std::printf(
+        "\nCMakeLists.txt names no fastcycle_application with \"components\". Add to yours:\n  "
+        "%s\n",
+        entry.c_str());
+  }
+  std::printf(
+      "\nIt listens to %s/value and publishes %s/value. Next:\n"
+      "  cmake --build build\n  ctest --test-dir build\n",
+      package.c_str(), name.c_str());
+  if (changed) {
+    std::printf("  fastcycle run build/%s --for 2s\n", fs::path(application).filename().c_str());
+  }
+}
+
+void new_messages(const std::string& name) {
+  check_name(name);
+  const Project project = project_here();
+  refuse_target(project, "fastcycle_messages", name + "_messages");
+  Changes changes;
+  changes.add_templates("messages", "", {{"name", name}});
+  changes.change("CMakeLists.txt", with_call(project.cmake, "fastcycle_messages",
+                                             call_of_messages(name), "fastcycle_component"));
+  changes.write();
+  std::printf(
+      "\nA component that uses it names it in CMakeLists.txt, MESSAGES %s_messages, and has\n"
+      "  #include \"%s/value.pb.h\"\nor is begun with it:\n"
+      "  fastcycle new component NAME --messages %s\n",
+      name.c_str(), name.c_str(), name.c_str());
+}
+
+template <typename Body>
+int refusing(const std::string& word, const Body& body) {
+  try {
+    body();
+    return flush_output();
+  } catch (const Refusal& refusal) {
+    std::fprintf(stderr, "fastcycle new %s: %s\n", word.c_str(), refusal.what());
+    return kWrong;
+  }
+}
+
+Command add_new_app(CLI::App& group) {
+  CLI::App* line = group.add_subcommand("app", "Begin a project: a component, messages, a test");
+  line->footer(
+      examples("  fastcycle new app speed\n"
+               "\n"
+               "Makes the folder NAME here. It builds against the FastCycle that is installed.\n"));
+  const auto name = std::make_shared<std::string>();
+  line->add_option("name", *name, "How it is called: small letters, digits, _")
+      ->required()
+      ->type_name("NAME");
+  return {line, [name] { return refusing("app", [&] { new_app(*name); }); }};
+}
+
+Command add_new_component(CLI::App& group) {
+  CLI::App* line =
+      group.add_subcommand("component", "Add a component, with a test, to the project here");
+  line->footer(
+      examples("  fastcycle new component speed_limiter\n"
+               "  fastcycle new component tracker --messages radar\n"
+               "\n"
+               "Adds its three files, and it to CMakeLists.txt and to the application.\n"));
+  const auto name = std::make_shared<std::string>();
+  const auto messages = std::make_shared<std::string>();
+  line->add_option("name", *name, "How it is called: small letters, digits, _")
+      ->required()
+      ->type_name("NAME");
+  line->add_option("--messages", *messages,
+                   "What it listens to: PACKAGE/value; the project's, if not given")
+      ->type_name("PACKAGE");
+  return {line, [name, messages] {
+            return refusing("component", [&] { new_component(*name, *messages); });
+          }};
+}
+
+Command add_new_messages(CLI::App& group) {
+  CLI::App* line = group.add_subcommand("messages", "Add a message package to the project here");
+  line->footer(examples("  fastcycle new messages radar\n"));
+  const auto name = std::make_shared<std::string>();
+  line->add_option("name", *name, "How it is called: small letters, digits, _")
+      ->required()
+      ->type_name("NAME");
+  return {line, [name] { return refusing("messages", [&] { new_messages(*name); }); }};
+}
+
+}  // namespace
+
+Command add_new(CLI::App& program) {
+  CLI::App* group = program.add_subcommand("new", "Begin a project of your own, or add to it");
+  group->require_subcommand(0, 1);
+  group->footer(
+      examples("  fastcycle new app speed\n"
+               "  fastcycle new component speed_limiter\n"
+               "  fastcycle new messages radar\n"));
+  return {.line = group,
+          .words = {add_new_app(*group), add_new_component(*group), add_new_messages(*group)}};
+}
+
+}  // namespace fastcycle::tool
