@@ -55,7 +55,7 @@ class BoxViewTest : public ::testing::Test {
     for (const ObjectPoint& point : points_) {
       echoes.push_back({.azimuth_rad = point.azimuth_rad, .range_m = point.range_m});
     }
-    skyline_.fill(echoes);
+    skyline_.fill(echoes, 1.7);
     return view_box(view(), skyline_, box_.center_m, heading_rad);
   }
 

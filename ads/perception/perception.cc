@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -60,6 +61,22 @@ RecognizerConfig read_config(fastcycle::Context& context) {
        "For how long one that is hidden behind others");
   read("reach_m", config.tracker.reach_m, 20.0, "m",
        "So far around its box a track takes what its echoes are grouped with");
+  config.are_borders_sought =
+      context
+          .param<bool>("borders", {.fallback = config.are_borders_sought,
+                                   .description = "Whether borders of the road are looked for"})
+          .get();
+  read("low_length_max_m", config.tracker.low_length_max_m, 50.0, "m",
+       "What is longer and not high is two objects");
+  config.tracker.structure_likeness =
+      context
+          .param<double>("structure_likeness",
+                         {.fallback = config.tracker.structure_likeness,
+                          .min = -1e3,
+                          .max = 0.0,
+                          .unit = "1",
+                          .description = "What looks less like a vehicle gives way to others"})
+          .get();
   TrackConfig& track = config.tracker.track;
   read("length_m", track.length_m, 50.0, "m", "Of an object that is not yet seen well");
   read("length_stddev_m", track.length_stddev_m, 50.0, "m", "1 sigma");
@@ -76,9 +93,20 @@ RecognizerConfig read_config(fastcycle::Context& context) {
   return config;
 }
 
+void fill(perception::Border& message, const std::vector<BorderPlace>& border,
+          double mount_forward_m) {
+  for (const BorderPlace& place : border) {
+    message.add_x_m(place.place_m.x() + mount_forward_m);
+    message.add_y_m(place.place_m.y());
+    message.add_stddev_m(place.stddev_m);
+  }
+}
+
 perception::ObjectClass class_of(const TrackedObject& object, double likeness_min) {
   const Track& track = object.track;
-  if (object.two_wheeler_likeness > 0.0 && track.speed_mps() > kTwoWheelerSpeed_mps) {
+  const bool may_ride =
+      track.speed_mps() > kTwoWheelerSpeed_mps || track.speed_stddev_mps() > kTwoWheelerSpeed_mps;
+  if (object.two_wheeler_likeness > 0.0 && may_ride && track.length_m() < 3.0) {
     return perception::TWO_WHEELER;
   }
   if (object.vehicle_likeness < likeness_min) {
@@ -138,6 +166,9 @@ Perception::Perception(fastcycle::Context& context)
       recognizer_(read_config(context)),
       ego_(context.create_history<localization::Ego>("localization/ego", {.depth = kPoses})),
       objects_(context.create_publisher<perception::Objects>("perception/objects")) {
+  if (recognizer_.are_borders_sought()) {
+    borders_.emplace(context.create_publisher<perception::Borders>("perception/borders"));
+  }
   context.create_subscriber<lidar::Sweep>("lidar/points",
                                           [this](const lidar::Sweep& sweep) { on_sweep(sweep); });
 }
@@ -146,6 +177,10 @@ void Perception::stop() {
   report("sweeps", sweep_count_);
   report("sweeps_invalid", invalid_count_);
   report("objects_max", confirmed_max_);
+  if (borders_) {
+    report("borders_left", borders_left_);
+    report("borders_right", borders_right_);
+  }
 }
 
 void Perception::on_sweep(const lidar::Sweep& sweep) {
@@ -176,6 +211,9 @@ void Perception::on_sweep(const lidar::Sweep& sweep) {
     health(fastcycle::Health::kDegraded, result.reason);
   }
   publish(end_ns, result);
+  if (borders_ && recognizer_.borders() != nullptr) {
+    publish_borders(end_ns - sweep.duration_ns() / 2, sweep.mount_forward_m());
+  }
 }
 
 // False if there is no pose.
@@ -214,6 +252,22 @@ void Perception::publish(std::int64_t time_ns, const SweepResult& result) {
   }
   confirmed_max_ = std::max(confirmed_max_, std::int64_t{objects->objects_size()});
   objects_.publish(std::move(objects));
+}
+
+void Perception::publish_borders(std::int64_t time_ns, double mount_forward_m) {
+  const RoadBorders& found = *recognizer_.borders();
+  auto borders = borders_->loan();
+  borders->mutable_header()->set_taken_ns(time_ns);
+  borders->mutable_header()->set_frame("vehicle");
+  if (!found.left.empty()) {
+    fill(*borders->mutable_left(), found.left, mount_forward_m);
+    ++borders_left_;
+  }
+  if (!found.right.empty()) {
+    fill(*borders->mutable_right(), found.right, mount_forward_m);
+    ++borders_right_;
+  }
+  borders_->publish(std::move(borders));
 }
 
 }  // namespace ads

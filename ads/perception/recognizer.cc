@@ -20,6 +20,7 @@ constexpr std::size_t kSlots = 64;
 // Of a sweep that does not say how its beams lie.
 constexpr double kSpread_rad = 0.0035;
 constexpr std::uint32_t kColumnsMin = 360;
+constexpr double kBorderRange_m = 40.0;
 
 struct Point {
   float x_m;
@@ -35,6 +36,7 @@ Recognizer::Recognizer(const RecognizerConfig& config)
 
 SweepResult Recognizer::take(const SweepBytes& sweep, const EgoMotion& ego) {
   SweepResult result;
+  borders_ = nullptr;
   result.reason = mistake_of(sweep, ego);
   if (result.reason.empty()) {
     last_ns_ = sweep.taken_ns;
@@ -50,6 +52,9 @@ SweepResult Recognizer::take(const SweepBytes& sweep, const EgoMotion& ego) {
   if (result.reason.empty()) {
     find_obstacles(sweep, ego, result);
     tracker_.update(sweep_, ego);
+    if (config_.are_borders_sought) {
+      find_borders(sweep, ego);
+    }
   } else {
     tracker_.coast(sweep.taken_ns + sweep.duration_ns);
   }
@@ -57,6 +62,7 @@ SweepResult Recognizer::take(const SweepBytes& sweep, const EgoMotion& ego) {
 }
 
 SweepResult Recognizer::pass_over(std::int64_t end_ns, std::string reason) {
+  borders_ = nullptr;
   tracker_.coast(end_ns);
   return {.reason = std::move(reason)};
 }
@@ -112,6 +118,28 @@ void Recognizer::read(const SweepBytes& sweep, SweepResult& result) {
   }
 }
 
+// What may be a vehicle is no border, whether it stands there or drives.
+void Recognizer::find_borders(const SweepBytes& sweep, const EgoMotion& ego) {
+  const std::int64_t middle_ns = sweep.taken_ns + sweep.duration_ns / 2;
+  const auto pose = ego.at(middle_ns);
+  const Eigen::Vector2d ahead = direction(pose->heading_rad);
+  const Eigen::Vector2d sensor_m = pose->position_m + sweep.mount_forward_m * ahead;
+  std::vector<Standing> standing;
+  for (const TrackedObject& object : tracker_.objects()) {
+    const Track& track = object.track;
+    const double passed_s = static_cast<double>(middle_ns - track.time_ns()) * 1e-9;
+    const Eigen::Vector2d apart = track.center_m() + passed_s * track.velocity_mps() - sensor_m;
+    if (std::max(object.vehicle_likeness, object.two_wheeler_likeness) > 0.0 &&
+        apart.norm() < kBorderRange_m) {
+      standing.push_back({.center_m = {apart.dot(ahead), apart.dot(left_of(ahead))},
+                          .heading_rad = track.heading_rad() - pose->heading_rad,
+                          .length_m = track.length_m(),
+                          .width_m = track.width_m()});
+    }
+  }
+  borders_ = &border_finder_.find(raw_, sweep.mount_height_m, standing);
+}
+
 // Leaves in `sweep_` what stands on the ground, put into the map.
 void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
                                 SweepResult& result) {
@@ -121,6 +149,7 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
   sweep_.duration_ns = sweep.duration_ns;
   sweep_.origin_m = ego.at(sweep.taken_ns)->position_m;
   sweep_.mount_forward_m = sweep.mount_forward_m;
+  sweep_.mount_height_m = sweep.mount_height_m;
   sweep_.spread_rad =
       sweep.columns >= kColumnsMin ? 2.0 * std::numbers::pi / sweep.columns : kSpread_rad;
   sweep_.echoes.clear();

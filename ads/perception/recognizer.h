@@ -7,6 +7,7 @@
 
 #include "ego_motion.h"
 #include "ground.h"
+#include "road_borders.h"
 #include "tracker.h"
 
 namespace ads {
@@ -23,6 +24,7 @@ struct RecognizerConfig {
   /// A sweep with a larger share of echoes that are not finite, or with fewer echoes, is not used.
   double invalid_share_max = 0.2;
   int echoes_min = 500;
+  bool are_borders_sought = false;
 };
 
 /// A sweep as it was received; see `lidar.Sweep`.
@@ -60,15 +62,22 @@ class Recognizer {
   SweepResult pass_over(std::int64_t end_ns, std::string reason);
 
   [[nodiscard]] const std::vector<TrackedObject>& objects() const { return tracker_.objects(); }
+  [[nodiscard]] bool are_borders_sought() const { return config_.are_borders_sought; }
+  /// Of the last sweep; null if it could not be used, or if they are not sought. From the sensor,
+  /// in the middle of the sweep.
+  [[nodiscard]] const RoadBorders* borders() const { return borders_; }
 
  private:
   [[nodiscard]] std::string mistake_of(const SweepBytes& sweep, const EgoMotion& ego) const;
   void read(const SweepBytes& sweep, SweepResult& result);
+  void find_borders(const SweepBytes& sweep, const EgoMotion& ego);
   void find_obstacles(const SweepBytes& sweep, const EgoMotion& ego, SweepResult& result);
 
   const RecognizerConfig config_;
   Ground ground_;
   Tracker tracker_;
+  BorderFinder border_finder_;
+  const RoadBorders* borders_ = nullptr;
   std::int64_t last_ns_ = 0;
   std::vector<RawEcho> raw_;
   SweepEchoes sweep_;

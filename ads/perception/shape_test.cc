@@ -1,5 +1,6 @@
 #include "shape.h"
 
+#include <cmath>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -7,18 +8,49 @@
 namespace ads {
 namespace {
 
+constexpr double kSensor_m = 1.7;
+
 // Points of an upright face ahead of the sensor at the origin, `width_m` across the line of sight.
-Shape face(double width_m, double bottom_m, double top_m, double depth_m = 0.0) {
+std::vector<ObjectPoint> points_of(double width_m, double bottom_m, double top_m, double depth_m) {
   std::vector<ObjectPoint> points;
   for (int step = 0; step <= 20; ++step) {
     const double share = step / 20.0;
+    const Eigen::Vector2d place_m(15.0 + depth_m * share, width_m * (share - 0.5));
     for (int level = 0; level <= 10; ++level) {
       points.push_back(
-          {.place_m = {15.0 + depth_m * share, width_m * (share - 0.5)},
-           .height_m = static_cast<float>(bottom_m + (top_m - bottom_m) * level / 10.0)});
+          {.place_m = place_m,
+           .height_m = static_cast<float>(bottom_m + (top_m - bottom_m) * level / 10.0),
+           .azimuth_rad = static_cast<float>(std::atan2(place_m.y(), place_m.x())),
+           .range_m = static_cast<float>(place_m.norm())});
     }
   }
-  return shape_of({.points = points}, 0.0);
+  return points;
+}
+
+Shape face(double width_m, double bottom_m, double top_m, double depth_m = 0.0,
+           const std::vector<Echo>& others = {}) {
+  const auto points = points_of(width_m, bottom_m, top_m, depth_m);
+  Skyline skyline;
+  skyline.fill(others, kSensor_m);
+  HighPlaces high_places;
+  high_places.fill(others, Eigen::Vector2d::Zero());
+  return shape_of({.points = points}, skyline, high_places, 0.0);
+}
+
+Echo echo_at(double x_m, double y_m, double height_m) {
+  return {.place_m = {static_cast<float>(x_m), static_cast<float>(y_m)},
+          .height_m = static_cast<float>(height_m),
+          .azimuth_rad = static_cast<float>(std::atan2(y_m, x_m)),
+          .range_m = static_cast<float>(std::hypot(x_m, y_m))};
+}
+
+// Across the way at `x_m`, so high.
+std::vector<Echo> row(double x_m, double height_m, double from_m, double to_m) {
+  std::vector<Echo> echoes;
+  for (double y_m = from_m; y_m < to_m; y_m += 0.02) {
+    echoes.push_back(echo_at(x_m, y_m, height_m));
+  }
+  return echoes;
 }
 
 TEST(Shape, IsMeasuredAlongItsBoxAndAcrossTheLineOfSight) {
@@ -26,9 +58,17 @@ TEST(Shape, IsMeasuredAlongItsBoxAndAcrossTheLineOfSight) {
   EXPECT_NEAR(shape.along_m, 3.0, 1e-6);
   EXPECT_NEAR(shape.across_m, 1.8, 1e-6);
   EXPECT_NEAR(shape.width_m, 1.8, 0.3);
-  EXPECT_NEAR(shape.bottom_m, 0.25, 1e-6);
+  EXPECT_NEAR(shape.gap_m, 0.25, 1e-6);
   EXPECT_NEAR(shape.top_m, 1.5, 1e-6);
+  EXPECT_FALSE(shape.is_cut);
   EXPECT_EQ(shape.high_share, 0.0);
+}
+
+TEST(Shape, GapEndsAtWhatStandsBefore) {
+  // Seen from 1.7 m over 1.0 m at 10 m, things at 15 m are hidden up to 0.65 m.
+  EXPECT_NEAR(face(1.8, 0.7, 1.5, 0.0, row(10.0, 1.0, -2.0, 2.0)).gap_m, 0.05, 0.01);
+  EXPECT_NEAR(face(1.8, 0.7, 1.5, 0.0, row(14.0, 1.0, -2.0, 2.0)).gap_m, 0.7, 1e-6)
+      << "what is so close may be a part of it";
 }
 
 TEST(Shape, RearOfACarLooksLikeAVehicle) {
@@ -48,9 +88,24 @@ TEST(Shape, PostsWallsKerbsAndLeavesLookLikeNeither) {
   EXPECT_EQ(likeness_of({}), Likeness::kNeither);
 }
 
-TEST(Shape, PartOfACarIsUnclear) {
-  EXPECT_EQ(likeness_of(face(0.9, 0.7, 1.2)), Likeness::kNeither) << "nothing below";
+TEST(Shape, PartOfACarIsAPart) {
   EXPECT_EQ(likeness_of(face(0.9, 0.3, 1.2)), Likeness::kUnclear);
+  EXPECT_EQ(likeness_of(face(1.1, 0.3, 1.2)), Likeness::kVehiclePart);
+}
+
+TEST(Shape, NothingIsMissedWhereSomethingStandsBefore) {
+  EXPECT_EQ(likeness_of(face(1.7, 0.8, 1.5)), Likeness::kNeither) << "nothing below";
+  EXPECT_EQ(likeness_of(face(1.7, 0.8, 1.5, 0.0, row(10.0, 1.0, -2.0, 2.0))), Likeness::kVehicle);
+  EXPECT_EQ(likeness_of(face(0.2, 0.3, 1.5)), Likeness::kNeither) << "a post";
+  EXPECT_EQ(likeness_of(face(0.2, 0.3, 1.5, 0.0, row(10.0, 1.0, 0.05, 2.0))), Likeness::kUnclear);
+  EXPECT_EQ(likeness_of(face(0.6, 0.25, 1.7, 1.5, row(10.0, 1.0, 0.2, 2.0))), Likeness::kUnclear)
+      << "a car, or somebody on two wheels";
+}
+
+TEST(Shape, FlatThingInTheLineOfAWallIsAPartOfIt) {
+  EXPECT_EQ(likeness_of(face(3.0, 0.2, 1.6, 0.0, row(15.0, 2.5, 2.0, 6.0))), Likeness::kNeither);
+  EXPECT_EQ(likeness_of(face(3.0, 0.2, 1.6, 0.0, row(17.0, 2.5, 2.0, 6.0))), Likeness::kVehicle)
+      << "beside a wall";
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 
 namespace ads {
 namespace {
@@ -13,17 +14,32 @@ constexpr double kBin_rad = 2.0 * std::numbers::pi / kBins;
 // What is nearer by less may be the same object.
 constexpr double kNearer_m = 0.4;
 constexpr int kBeside = 3;
+// And what is nearer by more is another one.
+constexpr double kBefore_m = 1.5;
 
 }  // namespace
 
-Skyline::Skyline() : nearest_m_(kBins) {}
+Skyline::Skyline() : nearest_m_(kBins), begin_(kBins + 1) {}
 
-void Skyline::fill(std::span<const Echo> echoes) {
+void Skyline::fill(std::span<const Echo> echoes, double sensor_height_m) {
+  sensor_height_m_ = static_cast<float>(sensor_height_m);
   std::fill(nearest_m_.begin(), nearest_m_.end(), std::numeric_limits<float>::infinity());
+  std::fill(begin_.begin(), begin_.end(), 0U);
   for (const Echo& echo : echoes) {
-    float& nearest = nearest_m_[bin_of(echo.azimuth_rad)];
-    nearest = std::min(nearest, echo.range_m);
+    const std::size_t bin = bin_of(echo.azimuth_rad);
+    nearest_m_[bin] = std::min(nearest_m_[bin], echo.range_m);
+    ++begin_[bin + 1];
   }
+  std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+  sights_.resize(echoes.size());
+  for (const Echo& echo : echoes) {
+    sights_[begin_[bin_of(echo.azimuth_rad)]++] = {
+        .range_m = echo.range_m,
+        .slope = (echo.height_m - sensor_height_m_) / std::max(echo.range_m, 0.1F)};
+  }
+  // Each begin has moved to its end.
+  std::shift_right(begin_.begin(), begin_.end(), 1);
+  begin_[0] = 0;
 }
 
 bool Skyline::is_hidden_beside(float azimuth_rad, float range_m, int side) const {
@@ -42,6 +58,17 @@ double Skyline::hidden_share(double azimuth_rad, double half_width_rad, double r
     hidden += nearest_m_[bin_of(azimuth_rad + step * kBin_rad)] < range_m - kNearer_m ? 1 : 0;
   }
   return static_cast<double>(hidden) / (2 * reach + 1);
+}
+
+float Skyline::hidden_height_m(float azimuth_rad, float range_m) const {
+  const std::size_t bin = bin_of(azimuth_rad);
+  float height = 0.0F;
+  for (std::size_t index = begin_[bin]; index < begin_[bin + 1]; ++index) {
+    if (sights_[index].range_m < range_m - static_cast<float>(kBefore_m)) {
+      height = std::max(height, sensor_height_m_ + sights_[index].slope * range_m);
+    }
+  }
+  return height;
 }
 
 std::size_t Skyline::bin_of(double azimuth_rad) const {

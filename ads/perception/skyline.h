@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -21,12 +22,13 @@ struct Echo {
 /// where its echoes end, or is hidden from there on.
 ///
 /// @threads  Confined.
-/// @realtime Allocates in its constructor only.
+/// @realtime Allocates while echoes become more.
 class Skyline {
  public:
   Skyline();
 
-  void fill(std::span<const Echo> echoes);
+  /// @param sensor_height_m  Above the ground.
+  void fill(std::span<const Echo> echoes, double sensor_height_m);
 
   /// Whether something nearer than `range_m` stands beside the direction `azimuth_rad`, on the side
   /// of growing azimuths (`side` = 1) or of falling ones (-1).
@@ -34,11 +36,22 @@ class Skyline {
   /// The share of the directions around `azimuth_rad` in which something stands before `range_m`.
   [[nodiscard]] double hidden_share(double azimuth_rad, double half_width_rad,
                                     double range_m) const;
+  /// Up to which height a thing at `range_m` is hidden by what stands before it; 0 if by nothing.
+  [[nodiscard]] float hidden_height_m(float azimuth_rad, float range_m) const;
 
  private:
   [[nodiscard]] std::size_t bin_of(double azimuth_rad) const;
 
+  // What stands in a direction: how far away, and how steeply one looks at it.
+  struct Sight {
+    float range_m;
+    float slope;
+  };
+
   std::vector<float> nearest_m_;
+  std::vector<std::uint32_t> begin_;  // Of each direction's part of `sights_`.
+  std::vector<Sight> sights_;
+  float sensor_height_m_ = 0.0F;
 };
 
 }  // namespace ads

@@ -256,6 +256,15 @@ void Track::turn_to(double heading_rad) {
   covariance_.block<2, 2>(0, 0) = center;
 }
 
+void Track::cut(const Eigen::Vector2d& sensor_m) {
+  const Eigen::Vector2d ahead = direction(heading_[0]);
+  const double side = ahead.dot(sensor_m - center_m()) > 0.0 ? 1.0 : -1.0;
+  state_.head<2>() += 0.5 * side * (state_[6] - config_.length_m) * ahead;
+  const double width = state_[7];
+  begin_size();
+  state_[7] = width;
+}
+
 double Track::distance2(const ObjectView& view, const Skyline& skyline) const {
   const BoxView box = view_box(view, skyline, center_m(), heading_[0]);
   const auto off = [](const Edge& high, const Edge& low, double size) {

@@ -55,6 +55,10 @@ class Track {
   /// A sweep has seen the object, at the time of the track.
   void update(const ObjectView& view, const Skyline& skyline);
 
+  /// It was taken for one with what stands behind it: its length is begun anew at the end that is
+  /// closer to the sensor.
+  void cut(const Eigen::Vector2d& sensor_m);
+
   /// The squared Mahalanobis distance of the object seen from where this one is expected.
   [[nodiscard]] double distance2(const ObjectView& view, const Skyline& skyline) const;
 

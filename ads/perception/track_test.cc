@@ -37,7 +37,7 @@ class TrackTest : public ::testing::Test {
         }
       }
     }
-    skyline_.fill(echoes);
+    skyline_.fill(echoes, 1.7);
     track_.predict(time_ns_);
     track_.update({.points = points, .spread_rad = kSpread_rad}, skyline_);
   }

@@ -29,6 +29,10 @@ constexpr double kFrontFrom_m = 1.2;  // Nor narrower.
 constexpr std::size_t kEchoesTwoWheeler = 12;
 constexpr double kTwoWheelerLength_m = 1.8;
 constexpr double kTwoWheelerWidth_m = 0.7;
+constexpr double kStructureReach_m = 4.0;
+constexpr float kBehind_m = 10.0F;  // So far its claims stand behind those of others.
+constexpr double kPartWeight = 0.3;
+constexpr double kLow_m = 2.2;
 constexpr double kMemory = 0.8;  // Of what an object looked like.
 
 // From what is seen: a face that is wholly seen and no longer than a car is wide is its front or
@@ -53,7 +57,8 @@ double first_heading(const ObjectView& view, const Skyline& skyline,
 Tracker::Tracker(const TrackerConfig& config) : config_(config), clustering_(config.clustering) {}
 
 void Tracker::update(const SweepEchoes& sweep, const EgoMotion& ego) {
-  skyline_.fill(sweep.echoes);
+  skyline_.fill(sweep.echoes, sweep.mount_height_m);
+  high_places_.fill(sweep.echoes, sweep.origin_m);
   is_seen_.assign(objects_.size(), false);
   label(sweep);
   gather(sweep, ego);
@@ -102,8 +107,12 @@ void Tracker::label(const SweepEchoes& sweep) {
     }
     const double before_s = static_cast<double>(sweep.begin_ns - track.time_ns()) * 1e-9;
     const double middle_s = before_s + 0.5e-9 * static_cast<double>(sweep.duration_ns);
-    const double margin = std::min(
-        kMarginMax_m, kMargin_m + std::max(0.0, middle_s - 0.1) * track.speed_stddev_mps());
+    // What is no vehicle stands: it leaves to others what is not well within it.
+    const bool stands = is_structure(objects_[index]);
+    const double margin = stands
+                              ? 0.0
+                              : std::min(kMarginMax_m, kMargin_m + std::max(0.0, middle_s - 0.1) *
+                                                                       track.speed_stddev_mps());
     const Eigen::Vector2f begin_m =
         (track.center_m() + before_s * track.velocity_mps() - sweep.origin_m).cast<float>();
     const Eigen::Vector2f velocity = track.velocity_mps().cast<float>();
@@ -112,7 +121,9 @@ void Tracker::label(const SweepEchoes& sweep) {
     const auto half_length = static_cast<float>(0.5 * track.length_m());
     const auto half_width = static_cast<float>(0.5 * track.width_m());
     // It may be longer than was seen so far.
-    const auto rest = static_cast<float>(kMargin_m + std::min(1.0, track.length_stddev_m()));
+    const auto rest =
+        stands ? 0.0F : static_cast<float>(kMargin_m + std::min(1.0, track.length_stddev_m()));
+    const float behind = stands ? kBehind_m : 0.0F;
     const float reach = half_length + half_width + rest + static_cast<float>(margin);
     for (std::size_t echo = 0; echo < count; ++echo) {
       const Eigen::Vector2f apart =
@@ -125,12 +136,20 @@ void Tracker::label(const SweepEchoes& sweep) {
       const float its_outside = std::max(along - half_length, across - half_width);
       const bool is_in_rest = along < half_length + rest && across < half_width;
       if ((its_outside < static_cast<float>(margin) || is_in_rest) &&
-          its_outside < outside_m_[echo]) {
-        outside_m_[echo] = its_outside;
+          its_outside + behind < outside_m_[echo]) {
+        outside_m_[echo] = its_outside + behind;
         labels_[echo] = static_cast<int>(index);
       }
     }
   }
+  for (float& outside : outside_m_) {
+    outside -= outside > 0.5F * kBehind_m ? kBehind_m : 0.0F;
+  }
+}
+
+bool Tracker::is_structure(const TrackedObject& object) const {
+  return object.vehicle_likeness < config_.structure_likeness &&
+         object.two_wheeler_likeness < config_.structure_likeness;
 }
 
 // Step 2: groups of echoes.
@@ -195,13 +214,14 @@ void Tracker::gather(const SweepEchoes& sweep, const EgoMotion& ego) {
       const auto time_ns =
           sweep.begin_ns + static_cast<std::int64_t>(1e9F * sweep.echoes[echo].time_s);
       const Eigen::Vector2d place_m = sweep.origin_m + sweep.echoes[echo].place_m.cast<double>();
-      double nearest = config_.reach_m;
+      double nearest = std::numeric_limits<double>::infinity();
       for (const int candidate : its.who) {
         const TrackedObject& object = objects_[static_cast<std::size_t>(candidate)];
         const Eigen::Vector2d place = box_place(object, time_ns, place_m);
         const double outside = std::max(std::abs(place.x()) - 0.5 * object.track.length_m(),
                                         std::abs(place.y()) - 0.5 * object.track.width_m());
-        if (outside < nearest) {
+        const double reach = is_structure(object) ? kStructureReach_m : config_.reach_m;
+        if (outside < reach && outside < nearest) {
           nearest = outside;
           owner = candidate;
         }
@@ -287,6 +307,9 @@ void Tracker::associate() {
 void Tracker::sight(TrackedObject& object, const Group& group) {
   object.track.predict(group.time_ns);
   object.track.update(group.view, skyline_);
+  if (object.track.length_m() > config_.low_length_max_m && object.track.height_m() < kLow_m) {
+    object.track.cut(group.view.sensor_m);
+  }
   object.seen_ns = group.time_ns;
   object.missed = 0;
   ++object.sightings;
@@ -297,10 +320,14 @@ void Tracker::sight(TrackedObject& object, const Group& group) {
 void Tracker::look_at(TrackedObject& object, const Group& group) {
   object.vehicle_likeness *= kMemory;
   object.two_wheeler_likeness *= kMemory;
-  switch (likeness_of(shape_of(group.view, object.track.heading_rad()))) {
+  switch (likeness_of(shape_of(group.view, skyline_, high_places_, object.track.heading_rad()))) {
     case Likeness::kVehicle:
       object.vehicle_likeness += 1.0;
       object.two_wheeler_likeness -= 1.0;
+      break;
+    case Likeness::kVehiclePart:
+      object.vehicle_likeness += kPartWeight;
+      object.two_wheeler_likeness -= kPartWeight;
       break;
     case Likeness::kTwoWheeler:
       // So does a car of which a part is hidden.
@@ -372,7 +399,8 @@ void Tracker::begin_tracks() {
 // It looks like one, and nothing hides more of it.
 bool Tracker::is_two_wheeler(const Group& group, double heading_rad) const {
   if (group.points.size() < kEchoesTwoWheeler ||
-      likeness_of(shape_of(group.view, heading_rad)) != Likeness::kTwoWheeler) {
+      likeness_of(shape_of(group.view, skyline_, high_places_, heading_rad)) !=
+          Likeness::kTwoWheeler) {
     return false;
   }
   const double sight_rad = group.points.front().azimuth_rad;

@@ -8,6 +8,7 @@
 
 #include "clustering.h"
 #include "ego_motion.h"
+#include "shape.h"
 #include "skyline.h"
 #include "track.h"
 
@@ -27,6 +28,10 @@ struct TrackerConfig {
   /// What is larger is no object.
   double length_max_m = 25.0;
   double width_max_m = 3.2;
+  /// What is no higher than 2.2 m and longer than this is two: it is begun anew at its near end.
+  double low_length_max_m = 25.0;
+  /// What looks less like a vehicle or two-wheeler is a structure: it gives way to other objects.
+  double structure_likeness = -1e3;
 };
 
 /// Echoes of one sweep, and how they were taken.
@@ -37,6 +42,7 @@ struct SweepEchoes {
   std::vector<Echo> echoes;
   double spread_rad = 0.0;  ///< Between neighbouring beams.
   double mount_forward_m = 0.0;
+  double mount_height_m = 0.0;
 };
 
 /// An object that is followed from sweep to sweep.
@@ -87,6 +93,7 @@ class Tracker {
     ObjectView view;
   };
 
+  [[nodiscard]] bool is_structure(const TrackedObject& object) const;
   void label(const SweepEchoes& sweep);
   void gather(const SweepEchoes& sweep, const EgoMotion& ego);
   void add_point(Group& group, const SweepEchoes& sweep, std::size_t echo);
@@ -104,6 +111,7 @@ class Tracker {
   const TrackerConfig config_;
   Clustering clustering_;
   Skyline skyline_;
+  HighPlaces high_places_;
   std::uint64_t next_id_ = 1;
   std::vector<TrackedObject> objects_;
 

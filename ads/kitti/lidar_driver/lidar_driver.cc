@@ -38,6 +38,8 @@ LidarDriver::LidarDriver(fastcycle::Context& context)
       data_(context.param<fastcycle::Path>("data", {.description = "The drive's folder"})),
       columns_(count(context, "columns", 2250, 36'000, "Azimuths of a turn")),
       rings_(count(context, "rings", 64, 256, "Beams above each other")),
+      passes_(count(context, "passes", 1, 10'000,
+                    "How often the drive is played; each second time backwards")),
       is_clockwise_(context.param<bool>(
           "is_clockwise", {.fallback = true, .description = "How the sensor turns, from above"})),
       mount_forward_m_(
@@ -59,22 +61,37 @@ void LidarDriver::stop() {
 }
 
 void LidarDriver::play() {
-  publish(frames_[next_++]);
+  publish(turn(next_++));
   schedule();
+}
+
+// A pass takes as long as the drive did, also where frames are missing.
+LidarDriver::Turn LidarDriver::turn(std::size_t number) const {
+  const std::size_t pass = number / frames_.size();
+  const std::size_t index = number % frames_.size();
+  const bool is_backwards = pass % 2 == 1;
+  const Frame& frame = frames_[is_backwards ? frames_.size() - 1 - index : index];
+  const std::int64_t since_first = frame.number - frames_.front().number;
+  const std::int64_t last = frames_.back().number - frames_.front().number;
+  return {.frame = &frame,
+          .slot = static_cast<std::int64_t>(pass) * (last + 1) +
+                  (is_backwards ? last - since_first : since_first),
+          .is_backwards = is_backwards};
 }
 
 // A sweep is there when its turn is over.
 void LidarDriver::schedule() {
-  if (next_ < frames_.size()) {
-    timer_.arm_at(start_time() + offset_of(frames_[next_].number + 1, frames_[0].number));
+  if (next_ < frames_.size() * static_cast<std::size_t>(passes_.get())) {
+    const Turn its = turn(next_);
+    timer_.arm_at(start_time() + offset_of(its.slot + 1, 0));
+    points_of_next_ = read_sweep(its.frame->file);  // A sensor has its echoes when it has turned.
   } else {
     source_.finish();
   }
 }
 
-void LidarDriver::publish(const Frame& frame) {
-  const std::vector<Point> points = read_sweep(frame.file);
-  const fastcycle::Time taken = start_time() + offset_of(frame.number, frames_[0].number);
+void LidarDriver::publish(const Turn& turn) {
+  const fastcycle::Time taken = start_time() + offset_of(turn.slot, 0);
   auto sweep = sweeps_.loan();
   sweep->mutable_header()->set_taken_ns(taken.time_since_epoch().count());
   sweep->mutable_header()->set_frame("lidar");
@@ -83,13 +100,13 @@ void LidarDriver::publish(const Frame& frame) {
   sweep->set_rings(static_cast<std::uint32_t>(rings_.get()));
   sweep->set_mount_forward_m(mount_forward_m_.get());
   sweep->set_mount_height_m(mount_height_m_.get());
-  place(points, *sweep);
+  place(points_of_next_, is_clockwise_.get() != turn.is_backwards, *sweep);
   sweeps_.publish(std::move(sweep), {.taken_at = taken});
 }
 
 // The files hold ring after ring, from the highest, each beginning ahead and going to the left,
 // whichever way the sensor turned. A turn begins behind.
-void LidarDriver::place(const std::vector<Point>& points, lidar::Sweep& sweep) {
+void LidarDriver::place(const std::vector<Point>& points, bool is_clockwise, lidar::Sweep& sweep) {
   const int columns = columns_.get();
   const int rings = rings_.get();
   std::string& bytes = *sweep.mutable_points();
@@ -106,7 +123,7 @@ void LidarDriver::place(const std::vector<Point>& points, lidar::Sweep& sweep) {
     }
     was_behind = point.x_m < 0.0F || (was_behind && point.y_m < 0.0F);
     const double turned = std::atan2(point.y_m, point.x_m) / (2.0 * std::numbers::pi);
-    const double share = is_clockwise_.get() ? 0.5 - turned : 0.5 + turned;
+    const double share = is_clockwise ? 0.5 - turned : 0.5 + turned;
     // What is not finite has no direction, but is told of.
     const int column = std::isfinite(share) ? static_cast<int>(share * columns) % columns : 0;
     ++points_;

@@ -12,7 +12,8 @@
 
 namespace kitti {
 
-/// Publishes the recorded sweeps of a drive, each when its turn is over.
+/// Publishes the recorded sweeps of a drive, each when its turn is over. Of several passes each
+/// second one goes back in time: the vehicle drives backwards, and the sensor turns the other way.
 ///
 /// Out:  `lidar/points`, one message for each file
 class LidarDriver final : public fastcycle::Component {
@@ -22,14 +23,22 @@ class LidarDriver final : public fastcycle::Component {
   void stop() override;
 
  private:
+  struct Turn {
+    const Frame* frame;
+    std::int64_t slot;  // Since the start, in frames.
+    bool is_backwards;
+  };
+
   void play();
+  [[nodiscard]] Turn turn(std::size_t number) const;
   void schedule();
-  void publish(const Frame& frame);
-  void place(const std::vector<Point>& points, lidar::Sweep& sweep);
+  void publish(const Turn& turn);
+  void place(const std::vector<Point>& points, bool is_clockwise, lidar::Sweep& sweep);
 
   fastcycle::Param<fastcycle::Path> data_;
   fastcycle::Param<int> columns_;
   fastcycle::Param<int> rings_;
+  fastcycle::Param<int> passes_;
   fastcycle::Param<bool> is_clockwise_;
   fastcycle::Param<double> mount_forward_m_;
   fastcycle::Param<double> mount_height_m_;
@@ -38,7 +47,8 @@ class LidarDriver final : public fastcycle::Component {
   fastcycle::Source source_;
 
   std::vector<Frame> frames_;
-  std::size_t next_ = 0;
+  std::size_t next_ = 0;  // Of all passes.
+  std::vector<Point> points_of_next_;
   std::int64_t points_ = 0;
   std::int64_t points_left_out_ = 0;
 };

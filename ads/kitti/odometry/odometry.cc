@@ -44,10 +44,27 @@ ScanMatcherConfig read_config(fastcycle::Context& context) {
   return config;
 }
 
+Pose read_begin(fastcycle::Context& context) {
+  const auto read = [&context](std::string_view name, std::string unit, std::string description) {
+    return context
+        .param<double>(name, {.fallback = 0.0,
+                              .min = -1e6,
+                              .max = 1e6,
+                              .unit = std::move(unit),
+                              .description = std::move(description)})
+        .get();
+  };
+  const double x_m = read("begin_x_m", "m", "Where the sensor is at the end of the first sweep");
+  const double y_m = read("begin_y_m", "m", "The same, in the map");
+  return {.place_m = {x_m, y_m},
+          .heading_rad = read("begin_heading_rad", "rad", "Of the vehicle, then")};
+}
+
 }  // namespace
 
 Odometry::Odometry(fastcycle::Context& context)
     : Component(context),
+      begin_(read_begin(context)),
       matcher_(read_config(context)),
       ego_(context.create_publisher<localization::Ego>("localization/ego")),
       sweeps_(context.create_publisher<lidar::Sweep>("odometry/points")) {
@@ -109,7 +126,7 @@ bool Odometry::read(const lidar::Sweep& sweep) {
 }
 
 void Odometry::publish_ego(const lidar::Sweep& sweep) {
-  const Pose& pose = matcher_.pose();
+  const Pose pose = begin_.moved(matcher_.pose());
   const Eigen::Vector2d ahead = ads::direction(pose.heading_rad);
   const Eigen::Vector2d center_m = pose.place_m - sweep.mount_forward_m() * ahead;
   const bool is_held = !last_ns_ || matcher_.matched_share() >= kMatchedMin;

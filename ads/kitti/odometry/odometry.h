@@ -26,6 +26,7 @@ class Odometry final : public fastcycle::Component {
   [[nodiscard]] bool read(const lidar::Sweep& sweep);
   void publish_ego(const lidar::Sweep& sweep);
 
+  const Pose begin_;
   ScanMatcher matcher_;
   fastcycle::Publisher<localization::Ego> ego_;
   fastcycle::Publisher<lidar::Sweep> sweeps_;
