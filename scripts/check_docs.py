@@ -74,6 +74,14 @@ def lonely_snippets():
                 yield f"{guide.relative_to(ROOT)}: {theirs} and {ours} are no pair of theirs and ours"
 
 
+def homeless_snippets():
+    for document in documents():
+        name = document.relative_to(ROOT)
+        is_checked = name.parts[0] in ("README.md", LESSONS) or name.parts[:2] == ("docs", "guides")
+        if not is_checked and code_blocks(document.read_text(encoding="utf-8"), "cpp"):
+            yield f"{name}: has cpp code; that is built in guides and lessons only"
+
+
 def strange_lessons():
     for lesson in sorted((ROOT / LESSONS).glob("[0-9]*/README.md")):
         sources = [words(file.read_text(encoding="utf-8"))
@@ -89,6 +97,7 @@ def main():
     problems += strange_snippets()
     problems += unbuilt_snippets()
     problems += lonely_snippets()
+    problems += homeless_snippets()
     problems += strange_lessons()
     print("\n".join(problems) if problems else "check_docs: links lead somewhere, the code shown is built")
     return 1 if problems else 0
