@@ -33,7 +33,8 @@ constexpr double kStructureReach_m = 4.0;
 constexpr float kBehind_m = 10.0F;  // So far its claims stand behind those of others.
 constexpr double kPartWeight = 0.3;
 constexpr double kLow_m = 2.2;
-constexpr double kMemory = 0.8;  // Of what an object looked like.
+constexpr double kHighest_m = 2.5;  // Of cars and vans.
+constexpr double kMemory = 0.8;     // Of what an object looked like.
 
 // From what is seen: a face that is wholly seen and no longer than a car is wide is its front or
 // its rear, a longer one its side. What is seen less is taken to lie as `likely_rad` does. Of both
@@ -320,7 +321,12 @@ void Tracker::sight(TrackedObject& object, const Group& group) {
 void Tracker::look_at(TrackedObject& object, const Group& group) {
   object.vehicle_likeness *= kMemory;
   object.two_wheeler_likeness *= kMemory;
-  switch (likeness_of(shape_of(group.view, skyline_, high_places_, object.track.heading_rad()))) {
+  Likeness likeness =
+      likeness_of(shape_of(group.view, skyline_, high_places_, object.track.heading_rad()));
+  if (likeness == Likeness::kVehicle && object.track.height_m() > kHighest_m) {
+    likeness = Likeness::kUnclear;  // It was seen to be higher.
+  }
+  switch (likeness) {
     case Likeness::kVehicle:
       object.vehicle_likeness += 1.0;
       object.two_wheeler_likeness -= 1.0;
