@@ -51,7 +51,7 @@ def first_difference(shown, printed):
 
 def check(command, shown, folder, environment):
     run = subprocess.run(["bash", "-c", command], cwd=folder, env=environment, capture_output=True,
-                         text=True, timeout=100, check=False)
+                         text=True, timeout=300, check=False)
     output = run.stderr + run.stdout
     printed = [line.rstrip() for line in output.splitlines() if line.strip()]
     if run.returncode != 0:
