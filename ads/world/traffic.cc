@@ -20,6 +20,7 @@ constexpr double kReactionBraking_mps2 = 1.5;
 constexpr double kCloseGap_m = 1.0;
 // What is beside the way by more than this is passed.
 constexpr double kSideGap_m = 0.2;
+constexpr double kTrembling_m = 0.5;
 constexpr double kLookahead_m = 100.0;
 // One drives behind what points in about the same direction.
 constexpr double kSameDirection_rad = 1.05;
@@ -54,15 +55,21 @@ Recording::Recording(const Obstacle& obstacle, double step_s, double start_s)
     : is_static_(obstacle.is_static),
       is_there_before_(static_cast<double>(obstacle.states.front().step) * step_s <= start_s),
       states_(obstacle.states) {
+  // Who stands trembles in a recording: that is no way, and its last piece leads anywhere.
   std::vector<Eigen::Vector2d> points;
+  double length_m = 0.0;
   for (const ScenarioState& state : states_) {
     times_s_.push_back(static_cast<double>(state.step) * step_s);
+    const double moved_m = points.empty() ? 0.0 : (state.position_m - points.back()).norm();
     progress_m_.push_back(
-        points.empty() ? 0.0 : progress_m_.back() + (state.position_m - points.back()).norm());
-    points.push_back(state.position_m);
+        std::max(progress_m_.empty() ? 0.0 : progress_m_.back(), length_m + moved_m));
+    if (points.empty() || moved_m >= kTrembling_m) {
+      length_m += moved_m;
+      points.push_back(state.position_m);
+    }
     speed_max_mps_ = std::max(speed_max_mps_, state.speed_mps);
   }
-  if (progress_m_.back() > 1.0) {
+  if (length_m > 1.0) {
     way_.emplace(points);
   }
 }

@@ -129,6 +129,27 @@ TEST(Traffic, ReactiveCarStopsBehindAnEgoVehicleThatStands) {
   EXPECT_LT(distance_m(find(traffic, 5)->box, ego_at(0.0)), 3.0);
 }
 
+TEST(Traffic, ReactiveCarFollowsAlsoOnAWayThatEndsTrembling) {
+  std::vector<SmallScenario::State> states;
+  for (int step = 0; step <= 100; ++step) {
+    const bool is_back = step > 60 && step % 2 == 0;
+    states.push_back({.step = step,
+                      .x_m = std::min(30.0, 0.5 * step) - (is_back ? 0.3 : 0.0),
+                      .y_m = is_back ? 0.01 : 0.0,
+                      .speed_mps = step < 60 ? 5.0 : 0.0});
+  }
+  const Scenario scenario =
+      SmallScenario().obstacle("dynamicObstacle", 5, states).goal(0, 0, 1).scenario();
+  Traffic traffic(scenario, 0.0, TrafficMode::kReactive);
+  Box ego = ego_at(20.0);
+  ego.center_m.y() = 0.3;
+
+  move_to(traffic, 0.0, 8.0, ego);
+
+  EXPECT_LT(find(traffic, 5)->box.center_m.x(), 16.0);
+  EXPECT_LT(find(traffic, 5)->speed_mps, 0.2);
+}
+
 TEST(Traffic, CarsBehindOneThatReactsFollowIt) {
   const Scenario scenario = SmallScenario()
                                 .car(5, -40.0, 0.0, 10.0, 120)
