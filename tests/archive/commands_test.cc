@@ -253,7 +253,7 @@ TEST_F(Commands, WrongWordsAreExitCodeTwo) {
       {"split", "a.mcap", "p"},
       {"split", "a.mcap", "p", "--size", "0MB"},
       {"recover", "a.mcap", "b.mcap", "--compression", "x"},
-      {"doctor"}};
+      {"doctor", "--for", "1s", "c.mcap"}};
   for (const auto& words : wrong) {
     EXPECT_EQ(run(words), 2) << words[0];
     EXPECT_THAT(errors_, HasSubstr("fastcycle " + words[0]));
