@@ -138,7 +138,7 @@ class Drives:
 
     def a_drive_repeats_with_any_number_of_workers(self):
         first = None
-        for workers in ("1", "4"):
+        for workers in ("1", "2", "4"):
             drive = self.drive("4_1", "--workers", workers)
             log = subprocess.run([self.fastcycle, "echo", "recording.mcap", "--json", "--full"], cwd=drive.folder,
                                  capture_output=True, check=True).stdout.splitlines()  # fmt: skip
