@@ -14,12 +14,13 @@ install(DIRECTORY include/fastcycle transforms/include/fastcycle DESTINATION ${C
 
 install(EXPORT FastCycleTargets NAMESPACE FastCycle:: DESTINATION ${FASTCYCLE_CMAKE_DIR})
 
-configure_package_config_file(cmake/FastCycleConfig.cmake.in FastCycleConfig.cmake
+# Not where find_package() looks: it would find the build's own bin in PATH, and what is there is not installed.
+configure_package_config_file(cmake/FastCycleConfig.cmake.in for_install/FastCycleConfig.cmake
   INSTALL_DESTINATION ${FASTCYCLE_CMAKE_DIR}
   PATH_VARS FASTCYCLE_SHARE_DIR FASTCYCLE_PROGRAM_DIR)
-write_basic_package_version_file(FastCycleConfigVersion.cmake COMPATIBILITY SameMinorVersion)
-install(FILES ${PROJECT_BINARY_DIR}/FastCycleConfig.cmake
-              ${PROJECT_BINARY_DIR}/FastCycleConfigVersion.cmake
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/for_install/FastCycleConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/for_install/FastCycleConfig.cmake
+              ${PROJECT_BINARY_DIR}/for_install/FastCycleConfigVersion.cmake
               cmake/FastCycleMessages.cmake cmake/FastCycleComponent.cmake
         DESTINATION ${FASTCYCLE_CMAKE_DIR})
 

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "process/process.h"
+
 namespace fastcycle::tool::machine {
 namespace {
 
@@ -15,13 +17,10 @@ namespace fs = std::filesystem;
 class Machine : public testing::Test {
  protected:
   Machine() {
-    std::string name = (fs::temp_directory_path() / "machine-XXXXXX").string();
-    root_ = mkdtemp(name.data());
     for (const char* const cpu : {"cpu0", "cpu1", "cpu2", "cpu3"}) {
       fs::create_directories(root_ / "sys/devices/system/cpu" / cpu);
     }
   }
-  ~Machine() override { fs::remove_all(root_); }
 
   void write(const fs::path& file, const std::string& text) {
     fs::create_directories((root_ / file).parent_path());
@@ -35,7 +34,8 @@ class Machine : public testing::Test {
     return found == findings.end() ? Finding{} : *found;
   }
 
-  fs::path root_;
+  test::Folder folder_;
+  const fs::path& root_ = folder_.path();
 };
 
 TEST_F(Machine, ThatTellsNothingHasNothingToChangeButItsKernel) {

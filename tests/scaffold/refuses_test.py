@@ -65,6 +65,10 @@ class Refuses(unittest.TestCase):
         self.assertIn('{"name": "motor", "library": "motor"}', done.stdout)
         self.assertEqual((self.folder / "garage/garage.json").read_text(), '{"name": "x"}')
 
+    def test_what_was_only_built_is_installed_first(self):
+        done = self.new("app", "garage")
+        self.assertIn(" --prefix $HOME/fastcycle\n  cmake -B build -DCMAKE_PREFIX_PATH=$HOME/fastcycle\n", done.stdout)
+
     def test_help_is_there(self):
         for words in ((), ("app",), ("component",), ("messages",)):
             self.assertEqual(self.new(*words, "--help").returncode, 0)

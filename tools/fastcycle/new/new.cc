@@ -181,15 +181,20 @@ std::string call_of_component(const std::string& name, const std::string& packag
          package + "_messages\n                    TESTS components/" + name + "_test.cc)";
 }
 
-/// What cmake has to be told so that it finds this FastCycle; nothing if it does by itself.
-std::string prefix_option() {
+/// How `name` is configured: with what cmake has to be told so that it finds this FastCycle, which
+/// is nothing if it does by itself. What was only built is installed first.
+std::string configure_commands() {
   std::error_code error;
   const fs::path prefix = fs::read_symlink("/proc/self/exe", error).parent_path().parent_path();
+  if (fs::exists(prefix / "CMakeCache.txt", error)) {
+    return "  cmake --install " + prefix.string() +
+           " --prefix $HOME/fastcycle\n  cmake -B build -DCMAKE_PREFIX_PATH=$HOME/fastcycle\n";
+  }
   const char* const path = std::getenv("PATH");
   const std::string folders = ":" + std::string(path == nullptr ? "" : path) + ":";
   const bool is_found = error || prefix == "/usr" || prefix == "/usr/local" ||
                         folders.find(":" + (prefix / "bin").string() + ":") != std::string::npos;
-  return is_found ? "" : " -DCMAKE_PREFIX_PATH=" + prefix.string();
+  return "  cmake -B build" + (is_found ? "" : " -DCMAKE_PREFIX_PATH=" + prefix.string()) + "\n";
 }
 
 void new_app(const std::string& name) {
@@ -205,9 +210,9 @@ void new_app(const std::string& name) {
                                          std::to_string(FASTCYCLE_VERSION_MINOR)}});
   changes.write();
   std::printf(
-      "\nNext:\n  cd %s\n  cmake -B build%s\n  cmake --build build\n  ctest --test-dir build\n"
+      "\nNext:\n  cd %s\n%s  cmake --build build\n  ctest --test-dir build\n"
       "  fastcycle run build/%s.json --for 2s\n",
-      name.c_str(), prefix_option().c_str(), name.c_str());
+      name.c_str(), configure_commands().c_str(), name.c_str());
 }
 
 void new_component(const std::string& name, const std::string& messages) {
