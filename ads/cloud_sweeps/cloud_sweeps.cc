@@ -1,0 +1,119 @@
+#include "cloud_sweeps.h"
+
+#include <cmath>
+#include <exception>
+#include <numbers>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+namespace ads {
+namespace {
+
+double number(fastcycle::Context& context, std::string_view name, std::optional<double> fallback,
+              double min, double max, std::string unit, std::string description) {
+  return context
+      .param<double>(name, {.fallback = fallback,
+                            .min = min,
+                            .max = max,
+                            .unit = std::move(unit),
+                            .description = std::move(description)})
+      .get();
+}
+
+float angle(fastcycle::Context& context, std::string_view name, std::string description) {
+  constexpr double kHalfTurn_rad = std::numbers::pi;
+  return static_cast<float>(
+      number(context, name, 0.0, -kHalfTurn_rad, kHalfTurn_rad, "rad", std::move(description)));
+}
+
+// From the sensor's axes to the vehicle's: about z, then the new y, then the new x.
+Eigen::Matrix3f mounting(fastcycle::Context& context) {
+  using Axis = Eigen::Vector3f;
+  const float roll = angle(context, "mount_roll_rad", "Of the sensor, about its x");
+  const float pitch = angle(context, "mount_pitch_rad", "About its y");
+  const float yaw = angle(context, "mount_yaw_rad", "About its z: how far left its x points");
+  return (Eigen::AngleAxisf(yaw, Axis::UnitZ()) * Eigen::AngleAxisf(pitch, Axis::UnitY()) *
+          Eigen::AngleAxisf(roll, Axis::UnitX()))
+      .toRotationMatrix();
+}
+
+CloudConfig read_config(fastcycle::Context& context) {
+  CloudConfig config;
+  config.rotation = mounting(context);
+  config.time_field =
+      context
+          .param<std::string>("time_field", {.fallback = "",
+                                             .description = "Of the points' times; empty: the "
+                                                            "first that drivers usually have"})
+          .get();
+  config.turn =
+      context
+          .param<Turn>("turn", {.fallback = Turn::kNone,
+                                .names = {{"none", Turn::kNone},
+                                          {"clockwise", Turn::kClockwise},
+                                          {"counter_clockwise", Turn::kCounterClockwise}},
+                                .description = "How the sensor turns, seen from above, where "
+                                               "points have no times; none: all are of one moment"})
+          .get();
+  config.begin_rad = number(context, "begin_rad", std::numbers::pi, -std::numbers::pi,
+                            std::numbers::pi, "rad", "Where such a turn begins: an azimuth");
+  config.turn_ns = std::llround(
+      1e6 * number(context, "turn_ms", 100.0, 1.0, 1000.0, "ms", "How long such a turn takes"));
+  config.is_stamp_at_end =
+      context
+          .param<bool>("stamp_at_end",
+                       {.fallback = false, .description = "The cloud's time is the turn's end"})
+          .get();
+  config.intensity_max =
+      number(context, "intensity_max", 255.0, 1e-3, 1e6, "1", "The intensity that becomes 255");
+  return config;
+}
+
+}  // namespace
+
+CloudSweeps::CloudSweeps(fastcycle::Context& context)
+    : Component(context),
+      config_(read_config(context)),
+      mount_forward_m_(number(context, "mount_forward_m", 0.0, -10.0, 10.0, "m",
+                              "Of the sensor before the vehicle's centre")),
+      mount_height_m_(number(context, "mount_height_m", std::nullopt, 0.0, 10.0, "m",
+                             "Of the sensor above the ground")),
+      sweeps_(context.create_publisher<lidar::Sweep>("lidar/points")) {
+  context.create_subscriber<foxglove::PointCloud>(
+      "points", [this](const foxglove::PointCloud& cloud) { on_cloud(cloud); });
+}
+
+void CloudSweeps::stop() {
+  report("clouds", cloud_count_);
+  report("clouds_unusable", unusable_count_);
+}
+
+void CloudSweeps::on_cloud(const foxglove::PointCloud& cloud) {
+  ++cloud_count_;
+  auto sweep = sweeps_.loan();
+  try {
+    read_cloud(cloud, config_, *sweep);
+  } catch (const std::exception& error) {
+    ++unusable_count_;
+    health(fastcycle::Health::kDegraded, error.what());
+    return;
+  }
+  if (!has_warned_ && config_.turn == Turn::kNone && !has_times(cloud, config_)) {
+    has_warned_ = true;
+    log().warning(
+        "the points of \"points\" have no times: all count as seen at the cloud's time. Params "
+        "turn, begin_rad and turn_ms say how the sensor turns");
+  }
+  health(fastcycle::Health::kOk);
+  sweep->set_mount_forward_m(mount_forward_m_);
+  sweep->set_mount_height_m(mount_height_m_);
+  sweeps_.publish(std::move(sweep));
+}
+
+}  // namespace ads
+
+FASTCYCLE_COMPONENT(ads::CloudSweeps)
