@@ -76,26 +76,39 @@ std::optional<std::chrono::nanoseconds> find_s(const Value& object, std::string_
   return find_time(object, key, std::chrono::seconds(1));
 }
 
+/// Where and how threads run: an executor's workers, or a component's own thread.
+template <typename Description>
+void read_scheduling(const Value& value, Description& description) {
+  read_integer(value, "priority", description.priority);
+  description.policy =
+      find_word(value, "policy", std::array{Policy::kOther, Policy::kFifo, Policy::kRr})
+          .value_or(Policy::kOther);
+  if (const Value* cpus = find_array(value, "cpus")) {
+    for (const Value& cpu : cpus->items()) {
+      if (cpu.type() == Value::Type::kInt && std::in_range<int>(cpu.as_int64())) {
+        description.cpus.push_back(static_cast<int>(cpu.as_int64()));
+      }
+    }
+  }
+}
+
 ExecutorDescription describe_executor(const Value& value) {
   ExecutorDescription executor;
   executor.name = text_of(value, "name");
   executor.place = value.place();
   read_integer(value, "threads", executor.threads);
-  read_integer(value, "priority", executor.priority);
   read_bool(value, "hand_over", executor.hand_over);
-  executor.policy =
-      find_word(value, "policy", std::array{Policy::kOther, Policy::kFifo, Policy::kRr})
-          .value_or(Policy::kOther);
   executor.wait = find_word(value, "wait", std::array{Wait::kPark, Wait::kSpin, Wait::kAdaptive})
                       .value_or(Wait::kPark);
-  if (const Value* cpus = find_array(value, "cpus")) {
-    for (const Value& cpu : cpus->items()) {
-      if (cpu.type() == Value::Type::kInt && std::in_range<int>(cpu.as_int64())) {
-        executor.cpus.push_back(static_cast<int>(cpu.as_int64()));
-      }
-    }
-  }
+  read_scheduling(value, executor);
   return executor;
+}
+
+ThreadDescription describe_thread(const Value& value) {
+  ThreadDescription thread;
+  thread.place = value.place();
+  read_scheduling(value, thread);
+  return thread;
 }
 
 TopicDescription describe_topic(const std::string& name, const Value& value) {
@@ -205,6 +218,11 @@ ComponentDescription describe_component(const Value& value, const ComponentDefau
   }
   component.place = value.place();
   describe_ends(value, component);
+  if (const Value* threads = find_object(value, "threads")) {
+    for (const auto& [name, thread] : threads->members()) {
+      component.threads[name] = describe_thread(thread);
+    }
+  }
   return component;
 }
 

@@ -97,6 +97,14 @@ struct ExecutorDescription {
   Place place;
 };
 
+/// Where and how a thread that a component makes runs.
+struct ThreadDescription {
+  std::vector<int> cpus;  ///< CPUs that it may run on; empty: all.
+  Policy policy = Policy::kOther;
+  int priority = 0;  ///< 1 to 99 with `kFifo` and `kRr`, otherwise 0.
+  Place place;
+};
+
 /// What belongs to a topic and not to one of its ends.
 struct TopicDescription {
   std::string name;  ///< Full, without a leading slash.
@@ -185,6 +193,7 @@ struct ComponentDescription {
   std::chrono::nanoseconds start_timeout{0};                 ///< For its `start()`, live; 0: none.
   std::map<std::string, SubscriberDescription> subscribers;  ///< By the topic's name in code.
   std::map<std::string, PublisherDescription> publishers;    ///< By the topic's name in code.
+  std::map<std::string, ThreadDescription> threads;          ///< By the thread's name in code.
   Place place;
 };
 

@@ -31,7 +31,8 @@ constexpr std::string_view kApplication = R"({
      "simulated_cost_ms": 1.5,
      "params": {"limit_mps": 22.2}, "remap": {"goal": "mission/goal"}, "on_fault": "stop",
      "subscribers": {"planning/speed": {"depth": 4, "overflow": "drop_newest"}},
-     "publishers": {"control/speed": {"keep": 2}}},
+     "publishers": {"control/speed": {"keep": 2}},
+     "threads": {"device": {"cpus": [0, 3], "policy": "rr", "priority": 40}}},
     {"name": "planner", "library": "planner"}
   ]
 })";
@@ -91,6 +92,9 @@ TEST_F(LoadTest, EveryKeyOfAComponentArrives) {
   EXPECT_EQ(limiter.subscribers.at("planning/speed").depth, 4U);
   EXPECT_EQ(limiter.subscribers.at("planning/speed").overflow, Overflow::kDropNewest);
   EXPECT_EQ(limiter.publishers.at("control/speed").keep, 2U);
+  EXPECT_EQ(limiter.threads.at("device").cpus, (std::vector<int>{0, 3}));
+  EXPECT_EQ(limiter.threads.at("device").policy, Policy::kRr);
+  EXPECT_EQ(limiter.threads.at("device").priority, 40);
 }
 
 TEST_F(LoadTest, WhatIsNotSaidHasItsDefault) {
@@ -147,6 +151,17 @@ TEST_F(LoadTest, SpinningOnCpusOfItsOwnIsAllowed) {
       {"name": "b", "library": "a", "executor": "slow"}]})");
 
   EXPECT_EQ(text_of(problems), "");
+}
+
+TEST_F(LoadTest, PriorityOfAThreadNeedsAPolicyAndAPolicyAPriority) {
+  (void)load_text(R"({"name": "demo", "components": [
+      {"name": "a", "library": "a", "threads": {"device": {"priority": 5}, "bus": {"policy": "fifo"}}}]})");
+
+  EXPECT_NE(text_of(problems).find("/components/0/threads/device"), std::string::npos);
+  EXPECT_NE(text_of(problems).find("a \"priority\" has no meaning with the policy \"other\""),
+            std::string::npos);
+  EXPECT_NE(text_of(problems).find("the policy \"fifo\" needs a \"priority\" in [1, 99]"),
+            std::string::npos);
 }
 
 TEST_F(LoadTest, MissingFileIsOneMistake) {

@@ -38,6 +38,9 @@ class Sense {
       check_executor_is_known(component);
       check_phase(component);
       check_ends(component);
+      for (const auto& [name, thread] : component.threads) {
+        check_policy(thread);
+      }
       check_after_is_known(component);
     }
     check_starts_have_an_order();
@@ -108,14 +111,15 @@ class Sense {
     }
   }
 
-  void check_policy(const ExecutorDescription& executor) {
-    const std::string policy = in_quotes(to_string(executor.policy));
-    const bool is_real_time = executor.policy != Policy::kOther;
-    if (is_real_time && executor.priority == 0) {
-      add(executor.place, "policy", "the policy " + policy + " needs a \"priority\" in [1, 99]");
+  template <typename Description>
+  void check_policy(const Description& its) {
+    const std::string policy = in_quotes(to_string(its.policy));
+    const bool is_real_time = its.policy != Policy::kOther;
+    if (is_real_time && its.priority == 0) {
+      add(its.place, "policy", "the policy " + policy + " needs a \"priority\" in [1, 99]");
     }
-    if (!is_real_time && executor.priority != 0) {
-      add(executor.place, "priority", "a \"priority\" has no meaning with the policy " + policy,
+    if (!is_real_time && its.priority != 0) {
+      add(its.place, "priority", "a \"priority\" has no meaning with the policy " + policy,
           "set \"policy\" to \"fifo\" or \"rr\"");
     }
   }

@@ -504,10 +504,7 @@ std::vector<base::Refusal> Application::start() {
     pace_->begin(clock_.now());
   }
   start_ns_ = base::to_ns(clock_.now());
-  const bool is_real_time = std::ranges::any_of(executors_, [](const auto& executor) {
-    return executor->options().policy != base::SchedulingPolicy::kOther;
-  });
-  if (is_real_time) {
+  if (is_real_time()) {
     if (auto refused = base::lock_memory_as_touched()) {
       refusals_.push_back(std::move(*refused));
     }
@@ -628,6 +625,32 @@ void Application::start_guests() {
   }
 }
 
+bool Application::is_real_time() const {
+  const auto has_priority = [](const config::ComponentDescription& component) {
+    return std::ranges::any_of(component.threads, [](const auto& thread) {
+      return thread.second.policy != config::Policy::kOther;
+    });
+  };
+  return std::ranges::any_of(executors_,
+                             [](const auto& executor) {
+                               return executor->options().policy != base::SchedulingPolicy::kOther;
+                             }) ||
+         (simulation_ == nullptr && std::ranges::any_of(description_.components, has_priority));
+}
+
+/// How a component's own thread runs. In simulated time, where nobody waits for it, as any other.
+base::ThreadOptions Application::options_of(const config::ComponentDescription& component,
+                                            const std::string& thread) const {
+  base::ThreadOptions options{.name = thread, .cpus = {}};
+  const auto described = component.threads.find(thread);
+  if (simulation_ == nullptr && described != component.threads.end()) {
+    options.cpus = described->second.cpus;
+    options.policy = to_policy(described->second.policy);
+    options.priority = described->second.priority;
+  }
+  return options;
+}
+
 void Application::start_threads() {
   for (const auto& component : components_) {
     if (!component->has_started()) {
@@ -639,7 +662,7 @@ void Application::start_threads() {
       }
       running_threads_.fetch_add(1);
       threads_.emplace_back(
-          base::ThreadOptions{.name = thread.name, .cpus = {}},
+          options_of(component->description, thread.name),
           [this, &component, &thread, token = thread_stop_.get_token()] {
             // Last of all: until then a simulation, and the end of the run, wait for what comes
             // from here.

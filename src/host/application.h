@@ -270,6 +270,9 @@ class Application {
   Time begin_of_timers();
   void watch_overflows();
   void start_guests();
+  [[nodiscard]] bool is_real_time() const;
+  [[nodiscard]] base::ThreadOptions options_of(const config::ComponentDescription& component,
+                                               const std::string& thread) const;
   void start_threads();
   void stop_threads();
   void drain();

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 
 #include "fastcycle/fastcycle.h"
 #include "host/test_application.h"
@@ -571,6 +572,75 @@ TEST(ExternalPublishers, CarryMessagesFromForeignThreadsWithTheirTakenTime) {
     EXPECT_EQ(result(*application, 1, "count"), ReportValue(std::int64_t{100}));
     EXPECT_TRUE(ledger_of(*application, "numbers", "checker").adds_up());
   }
+}
+
+/// Says on how many CPUs its thread may run.
+class Placed final : public Component {
+ public:
+  explicit Placed(Context& context) : Component(context), source_(context.create_source()) {
+    context.create_thread("device", [this](const std::stop_token& /*stop*/) {
+      cpu_set_t cpus;
+      CPU_ZERO(&cpus);
+      sched_getaffinity(0, sizeof cpus, &cpus);
+      cpu_count_ = CPU_COUNT(&cpus);
+      is_on_first_ = CPU_ISSET(0, &cpus);
+      source_.finish();
+    });
+  }
+  void stop() override {
+    report("cpus", std::int64_t{cpu_count_});
+    report("is_on_first", is_on_first_);
+  }
+
+ private:
+  Source source_;
+  int cpu_count_ = 0;
+  bool is_on_first_ = false;
+};
+
+TEST(ThreadsOfComponents, RunWhereTheApplicationSays) {
+  TestClasses classes;
+  classes.with<Placed>("placed");
+  const auto application = make_application(
+      R"({"name": "t", "components": [
+          {"name": "placed", "library": "placed", "threads": {"device": {"cpus": [0]}}}]})",
+      classes, {.is_simulated = false});
+
+  EXPECT_TRUE(application->start().empty());
+  EXPECT_EQ(application->run(std::nullopt), EndReason::kSourcesFinished);
+  application->stop();
+
+  EXPECT_EQ(result(*application, 0, "cpus"), ReportValue(std::int64_t{1}));
+  EXPECT_EQ(result(*application, 0, "is_on_first"), ReportValue(true));
+}
+
+TEST(ThreadsOfComponents, WhatTheMachineRefusesIsSaidAndTheyRun) {
+  TestClasses classes;
+  classes.with<Placed>("placed");
+  const auto application = make_application(
+      R"({"name": "t", "components": [
+          {"name": "placed", "library": "placed", "threads": {"device": {"cpus": [1000]}}}]})",
+      classes, {.is_simulated = false});
+
+  EXPECT_EQ(application->start().size(), 1U);
+  EXPECT_EQ(application->run(std::nullopt), EndReason::kSourcesFinished);
+  application->stop();
+}
+
+TEST(ThreadsOfComponents, OneThatNobodyMakesIsAMistake) {
+  TestClasses classes;
+  classes.with<Placed>("placed");
+  config::Problems problems;
+  Application application(describe_text(R"({"name": "t", "components": [
+      {"name": "placed", "library": "placed", "threads": {"devise": {"cpus": [0]}}}]})",
+                                        problems),
+                          {.is_simulated = true});
+
+  application.build(classes, problems, ConstructorFault::kFault);
+
+  ASSERT_EQ(problems.all().size(), 1U);
+  EXPECT_EQ(problems.all()[0].message, "component \"placed\" makes no thread \"devise\"");
+  EXPECT_NE(problems.all()[0].hint.find("device"), std::string::npos);
 }
 
 /// Lets somebody else do the work.

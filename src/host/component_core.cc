@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <iterator>
 #include <mutex>
 #include <stdexcept>
 #include <utility>
@@ -104,6 +105,16 @@ void ComponentCore::check_unused(config::Problems& its_problems) const {
   }
   for (const auto& [topic, target] : description.remap) {
     check(topic, description.place, "remap");
+  }
+  std::vector<std::string> made;
+  std::ranges::transform(threads, std::back_inserter(made), &NamedThread::name);
+  for (const auto& [thread, options] : description.threads) {
+    if (std::ranges::find(made, thread) == made.end()) {
+      its_problems.add(config::mistake(
+          options.place,
+          std::string("component \"") + name + "\" makes no thread \"" + thread + "\"",
+          config::did_you_mean(config::nearest(thread, made))));
+    }
   }
 }
 
