@@ -6,7 +6,7 @@ import { execFileSync, spawnSync } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync, truncateSync, copyFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
-import { join, resolve } from "node:path";
+import { dirname, join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
 
 const [fastcycle, application, nodeModules, pictures] = process.argv.slice(2).map((path) => resolve(path));
@@ -256,6 +256,37 @@ test("points of the lidar are drawn where they are recorded", async (page, open)
     }).length;
   });
   assert.ok(near > 2, `${near} objects have echoes`);
+  await other.close();
+});
+
+test("borders of the road are drawn beside the way of the vehicle", async (page, open) => {
+  const data = join(process.env.FASTCYCLE_DATA ?? "/nowhere", "kitti_0005_lidar_labels");
+  if (!existsSync(data)) {
+    console.log(`page: borders are not looked at: no ${data}; FASTCYCLE_DATA names the folder of recorded data`);
+    return;
+  }
+  const kitti = join(dirname(application), "kitti", "kitti.json");
+  execFileSync(fastcycle, ["run", kitti, "--var", `data=${data}`, "--record", "street.mcap", "--clock", "simulated",
+                           "--quiet", "--for", "1s"], { cwd: folder, stdio: "ignore" });
+  const made = run("render", "street.mcap");
+  assert.equal(made.status, 0, made.stderr);
+  const other = await open("street.html");
+  await seek(other, 0.9);
+  await paint(other);
+  const seen = await pixels(other, "--border");
+  assert.ok(seen > 30, `${seen} pixels`);
+  await other.uncheck("#show_borders");
+  await paint(other);
+  assert.ok((await pixels(other, "--border")) < seen / 10);
+  assert.ok((await pixels(other, "--unknown")) > 100, "walls and bushes are outlines");
+  // The vehicle drives between them: on its left, and on its right.
+  const sides = await other.evaluate(() => {
+    const { drive } = window.fastcycle;
+    const ego = drive.egoAt(0.9);
+    return drive.bordersAt(0.9).map(([x, y]) =>
+      (y - ego.y) * Math.cos(ego.heading) - (x - ego.x) * Math.sin(ego.heading)).filter((left) => Math.abs(left) < 15);
+  });
+  assert.ok(sides.some((left) => left > 1) && sides.some((left) => left < -1), `${sides}`);
   await other.close();
 });
 

@@ -92,6 +92,12 @@ export class Drive {
     }
   }
 
+  // All of a layer, in their order.
+  messagesOf(name) {
+    const layer = this.layers[name];
+    return layer ? layer.values.map((_, i) => layer.get(i)) : [];
+  }
+
   // Where the vehicle was; the first and the last place hold before and after.
   egoAt(time) {
     const found = this.layers.ego?.around(time);
@@ -109,6 +115,21 @@ export class Drive {
       length: this.constants.ego_length ?? 4.5,
       width: this.constants.ego_width ?? 1.8,
     };
+  }
+
+  // Where the road ends, in the map: the last that was published, from where the vehicle was then.
+  bordersAt(time) {
+    const borders = this.layers.borders?.lastPublished(time);
+    const ego = borders && this.egoAt(borders.time);
+    if (!ego) {
+      return [];
+    }
+    const [ahead, aside] = [Math.cos(ego.heading), Math.sin(ego.heading)];
+    return ["left", "right"].flatMap((side) =>
+      (borders[`${side}_x`] ?? []).map((x, i) => {
+        const y = borders[`${side}_y`][i];
+        return [ego.x + x * ahead - y * aside, ego.y + x * aside + y * ahead];
+      }));
   }
 
   // The tracked boxes, between two messages on their way from one to the other.

@@ -1,7 +1,7 @@
 // The page: what is played, and what one can do with it.
 import { Drive } from "./data.js";
 import { Plots } from "./plots.js";
-import { LAYERS, Scene } from "./scene.js";
+import { LAYERS, Scene, isUnknown } from "./scene.js";
 
 const element = (id) => document.getElementById(id);
 
@@ -96,14 +96,16 @@ function showReadout() {
   if (plan?.kind) {
     lines.push(`plan ${plan.kind.toLowerCase()}`);
   }
-  lines.push(`${scene.objects.length} objects`);
+  lines.push(`${scene.objects.length} objects` + (scene.unknown.length > 0 ? `, ${scene.unknown.length} unknown` : ""));
   element("readout").textContent = lines.join("\n");
 }
 
 // ---- What is there once ----
 
 function buildLayers() {
-  const has = (name) => drive.layers[{ minimal_risk: "plan", velocity: "objects" }[name] ?? name];
+  const has = (name) => name === "unknown"
+    ? drive.messagesOf("objects").some(({ objects }) => objects.some(isUnknown))
+    : drive.layers[{ minimal_risk: "plan", velocity: "objects" }[name] ?? name];
   for (const [name, text, color] of LAYERS) {
     if (!has(name)) continue;
     const label = document.createElement("label");

@@ -5,12 +5,16 @@ export const LAYERS = [
   ["route", "route", "--route"],
   ["goal", "goal", "--goal"],
   ["points", "lidar", "--points"],
+  ["borders", "borders", "--border"],
   ["predictions", "predictions", "--prediction"],
   ["plan", "plan", "--plan"],
   ["minimal_risk", "minimal risk", "--risk"],
+  ["unknown", "unknown", "--unknown"],
   ["objects", "objects", "--object"],
   ["velocity", "velocity", "--velocity"],
 ];
+
+export const isUnknown = (object) => object.kind === "UNKNOWN";
 
 const LEAST_SCALE = 0.2;
 const MOST_SCALE = 80;
@@ -24,6 +28,7 @@ export class Scene {
     this.shown = Object.fromEntries(LAYERS.map(([name]) => [name, true]));
     this.camera = { x: 0, y: 0, scale: 6, angle: 0, follows: true, turns: false };
     this.objects = [];
+    this.unknown = [];  // What nobody can name: bushes, walls, parts of things.
     this.readColors();
   }
 
@@ -31,7 +36,7 @@ export class Scene {
     const style = getComputedStyle(document.documentElement);
     this.color = (name) => style.getPropertyValue(name).trim();
     this.colors = Object.fromEntries(
-      ["--ground", "--road", "--edge", "--route", "--ego", "--object", "--unseen", "--velocity", "--points",
+      ["--ground", "--road", "--edge", "--route", "--ego", "--object", "--unknown", "--unseen", "--velocity", "--points", "--border",
        "--prediction", "--plan", "--risk", "--goal", "--text", "--soft"].map((name) => [name.slice(2), this.color(name)]));
   }
 
@@ -80,7 +85,7 @@ export class Scene {
   objectAt(px, py) {
     const [x, y] = this.toMap(px, py);
     const reach = 8 / this.camera.scale;
-    return this.objects.find((object) => {
+    return [...this.objects, ...this.unknown].find((object) => {
       const forward = (x - object.x) * Math.cos(object.heading) + (y - object.y) * Math.sin(object.heading);
       const left = (y - object.y) * Math.cos(object.heading) - (x - object.x) * Math.sin(object.heading);
       return Math.abs(forward) < object.length / 2 + reach && Math.abs(left) < object.width / 2 + reach;
@@ -109,15 +114,19 @@ export class Scene {
     context.translate(-camera.x, -camera.y);
     context.lineJoin = context.lineCap = "round";
 
-    this.objects = drive.objectsAt(time);
+    const objects = drive.objectsAt(time);
+    this.objects = objects.filter((object) => !isUnknown(object));
+    this.unknown = objects.filter(isUnknown);
     if (shown.lanes) this.#lanes(drive.layers.lanes?.lastPublished(time));
     if (shown.route) this.#route(drive.layers.route?.lastPublished(time));
     if (shown.goal) this.#goal(drive.layers.goal?.lastPublished(time)?.place);
     if (shown.points) this.#points(drive.pointsAt(time));
+    if (shown.borders) this.#borders(drive.bordersAt(time));
     if (shown.predictions) this.#predictions(drive.layers.predictions?.lastPublished(time));
     const plan = drive.layers.plan?.lastPublished(time);
     if (shown.plan) this.#way(plan?.nominal, colors.plan, 3, []);
     if (shown.minimal_risk) this.#way(plan?.minimal_risk, colors.risk, 2, [1.5, 1]);
+    if (shown.unknown) this.unknown.forEach((object) => this.#outline(object, colors.unknown));
     if (shown.objects) this.objects.forEach((object) => this.#box(object, object.unseen > 0 ? colors.unseen : colors.object));
     if (shown.velocity) this.objects.forEach((object) => this.#velocity(object));
     if (ego) this.#box(ego, colors.ego);
@@ -194,6 +203,15 @@ export class Scene {
     context.globalAlpha = 1;
   }
 
+  #borders(borders) {
+    const { context, colors } = this;
+    context.fillStyle = colors.border;
+    const size = Math.max(0.35, 3 * this.pixel);
+    for (const [x, y] of borders) {
+      context.fillRect(x - size / 2, y - size / 2, size, size);
+    }
+  }
+
   #predictions(predictions) {
     const { context, colors } = this;
     context.strokeStyle = colors.prediction;
@@ -232,6 +250,17 @@ export class Scene {
     context.lineWidth = Math.max(0.12, 1.5 * this.pixel);
     context.strokeRect(-length / 2, -width / 2, length, width);
     context.fillRect(length / 2 - length / 8, -width / 2, length / 8, width);
+    context.restore();
+  }
+
+  #outline({ x, y, heading, length, width }, color) {
+    const { context } = this;
+    context.save();
+    context.translate(x, y);
+    context.rotate(heading);
+    context.strokeStyle = color;
+    context.lineWidth = this.pixel;
+    context.strokeRect(-length / 2, -width / 2, length, width);
     context.restore();
   }
 
