@@ -80,6 +80,9 @@ void add_object(const perception::Object& object, const std::string& frame, std:
   cube.mutable_size()->set_y(object.width_m());
   cube.mutable_size()->set_z(object.height_m());
   set_color(color, *cube.mutable_color());
+  if (object.object_class() == perception::UNKNOWN) {
+    return;  // There are many in a street: walls and bushes.
+  }
 
   if (std::abs(object.speed_mps()) > kHeadLength_m) {
     foxglove::ArrowPrimitive& arrow = *entity.add_arrows();

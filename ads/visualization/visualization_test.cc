@@ -181,6 +181,22 @@ TEST_F(VisualizationTest, ObjectsTakeThePlaceOfThoseBefore) {
   EXPECT_EQ(entity.texts(0).text(), "17 CAR -5.0 m/s");
 }
 
+TEST_F(VisualizationTest, WhatNobodyCanNameIsABoxAndNoMore) {
+  start();
+  perception::Objects objects;
+  perception::Object& bush = *objects.add_objects();
+  bush.set_object_class(perception::UNKNOWN);
+  bush.set_speed_mps(5.0);
+
+  seen_.publish(objects);
+
+  const auto updates = objects_.take();
+  ASSERT_EQ(updates.size(), 1U);
+  EXPECT_EQ(updates[0].entities(0).cubes_size(), 1);
+  EXPECT_EQ(updates[0].entities(0).arrows_size(), 0);
+  EXPECT_EQ(updates[0].entities(0).texts_size(), 0);
+}
+
 TEST_F(VisualizationTest, LanesAndPlansAreLines) {
   start();
   hd_map::Tile tile;
