@@ -84,11 +84,11 @@ void Odometry::stop() {
 void Odometry::on_sweep(const fastcycle::Sample<lidar::Sweep>& sweep) {
   ++sweep_count_;
   if (read(*sweep)) {
-    const double passed_s = last_ns_
-                                ? static_cast<double>(sweep->header().taken_ns() - *last_ns_) * 1e-9
-                                : static_cast<double>(sweep->duration_ns()) * 1e-9;
+    const double turn_s = static_cast<double>(sweep->duration_ns()) * 1e-9;
+    const double passed_s =
+        last_ns_ ? static_cast<double>(sweep->header().taken_ns() - *last_ns_) * 1e-9 : turn_s;
     const Eigen::Vector2d before_m = matcher_.pose().place_m;
-    matcher_.take(points_, passed_s);
+    matcher_.take(points_, turn_s, passed_s);
     way_m_ += (matcher_.pose().place_m - before_m).norm();
     residual_sum_m_ += last_ns_ ? matcher_.residual_m() : 0.0;
     publish_ego(*sweep);

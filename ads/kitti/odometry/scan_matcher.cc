@@ -20,6 +20,13 @@ constexpr double kApart = 0.25;
 // Of a sweep, one point for each cube so large: fewer are quicker and no worse.
 constexpr double kThinning = 0.75;
 constexpr std::size_t kPointsMin = 50;
+// Of the first motion, about which nothing is known.
+constexpr double kForwardsMax_mps = 30.0;
+constexpr double kBackwardsMax_mps = 10.0;
+constexpr double kStepsMax = 40.0;
+constexpr double kSame = 0.02;
+// After so many turns without a sweep the speed is another one.
+constexpr double kGap = 1.5;
 
 double squared(double value) {
   return value * value;
@@ -60,33 +67,69 @@ std::size_t ScanMatcher::VoxelHash::operator()(const Voxel& voxel) const {
 
 ScanMatcher::ScanMatcher(const ScanMatcherConfig& config) : config_(config) {}
 
-void ScanMatcher::take(std::span<const TimedPoint> points, double passed_s) {
+void ScanMatcher::take(std::span<const TimedPoint> points, double turn_s, double passed_s) {
   if (sweeps_++ == 0) {
     first_.assign(points.begin(), points.end());
     add_to_map(at_end(points, Pose{}));
     return;
   }
-  const auto match = [&](double reach_m) {
-    const Pose motion{.place_m = passed_s * rate_.place_m,
-                      .heading_rad = passed_s * rate_.heading_rad};
-    const Pose before = pose_;
-    const std::vector<Eigen::Vector3f> sweep = at_end(points, motion);
-    const Pose after = align(sweep, before.moved(motion), reach_m);
-    const Pose moved = before.motion_to(after);
-    rate_ = {.place_m = moved.place_m / passed_s, .heading_rad = moved.heading_rad / passed_s};
-    return std::pair(sweep, after);
-  };
   if (!first_.empty()) {
     // Now the motion is known roughly, and both sweeps can be taken to one time.
-    (void)match(config_.reach_first_m);
+    find_first_rate(points, turn_s, passed_s);
     map_.clear();
-    add_to_map(at_end(first_, {.place_m = passed_s * rate_.place_m,
-                               .heading_rad = passed_s * rate_.heading_rad}));
+    add_to_map(at_end(first_, over(turn_s)));
     first_.clear();
+  } else if (passed_s > kGap * turn_s) {
+    (void)match(points, turn_s, passed_s, config_.reach_first_m);
   }
-  const auto [sweep, after] = match(config_.reach_m);
-  pose_ = after;
-  add_to_map(sweep);
+  pose_ = match(points, turn_s, passed_s, config_.reach_m);
+  add_to_map(at_end(points, over(turn_s)));
+}
+
+// The motion at the present rate.
+Pose ScanMatcher::over(double time_s) const {
+  return {.place_m = time_s * rate_.place_m, .heading_rad = time_s * rate_.heading_rad};
+}
+
+// Where the sensor is now, if it went on about as before; the rate becomes that to there.
+Pose ScanMatcher::match(std::span<const TimedPoint> points, double turn_s, double passed_s,
+                        double reach_m) {
+  const Pose after = align(at_end(points, over(turn_s)), pose_.moved(over(passed_s)), reach_m);
+  const Pose moved = pose_.motion_to(after);
+  rate_ = {.place_m = moved.place_m / passed_s, .heading_rad = moved.heading_rad / passed_s};
+  return after;
+}
+
+// From standing still, and from speeds so far from each other that one of them is in reach.
+void ScanMatcher::find_first_rate(std::span<const TimedPoint> points, double turn_s,
+                                  double passed_s) {
+  const double step_m = config_.reach_first_m;
+  const auto steps = [&](double speed_mps) {
+    return static_cast<int>(std::min(speed_mps * passed_s / step_m, kStepsMax));
+  };
+  Pose best;
+  double best_share = -1.0;
+  for (int step = -steps(kBackwardsMax_mps); step <= steps(kForwardsMax_mps); ++step) {
+    rate_ = {.place_m = {step * step_m / passed_s, 0.0}, .heading_rad = 0.0};
+    const Pose after = match(points, turn_s, passed_s, config_.reach_first_m);
+    // Standing still has the advantage where nothing tells one from the other.
+    const double share =
+        share_on_map(at_end(points, over(turn_s)), after) + (step == 0 ? kSame : 0.0);
+    if (share > best_share) {
+      best_share = share;
+      best = rate_;
+    }
+  }
+  rate_ = best;
+}
+
+// Of the points, how many lie on the map.
+double ScanMatcher::share_on_map(const std::vector<Eigen::Vector3f>& points,
+                                 const Pose& pose) const {
+  const auto on_map = std::ranges::count_if(points, [&](const Eigen::Vector3f& point) {
+    return nearest(placed(pose, point), 0.5 * config_.reach_m) != nullptr;
+  });
+  return points.empty() ? 0.0 : static_cast<double>(on_map) / static_cast<double>(points.size());
 }
 
 // What helps of the points, where they were from the sensor at the end of the sweep.

@@ -58,8 +58,11 @@ class ScanMatcher {
  public:
   explicit ScanMatcher(const ScanMatcherConfig& config);
 
-  /// Lays the next sweep on the map. @param passed_s  Since the sweep before; above 0.
-  void take(std::span<const TimedPoint> points, double passed_s);
+  /// Lays the next sweep on the map. Sweeps may be missing before it.
+  ///
+  /// @param turn_s    How long the sweep took, above 0.
+  /// @param passed_s  From the begin of the sweep before to that of this one, above 0.
+  void take(std::span<const TimedPoint> points, double turn_s, double passed_s);
 
   /// Of the sensor at the end of the last sweep; the first one ends at the origin.
   [[nodiscard]] const Pose& pose() const { return pose_; }
@@ -76,6 +79,12 @@ class ScanMatcher {
   };
   using Voxels = std::unordered_map<Voxel, std::vector<Eigen::Vector3f>, VoxelHash>;
 
+  [[nodiscard]] Pose over(double time_s) const;
+  [[nodiscard]] Pose match(std::span<const TimedPoint> points, double turn_s, double passed_s,
+                           double reach_m);
+  void find_first_rate(std::span<const TimedPoint> points, double turn_s, double passed_s);
+  [[nodiscard]] double share_on_map(const std::vector<Eigen::Vector3f>& points,
+                                    const Pose& pose) const;
   [[nodiscard]] std::vector<Eigen::Vector3f> at_end(std::span<const TimedPoint> points,
                                                     const Pose& motion) const;
   [[nodiscard]] Pose align(const std::vector<Eigen::Vector3f>& points, Pose pose, double reach_m);

@@ -45,7 +45,7 @@ TEST(ScanMatcher, FollowsADriveAroundABend) {
   ScanMatcher matcher({});
   Pose truth;
   for (int sweep = 0; sweep < 12; ++sweep) {
-    matcher.take(street(truth, rate, 0.1), 0.1);
+    matcher.take(street(truth, rate, 0.1), 0.1, 0.1);
     EXPECT_LT((matcher.pose().place_m - truth.place_m).norm(), 0.15) << "sweep " << sweep;
     EXPECT_NEAR(matcher.pose().heading_rad, truth.heading_rad, 0.02) << "sweep " << sweep;
     truth = truth.moved({.place_m = 0.1 * rate.place_m, .heading_rad = 0.1 * rate.heading_rad});
@@ -53,10 +53,22 @@ TEST(ScanMatcher, FollowsADriveAroundABend) {
   EXPECT_NEAR(matcher.rate().place_m.x(), 8.0, 0.8);
 }
 
+TEST(ManySweeps, AreFollowedWhereSomeAreMissing) {
+  const Pose rate{.place_m = {9.0, 0.0}, .heading_rad = 0.05};
+  ScanMatcher matcher({});
+  Pose truth;
+  for (int sweep = 0; sweep < 4; ++sweep) {
+    matcher.take(street(truth, rate, 0.1), 0.1, sweep == 0 ? 0.1 : 0.7);
+    EXPECT_LT((matcher.pose().place_m - truth.place_m).norm(), 0.2) << "sweep " << sweep;
+    EXPECT_NEAR(matcher.pose().heading_rad, truth.heading_rad, 0.02) << "sweep " << sweep;
+    truth = truth.moved({.place_m = 0.7 * rate.place_m, .heading_rad = 0.7 * rate.heading_rad});
+  }
+}
+
 TEST(ScanMatcher, StandsWhereNothingMoves) {
   ScanMatcher matcher({});
   for (int sweep = 0; sweep < 3; ++sweep) {
-    matcher.take(street({}, {}, 0.1), 0.1);
+    matcher.take(street({}, {}, 0.1), 0.1, 0.1);
   }
   EXPECT_LT(matcher.pose().place_m.norm(), 0.1) << "the points of the map lie so far apart";
   EXPECT_GT(matcher.matched_share(), 0.99);
@@ -64,8 +76,8 @@ TEST(ScanMatcher, StandsWhereNothingMoves) {
 
 TEST(ScanMatcher, EmptySweepsGoOnAsItMoved) {
   ScanMatcher matcher({});
-  matcher.take({}, 0.1);
-  matcher.take({}, 0.1);
+  matcher.take({}, 0.1, 0.1);
+  matcher.take({}, 0.1, 0.1);
   EXPECT_EQ(matcher.pose().place_m.norm(), 0.0);
 }
 
