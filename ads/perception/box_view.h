@@ -16,6 +16,7 @@ struct ObjectPoint {
   float height_m = 0.0F;
   float azimuth_rad = 0.0F;
   float range_m = 0.0F;
+  float ground_m = 0.0F;  ///< How high the ground is there, from the sensor.
 };
 
 /// The points of one object in one sweep, all at one time, and where they were seen from.

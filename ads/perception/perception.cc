@@ -109,7 +109,7 @@ perception::ObjectClass class_of(const TrackedObject& object, double likeness_mi
   if (object.two_wheeler_likeness > 0.0 && may_ride && track.length_m() < 3.0) {
     return perception::TWO_WHEELER;
   }
-  if (object.vehicle_likeness < likeness_min) {
+  if (object.vehicle_likeness - object.hollowness < likeness_min) {
     return perception::UNKNOWN;
   }
   if (track.length_m() < 1.2 && track.width_m() < 1.2) {

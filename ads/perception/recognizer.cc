@@ -153,6 +153,7 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
   sweep_.spread_rad =
       sweep.columns >= kColumnsMin ? 2.0 * std::numbers::pi / sweep.columns : kSpread_rad;
   sweep_.echoes.clear();
+  sweep_.sight_lines.clear();
 
   struct Place {
     Eigen::Vector2f sensor_m;
@@ -175,6 +176,11 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
   for (const RawEcho& echo : raw_) {
     const float height = ground_.height_m(echo);
     result.ground_echoes += height < lowest ? 1 : 0;
+    if (echo.z_m < 0.0F) {
+      sweep_.sight_lines.push_back({.azimuth_rad = std::atan2(echo.y_m, echo.x_m),
+                                    .range_m = echo.range_m,
+                                    .z_m = echo.z_m});
+    }
     if (height < lowest || height > highest || echo.range_m > range_max) {
       continue;
     }
@@ -190,7 +196,8 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
          .height_m = height,
          .time_s = echo.time_s,
          .azimuth_rad = std::atan2(echo.y_m, echo.x_m),
-         .range_m = echo.range_m});
+         .range_m = echo.range_m,
+         .ground_m = echo.z_m - height});
   }
 }
 

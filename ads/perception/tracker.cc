@@ -60,6 +60,7 @@ Tracker::Tracker(const TrackerConfig& config) : config_(config), clustering_(con
 void Tracker::update(const SweepEchoes& sweep, const EgoMotion& ego) {
   skyline_.fill(sweep.echoes, sweep.mount_height_m);
   high_places_.fill(sweep.echoes, sweep.origin_m);
+  sight_lines_.fill(sweep.sight_lines);
   is_seen_.assign(objects_.size(), false);
   label(sweep);
   gather(sweep, ego);
@@ -249,7 +250,8 @@ void Tracker::add_point(Group& group, const SweepEchoes& sweep, std::size_t echo
                           .time_s = its.time_s,
                           .height_m = its.height_m,
                           .azimuth_rad = its.azimuth_rad,
-                          .range_m = its.range_m});
+                          .range_m = its.range_m,
+                          .ground_m = its.ground_m});
 }
 
 // All its points at one time: the mean of theirs.
@@ -326,6 +328,9 @@ void Tracker::look_at(TrackedObject& object, const Group& group) {
   if (likeness == Likeness::kVehicle && object.track.height_m() > kHighest_m) {
     likeness = Likeness::kUnclear;  // It was seen to be higher.
   }
+  const Track& track = object.track;
+  const double before = object.vehicle_likeness;
+  object.hollowness *= kMemory;
   switch (likeness) {
     case Likeness::kVehicle:
       object.vehicle_likeness += 1.0;
@@ -346,6 +351,16 @@ void Tracker::look_at(TrackedObject& object, const Group& group) {
       break;
     case Likeness::kUnclear:
       break;
+  }
+  // A car is dense.
+  if (likeness != Likeness::kTwoWheeler && likeness != Likeness::kNeither &&
+      sight_lines_.is_seen_through(group.view,
+                                   {.center_m = track.center_m(),
+                                    .heading_rad = track.heading_rad(),
+                                    .length_m = track.length_m(),
+                                    .width_m = track.width_m()},
+                                   {config_.track.length_m, config_.track.width_m})) {
+    object.hollowness += object.vehicle_likeness - before + 1.0;
   }
 }
 

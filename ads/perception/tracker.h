@@ -9,6 +9,7 @@
 #include "clustering.h"
 #include "ego_motion.h"
 #include "shape.h"
+#include "sight_lines.h"
 #include "skyline.h"
 #include "track.h"
 
@@ -40,7 +41,8 @@ struct SweepEchoes {
   std::int64_t duration_ns = 0;
   Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();
   std::vector<Echo> echoes;
-  double spread_rad = 0.0;  ///< Between neighbouring beams.
+  std::vector<SightLine> sight_lines;  ///< Of all echoes below the sensor, the ground as well.
+  double spread_rad = 0.0;             ///< Between neighbouring beams.
   double mount_forward_m = 0.0;
   double mount_height_m = 0.0;
 };
@@ -56,6 +58,8 @@ struct TrackedObject {
   /// By how much more it looked like it than not in the last sweeps; 0 if that was not clear.
   double vehicle_likeness = 0.0;
   double two_wheeler_likeness = 0.0;
+  /// By how much it looked less like a vehicle because one saw through its place.
+  double hollowness = 0.0;
 };
 
 /// Follows objects through the sweeps.
@@ -112,6 +116,7 @@ class Tracker {
   Clustering clustering_;
   Skyline skyline_;
   HighPlaces high_places_;
+  SightLines sight_lines_;
   std::uint64_t next_id_ = 1;
   std::vector<TrackedObject> objects_;
 
