@@ -389,6 +389,7 @@ TEST_F(Launcher, WrongCommandLineIsToldInASentence) {
       {{"topic", "hz", "a", "--count", "0"}, "--count wants a number above zero, found \"0\""},
       {{"run", app, "--for"}, "--for wants a value: TIME"},
       {{"run", app, "--for", "1s", "--for", "2s"}, "--for may be given only once"},
+      {{"doctor", app, "--for", "1s"}, "files and --for do not go together"},
       {{"graph", app, "-o", "picture.bmp"}, "ends in .svg or .dot"},
   };
 

@@ -89,6 +89,12 @@ std::string wrong_value(const CLI::App& line, const CLI::ParseError& error) {
   if (const auto colon = sentence.find(": wants "); colon != std::string::npos) {
     return sentence.erase(colon, 1);
   }
+  // Of two options that exclude each other, or an option and an argument.
+  constexpr std::string_view kExcludes = " excludes ";
+  if (const auto place = sentence.find(kExcludes); place != std::string::npos) {
+    return sentence.substr(0, place) + " and " + sentence.substr(place + kExcludes.size()) +
+           " do not go together";
+  }
   for (const CLI::Option* option : line.get_options()) {
     const std::string before = "Could not convert: " + option->get_name() + " = ";
     if (sentence.starts_with(before)) {
