@@ -9,14 +9,9 @@
 
 #include "command.h"
 #include "quantity.h"
+#include "redrawn_line.h"
 
 namespace fastcycle::tool {
-namespace {
-
-constexpr std::chrono::milliseconds kPeriod{500};
-constexpr const char* kClearLine = "\r\x1b[K";
-
-}  // namespace
 
 FileWork::FileWork(bool shows_progress)
     : is_shown_(shows_progress && isatty(STDERR_FILENO) != 0),
@@ -38,7 +33,7 @@ void FileWork::show(const std::string& what, std::uint64_t done, std::uint64_t t
     throw Interrupted();
   }
   const auto now = std::chrono::steady_clock::now();
-  if (!is_shown_ || total == 0 || now - drawn_ < kPeriod) {
+  if (!is_shown_ || total == 0 || now - drawn_ < kRedrawPeriod) {
     return;
   }
   drawn_ = now;

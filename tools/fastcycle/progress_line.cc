@@ -6,12 +6,10 @@
 #include <unistd.h>
 
 #include "host/report.h"
+#include "redrawn_line.h"
 
 namespace fastcycle::tool {
 namespace {
-
-constexpr std::chrono::milliseconds kPeriod{500};
-constexpr const char* kClearLine = "\r\x1b[K";
 
 /// "1:02:03.4"
 std::string clock_text(Duration time) {
@@ -60,7 +58,7 @@ void ProgressLine::redraw_until_stopped(const host::Application& application) {
   host::Progress before = host::progress_of(application);
   auto drawn = Clock::now();
   std::unique_lock lock(mutex_);
-  while (!stopped_.wait_for(lock, kPeriod, [this] { return is_stopped_; })) {
+  while (!stopped_.wait_for(lock, kRedrawPeriod, [this] { return is_stopped_; })) {
     const host::Progress now = host::progress_of(application);
     const double seconds = std::chrono::duration<double>(Clock::now() - drawn).count();
     const std::string length = now.length ? " of " + clock_text(*now.length) : "";

@@ -18,7 +18,7 @@ TerminalKeys::TerminalKeys(std::function<void(char)> on_key) : on_key_(std::move
 
 TerminalKeys::~TerminalKeys() {
   if (thread_.joinable()) {
-    const ssize_t written = write(end_[1], "", 1);
+    const ssize_t written = ::write(end_[1], "", 1);
     static_cast<void>(written);  // An empty pipe takes a byte.
     thread_.join();
   }

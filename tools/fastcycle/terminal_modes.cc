@@ -22,7 +22,7 @@ volatile std::sig_atomic_t takes = 0;      // See `times_taken`.
 void write_out(const char* text) noexcept {
   const std::size_t size = std::strlen(text);
   if (size > 0) {
-    const ssize_t written = write(STDOUT_FILENO, text, size);
+    const ssize_t written = ::write(STDOUT_FILENO, text, size);
     static_cast<void>(written);  // A terminal that is gone wants nothing.
   }
 }

@@ -85,7 +85,7 @@ std::string find_miscount(const detail::Ledger& ledger, std::int64_t sent, std::
       sent, ledger.published, received, ledger.delivered, ledger.dropped_total(), ledger.queued);
 }
 
-Finding measure_fastcycle(Session& session, const std::string& wait, std::int64_t size) {
+Finding measure_flood(Session& session, const std::string& wait, std::int64_t size) {
   const Finished finished =
       session.run_application(flood_application(session.options(), size, wait));
   const std::int64_t run_in = finished.whole("source", "run_in");
@@ -135,7 +135,7 @@ Mode flood_mode(const Options& options, Session* session) {
     for (const std::string& wait : options.waits) {
       point.steps.push_back(
           {.peer = "fastcycle-" + wait,
-           .measure = [session, wait, size] { return measure_fastcycle(*session, wait, size); },
+           .measure = [session, wait, size] { return measure_flood(*session, wait, size); },
            .floor = "floor-mutex-deque"});
     }
     mode.points.push_back(std::move(point));

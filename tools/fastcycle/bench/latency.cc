@@ -39,7 +39,7 @@ Finding measure_floor(const Session& session, const std::string& peer,
   return finding;
 }
 
-Finding measure_fastcycle(Session& session, const std::string& wait, std::int64_t size) {
+Finding measure_latency(Session& session, const std::string& wait, std::int64_t size) {
   const bool is_rtt = session.options().mode == "rtt";
   const Finished finished =
       session.run_application(latency_application(session.options(), size, wait, session.folder()));
@@ -86,7 +86,7 @@ Point make_point(const Options& options, Session* session, std::int64_t size) {
   for (const std::string& wait : options.waits) {
     point.steps.push_back(
         {.peer = "fastcycle-" + wait,
-         .measure = [session, wait, size] { return measure_fastcycle(*session, wait, size); },
+         .measure = [session, wait, size] { return measure_latency(*session, wait, size); },
          .floor = wait == "spin" ? "floor-spin" : "floor-futex"});
   }
   return point;

@@ -36,7 +36,7 @@ std::string cpu_text(const protocol::Component& component, const protocol::Overv
                                            static_cast<double>(ns));
 }
 
-int list(const Target& target) {
+int list_components(const Target& target) {
   Session session(target, "component list");
   const protocol::Overview overview = session.overview();
   std::vector<std::vector<std::string>> rows{{"component", "state", "executor", "activations",
@@ -194,7 +194,8 @@ Command add_list_of_components(CLI::App& group) {
                "CPU: of one, within callbacks, since the start. p50, p99, max: of a callback.\n"));
   const auto target = std::make_shared<Target>();
   target->add_to(*line);
-  return {line, [target] { return guarded("component list", [&] { return list(*target); }); }};
+  return {line,
+          [target] { return guarded("component list", [&] { return list_components(*target); }); }};
 }
 
 Command add_info_of_component(CLI::App& group) {

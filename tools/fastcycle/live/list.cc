@@ -49,8 +49,8 @@ std::vector<std::string> row_of(const inspect::RunningApplication& running,
           overview->file()};
 }
 
-Json json_of(const inspect::RunningApplication& running,
-             const std::optional<protocol::Overview>& overview) {
+Json json_of_running(const inspect::RunningApplication& running,
+                     const std::optional<protocol::Overview>& overview) {
   Json json{{"name", running.name},
             {"pid", running.pid},
             {"socket", running.socket.string()},
@@ -65,13 +65,13 @@ Json json_of(const inspect::RunningApplication& running,
   return json;
 }
 
-int list(const Target& target) {
+int list_running(const Target& target) {
   std::vector<std::vector<std::string>> rows{{"name", "pid", "mode", "uptime", "since", "file"}};
   Json json = Json::array();
   for (const inspect::RunningApplication& running : inspect::list_applications()) {
     const auto overview = overview_of(running);
     rows.push_back(row_of(running, overview));
-    json.push_back(json_of(running, overview));
+    json.push_back(json_of_running(running, overview));
   }
   if (target.is_json) {
     return print_json(json);
@@ -91,7 +91,8 @@ Command add_list(CLI::App& program) {
                "  fastcycle list --json | jq -r '.[].name'\n"));
   const auto target = std::make_shared<live::Target>();
   line->add_flag("--json", target->is_json, "One JSON document");
-  return {line, [target] { return live::guarded("list", [&] { return live::list(*target); }); }};
+  return {line,
+          [target] { return live::guarded("list", [&] { return live::list_running(*target); }); }};
 }
 
 }  // namespace fastcycle::tool

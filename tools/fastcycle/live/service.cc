@@ -34,7 +34,7 @@ std::string joined(const google::protobuf::RepeatedPtrField<std::string>& words)
   return text.empty() ? "-" : text;
 }
 
-int list(const Target& target) {
+int list_services(const Target& target) {
   Session session(target, "service list");
   const protocol::Overview overview = session.overview();
   std::vector<std::vector<std::string>> rows{
@@ -106,7 +106,8 @@ Command add_list_of_services(CLI::App& group) {
                "  fastcycle service list --json | jq '.[].name'\n"));
   const auto target = std::make_shared<Target>();
   target->add_to(*line);
-  return {line, [target] { return guarded("service list", [&] { return list(*target); }); }};
+  return {line,
+          [target] { return guarded("service list", [&] { return list_services(*target); }); }};
 }
 
 Command add_call(CLI::App& group) {

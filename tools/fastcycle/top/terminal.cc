@@ -110,7 +110,7 @@ void Terminal::show(const Screen& screen) {
   shown_ = screen;
   std::string_view rest = output;
   while (!rest.empty()) {
-    const ssize_t written = write(STDOUT_FILENO, rest.data(), rest.size());
+    const ssize_t written = ::write(STDOUT_FILENO, rest.data(), rest.size());
     if (written < 0 && errno == EAGAIN) {
       pollfd file{STDOUT_FILENO, POLLOUT, 0};
       poll(&file, 1, -1);
@@ -131,7 +131,7 @@ bool Terminal::has_input(milliseconds patience) const {
 void Terminal::read_keys(std::vector<Key>& keys) {
   do {
     std::array<char, 256> bytes{};
-    const ssize_t size = read(STDIN_FILENO, bytes.data(), bytes.size());
+    const ssize_t size = ::read(STDIN_FILENO, bytes.data(), bytes.size());
     if (size <= 0) {
       is_gone_ = is_gone_ || size == 0 || errno != EINTR;
       return;

@@ -61,7 +61,7 @@ Watch::~Watch() {
 
 Watch::News Watch::take() {
   std::uint64_t count = 0;
-  const ssize_t size = read(news_, &count, sizeof(count));
+  const ssize_t size = ::read(news_, &count, sizeof(count));
   static_cast<void>(size);  // Nothing is there if nothing is new.
   const std::lock_guard lock(mutex_);
   return std::exchange(untaken_, {});
@@ -84,7 +84,7 @@ void Watch::tell(News news) {
     }
   }
   const std::uint64_t one = 1;
-  const ssize_t size = write(news_, &one, sizeof(one));
+  const ssize_t size = ::write(news_, &one, sizeof(one));
   static_cast<void>(size);  // It is readable already if it does not fit.
 }
 
