@@ -1,6 +1,7 @@
 #include "config/compose.h"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <string_view>
 #include <system_error>
@@ -39,8 +40,7 @@ Value empty_tree(const Value& file) {
   for (const std::string_view key : {"library_path", "executors", "chains"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
   }
-  for (const std::string_view key :
-       {"topics", "shared_params", "modes", "restart", "record", "flight_recorder"}) {
+  for (const std::string_view key : {"topics", "shared_params", "modes", "restart"}) {
     tree.set(key, Value::object_at(file));
   }
   tree.set("components", Value(Value::Array{}, file.origin()));
@@ -102,9 +102,11 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
     apply_set(tree, set);
   }
   std::erase_if(tree.members(), [](const auto& member) {
-    // An empty "inspect" or "trace" says that there is one.
+    // An empty one of these says that there is one.
+    constexpr std::array<std::string_view, 4> kOptional = {"record", "flight_recorder", "trace",
+                                                           "inspect"};
     return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number() &&
-           member.key != "inspect" && member.key != "trace";
+           std::ranges::find(kOptional, member.key) == kOptional.end();
   });
   return tree;
 }
@@ -225,9 +227,9 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
   }
   add_shared_params(tree, part);
   for (const std::string_view key : {"record", "flight_recorder"}) {
-    if (const Value& record = part[key]; record.size() > 0) {
+    if (const Value* record = part.find(key)) {
       problems_.add(
-          mistake(record.place(),
+          mistake(record->place(),
                   "an included file cannot say what is recorded, only the one that is run"));
     }
   }
@@ -305,12 +307,7 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       merge(*tree.find(key), *own, problems_);
     }
   }
-  for (const std::string_view key : {"record", "flight_recorder"}) {
-    if (const Value* own = find_object(file, key)) {
-      tree.set(key, *own);
-    }
-  }
-  for (const std::string_view key : {"trace", "inspect"}) {
+  for (const std::string_view key : {"record", "flight_recorder", "trace", "inspect"}) {
     if (const Value* own = file.find(key)) {
       tree.set(key, *own);
     }
@@ -378,12 +375,9 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       }
     } else if (key == "topics") {
       apply_overlay_topics(tree, value);
-    } else if ((key == "record" || key == "flight_recorder") && tree[key].size() == 0) {
-      tree.set(key, value);
-    } else if (key == "shared_params" || key == "modes" || key == "restart" || key == "record" ||
-               key == "flight_recorder") {
+    } else if (key == "shared_params" || key == "modes" || key == "restart") {
       merge(*tree.find(key), value, problems_);
-    } else if (key == "trace" || key == "inspect") {
+    } else if (key == "record" || key == "flight_recorder" || key == "trace" || key == "inspect") {
       apply_overlay_optional(tree, key, value);
     } else if (key == "name" || key == "on_fault" || key == "library_path" ||
                key == "initial_mode" || key == "start_timeout_ms" || key == "status_period_ms") {

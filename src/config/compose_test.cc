@@ -275,6 +275,24 @@ TEST_F(ComposeTest, TracesAreOfTheFileThatIsRunAndOfOverlays) {
   EXPECT_FALSE(problems.has_errors()) << text_of(problems);
 }
 
+TEST_F(ComposeTest, RecordingsThatSayNothingMoreAreThere) {
+  folder.write("app.json", R"({"name": "app", "record": {}, "flight_recorder": {},
+      "components": [{"name": "planner", "library": "p"}]})");
+  const auto none = folder.write("none.json", R"({"record": null, "flight_recorder": null})");
+  const auto some = folder.write("some.json", R"({"record": {"sync_ms": 5}})");
+
+  const ApplicationDescription plain = describe(compose());
+  ASSERT_TRUE(plain.record);
+  EXPECT_EQ(plain.record->file, "");
+  EXPECT_TRUE(plain.flight_recorder);
+  EXPECT_EQ(describe(compose({.file = {}, .overlays = {some}})).record->sync_interval,
+            std::chrono::milliseconds(5));
+  const ApplicationDescription less = describe(compose({.file = {}, .overlays = {some, none}}));
+  EXPECT_FALSE(less.record);
+  EXPECT_FALSE(less.flight_recorder);
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
 TEST_F(ComposeTest, OverlaysGiveVariablesAndOptionsGoBeforeThem) {
   folder.write("app.json", R"({"variables": {"a": 1, "b": 1, "c": 1}, "components":
       [{"name": "limiter", "library": "l", "params": {"v": ["${a}", "${b}", "${c}"]}}]})");
