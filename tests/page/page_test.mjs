@@ -290,6 +290,59 @@ test("borders of the road are drawn beside the way of the vehicle", async (page,
   await other.close();
 });
 
+test("a view of a few fields shows these", async (page, open) => {
+  const layers = {
+    ego: { topic: "localization/ego", fields: { x: "x_m", y: "y_m" } },
+    objects: { topic: "perception/objects", fields: { objects: { from: "objects", fields: { id: "id", x: "x_m", y: "y_m" } } } },
+  };
+  writeFileSync(at("few.json"), JSON.stringify({ layers }));
+  const made = run("render", drive, "--view", "few.json", "-o", "few.html");
+  assert.equal(made.status, 0, made.stderr);
+  const other = await open("few.html");
+  await seek(other, 8);
+  await paint(other);
+  assert.match(await other.textContent("#readout"), /^\d+ objects$/);
+  const { width, height } = other.viewportSize();
+  await other.mouse.move(width / 4, height / 2);
+  await other.close();
+});
+
+test("points are shown where no place of the vehicle is known", async (page, open) => {
+  const view = JSON.parse(readFileSync(new URL("../../tools/page/ads.json", import.meta.url), "utf8").replace(/^ *\/\/.*$/gm, ""));
+  writeFileSync(at("points.json"), JSON.stringify({ layers: { points: view.layers.points } }));
+  const made = run("render", "recording_0002.mcap", "--view", "points.json", "-o", "points.html");
+  assert.equal(made.status, 0, made.stderr);
+  const other = await open("points.html");
+  await seek(other, 5);
+  await paint(other);
+  assert.ok((await pixels(other, "--points")) > 30);
+  await other.close();
+});
+
+test("what is no number is not shown, and all the rest is", async (page, open) => {
+  // As `fastcycle render` writes what is not finite.
+  const [before, data, after] = readFileSync(at("drive.html"), "utf8").split(/(?<=id="data">)(.*?)(?=<\/script>)/s);
+  const json = JSON.parse(data);
+  const forget = (values) => values.forEach((value, i) => {
+    if (Array.isArray(value)) forget(value);
+    else if (typeof value === "number") values[i] = null;
+  });
+  for (const layer of Object.values(json.layers)) {
+    layer.messages.slice(-5).forEach((message) => message.slice(1).forEach((value, i) => {
+      if (Array.isArray(value)) forget(value);
+      else message[i + 1] = typeof value === "number" && layer.names[i] !== "time" ? null : value;
+    }));
+  }
+  writeFileSync(at("null.html"), before + JSON.stringify(json) + after);
+  const other = await open("null.html");
+  for (const time of [json.duration, json.duration - 0.3, 8]) {
+    await seek(other, time);
+    await paint(other);
+  }
+  assert.ok((await state(other)).objects > 3);
+  await other.close();
+});
+
 test("what is wrong is said", async () => {
   const wrong = (expected, text, ...words) => {
     const { status, stderr } = run("render", ...words);

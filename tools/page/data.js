@@ -30,7 +30,7 @@ class Layer {
     this.objects = new Array(messages.length);
     const at = names.indexOf("time");
     this.published = messages.map((message) => message[0]);
-    this.taken = at < 0 ? this.published : messages.map((message) => message[at + 1]);
+    this.taken = at < 0 ? this.published : messages.map((message) => message[at + 1] ?? message[0]);
   }
   get count() {
     return this.values.length;
@@ -74,12 +74,25 @@ export function lastNotAfter(times, time) {
   return low - 1;
 }
 
+// Of what is no number on one side, the other; null where there is none.
 export function mix(a, b, part) {
-  return a + (b - a) * part;
+  return Number.isFinite(a) && Number.isFinite(b) ? a + (b - a) * part : a ?? b ?? null;
 }
 
 export function mixAngle(a, b, part) {
-  return a + Math.atan2(Math.sin(b - a), Math.cos(b - a)) * part;
+  return Number.isFinite(a) && Number.isFinite(b) ? a + Math.atan2(Math.sin(b - a), Math.cos(b - a)) * part : a ?? b ?? 0;
+}
+
+const hasPlace = (one) => Number.isFinite(one?.x) && Number.isFinite(one?.y);
+
+// A number with so many digits, without the sign of what is rounded to 0; empty if it is none.
+export function fixed(value, digits) {
+  return Number.isFinite(value) ? value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1") : "";
+}
+
+// A name as ENGAGED_DEGRADED in words.
+export function inWords(name) {
+  return String(name ?? "").toLowerCase().replaceAll("_", " ");
 }
 
 export class Drive {
@@ -98,10 +111,10 @@ export class Drive {
     return layer ? layer.values.map((_, i) => layer.get(i)) : [];
   }
 
-  // Where the vehicle was; the first and the last place hold before and after.
+  // Where the vehicle was; the first and the last place hold before and after. null where no place is known.
   egoAt(time) {
     const found = this.layers.ego?.around(time);
-    if (!found) {
+    if (!found || !hasPlace(found.a) || !hasPlace(found.b)) {
       return null;
     }
     const { a, b, part } = found;
@@ -120,16 +133,16 @@ export class Drive {
   // Where the road ends, in the map: the last that was published, from where the vehicle was then.
   bordersAt(time) {
     const borders = this.layers.borders?.lastPublished(time);
-    const ego = borders && this.egoAt(borders.time);
+    const ego = borders && this.egoAt(borders.time ?? borders.published);
     if (!ego) {
       return [];
     }
     const [ahead, aside] = [Math.cos(ego.heading), Math.sin(ego.heading)];
     return ["left", "right"].flatMap((side) =>
       (borders[`${side}_x`] ?? []).map((x, i) => {
-        const y = borders[`${side}_y`][i];
-        return [ego.x + x * ahead - y * aside, ego.y + x * aside + y * ahead];
-      }));
+        const y = borders[`${side}_y`]?.[i];
+        return hasPlace({ x, y }) && [ego.x + x * ahead - y * aside, ego.y + x * aside + y * ahead];
+      }).filter(Boolean));
   }
 
   // The tracked boxes, between two messages on their way from one to the other.
@@ -139,10 +152,10 @@ export class Drive {
       return [];
     }
     const { a, b, part, age } = found;
-    const next = new Map(b.objects.map((object) => [object.id, object]));
-    return a.objects.map((object) => {
+    const next = new Map((b.objects ?? []).map((object) => [object.id, object]));
+    return (a.objects ?? []).filter(hasPlace).map((object) => {
       const later = next.get(object.id);
-      if (later && b !== a) {
+      if (later && b !== a && hasPlace(later)) {
         return {
           ...object,
           x: mix(object.x, later.x, part),
@@ -151,8 +164,9 @@ export class Drive {
           speed: mix(object.speed, later.speed, part),
         };
       }
-      const on = object.speed * Math.min(age, 0.2);  // It is not there any more soon.
-      return { ...object, x: object.x + on * Math.cos(object.heading), y: object.y + on * Math.sin(object.heading) };
+      const on = (object.speed ?? 0) * Math.min(age, 0.2);  // It is not there any more soon.
+      const heading = object.heading ?? 0;
+      return { ...object, heading, x: object.x + on * Math.cos(heading), y: object.y + on * Math.sin(heading) };
     });
   }
 
@@ -170,14 +184,15 @@ export class Drive {
   }
 
   #placed(sweep) {
-    const bytes = decodeBase64(sweep.points);
+    const bytes = decodeBase64(sweep.points ?? "");
     const view = new DataView(bytes.buffer);
     const size = 8;
     const count = Math.floor(bytes.length / size);
     const placed = new Float32Array(3 * count);
     const duration = (sweep.duration_ns ?? 0) / 1e9;
-    const from = this.egoAt(sweep.time);
-    const to = this.egoAt(sweep.time + duration);
+    const time = sweep.time ?? sweep.published;
+    const from = this.egoAt(time) ?? { x: 0, y: 0, heading: 0 };  // As if it stood there, where that is not known.
+    const to = this.egoAt(time + duration) ?? from;
     for (let i = 0; i < count; ++i) {
       const part = view.getUint16(i * size + 6, true) / 65536;
       const heading = mixAngle(from.heading, to.heading, part);

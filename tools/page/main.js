@@ -1,5 +1,5 @@
 // The page: what is played, and what one can do with it.
-import { Drive } from "./data.js";
+import { Drive, fixed, inWords } from "./data.js";
 import { Plots } from "./plots.js";
 import { LAYERS, Scene, isUnknown } from "./scene.js";
 
@@ -76,7 +76,7 @@ function showState() {
   element("reason").textContent = [state?.reason, planReason].filter(Boolean).join(" · ");
   element("reason").title = element("reason").textContent;
   if (state) {
-    badge.textContent = state.state.toLowerCase().replaceAll("_", " ");
+    badge.textContent = inWords(state.state);
     badge.style.background = `var(--${drive.meaningOf(state.state)})`;
   }
   const now = changes.findLastIndex((change) => change.time <= time);
@@ -88,13 +88,14 @@ function showReadout() {
   const plan = drive.layers.plan?.lastPublished(time);
   const lines = [];
   if (ego) {
-    lines.push(`${ego.speed.toFixed(1)} m/s  ${ego.acceleration.toFixed(1)} m/s²`);
+    const motion = [[ego.speed, "m/s"], [ego.acceleration, "m/s²"]].filter(([value]) => Number.isFinite(value));
+    lines.push(...motion.length ? [motion.map(([value, unit]) => `${fixed(value, 1)} ${unit}`).join("  ")] : []);
     if (ego.quality && ego.quality !== "GOOD") {
-      lines.push(`position ${ego.quality.toLowerCase()}`);
+      lines.push(`position ${inWords(ego.quality)}`);
     }
   }
   if (plan?.kind) {
-    lines.push(`plan ${plan.kind.toLowerCase()}`);
+    lines.push(`plan ${inWords(plan.kind)}`);
   }
   lines.push(`${scene.objects.length} objects` + (scene.unknown.length > 0 ? `, ${scene.unknown.length} unknown` : ""));
   element("readout").textContent = lines.join("\n");
@@ -135,7 +136,7 @@ function buildEvents() {
     const sign = document.createElement("i");
     sign.style.background = color;
     const what = document.createElement("span");
-    what.append(state.toLowerCase().replaceAll("_", " "), " ",
+    what.append(inWords(state), " ",
                 Object.assign(document.createElement("small"), { textContent: reason ?? "" }));
     button.append(when, sign, what);
     button.addEventListener("click", () => seek(at));
@@ -226,9 +227,13 @@ function showHint(x, y) {
   const hint = element("hint");
   hint.hidden = !object;
   if (object) {
-    hint.textContent = `${(object.kind ?? "object").toLowerCase()} ${object.id}\n${object.speed.toFixed(1)} m/s\n`
-      + `${object.length.toFixed(1)} × ${object.width.toFixed(1)} m`
-      + (object.unseen > 0 ? `\nunseen for ${object.unseen.toFixed(1)} s` : "");
+    hint.textContent = [
+      `${inWords(object.kind ?? "object")} ${object.id ?? ""}`,
+      Number.isFinite(object.speed) && `${fixed(object.speed, 1)} m/s`,
+      Number.isFinite(object.length) && Number.isFinite(object.width)
+        && `${fixed(object.length, 1)} × ${fixed(object.width, 1)} m`,
+      object.unseen > 0 && `unseen for ${fixed(object.unseen, 1)} s`,
+    ].filter(Boolean).join("\n");
     hint.style.left = `${Math.min(x + 12, scene.width - 110)}px`;
     hint.style.top = `${Math.min(y + 12, scene.height - 70)}px`;
   }

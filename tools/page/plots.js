@@ -1,7 +1,7 @@
 // Curves over the time of the drive.
 import uPlot from "uplot";
 
-import { distance, lastNotAfter } from "./data.js";
+import { distance, fixed, lastNotAfter } from "./data.js";
 
 const HEIGHT = 130;
 
@@ -18,7 +18,8 @@ function gaps(drive) {
   const times = drive.layers.objects?.taken.filter((time) => time >= 0) ?? [];
   return [times, times.map((time) => {
     const ego = drive.egoAt(time);
-    const least = Math.min(...drive.objectsAt(time).map((object) => (ego ? distance(ego, object) : Infinity)));
+    const least = !ego ? Infinity : drive.objectsAt(time).reduce(
+      (before, object) => Math.min(before, distance(ego, object)), Infinity);
     return Number.isFinite(least) ? least : null;
   })];
 }
@@ -27,9 +28,9 @@ function latency(layer) {
   return layer && [layer.published, layer.published.map((time, i) => 1000 * (time - layer.taken[i]))];
 }
 
-function columnOf(layer, name) {
+function columnOf(layer, name, times = layer?.published) {
   const values = layer?.column(name);
-  return values && [layer.published, values];
+  return values && [times, values];
 }
 
 // [title, unit, digits, [[name, color, [times, values]], …]], without what the log does not have.
@@ -38,7 +39,7 @@ function curvesOf(drive) {
   const planned = plan?.column("nominal")?.map((points) => points?.[0]?.[2] ?? null);
   return [
     ["speed", "m/s", 1, [
-      ["vehicle", "--ego", ego && [ego.taken, ego.column("speed")]],
+      ["vehicle", "--ego", columnOf(ego, "speed", ego?.taken)],
       ["plan", "--plan", planned && [plan.published, planned]]]],
     ["gap", "m", 1, [
       ["nearest", "--object", objects && ego && gaps(drive)],
@@ -48,7 +49,7 @@ function curvesOf(drive) {
       ["predictions", "--prediction", latency(predictions)],
       ["plan", "--plan", latency(plan)]]],
     ["acceleration", "m/s²", 2, [
-      ["vehicle", "--ego", ego && [ego.taken, ego.column("acceleration")]],
+      ["vehicle", "--ego", columnOf(ego, "acceleration", ego?.taken)],
       ["command", "--plan", columnOf(command, "acceleration")]]],
   ].map(([title, unit, digits, series]) => [title, unit, digits, series.filter(([, , data]) => data)])
     .filter(([, , , series]) => series.length > 0);
@@ -109,7 +110,7 @@ export class Plots {
         { label: "time", value: (_, time) => (time === null || time === undefined ? "" : `${time.toFixed(2)} s`) },
         ...series.map(([label, stroke]) => ({
           label, stroke: color(stroke), width: 1.5, spanGaps: true, points: { show: false },
-          value: (_, value) => (value === null || value === undefined ? "" : value.toFixed(digits)),
+          value: (_, value) => (value === null || value === undefined ? "" : fixed(value, digits)),
         })),
       ],
       hooks: { draw: [(plot) => this.#drawNow(plot, color("--text"))] },

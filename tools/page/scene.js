@@ -1,4 +1,5 @@
 // The drive seen from above, on a canvas.
+import { fixed } from "./data.js";
 
 export const LAYERS = [
   ["lanes", "lanes", "--edge"],
@@ -16,9 +17,11 @@ export const LAYERS = [
 
 export const isUnknown = (object) => object.kind === "UNKNOWN";
 
+const LABEL = [50, 12];  // As wide and high as the speed of an object, in pixels.
 const LEAST_SCALE = 0.2;
 const MOST_SCALE = 80;
 const VELOCITY_S = 1;  // An arrow is as long as the way in this time.
+const STANDS_MPS = 0.3;  // What is slower has neither an arrow nor a number.
 
 export class Scene {
   constructor(canvas, drive) {
@@ -136,18 +139,19 @@ export class Scene {
     this.#yardstick();
   }
 
+  // Through all places that are known.
   #line(xs, ys) {
     const { context } = this;
     context.beginPath();
-    xs.forEach((x, i) => (i === 0 ? context.moveTo(x, ys[i]) : context.lineTo(x, ys[i])));
+    xs?.forEach((x, i) => Number.isFinite(x) && Number.isFinite(ys?.[i]) && context.lineTo(x, ys[i]));
   }
 
   #lanes(tile) {
     const { context, colors } = this;
     context.fillStyle = colors.road;
     for (const lane of tile?.lanes ?? []) {
-      this.#line([...lane.left_x, ...[...lane.right_x].reverse()],
-                 [...lane.left_y, ...[...lane.right_y].reverse()]);
+      const { left_x = [], left_y = [], right_x = [], right_y = [] } = lane;
+      this.#line([...left_x ?? [], ...[...right_x ?? []].reverse()], [...left_y ?? [], ...[...right_y ?? []].reverse()]);
       context.fill();
     }
     context.strokeStyle = colors.edge;
@@ -173,7 +177,7 @@ export class Scene {
 
   // Where the vehicle is to come to.
   #goal(place) {
-    if (!place) return;
+    if (!Number.isFinite(place?.x) || !Number.isFinite(place.y)) return;
     const { context, colors } = this;
     const { x, y, heading, length, width } = place;
     context.save();
@@ -218,8 +222,8 @@ export class Scene {
     context.lineWidth = Math.max(0.2, 1.5 * this.pixel);
     for (const object of predictions?.objects ?? []) {
       for (const { probability, points } of object.hypotheses ?? []) {
-        context.globalAlpha = 0.15 + 0.6 * probability;
-        this.#line(points.map((point) => point.x), points.map((point) => point.y));
+        context.globalAlpha = 0.15 + 0.6 * Math.min(1, Math.max(0, probability ?? 1));
+        this.#line(points?.map((point) => point.x), points?.map((point) => point.y));
         context.stroke();
       }
     }
@@ -265,7 +269,7 @@ export class Scene {
   }
 
   #velocity({ x, y, heading, length, speed }) {
-    if (Math.abs(speed) < 0.3) return;
+    if (!(Math.abs(speed) >= STANDS_MPS)) return;
     const { context, colors } = this;
     const from = (Math.sign(speed) * length) / 2;
     const to = from + speed * VELOCITY_S;
@@ -285,17 +289,28 @@ export class Scene {
     context.restore();
   }
 
+  #isInSight([x, y]) {
+    return x > -LABEL[0] && x < this.width + LABEL[0] && y > 0 && y < this.height + LABEL[1];
+  }
+
   #labels() {
     if (this.camera.scale < 4) return;
     const { context, colors } = this;
     context.font = "11px system-ui, sans-serif";
     context.textAlign = "center";
     context.fillStyle = colors.text;
+    const written = [];
     for (const object of this.objects) {
       const [x, y] = this.toWindow(object.x, object.y);
       const above = (Math.hypot(object.length * Math.sin(object.heading - this.camera.angle),
                                 object.width) / 2) * this.camera.scale;
-      context.fillText(`${object.speed.toFixed(1)} m/s`, x, y - above - 5);
+      const place = [x, y - above - 5];
+      // One that would lie on another could not be read, nor could the other.
+      if (Math.abs(object.speed) >= STANDS_MPS && this.#isInSight(place)
+          && !written.some(([wx, wy]) => Math.abs(wx - place[0]) < LABEL[0] && Math.abs(wy - place[1]) < LABEL[1])) {
+        context.fillText(`${fixed(object.speed, 1)} m/s`, ...place);
+        written.push(place);
+      }
     }
   }
 
