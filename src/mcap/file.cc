@@ -81,7 +81,8 @@ FileSource::FileSource(const std::filesystem::path& path)
   struct stat status{};
   if (::fstat(file_, &status) != 0 || !S_ISREG(status.st_mode)) {
     ::close(file_);
-    fail(Place::kWholeFile, "a regular file", "something else");
+    fail(Place::kWholeFile, "a regular file",
+         S_ISDIR(status.st_mode) ? "a folder" : "something else");
   }
   size_ = static_cast<std::uint64_t>(status.st_size);
 }

@@ -396,7 +396,8 @@ TEST_F(Files, WhatIsNoFileIsNamed) {
 
   EXPECT_THAT(error_of([&] { const FileSource source(folder_ / "none.mcap"); }),
               HasSubstr("none.mcap: expected a file that can be read, found No such file"));
-  EXPECT_THAT(error_of([&] { const FileSource source(folder_); }), HasSubstr("a regular file"));
+  EXPECT_THAT(error_of([&] { const FileSource source(folder_); }),
+              HasSubstr("a regular file, found a folder"));
   EXPECT_THAT(error_of([&] { const FileSource source(fifo); }), HasSubstr("a regular file"));
 }
 

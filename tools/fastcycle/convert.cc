@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "archive/message_text.h"
 #include "archive/output_file.h"
 #include "command.h"
 #include "file_work.h"
@@ -25,12 +26,14 @@ int tell(const Rewriting& work, const rosbag::Converted& done) {
     if (!topic.is_converted) {
       copied += topic.messages;
       words += fmt::format("{}: {}: {} is not known here; copied as they are: {} messages\n", in,
-                           topic.name, topic.type.empty() ? "no type" : topic.type, topic.messages);
+                           archive::printable(topic.name),
+                           topic.type.empty() ? "no type" : archive::printable(topic.type),
+                           topic.messages);
     } else if (topic.unreadable > 0) {
       is_all = false;
-      words +=
-          fmt::format("{}: {}: missing, as they are no {}: {} of {} messages; the first: {}\n", in,
-                      topic.name, topic.type, topic.unreadable, topic.messages, topic.mistake);
+      words += fmt::format("{}: {}: missing, as they are no {}: {} of {} messages; the first: {}\n",
+                           in, archive::printable(topic.name), topic.type, topic.unreadable,
+                           topic.messages, archive::printable(topic.mistake));
     }
   }
   std::fputs(words.c_str(), stderr);

@@ -289,10 +289,12 @@ void convert_compressed_image(Bytes message, google::protobuf::Message& to) {
   std::string format = in.text("format");
   const Bytes data = in.bytes("data");
   in.end();
-  // "rgb8; jpeg compressed bgr8"
+  // "rgb8; jpeg compressed bgr8". The bytes of "16UC1; compressedDepth png" are no picture: there
+  // is a head before it.
+  const bool has_head = format.find("compressedDepth") != std::string::npos;
   for (const auto& [word, name] :
        {std::pair{"jpeg", "jpeg"}, {"jpg", "jpeg"}, {"png", "png"}, {"webp", "webp"}}) {
-    if (format.find(word) != std::string::npos) {
+    if (!has_head && format.find(word) != std::string::npos) {
       format = name;
       break;
     }

@@ -165,6 +165,16 @@ TEST(RosTypes, PicturesKeepTheirBytes) {
   EXPECT_EQ(out.data(), "JPEG");
 }
 
+TEST(RosTypes, DepthBehindAHeadIsNotCalledAPicture) {
+  Cdr packed;
+  packed.header("camera").text("16UC1; compressedDepth png").blob("twelve bytesPNG");
+
+  const auto out = converted<foxglove::CompressedImage>("sensor_msgs/msg/CompressedImage", packed);
+
+  EXPECT_EQ(out.format(), "16UC1; compressedDepth png");
+  EXPECT_EQ(out.data(), "twelve bytesPNG");
+}
+
 TEST(RosTypes, CameraHasItsMatrices) {
   Cdr cdr;
   cdr.header("camera").u32(375).u32(1242).text("plumb_bob").u32(1).doubles({0.5});

@@ -5,6 +5,8 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
+#include <string_view>
 #include <tuple>
 #include <utility>
 
@@ -24,6 +26,25 @@ constexpr unsigned kMessagesPerProgress = 256;
 
 bool is_of_ros(const mcap::Channel& channel) {
   return channel.message_encoding == "cdr";
+}
+
+/// Bags of other formats are refused, with the tool that makes MCAP of them.
+void refuse_other_bags(const mcap::Source& source) {
+  for (const auto& [begin, found] :
+       {std::pair<std::string_view, const char*>{
+            "SQLite format 3", "one in SQLite, as it seems: `ros2 bag convert` makes MCAP of it"},
+        {"#ROSBAG V", "one of ROS 1, as it seems: `rosbags-convert` makes one of ROS 2 of it"}}) {
+    std::string there(begin.size(), '\0');
+    if (source.size() >= there.size()) {
+      source.read(0, std::as_writable_bytes(std::span(there)));
+    }
+    if (there == begin) {
+      throw mcap::Error({.place = {.file = source.name()},
+                         .record = {},
+                         .expected = "a log or a ROS 2 bag, in MCAP",
+                         .found = found});
+    }
+  }
 }
 
 /// One channel of the bag.
@@ -197,6 +218,7 @@ class Conversion {
 }  // namespace
 
 bool is_rosbag(const mcap::Source& source) {
+  refuse_other_bags(source);
   const mcap::Reader reader(source);
   return std::ranges::any_of(reader.definitions().channels(),
                              [](const auto& entry) { return is_of_ros(entry.second); });

@@ -253,6 +253,22 @@ class Convert(unittest.TestCase):
                       done.stderr)
         self.assertEqual(len(self.messages("imu")), 2)
 
+    def test_bags_of_other_formats_are_refused_with_the_tool_that_helps(self):
+        for content, words in ((b"SQLite format 3\0" + bytes(4096), "in SQLite, as it seems: `ros2 bag convert`"),
+                               (b"#ROSBAG V2.0\n" + bytes(4096), "of ROS 1, as it seems: `rosbags-convert`")):
+            (self.folder / "bag.db3").write_bytes(content)
+            done = self.run_tool("convert", "bag.db3", "log.mcap")
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("bag.db3: expected a log or a ROS 2 bag, in MCAP, found one " + words, done.stderr)
+        done = self.run_tool("convert", ".", "log.mcap")
+        self.assertIn("expected a regular file, found a folder", done.stderr)
+        self.assertFalse((self.folder / "log.mcap").exists())
+
+    def test_names_are_no_commands_for_the_terminal(self):
+        done = self.convert([("/red\x1b[31m\n", "sensor_msgs/msg/Imu", 5, b"")], code=PROBLEMS)
+
+        self.assertIn("/red\\x1b[31m\\x0a: missing", done.stderr)
+
     def test_bags_can_be_left_as_they_are(self):
         done = self.convert([("/imu", "sensor_msgs/msg/Imu", 5, bytes(imu().data))], "--as-it-is")
 
