@@ -347,7 +347,7 @@ class LayerData {
   void take(const mcap::StoredMessage& message, MessageTypes& types) {
     const auto time_ns = static_cast<double>(message.publish_time_ns);
     // A little less than the period: messages come at times that are not exact.
-    if (!problem_.empty() || time_ns < next_ns_ - layer_.least_period_ns / 10.0) {
+    if (time_ns < next_ns_ - layer_.least_period_ns / 10.0) {
       return;
     }
     const std::size_t before = messages_.size();
@@ -360,7 +360,9 @@ class LayerData {
       messages_ += ']';
     } catch (const std::runtime_error& error) {
       messages_.erase(before);
-      problem_ = error.what();
+      if (unreadable_++ == 0) {
+        problem_ = error.what();
+      }
       return;
     }
     ++count_;
@@ -373,11 +375,14 @@ class LayerData {
 
   /// Why it is not, or not all of it, in the page.
   [[nodiscard]] std::string left_out() const {
-    if (problem_.empty() && count_ > 0) {
+    if (unreadable_ == 0 && count_ > 0) {
       return {};
     }
-    return fmt::format("{} ({}): {}", layer_.name, layer_.topic,
-                       problem_.empty() ? "no messages" : problem_);
+    const std::string some = count_ > 0 ? fmt::format("{} message{}, the first: ", unreadable_,
+                                                      unreadable_ == 1 ? "" : "s")
+                                        : "";
+    return fmt::format("{} ({}): {}{}", layer_.name, layer_.topic, some,
+                       unreadable_ == 0 ? "no messages" : problem_);
   }
 
   void write(std::string& json) const {
@@ -436,7 +441,8 @@ class LayerData {
   double next_ns_ = 0.0;
   std::uint64_t count_ = 0;
   std::string messages_;
-  std::string problem_;
+  std::uint64_t unreadable_ = 0;
+  std::string problem_;  ///< Of the first of these.
 };
 
 /// Gives a message to its layers.

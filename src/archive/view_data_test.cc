@@ -165,6 +165,20 @@ TEST(ViewData, ALayerThatTheLogDoesNotHaveIsNamed) {
                   "time (scene): name of demo.Scene is no time: a number of 64 bits"));
 }
 
+TEST(ViewData, AMessageThatCannotBeReadTakesNoOtherWithIt) {
+  mcap::WriterOptions options = mcap::small_chunks();
+  options.chunk.crc = false;
+  std::string file = scenes({"name: 'first'", "name: 'wrong'", "name: 'last'"}, options);
+  file.replace(file.find("wrong"), 1, "\xFF");
+
+  const Viewed result = fields(file, R"({"n": "name"})");
+
+  EXPECT_EQ(messages(result), json::parse(R"([[0, "first"], [0, "last"]])"));
+  EXPECT_THAT(
+      result.data.left_out,
+      ElementsAre("it (scene): 1 message, the first: no UTF-8 in the text demo.Scene.name"));
+}
+
 TEST(ViewData, NothingToDrawIsAnErrorAndSoIsTooMuch) {
   const std::string file = scenes({"name: 'a'", "name: 'b'"});
 
