@@ -33,6 +33,10 @@ fs::path checked(fs::path path, const OutputFile::Options& options) {
   if (fs::is_directory(path, ignored)) {
     refuse(path, "the name of a file", "a folder");
   }
+  if (const fs::path folder = path.parent_path();
+      !folder.empty() && !fs::is_directory(folder, ignored)) {
+    refuse(path, "a name in a folder that is there", "no folder " + folder.string());
+  }
   if (!options.may_replace && fs::exists(fs::symlink_status(path, ignored))) {
     refuse(path, "a name that is free", "a file (--force replaces it)");
   }

@@ -56,6 +56,17 @@ TEST_F(Output, AppearsWhenItIsWhole) {
   EXPECT_EQ(files(), 1);
 }
 
+TEST_F(Output, NamesTheFolderThatIsNotThere) {
+  try {
+    const OutputFile file(folder_ / "none" / "out.mcap", {});
+    ADD_FAILURE() << "it was opened";
+  } catch (const mcap::Error& error) {
+    EXPECT_THAT(error.what(), ::testing::EndsWith("none/out.mcap: expected a name in a folder that "
+                                                  "is there, found no folder " +
+                                                  (folder_ / "none").string()));
+  }
+}
+
 TEST_F(Output, LeavesNothingIfItIsNotCommitted) {
   {
     OutputFile file(path_, {});
