@@ -34,8 +34,10 @@ class Refuses(unittest.TestCase):
     def test_names_that_cannot_be_names(self):
         for name in ("Speed", "9lives", "_x", "a-b", "a/b", "..", "", "ä", "x" * 41):
             self.assert_refused("expected a name of at most 40 small letters", "app", name)
-        self.assert_refused('"double" is a word of C++', "app", "double")
-        self.assert_refused('"test" is the name of something else', "app", "test")
+        for name in ("double", "static_cast", "co_await"):
+            self.assert_refused(f'"{name}" is a word of C++', "app", name)
+        for name in ("test", "component", "m", "linux", "gtest", "int32_t"):
+            self.assert_refused(f'"{name}" is the name of something else', "app", name)
         self.assert_refused('"index" is a function of the C library', "app", "index")
 
     def test_what_exists_is_not_written_over(self):

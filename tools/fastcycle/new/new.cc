@@ -38,20 +38,30 @@ class Refusal : public std::runtime_error {
 };
 
 constexpr std::array kCppKeywords = {
-    "alignas",  "alignof",  "and",      "asm",     "auto",    "bitand",    "bitor",   "bool",
-    "break",    "case",     "catch",    "char",    "class",   "compl",     "concept", "const",
-    "continue", "decltype", "default",  "delete",  "do",      "double",    "else",    "enum",
-    "explicit", "export",   "extern",   "false",   "float",   "for",       "friend",  "goto",
-    "if",       "inline",   "int",      "long",    "mutable", "namespace", "new",     "noexcept",
-    "not",      "nullptr",  "operator", "or",      "private", "protected", "public",  "register",
-    "requires", "return",   "short",    "signed",  "sizeof",  "static",    "struct",  "switch",
-    "template", "this",     "throw",    "true",    "try",     "typedef",   "typeid",  "typename",
-    "union",    "unsigned", "using",    "virtual", "void",    "volatile",  "while",   "xor"};
+    "alignas",       "alignof",     "and",        "and_eq",    "asm",       "auto",
+    "bitand",        "bitor",       "bool",       "break",     "case",      "catch",
+    "char",          "class",       "co_await",   "co_return", "co_yield",  "compl",
+    "concept",       "const",       "const_cast", "consteval", "constexpr", "constinit",
+    "continue",      "decltype",    "default",    "delete",    "do",        "double",
+    "dynamic_cast",  "else",        "enum",       "explicit",  "export",    "extern",
+    "false",         "float",       "for",        "friend",    "goto",      "if",
+    "inline",        "int",         "long",       "mutable",   "namespace", "new",
+    "noexcept",      "not",         "not_eq",     "nullptr",   "operator",  "or",
+    "or_eq",         "private",     "protected",  "public",    "register",  "reinterpret_cast",
+    "requires",      "return",      "short",      "signed",    "sizeof",    "static",
+    "static_assert", "static_cast", "struct",     "switch",    "template",  "this",
+    "thread_local",  "throw",       "true",       "try",       "typedef",   "typeid",
+    "typename",      "union",       "unsigned",   "using",     "virtual",   "void",
+    "volatile",      "while",       "xor",        "xor_eq"};
 
-/// Names that CMake, C++ or FastCycle have for something else.
+/// Names that CMake, the compiler, C++ or FastCycle have for something else; a target `m` would be
+/// linked in the place of libm.
 constexpr std::array kTakenNames = {
-    "all",  "build",    "clean",   "depend",   "fastcycle", "google", "help",    "install",
-    "main", "messages", "package", "protobuf", "std",       "test",   "testing", "components"};
+    "all",        "build",    "c",          "clean",     "component", "components",
+    "depend",     "dl",       "edit_cache", "fastcycle", "google",    "gtest",
+    "gtest_main", "help",     "i386",       "install",   "linux",     "m",
+    "main",       "messages", "package",    "protobuf",  "pthread",   "rebuild_cache",
+    "rt",         "std",      "test",       "testing",   "unix",      "z"};
 
 /// A name becomes a file, a target of CMake, a namespace of C++ and a package of protobuf.
 void check_name(const std::string& name) {
@@ -68,7 +78,7 @@ void check_name(const std::string& name) {
   if (std::ranges::find(kCppKeywords, name) != kCppKeywords.end()) {
     throw Refusal("\"" + name + "\" is a word of C++ itself; choose another name");
   }
-  if (std::ranges::find(kTakenNames, name) != kTakenNames.end()) {
+  if (std::ranges::find(kTakenNames, name) != kTakenNames.end() || name.ends_with("_t")) {
     throw Refusal("\"" + name + "\" is the name of something else already; choose another one");
   }
   if (dlsym(RTLD_DEFAULT, name.c_str()) != nullptr) {
