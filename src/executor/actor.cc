@@ -904,7 +904,7 @@ void Actor::watch(CallbackSubscription& subscription) {
 }
 
 void Actor::arm(TimerCore& timer, Time due) noexcept {
-  if (is_suspended()) {
+  if (is_suspended() && !is_resuming_) {
     return;  // It would tick as soon as the component is active again.
   }
   timer.due_ns = std::max(base::to_ns(due), base::to_ns(publishing.now));

@@ -200,6 +200,10 @@ class Actor {
   void set_alarm(Time due, std::function<void()> action);
   void cancel_alarm() noexcept;
 
+  /// While suspended: timers may be armed, for it is resumed next. Without it they stay as they
+  /// are.
+  void set_resuming(bool is_resuming) noexcept { is_resuming_ = is_resuming; }
+
   /// Arms all periodic timers, as of `start`.
   void start_timers(Time start);
   void cancel_timers() noexcept;
@@ -360,7 +364,8 @@ class Actor {
   ActorStage stage_;
   enum class Gate : std::uint8_t { kClosed, kOpen, kSuspended };
   std::atomic<Gate> gate_{
-      Gate::kClosed};                     ///< Written by its worker, read by who waits for the end.
+      Gate::kClosed};  ///< Written by its worker, read by who waits for the end.
+  bool is_resuming_ = false;
   std::int64_t alarm_ns_ = base::kNever;  ///< On the application's clock.
   std::function<void()> alarm_;
   /// CLOCK_MONOTONIC as last read in this turn: when an activation ends, the next one begins.

@@ -225,7 +225,15 @@ void ComponentCore::activate_now() {
   state = State::kActive;
   mute(false);
   in_call_ = "its activate()";
-  component->activate();
+  {
+    struct Resuming {
+      ComponentCore& core;
+      ~Resuming() { core.set_resuming(false); }
+    };
+    set_resuming(true);
+    const Resuming end{*this};
+    component->activate();
+  }
   in_call_ = nullptr;
   if (is_suspended()) {
     resume();

@@ -592,6 +592,49 @@ TEST(ABench, SwitchesModesAndActivatesByHand) {
   EXPECT_EQ(commands.take().at(0).value(), 7);
 }
 
+/// Ticks once, so long after it has become active; a tick that it arms as it is deactivated is
+/// none.
+class Delayed final : public Component {
+ public:
+  explicit Delayed(Context& context)
+      : Component(context),
+        ticks_(context.create_publisher<Int64Value>("ticks")),
+        timer_(context.create_timer([this] {
+          auto tick = ticks_.loan();
+          tick->set_value(++count_);
+          ticks_.publish(std::move(tick));
+        })) {}
+  void activate() override { timer_.arm_at(now() + std::chrono::milliseconds(50)); }
+  void deactivate() override { timer_.arm_at(now() + std::chrono::milliseconds(10)); }
+
+ private:
+  Publisher<Int64Value> ticks_;
+  Timer timer_;
+  std::int64_t count_ = 0;
+};
+
+TEST(ABench, HasTimersTickThatWereArmedByEachActivate) {
+  using std::chrono_literals::operator""ms;
+  testing::Bench bench;
+  bench.add<Delayed>("delayed");
+  auto ticks = bench.output<Int64Value>("ticks");
+  bench.start();
+
+  bench.advance(100ms);
+  EXPECT_EQ(ticks.take().size(), 1U);
+  bench.deactivate("delayed");
+  bench.advance(100ms);
+  EXPECT_TRUE(ticks.take().empty());
+  for (int round = 0; round < 2; ++round) {
+    bench.activate("delayed");
+    bench.advance(49ms);
+    EXPECT_TRUE(ticks.take().empty());
+    bench.advance(51ms);
+    EXPECT_EQ(ticks.take().size(), 1U) << "round " << round;
+    bench.deactivate("delayed");
+  }
+}
+
 // ---- Live, under load ----
 
 /// Checks each command against the modes that there were.

@@ -36,7 +36,17 @@ void GnssDriver::start() {
         fmt::format("{}: expected as many rows in t and value, found {} and {}", folder.string(),
                     playback_->rows(), values_->rows()));
   }
+}
+
+void GnssDriver::activate() {
+  while (was_active_ && playback_->take_due(now() - start_time())) {
+    // What came while it was inactive nobody has received.
+  }
   schedule();
+}
+
+void GnssDriver::deactivate() {
+  was_active_ = true;
 }
 
 void GnssDriver::play() {

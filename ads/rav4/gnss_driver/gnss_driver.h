@@ -17,6 +17,8 @@ class GnssDriver final : public fastcycle::Component {
  public:
   explicit GnssDriver(fastcycle::Context& context);
   void start() override;
+  void activate() override;
+  void deactivate() override;
 
  private:
   void play();
@@ -28,6 +30,7 @@ class GnssDriver final : public fastcycle::Component {
   fastcycle::Timer timer_;
   fastcycle::Source source_;
 
+  bool was_active_ = false;
   std::optional<Playback> playback_;
   std::optional<ads::NumberTable> values_;
 };

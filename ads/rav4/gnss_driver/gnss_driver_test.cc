@@ -40,6 +40,29 @@ TEST(GnssDriver, FixesComeWhenTheyArrived) {
   EXPECT_EQ(second[0].latitude_deg(), 37.8);
 }
 
+TEST(GnssDriver, GoesOnAfterATunnelWithoutTheFixesOfIt) {
+  const testing::SmallDrive drive("gnss_driver_tunnel");
+  drive.can({0.0}, {0xaa}, {0}, {"12345678"});
+  drive.stream(
+      "GNSS/live_gnss_ublox", 6, {0.05, 0.15, 0.25},
+      {1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0});
+  Bench bench;
+  bench.add<GnssDriver>("gnss_driver", drive.configuration());
+  auto fixes = bench.output<gnss::Fix>("gnss/fix");
+  bench.start();
+
+  bench.advance(100ms);
+  bench.deactivate("gnss_driver");
+  bench.advance(100ms);
+  bench.activate("gnss_driver");
+  bench.advance(100ms);
+
+  const auto received = fixes.take();
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[0].latitude_deg(), 1.0);
+  EXPECT_EQ(received[1].latitude_deg(), 3.0);
+}
+
 TEST(GnssDriver, MissingDriveIsNamed) {
   Bench bench;
   bench.add<GnssDriver>("gnss_driver", R"({"params": {"data": "/no/such/drive"}})");
