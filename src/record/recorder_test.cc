@@ -1,6 +1,7 @@
 #include "record/recorder.h"
 
 #include <algorithm>
+#include <csignal>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +13,7 @@
 
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include "broker/topics.h"
 #include "log/log.pb.h"
@@ -201,6 +203,24 @@ TEST_F(Recorded, WhatCannotBeWrittenIsCounted) {
   EXPECT_EQ(topic.recorded, 0U);
   EXPECT_EQ(topic.bytes, 0U);
   EXPECT_EQ(topic.lost(), 100U);
+}
+
+// A limit of the process stands for a full disk.
+TEST_F(Recorded, AFileThatCannotBeBegunIsNotLeft) {
+  (void)publisher<Int64Value>("numbers");
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit none{.rlim_cur = 0, .rlim_max = before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &none);
+  const bool is_started = start({});
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  recorder_->stop();
+
+  EXPECT_FALSE(is_started);
+  EXPECT_NE(recorder_->problem().find("File too large"), std::string::npos) << recorder_->problem();
+  EXPECT_TRUE(std::filesystem::is_empty(folder_));
 }
 
 TEST_F(Recorded, RecordsNoMoreThanIsWanted) {

@@ -38,10 +38,17 @@ Recording::File Recording::make() {
     file.active += ".active";
   } while (std::filesystem::exists(file.whole) || std::filesystem::exists(file.active));
   file.sink = std::make_shared<mcap::FileSink>(file.active);
+  try {
+    file.writer = std::make_unique<mcap::Writer>(
+        *file.sink, mcap::WriterOptions{.profile = "fastcycle", .library = "fastcycle"});
+    preamble_(*file.writer);
+  } catch (...) {
+    // There is no message in it; and on a full disk the next one is begun in a second.
+    std::error_code ignored;
+    std::filesystem::remove(file.active, ignored);
+    throw;
+  }
   number_ = number;
-  file.writer = std::make_unique<mcap::Writer>(
-      *file.sink, mcap::WriterOptions{.profile = "fastcycle", .library = "fastcycle"});
-  preamble_(*file.writer);
   return file;
 }
 

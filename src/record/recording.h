@@ -34,7 +34,7 @@ struct Splitting {
 ///
 /// What cannot be written, since the disk is full or gone, is for the caller to count; a new file
 /// is then tried at most every second, and the one that failed stays as it is, with all that could
-/// be written.
+/// be written; one that could not be begun is removed.
 ///
 /// @threads  Confined.
 class Recording {
