@@ -71,6 +71,17 @@ class Refuses(unittest.TestCase):
         done = self.new("app", "garage")
         self.assertIn(" --prefix $HOME/fastcycle\n  cmake -B build -DCMAKE_PREFIX_PATH=$HOME/fastcycle\n", done.stdout)
 
+    def test_a_full_disk_leaves_all_as_it_was(self):
+        self.assertEqual(self.new("app", "garage").returncode, 0)
+        before = self.files()
+        for words, folder in ((("app", "house"), "."), (("component", "motor"), "garage")):
+            done = subprocess.run(["bash", "-c", 'trap "" XFSZ; ulimit -f 0; exec "$@"', "-", PROGRAM, "new", *words],
+                                  cwd=self.folder / folder, capture_output=True, text=True)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("cannot be written: File too large; nothing was changed", done.stderr)
+            self.assertEqual(self.files(), before)
+        self.assertFalse((self.folder / "house").exists())
+
     def test_help_is_there(self):
         for words in ((), ("app",), ("component",), ("messages",)):
             self.assertEqual(self.new(*words, "--help").returncode, 0)

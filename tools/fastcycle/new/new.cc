@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -14,6 +15,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -117,6 +119,62 @@ std::string read(const fs::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+/// Files beside those that they become, which are left as they are until all is written. What is
+/// not finished is removed.
+class Unfinished {
+ public:
+  Unfinished() = default;
+  Unfinished(const Unfinished&) = delete;
+  Unfinished& operator=(const Unfinished&) = delete;
+  ~Unfinished() {
+    std::error_code ignored;
+    for (const auto& [beside, path] : files_) {
+      fs::remove(beside, ignored);
+    }
+    for (auto folder = folders_.rbegin(); folder != folders_.rend(); ++folder) {
+      fs::remove(*folder, ignored);
+    }
+  }
+
+  void write(const fs::path& path, const std::string& text) {
+    make_folder(path.parent_path());
+    fs::path beside = path;
+    beside += ".unfinished";
+    files_.emplace_back(beside, path);
+    errno = 0;
+    std::ofstream file(beside, std::ios::binary);
+    file << text;
+    file.close();
+    if (!file) {
+      throw std::runtime_error(path.string() + ": cannot be written: " +
+                               std::system_category().message(errno) + "; nothing was changed");
+    }
+    if (fs::exists(path)) {
+      fs::permissions(beside, fs::status(path).permissions());
+    }
+  }
+
+  void finish() {
+    for (const auto& [beside, path] : files_) {
+      fs::rename(beside, path);
+    }
+    files_.clear();
+    folders_.clear();
+  }
+
+ private:
+  void make_folder(const fs::path& folder) {
+    if (!folder.empty() && !fs::exists(folder)) {
+      make_folder(folder.parent_path());
+      fs::create_directory(folder);
+      folders_.push_back(folder);
+    }
+  }
+
+  std::vector<std::pair<fs::path, fs::path>> files_;
+  std::vector<fs::path> folders_;
+};
+
 /// New files and changed ones: all of them, or none where one cannot be.
 class Changes {
  public:
@@ -138,16 +196,12 @@ class Changes {
   }
 
   void write() const {
+    Unfinished unfinished;
     for (const auto& [path, text] : files_) {
-      if (path.has_parent_path()) {
-        fs::create_directories(path.parent_path());
-      }
-      std::ofstream file(path, std::ios::binary);
-      file << text;
-      file.close();
-      if (!file) {
-        throw std::runtime_error("cannot write " + path.string());
-      }
+      unfinished.write(path, text);
+    }
+    unfinished.finish();
+    for (const auto& [path, text] : files_) {
       std::printf("  %s\n", path.c_str());
     }
   }
