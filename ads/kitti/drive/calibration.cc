@@ -58,6 +58,12 @@ Calibration Calibration::read(const std::filesystem::path& file) {
         fmt::format("{}: R0_rect, Tr_velo_to_cam: expected rotations, found a determinant of {}",
                     file.string(), turn.determinant()));
   }
+  // Else it has no centre of projection.
+  if (!calibration.projection.leftCols<3>().inverse().allFinite()) {
+    throw std::runtime_error(fmt::format(
+        "{}: P2: expected a projection, found one whose first three columns have no inverse",
+        file.string()));
+  }
   return calibration;
 }
 

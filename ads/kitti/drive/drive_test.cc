@@ -132,6 +132,10 @@ TEST(Calibration, MissingAndWrongLinesAreNamed) {
                          "Tr_velo_to_cam: 1 0 0 0 0 1 0 0 0 0 1 0\n")
                 .find("expected rotations"),
             std::string::npos);
+  EXPECT_NE(mistake_with("P2: 0 0 0 0 0 0 0 0 0 0 0 0\nR0_rect: 1 0 0 0 1 0 0 0 1\n"
+                         "Tr_velo_to_cam: 1 0 0 0 0 1 0 0 0 0 1 0\n")
+                .find("P2: expected a projection"),
+            std::string::npos);
 }
 
 }  // namespace
