@@ -16,7 +16,8 @@ struct ObjectPoint {
   float height_m = 0.0F;
   float azimuth_rad = 0.0F;
   float range_m = 0.0F;
-  float ground_m = 0.0F;  ///< How high the ground is there, from the sensor.
+  float ground_m = 0.0F;   ///< How high the ground is there, from the sensor.
+  bool is_of_top = false;  ///< No beam looks higher.
 };
 
 /// The points of one object in one sweep, all at one time, and where they were seen from.

@@ -18,8 +18,9 @@ struct RawEcho {
   float x_m = 0.0F;
   float y_m = 0.0F;
   float z_m = 0.0F;
-  float time_s = 0.0F;   ///< Since the begin of the sweep.
-  float range_m = 0.0F;  ///< Along the ground.
+  float time_s = 0.0F;     ///< Since the begin of the sweep.
+  float range_m = 0.0F;    ///< Along the ground.
+  bool is_of_top = false;  ///< No beam looks higher.
 };
 
 /// Where the ground is around the sensor.

@@ -20,6 +20,7 @@ constexpr std::size_t kSlots = 64;
 // Of a sweep that does not say how its beams lie.
 constexpr double kSpread_rad = 0.0035;
 constexpr std::uint32_t kColumnsMin = 360;
+constexpr std::uint32_t kTopRings = 2;
 constexpr double kBorderRange_m = 40.0;
 
 struct Point {
@@ -27,6 +28,8 @@ struct Point {
   float y_m;
   float z_m;
   std::uint16_t time;
+  std::uint8_t ring;
+  std::uint8_t intensity;
 };
 
 }  // namespace
@@ -114,7 +117,8 @@ void Recognizer::read(const SweepBytes& sweep, SweepResult& result) {
                     .y_m = point.y_m,
                     .z_m = point.z_m,
                     .time_s = static_cast<float>(point.time) * tick_s,
-                    .range_m = std::sqrt(point.x_m * point.x_m + point.y_m * point.y_m)});
+                    .range_m = std::sqrt(point.x_m * point.x_m + point.y_m * point.y_m),
+                    .is_of_top = point.ring + kTopRings >= sweep.rings});
   }
 }
 
@@ -197,7 +201,8 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
          .time_s = echo.time_s,
          .azimuth_rad = std::atan2(echo.y_m, echo.x_m),
          .range_m = echo.range_m,
-         .ground_m = echo.z_m - height});
+         .ground_m = echo.z_m - height,
+         .is_of_top = echo.is_of_top});
   }
 }
 

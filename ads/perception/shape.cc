@@ -12,6 +12,7 @@ namespace {
 
 constexpr float kHigh_m = 1.7F;
 constexpr float kTurn_rad = 2.0F * std::numbers::pi_v<float>;
+constexpr int kTopMin = 3;
 constexpr double kFlat_m = 0.7;
 constexpr float kWall_m = 2.0F;
 constexpr float kHighCell_m = 0.5F;
@@ -106,6 +107,7 @@ Shape shape_of(const ObjectView& view, const Skyline& skyline, const HighPlaces&
   float gap = std::numeric_limits<float>::infinity();
   float range = std::numeric_limits<float>::infinity();
   int high = 0;
+  int of_top = 0;
   const ObjectPoint* right = &view.points.front();
   const ObjectPoint* left = right;
   for (const ObjectPoint& point : view.points) {
@@ -119,6 +121,7 @@ Shape shape_of(const ObjectView& view, const Skyline& skyline, const HighPlaces&
     right = is_left_of(*right, point) ? &point : right;
     left = is_left_of(point, *left) ? &point : left;
     high += point.height_m > kHigh_m ? 1 : 0;
+    of_top += point.is_of_top ? 1 : 0;
   }
   const bool is_long = along.length() > across.length();
   const Eigen::Vector2d middle_m =
@@ -134,6 +137,7 @@ Shape shape_of(const ObjectView& view, const Skyline& skyline, const HighPlaces&
           .range_m = range,
           .is_of_wall = std::min(along.length(), across.length()) < kFlat_m &&
                         is_of_wall(high_places, middle_m, is_long ? ahead : left_of(ahead), longer),
+          .is_top_open = of_top >= kTopMin && top > kHigh_m,
           .high_share = high / static_cast<double>(view.points.size())};
 }
 
@@ -143,7 +147,8 @@ Likeness likeness_of(const Shape& shape) {
   const bool stands = shape.gap_m < 0.6;
   if (stands && !shape.is_of_wall && shape.top_m > 1.1 && shape.top_m < 2.5 &&
       shape.high_share < 0.35 && shape.width_m > 1.2 && longer < 6.5 && shorter < 2.8) {
-    return Likeness::kVehicle;
+    // It may be higher than seen, and wider than a truck.
+    return shape.is_top_open ? Likeness::kVehiclePart : Likeness::kVehicle;
   }
   if (stands && shape.top_m > 1.3 && shape.top_m < 2.1 && shape.width_m > 0.3 &&
       shape.width_m < 1.2 && longer > 0.5 && longer < 2.4) {
@@ -157,7 +162,8 @@ Likeness likeness_of(const Shape& shape) {
   if (shape.is_of_wall || is_larger || is_higher || is_small || !stands) {
     return Likeness::kNeither;
   }
-  const bool is_part = shape.top_m < 2.0 && shape.high_share < 0.5 && longer > 1.0;
+  const bool is_part =
+      !shape.is_top_open && shape.top_m < 2.0 && shape.high_share < 0.5 && longer > 1.0;
   return is_part ? Likeness::kVehiclePart : Likeness::kUnclear;
 }
 

@@ -26,6 +26,8 @@ struct Shape {
   double range_m = 0.0;  ///< Of its nearest echo.
   /// It is flat, and what is higher than a car stands in its line beyond its ends.
   bool is_of_wall = false;
+  /// It reaches up to where no beam looks higher: it may be higher than seen.
+  bool is_top_open = false;
   /// Of the echoes, how many are higher than a car is.
   double high_share = 0.0;
 };

@@ -102,6 +102,28 @@ TEST(Shape, NothingIsMissedWhereSomethingStandsBefore) {
       << "a car, or somebody on two wheels";
 }
 
+TEST(Shape, ThatMayBeHigherThanSeenIsOnlyAPart) {
+  Shape shape = face(1.9, 0.25, 2.0);
+  EXPECT_EQ(likeness_of(shape), Likeness::kVehicle) << "a van";
+  shape.is_top_open = true;
+  EXPECT_EQ(likeness_of(shape), Likeness::kVehiclePart) << "a van, or a wall that goes on upwards";
+}
+
+TEST(Shape, TopIsOpenWhereNoBeamLooksHigher) {
+  const auto top_of = [](float height_m) {
+    std::vector<ObjectPoint> points = points_of(1.9, 0.25, 1.6, 0.0);
+    for (int step = 0; step < 5; ++step) {
+      points.push_back({.place_m = {15.0, 0.1 * step},
+                        .height_m = height_m,
+                        .range_m = 15.0F,
+                        .is_of_top = true});
+    }
+    return shape_of({.points = points}, Skyline(), HighPlaces(), 0.0).is_top_open;
+  };
+  EXPECT_TRUE(top_of(2.0F));
+  EXPECT_FALSE(top_of(1.5F)) << "the beams do not look high, but a car ends there";
+}
+
 TEST(Shape, FlatThingInTheLineOfAWallIsAPartOfIt) {
   EXPECT_EQ(likeness_of(face(3.0, 0.2, 1.6, 0.0, row(15.0, 2.5, 2.0, 6.0))), Likeness::kNeither);
   EXPECT_EQ(likeness_of(face(3.0, 0.2, 1.6, 0.0, row(17.0, 2.5, 2.0, 6.0))), Likeness::kVehicle)

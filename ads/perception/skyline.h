@@ -17,6 +17,7 @@ struct Echo {
   float azimuth_rad = 0.0F;  ///< Seen from the sensor at that time, from its heading.
   float range_m = 0.0F;      ///< Along the ground.
   float ground_m = 0.0F;     ///< How high the ground is there, from the sensor.
+  bool is_of_top = false;    ///< No beam looks higher.
 };
 
 /// How far one sees in each direction before something stands there: tells whether an object ends

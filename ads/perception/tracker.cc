@@ -251,7 +251,8 @@ void Tracker::add_point(Group& group, const SweepEchoes& sweep, std::size_t echo
                           .height_m = its.height_m,
                           .azimuth_rad = its.azimuth_rad,
                           .range_m = its.range_m,
-                          .ground_m = its.ground_m});
+                          .ground_m = its.ground_m,
+                          .is_of_top = its.is_of_top});
 }
 
 // All its points at one time: the mean of theirs.
@@ -353,7 +354,8 @@ void Tracker::look_at(TrackedObject& object, const Group& group) {
       break;
   }
   // A car is dense.
-  if (likeness != Likeness::kTwoWheeler && likeness != Likeness::kNeither &&
+  if (object.vehicle_likeness > 0.0 && likeness != Likeness::kTwoWheeler &&
+      likeness != Likeness::kNeither &&
       sight_lines_.is_seen_through(group.view,
                                    {.center_m = track.center_m(),
                                     .heading_rad = track.heading_rad(),
