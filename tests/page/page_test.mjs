@@ -316,6 +316,7 @@ test("points are shown where no place of the vehicle is known", async (page, ope
   await seek(other, 5);
   await paint(other);
   assert.ok((await pixels(other, "--points")) > 30);
+  assert.equal(await other.isVisible("#readout"), false, "there is nothing to read");
   await other.close();
 });
 

@@ -97,7 +97,9 @@ function showReadout() {
   if (plan?.kind) {
     lines.push(`plan ${inWords(plan.kind)}`);
   }
-  lines.push(`${scene.objects.length} objects` + (scene.unknown.length > 0 ? `, ${scene.unknown.length} unknown` : ""));
+  if (drive.layers.objects) {
+    lines.push(`${scene.objects.length} objects` + (scene.unknown.length > 0 ? `, ${scene.unknown.length} unknown` : ""));
+  }
   element("readout").textContent = lines.join("\n");
 }
 
