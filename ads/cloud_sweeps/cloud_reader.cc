@@ -245,6 +245,7 @@ void read_cloud(const foxglove::PointCloud& cloud, const CloudConfig& config, li
   std::string& points = *sweep.mutable_points();
   points.resize(data.size() / stride * kEchoBytes);
   std::size_t echoes = 0;
+  std::uint32_t rings = ring ? 1 : config.rings;
   for (std::size_t at = 0; at < data.size(); at += stride) {
     const char* const point = data.data() + at;
     const Eigen::Vector3f seen_m(static_cast<float>(places[0].of(point)),
@@ -267,6 +268,7 @@ void read_cloud(const foxglove::PointCloud& cloud, const CloudConfig& config, li
     const auto its_time = static_cast<std::uint16_t>(std::clamp(share * 65536.0, 0.0, 65535.0));
     const auto its_ring =
         static_cast<std::uint8_t>(ring ? std::clamp(ring->of(point), 0.0, 255.0) : 0.0);
+    rings = std::max(rings, its_ring + 1U);
     const double brightness = intensity ? intensity->of(point) / config.intensity_max * 255.0 : 0.0;
     const auto its_intensity = static_cast<std::uint8_t>(
         std::isfinite(brightness) ? std::clamp(brightness, 0.0, 255.0) : 0.0);
@@ -276,9 +278,12 @@ void read_cloud(const foxglove::PointCloud& cloud, const CloudConfig& config, li
     std::memcpy(echo + 14, &its_ring, 1);
     std::memcpy(echo + 15, &its_intensity, 1);
   }
+  // The last column is filled up with what is no echo.
+  const std::size_t columns = (echoes + rings - 1) / rings;
   points.resize(echoes * kEchoBytes);
-  sweep.set_columns(static_cast<std::uint32_t>(echoes));
-  sweep.set_rings(1);
+  points.resize(columns * rings * kEchoBytes, '\0');
+  sweep.set_columns(static_cast<std::uint32_t>(columns));
+  sweep.set_rings(rings);
 }
 
 }  // namespace ads

@@ -28,6 +28,8 @@ struct CloudConfig {
   double begin_rad = 0.0;  ///< The azimuth at which a turn begins, in the cloud's axes.
   std::int64_t turn_ns = 100'000'000;
   bool is_stamp_at_end = false;
+  /// Beams above each other, of a sensor whose points do not say theirs.
+  std::uint32_t rings = 64;
   /// The intensity that becomes 255.
   double intensity_max = 255.0;
 };
@@ -40,8 +42,8 @@ struct CloudConfig {
 /// timestamp, or UTC in FLOAT64, in seconds or nanoseconds. A point that is not finite, or at the
 /// origin, is no echo.
 ///
-/// The sweep's points are in the order of the cloud: one ring of so many columns. Where the sensor
-/// is mounted remains to be filled in.
+/// The sweep's points are in the order of the cloud, whatever that is, and it says as many columns
+/// and rings as the sensor has. Where the sensor is mounted remains to be filled in.
 ///
 /// @errors  Throws `std::runtime_error`, with expected and found, if a field is missing, of another
 ///          type or not within a point, if the data are no whole points, or if the times are more

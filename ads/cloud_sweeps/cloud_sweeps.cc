@@ -68,6 +68,14 @@ CloudConfig read_config(fastcycle::Context& context) {
           .param<bool>("stamp_at_end",
                        {.fallback = false, .description = "The cloud's time is the turn's end"})
           .get();
+  config.rings = static_cast<std::uint32_t>(
+      context
+          .param<int>("rings", {.fallback = static_cast<int>(config.rings),
+                                .min = 1,
+                                .max = 256,
+                                .description = "Beams above each other, where points do not say "
+                                               "theirs"})
+          .get());
   config.intensity_max =
       number(context, "intensity_max", 255.0, 1e-3, 1e6, "1", "The intensity that becomes 255");
   return config;

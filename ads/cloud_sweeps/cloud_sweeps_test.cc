@@ -75,6 +75,7 @@ std::vector<Echo> echoes_of(const lidar::Sweep& sweep) {
   EXPECT_EQ(sweep.points().size(), std::size_t{sweep.columns()} * sweep.rings() * sizeof(Echo));
   std::vector<Echo> echoes(sweep.points().size() / sizeof(Echo));
   std::memcpy(echoes.data(), sweep.points().data(), sweep.points().size());
+  std::erase_if(echoes, [](const Echo& echo) { return echo.place_m == Echo().place_m; });
   return echoes;
 }
 
@@ -138,6 +139,20 @@ TEST(CloudReader, TimesAreUnderstoodAsDriversWriteThem) {
     EXPECT_NEAR(static_cast<double>(sweep.header().taken_ns() - kStamp_ns), 2e7, 1000.0);
     EXPECT_NEAR(static_cast<double>(sweep.duration_ns()), 5e7, 1000.0);
   }
+}
+
+TEST(CloudReader, SweepHasAsManyRingsAsTheSensor) {
+  CloudMaker with_rings = CloudMaker().places().field("ring", PackedElementField::UINT8);
+  for (int point = 0; point < 40; ++point) {
+    with_rings.point(10.0F, 0.1F * static_cast<float>(point), 0.0F,
+                     static_cast<std::uint8_t>(point % 16));
+  }
+  const lidar::Sweep sweep = read(with_rings.done());
+  EXPECT_EQ(sweep.rings(), 16U);
+  EXPECT_EQ(sweep.columns(), 3U);
+  EXPECT_EQ(echoes_of(sweep).size(), 40U);
+
+  EXPECT_EQ(read(CloudMaker().places().point(1.0F, 0.0F, 0.0F).done()).rings(), 64U);
 }
 
 TEST(CloudReader, WhatIsNoEchoIsLeftOut) {

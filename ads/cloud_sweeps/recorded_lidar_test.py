@@ -84,6 +84,7 @@ def clouds_become_sweeps(tool):
         assert int(sweep["header"]["taken_ns"]) == BEGIN_NS + number * SWEEP_NS, sweep["header"]
         assert int(sweep["duration_ns"]) == round(63 / 1024 * 1e9), sweep["duration_ns"]
         assert sweep["mount_height_m"] == MOUNT["mount_height_m"]
+        assert (sweep["columns"], sweep["rings"]) == (1, 64), sweep["rings"]
         echoes = list(struct.iter_unpack("<fffHBB", base64.b64decode(sweep["points"])))
         assert len(echoes) == 64
         for (x, y, z, intensity, ring, time_s), echo in zip(points, echoes):
@@ -97,7 +98,9 @@ def kitti_cloud(number, file):
     for x, y, z, reflectance in struct.iter_unpack("<ffff", lzma.decompress(file.read_bytes())):
         # The sensor turns clockwise, beginning behind.
         share = (0.5 - math.atan2(y, x) / (2 * math.pi)) % 1.0
-        points.append((x, y, z, 255 * reflectance, 0, 0.1 * share))
+        # Its beams look from 24.9 degrees down to 2 degrees up.
+        ring = round(63 * (math.degrees(math.atan2(z, math.hypot(x, y))) + 24.9) / 26.9)
+        points.append((x, y, z, 255 * reflectance, min(63, max(0, ring)), 0.1 * share))
     return cloud(number, points)
 
 

@@ -21,7 +21,7 @@ constexpr float kHigh_m = 0.9F;
 constexpr float kGround_m = 0.15F;
 constexpr double kAround_m = 0.4;
 constexpr int kThroughMin = 3;
-constexpr double kShareMax = 0.35;
+constexpr double kShareMax = 0.5;
 constexpr double kWidest_m = 2.7;  // No car is wider.
 
 std::size_t bin_of(double azimuth_rad) {

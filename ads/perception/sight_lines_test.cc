@@ -86,9 +86,9 @@ TEST(SightLines, OneSeesThroughMostOfABoxAroundAPost) {
 
 TEST(SightLines, HiddenPartOfACarMayBeThere) {
   Sight sight;
-  sight.stand(12.9, -0.9, -0.3, 1.5);
+  sight.stand(12.9, -0.9, -0.5, 1.5);
   EXPECT_TRUE(sight.is_seen_through());
-  sight.stand(8.0, -0.3, 3.0, 2.0);
+  sight.stand(8.0, -0.5, 3.0, 2.0);
   EXPECT_FALSE(sight.is_seen_through()) << "behind what stands before it";
 }
 

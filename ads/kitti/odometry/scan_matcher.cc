@@ -24,7 +24,10 @@ constexpr std::size_t kPointsMin = 50;
 constexpr double kForwardsMax_mps = 30.0;
 constexpr double kBackwardsMax_mps = 10.0;
 constexpr double kStepsMax = 40.0;
-constexpr double kSame = 0.02;
+// So much of a sweep on the map is no chance.
+constexpr double kMatched = 0.8;
+// Of the points, one in so many tells how many lie on the map.
+constexpr std::size_t kSome = 16;
 // After so many turns without a sweep the speed is another one.
 constexpr double kGap = 1.5;
 
@@ -100,25 +103,29 @@ Pose ScanMatcher::match(std::span<const TimedPoint> points, double turn_s, doubl
   return after;
 }
 
-// From standing still, and from speeds so far from each other that one of them is in reach.
+// From standing still; where that leads nowhere, from speeds so far from each other that one of
+// them is in reach.
 void ScanMatcher::find_first_rate(std::span<const TimedPoint> points, double turn_s,
                                   double passed_s) {
   const double step_m = config_.reach_first_m;
-  const auto steps = [&](double speed_mps) {
-    return static_cast<int>(std::min(speed_mps * passed_s / step_m, kStepsMax));
-  };
   Pose best;
   double best_share = -1.0;
-  for (int step = -steps(kBackwardsMax_mps); step <= steps(kForwardsMax_mps); ++step) {
+  const auto try_step = [&](int step) {
     rate_ = {.place_m = {step * step_m / passed_s, 0.0}, .heading_rad = 0.0};
     const Pose after = match(points, turn_s, passed_s, config_.reach_first_m);
-    // Standing still has the advantage where nothing tells one from the other.
-    const double share =
-        share_on_map(at_end(points, over(turn_s)), after) + (step == 0 ? kSame : 0.0);
-    if (share > best_share) {
+    if (const double share = share_on_map(at_end(points, over(turn_s)), after);
+        share > best_share) {
       best_share = share;
       best = rate_;
     }
+  };
+  const auto steps = [&](double speed_mps) {
+    return static_cast<int>(std::min(speed_mps * passed_s / step_m, kStepsMax));
+  };
+  try_step(0);
+  for (int step = -steps(kBackwardsMax_mps);
+       best_share < kMatched && step <= steps(kForwardsMax_mps); ++step) {
+    try_step(step);
   }
   rate_ = best;
 }
@@ -126,10 +133,13 @@ void ScanMatcher::find_first_rate(std::span<const TimedPoint> points, double tur
 // Of the points, how many lie on the map.
 double ScanMatcher::share_on_map(const std::vector<Eigen::Vector3f>& points,
                                  const Pose& pose) const {
-  const auto on_map = std::ranges::count_if(points, [&](const Eigen::Vector3f& point) {
-    return nearest(placed(pose, point), 0.5 * config_.reach_m) != nullptr;
-  });
-  return points.empty() ? 0.0 : static_cast<double>(on_map) / static_cast<double>(points.size());
+  std::size_t count = 0;
+  std::size_t on_map = 0;
+  for (std::size_t index = 0; index < points.size(); index += kSome) {
+    ++count;
+    on_map += nearest(placed(pose, points[index]), 0.5 * config_.reach_m) != nullptr ? 1 : 0;
+  }
+  return count == 0 ? 0.0 : static_cast<double>(on_map) / static_cast<double>(count);
 }
 
 // What helps of the points, where they were from the sensor at the end of the sweep.
