@@ -2,7 +2,7 @@
 """Shows how far the figures of a labelled drive hold where its echoes fall in another way.
 
 Writes variations of the drive with their labels into FOLDER (thinned, noisy, turned, lifted, mirrored, begun later,
-played backwards), runs the application on each, and prints a table. Chance is the same in every run.
+with frames missing, played backwards), runs the application on each, and prints a table. Chance is the same in every run.
 
 Usage: evaluate_variations.py FASTCYCLE DATA FOLDER [--only WORD] [--jobs 2] [--application FILE] [--set NAME=VALUE]...
 Variations that FOLDER has already are not written again.
@@ -45,6 +45,8 @@ VARIATIONS = {
     "backwards": {"is_backwards": True},
     "backwards from frame 129": {"is_backwards": True, "last": 129},
     "backwards from frame 123": {"is_backwards": True, "last": 123},
+    "every second frame only": {"every": 2},
+    "every fifth frame only": {"every": 5},
     "a tenth of the echoes missing": {"change": thinned(0.1)},
     "a fifth missing": {"change": thinned(0.2)},
     "a quarter missing": {"change": thinned(0.25)},
@@ -86,13 +88,13 @@ class Writer:
     a mirrored street looks at the mirrored picture."""
 
     def __init__(self, data, change=None, is_mirrored=False, turn_deg=0.0, lift_m=0.0, is_backwards=False,
-                 first=0, last=10**9):
+                 first=0, last=10**9, every=1):
         self.data, self.change, self.lift_m, self.is_mirrored = data, change, lift_m, is_mirrored
         self.side = -1.0 if is_mirrored else 1.0
         self.cosine, self.sine = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
         self.files = {int(file.name.split(".")[0]): file for file in sorted((data / "velodyne").glob("*.bin.xz"))}
         self.sum = min(self.files) + max(self.files) if is_backwards else None
-        self.first, self.last = first, last
+        self.first, self.last, self.every = first, last, every
         self.are_sweeps_new = bool(change or turn_deg or lift_m or is_mirrored)
 
     def number(self, number):
@@ -110,7 +112,7 @@ class Writer:
         chance = random.Random(1)
         for number, file in self.files.items():
             target = part / "velodyne" / f"{self.number(number):010}.bin.xz"
-            if not self.first <= number <= self.last:
+            if not self.first <= number <= self.last or (number - min(self.files)) % self.every != 0:
                 continue
             if not self.are_sweeps_new:
                 target.symlink_to(file.resolve())
