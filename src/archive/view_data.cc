@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -463,6 +464,26 @@ void take(const mcap::StoredMessage& message, std::vector<LayerData>& data, Mess
   }
 }
 
+/// What a view could draw instead.
+std::string topics_of(const mcap::Reader& reader) {
+  constexpr std::size_t kMostNames = 8;
+  std::set<std::string> topics;
+  for (const auto& [id, channel] : reader.definitions().channels()) {
+    if (!channel.topic.starts_with("fastcycle/")) {
+      topics.insert(channel.topic);
+    }
+  }
+  std::string names;
+  std::size_t count = 0;
+  for (const std::string& topic : topics) {
+    if (count++ < kMostNames) {
+      names += (names.empty() ? "" : ", ") + topic;
+    }
+  }
+  return fmt::format("the log has {}{}: --view names topics and fields to draw",
+                     names.empty() ? "no topics" : names, count > kMostNames ? ", …" : "");
+}
+
 }  // namespace
 
 ViewData view_data(const mcap::Reader& reader, std::string_view view, const ViewOptions& options,
@@ -525,8 +546,8 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
   }
   result.json += "}}";
   if (is_first) {
-    throw std::runtime_error(
-        fmt::format("there is nothing to draw: {}", fmt::join(result.left_out, "; ")));
+    throw std::runtime_error(fmt::format("there is nothing to draw: {}; {}",
+                                         fmt::join(result.left_out, "; "), topics_of(reader)));
   }
   return result;
 }

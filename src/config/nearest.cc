@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "config/problem.h"
+
 namespace fastcycle::config {
 
 namespace {
@@ -54,6 +56,19 @@ std::string nearest(std::string_view name, const std::vector<std::string>& known
     }
   }
   return best;
+}
+
+std::string name_hint(std::string_view name, const std::vector<std::string>& known) {
+  if (known.empty()) {
+    return "there are none";
+  }
+  std::string hint = did_you_mean(nearest(name, known));
+  if (hint.empty()) {
+    for (const std::string& candidate : known) {
+      hint += (hint.empty() ? "known are " : ", ") + candidate;
+    }
+  }
+  return hint;
 }
 
 }  // namespace fastcycle::config

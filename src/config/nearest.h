@@ -16,4 +16,7 @@ namespace fastcycle::config {
 /// differ. Empty if there is none; the first one if several are as near.
 [[nodiscard]] std::string nearest(std::string_view name, const std::vector<std::string>& known);
 
+/// `did you mean "name"?`, or all that is known where no name is near.
+[[nodiscard]] std::string name_hint(std::string_view name, const std::vector<std::string>& known);
+
 }  // namespace fastcycle::config

@@ -95,7 +95,7 @@ void check_members(const Value& object, const std::string& prefix,
     }
     Problem problem = mistake(value.place(), "there is no param " + in_quotes(name));
     problem.found = in_quotes(name);
-    problem.hint = did_you_mean(nearest(name, {declared.begin(), declared.end()}));
+    problem.hint = name_hint(name, {declared.begin(), declared.end()});
     problems.add(std::move(problem));
   }
 }

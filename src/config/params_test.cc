@@ -113,8 +113,10 @@ TEST_F(ParamsTest, ThatNoOneDeclaredAreMistakes) {
 
   EXPECT_EQ(text_of(problems),
             "app.json:1: /count: there is no param \"count\"; did you mean \"coutn\"?\n"
-            "app.json:1: /mode: there is no param \"mode\"\n"
-            "app.json:2: /limits/snap: there is no param \"limits.snap\"\n");
+            "app.json:1: /mode: there is no param \"mode\"; known are coutn, gains, "
+            "limit_mps, limits.jerk, on\n"
+            "app.json:2: /limits/snap: there is no param \"limits.snap\"; known are coutn, gains, "
+            "limit_mps, limits.jerk, on\n");
 }
 
 TEST_F(ParamsTest, ObjectThatIsReadWholeIsDeclaredWhole) {
@@ -146,7 +148,8 @@ TEST_F(ParamsTest, KeyWithADotIsNeverDeclared) {
 TEST_F(ParamsTest, SharedOnesAreCheckedWhenAllComponentsAreKnown) {
   check_shared(shared, {"width_m", "limits"}, problems);
 
-  EXPECT_EQ(text_of(problems), "app.json:1: /count: there is no param \"count\"\n");
+  EXPECT_EQ(text_of(problems),
+            "app.json:1: /count: there is no param \"count\"; known are limits, width_m\n");
 }
 
 }  // namespace

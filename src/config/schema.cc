@@ -217,11 +217,7 @@ Problem unknown_key(const std::string& key, const Value& value,
     problem.expected += (problem.expected.empty() ? "one of " : ", ") + name;
   }
   problem.found = in_quotes(key);
-  problem.hint = did_you_mean(nearest(key, known));
-  if (problem.hint.empty()) {
-    problem.hint = "known are " + problem.expected.substr(std::min<std::size_t>(
-                                      problem.expected.size(), std::string("one of ").size()));
-  }
+  problem.hint = name_hint(key, known);
   return problem;
 }
 

@@ -279,6 +279,13 @@ test("borders of the road are drawn beside the way of the vehicle", async (page,
   await paint(other);
   assert.ok((await pixels(other, "--border")) < seen / 10);
   assert.ok((await pixels(other, "--unknown")) > 100, "walls and bushes are outlines");
+  // What does not change is a line in the middle: in simulated time no component here takes any.
+  const flat = await other.evaluate(() => window.fastcycle.plots.plots.flatMap((plot) => {
+    const there = plot.data.slice(1).flat().filter((value) => value !== null && value !== undefined);
+    const { min, max } = plot.scales.y;
+    return Math.max(...there) === Math.min(...there) ? [(max - min) / 2, there[0] - (min + max) / 2] : [];
+  }));
+  assert.deepEqual(flat, [10, 0, 0.1, 0]);  // ms of latency, m/s² of acceleration
   // The vehicle drives between them: on its left, and on its right.
   const sides = await other.evaluate(() => {
     const { drive } = window.fastcycle;

@@ -32,6 +32,7 @@ namespace {
 using nlohmann::json;
 using test::Process;
 using testing::HasSubstr;
+using testing::Not;
 
 /// A message and all that the file says of it.
 struct Line {
@@ -200,6 +201,26 @@ TEST_F(Replay, PlayTakesPartsAndLoops) {
   EXPECT_EQ(report()["replay"]["from_s"], 0.1);
   EXPECT_EQ(report()["replay"]["to_s"], 0.15);
   EXPECT_GT(report()["results"]["heard"], 190);
+}
+
+// What the recording has is published, also where the application has no component for it.
+TEST_F(Replay, WarnsOnlyOfWhatTheRecordingHasNot) {
+  record_parts();
+  folder_.write("adder.json", R"({"name": "adder", "components": [
+      {"name": "adder", "library": "launcher_parts", "class": "Adder",
+       "subscribers": {"numbers": {"depth": 256}}}]})");
+
+  ASSERT_EQ(fastcycle({"run", path("adder.json"), "--clock", "simulated", "--for", "1ms"}), 0);
+  EXPECT_THAT(errors_, HasSubstr("published by nobody"));
+  ASSERT_EQ(fastcycle({"run", path("adder.json"), "--clock", "simulated", "--replay", "a.mcap"}), 0)
+      << errors_;
+  EXPECT_THAT(errors_, Not(HasSubstr("published by nobody")));
+
+  folder_.write("adder.json", R"({"name": "adder", "components": [
+      {"name": "adder", "library": "launcher_parts", "class": "Adder",
+       "remap": {"numbers": "others"}}]})");
+  EXPECT_EQ(fastcycle({"play", "a.mcap", path("adder.json")}), 2);
+  EXPECT_THAT(errors_, HasSubstr("\"others\", which component \"adder\" subscribes to, is not in"));
 }
 
 TEST_F(Replay, MistakesAreSaidBeforeAnythingStarts) {

@@ -43,15 +43,22 @@ void Configuration::add_to(CLI::App& line) {
 }
 
 config::ApplicationDescription Configuration::read(host::ConstructorFault on_throw,
-                                                   config::Problems& problems) const {
+                                                   config::Problems& problems,
+                                                   TrialWarnings warnings) const {
   config::ApplicationDescription description = config::load(load, problems);
   if (!description.components.empty()) {
+    config::Problems tried;
     host::try_application(
         {.load = load,
          .library_path = library_path,
          .on_throw = on_throw,
          .limit = std::chrono::ceil<std::chrono::milliseconds>(*parse_duration(load_timeout))},
-        problems);
+        tried);
+    for (config::Problem& problem : tried.all()) {
+      if (!problem.warning || warnings == TrialWarnings::kHeard) {
+        problems.add(std::move(problem));
+      }
+    }
   }
   return description;
 }

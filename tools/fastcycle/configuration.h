@@ -22,9 +22,14 @@ struct Configuration {
 
   void add_to(CLI::App& line);
 
+  /// Whether the warnings of the trial are to be heard. A replay has publishers that a trial has
+  /// not, and says itself what is published by nobody.
+  enum class TrialWarnings { kHeard, kLeftOut };
+
   /// Reads the application and tries its libraries and components in a child process.
-  [[nodiscard]] config::ApplicationDescription read(host::ConstructorFault on_throw,
-                                                    config::Problems& problems) const;
+  [[nodiscard]] config::ApplicationDescription read(
+      host::ConstructorFault on_throw, config::Problems& problems,
+      TrialWarnings warnings = TrialWarnings::kHeard) const;
 
   /// The application with its components made and connected, for commands that look at it: nothing
   /// of it is started. Null, and all mistakes printed, if it cannot be made.

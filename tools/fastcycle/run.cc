@@ -328,8 +328,10 @@ int run(const RunOptions& options) {
     }
   }
   config::Problems problems;
-  const config::ApplicationDescription description =
-      options.configuration.read(host::ConstructorFault::kFault, problems);
+  const config::ApplicationDescription description = options.configuration.read(
+      host::ConstructorFault::kFault, problems,
+      options.replay.files.empty() ? Configuration::TrialWarnings::kHeard
+                                   : Configuration::TrialWarnings::kLeftOut);
   if (!may_start(problems, options.configuration.load.file.string())) {
     return kWrong;
   }

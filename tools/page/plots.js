@@ -5,6 +5,20 @@ import { distance, fixed, lastNotAfter } from "./data.js";
 
 const HEIGHT = 130;
 
+// Of the axis of values: never narrower than what its last digit tells apart, so that a curve that
+// does not change is a line in the middle.
+function rangeOf(digits) {
+  const least = 10 ** (1 - digits);
+  return (_, low, high) => {
+    if (low === null) {
+      return [0, least];
+    }
+    const middle = (low + high) / 2;
+    return high - low < least ? [middle - least, middle + least]
+                              : uPlot.rangeNum(low, high, 0.1, true);
+  };
+}
+
 // Where the last value is that there is, not behind `index`.
 function lastThere(values, index) {
   while (index > 0 && (values[index] === null || values[index] === undefined)) {
@@ -104,7 +118,8 @@ export class Plots {
       height: HEIGHT,
       cursor: { sync: { key: "drive" }, drag: { x: false, y: false } },
       legend: { live: true },
-      scales: { x: { time: false, range: [0, this.drive.duration] } },
+      scales: { x: { time: false, range: [0, this.drive.duration] },
+                y: { range: rangeOf(digits) } },
       axes: [{ ...axis, size: 24, values: (_, times) => times.map((time) => `${time} s`) }, { ...axis, size: 42, space: 24 }],
       series: [
         { label: "time", value: (_, time) => (time === null || time === undefined ? "" : `${time.toFixed(2)} s`) },
