@@ -13,7 +13,7 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
-#include "common/read_file.h"
+#include "common/files.h"
 #include "common/xml.h"
 
 namespace ads {

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "common/read_file.h"
+#include "common/files.h"
 
 namespace ads {
 namespace {

@@ -10,7 +10,7 @@
 #include <fmt/format.h>
 
 #include "common/commonroad.h"
-#include "common/read_file.h"
+#include "common/files.h"
 #include "commonroad_lanes.h"
 #include "lanelet2_lanes.h"
 #include "opendrive_lanes.h"

@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include "common/read_file.h"
+#include "common/files.h"
 #include "lane_graph.h"
 #include "map_file.h"
 

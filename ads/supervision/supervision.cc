@@ -4,11 +4,13 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <limits>
+#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
+
+#include "common/files.h"
 
 namespace ads {
 namespace {
@@ -316,11 +318,10 @@ void Supervision::draw() {
   for (const auto& [id, lane] : lanes_) {
     picture_.lanes.push_back(lane);
   }
-  std::ofstream file(picture_file_.get(), std::ios::binary);
-  file << draw_svg(picture_);
-  file.close();
-  if (!file) {
-    log().warning("{}: cannot be written", picture_file_.get().string());
+  try {
+    write_file(picture_file_.get(), draw_svg(picture_));
+  } catch (const std::runtime_error& error) {
+    log().warning("{}", error.what());
     health(fastcycle::Health::kDegraded, "the picture of the drive cannot be written");
   }
 }

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <span>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
@@ -27,6 +30,12 @@ std::int64_t ticks_of(double seconds) {
 
 std::span<const std::uint8_t> payload_of(const can::Frame& frame) {
   return {reinterpret_cast<const std::uint8_t*>(frame.data().data()), frame.data().size()};
+}
+
+/// Says which file, and why.
+[[noreturn]] void throw_unwritten(const std::filesystem::path& file) {
+  throw std::runtime_error(fmt::format("{}: cannot be written: {}", file.string(),
+                                       std::generic_category().message(errno)));
 }
 
 void fill(world::Body& message, const Body& body) {
@@ -174,7 +183,7 @@ void World::start() {
     rows_.open(trajectory_.get());
     rows_ << "time_s,x_m,y_m,heading_rad,speed_mps\n";
     if (!rows_.flush()) {
-      throw std::runtime_error(fmt::format("{}: cannot be written", trajectory_.get().string()));
+      throw_unwritten(trajectory_.get());
     }
   }
 }
@@ -346,7 +355,7 @@ void World::write_row(double time_s) {
   rows_ << fmt::format("{:.1f},{},{},{},{}\n", time_s, ego.center_m.x(), ego.center_m.y(),
                        ego.heading_rad, ego.speed_mps);
   if (!rows_.flush()) {
-    throw std::runtime_error(fmt::format("{}: cannot be written", trajectory_.get().string()));
+    throw_unwritten(trajectory_.get());
   }
 }
 

@@ -12,7 +12,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
-#include "common/read_file.h"
+#include "common/files.h"
 #include "kitti/drive/calibration.h"
 #include "kitti/drive/frames.h"
 #include "kitti/drive/sweep_file.h"

@@ -6,7 +6,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "common/read_file.h"
+#include "common/files.h"
 #include "kitti/camera/picture.h"
 
 namespace kitti {

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -12,6 +11,7 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
+#include "common/files.h"
 #include "common/plane.h"
 
 namespace kitti {
@@ -81,12 +81,7 @@ void CameraView::stop() {
   if (last_drawn_.rgb.empty()) {
     return;
   }
-  const std::string png = encode_png(last_drawn_);
-  std::ofstream file(picture_file_.get(), std::ios::binary);
-  if (!file.write(png.data(), static_cast<std::streamsize>(png.size())).flush()) {
-    throw std::runtime_error(
-        fmt::format("{}: a picture cannot be written", picture_file_.get().string()));
-  }
+  ads::write_file(picture_file_.get(), encode_png(last_drawn_));
 }
 
 void CameraView::on_image(const fastcycle::Sample<foxglove::CompressedImage>& image) {

@@ -10,7 +10,7 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
-#include "common/read_file.h"
+#include "common/files.h"
 
 namespace kitti {
 namespace {

@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 #include <lzma.h>
 
-#include "common/read_file.h"
+#include "common/files.h"
 
 namespace kitti {
 namespace {

@@ -8,8 +8,8 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
+#include "common/files.h"
 #include "common/plane.h"
-#include "common/read_file.h"
 #include "kitti/drive/calibration.h"
 #include "kitti/drive/frames.h"
 

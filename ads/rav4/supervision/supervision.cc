@@ -2,11 +2,12 @@
 
 #include <chrono>
 #include <filesystem>
-#include <fstream>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "can/frame.pb.h"
+#include "common/files.h"
 #include "gnss/fix.pb.h"
 #include "imu/vector.pb.h"
 #include "radar/tracks.pb.h"
@@ -212,11 +213,10 @@ void Supervision::draw(const std::vector<JudgedSpan>& spans) {
       .fixes = fixes_.points(),
       .estimates = estimates_.points(),
       .judgements = spans};
-  std::ofstream file(picture_file_.get(), std::ios::binary);
-  file << draw_svg(picture);
-  file.close();
-  if (!file) {
-    log().warning("{}: cannot be written", picture_file_.get().string());
+  try {
+    ads::write_file(picture_file_.get(), draw_svg(picture));
+  } catch (const std::runtime_error& error) {
+    log().warning("{}", error.what());
     health(fastcycle::Health::kDegraded, "the picture of the drive cannot be written");
   }
 }

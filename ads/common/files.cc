@@ -1,5 +1,6 @@
-#include "common/read_file.h"
+#include "common/files.h"
 
+#include <cerrno>
 #include <cstdint>
 #include <fstream>
 #include <stdexcept>
@@ -29,6 +30,17 @@ std::string read_file(const std::filesystem::path& file) {
     throw std::runtime_error(fmt::format("{}: cannot be read", file.string()));
   }
   return content;
+}
+
+void write_file(const std::filesystem::path& file, std::string_view content) {
+  errno = 0;
+  std::ofstream stream(file, std::ios::binary);
+  stream.write(content.data(), static_cast<std::streamsize>(content.size()));
+  stream.close();
+  if (!stream) {
+    throw std::runtime_error(fmt::format("{}: cannot be written: {}", file.string(),
+                                         std::generic_category().message(errno)));
+  }
 }
 
 }  // namespace ads

@@ -2,14 +2,19 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 namespace ads {
 
 /// The content of a whole file.
 ///
 /// @errors  Throws `std::runtime_error` if there is no such regular file, if it cannot be read, or
-/// if
-///          it is larger than 1 GiB.
+///          if it is larger than 1 GiB.
 std::string read_file(const std::filesystem::path& file);
+
+/// Makes the file, or writes it anew.
+///
+/// @errors  Throws `std::runtime_error` that names the file and says why not.
+void write_file(const std::filesystem::path& file, std::string_view content);
 
 }  // namespace ads
