@@ -118,7 +118,7 @@ class Drawing {
  private:
   template <typename... Args>
   void put(fmt::format_string<Args...> format, Args&&... args) {
-    fmt::format_to(std::back_inserter(body_), format, std::forward<Args>(args)...);
+    body_ += fmt::vformat(format, fmt::make_format_args(args...));
   }
 
   void text(double x, double y, std::string_view words, int size = 15,

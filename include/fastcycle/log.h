@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string_view>
 #include <utility>
@@ -13,9 +12,10 @@ enum class LogLevel : std::uint8_t { kDebug, kInfo, kWarning, kError };
 
 namespace detail {
 class LogQueue;
-/// Hands one line to the log's own thread; a full queue drops it and counts it.
-void write_log(LogQueue& queue, LogLevel level, std::string_view component,
-               std::string_view text) noexcept;
+/// Formats one line and hands it to the log's own thread; a full queue drops it and counts it. In
+/// the library, so that not every component that writes a line compiles what formats it.
+void write_log(LogQueue& queue, LogLevel level, std::string_view component, fmt::string_view text,
+               fmt::format_args args);
 }  // namespace detail
 
 /// Writes lines for people, with the component's name.
@@ -53,11 +53,7 @@ class Log {
  private:
   template <typename... Args>
   void write(LogLevel level, fmt::format_string<Args...> text, Args&&... args) const {
-    std::array<char, 400> line{};
-    const auto end =
-        fmt::format_to_n(line.data(), line.size(), text, std::forward<Args>(args)...).out;
-    detail::write_log(queue_, level, component_,
-                      {line.data(), static_cast<std::size_t>(end - line.data())});
+    detail::write_log(queue_, level, component_, text, fmt::make_format_args(args...));
   }
 
   detail::LogQueue& queue_;

@@ -1,6 +1,7 @@
 #include "base/log.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <cstring>
 #include <utility>
@@ -103,9 +104,11 @@ void LogQueue::print_until_stopped() noexcept {
   }
 }
 
-void write_log(LogQueue& queue, LogLevel level, std::string_view component,
-               std::string_view text) noexcept {
-  queue.write(level, component, text);
+void write_log(LogQueue& queue, LogLevel level, std::string_view component, fmt::string_view text,
+               fmt::format_args args) {
+  std::array<char, 400> line{};
+  const auto written = fmt::vformat_to_n(line.data(), line.size(), text, args);
+  queue.write(level, component, {line.data(), static_cast<std::size_t>(written.out - line.data())});
 }
 
 }  // namespace fastcycle::detail

@@ -143,7 +143,7 @@ class Drawing {
  private:
   template <typename... Args>
   void put(fmt::format_string<Args...> text, Args&&... args) {
-    fmt::format_to(std::back_inserter(body_), text, std::forward<Args>(args)...);
+    body_ += fmt::vformat(text, fmt::make_format_args(args...));
     body_ += '\n';
   }
 
@@ -220,7 +220,7 @@ class Drawing {
       if (std::hypot(pixel.x - last.x, pixel.y - last.y) < 0.8) {
         continue;
       }
-      fmt::format_to(std::back_inserter(list), "{:.1f},{:.1f} ", pixel.x, pixel.y);
+      list += fmt::format("{:.1f},{:.1f} ", pixel.x, pixel.y);
       last = pixel;
     }
     put("<polyline points=\"{}\" fill=\"none\" stroke-linejoin=\"round\" stroke-linecap=\"round\" "
@@ -447,8 +447,7 @@ class Drawing {
              double width) {
     std::string list;
     for (const ComparedPoint& point : points) {
-      fmt::format_to(std::back_inserter(list), "{:.1f},{:.1f} ", x_of(point.time_s),
-                     y_of(point.error_m));
+      list += fmt::format("{:.1f},{:.1f} ", x_of(point.time_s), y_of(point.error_m));
     }
     put("<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" "
         "stroke-linejoin=\"round\"/>",
