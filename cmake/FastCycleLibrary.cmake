@@ -137,4 +137,6 @@ function(fastcycle_precompile target kind headers more)
     target_precompile_headers(${carrier} PRIVATE ${headers})
   endif()
   target_precompile_headers(${target} REUSE_FROM ${carrier})
+  # As a macro that the headers look at would.
+  target_compile_definitions(${target} PRIVATE $<TARGET_PROPERTY:fmt::fmt,INTERFACE_COMPILE_DEFINITIONS>)
 endfunction()

@@ -16,6 +16,6 @@ endif()
 # Headers that are large and never change. The preset `clang` builds without them, so that an
 # include which a file forgot does not stay hidden.
 set(FASTCYCLE_PRECOMPILED <algorithm> <atomic> <chrono> <functional> <map> <memory> <optional> <string>
-    <thread> <unordered_map> <vector> <google/protobuf/message.h>)
+    <thread> <unordered_map> <vector> <fmt/format.h> <google/protobuf/message.h>)
 set(FASTCYCLE_PRECOMPILED_TEST ${FASTCYCLE_PRECOMPILED} <gmock/gmock.h> <gtest/gtest.h>)
 set(FASTCYCLE_IN_PROJECT TRUE)

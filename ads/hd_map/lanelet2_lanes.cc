@@ -15,13 +15,13 @@
 #include <string>
 #include <system_error>
 #include <tuple>
-#include <unordered_map>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "common/plane.h"
 #include "common/xml.h"
+#include "osm_file.h"
 
 namespace ads {
 namespace {
@@ -32,21 +32,6 @@ constexpr double kExtentMax_m = 50'000.0;
 constexpr double kIntersection_m = 60.0;
 // Points of both bounds that lie opposite of each other by less than this are one.
 constexpr double kOpposite_m = 0.01;
-
-using Tags = std::map<std::string_view, std::string_view>;
-
-Tags tags_of(const XmlElement& element) {
-  Tags tags;
-  for (const XmlElement& tag : element.all("tag")) {
-    tags.emplace(tag.attribute("k"), tag.attribute("v"));
-  }
-  return tags;
-}
-
-std::string_view get(const Tags& tags, std::string_view key) {
-  const auto found = tags.find(key);
-  return found == tags.end() ? std::string_view() : found->second;
-}
 
 bool is_yes(std::string_view value) {
   return value == "yes" || value == "true" || value == "1";
@@ -65,13 +50,13 @@ struct Crossing {
 Crossing crossing_of(const Tags& tags) {
   constexpr std::array<std::string_view, 2> kLines{"line_thin", "line_thick"};
   Crossing crossing{.to_left = false, .to_right = false};
-  if (is_one_of(kLines, get(tags, "type"))) {
-    const std::string_view subtype = get(tags, "subtype");
+  if (is_one_of(kLines, tag_of(tags, "type"))) {
+    const std::string_view subtype = tag_of(tags, "subtype");
     crossing.to_left = subtype == "dashed" || subtype == "solid_dashed";
     crossing.to_right = subtype == "dashed" || subtype == "dashed_solid";
   }
   const auto take = [&](std::string_view key, bool& is_allowed) {
-    const std::string_view value = get(tags, key);
+    const std::string_view value = tag_of(tags, key);
     is_allowed = value.empty() ? is_allowed : is_yes(value);
   };
   take("lane_change", crossing.to_left);
@@ -80,117 +65,6 @@ Crossing crossing_of(const Tags& tags) {
   take("lane_change:right", crossing.to_right);
   return crossing;
 }
-
-struct Way {
-  XmlElement element;
-  std::vector<std::int64_t> nodes = {};
-};
-
-struct Relation {
-  struct Member {
-    XmlElement element;
-    std::string_view type;
-    std::string_view role;
-    std::int64_t id = 0;
-  };
-  XmlElement element;
-  Tags tags = {};
-  std::vector<Member> members = {};
-};
-
-// What is in the file, by its number.
-class Osm {
- public:
-  explicit Osm(const XmlElement& root) {
-    if (root.name() != "osm") {
-      root.fail("<osm>", fmt::format("<{}>", root.name().substr(0, 40)));
-    }
-    if (root.attribute("version") != "0.6") {
-      root.fail("version 0.6 of <osm>", XmlElement::quoted(root.attribute("version")));
-    }
-    for (const XmlElement& element : all(root, "node")) {
-      add(element, nodes_, read_node(element));
-    }
-    for (const XmlElement& element : all(root, "way")) {
-      Way way{.element = element};
-      for (const XmlElement& node : element.all("nd")) {
-        way.nodes.push_back(node.number_attribute<std::int64_t>("ref"));
-      }
-      add(element, ways_, std::move(way));
-    }
-    for (const XmlElement& element : all(root, "relation")) {
-      add(element, relations_, read_relation(element));
-    }
-  }
-
-  [[nodiscard]] const std::map<std::int64_t, Relation>& relations() const { return relations_; }
-  [[nodiscard]] const GeodeticPosition& node(std::int64_t id, const XmlElement& user) const {
-    return find(nodes_, "node", id, user);
-  }
-  [[nodiscard]] const Way& way(std::int64_t id, const XmlElement& user) const {
-    return find(ways_, "way", id, user);
-  }
-  [[nodiscard]] const Relation& relation(std::int64_t id, const XmlElement& user) const {
-    return find(relations_, "relation", id, user);
-  }
-
- private:
-  template <typename Map>
-  static const Map::mapped_type& find(const Map& map, std::string_view what, std::int64_t id,
-                                      const XmlElement& user) {
-    const auto found = map.find(id);
-    if (found == map.end()) {
-      user.fail(fmt::format("<{}> {}, of which this <{}> tells", what, id, user.name()), "none");
-    }
-    return found->second;
-  }
-
-  // Without those that an editor has marked as deleted.
-  static std::vector<XmlElement> all(const XmlElement& root, const char* name) {
-    std::vector<XmlElement> elements = root.all(name);
-    std::erase_if(elements, [](const XmlElement& element) {
-      return element.find_attribute("action") == "delete" ||
-             element.find_attribute("visible") == "false";
-    });
-    return elements;
-  }
-
-  template <typename Map, typename T>
-  static void add(const XmlElement& element, Map& map, T value) {
-    const auto id = element.number_attribute<std::int64_t>("id");
-    if (id == std::numeric_limits<std::int64_t>::min()) {
-      element.fail("an id of which there is a negative one", fmt::format("{}", id));
-    }
-    if (!map.emplace(id, std::move(value)).second) {
-      element.fail(fmt::format("no second <{}> {}", element.name(), id), "one");
-    }
-  }
-
-  static GeodeticPosition read_node(const XmlElement& element) {
-    const GeodeticPosition place{.latitude_deg = element.number_attribute<double>("lat"),
-                                 .longitude_deg = element.number_attribute<double>("lon")};
-    if (std::abs(place.latitude_deg) > 90.0 || std::abs(place.longitude_deg) > 180.0) {
-      element.fail("lat from -90 to 90 and lon from -180 to 180",
-                   fmt::format("{:g} and {:g}", place.latitude_deg, place.longitude_deg));
-    }
-    return place;
-  }
-
-  static Relation read_relation(const XmlElement& element) {
-    Relation relation{.element = element, .tags = tags_of(element)};
-    for (const XmlElement& member : element.all("member")) {
-      relation.members.push_back({.element = member,
-                                  .type = member.attribute("type"),
-                                  .role = member.find_attribute("role").value_or(""),
-                                  .id = member.number_attribute<std::int64_t>("ref")});
-    }
-    return relation;
-  }
-
-  std::unordered_map<std::int64_t, GeodeticPosition> nodes_;
-  std::unordered_map<std::int64_t, Way> ways_;
-  std::map<std::int64_t, Relation> relations_;
-};
 
 // One side of a lanelet: the nodes of its ways, one after the other.
 struct Bound {
@@ -226,15 +100,15 @@ void append(std::vector<std::int64_t> nodes, Crossing crossing, bool is_second, 
   bound.crossing.to_right &= crossing.to_right;
 }
 
-Bound read_bound(const Osm& osm, const Relation& lanelet, std::string_view role,
+Bound read_bound(const OsmFile& osm, const OsmRelation& lanelet, std::string_view role,
                  std::size_t points_max, std::size_t& points) {
   Bound bound;
   int ways = 0;
-  for (const Relation::Member& member : lanelet.members) {
+  for (const OsmRelation::Member& member : lanelet.members) {
     if (member.role != role || member.type != "way") {
       continue;
     }
-    const Way& way = osm.way(member.id, member.element);
+    const OsmWay& way = osm.way(member.id, member.element);
     if (way.nodes.empty()) {
       way.element.fail("<nd> in the <way> of a lanelet", "none");
     }
@@ -289,16 +163,16 @@ std::optional<double> speed_of_sign_mps(std::string_view sign) {
 
 // Without a sign, as § 3 of Germany's road traffic regulations has it for cars.
 double usual_speed_mps(const Tags& tags) {
-  if (get(tags, "region") != "de" || get(tags, "subtype") != "road") {
+  if (tag_of(tags, "region") != "de" || tag_of(tags, "subtype") != "road") {
     return 0.0;
   }
-  return get(tags, "location") == "urban"      ? 50.0 / 3.6
-         : get(tags, "location") == "nonurban" ? 100.0 / 3.6
-                                               : 0.0;
+  return tag_of(tags, "location") == "urban"      ? 50.0 / 3.6
+         : tag_of(tags, "location") == "nonurban" ? 100.0 / 3.6
+                                                  : 0.0;
 }
 
-double speed_limit_mps(const Relation& lanelet) {
-  const std::string_view text = get(lanelet.tags, "speed_limit");
+double speed_limit_mps(const OsmRelation& lanelet) {
+  const std::string_view text = tag_of(lanelet.tags, "speed_limit");
   if (text.empty()) {
     return usual_speed_mps(lanelet.tags);
   }
@@ -318,14 +192,14 @@ bool is_for_cars(const Tags& tags) {
   constexpr std::string_view kParticipant = "participant:";
   const auto said = tags.lower_bound(kParticipant);
   if (said == tags.end() || !said->first.starts_with(kParticipant)) {
-    return is_one_of(kForCars, get(tags, "subtype"));
+    return is_one_of(kForCars, tag_of(tags, "subtype"));
   }
-  const std::string_view car = get(tags, "participant:vehicle:car");
-  return is_yes(car.empty() ? get(tags, "participant:vehicle") : car);
+  const std::string_view car = tag_of(tags, "participant:vehicle:car");
+  return is_yes(car.empty() ? tag_of(tags, "participant:vehicle") : car);
 }
 
 LaneKind kind_of(const Tags& tags) {
-  const std::string_view subtype = get(tags, "subtype");
+  const std::string_view subtype = tag_of(tags, "subtype");
   if (subtype == "crosswalk") {
     return LaneKind::kCrossing;
   }
@@ -340,12 +214,12 @@ bool is_drivable(LaneKind kind) {
 }
 
 bool is_two_way(const Tags& tags) {
-  const std::string_view vehicle = get(tags, "one_way:vehicle");
-  const std::string_view value = vehicle.empty() ? get(tags, "one_way") : vehicle;
+  const std::string_view vehicle = tag_of(tags, "one_way:vehicle");
+  const std::string_view value = vehicle.empty() ? tag_of(tags, "one_way") : vehicle;
   return is_drivable(kind_of(tags)) && !value.empty() && !is_yes(value);
 }
 
-Polyline line_of(const Osm& osm, const LocalFrame& frame, const Bound& bound,
+Polyline line_of(const OsmFile& osm, const LocalFrame& frame, const Bound& bound,
                  const XmlElement& user) {
   std::vector<Eigen::Vector2d> points;
   for (const std::int64_t node : bound.nodes) {
@@ -418,7 +292,7 @@ Directed reversed(Directed lane) {
 
 class Reader {
  public:
-  Reader(const Osm& osm, const MapLimits& limits) : osm_(osm), limits_(limits) {}
+  Reader(const OsmFile& osm, const MapLimits& limits) : osm_(osm), limits_(limits) {}
 
   GeoreferencedLanes read() {
     read_lanelets();
@@ -430,7 +304,7 @@ class Reader {
     link_ends();
     link_sides();
     for (const auto& [id, relation] : osm_.relations()) {
-      if (get(relation.tags, "type") == "regulatory_element") {
+      if (tag_of(relation.tags, "type") == "regulatory_element") {
         add_rule(id, relation, frame);
       }
     }
@@ -446,11 +320,11 @@ class Reader {
   void read_lanelets() {
     std::size_t points = 0;
     for (const auto& [id, relation] : osm_.relations()) {
-      if (get(relation.tags, "type") == "lanelet") {
+      if (tag_of(relation.tags, "type") == "lanelet") {
         Bound left = read_bound(osm_, relation, "left", limits_.points, points);
         Bound right = read_bound(osm_, relation, "right", limits_.points, points);
         sides_.emplace(id, std::pair(std::move(left), std::move(right)));
-        for (const Relation::Member& member : relation.members) {
+        for (const OsmRelation::Member& member : relation.members) {
           if (member.role == "regulatory_element") {
             (void)osm_.relation(member.id, member.element);
             holders_[member.id].push_back(id);
@@ -477,7 +351,7 @@ class Reader {
   }
 
   void add_lanes(std::int64_t id, Bound left, Bound right, const LocalFrame& frame) {
-    const Relation& relation = osm_.relations().at(id);
+    const OsmRelation& relation = osm_.relations().at(id);
     Polyline left_line = line_of(osm_, frame, left, relation.element);
     Polyline right_line = line_of(osm_, frame, right, relation.element);
     // Ways may run either way; what is left and right says where the lane leads.
@@ -604,11 +478,11 @@ class Reader {
     }
   }
 
-  void add_rule(std::int64_t id, const Relation& rule, const LocalFrame& frame) {
+  void add_rule(std::int64_t id, const OsmRelation& rule, const LocalFrame& frame) {
     const auto holders = holders_.find(id);
     const std::vector<std::int64_t> held_by =
         holders == holders_.end() ? std::vector<std::int64_t>{} : holders->second;
-    const std::string_view subtype = get(rule.tags, "subtype");
+    const std::string_view subtype = tag_of(rule.tags, "subtype");
     if (subtype == "right_of_way") {
       set_priority(lanelets_of(rule, "right_of_way"), 1);
       const auto yielding = lanelets_of(rule, "yield");
@@ -623,10 +497,10 @@ class Reader {
     }
   }
 
-  [[nodiscard]] std::vector<std::int64_t> lanelets_of(const Relation& rule,
+  [[nodiscard]] std::vector<std::int64_t> lanelets_of(const OsmRelation& rule,
                                                       std::string_view role) const {
     std::vector<std::int64_t> lanelets;
-    for (const Relation::Member& member : rule.members) {
+    for (const OsmRelation::Member& member : rule.members) {
       if (member.role == role && member.type == "relation") {
         (void)osm_.relation(member.id, member.element);
         lanelets.push_back(member.id);
@@ -636,11 +510,11 @@ class Reader {
   }
 
   // The signs that a rule refers to, as their ways call them.
-  [[nodiscard]] std::vector<std::string_view> signs_of(const Relation& rule) const {
-    std::vector<std::string_view> signs{get(rule.tags, "sign_type")};
-    for (const Relation::Member& member : rule.members) {
+  [[nodiscard]] std::vector<std::string_view> signs_of(const OsmRelation& rule) const {
+    std::vector<std::string_view> signs{tag_of(rule.tags, "sign_type")};
+    for (const OsmRelation::Member& member : rule.members) {
       if (member.role == "refers" && member.type == "way") {
-        signs.push_back(get(tags_of(osm_.way(member.id, member.element).element), "subtype"));
+        signs.push_back(tag_of(tags_of(osm_.way(member.id, member.element).element), "subtype"));
       }
     }
     return signs;
@@ -680,12 +554,12 @@ class Reader {
 
   // At the rule's line, where it is nearer to a lane's end than to its begin; without one, at the
   // lane's end.
-  void set_stop_line(const std::vector<std::int64_t>& lanelets, const Relation& rule,
+  void set_stop_line(const std::vector<std::int64_t>& lanelets, const OsmRelation& rule,
                      const LocalFrame& frame) {
     std::optional<std::array<Eigen::Vector2d, 2>> line;
-    for (const Relation::Member& member : rule.members) {
+    for (const OsmRelation::Member& member : rule.members) {
       if (member.role == "ref_line" && member.type == "way") {
-        const Way& way = osm_.way(member.id, member.element);
+        const OsmWay& way = osm_.way(member.id, member.element);
         if (way.nodes.empty()) {
           way.element.fail("<nd> in a stop line", "none");
         }
@@ -712,7 +586,7 @@ class Reader {
     }
   }
 
-  void add_signs(const std::vector<std::int64_t>& lanelets, const Relation& rule,
+  void add_signs(const std::vector<std::int64_t>& lanelets, const OsmRelation& rule,
                  const LocalFrame& frame) {
     constexpr std::array<std::string_view, 2> kYield{"de205", "de206"};
     constexpr std::array<std::string_view, 2> kPriority{"de301", "de306"};
@@ -726,7 +600,7 @@ class Reader {
     }
   }
 
-  void add_speed_limit(const std::vector<std::int64_t>& lanelets, const Relation& rule) {
+  void add_speed_limit(const std::vector<std::int64_t>& lanelets, const OsmRelation& rule) {
     for (const std::string_view sign : signs_of(rule)) {
       const auto limit = speed_of_sign_mps(sign);
       for (const std::int64_t lanelet : limit ? lanelets : std::vector<std::int64_t>{}) {
@@ -735,7 +609,7 @@ class Reader {
     }
   }
 
-  const Osm& osm_;
+  const OsmFile& osm_;
   MapLimits limits_;
   std::map<std::int64_t, std::pair<Bound, Bound>> sides_;
   std::map<std::int64_t, std::vector<std::int64_t>> holders_;
@@ -748,7 +622,7 @@ GeoreferencedLanes lanelet2_lanes(std::string_view text, std::string_view name,
                                   const MapLimits& limits) {
   const XmlFile file(text, name);
   const XmlElement root = file.root();
-  const Osm osm(root);
+  const OsmFile osm(root);
   GeoreferencedLanes result = Reader(osm, limits).read();
   if (result.lanes.empty()) {
     root.fail("a relation of type=lanelet in <osm>", "none");
