@@ -480,7 +480,7 @@ std::string topics_of(const mcap::Reader& reader) {
       names += (names.empty() ? "" : ", ") + topic;
     }
   }
-  return fmt::format("the log has {}{}: --view names topics and fields to draw",
+  return fmt::format("the log has {}{} (--view names topics and fields to draw)",
                      names.empty() ? "no topics" : names, count > kMostNames ? ", …" : "");
 }
 
@@ -546,8 +546,8 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
   }
   result.json += "}}";
   if (is_first) {
-    throw std::runtime_error(fmt::format("there is nothing to draw: {}; {}",
-                                         fmt::join(result.left_out, "; "), topics_of(reader)));
+    throw std::runtime_error(fmt::format("there is nothing to draw: {}; {}", topics_of(reader),
+                                         fmt::join(result.left_out, "; ")));
   }
   return result;
 }

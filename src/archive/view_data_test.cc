@@ -182,10 +182,10 @@ TEST(ViewData, AMessageThatCannotBeReadTakesNoOtherWithIt) {
 TEST(ViewData, NothingToDrawIsAnErrorAndSoIsTooMuch) {
   const std::string file = scenes({"name: 'a'", "name: 'b'"});
 
-  EXPECT_EQ(
-      failure(file, R"({"layers": {"it": {"topic": "t", "fields": {"n": "name"}}}})"),
-      "there is nothing to draw: it (t): no messages; the log has scene: --view names topics and "
-      "fields to draw");
+  EXPECT_EQ(failure(file, R"({"layers": {"it": {"topic": "t", "fields": {"n": "name"}}}})"),
+            "there is nothing to draw: the log has scene (--view names topics and fields to draw); "
+            "it (t): "
+            "no messages");
   EXPECT_THAT(failure(file, R"({"layers": {"it": {"topic": "scene", "fields": {"n": "name"}}}})",
                       {.most_bytes = 8}),
               HasSubstr("--start"));

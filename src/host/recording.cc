@@ -158,10 +158,12 @@ void record_for(detail::ComponentCore& component, const config::RecordDescriptio
     return;  // Made anew after a fault: the recording goes on.
   }
   if (component.application.recorder() != nullptr) {
-    component.problems->add(config::mistake(
-        component.description.place, "component \"" + component.name +
-                                         "\" records what is recorded already: by \"record\", "
-                                         "--record or another component"));
+    component.problems->add(
+        config::mistake(component.description.place,
+                        "component \"" + component.name +
+                            "\" records what is recorded already: by \"record\", "
+                            "--record or another component",
+                        "leave one of them out"));
     return;
   }
   component.application.record(description);

@@ -662,6 +662,7 @@ TEST_F(Launcher, RecorderMayBeAComponent) {
 
   EXPECT_EQ(run({"--record", (folder_ / "other.mcap").string()}), 2);
   EXPECT_THAT(errors_, HasSubstr("\"logging\" records what is recorded already"));
+  EXPECT_THAT(errors_, HasSubstr("leave one of them out"));
 }
 
 TEST_F(Launcher, RecordCommandRecords) {

@@ -365,7 +365,7 @@ test("what is wrong is said", async () => {
   writeFileSync(at("wrong.json"), '{"layers": {"ego": {"topic": 7}}}');
   wrong(2, /wrong\.json: \/layers\/ego\/topic: expected a name, found 7/, drive, "--view", "wrong.json", "-o", "x.html");
   writeFileSync(at("other.json"), '{"layers": {"ego": {"topic": "no/topic", "fields": {"x": "x_m"}}}}');
-  wrong(1, /nothing to draw: ego \(no\/topic\): no messages/, drive, "--view", "other.json", "-o", "x.html");
+  wrong(1, /nothing to draw: the log has .*localization\/ego.*; ego \(no\/topic\): no messages/, drive, "--view", "other.json", "-o", "x.html");
   writeFileSync(at("field.json"), '{"layers": {"ego": {"topic": "localization/ego", "fields": {"x": "x_km"}}}}');
   wrong(1, /localization\.Ego has no field x_km/, drive, "--view", "field.json", "-o", "x.html");
   // Half of it: what there is is shown, and it is said where it ends.

@@ -5,8 +5,8 @@ import { distance, fixed, lastNotAfter } from "./data.js";
 
 const HEIGHT = 130;
 
-// Of the axis of values: never narrower than what its last digit tells apart, so that a curve that
-// does not change is a line in the middle.
+// Of the axis of values: never narrower than twenty steps of the last digit, so that a curve that does
+// not change is a line in the middle.
 function rangeOf(digits) {
   const least = 10 ** (1 - digits);
   return (_, low, high) => {
