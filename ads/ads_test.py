@@ -129,7 +129,7 @@ class Drives:
 
     def perception_that_fails_ends_in_a_minimal_risk_stop(self, clock="simulated", fault="exception"):
         overlay = self.folder / f"fault-{self.count}.json"
-        overlay.write_text(json.dumps({"components": [{"name": "perception", "library": "faulty_perception",
+        overlay.write_text(json.dumps({"components": [{"name": "perception", "library": "ads/faulty_perception",
                                                        "params": {"fault": fault, "after_s": 4}}]}))  # fmt: skip
         for scenario, traffic in (("23_1", "replay"), ("3_1", "reactive")):
             drive = self.drive(scenario, "--overlay", overlay, traffic=traffic, clock=clock)

@@ -5,6 +5,9 @@
 # message packages made by fastcycle_messages(). TESTS become the GoogleTest program <name>_test, which
 # contains the SOURCES as well: it makes the component's objects itself and opens no library.
 #
+# Where the variable FASTCYCLE_COMPONENT_FOLDER names a folder, the library lies in that folder beside the others, and is
+# called "<folder>/<name>": so that it answers to no name that somebody else may choose.
+#
 #   fastcycle_component(NAME speed_limiter SOURCES speed_limiter.cc MESSAGES demo_messages
 #                       TESTS speed_limiter_test.cc)
 function(fastcycle_component)
@@ -33,19 +36,25 @@ function(fastcycle_component)
     $<$<CXX_COMPILER_ID:GNU>:-fno-gnu-unique>)
   target_link_libraries(${COMPONENT_NAME} PRIVATE FastCycle::fastcycle ${messages} ${COMPONENT_LINK})
   fastcycle_refuse_undefined(${COMPONENT_NAME})
+  set(folder "")
+  set(to_libraries "$ORIGIN/..")
+  if(FASTCYCLE_COMPONENT_FOLDER)
+    set(folder /${FASTCYCLE_COMPONENT_FOLDER})
+    set(to_libraries "$ORIGIN/../..")
+  endif()
   set_target_properties(${COMPONENT_NAME} PROPERTIES
     CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON
-    DEFINE_SYMBOL "" BUILD_RPATH_USE_ORIGIN ON INSTALL_RPATH "$ORIGIN/..")
+    DEFINE_SYMBOL "" BUILD_RPATH_USE_ORIGIN ON INSTALL_RPATH ${to_libraries})
 
   if(FASTCYCLE_IN_PROJECT)
     set_target_properties(${COMPONENT_NAME} PROPERTIES
-      LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/${FASTCYCLE_COMPONENT_DIR})
+      LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/${FASTCYCLE_COMPONENT_DIR}${folder})
     fastcycle_precompile(${COMPONENT_NAME} component "${FASTCYCLE_PRECOMPILED}" "")
   else()
-    set_target_properties(${COMPONENT_NAME} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR})
+    set_target_properties(${COMPONENT_NAME} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}${folder})
   endif()
   if(NOT FASTCYCLE_NOT_INSTALLED)
-    install(TARGETS ${COMPONENT_NAME} LIBRARY DESTINATION ${FASTCYCLE_COMPONENT_DIR})
+    install(TARGETS ${COMPONENT_NAME} LIBRARY DESTINATION ${FASTCYCLE_COMPONENT_DIR}${folder})
   endif()
 
   if(COMPONENT_TESTS AND (BUILD_TESTING OR NOT DEFINED BUILD_TESTING))

@@ -3,7 +3,7 @@
 #
 #   bin/                   programs
 #   lib/                   libfastcycle.so and the message libraries
-#   lib/fastcycle/         component libraries
+#   lib/fastcycle/         component libraries; those of the ADS and of the examples in ads/ and examples/ below it
 #   libexec/fastcycle/     helper programs
 #   share/fastcycle/       schema, .proto files
 #

@@ -27,13 +27,15 @@ function(fastcycle_install_library target)
           COMPONENT library NAMELINK_COMPONENT development)
 endfunction()
 
-# fastcycle_library(<name> SOURCES ... [DEPENDS ...] [LINK ...] [PRECOMPILE <header> ...] [TESTS ...])
+# fastcycle_library(<name> SOURCES ... [DEPENDS ...] [LINK ...] [PRECOMPILE <header> ...]
+#                   [TESTS ... [TEST_DEPENDS ...] [TEST_LINK ...]])
 #
 # Makes src/<name> a part of libfastcycle.so, and its tests the program fastcycle_<name>_test. DEPENDS
 # names the libraries of src/ whose headers it may include (scripts/check_includes.py sees to it), LINK
-# the targets of other projects it needs, PRECOMPILE large headers that most of its files include.
+# the targets of other projects it needs, PRECOMPILE large headers that most of its files include. Its
+# tests may need more: TEST_DEPENDS names libraries of src/ that may come after it, TEST_LINK targets.
 function(fastcycle_library name)
-  cmake_parse_arguments(PARSE_ARGV 1 LIB "" "" "SOURCES;DEPENDS;LINK;PRECOMPILE;TESTS")
+  cmake_parse_arguments(PARSE_ARGV 1 LIB "" "" "SOURCES;DEPENDS;LINK;PRECOMPILE;TESTS;TEST_DEPENDS;TEST_LINK")
   if(LIB_UNPARSED_ARGUMENTS)
     message(FATAL_ERROR "fastcycle_library(${name}): cannot read '${LIB_UNPARSED_ARGUMENTS}'.")
   endif()
@@ -58,7 +60,7 @@ function(fastcycle_library name)
   target_link_libraries(fastcycle PRIVATE ${LIB_LINK})
 
   if(LIB_TESTS AND BUILD_TESTING)
-    fastcycle_test(fastcycle_${name}_test SOURCES ${LIB_TESTS} LINK ${LIB_LINK}
+    fastcycle_test(fastcycle_${name}_test SOURCES ${LIB_TESTS} LINK ${LIB_LINK} ${LIB_TEST_LINK}
                    PRECOMPILE ${LIB_PRECOMPILE} PREFIX ${name}. LABELS unit)
   endif()
 endfunction()
@@ -98,10 +100,16 @@ function(fastcycle_program name)
   target_compile_options(${target} PRIVATE ${FASTCYCLE_WARNINGS})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(${target} PRIVATE fastcycle ${PROGRAM_LINK})
-  set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name} INSTALL_RPATH ${run_path}
+  # The loader ignores $ORIGIN in a program that has capabilities of its file (setcap), and takes the second one.
+  set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name}
+                        INSTALL_RPATH "${run_path};${CMAKE_INSTALL_PREFIX}/${FASTCYCLE_LIBRARY_DIR}"
+                        BUILD_RPATH "${run_path};${PROJECT_BINARY_DIR}/${FASTCYCLE_LIBRARY_DIR}"
                         RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/${folder})
   if(NOT FASTCYCLE_NOT_INSTALLED)
-    install(TARGETS ${target} RUNTIME DESTINATION ${folder})
+    # Not readable for others: where root installs it, the kernel protects its memory from the first instruction on
+    # (SECURITY.md, "The window at start-up").
+    install(TARGETS ${target} RUNTIME DESTINATION ${folder}
+            PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_EXECUTE WORLD_EXECUTE)
   endif()
 endfunction()
 

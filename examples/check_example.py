@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 MEASURED = re.compile(r"(?<![\w.])\d[\d.,]* (?:ns|µs|ms|s|KiB|MiB|B)(?!\w)")
-OF_LOG = re.compile(r"(debug|info|warning|error): ")
+OF_LOG = re.compile(r"\d+\.\d{6} (debug|info|warning|error) ")
 
 
 def commands(text):

@@ -116,7 +116,7 @@ def perception_finds_what_is_labelled(tool):
     params = next(one["params"] for one in read["components"] if one["name"] == "perception")
     (tool.folder / "street.json").write_text(json.dumps({"components": [
         {"name": "perception", "params": params},
-        {"name": "scoring", "library": "kitti_scoring", "params": {"data": str(data)}}]}))
+        {"name": "scoring", "library": "ads/kitti_scoring", "params": {"data": str(data)}}]}))
     # The run begins with the first message: the begin of the first sweep.
     begin = Cdr().put("I", 0)
     bag_of_it = [("/tf", "tf2_msgs/msg/TFMessage", BEGIN_NS, bytes(begin.data))]

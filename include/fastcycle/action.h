@@ -175,6 +175,7 @@ void Context::create_action_server(std::string_view name, const ActionServerOpti
                                    F on_goal) {
   static_assert(std::invocable<F&, const Goal&, ServerGoal<Feedback, Result>>,
                 "an action server is f(const Goal&, ServerGoal<Feedback, Result>)");
+  FASTCYCLE_REFUSE_COPIED_MESSAGE(F);
   detail::create_server(
       core_, name,
       {.request = Goal::default_instance(),

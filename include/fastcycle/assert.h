@@ -6,6 +6,9 @@ namespace fastcycle::detail {
 [[noreturn]] void assertion_failed(const char* condition, const char* rule, const char* file,
                                    int line) noexcept;
 
+/// The same of a contract that `what` names in full: who broke it, how, and what to do instead.
+[[noreturn]] void contract_broken(const char* what) noexcept;
+
 }  // namespace fastcycle::detail
 
 /// Ends the process when `condition` does not hold, in every build: the caller broke the contract

@@ -16,6 +16,7 @@
 #include <variant>
 #include <vector>
 
+#include "fastcycle/detail/callback.h"
 #include "fastcycle/log.h"
 #include "fastcycle/message.h"
 #include "fastcycle/params.h"
@@ -49,11 +50,12 @@ using ReportValue = std::variant<bool, std::int64_t, double, std::string>;
 /// that each run draws the same numbers.
 using Random = std::mt19937_64;
 
-/// What an author may say of one publisher.
+/// What an author may say of one publisher. How many messages may wait is said where they wait: by
+/// each subscriber's `depth` (`SubscriberOptions`, or `"subscribers"` in the application file).
 template <Message T>
 struct PublisherOptions {
   /// Sizes every message of the pool when the topic is connected, so that the first publishes fault
-  /// no page and allocate nothing.
+  /// no page and allocate nothing. Only its capacity counts: what is lent by `loan` is empty.
   std::optional<T> prototype = {};
   /// Longest time between two messages that this publisher promises: each time that it is over is
   /// an event of its own component, and counted.
@@ -86,6 +88,7 @@ PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
 Subscription& create_subscription(ComponentCore& core, std::string_view topic,
                                   const google::protobuf::Message& default_instance,
                                   const SubscriberOptions& options, EnvelopeCallback callback);
+Holder holder_of(const Subscription& subscription) noexcept;
 View& create_view(ComponentCore& core, std::string_view topic,
                   const google::protobuf::Message& default_instance, std::size_t depth,
                   std::optional<Duration> span);
@@ -110,7 +113,7 @@ TickCallback tick_callback(F callback) {
 }  // namespace detail
 
 /// What may be called back with a message: `f(const T&)`, or `f(const Sample<T>&)` to see its info
-/// or to keep it.
+/// or to keep it. Not `f(T)`, which would copy each message.
 template <typename F, typename T>
 concept MessageCallback = std::invocable<F&, const T&> || std::invocable<F&, const Sample<T>&>;
 
@@ -222,6 +225,11 @@ class Context {
   /// Calls `callback` with every message of `topic`, in the order in which messages were published
   /// across all topics of this component, and never at the same time as another of its callbacks.
   ///
+  /// A callback takes `const T&`, or `const Sample<T>&` to keep the message without a copy. One
+  /// that takes `T`, or says `auto copy = message;`, copies every byte of each message: for a large
+  /// one that costs more than all else that happens on its way. What a callback takes as `const T&`
+  /// ends with the callback: a pointer or a reference to it, or to a part of it, must not be kept.
+  ///
   /// The subscription lives as long as the component; kept as a `Subscriber` it can end earlier.
   template <Message T, MessageCallback<T> F>
   Subscribed create_subscriber(std::string_view topic, F callback) {
@@ -305,7 +313,8 @@ class Context {
   /// Runs `body` on a thread of its own from `start` on, for drivers that must wait for a device.
   /// At the end of the run its `stop_token` asks it to end; it has a second to do so before `stop`
   /// is called, which may close the device that it waits for, and is joined after that. What it
-  /// throws is a fault of the component. It publishes by an `ExternalPublisher`.
+  /// throws is a fault of the component; a restart asks it to end too, and has it joined first.
+  /// It publishes by an `ExternalPublisher`.
   ///
   /// @errors  A name longer than 15 bytes is cut: the system shows no more.
   void create_thread(std::string name, std::function<void(std::stop_token)> body);
@@ -466,11 +475,14 @@ ExternalPublisher<T> Context::create_external_publisher(std::string_view topic,
 template <Message T, MessageCallback<T> F>
 Subscribed Context::create_subscriber(std::string_view topic, const SubscriberOptions& options,
                                       F callback) {
+  FASTCYCLE_REFUSE_COPIED_MESSAGE(F);
   detail::EnvelopeCallback erased;
+  std::shared_ptr<detail::Holder> holder;  // Known once the subscription is made.
   if constexpr (std::invocable<F&, const Sample<T>&>) {
-    erased = [callback = std::move(callback)](detail::Envelope& envelope,
-                                              const google::protobuf::Message&) mutable {
-      callback(detail::share<T>(envelope));
+    holder = std::make_shared<detail::Holder>(detail::kNobody);
+    erased = [callback = std::move(callback), holder](detail::Envelope& envelope,
+                                                      const google::protobuf::Message&) mutable {
+      callback(detail::share<T>(envelope, *holder));
     };
   } else {
     erased = [callback = std::move(callback)](detail::Envelope&,
@@ -478,8 +490,12 @@ Subscribed Context::create_subscriber(std::string_view topic, const SubscriberOp
       callback(static_cast<const T&>(payload));
     };
   }
-  return Subscribed(
-      detail::create_subscription(core_, topic, T::default_instance(), options, std::move(erased)));
+  detail::Subscription& subscription =
+      detail::create_subscription(core_, topic, T::default_instance(), options, std::move(erased));
+  if (holder != nullptr) {
+    *holder = detail::holder_of(subscription);
+  }
+  return Subscribed(subscription);
 }
 
 template <Message T>

@@ -21,6 +21,9 @@ struct ComponentClass {
   Component* (*create)(Context& context);
   /// Destroys `component`; returns false, with what was thrown in `error`, if its destructor threw.
   bool (*destroy)(Component* component, std::string& error) noexcept;
+  /// Whether it has a `serve` of its own, which is called only where `"serve_period_ms"` says how
+  /// often.
+  bool overrides_serve = false;
 };
 
 /// What a component library offers: the one thing that it exports.
@@ -34,7 +37,7 @@ struct ComponentLibrary {
 };
 
 /// Counts the incompatible changes of what stands between host and component library.
-inline constexpr std::uint32_t kInterfaceVersion = 1;
+inline constexpr std::uint32_t kInterfaceVersion = 2;
 
 namespace detail {
 
@@ -60,6 +63,15 @@ Component* create_component(Context& context) {
   return new T(context);
 }
 
+/// Whether `T`, or a class between it and `Component`, has a `serve` of its own. A name that cannot
+/// be reached from here is one too: that of `Component` is public.
+template <std::derived_from<Component> T>
+constexpr bool overrides_serve() {
+  return !requires {
+    { &T::serve } -> std::same_as<void (Component::*)()>;
+  };
+}
+
 /// Destroys inside the library: a destructor that throws must not end the process.
 template <std::derived_from<Component> T>
 bool destroy_component(Component* component, std::string& error) noexcept {
@@ -81,7 +93,8 @@ const ComponentLibrary* library_of(const char* names) {
   static const auto kClasses = [] {
     std::size_t index = 0;
     return std::array<ComponentClass, sizeof...(T)>{
-        ComponentClass{kNames[index++].c_str(), &create_component<T>, &destroy_component<T>}...};
+        ComponentClass{kNames[index++].c_str(), &create_component<T>, &destroy_component<T>,
+                       overrides_serve<T>()}...};
   }();
   static const ComponentLibrary kLibrary{kInterfaceVersion, sizeof...(T), kClasses.data()};
   return &kLibrary;

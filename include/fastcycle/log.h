@@ -6,28 +6,46 @@
 
 #include <fmt/format.h>
 
+#include "fastcycle/time.h"
+
 namespace fastcycle {
 
 enum class LogLevel : std::uint8_t { kDebug, kInfo, kWarning, kError };
 
 namespace detail {
-class LogQueue;
-/// Formats one line and hands it to the log's own thread; a full queue drops it and counts it. In
-/// the library, so that not every component that writes a line compiles what formats it.
-void write_log(LogQueue& queue, LogLevel level, std::string_view component, fmt::string_view text,
+class LogSource;
+/// Formats one line and hands it to the log's own thread; a full queue drops it and counts it. With
+/// a `period` above 0 only if the same text was not written within that time. In the library, so
+/// that not every component that writes a line compiles what formats it.
+void write_log(LogSource& source, LogLevel level, Duration period, fmt::string_view text,
                fmt::format_args args);
 }  // namespace detail
 
-/// Writes lines for people, with the component's name.
+/// Writes lines for people, each with its time, its level and the component's name.
+///
+///     log().info("the lane is {:.1f} m wide", width);
+///     log().throttle(1s).warning("no lane for {} ms", age_ms);
+///
+/// Lines below the component's level (`"log_level"`, `--log-level`; info unless given) are not even
+/// formatted. docs/reference/log_lines.md has the format, and the topic `fastcycle/log`.
 ///
 /// @threads  Safe.
 /// @realtime Formats on the caller's stack (a line is cut at 400 bytes) and puts it into a bounded
 ///           queue: no allocation, no lock, no file access. Lines that find the queue full are
-///           counted.
+///           counted, and that is told once a second.
 class Log {
  public:
-  /// Made by `Component::log`; `component` outlives it.
-  Log(detail::LogQueue& queue, std::string_view component) : queue_(queue), component_(component) {}
+  /// Made by `Component::log`; `source` outlives it.
+  explicit Log(detail::LogSource& source) : source_(&source) {}
+
+  /// The same log, which writes each text at most once in `period` of the application's time. The
+  /// next line of it says how many were left out. A text is what stands in the code, whatever is
+  /// formatted into it; the component remembers the first 32 texts, and all others together.
+  [[nodiscard]] Log throttle(Duration period) const {
+    Log throttled(*this);
+    throttled.period_ = period;
+    return throttled;
+  }
 
   /// For who develops the component.
   template <typename... Args>
@@ -53,11 +71,11 @@ class Log {
  private:
   template <typename... Args>
   void write(LogLevel level, fmt::format_string<Args...> text, Args&&... args) const {
-    detail::write_log(queue_, level, component_, text, fmt::make_format_args(args...));
+    detail::write_log(*source_, level, period_, text, fmt::make_format_args(args...));
   }
 
-  detail::LogQueue& queue_;
-  std::string_view component_;
+  detail::LogSource* source_;
+  Duration period_{0};
 };
 
 }  // namespace fastcycle

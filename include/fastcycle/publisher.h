@@ -13,8 +13,9 @@ namespace fastcycle {
 
 /// What an author may say of one publish.
 struct PublishOptions {
-  /// When the content was measured. Only for components without subscribers, and for external
-  /// publishers; everybody else's messages inherit the origin of what caused them.
+  /// When the content was measured: the message begins a chain of its own and inherits nothing.
+  /// Without it, it inherits the origin of what caused it; where nothing did, it was measured at
+  /// the time of the activation, or of an external publisher at that of the publish.
   std::optional<Time> taken_at = {};
 };
 
@@ -26,13 +27,20 @@ struct LoanAccess;
 Envelope* take_loan(PublisherCore& publisher, bool cleared);
 void return_loan(PublisherCore& publisher, Envelope* loan) noexcept;
 void publish_loan(PublisherCore& publisher, Envelope* loan, const PublishOptions& options);
-void publish_received(PublisherCore& publisher, Envelope* received);
+void publish_received(PublisherCore& publisher, Envelope* received, Holder holder);
 void publish_external(PublisherCore& publisher, Envelope* loan, Time taken_at);
 Envelope* take_external_loan(PublisherCore& publisher, bool cleared);
 void return_external_loan(PublisherCore& publisher, Envelope* loan) noexcept;
 std::size_t ask_credits(PublisherCore& publisher);
 std::size_t ask_external_credits(PublisherCore& publisher);
 bool wait_for_credit(PublisherCore& publisher, const std::stop_token& stop);
+std::size_t count_subscribers(const PublisherCore& publisher);
+std::size_t count_external_subscribers(PublisherCore& publisher);
+Time now_of(const PublisherCore& publisher) noexcept;
+[[noreturn]] void used_spent_loan(const PublisherCore& publisher) noexcept;
+[[noreturn]] void used_strange_loan(const PublisherCore& publisher,
+                                    const PublisherCore& lender) noexcept;
+[[noreturn]] void forwarded_nothing(const PublisherCore& publisher) noexcept;
 
 }  // namespace detail
 
@@ -65,7 +73,9 @@ class Loan {
 
   /// The message to fill in. @pre It was not published.
   [[nodiscard]] T& operator*() const {
-    FASTCYCLE_ASSERT(envelope_ != nullptr, "a published loan is not written any more");
+    if (envelope_ == nullptr) [[unlikely]] {
+      detail::used_spent_loan(*publisher_);
+    }
     return static_cast<T&>(*envelope_->own);
   }
   /// As `*`.
@@ -80,6 +90,16 @@ class Loan {
 
   Loan(detail::PublisherCore& publisher, detail::Envelope* envelope, bool is_external)
       : publisher_(&publisher), envelope_(envelope), is_external_(is_external) {}
+
+  /// Whether it may be published by `publisher`; else ends the process.
+  void check_for(const detail::PublisherCore& publisher) const {
+    if (publisher_ != &publisher) [[unlikely]] {
+      detail::used_strange_loan(publisher, *publisher_);
+    }
+    if (envelope_ == nullptr) [[unlikely]] {
+      detail::used_spent_loan(*publisher_);
+    }
+  }
 
   detail::PublisherCore* publisher_;
   detail::Envelope* envelope_;
@@ -98,7 +118,8 @@ class Loan {
 /// Made by `Context::create_publisher` in a component's constructor, and valid as long as the
 /// component is.
 ///
-/// @threads  Confined to its component's activations: `publish` asserts that it is called in one.
+/// @threads  Confined to its component's activations: who calls it elsewhere is told, and the
+///           process ends. Other threads publish by an `ExternalPublisher`.
 /// @realtime After warm-up `loan` and `publish` allocate nothing and take no lock. Their time grows
 ///           with the number of subscribers and with nothing else; `loan` also clears the message.
 template <Message T>
@@ -107,8 +128,11 @@ class Publisher {
   /// Made by `Context::create_publisher`.
   explicit Publisher(detail::PublisherCore& core) : core_(&core) {}
 
-  /// Borrows an empty message to fill in. It never fails: when readers hold every message that the
-  /// pool may have, what is lent then is counted as `dropped{pool}` when it is published.
+  /// Borrows an empty message to fill in. When readers hold every message that the pool may have,
+  /// what is lent then is counted as `dropped{pool}` when it is published.
+  ///
+  /// @errors Throws `std::length_error` if the component holds more loans than the pool may have
+  ///         messages: it keeps loans that it neither publishes nor lets go of.
   [[nodiscard]] Loan<T> loan() { return Loan<T>(*core_, detail::take_loan(*core_, true), false); }
 
   /// Borrows a message with the content that it last had, or an empty one: for payloads that are
@@ -122,8 +146,7 @@ class Publisher {
   ///
   /// @pre  `message` was borrowed from this publisher.
   void publish(Loan<T> message, const PublishOptions& options = {}) {
-    FASTCYCLE_ASSERT(message.publisher_ == core_,
-                     "a loan is published by the publisher that lent it");
+    message.check_for(*core_);
     detail::publish_loan(*core_, std::exchange(message.envelope_, nullptr), options);
   }
 
@@ -132,8 +155,10 @@ class Publisher {
   ///
   /// @pre  `received` holds a message.
   void publish(const Sample<T>& received) {
-    FASTCYCLE_ASSERT(static_cast<bool>(received), "a sample that is forwarded holds a message");
-    detail::publish_received(*core_, detail::envelope_of(received));
+    if (!received) [[unlikely]] {
+      detail::forwarded_nothing(*core_);
+    }
+    detail::publish_received(*core_, detail::envelope_of(received), detail::holder_of(received));
   }
 
   /// How many messages may be published in this activation so that no subscriber's queue
@@ -142,6 +167,13 @@ class Publisher {
   ///
   /// @pre  The publisher has credits: `PublisherOptions::credits`, or `"credits"` of its topic.
   [[nodiscard]] std::size_t credits() { return detail::ask_credits(*core_); }
+
+  /// How many subscriptions of components are connected, views and those of synchronizers included:
+  /// to leave out work that nobody asks for. Recorders and tools are not counted. Components that
+  /// subscribe or unsubscribe while they run change it, in simulated time in the same round in
+  /// every run; otherwise it is fixed when the application starts. In a replay it is that of the
+  /// components that run in it: what a component publishes should not depend on it.
+  [[nodiscard]] std::size_t subscriber_count() const { return detail::count_subscribers(*core_); }
 
  private:
   detail::PublisherCore* core_;
@@ -171,10 +203,13 @@ class ExternalPublisher {
     return Loan<T>(*core_, detail::take_external_loan(*core_, false), true);
   }
 
-  /// Hands `message` to every subscriber; `taken_at` says when its content was measured.
+  /// Hands `message` to every subscriber; `options` say when its content was measured.
+  void publish(Loan<T> message, const PublishOptions& options = {}) {
+    publish(std::move(message), options.taken_at ? *options.taken_at : now());
+  }
+  /// As the other one.
   void publish(Loan<T> message, Time taken_at) {
-    FASTCYCLE_ASSERT(message.publisher_ == core_,
-                     "a loan is published by the publisher that lent it");
+    message.check_for(*core_);
     detail::publish_external(*core_, std::exchange(message.envelope_, nullptr), taken_at);
   }
 
@@ -182,6 +217,15 @@ class ExternalPublisher {
   ///
   /// @pre  The publisher has credits: `PublisherOptions::credits`, or `"credits"` of its topic.
   [[nodiscard]] std::size_t credits() { return detail::ask_external_credits(*core_); }
+
+  /// See `Publisher::subscriber_count`.
+  [[nodiscard]] std::size_t subscriber_count() const {
+    return detail::count_external_subscribers(*core_);
+  }
+
+  /// The application's time now, for `taken_at`. It is the time of the wall unless the run is
+  /// simulated, or faster or slower than that; simulated time moves on unless a `TimeHold` is held.
+  [[nodiscard]] Time now() const noexcept { return detail::now_of(*core_); }
 
   /// Waits until one message may be published; false if `stop` ended the waiting. Several threads
   /// that share a publisher take turns: what one of them waited for another may use.

@@ -12,39 +12,55 @@ class Sample;
 
 namespace detail {
 template <Message T>
-Sample<T> share(Envelope& envelope);
+Sample<T> share(Envelope& envelope, Holder holder = kNobody);
 template <Message T>
 Envelope* envelope_of(const Sample<T>& sample);
+template <Message T>
+Holder holder_of(const Sample<T>& sample);
 }  // namespace detail
 
 /// A received message: shared by all who hold it, and const.
 ///
 /// A callback that takes `const Sample<T>&` may copy it to keep the message; no byte is copied, and
 /// the message goes back to its publisher when the last sample lets go. What a component keeps
-/// longer than its callback lasts is declared as `"keep"` of the subscription, so that the
-/// publisher's pool is large enough.
+/// longer than its callback lasts is declared as `SubscriberOptions::keep`, so that the publisher's
+/// pool is large enough. Who keeps more than its share gets no further message until it lets go,
+/// and is named in the log; the other subscribers are served.
 ///
 /// @threads  Compatible; copies may live on different threads.
-/// @realtime Copying and letting go is one atomic step; nothing is allocated or freed.
+/// @realtime Copying and letting go is at most three atomic steps; nothing is allocated or freed.
 template <Message T>
 class Sample {
  public:
   Sample() = default;
   /// Holds the same message.
-  Sample(const Sample& other) noexcept : envelope_(other.envelope_) {
+  Sample(const Sample& other) noexcept
+      : envelope_(other.envelope_), holder_(other.holder_), is_lent_(false) {
     if (envelope_ != nullptr) {
       detail::retain(*envelope_);
+      note_kept();
     }
   }
   /// Takes the message over.
-  Sample(Sample&& other) noexcept : envelope_(std::exchange(other.envelope_, nullptr)) {}
+  Sample(Sample&& other) noexcept
+      : envelope_(std::exchange(other.envelope_, nullptr)),
+        holder_(other.holder_),
+        is_lent_(other.is_lent_) {
+    stop_being_lent();
+  }
   /// Lets go of what it held, and holds that of `other`.
   Sample& operator=(Sample other) noexcept {
     std::swap(envelope_, other.envelope_);
+    std::swap(holder_, other.holder_);
+    std::swap(is_lent_, other.is_lent_);
+    stop_being_lent();
     return *this;
   }
   ~Sample() {
     if (envelope_ != nullptr) {
+      if (!is_lent_ && holder_ != detail::kNobody) {
+        detail::let_go(*envelope_, holder_);
+      }
       detail::release(envelope_);
     }
   }
@@ -69,25 +85,49 @@ class Sample {
   }
 
  private:
-  friend Sample detail::share<T>(detail::Envelope& envelope);
+  friend Sample detail::share<T>(detail::Envelope& envelope, detail::Holder holder);
   friend detail::Envelope* detail::envelope_of<T>(const Sample& sample);
+  friend detail::Holder detail::holder_of<T>(const Sample& sample);
+
+  Sample(detail::Envelope& envelope, detail::Holder holder) noexcept
+      : envelope_(&envelope), holder_(holder), is_lent_(true) {}
+
+  void note_kept() const noexcept {
+    if (holder_ != detail::kNobody) {
+      detail::keep(*envelope_, holder_);
+    }
+  }
+  void stop_being_lent() noexcept {
+    if (envelope_ != nullptr && is_lent_) {
+      note_kept();
+    }
+    is_lent_ = false;
+  }
 
   detail::Envelope* envelope_ = nullptr;
+  detail::Holder holder_ = detail::kNobody;
+  /// What FastCycle hands to a callback ends with that, unless it is copied or moved from: only
+  /// then it counts as kept.
+  bool is_lent_ = false;
 };
 
 namespace detail {
 
+/// A sample for the time of a callback of `holder`.
 template <Message T>
-Sample<T> share(Envelope& envelope) {
+Sample<T> share(Envelope& envelope, Holder holder) {
   retain(envelope);
-  Sample<T> sample;
-  sample.envelope_ = &envelope;
-  return sample;
+  return Sample<T>(envelope, holder);
 }
 
 template <Message T>
 Envelope* envelope_of(const Sample<T>& sample) {
   return sample.envelope_;
+}
+
+template <Message T>
+Holder holder_of(const Sample<T>& sample) {
+  return sample.holder_;
 }
 
 }  // namespace detail

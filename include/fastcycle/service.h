@@ -348,6 +348,7 @@ void Context::create_service(std::string_view name, F callback) {
 
 template <Message Request, Message T, typename F>
 void Context::create_service(std::string_view name, const ServiceOptions& options, F callback) {
+  FASTCYCLE_REFUSE_COPIED_MESSAGE(F);
   constexpr bool kAnswersAtOnce = std::invocable<F&, const Request&, T&>;
   constexpr bool kKeeps = std::invocable<F&, const Sample<Request>&, Responder<T>>;
   static_assert(kAnswersAtOnce || kKeeps || std::invocable<F&, const Request&, Responder<T>>,

@@ -73,8 +73,13 @@ concept SetCallback = std::invocable<F&, const T&...> || std::invocable<F&, cons
 
 namespace detail {
 
+/// A message, and the subscription that received it.
+struct SetMember {
+  Envelope* envelope;
+  Holder holder;
+};
 /// One member of each topic, in the order in which the topics were declared.
-using SetOfEnvelopes = std::span<Envelope* const>;
+using SetOfEnvelopes = std::span<const SetMember>;
 using EnvelopeSetCallback = std::function<void(SetOfEnvelopes)>;
 
 /// An input of a synchronizer, without its C++ type.
@@ -90,11 +95,11 @@ template <typename... T, typename F, std::size_t... I>
 EnvelopeSetCallback set_callback(F callback, std::index_sequence<I...>) {
   if constexpr (std::invocable<F&, const Sample<T>&...>) {
     return [callback = std::move(callback)](SetOfEnvelopes set) mutable {
-      callback(share<T>(*set[I])...);
+      callback(share<T>(*set[I].envelope, set[I].holder)...);
     };
   } else {
     return [callback = std::move(callback)](SetOfEnvelopes set) mutable {
-      callback(static_cast<const T&>(*set[I]->payload)...);
+      callback(static_cast<const T&>(*set[I].envelope->payload)...);
     };
   }
 }
@@ -108,6 +113,7 @@ void Context::create_synchronizer(const std::string_view (&topics)[N],
   static_assert(N == sizeof...(T), "a synchronizer names one topic for each of its types");
   static_assert(SetCallback<F, T...>,
                 "a synchronizer's callback takes one message, or one sample, of each topic");
+  FASTCYCLE_REFUSE_COPIED_MESSAGE(F);
   const std::array<const google::protobuf::Message*, N> types{&T::default_instance()...};
   std::array<detail::SynchronizedTopic, N> inputs;
   for (std::size_t i = 0; i < N; ++i) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -40,6 +41,8 @@ class Bench {
   class Input;
   template <Message T>
   class Output;
+  template <Message T>
+  struct Received;
   template <Message Request, Message T>
   class Caller;
   template <Message T>
@@ -153,10 +156,14 @@ class Collector final : public Component {
  public:
   explicit Collector(Context& context) : Component(context) {
     context.create_subscriber<T>(context.param<std::string>("topic").get(), {.depth = 65536},
-                                 [this](const T& message) { messages.push_back(message); });
+                                 [this](const Sample<T>& sample) {
+                                   messages.push_back(*sample);
+                                   infos.push_back(sample.info());
+                                 });
   }
 
   std::vector<T> messages;
+  std::vector<MessageInfo> infos;  ///< Of each of them.
 };
 
 template <Message Request, Message T>
@@ -203,6 +210,13 @@ class Bench::Input {
   std::string name_;
 };
 
+/// A message that a test received, and what the framework knows of it.
+template <Message T>
+struct Bench::Received {
+  T message;         ///< A copy, which stays as it is.
+  MessageInfo info;  ///< When it was published, by whom, and how old what led to it is.
+};
+
 /// Where a test sees what was published. Valid as long as its bench.
 template <Message T>
 class Bench::Output {
@@ -210,7 +224,24 @@ class Bench::Output {
   /// The messages since the last call, oldest first.
   [[nodiscard]] std::vector<T> take() {
     auto& collector = static_cast<detail_testing::Collector<T>&>(bench_->component(name_));
+    collector.infos.clear();
     return std::exchange(collector.messages, {});
+  }
+
+  /// The same, each with its `MessageInfo`:
+  ///
+  ///     const auto limited = output.take_with_info().at(0);
+  ///     EXPECT_EQ(limited.message.mps(), 20.0);
+  ///     EXPECT_EQ(limited.info.origin.taken, taken);
+  [[nodiscard]] std::vector<Received<T>> take_with_info() {
+    auto& collector = static_cast<detail_testing::Collector<T>&>(bench_->component(name_));
+    std::vector<Received<T>> all;
+    for (std::size_t i = 0; i < collector.messages.size(); ++i) {
+      all.push_back({std::move(collector.messages[i]), collector.infos[i]});
+    }
+    collector.messages.clear();
+    collector.infos.clear();
+    return all;
   }
 
  private:

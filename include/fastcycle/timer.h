@@ -24,6 +24,8 @@ struct Tick {
 namespace detail {
 class TimerCore;
 void arm_timer(TimerCore& timer, Time due) noexcept;
+void arm_timer_in(TimerCore& timer, Duration delay) noexcept;
+void reset_timer(TimerCore& timer) noexcept;
 void cancel_timer(TimerCore& timer) noexcept;
 }  // namespace detail
 
@@ -32,7 +34,8 @@ void cancel_timer(TimerCore& timer) noexcept;
 /// A tick that comes a whole period late replaces those that it missed, and they are counted as
 /// overruns; at most one tick of a timer waits.
 ///
-/// @threads  Confined to its component's activations.
+/// @threads  Confined to its component's activations: who calls it elsewhere is told, and the
+///           process ends. Its constructor and destructor may cancel.
 /// @realtime No allocation, no lock.
 class Timer {
  public:
@@ -45,7 +48,16 @@ class Timer {
   /// @pre  The timer has no period.
   void arm_at(Time due) { detail::arm_timer(*core_, due); }
 
-  /// No callback comes until the next `arm_at`; a periodic timer stops for good.
+  /// Calls back once, when `delay` has passed since the time of this activation; else as `arm_at`.
+  void arm_in(Duration delay) { detail::arm_timer_in(*core_, delay); }
+
+  /// The period begins anew: the next tick is due one period after the time of this activation, and
+  /// each of the others one period later. One that was cancelled ticks again.
+  ///
+  /// @pre  The timer has a period.
+  void reset() { detail::reset_timer(*core_); }
+
+  /// No callback comes until the next `arm_at` or `reset`.
   void cancel() { detail::cancel_timer(*core_); }
 
  private:

@@ -12,7 +12,10 @@
 #define FASTCYCLE_TEXT_OF_(x) #x
 #define FASTCYCLE_TEXT_OF(x) FASTCYCLE_TEXT_OF_(x)
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(FASTCYCLE_SANITIZER)
+// The build says it: a component with a sanitizer for a host without one, which loads the
+// sanitizer's library first.
+#elif defined(__SANITIZE_ADDRESS__)
 #define FASTCYCLE_SANITIZER "address"
 #elif defined(__SANITIZE_THREAD__)
 #define FASTCYCLE_SANITIZER "thread"

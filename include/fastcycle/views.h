@@ -25,6 +25,7 @@ std::size_t view_size(const View& view) noexcept;
 /// The envelope at `index`, counted from the oldest. @pre `index < view_size(view)`
 Envelope& view_at(const View& view, std::size_t index) noexcept;
 Time view_now(const View& view) noexcept;
+Holder view_holder(const View& view) noexcept;
 
 }  // namespace detail
 
@@ -33,7 +34,8 @@ Time view_now(const View& view) noexcept;
 /// It causes no activation and no wake-up. What it shows is frozen when an activation starts: two
 /// questions in one callback get one answer.
 ///
-/// @threads  Confined to its component's activations.
+/// @threads  Confined to its component's activations: who asks elsewhere is told, and the process
+///           ends.
 /// @realtime No lock, no allocation.
 template <Message T>
 class Latest {
@@ -44,7 +46,9 @@ class Latest {
   /// The newest message, or an empty sample if none came yet.
   [[nodiscard]] Sample<T> get() const {
     const auto size = detail::view_size(*view_);
-    return size == 0 ? Sample<T>() : detail::share<T>(detail::view_at(*view_, size - 1));
+    return size == 0
+               ? Sample<T>()
+               : detail::share<T>(detail::view_at(*view_, size - 1), detail::view_holder(*view_));
   }
 
   /// How old the newest message is, from its publish time to now; none if there is none.
@@ -62,7 +66,7 @@ class Latest {
 ///
 /// As with `Latest`, it causes no activation, and what it shows is frozen when one starts.
 ///
-/// @threads  Confined to its component's activations.
+/// @threads  As `Latest`.
 /// @realtime No lock; `range` allocates the vector that it returns.
 template <Message T>
 class History {
@@ -76,7 +80,7 @@ class History {
   /// The message at `index`, counted from the oldest. @pre `index < size()`
   [[nodiscard]] Sample<T> operator[](std::size_t index) const {
     FASTCYCLE_ASSERT(index < size(), "an index of a history is below its size");
-    return detail::share<T>(detail::view_at(*view_, index));
+    return detail::share<T>(detail::view_at(*view_, index), detail::view_holder(*view_));
   }
 
   /// The newest message published at or before `time`; an empty sample if there is none.

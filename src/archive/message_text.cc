@@ -13,8 +13,6 @@
 #include <google/protobuf/message.h>
 #include <google/protobuf/util/json_util.h>
 
-#include "archive/utf8.h"
-
 namespace fastcycle::archive {
 namespace {
 
@@ -234,25 +232,6 @@ class Elider {
 TextLimits TextLimits::none() {
   constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
   return {.elements = kAll, .bytes = kAll, .letters = kAll};
-}
-
-std::string printable(std::string_view text) {
-  std::string result;
-  while (!text.empty()) {
-    const std::size_t length = utf8_length(text);
-    const auto lead = static_cast<unsigned char>(text.front());
-    const bool is_control =
-        lead < 0x20 || lead == 0x7F ||
-        (length == 2 && lead == 0xC2 && static_cast<unsigned char>(text[1]) < 0xA0);
-    if (length == 0 || is_control) {
-      result += fmt::format("\\x{:02x}", lead);
-      text.remove_prefix(1);
-    } else {
-      result += text.substr(0, length);
-      text.remove_prefix(length);
-    }
-  }
-  return result;
 }
 
 std::string scalar_text(const pb::Message& message, const Field& field, int index) {

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/printable.h"
 #include "mcap/records.h"
 
 namespace google::protobuf {
@@ -14,8 +15,7 @@ class Message;
 
 namespace fastcycle::archive {
 
-/// `text` for a terminal: control characters and what is no UTF-8 are written as `\x1b`.
-[[nodiscard]] std::string printable(std::string_view text);
+using base::printable;
 
 /// One value: of a field, or of an element of a repeated one, as `index` says. Numbers are as short
 /// as they can be without loss, enums have their names, bytes their size: `<7 bytes>`.

@@ -109,14 +109,6 @@ TEST_F(MessageText, WhatIsCutAlreadyCountsAsLeftOut) {
   EXPECT_EQ(json.elided[3].left_out, 1000U);
 }
 
-TEST(Printable, ControlsOfATerminalAreShownAsNumbers) {
-  EXPECT_EQ(printable("a\x1b[31mä€\n\x7f"), "a\\x1b[31mä€\\x0a\\x7f");
-  EXPECT_EQ(printable("\xc2\x9b"
-                      "1m"),
-            "\\xc2\\x9b1m");
-  EXPECT_EQ(printable("\xff"), "\\xff");
-}
-
 TEST(Hex, IsCutWhereItIsLong) {
   EXPECT_EQ(to_hex(mcap::bytes_of("\x01\xab"), {}), "01ab");
   EXPECT_EQ(to_hex(mcap::bytes_of("abcd"), {.bytes = 2}), "6162… 2 more");

@@ -17,7 +17,7 @@
 #include <google/protobuf/util/json_util.h>
 #include <google/protobuf/wire_format.h>
 
-#include "archive/utf8.h"
+#include "base/utf8.h"
 #include "mcap/decode.h"
 
 namespace fastcycle::archive {
@@ -205,7 +205,7 @@ class WireCheck {
     const bool is_text =
         field.type() == pb::FieldDescriptor::TYPE_STRING &&
         (is_strict_ || field.file()->syntax() == pb::FileDescriptor::SYNTAX_PROTO3);
-    if (is_text && !is_utf8(text)) {
+    if (is_text && !base::is_utf8(text)) {
       return fail("no UTF-8 in the text " + field.full_name());
     }
     return takes(48 + std::uint64_t{length}) && input_.Skip(static_cast<int>(length));

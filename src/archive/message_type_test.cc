@@ -8,7 +8,7 @@
 
 #include "archive/message_text.h"
 #include "archive/test_log.h"
-#include "archive/utf8.h"
+#include "base/utf8.h"
 
 namespace fastcycle::archive {
 namespace {
@@ -145,12 +145,12 @@ TEST(MessageTypes, ProblemOfASchemaIsKept) {
 TEST(Utf8, IsWhatTheStandardSays) {
   for (const std::string_view right :
        {"", "a", "ä", "€", "𝄞", "\xED\x9F\xBF", "\xF4\x8F\xBF\xBF"}) {
-    EXPECT_TRUE(is_utf8(right)) << right;
+    EXPECT_TRUE(base::is_utf8(right)) << right;
   }
   for (const std::string_view wrong :
        {"\x80", "\xC3", "\xC0\xAF", "\xE0\x80\xAF", "\xED\xA0\x80", "\xF0\x80\x80\x80",
         "\xF4\x90\x80\x80", "\xF5\x80\x80\x80"}) {
-    EXPECT_FALSE(is_utf8(wrong));
+    EXPECT_FALSE(base::is_utf8(wrong));
   }
 }
 

@@ -6,9 +6,9 @@
 #include <system_error>
 #include <utility>
 
-#include <fcntl.h>
 #include <unistd.h>
 
+#include "base/files.h"
 #include "mcap/error.h"
 
 namespace fastcycle::archive {
@@ -49,18 +49,6 @@ fs::path beside(const fs::path& path) {
   return name;
 }
 
-/// 0, or the error. Where the file system cannot refuse a name that is taken, it was looked for
-/// before.
-int rename_to_free(const fs::path& from, const fs::path& to) {
-  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) {
-    return 0;
-  }
-  if (errno != EINVAL && errno != ENOSYS) {
-    return errno;
-  }
-  return std::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
-}
-
 }  // namespace
 
 OutputFile::OutputFile(fs::path path, const Options& options)
@@ -80,19 +68,12 @@ void OutputFile::commit() {
   sink_->sync();
   const int error = may_replace_
                         ? (std::rename(unfinished_.c_str(), path_.c_str()) == 0 ? 0 : errno)
-                        : rename_to_free(unfinished_, path_);
+                        : base::rename_to_free(unfinished_, path_);
   if (error != 0) {
     refuse(path_, "a name that it can get", std::system_category().message(error));
   }
   is_committed_ = true;
-  // So that the name, too, outlives a power cut.
-  const fs::path folder = path_.parent_path();
-  const int file =
-      ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (file >= 0) {
-    ::fsync(file);
-    ::close(file);
-  }
+  base::sync_folder(path_.parent_path());
 }
 
 }  // namespace fastcycle::archive

@@ -16,6 +16,16 @@ void require_readable(const mcap::Writer& writer, const std::string& file) {
   }
 }
 
+void require_messages(const std::optional<mcap::Problem>& problem, std::uint64_t messages) {
+  if (problem && messages == 0) {
+    throw mcap::Error(
+        {.place = problem->place,
+         .record = problem->record,
+         .expected = "at least one whole message before the file ends or is damaged",
+         .found = "none: expected " + problem->expected + ", found " + problem->found});
+  }
+}
+
 void write_readably(mcap::Writer& writer, const mcap::MessageHead& head, mcap::Bytes data) {
   constexpr std::uint64_t kLarge = std::uint64_t{16} << 20U;
   if (data.size() > kLarge) {

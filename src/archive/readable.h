@@ -1,8 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
+#include "mcap/error.h"
+#include "mcap/record_reader.h"
 #include "mcap/records.h"
 #include "mcap/writer.h"
 
@@ -13,10 +16,16 @@ namespace fastcycle::archive {
 
 inline constexpr std::uint64_t kMostDefinitionBytes = std::uint64_t{96} << 20U;
 inline constexpr std::uint64_t kMostIndexBytes = std::uint64_t{128} << 20U;
-inline constexpr std::uint64_t kMostMessageBytes = (std::uint64_t{512} << 20U) - 1024;
+using mcap::kMostMessageBytes;
 
 /// @errors  `mcap::Error` about `file`, of which this is a copy, if its summary would be too large.
 void require_readable(const mcap::Writer& writer, const std::string& file);
+
+/// An input that ends before its first whole message gives nothing: to go on as if it were empty
+/// would hide what is missing.
+///
+/// @errors  `mcap::Error` with where it ends, if nothing was read of it although it has no end.
+void require_messages(const std::optional<mcap::Problem>& problem, std::uint64_t messages);
 
 /// Writes a message so that no chunk becomes too large.
 ///

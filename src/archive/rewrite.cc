@@ -206,6 +206,7 @@ class Rewriter {
  private:
   void note(const Input& input) {
     const auto& statistics = input.reader.statistics();
+    require_messages(input.reader.problem(), statistics->message_count);
     if (input.reader.problem()) {
       result_.problems.push_back(*input.reader.problem());
     }

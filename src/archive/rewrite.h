@@ -63,7 +63,8 @@ using NextSink = std::function<mcap::Sink&(std::uint64_t number)>;
 ///
 /// Memory: what `mcap::Reader` says, for each input; one chunk.
 ///
-/// @errors  `mcap::Error`, also a `Damage` of an input (`recover` saves what there is).
+/// @errors  `mcap::Error`, also a `Damage` of an input (`recover` saves what there is), and for an
+///          input that was cut off before its first whole message.
 Rewritten rewrite(std::span<const mcap::Source* const> inputs, const NextSink& next_sink,
                   const Layout& layout = {}, const Selection& selection = {},
                   const Progress& progress = {});

@@ -285,6 +285,17 @@ TEST(Rewrite, InputThatWasNotClosedIsTakenAndSaid) {
   EXPECT_EQ(content_of(sink.file()), content_of(file));
 }
 
+TEST(Rewrite, AnInputThatIsCutOffBeforeItsFirstWholeMessageIsAnError) {
+  const std::string file = mcap::drive(mcap::small_chunks(mcap::Compression::kLz4));
+  const std::size_t chunk = mcap::find_record(file, mcap::Opcode::kChunk, 0);
+
+  for (const std::size_t size : {chunk, chunk + 40}) {
+    // Beside one that is whole, too: what is missing must not be hidden.
+    EXPECT_THROW(rewritten({file.substr(0, size)}), mcap::Error) << size;
+    EXPECT_THROW(rewritten({file, file.substr(0, size)}), mcap::Error) << size;
+  }
+}
+
 TEST(Rewrite, DamageOfAnInputIsAnError) {
   std::string file = mcap::drive(mcap::small_chunks());
   const std::size_t chunk = mcap::find_record(file, mcap::Opcode::kChunk, 1);

@@ -6,8 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "archive/view_data.h"
-
 namespace fastcycle::archive {
 namespace {
 

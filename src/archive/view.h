@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,6 +11,11 @@
 #include <nlohmann/json.hpp>
 
 namespace fastcycle::archive {
+
+/// What is wrong with a view, with its place.
+class ViewMistake final : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
 
 /// Points in a field of bytes, all of the same size: where each has what.
 struct PointLayout {
@@ -48,7 +54,7 @@ struct View {
 
 /// Reads a view: JSON, with comments. What it says is in docs/reference/page.md.
 ///
-/// @errors  `ViewMistake` with the place in it (view_data.h).
+/// @errors  `ViewMistake` with the place in it.
 View parse_view(std::string_view text);
 
 }  // namespace fastcycle::archive

@@ -17,7 +17,6 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/message_type.h"
-#include "archive/view.h"
 
 namespace fastcycle::archive {
 namespace {

@@ -2,20 +2,15 @@
 
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "archive/progress.h"
+#include "archive/view.h"
 #include "mcap/reader.h"
 
 namespace fastcycle::archive {
-
-/// What is wrong with a view, with its place.
-class ViewMistake final : public std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
 
 struct ViewOptions {
   std::uint64_t begin_ns = 0;                ///< Of publish times.

@@ -12,4 +12,10 @@ void assertion_failed(const char* condition, const char* rule, const char* file,
   std::abort();
 }
 
+void contract_broken(const char* what) noexcept {
+  std::fprintf(stderr, "fastcycle: broken contract: %s\n", what);
+  std::fflush(stderr);
+  std::abort();
+}
+
 }  // namespace fastcycle::detail

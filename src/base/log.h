@@ -6,67 +6,173 @@
 #include <cstdint>
 #include <functional>
 #include <mutex>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/sleepers.h"
 #include "base/thread.h"
 #include "fastcycle/log.h"
 
 namespace fastcycle::detail {
 
+/// One line, and who says it when.
+struct LogLine {
+  Time time;
+  LogLevel level = LogLevel::kInfo;
+  std::string_view component;
+  std::string_view text;
+};
+
+/// `12.345678 warning planner: no lane`, without an end of line: seconds since `start`, 0 before
+/// it, and nothing in it that would steer a terminal.
+[[nodiscard]] std::string to_string(const LogLine& line, Time start);
+
 /// The lines of one application on their way to standard error, printed by a thread of its own.
 ///
-/// @threads  `write` is Safe.
+/// @threads  `write`, `set_start`, `set_listener` are Safe.
 /// @realtime `write` allocates nothing, takes no lock and touches no file; it makes one wake call
-///           when the printing thread sleeps. A line that finds the queue full is counted.
+///           when the printing thread sleeps. A line that finds the queue full is counted, which is
+///           told at most once a second, and at the end.
 class LogQueue {
  public:
-  LogQueue();
+  static constexpr std::size_t kCapacity = 1024;
+  /// A line's text is cut behind so many bytes.
+  static constexpr std::size_t kTextBytes = 400;
+  /// Who says what is of no component.
+  static constexpr std::string_view kOwnName = "fastcycle";
+
+  explicit LogQueue(const base::Clock& clock);
   LogQueue(const LogQueue&) = delete;
   LogQueue& operator=(const LogQueue&) = delete;
-  /// Prints what is left, and how many lines were dropped.
+  /// Prints what is left, and how many lines were lost.
   ~LogQueue();
 
-  void write(LogLevel level, std::string_view component, std::string_view text) noexcept;
+  void write(const LogLine& line) noexcept;
 
-  using Listener =
-      std::function<void(LogLevel level, std::string_view component, std::string_view text)>;
+  /// From now on times are printed since `start`; before the first call all are 0.
+  void set_start(Time start) noexcept { start_ns_.store(base::to_ns(start)); }
+
+  /// Whether all that was written until now is printed. A signal handler may ask that too.
+  [[nodiscard]] bool is_printed() const noexcept;
+
+  using Listener = std::function<void(const LogLine& line)>;
   /// From now on `listener` is given each line that is printed, on the thread that prints; an empty
-  /// one ends that, and is not called any more once this has returned. Safe.
-  void set_listener(Listener listener);
+  /// one ends that for `who`, and is not called any more once this has returned.
+  void set_listener(const void* who, Listener listener);
 
  private:
-  static constexpr std::size_t kCapacity = 1024;
-
   struct Slot {
     std::atomic<std::size_t> turn{0};
+    Time time;
     LogLevel level{};
     std::size_t component_size = 0;
     std::size_t text_size = 0;
     std::array<char, 48> component{};
-    std::array<char, 400> text{};
+    std::array<char, kTextBytes> text{};
   };
 
   [[nodiscard]] bool has_line() const noexcept;
   void print_line() noexcept;
+  void print(const LogLine& line) noexcept;
+  void tell_lost() noexcept;
   void print_until_stopped() noexcept;
 
-  /// On a terminal it clears the line: something that is redrawn may stand there.
-  const char* const line_begin_;
+  const base::Clock& clock_;
+  /// Standard error is a terminal: a line that is redrawn may stand there, and is cleared.
+  const bool is_terminal_;
+  const bool is_coloured_;
   std::vector<Slot> slots_;
   alignas(64) std::atomic<std::size_t> tail_{0};
-  std::atomic<std::uint64_t> dropped_{0};
+  std::atomic<std::uint64_t> lost_{0};
+  std::atomic<std::int64_t> start_ns_{base::kNever};
   std::atomic<bool> is_stopping_{false};
   base::Sleepers sleepers_;
 
   // Printing thread only.
   std::size_t head_ = 0;
+  std::uint64_t told_lost_ = 0;
+  std::int64_t next_tell_ns_ = 0;
 
   std::mutex listener_mutex_;
-  Listener listener_;
+  std::vector<std::pair<const void*, Listener>> listeners_;
 
   base::Thread thread_;
+};
+
+/// Lets each text through once in a while.
+///
+/// @threads  Safe.
+/// @realtime No lock, no allocation; it looks at up to `kTexts` texts.
+class LogThrottle {
+ public:
+  static constexpr std::size_t kTexts = 32;
+
+  /// Whether `text`, known by its address, may be written at `now`, and then not again before
+  /// `period` is over: how many times it might not since the last time. Nothing if it may not.
+  std::optional<std::uint64_t> admit(const char* text, Time now, Duration period) noexcept;
+
+ private:
+  struct Entry {
+    std::atomic<const char*> text{nullptr};
+    std::atomic<std::int64_t> next_ns{INT64_MIN};
+    std::atomic<std::uint64_t> left_out{0};
+  };
+
+  Entry& entry_of(const char* text) noexcept;
+
+  std::array<Entry, kTexts + 1> entries_;  ///< The last one is of all texts that had no place.
+};
+
+/// Whom lines are of: gives them name and time, and leaves out what is below its level.
+///
+/// @threads  Safe, but for what is said otherwise.
+class LogSource {
+ public:
+  /// `name` outlives it.
+  LogSource(LogQueue& queue, std::string_view name, const base::Clock& clock, LogLevel level)
+      : queue_(queue), name_(name), clock_(clock), level_(level) {}
+  LogSource(const LogSource&) = delete;
+  LogSource& operator=(const LogSource&) = delete;
+
+  [[nodiscard]] bool wants(LogLevel level) const noexcept { return level >= level_; }
+  void write(LogLevel level, std::string_view text) { write(level, name_, text); }
+  /// In the name of `component`.
+  void write(LogLevel level, std::string_view component, std::string_view text);
+
+  [[nodiscard]] Time now() const noexcept { return clock_.now(); }
+  [[nodiscard]] LogThrottle& throttle() noexcept { return throttle_; }
+
+  /// A line that is kept for somebody who takes it later.
+  struct Kept {
+    Time time;
+    LogLevel level = LogLevel::kInfo;
+    std::string component;
+    std::string text;
+  };
+  struct AllKept {
+    std::vector<Kept> lines;
+    std::uint64_t lost = 0;  ///< Beyond `kMostKept`.
+  };
+  static constexpr std::size_t kMostKept = 1024;
+  /// From now on lines are kept too, in the order in which they are written. Then `write` takes a
+  /// lock and allocates: for simulated time. Before anybody writes, or between two rounds.
+  void keep() noexcept { is_kept_.store(true); }
+  [[nodiscard]] AllKept take_kept();
+
+ private:
+  LogQueue& queue_;
+  const std::string_view name_;
+  const base::Clock& clock_;
+  const LogLevel level_;
+  LogThrottle throttle_;
+
+  std::atomic<bool> is_kept_{false};
+  std::mutex kept_mutex_;
+  AllKept kept_;
 };
 
 }  // namespace fastcycle::detail

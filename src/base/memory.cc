@@ -43,8 +43,8 @@ bool is_limit_in_force() noexcept {
 
 Refusal refusal(const std::string& why) {
   return {"memory that stays in memory, for real-time executors: " + why,
-          "grant it with `sudo setcap cap_sys_nice,cap_ipc_lock=eip PATH_OF_fastcycle`, or with a "
-          "line `@realtime - memlock unlimited` in /etc/security/limits.conf for a group of yours"};
+          "grant it with a line `@realtime - memlock unlimited` in /etc/security/limits.conf for a "
+          "group of yours, or with `LimitMEMLOCK=infinity` in the unit of a service"};
 }
 
 }  // namespace

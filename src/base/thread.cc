@@ -12,6 +12,7 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 
+#include "base/signal_stack.h"
 #include "fastcycle/assert.h"
 
 namespace fastcycle::base {
@@ -69,8 +70,8 @@ void set_policy(const ThreadOptions& options, std::vector<Refusal>& refusals) {
         {std::string("policy ") + (is_fifo ? "fifo" : "rr") + " with priority " +
              std::to_string(options.priority) + " for thread " + options.name + ": " +
              std::strerror(errno),
-         "grant it with `sudo setcap cap_sys_nice=eip PATH_OF_fastcycle`, or with a line "
-         "`@realtime - rtprio 99` in /etc/security/limits.conf for a group of yours"});
+         "grant it with a line `@realtime - rtprio 99` in /etc/security/limits.conf for a group of "
+         "yours, or with `LimitRTPRIO=99` in the unit of a service"});
   }
 }
 
@@ -89,6 +90,7 @@ void* run(void* argument) {
   pin(start->options, refusals);
   set_policy(start->options, refusals);
   prefault_stack();
+  const SignalStack signal_stack;
   start->refusals.set_value(std::move(refusals));
   start->body();
   return nullptr;

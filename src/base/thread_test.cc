@@ -6,6 +6,8 @@
 #include <sched.h>
 #include <sys/prctl.h>
 
+#include "base/signal_stack.h"
+
 namespace fastcycle::base {
 namespace {
 
@@ -26,6 +28,17 @@ TEST(Thread, HasItsNameAndATimerSlackOfOneNanosecond) {
   EXPECT_STREQ(name.data(), "control");
   EXPECT_EQ(slack_ns, 1);
   EXPECT_TRUE(refusals.empty());
+}
+
+TEST(Thread, HasAStackOfItsOwnForSignalHandlers) {
+  stack_t stack{};
+  std::vector<Refusal> refusals;
+
+  Thread thread({.name = "t", .cpus = {}}, [&] { sigaltstack(nullptr, &stack); }, refusals);
+  thread.join();
+
+  EXPECT_EQ(stack.ss_flags & SS_DISABLE, 0);
+  EXPECT_GE(stack.ss_size, SignalStack::kSize);
 }
 
 TEST(Thread, GivesWayToAllOthersIfAskedTo) {

@@ -9,10 +9,12 @@
 #include <numeric>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include <gmock/gmock.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 
@@ -62,6 +64,19 @@ class Broker : public ::testing::Test {
       return std::nullopt;
     }
 
+    /// Takes the oldest message, as a worker does whose callback takes samples.
+    template <typename Callback>
+    bool take_sample(const Callback& callback) {
+      Inbox::Head head;
+      if (!inbox.peek(head) || !Inbox::pop(head)) {
+        return false;
+      }
+      head.lane->delivered.add();
+      callback(share<Int64Value>(*head.head.envelope, subscription->holder));
+      release(head.head.envelope);
+      return true;
+    }
+
     std::vector<std::int64_t> take_all() {
       std::vector<std::int64_t> values;
       while (const auto value = take()) {
@@ -79,7 +94,7 @@ class Broker : public ::testing::Test {
     owners_.push_back(std::make_unique<PublishingComponent>());
     owners_.back()->name = component;
     owners_.back()->clock = &clock_;
-    owners_.back()->is_in_activation = true;
+    owners_.back()->enter();
     return topics_.add_publisher("t", *owners_.back(), Int64Value::default_instance(), nullptr,
                                  false);
   }
@@ -97,7 +112,12 @@ class Broker : public ::testing::Test {
 
   void connect() { topics_.connect_all(); }
 
+  [[nodiscard]] static std::uint64_t dropped(const Receiver& receiver, DropReason reason) {
+    return receiver.subscription->ledger().dropped[static_cast<std::size_t>(reason)];
+  }
+
   static void publish(PublisherCore& publisher, std::int64_t value) {
+    publisher.owner.enter();
     Envelope* loan = publisher.loan(true);
     static_cast<Int64Value&>(*loan->own).set_value(value);
     publisher.publish(loan, {});
@@ -166,12 +186,34 @@ TEST_F(Broker, AMessageReachesEverySubscriberAsTheSameObject) {
   }
 }
 
+TEST_F(Broker, LateSubscriptionsStandInAnOrderThatDoesNotSayWhoWasFirst) {
+  Inbox inbox;
+  Topic& topic = topics_.get("t", "b", Int64Value::default_instance());
+  const auto add = [&](const char* component) {
+    topic.add(std::make_unique<Subscription>(topic, inbox, component, Subscription::Kind::kCallback,
+                                             SubscriberOptions{}));
+  };
+  add("b");
+  add("a");
+  connect();
+  add("late_z");
+  add("late_c");
+  add("a");
+
+  std::vector<std::string> components;
+  for (const auto& subscription : topic.subscriptions) {
+    components.push_back(subscription->component);
+  }
+  EXPECT_THAT(components, ::testing::ElementsAre("b", "a", "a", "late_c", "late_z"));
+}
+
 TEST_F(Broker, ForwardingHandsOnTheSameBytesWithTheForwardersInfo) {
   PublisherCore& first = publisher("first");
   Receiver& middle = receiver();
   connect();
   Topics more;
-  PublishingComponent forwarder{.name = "forwarder", .clock = &clock_, .is_in_activation = true};
+  PublishingComponent forwarder{.name = "forwarder", .clock = &clock_};
+  forwarder.enter();
   PublisherCore& second =
       more.add_publisher("u", forwarder, Int64Value::default_instance(), nullptr, false);
   Receiver last;
@@ -183,7 +225,7 @@ TEST_F(Broker, ForwardingHandsOnTheSameBytesWithTheForwardersInfo) {
   Inbox::Head head;
   ASSERT_TRUE(middle.inbox.peek(head) && Inbox::pop(head));
 
-  second.forward(head.head.envelope);
+  second.forward(head.head.envelope, kNobody);
   const google::protobuf::Message* payload = head.head.envelope->payload;
   release(head.head.envelope);
 
@@ -305,6 +347,227 @@ TEST_F(Broker, ADryPoolLendsAllTheSameAndCountsTheLossForEverySubscriber) {
   EXPECT_EQ(reader.take(), 200) << "once messages came back, all is as before";
 }
 
+/// Remembers what it is told.
+class NotingPoolWatch final : public PoolWatch {
+ public:
+  void ran_short(const PoolShortage& shortage) noexcept override { told.push_back(shortage); }
+  std::vector<PoolShortage> told;
+};
+
+TEST_F(Broker, WhoKeepsTooMuchRunsOutOfItsOwnShareAndNobodyElseLosesAnything) {
+  NotingPoolWatch watch;
+  PublisherCore& speed = publisher("planner");
+  topics_.set_pool_watch(watch);
+  Receiver& hoarder = receiver();
+  Receiver& reader = receiver();
+  connect();
+  std::vector<Sample<Int64Value>> kept;
+  std::int64_t received = 0;
+
+  for (int i = 0; i < 1'000; ++i) {
+    publish(speed, i);
+    hoarder.take_sample([&](const Sample<Int64Value>& sample) { kept.push_back(sample); });
+    received += reader.take() == i ? 1 : 0;
+  }
+
+  EXPECT_EQ(received, 1'000);
+  EXPECT_EQ(dropped(reader, DropReason::kPool), 0U);
+  EXPECT_GE(kept.size(), 17U) << "what it may have without a word";
+  EXPECT_EQ(dropped(hoarder, DropReason::kPool), 1'000 - kept.size());
+  EXPECT_TRUE(hoarder.subscription->ledger().adds_up());
+  EXPECT_EQ(speed.kept_by(hoarder.subscription->holder), kept.size());
+  EXPECT_LE(speed.allocated(), 2U * (2 + 17 + 17) + 64);
+  ASSERT_EQ(watch.told.size(), 3U) << "of the 1st, the 10th and the 100th that is dropped";
+  EXPECT_EQ(watch.told[0].kind, PoolShortage::Kind::kKept);
+  EXPECT_EQ(watch.told[0].publisher, "planner");
+  EXPECT_EQ(watch.told[0].held, kept.size());
+  EXPECT_GE(watch.told[0].share, kept.size());
+  kept.clear();
+  EXPECT_EQ(speed.kept_by(hoarder.subscription->holder), 0U);
+  publish(speed, 1'000);
+  EXPECT_EQ(hoarder.take(), 1'000) << "once it let go, all is as before";
+}
+
+TEST_F(Broker, OfAPoolThatMayHaveNoMoreThanItNeedsAHoarderGetsWhatItAskedFor) {
+  PublisherCore& speed = publisher("planner", {.pool_max = 8});
+  Receiver& hoarder = receiver();
+  Receiver& reader = receiver();
+  connect();
+  std::vector<Sample<Int64Value>> kept;
+
+  for (int i = 0; i < 100; ++i) {
+    publish(speed, i);
+    hoarder.take_sample([&](const Sample<Int64Value>& sample) { kept.push_back(sample); });
+    EXPECT_EQ(reader.take(), i);
+  }
+
+  EXPECT_EQ(dropped(reader, DropReason::kPool), 0U);
+  EXPECT_LE(kept.size(), 17U);
+  EXPECT_LE(speed.allocated(), 2U + 17 + 17) << "what all asked for, though the file says less";
+}
+
+TEST_F(Broker, WhoKeepsWhatItDeclaredIsNotHeldBack) {
+  PublisherCore& speed = publisher("planner", {.pool_max = 300});
+  Receiver& keeper = receiver({.depth = 1, .keep = 200});
+  Receiver& hoarder = receiver({.depth = 1});
+  connect();
+  std::vector<Sample<Int64Value>> declared;
+  std::vector<Sample<Int64Value>> kept;
+
+  for (int i = 0; i < 1'000; ++i) {
+    publish(speed, i);
+    keeper.take_sample([&](const Sample<Int64Value>& sample) {
+      if (declared.size() == 200) {
+        declared.erase(declared.begin());
+      }
+      declared.push_back(sample);
+    });
+    hoarder.take_sample([&](const Sample<Int64Value>& sample) { kept.push_back(sample); });
+  }
+
+  EXPECT_EQ(keeper.subscription->ledger().delivered, 1'000U);
+  EXPECT_GT(dropped(hoarder, DropReason::kPool), 0U);
+}
+
+TEST_F(Broker, ManySamplesOfOneMessageCountAsOneMessage) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver();
+  connect();
+  publish(speed, 1);
+  std::vector<Sample<Int64Value>> kept;
+
+  reader.take_sample([&](const Sample<Int64Value>& sample) {
+    for (int i = 0; i < 10; ++i) {
+      kept.push_back(sample);
+    }
+  });
+
+  EXPECT_EQ(speed.kept_by(reader.subscription->holder), 1U);
+  kept.pop_back();
+  EXPECT_EQ(speed.kept_by(reader.subscription->holder), 1U);
+  kept.clear();
+  EXPECT_EQ(speed.kept_by(reader.subscription->holder), 0U);
+}
+
+TEST_F(Broker, ASampleCountsAsKeptOnlyOnceItIsCopiedOrMovedFrom) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver();
+  connect();
+  const Holder holder = reader.subscription->holder;
+  const auto serve = [&](const auto& callback) {
+    publish(speed, 1);
+    ASSERT_TRUE(reader.take_sample(callback));
+  };
+  Sample<Int64Value> kept;
+
+  serve([&](const Sample<Int64Value>&) { EXPECT_EQ(speed.kept_by(holder), 0U); });
+  EXPECT_EQ(speed.kept_by(holder), 0U);
+  serve([&](Sample<Int64Value> sample) { kept = std::move(sample); });
+  EXPECT_EQ(speed.kept_by(holder), 1U);
+  serve([&](const Sample<Int64Value>& sample) { kept = sample; });
+  EXPECT_EQ(speed.kept_by(holder), 1U) << "it let go of the one before";
+  Sample<Int64Value> moved = std::move(kept);
+  EXPECT_EQ(speed.kept_by(holder), 1U);
+  moved = {};
+  EXPECT_EQ(speed.kept_by(holder), 0U);
+}
+
+TEST_F(Broker, SamplesAreCountedRightOnWhicheverThreadsTheyAreCopiedAndLetGo) {
+  PublisherCore& speed = publisher("planner");
+  Receiver& reader = receiver({.keep = 8});
+  connect();
+  constexpr int kThreads = 3;
+  constexpr int kMessages = 100;
+  std::int64_t sum = 0;
+  std::mutex mutex;
+
+  for (int i = 0; i < kMessages; ++i) {
+    publish(speed, i);
+    reader.take_sample([&](const Sample<Int64Value>& lent) {
+      std::vector<std::thread> threads;
+      for (int thread = 0; thread < kThreads; ++thread) {
+        threads.emplace_back([&] {
+          std::vector<Sample<Int64Value>> copies(10, lent);
+          copies.resize(3);
+          const std::lock_guard lock(mutex);
+          sum += copies.front()->value();
+        });
+      }
+      for (std::thread& thread : threads) {
+        thread.join();
+      }
+    });
+  }
+
+  EXPECT_EQ(sum, std::int64_t{kThreads} * kMessages * (kMessages - 1) / 2);
+  EXPECT_EQ(speed.kept_by(reader.subscription->holder), 0U);
+  EXPECT_EQ(dropped(reader, DropReason::kPool), 0U);
+}
+
+TEST_F(Broker, WhatIsForwardedCountsForTheForwarderUntilItsSubscribersLetGo) {
+  PublisherCore& first = publisher("first");
+  Receiver& middle = receiver();
+  Receiver& reader = receiver();
+  connect();
+  Topics more;
+  PublishingComponent forwarder{.name = "forwarder", .clock = &clock_};
+  forwarder.enter();
+  PublisherCore& second =
+      more.add_publisher("u", forwarder, Int64Value::default_instance(), nullptr, false);
+  Receiver last;
+  Topic& topic = more.get("u", "last", Int64Value::default_instance());
+  topic.subscriptions.push_back(std::make_unique<Subscription>(
+      topic, last.inbox, "last", Subscription::Kind::kCallback, SubscriberOptions{.keep = 400}));
+  last.subscription = topic.subscriptions.back().get();
+  more.connect_all();
+  std::vector<Sample<Int64Value>> kept;
+
+  for (int i = 0; i < 500; ++i) {
+    publish(first, i);
+    middle.take_sample([&](const Sample<Int64Value>& sample) {
+      second.forward(envelope_of(sample), holder_of(sample));
+    });
+    last.take_sample([&](const Sample<Int64Value>& sample) { kept.push_back(sample); });
+    EXPECT_EQ(reader.take(), i);
+  }
+
+  EXPECT_EQ(first.kept_by(middle.subscription->holder), kept.size());
+  EXPECT_GT(dropped(middle, DropReason::kPool), 0U);
+  EXPECT_EQ(dropped(reader, DropReason::kPool), 0U);
+  kept.clear();
+  EXPECT_EQ(first.kept_by(middle.subscription->holder), 0U);
+}
+
+TEST_F(Broker, AComponentThatHoardsLoansIsNamedAndThenRefused) {
+  NotingPoolWatch watch;
+  PublisherCore& speed = publisher("planner", {.pool_max = 10});
+  topics_.set_pool_watch(watch);
+  receiver({.depth = 1});
+  connect();
+  std::vector<Envelope*> loans;
+  std::string refusal;
+
+  try {
+    while (loans.size() < 1'000) {
+      loans.push_back(speed.loan(true));
+    }
+  } catch (const std::length_error& error) {
+    refusal = error.what();
+  }
+
+  EXPECT_LT(loans.size(), 100U);
+  EXPECT_NE(refusal.find("component \"planner\" holds 74 loans of \"t\""), std::string::npos)
+      << refusal;
+  ASSERT_FALSE(watch.told.empty());
+  EXPECT_EQ(watch.told.front().kind, PoolShortage::Kind::kLoans);
+  EXPECT_EQ(watch.told.front().component, "planner");
+  for (Envelope* loan : loans) {
+    speed.return_loan(loan);
+  }
+  publish(speed, 1);
+  EXPECT_EQ(receivers_.front()->take(), 1) << "once they came back, all is as before";
+}
+
 TEST_F(Broker, OnlyTheStepFromNothingToSomethingQueuesTheComponent) {
   PublisherCore& speed = publisher("planner");
   Receiver& reader = receiver();
@@ -422,9 +685,9 @@ TEST_F(Broker, MoreThanSixtyLanesShareBitsAndLoseNothing) {
 // Two publishers push as fast as they can into depths of 1 and 8 while a worker takes: every
 // message is delivered once or dropped once, in order per publisher. The thread sanitizer watches.
 TEST_F(Broker, LanesThatShareABitAreServedInTheOrderOfTheirPushes) {
-  constexpr unsigned kShared = 10;
+  constexpr unsigned kTimes = 10;  // Most of them share the last bit.
   std::vector<PublisherCore*> publishers;
-  for (unsigned i = 0; i < Inbox::kLaneBits * kShared; ++i) {
+  for (unsigned i = 0; i < Inbox::kLaneBits * kTimes; ++i) {
     publishers.push_back(&publisher("c" + std::to_string(i), {.multiple_publishers = true}));
   }
   Receiver& to = receiver({.depth = 4});
@@ -447,7 +710,7 @@ TEST_F(Broker, LanesThatShareABitAreServedInTheOrderOfTheirPushes) {
   // not yet. Looked at but once, three in two million were swapped.
   std::int64_t sent = 0;
   while (sent < 100'000) {
-    PublisherCore& from = *publishers[static_cast<std::size_t>(sent) % kShared * Inbox::kLaneBits];
+    PublisherCore& from = *publishers[static_cast<std::size_t>(sent) % kTimes * Inbox::kLaneBits];
     publish(from, ++sent);
     while (sent % 2 == 0 && sent - taken > 2) {
       std::this_thread::yield();
@@ -462,12 +725,33 @@ TEST_F(Broker, LanesThatShareABitAreServedInTheOrderOfTheirPushes) {
   EXPECT_EQ(swapped, 0);
 }
 
+TEST_F(Broker, TwoPublishersOfOneComponentOnOneTopicAreToldApart) {
+  const TopicOptions options{.multiple_publishers = true};
+  PublisherCore& first = publisher("planner", options);
+  PublisherCore& second = publisher("planner", options);
+  PublisherCore& other = publisher("mapper", options);
+  Receiver& reader = receiver();
+  connect();
+
+  publish(first, 1);
+  publish(second, 2);
+
+  EXPECT_EQ(reader.take(), 1);
+  EXPECT_EQ(reader.last_info.publisher, publisher_id("planner", "t"));
+  EXPECT_EQ(reader.take(), 2);
+  EXPECT_EQ(reader.last_info.publisher, publisher_id("planner", "t", 1));
+  EXPECT_NE(first.id, second.id);
+  EXPECT_EQ(other.id, publisher_id("mapper", "t"));
+}
+
 TEST_F(Broker, NothingIsLostOrDoubledUnderConcurrentPushes) {
   constexpr int kMessages = 20'000;
   for (const std::size_t depth : {1U, 8U}) {
     Topics topics;
-    PublishingComponent owner_a{.name = "a", .clock = &clock_, .is_in_activation = true};
-    PublishingComponent owner_b{.name = "b", .clock = &clock_, .is_in_activation = true};
+    PublishingComponent owner_a{.name = "a", .clock = &clock_};
+    owner_a.enter();
+    PublishingComponent owner_b{.name = "b", .clock = &clock_};
+    owner_b.enter();
     topics.set_options("t", {.multiple_publishers = true});
     const auto& type = Int64Value::default_instance();
     PublisherCore& a = topics.add_publisher("t", owner_a, type, nullptr, false);
@@ -586,7 +870,8 @@ TEST_F(Broker, AHeadTellsWhatItsMessageTells) {
   for (const Overflow overflow : {Overflow::kDropOldest, Overflow::kDropNewest}) {
     for (const std::size_t depth : {1U, 2U, 3U}) {
       Topics topics;
-      PublishingComponent owner{.name = "a", .clock = &clock_, .is_in_activation = true};
+      PublishingComponent owner{.name = "a", .clock = &clock_};
+      owner.enter();
       PublisherCore& from = topics.add_publisher("t", owner, type, nullptr, false);
       Receiver reader;
       Topic& topic = topics.get("t", "r", type);
@@ -652,7 +937,7 @@ TEST_F(Broker, WhatWasForwardedOutlivesAllWhoHandedItOn) {
       owners.push_back(std::make_unique<PublishingComponent>());
       owners.back()->name = name;
       owners.back()->clock = &clock_;
-      owners.back()->is_in_activation = true;
+      owners.back()->enter();
       chain.push_back(&topics->add_publisher(name, *owners.back(), type, nullptr, false));
       readers.push_back(std::make_unique<Receiver>());
       Topic& topic = topics->get(name, "r", type);
@@ -668,7 +953,7 @@ TEST_F(Broker, WhatWasForwardedOutlivesAllWhoHandedItOn) {
         Inbox::Head head;
         ASSERT_TRUE(readers[stage]->inbox.peek(head) && Inbox::pop(head));
         if (stage < 2) {
-          chain[stage + 1]->forward(head.head.envelope);
+          chain[stage + 1]->forward(head.head.envelope, kNobody);
         }
         kept.push_back(head.head.envelope);
       }

@@ -1,41 +1,54 @@
 #include "broker/inbox.h"
 
+#include <algorithm>
 #include <bit>
 #include <utility>
 
 namespace fastcycle::detail {
-namespace {
-
-/// Earlier publish time first; of two publishers in the same nanosecond the smaller id.
-bool is_before(const Lane& a, std::int64_t a_ns, const Lane& b, std::int64_t b_ns) noexcept {
-  return a_ns != b_ns ? a_ns < b_ns : a.publisher < b.publisher;
-}
-
-}  // namespace
 
 void Inbox::add(std::shared_ptr<Lane> lane) {
-  auto& list = lane->options.is_view ? views_ : lanes_[lane->bit];
-  list.push_back(std::move(lane));
+  if (lane->options.is_view) {
+    views_.push_back(std::move(lane));
+    return;
+  }
+  const auto own_end = lanes_.begin() + kOwnBits;
+  const auto free = std::find(lanes_.begin(), own_end, nullptr);
+  if (free == own_end) {
+    shared_.add(std::move(lane));
+  } else {
+    lane->place = static_cast<unsigned>(free - lanes_.begin());
+    *free = std::move(lane);
+  }
   find_few_lanes();
 }
 
 void Inbox::remove(const Lane& lane) noexcept {
-  auto& list = lane.options.is_view ? views_ : lanes_[lane.bit];
-  std::erase_if(list, [&](const std::shared_ptr<Lane>& other) { return other.get() == &lane; });
+  if (lane.options.is_view) {
+    std::erase_if(views_, [&](const auto& other) { return other.get() == &lane; });
+  } else if (lane.shared_word != nullptr) {
+    shared_.remove(lane);
+  } else if (lanes_[lane.place].get() == &lane) {
+    // Its publisher may set the bit once more: then whoever has it next is looked at in vain.
+    lanes_[lane.place].reset();
+  }
   find_few_lanes();
 }
 
 void Inbox::find_few_lanes() noexcept {
   few_lanes_ = {};
+  if (!shared_.is_empty()) {
+    return;
+  }
   std::size_t count = 0;
-  for (const auto& list : lanes_) {
-    for (const auto& lane : list) {
-      if (count == few_lanes_.size()) {
-        few_lanes_ = {};
-        return;
-      }
-      few_lanes_[count++] = lane.get();
+  for (const auto& lane : lanes_) {
+    if (lane == nullptr) {
+      continue;
     }
+    if (count == few_lanes_.size()) {
+      few_lanes_ = {};
+      return;
+    }
+    few_lanes_[count++] = lane.get();
   }
 }
 
@@ -46,41 +59,37 @@ bool Inbox::peek_few(Head& best) noexcept {
     if (lane == nullptr) {
       break;
     }
-    if (lane->peek(head) &&
-        (best.lane == nullptr || is_before(*lane, head.time_ns, *best.lane, best.head.time_ns))) {
-      best = {lane, head};
+    if (lane->peek(head)) {
+      best.take_older(*lane, head);
     }
   }
   return best.lane != nullptr;
 }
 
 bool Inbox::peek_bit(unsigned bit, Head& best) noexcept {
-  bool is_ready = false;
-  for (const auto& lane : lanes_[bit]) {
-    Lane::Head head;
-    if (!lane->peek(head)) {
-      continue;
-    }
-    is_ready = true;
-    if (best.lane == nullptr || is_before(*lane, head.time_ns, *best.lane, best.head.time_ns)) {
-      best = {lane.get(), head};
-    }
+  if (bit == kOwnBits) {
+    return shared_.peek(best);
   }
-  return is_ready;
+  Lane* const lane = lanes_[bit].get();
+  Lane::Head head;
+  if (lane == nullptr || !lane->peek(head)) {
+    return false;
+  }
+  best.take_older(*lane, head);
+  return true;
 }
 
 bool Inbox::peek_all(Head& found) noexcept {
-  Head last;
   for (;;) {
     Head best;
     std::uint64_t seen = 0;
-    bool has_shared_bits = false;
     std::uint64_t ready = state_.load(std::memory_order_seq_cst) & kLaneMask;
+    // The shared bit comes last: who looks behind it looks for newer lanes after the oldest message
+    // was found, wherever that was.
     while (ready != 0) {
       const auto bit = static_cast<unsigned>(std::countr_zero(ready));
       const std::uint64_t flag = std::uint64_t{1} << bit;
       ready &= ~flag;
-      has_shared_bits = has_shared_bits || lanes_[bit].size() > 1;
       if (peek_bit(bit, best)) {
         seen |= flag;
         continue;
@@ -92,17 +101,10 @@ bool Inbox::peek_all(Head& found) noexcept {
         seen |= flag;
       }
     }
-    if ((state_.load(std::memory_order_seq_cst) & kLaneMask & ~seen) != 0) {
-      continue;
-    }
-    // Lanes that share a bit hide behind each other: one found empty may have been filled before
-    // another that was looked at after it. What is found twice came before all that came between.
-    const bool is_found_again = best.lane == last.lane && best.head.position == last.head.position;
-    if (best.lane == nullptr || !has_shared_bits || is_found_again) {
+    if ((state_.load(std::memory_order_seq_cst) & kLaneMask & ~seen) == 0) {
       found = best;
       return best.lane != nullptr;
     }
-    last = best;
   }
 }
 

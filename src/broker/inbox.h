@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "broker/lane.h"
+#include "broker/shared_bit.h"
 
 namespace fastcycle::detail {
 
@@ -40,21 +41,24 @@ class ReadyQueue {
 /// publish time among the lanes' heads, and only if the word, read again, shows no ready lane that
 /// it did not look at: so if one push returned before another began, it is served first.
 ///
+/// The first 59 lanes have a bit each. All others share the last one, and what stands behind it
+/// tells them apart (`SharedBit`).
+///
 /// @threads  `mark` is Safe; `begin`, `end`, `peek`, `pop` and the lists of lanes belong to the one
 ///           worker that serves the component, and before the start to the control thread.
-/// @realtime No allocation, no lock. `peek` grows with the number of ready lanes.
+/// @realtime No allocation, no lock. `peek` grows with the number of ready lanes that have a bit
+///           each; what it does for the others is told in `SharedBit`.
 class Inbox {
  public:
   static constexpr unsigned kLaneBits = 60;
   static constexpr std::uint64_t kLaneMask = (std::uint64_t{1} << kLaneBits) - 1;
+  static constexpr unsigned kOwnBits = kLaneBits - 1;  ///< Lanes that have a bit each.
+  static constexpr std::uint64_t kSharedBit = std::uint64_t{1} << kOwnBits;
   static constexpr std::uint64_t kTimerBit = std::uint64_t{1} << 60;
   static constexpr std::uint64_t kControlBit = std::uint64_t{1} << 61;
   static constexpr std::uint64_t kRunningBit = std::uint64_t{1} << 63;
 
-  struct Head {
-    Lane* lane = nullptr;
-    Lane::Head head;
-  };
+  using Head = LaneHead;
 
   Inbox() = default;
   Inbox(const Inbox&) = delete;
@@ -72,12 +76,20 @@ class Inbox {
   [[nodiscard]] bool is_watched() const noexcept { return is_watched_; }
   [[nodiscard]] ReadyQueue& queue() const noexcept { return *queue_; }
 
-  /// The bit of one more lane; beyond 60 lanes share bits.
-  [[nodiscard]] unsigned next_bit() noexcept { return next_bit_++ % kLaneBits; }
-
-  /// Lets the receiver see `lane`. Worker, or control thread before the start.
+  /// Lets the receiver see `lane`, and gives it its place: before its publisher knows it. Worker,
+  /// or control thread before the start.
   void add(std::shared_ptr<Lane> lane);
+  /// A lane that it does not see any more, or never saw, is none of its business.
   void remove(const Lane& lane) noexcept;
+
+  /// What to set in the state word when something was pushed into `lane`; 0 for one that causes no
+  /// activation.
+  [[nodiscard]] static std::uint64_t bit_of(const Lane& lane) noexcept {
+    if (lane.options.is_view) {
+      return 0;
+    }
+    return lane.shared_word != nullptr ? kSharedBit : std::uint64_t{1} << lane.place;
+  }
 
   [[nodiscard]] const std::vector<std::shared_ptr<Lane>>& views() const noexcept { return views_; }
 
@@ -94,6 +106,14 @@ class Inbox {
       return true;
     }
     return false;
+  }
+
+  /// As `mark`, after a push into `lane`, whose bit is `bit`.
+  bool mark(const Lane& lane, std::uint64_t bit) noexcept {
+    if (bit == kSharedBit) [[unlikely]] {
+      SharedBit::mark(lane);  // First: the worker clears them in the other order.
+    }
+    return mark(bit);
   }
 
   /// Brings near what `mark` and the wake after it will write.
@@ -150,25 +170,38 @@ class Inbox {
   template <typename Take>
   void take_ready(const Take& take) noexcept {
     std::uint64_t ready = state_.fetch_and(~kLaneMask, std::memory_order_seq_cst) & kLaneMask;
-    for (; ready != 0; ready &= ready - 1) {
-      for (const auto& lane : lanes_[static_cast<unsigned>(std::countr_zero(ready))]) {
+    const bool is_shared_ready = (ready & kSharedBit) != 0;
+    for (ready &= ~kSharedBit; ready != 0; ready &= ready - 1) {
+      if (const auto& lane = lanes_[static_cast<unsigned>(std::countr_zero(ready))]) {
         take(*lane);
       }
     }
+    if (is_shared_ready) {
+      shared_.take_marked(take);
+    }
   }
 
-  /// Has all lanes looked at in this turn, whatever their bits said. Worker only.
-  void mark_all() noexcept { state_.fetch_or(kLaneMask, std::memory_order_seq_cst); }
+  /// Has all lanes looked at, whatever their bits said: in this turn, or in the next one where the
+  /// worker serves the component without a turn. Worker only.
+  void mark_all() noexcept {
+    shared_.mark_all();
+    if (state_.fetch_or(kLaneMask, std::memory_order_seq_cst) == 0) {
+      queue_->enqueue(index_);
+    }
+  }
+
+  /// Within a turn: control causes wait for the next one. Worker only.
+  void keep_control() noexcept { state_.fetch_or(kControlBit, std::memory_order_seq_cst); }
 
   /// The oldest message of all lanes, which stays; false if there is none.
   [[nodiscard]] bool peek(Head& found) noexcept {
-    // As most of the time: one lane is ready, alone on its bit, and holds something.
+    // As most of the time: one lane is ready, has a bit of its own, and holds something.
     const std::uint64_t ready = state_.load(std::memory_order_seq_cst) & kLaneMask;
     if (ready != 0 && (ready & (ready - 1)) == 0) {
-      const auto& list = lanes_[static_cast<unsigned>(std::countr_zero(ready))];
-      if (list.size() == 1 && list.front()->peek(found.head) &&
+      Lane* const lane = lanes_[static_cast<unsigned>(std::countr_zero(ready))].get();
+      if (lane != nullptr && lane->peek(found.head) &&
           (state_.load(std::memory_order_seq_cst) & kLaneMask) == ready) {
-        found.lane = list.front().get();
+        found.lane = lane;
         return true;
       }
     }
@@ -203,6 +236,8 @@ class Inbox {
   [[nodiscard]] std::uint64_t state() const noexcept {
     return state_.load(std::memory_order_seq_cst);
   }
+  /// What stands behind the last bit.
+  [[nodiscard]] const SharedBit& shared() const noexcept { return shared_; }
 
  private:
   void find_few_lanes() noexcept;
@@ -214,15 +249,15 @@ class Inbox {
   ReadyQueue* queue_ = nullptr;
   std::uint32_t index_ = 0;
   bool is_watched_ = false;
-  std::atomic<unsigned> next_bit_{0};
 
   /// Written by publishers and worker, on a line of its own.
   alignas(64) std::atomic<std::uint64_t> state_{0};
 
   // Worker only.
-  alignas(64) std::array<std::vector<std::shared_ptr<Lane>>, kLaneBits> lanes_;
+  alignas(64) std::array<std::shared_ptr<Lane>, kLaneBits> lanes_;  ///< None at the shared bit.
+  SharedBit shared_;
   std::vector<std::shared_ptr<Lane>> views_;
-  std::array<Lane*, 4> few_lanes_{};  ///< All of `lanes_` in a row, if they are so few.
+  std::array<Lane*, 4> few_lanes_{};  ///< All lanes that cause activations, if they are so few.
 };
 
 }  // namespace fastcycle::detail

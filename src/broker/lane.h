@@ -86,12 +86,11 @@ class Lane {
     const google::protobuf::Message* payload = nullptr;
   };
 
-  Lane(Subscription& its_subscription, PublisherId its_publisher, unsigned its_bit,
-       const Options& its_options, std::shared_ptr<LaneCredit> its_credit = nullptr)
+  Lane(Subscription& its_subscription, PublisherId its_publisher, const Options& its_options,
+       std::shared_ptr<LaneCredit> its_credit = nullptr)
       : options(its_options),
         subscription(its_subscription),
         publisher(its_publisher),
-        bit(its_bit),
         mask_(round_up(its_options.depth) - 1),
         slots_(std::make_unique<Slot[]>(mask_ + 1)),
         credit(std::move(its_credit)) {}
@@ -160,6 +159,23 @@ class Lane {
     return head_.compare_exchange_strong(expected, expected + 1, std::memory_order_seq_cst);
   }
 
+  /// Whether more than `count` messages wait. It asks the slots: the newest message may be there
+  /// before `tail` says so. The receiver's.
+  [[nodiscard]] bool holds_more_than(std::size_t count) const noexcept {
+    if (count > mask_) {
+      return false;
+    }
+    for (;;) {
+      const std::uint64_t head = head_.load(std::memory_order_acquire);
+      const std::uint64_t position = head + count;
+      const bool is_there =
+          (slots_[position & mask_].envelope.load(std::memory_order_seq_cst) & 1) == lap(position);
+      if (head_.load(std::memory_order_seq_cst) == head) {
+        return is_there;
+      }
+    }
+  }
+
   /// Takes out and releases all that waits; returns how many. Either end may call it.
   std::uint64_t drain() noexcept {
     std::uint64_t count = 0;
@@ -210,7 +226,10 @@ class Lane {
   const Options options;
   Subscription& subscription;
   const PublisherId publisher;
-  const unsigned bit;  ///< In the inbox's state word.
+
+  /// Where lanes that share a bit of the inbox's state word are told apart; null if it has a bit of
+  /// its own. As `place`.
+  std::atomic<std::uint64_t>* shared_word = nullptr;
 
  private:
   struct alignas(32) Slot {
@@ -225,6 +244,9 @@ class Lane {
   const std::unique_ptr<Slot[]> slots_;
 
  public:
+  /// Which bit is its own: of the inbox's state word, or of all that stand behind a shared one. Set
+  /// by the inbox, before the publisher knows the lane.
+  unsigned place = 0;
   /// Set once by the receiver; `kCount` while the lane is open.
   std::atomic<DropReason> close_reason{DropReason::kCount};
   [[nodiscard]] bool is_closed() const noexcept {
@@ -238,6 +260,9 @@ class Lane {
   Counter dropped_after_close;
   Counter dropped_outside;  ///< Published by an external thread before the start or after the stop.
   std::atomic<bool> is_left_by_publisher{false};
+  /// The receiver keeps more than its share of the pool, and gets no further message. The
+  /// publisher's.
+  bool is_held_back = false;
 
  private:
   std::atomic<std::uint64_t> tail_{0};
@@ -302,6 +327,24 @@ class Lane {
       size *= 2;
     }
     return size;
+  }
+};
+
+// What a push reads and does not write, its publisher's line, and its receiver's.
+static_assert(sizeof(Lane) == std::size_t{3} * 64);
+
+/// The oldest message of a lane.
+struct LaneHead {
+  Lane* lane = nullptr;
+  Lane::Head head;
+
+  /// Makes it `other`, if that is older: earlier publish time first; of two publishers in the same
+  /// nanosecond the smaller id.
+  void take_older(Lane& other, const Lane::Head& its_head) noexcept {
+    if (lane == nullptr || (its_head.time_ns != head.time_ns ? its_head.time_ns < head.time_ns
+                                                             : other.publisher < lane->publisher)) {
+      *this = {.lane = &other, .head = its_head};
+    }
   }
 };
 

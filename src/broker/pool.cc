@@ -1,10 +1,32 @@
 #include "broker/pool.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <memory>
+#include <new>
+#include <string_view>
 #include <utility>
+
+#include <malloc.h>
 
 namespace fastcycle::detail {
 namespace {
+
+static_assert(sizeof(Envelope) == 128, "two lines: one for readers, one for the pool");
+
+/// Poisoned messages of one pool whose bytes are still to be seen.
+constexpr std::size_t kQuarantined = 64;
+
+/// So often it is looked whether a component forwards more than it may keep.
+constexpr std::uint32_t kForwardsPerLook = 8;
+
+#if defined(__SANITIZE_ADDRESS__)
+constexpr Poison kUsualPoison = Poison::kFree;
+#elif defined(NDEBUG)
+constexpr Poison kUsualPoison = Poison::kOff;
+#else
+constexpr Poison kUsualPoison = Poison::kPattern;
+#endif
 
 /// What stands in `returned_` once the publisher is gone.
 Envelope* closed_mark() noexcept {
@@ -14,37 +36,163 @@ Envelope* closed_mark() noexcept {
 
 }  // namespace
 
+Poison poison_of_environment() noexcept {
+  const char* const given = std::getenv("FASTCYCLE_POISON");
+  const std::string_view word = given == nullptr ? "" : given;
+  return word == "off"       ? Poison::kOff
+         : word == "pattern" ? Poison::kPattern
+         : word == "free"    ? Poison::kFree
+                             : kUsualPoison;
+}
+
+void keep(Envelope& envelope, Holder holder) noexcept {
+  envelope.pool->count_kept(envelope, holder);
+}
+
+void let_go(Envelope& envelope, Holder holder) noexcept {
+  envelope.pool->count_let_go(envelope, holder);
+}
+
 void recycle(Envelope* envelope) noexcept {
-  if (Envelope* foreign = std::exchange(envelope->foreign, nullptr)) {
+  if (Envelope* foreign = envelope->foreign) {
+    foreign->pool->count_came_back(*envelope);
+    envelope->foreign = nullptr;
     release(foreign);
   }
   envelope->pool->give_back(envelope);
 }
 
-Pool::Pool(const google::protobuf::Message* default_instance, std::size_t trails)
-    : default_instance_(default_instance), trail_count_(trails) {}
+Pool::Pool(const google::protobuf::Message* default_instance, std::size_t trails, Poison poison)
+    : default_instance_(default_instance),
+      trail_count_(trails),
+      poison_(poison),
+      poison_of_returned_(poison) {}
+
+Pool::~Pool() {
+  for (void* remains : quarantine_) {
+    ::operator delete(remains);
+  }
+}
+
+void Pool::add_counts(Slab& slab) const {
+  slab.kept_samples = std::make_unique<std::atomic<std::uint32_t>[]>(slab.count * holder_count_);
+  for (std::size_t i = 0; i < slab.count; ++i) {
+    slab.envelopes[i].kept_samples = &slab.kept_samples[i * holder_count_];
+  }
+}
+
+void Pool::tell_holders_apart(std::size_t count) {
+  holder_count_ = count;
+  kept_ = std::make_unique<Kept[]>(count);
+  for (Slab& slab : slabs_) {
+    add_counts(slab);
+  }
+}
+
+void Pool::count_kept(Envelope& envelope, Holder holder) noexcept {
+  if (holder >= holder_count_ ||
+      envelope.kept_samples[holder].fetch_add(1, std::memory_order_relaxed) != 0) {
+    return;
+  }
+  Kept& kept = kept_[holder];
+  kept.messages.fetch_add(1, std::memory_order_relaxed);
+  if (kept.is_too_much() && !is_overdrawn()) {
+    is_overdrawn_.store(true, std::memory_order_relaxed);
+  }
+}
+
+void Pool::count_let_go(Envelope& envelope, Holder holder) noexcept {
+  if (holder < holder_count_ &&
+      envelope.kept_samples[holder].fetch_sub(1, std::memory_order_relaxed) == 1) {
+    kept_[holder].messages.fetch_sub(1, std::memory_order_relaxed);
+  }
+}
+
+void Pool::count_forwarded(Envelope& forward, Holder holder) noexcept {
+  forward.foreign_holder = holder;
+  if (forward.is_forwarded_again) {
+    count_kept(*forward.foreign, holder);
+    return;
+  }
+  if (holder >= holder_count_) {
+    return;
+  }
+  // On the way of a message: no step that waits for another CPU, but for one look now and then.
+  Kept& kept = kept_[holder];
+  const std::uint32_t count = kept.forwarded.load(std::memory_order_relaxed) + 1;
+  kept.forwarded.store(count, std::memory_order_relaxed);
+  if (count % kForwardsPerLook == 0 && kept.is_too_much() && !is_overdrawn()) {
+    is_overdrawn_.store(true, std::memory_order_relaxed);
+  }
+}
+
+void Pool::count_came_back(const Envelope& forward) noexcept {
+  if (forward.is_forwarded_again) {
+    count_let_go(*forward.foreign, forward.foreign_holder);
+  } else if (forward.foreign_holder < holder_count_) {
+    kept_[forward.foreign_holder].came_back.fetch_add(1, std::memory_order_release);
+  }
+}
+
+std::unique_ptr<google::protobuf::Message> Pool::make_message() const {
+  std::unique_ptr<google::protobuf::Message> message(default_instance_->New());
+  if (prototype_ != nullptr) {
+    message->CopyFrom(*prototype_);
+    message->Clear();
+  }
+  return message;
+}
 
 void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
+  prototype_ = prototype;
   // Side by side: less memory than one by one, and fewer pages.
-  slabs_.push_back(std::make_unique<Envelope[]>(count));
-  if (trail_count_ > 0) {
-    trails_.push_back(std::make_unique<Trail[]>(count * trail_count_));
+  Slab slab{.count = count,
+            .envelopes = std::make_unique<Envelope[]>(count),
+            .trails = trail_count_ == 0 ? nullptr : std::make_unique<Trail[]>(count * trail_count_),
+            .kept_samples = nullptr};
+  if (holder_count_ > 0) {
+    add_counts(slab);
   }
   for (std::size_t i = 0; i < count; ++i) {
-    Envelope* envelope = &slabs_.back()[i];
+    Envelope* envelope = &slab.envelopes[i];
     envelope->pool = this;
-    envelope->trails = trail_count_ == 0 ? nullptr : &trails_.back()[i * trail_count_];
+    envelope->trails = trail_count_ == 0 ? nullptr : &slab.trails[i * trail_count_];
     if (default_instance_ != nullptr) {
-      std::unique_ptr<google::protobuf::Message> message(default_instance_->New());
-      if (prototype != nullptr) {
-        message->CopyFrom(*prototype);
-        message->Clear();
-      }
-      envelope->own = message.release();
+      envelope->own = make_message().release();
     }
     put_back(envelope);
     size_.fetch_add(1, std::memory_order_relaxed);
     outstanding_.fetch_add(1, std::memory_order_relaxed);
+  }
+  slabs_.push_back(std::move(slab));
+}
+
+/// By whoever held it last.
+void Pool::poison(Envelope& envelope) noexcept {
+  google::protobuf::Message* const message = std::exchange(envelope.own, nullptr);
+  if (poison_ == Poison::kFree) {
+    delete message;
+    return;
+  }
+  envelope.remains = message;
+  const std::size_t size = malloc_usable_size(envelope.remains);
+  message->~Message();
+  // Volatile: the bytes are written though nobody may read them.
+  std::fill_n(static_cast<volatile unsigned char*>(envelope.remains), size, kPoisonByte);
+}
+
+/// By the owner.
+void Pool::revive(Envelope& envelope) {
+  if (envelope.own != nullptr || default_instance_ == nullptr) {
+    return;
+  }
+  envelope.own = make_message().release();
+  if (void* const remains = std::exchange(envelope.remains, nullptr)) {
+    quarantine_.push_back(remains);
+    if (quarantine_.size() > kQuarantined) {
+      ::operator delete(quarantine_.front());
+      quarantine_.pop_front();
+    }
   }
 }
 
@@ -59,6 +207,9 @@ Envelope* Pool::take() noexcept {
       free_ = envelope->next_list;
     } else {
       free_->next_list = envelope->next_list;
+    }
+    if (poison_ != Poison::kOff) [[unlikely]] {
+      revive(*envelope);
     }
     prepare_following();
   }
@@ -92,6 +243,9 @@ void Pool::put_back(Envelope* envelope) noexcept {
 }
 
 void Pool::give_back(Envelope* envelope) noexcept {
+  if (poison_of_returned_ != Poison::kOff && envelope->own != nullptr) [[unlikely]] {
+    poison(*envelope);
+  }
   Envelope* head = returned_.load(std::memory_order_acquire);
   do {
     if (head == closed_mark()) {
@@ -109,6 +263,7 @@ std::size_t Pool::free_all(Envelope* list) noexcept {
   while (list != nullptr) {
     Envelope* next = list->next;
     delete list->own;
+    ::operator delete(list->remains);
     list = next;
     ++count;
   }

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <vector>
 
@@ -10,6 +11,19 @@
 #include "fastcycle/detail/envelope.h"
 
 namespace fastcycle::detail {
+
+/// What becomes of a message that came back, until it is lent again: who kept a reference to it
+/// beyond the callback reads what cannot be mistaken for a message.
+enum class Poison : std::uint8_t {
+  kOff,      ///< It stays as it is, and keeps its capacity.
+  kPattern,  ///< It is destroyed, and its own bytes are `kPoisonByte` for a while.
+  kFree,     ///< It is destroyed and freed: a memory checker reports who uses it.
+};
+inline constexpr unsigned char kPoisonByte = 0xfc;
+
+/// What the environment says as FASTCYCLE_POISON (off, pattern, free); without it, or with anything
+/// else, `kFree` under AddressSanitizer, `kOff` where NDEBUG is defined, `kPattern` otherwise.
+[[nodiscard]] Poison poison_of_environment() noexcept;
 
 /// The messages that one publisher lends.
 ///
@@ -26,14 +40,44 @@ class Pool {
  public:
   /// A pool whose envelopes own messages like `default_instance`; none for envelopes that only
   /// forward. Each has `trails` trails.
-  explicit Pool(const google::protobuf::Message* default_instance, std::size_t trails = 0);
+  explicit Pool(const google::protobuf::Message* default_instance, std::size_t trails = 0,
+                Poison poison = poison_of_environment());
 
   Pool(const Pool&) = delete;
   Pool& operator=(const Pool&) = delete;
 
   /// Adds `count` envelopes; their messages are copies of `prototype`, cleared but with its
-  /// capacity, so that a first publish of that size faults no page.
+  /// capacity, so that a first publish of that size faults no page. It must outlive the last
+  /// `take`.
   void grow(std::size_t count, const google::protobuf::Message* prototype = nullptr);
+
+  /// From now on counts the samples that each of `count` holders keeps; before anything is
+  /// published.
+  void tell_holders_apart(std::size_t count);
+  /// How many messages `holder` keeps beyond its callbacks. Safe.
+  [[nodiscard]] std::size_t kept_by(Holder holder) const noexcept {
+    return holder < holder_count_ ? kept_[holder].count() : 0;
+  }
+  /// Says how many messages `holder` declares that it keeps; before it is given any.
+  void declare_kept(Holder holder, std::size_t count) noexcept {
+    if (holder < holder_count_) {
+      kept_[holder].declared.store(count, std::memory_order_relaxed);
+    }
+  }
+  /// Whether anybody ever kept more than it declared, but for one or two.
+  [[nodiscard]] bool is_overdrawn() const noexcept {
+    return is_overdrawn_.load(std::memory_order_relaxed);
+  }
+  /// See `keep` and `let_go` of envelope.h. Safe.
+  void count_kept(Envelope& envelope, Holder holder) noexcept;
+  void count_let_go(Envelope& envelope, Holder holder) noexcept;
+
+  /// `holder` forwards a message of this pool in `forward`, and counts as keeping it until
+  /// everybody who is given it has let go. By who publishes for `holder`, one at a time, unless the
+  /// message came to it forwarded.
+  void count_forwarded(Envelope& forward, Holder holder) noexcept;
+  /// `forward` came back. Safe.
+  void count_came_back(const Envelope& forward) noexcept;
 
   /// A free envelope, or null if all are out.
   [[nodiscard]] Envelope* take() noexcept;
@@ -58,8 +102,41 @@ class Pool {
   [[nodiscard]] std::size_t size() const noexcept { return size_.load(std::memory_order_relaxed); }
 
  private:
-  ~Pool() = default;
+  /// Envelopes that were made together.
+  struct Slab {
+    std::size_t count;
+    std::unique_ptr<Envelope[]> envelopes;
+    std::unique_ptr<Trail[]> trails;
+    std::unique_ptr<std::atomic<std::uint32_t>[]> kept_samples;
+  };
 
+  /// One that is kept until the next comes, and both while it is exchanged.
+  static constexpr std::size_t kToleratedKept = 2;
+
+  /// What one holder keeps.
+  struct Kept {
+    /// Of which it keeps at least one sample.
+    alignas(64) std::atomic<std::uint32_t> messages{0};
+    std::atomic<std::uint32_t> forwarded{0};  ///< Written by `holder` alone.
+    std::atomic<std::size_t> declared{0};     ///< Written again when it subscribes anew.
+    /// Of those that it forwarded; on a line of its own, as any thread may write it.
+    alignas(64) std::atomic<std::uint32_t> came_back{0};
+
+    [[nodiscard]] std::size_t count() const noexcept {
+      const std::uint32_t back = came_back.load(std::memory_order_acquire);
+      const std::uint32_t away = forwarded.load(std::memory_order_relaxed) - back;
+      return messages.load(std::memory_order_relaxed) + std::size_t{away};
+    }
+    [[nodiscard]] bool is_too_much() const noexcept {
+      return count() > declared.load(std::memory_order_relaxed) + kToleratedKept;
+    }
+  };
+  ~Pool();
+
+  void add_counts(Slab& slab) const;
+  [[nodiscard]] std::unique_ptr<google::protobuf::Message> make_message() const;
+  void poison(Envelope& envelope) noexcept;
+  void revive(Envelope& envelope);
   void prepare_following() const noexcept;
   std::size_t free_all(Envelope* list) noexcept;
   void forget(std::size_t count) noexcept;
@@ -67,16 +144,25 @@ class Pool {
   // Constant after construction.
   const google::protobuf::Message* const default_instance_;
   const std::size_t trail_count_;  ///< Of each envelope.
+  const Poison poison_;
+  // Constant once anything is published.
+  std::size_t holder_count_ = 0;
+  std::unique_ptr<Kept[]> kept_;  ///< By holder.
 
   // Owner only.
-  std::vector<std::unique_ptr<Envelope[]>> slabs_;  ///< All envelopes, as long as the pool lives.
-  std::vector<std::unique_ptr<Trail[]>> trails_;    ///< Those of the envelopes, slab by slab.
+  std::vector<Slab> slabs_;  ///< All envelopes, as long as the pool lives.
+  const google::protobuf::Message* prototype_ =
+      nullptr;                    ///< Of poisoned messages that are revived.
+  std::deque<void*> quarantine_;  ///< Their memory, the last ones.
   /// A list of lists: what came back together stays together. Its first envelope knows the next.
   Envelope* free_ = nullptr;
   bool is_collected_by_hand_ = false;
   std::atomic<std::size_t> size_{0};
+  std::atomic<bool> is_overdrawn_{false};  ///< Set once, by who does it.
 
   alignas(64) std::atomic<Envelope*> returned_{nullptr};
+  const Poison
+      poison_of_returned_;  ///< As `poison_`: who gives something back has this line anyway.
   // After `close`: how many envelopes are still out, plus one while the owner counts.
   std::atomic<std::size_t> outstanding_{1};
 };

@@ -1,61 +1,36 @@
 #include "broker/publisher_core.h"
 
 #include <algorithm>
-#include <array>
 #include <mutex>
+#include <stdexcept>
 #include <utility>
 
-#include "broker/topics.h"
+#include <fmt/format.h>
+
+#include "broker/activation_check.h"
+#include "broker/topic.h"
+#include "broker/wake_list.h"
 #include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
 namespace {
 
-/// The executors to wake once all pushes are done; more than fit are woken at once.
-class WakeList {
- public:
-  void add(ReadyQueue& queue) noexcept {
-    const auto end = queues_.begin() + static_cast<std::ptrdiff_t>(size_);
-    if (std::find(queues_.begin(), end, &queue) != end) {
-      return;
-    }
-    if (size_ == queues_.size()) {
-      queue.wake();
-      return;
-    }
-    queues_[size_++] = &queue;
+/// Ends the process if `publisher` has no credits.
+void check_credits(const PublisherCore& publisher) noexcept {
+  if (publisher.credits() == nullptr) [[unlikely]] {
+    broke_contract(publisher.owner,
+                   fmt::format("its publisher on \"{}\" is asked for credits, and has none",
+                               publisher.topic.name),
+                   "say PublisherOptions::credits, or \"credits\" of the topic");
   }
+}
 
-  void wake_all() noexcept {
-    for (std::size_t i = 0; i < size_; ++i) {
-      queues_[i]->wake();
-    }
-  }
-
- private:
-  std::array<ReadyQueue*, 16> queues_{};
-  std::size_t size_ = 0;
-};
+/// Subscriptions made while the application runs whose samples are counted; those of more are not.
+constexpr std::size_t kLateHolders = 8;
+/// Loans that a component may hold at once beyond the messages of its pool.
+constexpr std::size_t kLoansBeyondPool = 64;
 
 }  // namespace
-
-PriorityMutex::PriorityMutex() {
-  pthread_mutexattr_t attributes;
-  pthread_mutexattr_init(&attributes);
-  pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
-  pthread_mutex_init(&mutex_, &attributes);
-  pthread_mutexattr_destroy(&attributes);
-}
-
-PriorityMutex::~PriorityMutex() {
-  pthread_mutex_destroy(&mutex_);
-}
-void PriorityMutex::lock() noexcept {
-  pthread_mutex_lock(&mutex_);
-}
-void PriorityMutex::unlock() noexcept {
-  pthread_mutex_unlock(&mutex_);
-}
 
 PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, PublisherId id_,
                              const google::protobuf::Message& default_instance_,
@@ -68,15 +43,15 @@ PublisherCore::PublisherCore(Topic& topic_, PublishingComponent& owner_, Publish
       default_instance(default_instance_),
       prototype_(prototype == nullptr ? nullptr : prototype->New()),
       pool_(new Pool(&default_instance_, topic_.root_count)),
-      forwards_(new Pool(nullptr, topic_.root_count)) {
+      forwards_(new Pool(nullptr, topic_.root_count)),
+      shares_(topic_, owner_, options_.keep, options_.latched, options_.pool_max) {
   if (prototype_ != nullptr) {
     prototype_->CopyFrom(*prototype);
   }
-  // One being written, one more that a component may borrow beside it, and what is kept.
-  needed_ = 2 + options.keep + options.latched;
-  pool_->grow(needed_, prototype_.get());
-  provided_ = needed_;
+  pool_->grow(shares_.needed(), prototype_.get());
+  provided_ = shares_.needed();
   latched_.reserve(options.latched);
+  owner.publishers.push_back(id);
   use_credits(topic.options.credits);
   if (owner.stage != nullptr) {
     pool_->collect_by_hand();
@@ -105,19 +80,6 @@ PublisherCore::~PublisherCore() {
   forwards_->close();
 }
 
-std::size_t PublisherCore::pool_limit() const noexcept {
-  return options.pool_max != 0 ? options.pool_max : 2 * needed_ + 64;
-}
-
-namespace {
-
-/// How many messages a subscription may hold: those that wait, the one in its callback, the kept.
-std::size_t held_by(const Lane& lane) noexcept {
-  return lane.options.depth + 1 + lane.subscription.keep;
-}
-
-}  // namespace
-
 /// How many of the last messages a new lane gets: what its subscriber asks for, and no more than it
 /// has room for, whatever a full queue would drop.
 std::size_t PublisherCore::count_latched_for(const Lane& lane) const noexcept {
@@ -133,13 +95,34 @@ std::size_t PublisherCore::count_latched_for(const Lane& lane) const noexcept {
   return count;
 }
 
-void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
-  needed_ += held_by(*lane);
-  if (needed_ > provided_) {
-    pool_->grow(needed_ - provided_, prototype_.get());
-    provided_ = needed_;
+void PublisherCore::tell_holders_apart(std::size_t count) {
+  if (published() > 0) {
+    return;  // Those who hold something are told apart already, or not at all.
   }
-  const std::uint64_t bit = lane->options.is_view ? 0 : std::uint64_t{1} << lane->bit;
+  pool_->tell_holders_apart(count + kLateHolders);
+  forwards_->tell_holders_apart(count + kLateHolders);
+}
+
+void PublisherCore::check_loans() const {
+  if (loans_ >= shares_.limit() + kLoansBeyondPool) {
+    throw std::length_error(
+        fmt::format("component \"{}\" holds {} loans of \"{}\" that it has neither published nor "
+                    "let go of, and its pool may have {} messages: publish each loan, or let it go "
+                    "out of scope",
+                    owner.name, loans_, topic.name, shares_.limit()));
+  }
+}
+
+void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
+  shares_.join(*lane);
+  for (Pool* pool : {pool_, forwards_}) {
+    pool->declare_kept(lane->subscription.holder, lane->subscription.keep + options.keep);
+  }
+  if (shares_.needed() > provided_) {
+    pool_->grow(shares_.needed() - provided_, prototype_.get());
+    provided_ = shares_.needed();
+  }
+  const std::uint64_t bit = Inbox::bit_of(*lane);
   const std::size_t given = count_latched_for(*lane);
   for (std::size_t i = latched_.size() - given; i < latched_.size(); ++i) {
     retain(*latched_[i]);
@@ -154,7 +137,7 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
   if (lane->is_closed()) {
     lane->dropped_after_close.add(lane->drain());
   }
-  if (given > 0 && bit != 0 && inbox.mark(bit)) {
+  if (given > 0 && bit != 0 && inbox.mark(*lane, bit)) {
     inbox.queue().wake();
   }
 }
@@ -175,7 +158,7 @@ void PublisherCore::disconnect(const Lane& lane) noexcept {
       credits_->remove(lane);
     }
     target.lane->is_left_by_publisher.store(true);
-    needed_ -= held_by(lane);
+    shares_.leave(lane);
     return true;
   });
 }
@@ -184,11 +167,15 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
   if (Envelope* envelope = pool.take()) {
     return envelope;
   }
-  // In simulated time losses must not depend on how fast the workers are.
-  if (pool.size() < pool_limit() || owner.stage != nullptr) {
+  check_loans();
+  shares_.note_shortage();
+  // In simulated time losses must not depend on how fast observers and foreign threads let go of
+  // what they hold: it is limited by nothing.
+  if (pool.size() < shares_.limit() || owner.stage != nullptr) {
     pool.grow(1, prototype_.get());
     return pool.take();
   }
+  shares_.tell_dry(targets_, pool, loans_);
   if (scratch == nullptr) {
     pool.grow(1, prototype_.get());
     scratch = pool.take();
@@ -206,6 +193,7 @@ Envelope* PublisherCore::loan(bool is_cleared) {
   }
   Envelope* envelope = take_from(*pool_, scratch_loans_);
   __builtin_prefetch(&envelope->info, 1);
+  ++loans_;
   if (is_cleared) {
     envelope->own->Clear();
   }
@@ -213,6 +201,7 @@ Envelope* PublisherCore::loan(bool is_cleared) {
 }
 
 void PublisherCore::return_loan(Envelope* loan) noexcept {
+  --loans_;
   if (loan->is_scratch) {
     loan->next = std::exchange(scratch_loans_, loan);
   } else {
@@ -285,12 +274,10 @@ void PublisherCore::send(Envelope* envelope, Stage* stage) noexcept {
 }
 
 void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
-  if (!owner.is_in_activation || owner.is_muted) [[unlikely]] {
+  if (!owner.is_active_here() || owner.is_muted) [[unlikely]] {
     drop_muted(loan);
     return;
   }
-  FASTCYCLE_ASSERT(!options_.taken_at || !owner.has_subscribers,
-                   "taken_at is for components without subscribers: others inherit it");
   Origin origin = *owner.origin;
   if (options_.taken_at || origin.root == 0) {
     origin = {.taken = options_.taken_at.value_or(owner.now), .root = id};
@@ -298,18 +285,21 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   if (owner.publish_count++ == 0) {
     prepare();
   }
+  --loans_;
   loan->payload = loan->own;
   const bool is_simulated = owner.stage != nullptr;
   number(*loan, origin, is_simulated ? owner.now + owner.simulated_cost : owner.clock->now());
   owner.published = loan->info.publish_time;
   if (root_count != 0) [[unlikely]] {
-    follow(*loan, owner.trails, owner.held_trails);
+    // What was measured just now follows from nothing that came before.
+    follow(*loan, options_.taken_at ? nullptr : owner.trails,
+           options_.taken_at ? nullptr : owner.held_trails);
   }
   send(loan, owner.stage);
 }
 
-void PublisherCore::forward(Envelope* received) {
-  if (!owner.is_in_activation || owner.is_muted) [[unlikely]] {
+void PublisherCore::forward(Envelope* received, Holder holder) {
+  if (!owner.is_active_here() || owner.is_muted) [[unlikely]] {
     drop_muted(nullptr);
     return;
   }
@@ -317,12 +307,15 @@ void PublisherCore::forward(Envelope* received) {
     prepare();
   }
   if (forwards_->size() == 0) {
-    forwards_->grow(needed_);
+    forwards_->grow(shares_.needed());
   }
   Envelope* envelope = take_from(*forwards_, scratch_forwards_);
-  Envelope* foreign = received->foreign != nullptr ? received->foreign : received;
+  envelope->is_forwarded_again = received->foreign != nullptr;
+  Envelope* foreign = envelope->is_forwarded_again ? received->foreign : received;
   retain(*foreign);
   envelope->foreign = foreign;
+  foreign->pool->count_forwarded(*envelope,
+                                 envelope->is_forwarded_again ? received->foreign_holder : holder);
   envelope->payload = foreign->payload;
   Origin origin = *owner.origin;
   const bool is_forwarded_alone = origin.root == 0;  // Nothing that was delivered led here.
@@ -351,6 +344,7 @@ void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
     follow(*loan, nullptr, nullptr);
   }
   if (is_open_) {
+    --loans_;
     send(loan, external_stage_);
   } else {
     drop_outside(loan);
@@ -375,6 +369,7 @@ void PublisherCore::publish_again(Envelope* loan, const MessageInfo& info) {
     first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
   }
   if (is_open_) {
+    --loans_;
     deliver(loan);
   } else {
     drop_outside(loan);
@@ -392,7 +387,9 @@ void PublisherCore::drop_outside(Envelope* loan) noexcept {
 }
 
 void PublisherCore::drop_muted(Envelope* loan) noexcept {
-  FASTCYCLE_ASSERT(owner.is_in_activation, "a component publishes only inside its callbacks");
+  if (!owner.is_active_here()) {
+    called_outside(owner, "publish on", topic.name, kPublishFromThreads);
+  }
   muted_.add();
   if (loan != nullptr) {
     return_loan(loan);
@@ -405,7 +402,9 @@ void PublisherCore::drop_scratch(Envelope* scratch) noexcept {
     target.lane->dropped_by_pool.add();
   }
   auto& list = scratch->foreign != nullptr ? scratch_forwards_ : scratch_loans_;
-  if (Envelope* foreign = std::exchange(scratch->foreign, nullptr)) {
+  if (Envelope* foreign = scratch->foreign) {
+    foreign->pool->count_came_back(*scratch);
+    scratch->foreign = nullptr;
     release(foreign);
   }
   scratch->next = std::exchange(list, scratch);
@@ -413,16 +412,36 @@ void PublisherCore::drop_scratch(Envelope* scratch) noexcept {
 
 void PublisherCore::deliver(Envelope* envelope) noexcept {
   if (owner.stage != nullptr) {
-    pool_->collect();
-    forwards_->collect();
-    ++handed_over_;
+    hand_over(envelope);
+  } else {
+    put_into_lanes(envelope);
   }
+}
+
+void PublisherCore::hand_over(Envelope* envelope) noexcept {
+  pool_->collect();
+  forwards_->collect();
+  ++handed_over_;
+  put_into_lanes(envelope);
+  if (awaits_when_handed_over_ && staged() == 0) {
+    awaits_when_handed_over_ = false;
+    credits_->await();
+  }
+}
+
+void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   if (envelope->is_scratch) {
     drop_scratch(envelope);
     return;
   }
-  const std::size_t count = targets_.size() + (options.latched > 0 ? 1 : 0);
+  const Pool& pool = *envelope->pool;
+  const std::size_t held_back =
+      shares_.must_look(pool) ? shares_.find_held_back(targets_, pool) : 0;
+  const std::size_t count = targets_.size() - held_back + (options.latched > 0 ? 1 : 0);
   if (count == 0) {
+    for (const Target& target : targets_) {
+      shares_.hold_back(*target.lane, pool);
+    }
     envelope->references.store(0, std::memory_order_relaxed);
     recycle(envelope);
     return;
@@ -434,13 +453,17 @@ void PublisherCore::deliver(Envelope* envelope) noexcept {
   WakeList wakes;
   for (const Target& target : targets_) {
     Lane& lane = *target.lane;
+    if (lane.is_held_back) [[unlikely]] {
+      shares_.hold_back(lane, pool);
+      continue;
+    }
     if (Envelope* displaced = lane.push(envelope)) {
       release(displaced);
       if (topic.overflow_watch != nullptr && !lane.options.is_view) {
         topic.overflow_watch->overflowed(lane.subscription);
       }
     }
-    if (target.bit != 0 && target.inbox->mark(target.bit)) {
+    if (target.bit != 0 && target.inbox->mark(lane, target.bit)) {
       wakes.add(target.inbox->queue());
     }
     if (lane.is_closed()) {
@@ -465,8 +488,11 @@ void PublisherCore::use_credits(std::size_t window) {
 }
 
 std::size_t PublisherCore::ask_credits() {
-  FASTCYCLE_ASSERT(credits_ != nullptr, "a publisher that is asked for credits has some");
-  FASTCYCLE_ASSERT(owner.is_in_activation, "a component asks for credits inside its callbacks");
+  check_credits(*this);
+  if (!owner.is_active_here()) [[unlikely]] {
+    called_outside(owner, "credits() of", topic.name,
+                   "an ExternalPublisher can be asked by your own thread");
+  }
   if (owner.is_muted) {
     return 0;  // What it publishes reaches nobody, and comes back from nobody.
   }
@@ -489,15 +515,21 @@ bool PublisherCore::take_returned_credits() noexcept {
   if (!credits_->take_returned()) {
     return false;
   }
-  if (credits_->left(staged()) == 0) {
-    credits_->await();
-    return false;
+  if (credits_->left(staged()) > 0) {
+    return true;
   }
-  return true;
+  // What is staged uses them up, and no lane knows of it yet: waiting would end at once, and again
+  // and again, before the round does.
+  if (staged() > 0) {
+    awaits_when_handed_over_ = true;
+  } else {
+    credits_->await();
+  }
+  return false;
 }
 
 std::size_t PublisherCore::ask_external_credits() {
-  FASTCYCLE_ASSERT(credits_ != nullptr, "a publisher that is asked for credits has some");
+  check_credits(*this);
   const std::lock_guard lock(mutex_);
   return is_external_muted_ ? 0 : credits_->left(staged());
 }
@@ -510,10 +542,14 @@ void PublisherCore::set_external_muted(bool is_muted) noexcept {
 }
 
 bool PublisherCore::wait_for_credit(const std::stop_token& stop) {
-  FASTCYCLE_ASSERT(credits_ != nullptr, "a publisher that is asked for credits has some");
+  check_credits(*this);
   const std::stop_callback wake_up(stop, [this] { credits_->wake(); });
-  while (!stop.stop_requested()) {
+  for (;;) {
+    // Read before everything that a change of it announces: the stop, the credits, being heard.
     const std::uint32_t epoch = credits_->epoch();
+    if (stop.stop_requested()) {
+      return false;
+    }
     {
       const std::lock_guard lock(mutex_);
       static_cast<void>(credits_->take_returned());
@@ -527,49 +563,12 @@ bool PublisherCore::wait_for_credit(const std::stop_token& stop) {
     // Woken by what came, or by `stop`: also if that was before this.
     credits_->wait_beyond(epoch);
   }
-  return false;
 }
 
-Envelope* take_loan(PublisherCore& publisher, bool cleared) {
-  return publisher.loan(cleared);
-}
-
-void return_loan(PublisherCore& publisher, Envelope* loan) noexcept {
-  publisher.return_loan(loan);
-}
-
-void publish_loan(PublisherCore& publisher, Envelope* loan, const PublishOptions& options) {
-  publisher.publish(loan, options);
-}
-
-void publish_received(PublisherCore& publisher, Envelope* received) {
-  publisher.forward(received);
-}
-
-Envelope* take_external_loan(PublisherCore& publisher, bool cleared) {
-  const std::lock_guard lock(publisher.mutex());
-  return publisher.loan(cleared);
-}
-
-void return_external_loan(PublisherCore& publisher, Envelope* loan) noexcept {
-  const std::lock_guard lock(publisher.mutex());
-  publisher.return_loan(loan);
-}
-
-std::size_t ask_credits(PublisherCore& publisher) {
-  return publisher.ask_credits();
-}
-
-std::size_t ask_external_credits(PublisherCore& publisher) {
-  return publisher.ask_external_credits();
-}
-
-bool wait_for_credit(PublisherCore& publisher, const std::stop_token& stop) {
-  return publisher.wait_for_credit(stop);
-}
-
-void publish_external(PublisherCore& publisher, Envelope* loan, Time taken_at) {
-  publisher.publish_external(loan, taken_at);
+std::size_t PublisherCore::count_subscribers() const noexcept {
+  return static_cast<std::size_t>(std::ranges::count_if(targets_, [](const Target& target) {
+    return target.lane->subscription.kind != Subscription::Kind::kTap;
+  }));
 }
 
 }  // namespace fastcycle::detail

@@ -8,72 +8,19 @@
 #include <string>
 #include <vector>
 
-#include <pthread.h>
-
 #include "base/clock.h"
+#include "base/priority_mutex.h"
 #include "broker/credits.h"
 #include "broker/inbox.h"
 #include "broker/pool.h"
+#include "broker/pool_shares.h"
+#include "broker/publishing_component.h"
 #include "broker/subscription.h"
 #include "fastcycle/publisher.h"
 
 namespace fastcycle::detail {
 
 class Topic;
-
-/// Where published messages wait until a round of simulated time is over.
-class Stage {
- public:
-  Stage() = default;
-  Stage(const Stage&) = delete;
-  Stage& operator=(const Stage&) = delete;
-  virtual ~Stage() = default;
-
-  virtual void put(PublisherCore& publisher, Envelope* envelope) = 0;
-};
-
-/// What a publisher must know of the component that owns it.
-///
-/// @threads  Confined to the component's activations, and to the control thread before the start.
-struct PublishingComponent {
-  std::string name;
-  const base::Clock* clock = nullptr;
-  Stage* stage = nullptr;         ///< In simulated time; null when live.
-  bool has_subscribers = false;   ///< Then its messages inherit their origin.
-  bool is_in_activation = false;  ///< Only then it may publish,
-  bool is_muted = false;          ///< unless it is muted: then nobody hears it.
-  Time now{};                     ///< The activation's time.
-  Duration simulated_cost{0};     ///< In simulated time: how much later it publishes.
-  /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
-  /// something is published.
-  const Origin* origin = &kNoOrigin;
-  static constexpr Origin kNoOrigin{};
-  /// What led to the activation, for each root of latency chains; null if nothing did.
-  const Trail* trails = nullptr;
-  /// The newest that was delivered for each root, for those that the cause knows nothing of; null
-  /// where there are no chains.
-  const Trail* held_trails = nullptr;
-  std::uint32_t publish_count = 0;  ///< In this activation.
-  Time published{};                 ///< The last publish time of its own publishers.
-  /// Something is to be done when the activation is over: publishers were asked for credits, or a
-  /// subscription has ended.
-  bool has_leftovers = false;
-  std::vector<PublisherCore*> asked = {};  ///< For credits.
-};
-
-/// A mutex whose holder inherits the priority of who waits for it.
-class PriorityMutex {
- public:
-  PriorityMutex();
-  PriorityMutex(const PriorityMutex&) = delete;
-  PriorityMutex& operator=(const PriorityMutex&) = delete;
-  ~PriorityMutex();
-  void lock() noexcept;
-  void unlock() noexcept;
-
- private:
-  pthread_mutex_t mutex_;
-};
 
 /// One component's end of a topic: numbers its messages and puts them into the lanes.
 ///
@@ -86,9 +33,12 @@ class PublisherCore {
  public:
   struct Options {
     bool is_external = false;
-    std::size_t keep = 0;      ///< Messages that components hold on purpose.
-    std::size_t pool_max = 0;  ///< Messages ever made; 0: twice what the subscribers need, plus 64.
-    std::size_t latched = 0;   ///< Messages kept for those who connect later.
+    std::size_t keep = 0;  ///< Messages that components hold on purpose.
+    /// Messages ever made; 0: twice what the subscribers need, plus 64. In simulated time it limits
+    /// nothing: what observers and foreign threads hold depends on how fast they are, and what is
+    /// lost must not.
+    std::size_t pool_max = 0;
+    std::size_t latched = 0;                ///< Messages kept for those who connect later.
     std::optional<Duration> lifespan = {};  ///< What is older is not given to them.
   };
 
@@ -98,6 +48,14 @@ class PublisherCore {
   PublisherCore(const PublisherCore&) = delete;
   PublisherCore& operator=(const PublisherCore&) = delete;
   ~PublisherCore();
+
+  /// From now on counts what each of `count` subscriptions of the topic keeps, and a few more that
+  /// may come while it runs. Before anything is published.
+  void tell_holders_apart(std::size_t count);
+  /// How many of its messages the component of a subscription keeps beyond its callbacks. Safe.
+  [[nodiscard]] std::size_t kept_by(Holder holder) const noexcept {
+    return pool_->kept_by(holder) + forwards_->kept_by(holder);
+  }
 
   /// From now on what is published reaches `lane` too; latched messages go first.
   void connect(const std::shared_ptr<Lane>& lane, Inbox& inbox);
@@ -110,7 +68,8 @@ class PublisherCore {
   [[nodiscard]] Envelope* loan(bool is_cleared);
   void return_loan(Envelope* loan) noexcept;
   void publish(Envelope* loan, const PublishOptions& options);
-  void forward(Envelope* received);
+  /// `holder` is the subscription that received it.
+  void forward(Envelope* received, Holder holder);
   void publish_external(Envelope* loan, Time taken_at);
   /// Publishes what was published once before, with sequence, publish time and origin of then; an
   /// origin without a root is of this publisher. For an external publisher, from a thread that is
@@ -140,7 +99,7 @@ class PublisherCore {
   [[nodiscard]] bool wait_for_credit(const std::stop_token& stop);
 
   /// An external publisher's lock; the others need none.
-  [[nodiscard]] PriorityMutex& mutex() noexcept { return mutex_; }
+  [[nodiscard]] base::PriorityMutex& mutex() noexcept { return mutex_; }
 
   /// Where an external publisher's messages go in simulated time.
   void set_external_stage(Stage* stage) noexcept { external_stage_ = stage; }
@@ -169,6 +128,9 @@ class PublisherCore {
   /// takes the mutex.
   [[nodiscard]] Time read_last_publish_time() noexcept;
 
+  /// Subscriptions of components that are connected; taps are not counted. As `publish`.
+  [[nodiscard]] std::size_t count_subscribers() const noexcept;
+
   [[nodiscard]] std::uint64_t published() const noexcept { return published_.get(); }
   /// What was given to it while its component was muted.
   [[nodiscard]] std::uint64_t muted() const noexcept { return muted_.get(); }
@@ -183,18 +145,15 @@ class PublisherCore {
   }
 
  private:
-  struct Target {
-    std::shared_ptr<Lane> lane;
-    Inbox* inbox;
-    std::uint64_t bit;
-  };
-
-  [[nodiscard]] std::size_t pool_limit() const noexcept;
+  void check_loans() const;
   [[nodiscard]] Envelope* take_from(Pool& pool, Envelope*& scratch);
   void prepare() const noexcept;
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
   void follow(Envelope& envelope, const Trail* cause, const Trail* held) const noexcept;
   void send(Envelope* envelope, Stage* stage) noexcept;
+  /// As `deliver`, when a simulated round is over.
+  void hand_over(Envelope* envelope) noexcept;
+  void put_into_lanes(Envelope* envelope) noexcept;
   void drop_scratch(Envelope* scratch) noexcept;
   void drop_muted(Envelope* loan) noexcept;
   void drop_outside(Envelope* loan) noexcept;
@@ -208,8 +167,9 @@ class PublisherCore {
   const std::unique_ptr<google::protobuf::Message> prototype_;
   Pool* const pool_;
   Pool* const forwards_;
-  std::size_t needed_ = 0;    ///< By the subscriptions that there are now, and by the owner.
+  PoolShares shares_;
   std::size_t provided_ = 0;  ///< The most that were ever needed: so many were made.
+  std::size_t loans_ = 0;     ///< Lent, and neither published nor returned.
 
   // Lent when the pool is dry and may not grow; as many as the component ever borrowed at once.
   Envelope* scratch_loans_ = nullptr;
@@ -223,13 +183,15 @@ class PublisherCore {
   std::uint64_t handed_over_ = 0;  ///< In simulated time: of those, who left the stage.
   std::shared_ptr<Credits> credits_;
   bool is_asked_ = false;  ///< For credits, in this activation.
+  /// In simulated time: credits are to be awaited once all that was published has left the stage.
+  bool awaits_when_handed_over_ = false;
   std::size_t granted_ = 0;
   std::uint64_t granted_at_ = 0;  ///< What was published before.
   std::atomic<std::int64_t> first_publish_ns_{0};
   Stage* external_stage_ = nullptr;
   bool is_open_ = false;
   bool is_external_muted_ = false;
-  PriorityMutex mutex_;
+  base::PriorityMutex mutex_;
 };
 
 }  // namespace fastcycle::detail

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "base/clock.h"
-#include "broker/topics.h"
+#include "broker/topic.h"
 #include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
@@ -73,15 +73,8 @@ void Quality::set(const SubscriberOptions& options) {
   set_callback(options.on_event);
 }
 
-void Quality::add(std::shared_ptr<const Lane> lane) {
-  const auto publisher = std::ranges::find(topic_.publishers, lane->publisher,
-                                           [](const auto& other) { return other->id; });
-  Source source;
-  source.lane = std::move(lane);
-  if (publisher != topic_.publishers.end()) {
-    source.component = (*publisher)->owner.name;
-  }
-  sources_.push_back(std::move(source));
+void Quality::add(std::shared_ptr<const Lane> lane, std::string_view component) {
+  sources_.push_back({.lane = std::move(lane), .component = component});
 }
 
 void Quality::end() noexcept {
@@ -226,35 +219,6 @@ std::optional<QosEvent> Quality::hear(PublisherId publisher, bool is_alive, std:
     }
   }
   return std::nullopt;
-}
-
-OfferedDeadline::OfferedDeadline(PublisherCore& its_publisher, Duration period)
-    : publisher(its_publisher) {
-  deadline_.set_period(period);
-}
-
-void OfferedDeadline::begin(std::int64_t now_ns) noexcept {
-  begin_ns_ = now_ns;
-  deadline_.begin(now_ns);
-}
-
-std::optional<QosEvent> OfferedDeadline::look(std::int64_t now_ns) noexcept {
-  const std::int64_t newest_ns =
-      std::max(begin_ns_, base::to_ns(publisher.read_last_publish_time()));
-  const std::uint64_t periods = deadline_.look(newest_ns, now_ns);
-  if (periods == 0) {
-    return std::nullopt;
-  }
-  missed.add(periods);
-  return QosEvent{.kind = QosKind::kDeadlineMissed,
-                  .topic = publisher.topic.name,
-                  .publisher = publisher.owner.name,
-                  .count = missed.get(),
-                  .since = base::from_ns(deadline_.last_ns())};
-}
-
-std::int64_t OfferedDeadline::next_look_ns() const noexcept {
-  return deadline_.next_look_ns();
 }
 
 }  // namespace fastcycle::detail

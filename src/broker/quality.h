@@ -13,7 +13,6 @@
 
 namespace fastcycle::detail {
 
-class PublisherCore;
 class TimerCore;
 class Topic;
 
@@ -92,8 +91,9 @@ class Quality final : public Watch {
   /// Takes over what is asked for; the counters go on.
   void set(const SubscriberOptions& options);
 
-  /// A lane that the subscription has from now on; `end` forgets them all, and watches no more.
-  void add(std::shared_ptr<const Lane> lane);
+  /// A lane that the subscription has from now on, and the component that publishes into it; `end`
+  /// forgets them all, and watches no more.
+  void add(std::shared_ptr<const Lane> lane, std::string_view component);
   void end() noexcept;
 
   void begin(std::int64_t now_ns) noexcept override;
@@ -158,26 +158,6 @@ class Quality final : public Watch {
   std::vector<Source> sources_;
   std::int64_t begin_ns_ = 0;
   std::uint64_t refused_ = 0;  ///< Messages that full queues had refused when it was looked last.
-};
-
-/// The deadline that a publisher offers: its own component is told when it does not keep it.
-class OfferedDeadline final : public Watch {
- public:
-  OfferedDeadline(PublisherCore& its_publisher, Duration period);
-
-  void begin(std::int64_t now_ns) noexcept override;
-  [[nodiscard]] std::optional<QosEvent> look(std::int64_t now_ns) noexcept override;
-  [[nodiscard]] std::int64_t next_look_ns() const noexcept override;
-
-  [[nodiscard]] Duration period() const noexcept { return *deadline_.period(); }
-  void set_period(Duration period) noexcept { deadline_.set_period(period); }
-
-  PublisherCore& publisher;
-  Counter missed;
-
- private:
-  Deadline deadline_;
-  std::int64_t begin_ns_ = 0;
 };
 
 }  // namespace fastcycle::detail

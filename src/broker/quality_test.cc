@@ -30,7 +30,7 @@ class QualityOfService : public ::testing::Test {
     inbox_.attach(queue_, 0);
     for (PublishingComponent* owner : {&one_, &two_}) {
       owner->clock = &clock_;
-      owner->is_in_activation = true;
+      owner->enter();
     }
     one_.name = "one";
     two_.name = "two";

@@ -7,7 +7,7 @@
 #include "broker/chain_end.h"
 #include "broker/inbox.h"
 #include "broker/quality.h"
-#include "broker/topics.h"
+#include "broker/topic.h"
 #include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
@@ -50,6 +50,7 @@ Subscription::Subscription(Topic& topic_, Inbox& inbox_, std::string component_,
       inbox(inbox_),
       component(std::move(component_)),
       kind(kind_),
+      holder(kind_ == Kind::kTap ? kNobody : topic_.next_holder()),
       depth(options.depth.value_or(kDefaultDepth)),
       overflow(options.overflow.value_or(Overflow::kDropOldest)),
       keep(options.keep),
@@ -74,11 +75,12 @@ void Subscription::set_history(const SubscriberOptions& options) noexcept {
       std::min<std::size_t>(options.history.value_or(Lane::kWholeHistory), Lane::kWholeHistory));
 }
 
-std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_external, bool ages,
+std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, std::string_view from,
+                                             bool is_external, bool ages,
                                              std::shared_ptr<LaneCredit> credit) {
   const std::lock_guard lock(mutex_);
   auto lane = std::make_shared<Lane>(
-      *this, publisher, inbox.next_bit(),
+      *this, publisher,
       Lane::Options{.depth = depth,
                     .overflow = overflow,
                     .is_view = !is_called(),
@@ -97,7 +99,7 @@ std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, bool is_exte
   });
   lanes_.push_back(lane);
   if (quality != nullptr) {
-    quality->add(lane);
+    quality->add(lane, from);
   }
   return lane;
 }

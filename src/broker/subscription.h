@@ -3,11 +3,12 @@
 #include <array>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/histogram.h"
+#include "base/priority_mutex.h"
 #include "broker/lane.h"
 
 namespace fastcycle::detail {
@@ -57,9 +58,9 @@ class Subscription {
   Subscription& operator=(const Subscription&) = delete;
   virtual ~Subscription();
 
-  /// Makes the lane for one more publisher, known to both ends.
-  std::shared_ptr<Lane> add_lane(PublisherId publisher, bool is_external, bool ages,
-                                 std::shared_ptr<LaneCredit> credit = nullptr);
+  /// Makes the lane for one more publisher, of the component `from`, known to both ends.
+  std::shared_ptr<Lane> add_lane(PublisherId publisher, std::string_view from, bool is_external,
+                                 bool ages, std::shared_ptr<LaneCredit> credit = nullptr);
 
   /// How many of a topic's latched messages it asks for, from now on.
   void set_history(const SubscriberOptions& options) noexcept;
@@ -82,6 +83,8 @@ class Subscription {
   Inbox& inbox;
   const std::string component;
   const Kind kind;
+  /// Under which messages count that its component keeps as samples; nobody for taps.
+  const Holder holder;
   const std::size_t depth;
   const Overflow overflow;
   /// Of latched messages, for lanes that are made from now on. As the vector of lanes.
@@ -115,7 +118,7 @@ class Subscription {
   [[nodiscard]] bool is_judged_by_quality() const noexcept;
 
   // Control plane: taken when lanes come and go, and by readers of the ledger.
-  mutable std::mutex mutex_;
+  mutable base::PriorityMutex mutex_;
   std::vector<std::shared_ptr<Lane>> lanes_;
   Ledger retired_;
 };

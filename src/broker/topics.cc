@@ -5,7 +5,8 @@
 
 namespace fastcycle::detail {
 
-PublisherId publisher_id(std::string_view component, std::string_view topic) noexcept {
+PublisherId publisher_id(std::string_view component, std::string_view topic,
+                         std::size_t ordinal) noexcept {
   constexpr std::uint64_t kOffset = 14695981039346656037ULL;
   constexpr std::uint64_t kPrime = 1099511628211ULL;
   std::uint64_t hash = kOffset;
@@ -17,7 +18,28 @@ PublisherId publisher_id(std::string_view component, std::string_view topic) noe
   add(component);
   add("\n");
   add(topic);
+  if (ordinal > 0) {
+    add("\n");
+    add(std::to_string(ordinal));
+  }
   return hash == 0 ? 1 : hash;
+}
+
+// Here, where its two ends are known.
+Topic::Topic(std::string its_name, TopicOptions its_options)
+    : name(std::move(its_name)), options(its_options) {}
+Topic::~Topic() = default;
+
+void Topic::add(std::unique_ptr<Subscription> subscription) {
+  auto place = subscriptions.end();
+  if (declared_count_) {
+    place = std::upper_bound(subscriptions.begin() + static_cast<std::ptrdiff_t>(*declared_count_),
+                             subscriptions.end(), subscription->component,
+                             [](const std::string& component, const auto& other) {
+                               return component < other->component;
+                             });
+  }
+  subscriptions.insert(place, std::move(subscription));
 }
 
 void Topics::set_options(const std::string& name, const TopicOptions& options) {
@@ -29,6 +51,13 @@ void Topics::set_overflow_watch(OverflowWatch& watch) noexcept {
   overflow_watch_ = &watch;
   for (const auto& [name, topic] : topics_) {
     topic->overflow_watch = &watch;
+  }
+}
+
+void Topics::set_pool_watch(PoolWatch& watch) noexcept {
+  pool_watch_ = &watch;
+  for (const auto& [name, topic] : topics_) {
+    topic->pool_watch = &watch;
   }
 }
 
@@ -65,7 +94,11 @@ Topic& Topics::get(const std::string& name, const std::string& component,
     topic = std::make_unique<Topic>(
         name, options == default_options_.end() ? TopicOptions() : options->second);
     topic->overflow_watch = overflow_watch_;
+    topic->pool_watch = pool_watch_;
     add_chains(*topic);
+    if (is_connected_) {
+      topic->close_declarations();
+    }
   }
   const std::string type = default_instance.GetTypeName();
   if (topic->type.empty()) {
@@ -80,12 +113,16 @@ Topic& Topics::get(const std::string& name, const std::string& component,
 
 PublisherCore& Topics::add_publisher(const std::string& name, PublishingComponent& owner,
                                      const google::protobuf::Message& default_instance,
-                                     const google::protobuf::Message* prototype, bool is_external) {
+                                     const google::protobuf::Message* prototype, bool is_external,
+                                     std::optional<std::size_t> keep) {
   Topic& topic = get(name, owner.name, default_instance);
+  const auto of_owner = std::ranges::count_if(
+      topic.publishers, [&](const auto& other) { return other->owner.name == owner.name; });
   topic.publishers.push_back(std::make_unique<PublisherCore>(
-      topic, owner, publisher_id(owner.name, name), default_instance, prototype,
+      topic, owner, publisher_id(owner.name, name, static_cast<std::size_t>(of_owner)),
+      default_instance, prototype,
       PublisherCore::Options{.is_external = is_external,
-                             .keep = topic.options.keep,
+                             .keep = keep.value_or(topic.options.keep),
                              .pool_max = topic.options.pool_max,
                              .latched = topic.options.latched,
                              .lifespan = topic.options.lifespan}));
@@ -96,7 +133,7 @@ std::shared_ptr<Lane> Topics::make_lane(const PublisherCore& publisher,
                                         Subscription& subscription) {
   // What a synchronizer receives counts once it is in a set.
   return subscription.add_lane(
-      publisher.id, publisher.options.is_external,
+      publisher.id, publisher.owner.name, publisher.options.is_external,
       publisher.topic.ages() && subscription.kind != Subscription::Kind::kSynchronized,
       subscription.is_called() && publisher.credits() != nullptr
           ? std::make_shared<LaneCredit>(publisher.credits())
@@ -112,11 +149,14 @@ void Topics::connect(PublisherCore& publisher, Subscription& subscription) {
 void Topics::connect_all() {
   for (const auto& [name, topic] : topics_) {
     for (const auto& publisher : topic->publishers) {
+      publisher->tell_holders_apart(topic->holder_count);
       for (const auto& subscription : topic->subscriptions) {
         connect(*publisher, *subscription);
       }
     }
+    topic->close_declarations();
   }
+  is_connected_ = true;
 }
 
 std::vector<TopicConflict> Topics::conflicts() const {

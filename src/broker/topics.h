@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -10,61 +12,9 @@
 #include "broker/chain_end.h"
 #include "broker/publisher_core.h"
 #include "broker/subscription.h"
+#include "broker/topic.h"
 
 namespace fastcycle::detail {
-
-/// What belongs to a topic and not to one of its ends.
-struct TopicOptions {
-  std::size_t latched = 0;
-  bool ages = true;
-  std::size_t keep = 0;
-  std::size_t pool_max = 0;
-  bool multiple_publishers = false;
-  bool external = false;                  ///< No component has to publish it.
-  std::optional<Duration> lifespan = {};  ///< Older messages are not delivered.
-  std::size_t credits = 0;  ///< Messages on their way to a subscriber; 0: what the code says.
-};
-
-/// Who is told when a queue is full.
-///
-/// @threads  Safe.
-/// @realtime As `publish` is.
-class OverflowWatch {
- public:
-  OverflowWatch() = default;
-  OverflowWatch(const OverflowWatch&) = delete;
-  OverflowWatch& operator=(const OverflowWatch&) = delete;
-  virtual ~OverflowWatch() = default;
-
-  /// One message for `subscription` was dropped, since as many waited as may.
-  virtual void overflowed(const Subscription& subscription) noexcept = 0;
-};
-
-/// A named stream of messages of one type.
-class Topic {
- public:
-  Topic(std::string name_, TopicOptions options_) : name(std::move(name_)), options(options_) {}
-
-  const std::string name;
-  const TopicOptions options;
-
-  OverflowWatch* overflow_watch = nullptr;  ///< Constant once anything is published.
-
-  // Constant once anything is declared.
-  std::size_t root_count = 0;       ///< Of all latency chains: so many trails a message has.
-  std::optional<std::size_t> root;  ///< Which of these it is itself, if chains begin here.
-  std::vector<ChainRule> ends;      ///< The chains that end here.
-
-  /// Whether its messages count for the origin of what timers publish. A latched message says how
-  /// things are; its age is not the age of what follows from it.
-  [[nodiscard]] bool ages() const noexcept { return options.ages && options.latched == 0; }
-
-  // Control plane.
-  std::string type;
-  std::string type_from;  ///< The component that declared it first.
-  std::vector<std::unique_ptr<PublisherCore>> publishers;
-  std::vector<std::unique_ptr<Subscription>> subscriptions;
-};
 
 /// One mistake in how the components of an application fit together.
 struct TopicConflict {
@@ -98,10 +48,14 @@ class Topics {
 
   /// From now on `watch` is told of each overflow; before anything runs.
   void set_overflow_watch(OverflowWatch& watch) noexcept;
+  /// From now on `watch` is told when a pool runs short; before anything runs.
+  void set_pool_watch(PoolWatch& watch) noexcept;
 
+  /// `keep`: of its messages, how many components retain on purpose; else the topic's number.
   PublisherCore& add_publisher(const std::string& name, PublishingComponent& owner,
                                const google::protobuf::Message& default_instance,
-                               const google::protobuf::Message* prototype, bool is_external);
+                               const google::protobuf::Message* prototype, bool is_external,
+                               std::optional<std::size_t> keep = {});
   /// The topic `name`, made if it is new; a second type is a conflict.
   Topic& get(const std::string& name, const std::string& component,
              const google::protobuf::Message& default_instance);
@@ -131,11 +85,17 @@ class Topics {
   std::map<std::string, std::vector<ChainRule>> ends_;
   std::map<std::string, TopicOptions> default_options_;
   std::vector<TopicConflict> type_conflicts_;
+  bool is_connected_ = false;
   OverflowWatch* overflow_watch_ = nullptr;
+  PoolWatch* pool_watch_ = nullptr;
 };
 
 /// The identity of the publisher of `component` on `topic`: FNV-1a over both names, 64 bits.
 /// http://www.isthe.com/chongo/tech/comp/fnv/
-[[nodiscard]] PublisherId publisher_id(std::string_view component, std::string_view topic) noexcept;
+///
+/// Of several publishers of one component on one topic `ordinal` is the place in which they are
+/// declared, from 0; from the second on it is part of the identity.
+[[nodiscard]] PublisherId publisher_id(std::string_view component, std::string_view topic,
+                                       std::size_t ordinal = 0) noexcept;
 
 }  // namespace fastcycle::detail

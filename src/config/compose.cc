@@ -7,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "base/utf8.h"
 #include "config/merge.h"
 #include "config/nearest.h"
 #include "config/parse.h"
@@ -24,18 +25,16 @@ std::string identity_of(const std::filesystem::path& file) {
 
 Value empty_tree(const Value& file) {
   Value tree = Value::object_at(file);
-  for (const std::string_view key : {"name", "on_fault", "initial_mode"}) {
+  for (const std::string_view key : {"name", "on_fault", "on_hang", "log_level", "initial_mode"}) {
     if (const Value* value = find_string(file, key)) {
       tree.set(key, *value);
     }
   }
-  if (const Value* timeout = file.find("start_timeout_ms");
-      timeout != nullptr && timeout->is_number()) {
-    tree.set("start_timeout_ms", *timeout);
-  }
-  if (const Value* period = file.find("status_period_ms");
-      period != nullptr && period->is_number()) {
-    tree.set("status_period_ms", *period);
+  for (const std::string_view key :
+       {"start_timeout_ms", "callback_limit_ms", "lifecycle_limit_ms", "status_period_ms"}) {
+    if (const Value* time = file.find(key); time != nullptr && time->is_number()) {
+      tree.set(key, *time);
+    }
   }
   for (const std::string_view key : {"library_path", "executors", "chains"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
@@ -45,20 +44,6 @@ Value empty_tree(const Value& file) {
   }
   tree.set("components", Value(Value::Array{}, file.origin()));
   return tree;
-}
-
-std::vector<std::string> full_names(const Value& tree) {
-  std::vector<std::string> names;
-  for (const Value& component : tree["components"].items()) {
-    names.push_back(full_name(component));
-  }
-  return names;
-}
-
-Value* find_component(Value& tree, const std::string& name) {
-  auto& components = tree.find("components")->items();
-  const auto found = std::ranges::find(components, name, full_name);
-  return found == components.end() ? nullptr : &*found;
 }
 
 }  // namespace
@@ -207,7 +192,8 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
       const std::string whole = joined(name_space->as_string(), text_of(component, "namespace"));
       component.set("namespace", Value::string_at(*name_space, whole));
     }
-    for (const std::string_view key : {"on_fault", "start_timeout_ms"}) {
+    for (const std::string_view key : {"on_fault", "log_level", "start_timeout_ms",
+                                       "callback_limit_ms", "lifecycle_limit_ms", "on_hang"}) {
       const Value* value = part.find(key);
       if (value != nullptr && component.find(key) == nullptr) {
         component.set(key, *value);
@@ -328,7 +314,32 @@ void Composer::add_component(Value& tree, const Value& component, Variables& var
     whole.set("name", *name);
   }
   merge_component(whole, component, variables);
-  tree.find("components")->items().push_back(std::move(whole));
+  auto& components = tree.find("components")->items();
+  components.push_back(std::move(whole));
+  if (!component_places_.empty()) {
+    component_places_.emplace(full_name(components.back()), components.size() - 1);
+  }
+}
+
+Value* Composer::find_component(Value& tree, const std::string& name) {
+  auto& components = tree.find("components")->items();
+  if (component_places_.empty()) {
+    for (std::size_t i = 0; i < components.size(); ++i) {
+      component_places_.emplace(full_name(components[i]), i);
+    }
+  }
+  const auto found = component_places_.find(name);
+  return found == component_places_.end() ? nullptr : &components[found->second];
+}
+
+std::string Composer::nearest_component(const Value& tree, const std::string& name) const {
+  std::vector<std::string> names;
+  if (problems_.keeps_mistakes()) {  // Else nobody will read it.
+    for (const Value& component : tree["components"].items()) {
+      names.push_back(full_name(component));
+    }
+  }
+  return did_you_mean(nearest(name, names));
 }
 
 // First its file, then what stands beside it, which goes before.
@@ -379,8 +390,9 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       merge(*tree.find(key), value, problems_);
     } else if (key == "record" || key == "flight_recorder" || key == "trace" || key == "inspect") {
       apply_overlay_optional(tree, key, value);
-    } else if (key == "name" || key == "on_fault" || key == "library_path" ||
-               key == "initial_mode" || key == "start_timeout_ms" || key == "status_period_ms") {
+    } else if (key == "name" || key == "on_fault" || key == "log_level" || key == "library_path" ||
+               key == "initial_mode" || key == "start_timeout_ms" || key == "callback_limit_ms" ||
+               key == "lifecycle_limit_ms" || key == "on_hang" || key == "status_period_ms") {
       tree.set(key, value);
     }
   }
@@ -409,7 +421,7 @@ void Composer::apply_overlay_component(Value& tree, const Value& over, Variables
       problems_.add(mistake(
           over.place(),
           "there is no component " + in_quotes(name) + ", and a new one needs a \"library\"",
-          did_you_mean(nearest(name, full_names(tree)))));
+          nearest_component(tree, name)));
       return;
     }
     add_component(tree, over, variables);
@@ -419,6 +431,7 @@ void Composer::apply_overlay_component(Value& tree, const Value& over, Variables
   if (library != nullptr && library->is_null()) {
     auto& components = tree.find("components")->items();
     components.erase(components.begin() + (component - components.data()));
+    component_places_.clear();
     return;
   }
   // Name and namespace only say which component is meant.
@@ -471,15 +484,15 @@ void Composer::apply_set(Value& tree, const std::string& set) {
     problems_.add(mistake(place, "the name has more than 64 parts"));
     return;
   }
-  if (!is_utf8(set)) {
+  if (!base::is_utf8(set)) {
     problems_.add(mistake(place, "the option is not UTF-8"));
     return;
   }
   const std::string name = set.substr(0, dot);
   Value* component = find_component(tree, name);
   if (component == nullptr) {
-    problems_.add(mistake(place, "there is no component " + in_quotes(name),
-                          did_you_mean(nearest(name, full_names(tree)))));
+    problems_.add(
+        mistake(place, "there is no component " + in_quotes(name), nearest_component(tree, name)));
     return;
   }
   // Made into {"params": {"limits": {"jerk": value}}}, and merged like an overlay.

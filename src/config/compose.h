@@ -4,9 +4,10 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
-#include "config/load.h"
+#include "config/load_options.h"
 #include "config/problem.h"
 #include "config/schema.h"
 #include "config/value.h"
@@ -56,9 +57,17 @@ class Composer {
   void apply_overlay_topics(Value& tree, const Value& topics);
   void apply_set(Value& tree, const std::string& set);
 
+  /// The component of the tree with the full name `name`; null if there is none.
+  Value* find_component(Value& tree, const std::string& name);
+  /// `did you mean "name"?`, or nothing.
+  [[nodiscard]] std::string nearest_component(const Value& tree, const std::string& name) const;
+
   const Schema& schema_;
   Problems& problems_;
   std::size_t file_count_ = 0;
+  // Where in the tree each component is, by its full name, once overlays or options ask; of several
+  // with one name the first. Empty: not known.
+  std::unordered_map<std::string, std::size_t> component_places_;
 };
 
 }  // namespace fastcycle::config

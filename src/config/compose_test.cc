@@ -115,6 +115,27 @@ TEST_F(ComposeTest, AnIncludedFileSaysHowItsComponentsStartAndRestart) {
   EXPECT_FALSE(problems.has_errors()) << text_of(problems);
 }
 
+TEST_F(ComposeTest, AnIncludedFileSaysHowLongItsComponentsMayTake) {
+  folder.write("app.json", R"({"name": "app", "include": [{"file": "a.json"}], "on_hang": "stop",
+      "components": [{"name": "planner", "library": "p", "lifecycle_limit_ms": 0}]})");
+  folder.write("a.json", R"({"callback_limit_ms": 200,
+      "components": [{"name": "lidar", "library": "l"},
+                     {"name": "radar", "library": "r", "callback_limit_ms": 50.5,
+                      "on_hang": "tell"}]})");
+
+  const ApplicationDescription app = describe(compose());
+
+  EXPECT_EQ(app.components[0].hang.callback_limit, std::chrono::milliseconds(200));
+  EXPECT_EQ(app.components[0].hang.lifecycle_limit, std::chrono::seconds(5));
+  EXPECT_EQ(app.components[0].hang.on_hang, OnHang::kStop);
+  EXPECT_EQ(app.components[1].hang.callback_limit, std::chrono::microseconds(50'500));
+  EXPECT_EQ(app.components[1].hang.on_hang, OnHang::kTell);
+  EXPECT_EQ(app.components[2].hang.callback_limit, std::chrono::seconds(1));
+  EXPECT_EQ(app.components[2].hang.lifecycle_limit.count(), 0);
+  EXPECT_EQ(app.components[2].hang.on_hang, OnHang::kStop);
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+}
+
 TEST_F(ComposeTest, ModesAreOfTheFileThatIsRunAndOfOverlays) {
   folder.write("app.json", R"({"name": "app", "include": [{"file": "a.json"}],
       "modes": {"one": {"components": ["a"]}, "two": {}}, "initial_mode": "one",

@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <unordered_set>
 #include <utility>
 
+#include "base/log_level.h"
 #include "config/merge.h"
 
 namespace fastcycle::config {
@@ -47,6 +49,13 @@ std::optional<Word> find_word(const Value& object, std::string_view key,
 std::optional<OnFault> find_on_fault(const Value& object) {
   return find_word(object, "on_fault",
                    std::array{OnFault::kStopComponent, OnFault::kStop, OnFault::kRestart});
+}
+
+std::optional<LogLevel> find_log_level(const Value& object) {
+  const auto& words = detail::kLogLevelWords;
+  const auto found = std::ranges::find(words, text_of(object, "log_level"));
+  return found == words.end() ? std::nullopt
+                              : std::optional(static_cast<LogLevel>(found - words.begin()));
 }
 
 /// A time of `unit`s.
@@ -188,11 +197,22 @@ RestartDescription describe_restart(const Value& object, RestartDescription defa
   return defaults;
 }
 
+/// What `object` says of calls that do not return, upon `defaults`.
+HangDescription describe_hang(const Value& object, HangDescription defaults) {
+  defaults.callback_limit = find_ms(object, "callback_limit_ms").value_or(defaults.callback_limit);
+  defaults.lifecycle_limit =
+      find_ms(object, "lifecycle_limit_ms").value_or(defaults.lifecycle_limit);
+  defaults.on_hang = find_word(object, "on_hang", std::array{OnHang::kTell, OnHang::kStop})
+                         .value_or(defaults.on_hang);
+  return defaults;
+}
+
 /// What the application says for all components that do not say it themselves.
 struct ComponentDefaults {
   OnFault on_fault = OnFault::kStopComponent;
   RestartDescription restart;
   std::chrono::nanoseconds start_timeout{0};
+  HangDescription hang;
 };
 
 ComponentDescription describe_component(const Value& value, const ComponentDefaults& defaults) {
@@ -211,7 +231,9 @@ ComponentDescription describe_component(const Value& value, const ComponentDefau
   component.on_fault = find_on_fault(value).value_or(defaults.on_fault);
   component.restart = describe_restart(value, defaults.restart);
   component.fault_mode = text_of(value, "fault_mode");
+  component.log_level = find_log_level(value);
   component.start_timeout = find_ms(value, "start_timeout_ms").value_or(defaults.start_timeout);
+  component.hang = describe_hang(value, defaults.hang);
   read_texts(value, "after", component.after);
   for (std::string& name : component.after) {
     name = without_slash(placed(component.name_space, name));
@@ -231,10 +253,10 @@ void describe_library_path(const Value& tree, ApplicationDescription& applicatio
   if (folders == nullptr) {
     return;
   }
-  auto& path = application.library_path;
+  std::unordered_set<std::string> known;
   for (const Value& folder : folders->items()) {
-    if (folder.is_string() && std::ranges::find(path, folder.as_path()) == path.end()) {
-      path.push_back(folder.as_path());
+    if (folder.is_string() && known.insert(folder.as_path().string()).second) {
+      application.library_path.push_back(folder.as_path());
     }
   }
 }
@@ -353,6 +375,7 @@ ApplicationDescription describe(const Value& tree) {
   application.place = tree.place();
   application.file = application.place.file;
   application.on_fault = find_on_fault(tree).value_or(OnFault::kStopComponent);
+  application.log_level = find_log_level(tree).value_or(application.log_level);
   application.status_period = find_ms(tree, "status_period_ms").value_or(application.status_period);
   describe_library_path(tree, application);
   if (const Value* executors = find_array(tree, "executors")) {
@@ -368,7 +391,8 @@ ApplicationDescription describe(const Value& tree) {
   const ComponentDefaults defaults{
       .on_fault = application.on_fault,
       .restart = describe_restart(tree, {}),
-      .start_timeout = find_ms(tree, "start_timeout_ms").value_or(std::chrono::nanoseconds{0})};
+      .start_timeout = find_ms(tree, "start_timeout_ms").value_or(std::chrono::nanoseconds{0}),
+      .hang = describe_hang(tree, {})};
   if (const Value* components = find_array(tree, "components")) {
     for (const Value& component : components->items()) {
       application.components.push_back(describe_component(component, defaults));

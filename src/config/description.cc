@@ -1,6 +1,12 @@
 #include "config/description.h"
 
-#include <algorithm>
+#include <cstddef>
+#include <functional>
+#include <queue>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
 
 #include "config/merge.h"
 
@@ -16,25 +22,50 @@ std::string resolve_topic(const ComponentDescription& component, std::string_vie
 
 std::vector<std::size_t> start_order(const ApplicationDescription& application) {
   const auto& components = application.components;
-  std::vector<std::size_t> order;
-  std::vector<bool> has_started(components.size(), false);
-  const auto may_start = [&](std::size_t i) {
-    return !has_started[i] && std::ranges::all_of(components[i].after, [&](const auto& name) {
-      const auto before = std::ranges::find(components, name, &ComponentDescription::name);
-      return before == components.end() ||
-             has_started[static_cast<std::size_t>(before - components.begin())];
-    });
-  };
-  while (order.size() < components.size()) {
-    std::size_t next = 0;
-    while (next < components.size() && !may_start(next)) {
-      ++next;
+  const std::size_t count = components.size();
+  std::unordered_map<std::string_view, std::size_t> places;
+  for (std::size_t i = 0; i < count; ++i) {
+    places.emplace(components[i].name, i);
+  }
+  std::vector<std::size_t> waits_for(count, 0);
+  std::vector<std::vector<std::size_t>> followers(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const std::string& name : components[i].after) {
+      if (const auto before = places.find(name); before != places.end()) {
+        ++waits_for[i];
+        followers[before->second].push_back(i);
+      }
     }
-    if (next == components.size()) {  // A circle.
-      next = static_cast<std::size_t>(std::ranges::find(has_started, false) - has_started.begin());
+  }
+  // Those that may start, the first in the file on top.
+  std::priority_queue<std::size_t, std::vector<std::size_t>, std::greater<>> ready;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (waits_for[i] == 0) {
+      ready.push(i);
+    }
+  }
+  std::vector<std::size_t> order;
+  std::vector<bool> has_started(count, false);
+  std::size_t first_left = 0;
+  while (order.size() < count) {
+    while (first_left < count && has_started[first_left]) {
+      ++first_left;
+    }
+    std::size_t next = first_left;  // Of a circle, if none may start.
+    if (!ready.empty()) {
+      next = ready.top();
+      ready.pop();
+    }
+    if (has_started[next]) {
+      continue;  // A circle was begun with it, and what it waited for has started since.
     }
     has_started[next] = true;
     order.push_back(next);
+    for (const std::size_t follower : followers[next]) {
+      if (--waits_for[follower] == 0) {
+        ready.push(follower);
+      }
+    }
   }
   return order;
 }
@@ -49,6 +80,10 @@ std::string_view to_string(OnFault on_fault) {
       return "restart";
   }
   return "";
+}
+
+std::string_view to_string(OnHang on_hang) {
+  return on_hang == OnHang::kStop ? "stop" : "tell";
 }
 
 std::string_view to_string(Policy policy) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "config/value.h"
+#include "fastcycle/log.h"
 
 namespace fastcycle::config {
 
@@ -20,6 +21,12 @@ enum class OnFault : std::uint8_t {
   kStopComponent,  ///< That component stops, the others go on.
   kStop,           ///< The application stops, exit code 1.
   kRestart,        ///< That component is made anew.
+};
+
+/// What happens when a call of a component does not return.
+enum class OnHang : std::uint8_t {
+  kTell,  ///< It is told, and the run goes on.
+  kStop,  ///< The application stops, exit code 1.
 };
 
 /// The kernel's scheduling policy of an executor's workers.
@@ -132,7 +139,8 @@ struct SubscriberDescription {
 
 /// What the application says about one publisher of a component; unset: what the code says.
 struct PublisherDescription {
-  std::optional<std::size_t> keep;  ///< Samples of this publisher that components retain.
+  std::optional<std::size_t> keep;  ///< Of its messages, those that components retain; else the
+                                    ///< topic's number.
   std::optional<std::chrono::nanoseconds> deadline;  ///< That it promises.
   Place place;
 };
@@ -143,6 +151,14 @@ struct RestartDescription {
   std::chrono::nanoseconds within{10'000'000'000};
   std::chrono::nanoseconds back_off{0};  ///< Before the first of them; doubled each time,
   std::chrono::nanoseconds back_off_max{5'000'000'000};  ///< up to this.
+};
+
+/// How long the calls of a component may take by the machine's clock before that is told.
+struct HangDescription {
+  std::chrono::nanoseconds callback_limit{1'000'000'000};   ///< Of a callback; 0: none.
+  std::chrono::nanoseconds lifecycle_limit{5'000'000'000};  ///< Of constructor, start(), ...; 0:
+                                                            ///< none.
+  OnHang on_hang = OnHang::kTell;
 };
 
 /// One mode of the application: who is active in it, of those that some mode names.
@@ -187,10 +203,12 @@ struct ComponentDescription {
   Value params;                                ///< Always an object.
   std::map<std::string, std::string> remap;    ///< Name in code → topic; see `resolve_topic`.
   OnFault on_fault = OnFault::kStopComponent;
-  RestartDescription restart;      ///< With `OnFault::kRestart`.
+  RestartDescription restart;  ///< With `OnFault::kRestart`.
+  HangDescription hang;
   std::string fault_mode;          ///< The mode that follows its end by a fault; or none.
   std::vector<std::string> after;  ///< Full names of those that start before it.
   std::chrono::nanoseconds start_timeout{0};                 ///< For its `start()`, live; 0: none.
+  std::optional<LogLevel> log_level;                         ///< None: the application's.
   std::map<std::string, SubscriberDescription> subscribers;  ///< By the topic's name in code.
   std::map<std::string, PublisherDescription> publishers;    ///< By the topic's name in code.
   std::map<std::string, ThreadDescription> threads;          ///< By the thread's name in code.
@@ -216,6 +234,7 @@ struct ApplicationDescription {
   std::optional<InspectDescription> inspect;                 ///< None: nobody may look.
   OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
   std::chrono::nanoseconds status_period{1'000'000'000};     ///< Of "fastcycle/status".
+  LogLevel log_level = LogLevel::kInfo;  ///< Of its own lines; the default of its components.
   Place place;
   Value effective;  ///< The tree that all of this was read from; what `print` shows.
 };
@@ -237,6 +256,7 @@ struct ApplicationDescription {
 
 /// The words of the enums as JSON has them: `drop_oldest`, `stop_component`.
 [[nodiscard]] std::string_view to_string(OnFault on_fault);
+[[nodiscard]] std::string_view to_string(OnHang on_hang);
 [[nodiscard]] std::string_view to_string(Policy policy);
 [[nodiscard]] std::string_view to_string(Wait wait);
 [[nodiscard]] std::string_view to_string(Overflow overflow);

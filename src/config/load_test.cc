@@ -14,7 +14,7 @@ constexpr std::string_view kApplication = R"({
   "$schema": "https://fastcycle.dev/schema/application.schema.json",
   "name": "speed_demo",
   "library_path": ["lib", "/opt/lib", "lib"],
-  "on_fault": "restart", "status_period_ms": 250,
+  "on_fault": "restart", "log_level": "warning", "status_period_ms": 250,
   "executors": [
     {"name": "control", "threads": 2, "cpus": [1, 2], "policy": "fifo", "priority": 80,
      "wait": "adaptive", "hand_over": true}
@@ -30,6 +30,7 @@ constexpr std::string_view kApplication = R"({
      "namespace": "front", "executor": "control", "serve_period_ms": 0.5, "serve_phase_ms": 0.25,
      "simulated_cost_ms": 1.5,
      "params": {"limit_mps": 22.2}, "remap": {"goal": "mission/goal"}, "on_fault": "stop",
+     "log_level": "debug",
      "subscribers": {"planning/speed": {"depth": 4, "overflow": "drop_newest"}},
      "publishers": {"control/speed": {"keep": 2}},
      "threads": {"device": {"cpus": [0, 3], "policy": "rr", "priority": 40}}},
@@ -54,6 +55,7 @@ TEST_F(LoadTest, EveryKeyArrives) {
   EXPECT_EQ(app.file, folder / "app.json");
   EXPECT_EQ(app.library_path, (std::vector<std::filesystem::path>{folder / "lib", "/opt/lib"}));
   EXPECT_EQ(app.on_fault, OnFault::kRestart);
+  EXPECT_EQ(app.log_level, LogLevel::kWarning);
   EXPECT_EQ(app.status_period, std::chrono::milliseconds(250));
   EXPECT_EQ(app.shared_params.to_text(), R"({"width_m":2})");
   ASSERT_EQ(app.executors.size(), 1U);
@@ -89,6 +91,7 @@ TEST_F(LoadTest, EveryKeyOfAComponentArrives) {
   EXPECT_EQ(limiter.serve_phase, std::chrono::microseconds(250));
   EXPECT_EQ(limiter.params.to_text(), R"({"limit_mps":22.2})");
   EXPECT_EQ(limiter.on_fault, OnFault::kStop);
+  EXPECT_EQ(limiter.log_level, LogLevel::kDebug);
   EXPECT_EQ(limiter.subscribers.at("planning/speed").depth, 4U);
   EXPECT_EQ(limiter.subscribers.at("planning/speed").overflow, Overflow::kDropNewest);
   EXPECT_EQ(limiter.publishers.at("control/speed").keep, 2U);
@@ -105,6 +108,7 @@ TEST_F(LoadTest, WhatIsNotSaidHasItsDefault) {
   EXPECT_FALSE(planner.serve_period);
   EXPECT_TRUE(planner.params.is_object());
   EXPECT_EQ(planner.on_fault, OnFault::kRestart) << "the application's default";
+  EXPECT_EQ(planner.log_level, std::nullopt);
   EXPECT_EQ(app.topics[1].latched, 0);
   EXPECT_TRUE(app.topics[1].ages);
   EXPECT_FALSE(app.topics[1].pool_max);

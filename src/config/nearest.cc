@@ -18,7 +18,7 @@ std::size_t allowed_distance(std::string_view a, std::string_view b) {
 
 }  // namespace
 
-std::size_t edit_distance(std::string_view a, std::string_view b) {
+std::size_t edit_distance(std::string_view a, std::string_view b, std::size_t limit) {
   // Three rows of the table of distances between the beginnings of `a` and of `b`.
   std::vector<std::size_t> before(b.size() + 1);
   std::vector<std::size_t> last(b.size() + 1);
@@ -35,6 +35,10 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     }
     std::swap(before, last);
     std::swap(last, row);
+    // Each further row is made of these two.
+    if (std::ranges::min(last) > limit && std::ranges::min(before) > limit) {
+      return std::ranges::min(last);
+    }
   }
   return last[b.size()];
 }
@@ -49,10 +53,20 @@ std::string nearest(std::string_view name, const std::vector<std::string>& known
     if (candidate.size() > kMaxLength) {
       continue;
     }
-    const std::size_t distance = edit_distance(name, candidate);
-    if (distance < best_distance && distance <= allowed_distance(name, candidate)) {
+    // Nothing is worked out that cannot be nearer.
+    const std::size_t limit = std::min(best_distance - 1, allowed_distance(name, candidate));
+    const std::size_t least =
+        std::max(name.size(), candidate.size()) - std::min(name.size(), candidate.size());
+    if (least > limit || (limit == 0 && name != candidate)) {
+      continue;
+    }
+    const std::size_t distance = edit_distance(name, candidate, limit);
+    if (distance <= limit) {
       best = candidate;
       best_distance = distance;
+    }
+    if (best_distance == 0) {
+      break;
     }
   }
   return best;

@@ -14,6 +14,14 @@ TEST(Nearest, DistanceCountsEachKindOfSlipOnce) {
   EXPECT_EQ(edit_distance("", "depth"), 5U);
 }
 
+TEST(Nearest, ADistanceAboveTheLimitIsAboveIt) {
+  EXPECT_EQ(edit_distance("detph", "depth", 1), 1U);
+  EXPECT_EQ(edit_distance("speed_limiter", "steering", 20),
+            edit_distance("speed_limiter", "steering"));
+  EXPECT_GT(edit_distance("speed_limiter", "steering", 2), 2U);
+  EXPECT_GT(edit_distance("", "depth", 2), 2U);
+}
+
 TEST(Nearest, FindsTheNameThatIsMeant) {
   const std::vector<std::string> known = {"params", "library", "executor"};
 

@@ -14,6 +14,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/utf8.h"
+
 namespace fastcycle::config {
 
 namespace {
@@ -82,40 +84,6 @@ int line_at(std::string_view text, std::size_t position) {
   return 1 + static_cast<int>(std::count(text.begin(), end, '\n'));
 }
 
-// How many bytes the character at `position` has; 0 if they are no UTF-8.
-std::size_t utf8_length(std::string_view text, std::size_t position) {
-  const auto byte = [&](std::size_t index) {
-    return index < text.size() ? static_cast<unsigned>(static_cast<unsigned char>(text[index])) : 0;
-  };
-  const auto follows = [&](std::size_t count) {
-    for (std::size_t i = 1; i <= count; ++i) {
-      if ((byte(position + i) & 0xC0U) != 0x80U) {
-        return false;
-      }
-    }
-    return true;
-  };
-  const unsigned first = byte(position);
-  const unsigned second = byte(position + 1);
-  if (first < 0x80) {
-    return 1;
-  }
-  if (first >= 0xC2 && first <= 0xDF) {
-    return follows(1) ? 2 : 0;
-  }
-  if (first >= 0xE0 && first <= 0xEF) {
-    const bool is_overlong = first == 0xE0 && second < 0xA0;
-    const bool is_surrogate = first == 0xED && second > 0x9F;
-    return follows(2) && !is_overlong && !is_surrogate ? 3 : 0;
-  }
-  if (first >= 0xF0 && first <= 0xF4) {
-    const bool is_overlong = first == 0xF0 && second < 0x90;
-    const bool is_too_large = first == 0xF4 && second > 0x8F;
-    return follows(3) && !is_overlong && !is_too_large ? 4 : 0;
-  }
-  return 0;
-}
-
 /// What the bytes have to be before they are looked at as JSON.
 std::optional<Problem> encoding_mistake(std::string_view text, const std::string& name) {
   if (text.starts_with("\xEF\xBB\xBF")) {
@@ -129,7 +97,7 @@ std::optional<Problem> encoding_mistake(std::string_view text, const std::string
     if (text[position] == '\0') {
       return mistake({name, line_at(text, position), ""}, "the file has a NUL byte");
     }
-    const std::size_t length = utf8_length(text, position);
+    const std::size_t length = base::utf8_length(text.substr(position));
     if (length == 0) {
       return mistake({name, line_at(text, position), ""}, "the file is not UTF-8");
     }
@@ -416,17 +384,6 @@ std::optional<Value> parse_file(const std::filesystem::path& file, const Place& 
   const auto source =
       std::make_shared<const Source>(Source{file.string(), file.parent_path(), true});
   return parse(*content, source, problems);
-}
-
-bool is_utf8(std::string_view text) {
-  for (std::size_t position = 0; position < text.size();) {
-    const std::size_t length = utf8_length(text, position);
-    if (length == 0) {
-      return false;
-    }
-    position += length;
-  }
-  return true;
 }
 
 Value parse_option(const std::string& text, const std::string& option) {

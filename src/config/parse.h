@@ -35,9 +35,6 @@ inline constexpr std::size_t kMaxKeyBytes = 256;
 [[nodiscard]] std::optional<Value> parse_file(const std::filesystem::path& file,
                                               const Place& asked_at, Problems& problems);
 
-/// Whether all bytes are well-formed UTF-8.
-[[nodiscard]] bool is_utf8(std::string_view text);
-
 /// What an option gives: `text` as JSON if it is such, as a string otherwise. Its values say that
 /// they come from `option`, written as `--set limiter.limit_mps=20`.
 [[nodiscard]] Value parse_option(const std::string& text, const std::string& option);

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/utf8.h"
 #include "config/test_folder.h"
 
 namespace fastcycle::config {
@@ -151,11 +152,11 @@ TEST(Parse, LinesAreRightBehindNumbersAtTheEndOfALine) {
 }
 
 TEST(Parse, Utf8IsTakenStrictly) {
-  EXPECT_TRUE(is_utf8("aü€😀"));
-  EXPECT_FALSE(is_utf8("\xC0\xAF"));          // Overlong.
-  EXPECT_FALSE(is_utf8("\xED\xA0\x80"));      // A surrogate.
-  EXPECT_FALSE(is_utf8("\xF4\x90\x80\x80"));  // Beyond the last character.
-  EXPECT_FALSE(is_utf8("\xE2\x82"));          // Cut off.
+  EXPECT_TRUE(base::is_utf8("aü€😀"));
+  EXPECT_FALSE(base::is_utf8("\xC0\xAF"));          // Overlong.
+  EXPECT_FALSE(base::is_utf8("\xED\xA0\x80"));      // A surrogate.
+  EXPECT_FALSE(base::is_utf8("\xF4\x90\x80\x80"));  // Beyond the last character.
+  EXPECT_FALSE(base::is_utf8("\xE2\x82"));          // Cut off.
 }
 
 TEST(ParseOption, TextThatIsNoJsonIsAString) {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "config/parse.h"
+#include "base/printable.h"
 #include "config/variables.h"
 
 namespace fastcycle::config {
@@ -69,10 +69,8 @@ class Printer {
   void line(const std::string& content, const Value& value) {
     Place place = value.place();
     place.pointer.clear();
-    std::string where = to_string(place);
-    if (!is_utf8(where)) {  // A file may have any name, but a comment may not have any bytes.
-      std::ranges::replace_if(where, [](char c) { return (c & 0x80) != 0; }, '?');
-    }
+    // A file may have any name, but a comment may not have any bytes.
+    const std::string where = base::printable(to_string(place));
     text_ += indent() + content + (where.empty() ? "" : "  // " + where) + '\n';
   }
 

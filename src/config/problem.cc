@@ -1,8 +1,10 @@
 #include "config/problem.h"
 
-#include <algorithm>
 #include <map>
+#include <set>
 #include <utility>
+
+#include "base/printable.h"
 
 namespace fastcycle::config {
 
@@ -18,7 +20,7 @@ std::string to_string(const Problem& problem) {
   if (!problem.hint.empty()) {
     result += "; " + problem.hint;
   }
-  return result;
+  return base::printable(result);
 }
 
 Problem unexpected(const Value& at, std::string expected, std::string found, std::string hint) {
@@ -48,8 +50,8 @@ std::string did_you_mean(std::string_view name) {
 }
 
 void Problems::add(Problem problem) {
-  error_count_ += problem.warning ? 0 : 1;
-  if (problems_.size() < kMaxKept) {
+  std::size_t& count = problem.warning ? warning_count_ : error_count_;
+  if (++count <= kMaxKept) {
     problems_.push_back(std::move(problem));
   }
 }
@@ -60,12 +62,10 @@ std::vector<Problem> Problems::all() const {
   for (const Problem& problem : problems_) {
     sorted.emplace(std::pair(problem.place.file, problem.place.line), &problem);
   }
+  std::set<std::pair<std::string, std::string>> known;
   std::vector<Problem> result;
   for (const auto& [place, problem] : sorted) {
-    const auto is_same = [&](const Problem& other) {
-      return other.place == problem->place && other.message == problem->message;
-    };
-    if (std::ranges::none_of(result, is_same)) {
+    if (known.emplace(to_string(problem->place), problem->message).second) {
       result.push_back(*problem);
     }
   }

@@ -35,7 +35,8 @@ struct Problem {
 
 /// Collects all that is wrong, so that one run reports everything.
 ///
-/// Keeps at most `kMaxKept` problems: a file of nothing but mistakes must not fill the memory.
+/// Keeps at most `kMaxKept` mistakes and as many warnings: a file of nothing but mistakes must not
+/// fill the memory, and warnings must not hide a mistake.
 ///
 /// @threads  Confined to whoever loads the configuration.
 class Problems {
@@ -46,6 +47,9 @@ class Problems {
 
   [[nodiscard]] bool has_errors() const { return error_count_ > 0; }
   [[nodiscard]] std::size_t error_count() const { return error_count_; }
+  /// Whether one more will be kept; if not, what it says need not be worked out.
+  [[nodiscard]] bool keeps_mistakes() const { return error_count_ < kMaxKept; }
+  [[nodiscard]] bool keeps_warnings() const { return warning_count_ < kMaxKept; }
   [[nodiscard]] bool is_empty() const { return problems_.empty(); }
 
   /// Sorted by file and line, each one once.
@@ -54,6 +58,7 @@ class Problems {
  private:
   std::vector<Problem> problems_;
   std::size_t error_count_ = 0;
+  std::size_t warning_count_ = 0;
 };
 
 }  // namespace fastcycle::config

@@ -2,6 +2,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -16,7 +17,14 @@ namespace {
 class Sense {
  public:
   Sense(const ApplicationDescription& application, Problems& problems)
-      : application_(application), problems_(problems) {}
+      : application_(application), problems_(problems) {
+    for (const ComponentDescription& component : application.components) {
+      components_.emplace(component.name, &component);
+    }
+    for (const TopicDescription& topic : application.topics) {
+      topics_.emplace(topic.name, &topic);
+    }
+  }
 
   void check() {
     check_application();
@@ -58,27 +66,38 @@ class Sense {
   }
 
   // The place of a key of the executor, topic or component at `at`: it may come from another file.
-  [[nodiscard]] Place place_of(const Place& at, const std::string& key) const {
+  [[nodiscard]] Place place_of(const Place& at, const std::string& key) {
+    if (written_.empty()) {
+      find_written();
+    }
+    const auto found = written_.find(to_string(at));
+    const Value* value = found == written_.end() ? nullptr : found->second->find(key);
+    return value == nullptr ? at : value->place();
+  }
+
+  // Of those that are written at the same place, as in a file that is included twice, the first.
+  void find_written() {
     for (const auto section : {"executors", "components", "topics", "modes", "chains"}) {
       const Value* list = application_.effective.find(section);
       if (list == nullptr) {
         continue;
       }
-      if (const Value* value = find_at(*list, at); value != nullptr && value->find(key)) {
-        return value->find(key)->place();
+      if (list->is_array()) {
+        for (const Value& value : list->items()) {
+          written_.emplace(to_string(value.place()), &value);
+        }
+      } else if (list->is_object()) {
+        for (const auto& [name, value] : list->members()) {
+          written_.emplace(to_string(value.place()), &value);
+        }
       }
     }
-    return at;
   }
 
-  static const Value* find_at(const Value& section, const Place& place) {
-    if (section.is_array()) {
-      const auto found = std::ranges::find(section.items(), place, &Value::place);
-      return found == section.items().end() ? nullptr : &*found;
-    }
-    const auto found = std::ranges::find(section.members(), place,
-                                         [](const auto& member) { return member.value.place(); });
-    return found == section.members().end() ? nullptr : &found->value;
+  // No search for what nobody will read.
+  [[nodiscard]] std::string hint_for(const std::string& name,
+                                     const std::vector<std::string>& known) const {
+    return problems_.keeps_mistakes() ? did_you_mean(nearest(name, known)) : std::string();
   }
 
   void check_application() {
@@ -183,14 +202,17 @@ class Sense {
   }
 
   void check_executor_is_known(const ComponentDescription& component) {
-    std::vector<std::string> names;
-    for (const ExecutorDescription& executor : application_.executors) {
-      names.push_back(executor.name);
-    }
-    if (component.executor.empty() || std::ranges::find(names, component.executor) != names.end()) {
+    const auto& executors = application_.executors;
+    if (component.executor.empty() ||
+        std::ranges::find(executors, component.executor, &ExecutorDescription::name) !=
+            executors.end()) {
       return;
     }
-    std::string hint = did_you_mean(nearest(component.executor, names));
+    std::vector<std::string> names;
+    for (const ExecutorDescription& executor : executors) {
+      names.push_back(executor.name);
+    }
+    std::string hint = hint_for(component.executor, names);
     if (names.empty()) {
       hint = "the application describes no \"executors\"";
     }
@@ -198,26 +220,22 @@ class Sense {
         std::move(hint));
   }
 
-  [[nodiscard]] std::vector<std::string> component_names() const {
-    std::vector<std::string> names;
-    for (const ComponentDescription& component : application_.components) {
-      names.push_back(component.name);
-    }
-    return names;
-  }
-
   [[nodiscard]] const ComponentDescription* find_component(const std::string& name) const {
-    const auto found =
-        std::ranges::find(application_.components, name, &ComponentDescription::name);
-    return found == application_.components.end() ? nullptr : &*found;
+    const auto found = components_.find(name);
+    return found == components_.end() ? nullptr : found->second;
   }
 
   void check_after_is_known(const ComponentDescription& component) {
     for (const std::string& name : component.after) {
       if (find_component(name) == nullptr) {
+        if (component_names_.empty()) {
+          for (const ComponentDescription& known : application_.components) {
+            component_names_.push_back(known.name);
+          }
+        }
         add(component.place, "after",
             "there is no component " + in_quotes(name) + " to start after",
-            did_you_mean(nearest(name, component_names())));
+            hint_for(name, component_names_));
       }
     }
   }
@@ -226,34 +244,57 @@ class Sense {
   void check_starts_have_an_order() {
     std::set<std::string> done;
     for (const ComponentDescription& component : application_.components) {
-      std::vector<std::string> way;
-      follow(component, way, done);
+      follow(component, done);
     }
   }
 
-  void follow(const ComponentDescription& component, std::vector<std::string>& way,
-              std::set<std::string>& done) {
-    const auto begin = std::ranges::find(way, component.name);
-    if (begin != way.end()) {
-      std::string circle;
-      for (auto name = begin; name != way.end(); ++name) {
-        circle += in_quotes(*name) + " after ";
+  /// A component on the way, and which of those that it starts after comes next.
+  struct Step {
+    const ComponentDescription* component;
+    std::size_t next = 0;
+  };
+
+  // Follows "after" from `first` to all that is not `done` yet. Not by recursion: a way may be as
+  // long as there are components.
+  void follow(const ComponentDescription& first, std::set<std::string>& done) {
+    std::vector<Step> way;
+    std::map<std::string, std::size_t> on_way;
+    const auto enter = [&](const ComponentDescription& component) {
+      if (const auto begin = on_way.find(component.name); begin != on_way.end()) {
+        add_circle(way, begin->second);
+      } else if (!done.contains(component.name)) {
+        on_way.emplace(component.name, way.size());
+        way.push_back({&component});
       }
-      add(find_component(*begin)->place, "after",
-          "components start after each other: " + circle + in_quotes(component.name));
-      return;
-    }
-    if (done.contains(component.name)) {
-      return;
-    }
-    way.push_back(component.name);
-    for (const std::string& name : component.after) {
-      if (const ComponentDescription* before = find_component(name)) {
-        follow(*before, way, done);
+    };
+    enter(first);
+    while (!way.empty()) {
+      Step& last = way.back();
+      if (last.next < last.component->after.size()) {
+        const std::string& name = last.component->after[last.next++];
+        if (const ComponentDescription* before = find_component(name)) {
+          enter(*before);
+        }
+        continue;
       }
+      on_way.erase(last.component->name);
+      done.insert(last.component->name);
+      way.pop_back();
     }
-    way.pop_back();
-    done.insert(component.name);
+  }
+
+  void add_circle(const std::vector<Step>& way, std::size_t begin) {
+    constexpr std::size_t kMaxShown = 16;
+    std::string circle;
+    for (std::size_t i = begin; i < std::min(way.size(), begin + kMaxShown); ++i) {
+      circle += in_quotes(way[i].component->name) + " after ";
+    }
+    if (way.size() > begin + kMaxShown) {
+      circle += "… after ";
+    }
+    const std::string& first = way[begin].component->name;
+    add(find_component(first)->place, "after",
+        "components start after each other: " + circle + in_quotes(first));
   }
 
   void check_modes() {
@@ -273,8 +314,7 @@ class Sense {
       const std::string& mode = component.fault_mode;
       if (!mode.empty() && std::ranges::find(names, mode) == names.end()) {
         add(component.place, "fault_mode", "there is no mode " + in_quotes(mode),
-            names.empty() ? "the application describes no \"modes\""
-                          : did_you_mean(nearest(mode, names)));
+            names.empty() ? "the application describes no \"modes\"" : hint_for(mode, names));
       }
     }
   }
@@ -325,8 +365,7 @@ class Sense {
       add(chain.place, "mode", "a \"mode\" has no meaning where \"on_breach\" is not \"degrade\"");
     } else if (is_degrading && std::ranges::find(names, chain.mode) == names.end()) {
       add(chain.place, "mode", "there is no mode " + in_quotes(chain.mode),
-          names.empty() ? "the application describes no \"modes\""
-                        : did_you_mean(nearest(chain.mode, names)));
+          names.empty() ? "the application describes no \"modes\"" : hint_for(chain.mode, names));
     }
   }
 
@@ -356,8 +395,8 @@ class Sense {
   void check_history(const ComponentDescription& component, const std::string& name,
                      const SubscriberDescription& subscriber) {
     const std::string topic = resolve_topic(component, name);
-    const auto found = std::ranges::find(application_.topics, topic, &TopicDescription::name);
-    const int latched = found == application_.topics.end() ? 0 : found->latched;
+    const auto found = topics_.find(topic);
+    const int latched = found == topics_.end() ? 0 : found->second->latched;
     if (subscriber.history && std::cmp_greater(*subscriber.history, latched)) {
       add(subscriber.place, "",
           "a \"history\" of " + std::to_string(*subscriber.history) + ", but the topic " +
@@ -384,6 +423,12 @@ class Sense {
 
   const ApplicationDescription& application_;
   Problems& problems_;
+  // By name; of several with one name the first.
+  std::unordered_map<std::string, const ComponentDescription*> components_;
+  std::unordered_map<std::string, const TopicDescription*> topics_;
+  // Filled by the first mistake that needs them.
+  std::vector<std::string> component_names_;
+  std::unordered_map<std::string, const Value*> written_;  ///< By place, as text.
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "base/utf8.h"
 #include "config/parse.h"
 
 namespace fastcycle::config {
@@ -102,8 +103,8 @@ TEST(Value, IsNotCutInsideACharacter) {
     text += "ü";
   }
 
-  EXPECT_TRUE(is_utf8(in_quotes(text)));
-  EXPECT_TRUE(is_utf8(in_quotes('a' + text)));
+  EXPECT_TRUE(base::is_utf8(in_quotes(text)));
+  EXPECT_TRUE(base::is_utf8(in_quotes('a' + text)));
 }
 
 }  // namespace

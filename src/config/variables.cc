@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "base/utf8.h"
 #include "config/nearest.h"
 #include "config/parse.h"
 
@@ -94,7 +95,7 @@ void Variables::give_option(const std::string& option, Problems& problems) {
     problems.add(mistake({whole, 0, ""}, "expected name=value, found " + in_quotes(option)));
     return;
   }
-  if (!is_utf8(option)) {
+  if (!base::is_utf8(option)) {
     problems.add(mistake({whole, 0, ""}, "the option is not UTF-8"));
     return;
   }

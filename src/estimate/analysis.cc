@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
+#include "estimate/duration_text.h"
 #include "estimate/load.h"
-#include "estimate/text.h"
 
 namespace fastcycle::estimate {
 namespace {

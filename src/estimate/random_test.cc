@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "estimate/analysis.h"
+#include "estimate/duration_text.h"
 #include "estimate/test_simulator.h"
 #include "estimate/text.h"
 

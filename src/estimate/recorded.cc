@@ -39,8 +39,15 @@ std::map<std::uint32_t, std::string> components_of(const mcap::Reader& reader) {
 std::map<PublisherId, std::string> topics_of(const mcap::Reader& reader) {
   std::map<PublisherId, std::string> topics;
   for (const auto& [id, channel] : reader.definitions().channels()) {
-    if (const auto publisher = channel.metadata.find("publisher");
-        publisher != channel.metadata.end()) {
+    const auto& metadata = channel.metadata;
+    if (const auto id_text = metadata.find("publisher_id"); id_text != metadata.end()) {
+      PublisherId publisher = 0;
+      const std::string& text = id_text->second;
+      if (std::from_chars(text.data(), text.data() + text.size(), publisher, 16).ec ==
+          std::errc()) {
+        topics[publisher] = channel.topic;
+      }
+    } else if (const auto publisher = metadata.find("publisher"); publisher != metadata.end()) {
       topics[detail::publisher_id(publisher->second, channel.topic)] = channel.topic;
     }
   }

@@ -8,9 +8,9 @@
 
 #include <sched.h>
 
+#include "component/component_core.h"
 #include "config/nearest.h"
 #include "executor/synchronizer.h"
-#include "host/component_core.h"
 
 namespace fastcycle::estimate {
 namespace {
@@ -99,12 +99,12 @@ class SystemBuilder {
     const std::size_t component = system_.components.size();
     system_.components.push_back({core.name, executor_of(core)});
     const std::size_t first = system_.callbacks.size();
-    for (const CallbackSubscription* subscription : core.callbacks) {
+    for (const CallbackSubscription* subscription : core.subscriptions.callbacks()) {
       if (subscription->kind == Subscription::Kind::kCallback) {
         add_callback(core.name, component, {subscription});
       }
     }
-    for (const auto& synchronizer : core.synchronizers) {
+    for (const auto& synchronizer : core.subscriptions.synchronizers()) {
       std::vector<const CallbackSubscription*> inputs;
       for (std::size_t i = 0; i < synchronizer->input_count(); ++i) {
         inputs.push_back(&synchronizer->input(i));
@@ -116,7 +116,7 @@ class SystemBuilder {
                          : options.time == SyncTime::kTaken    ? Joining::kSets
                                                                : Joining::kPublishedSets;
     }
-    for (const detail::View* view : core.views) {
+    for (const detail::View* view : core.subscriptions.views()) {
       system_.views.push_back({component, topics_.at(view->topic.name), view->topic.ages()});
     }
     add_timers(core, component);

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "estimate/analysis.h"
+#include "estimate/read_timing.h"
 #include "estimate/text.h"
 #include "fastcycle/fastcycle.h"
 #include "host/test_application.h"

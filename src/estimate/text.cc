@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "estimate/duration_text.h"
+
 namespace fastcycle::estimate {
 namespace {
 
@@ -58,14 +60,6 @@ std::string hops_text(const System& system, const ChainEstimate& chain) {
 }
 
 }  // namespace
-
-std::string text_of(Duration span) {
-  const double ms = milliseconds(span);
-  return ms == 0     ? "0"
-         : ms < 1    ? fmt::format("{:.0f} µs", ms * 1e3)
-         : ms < 1000 ? fmt::format("{:.2f} ms", ms)
-                     : fmt::format("{:.2f} s", ms / 1e3);
-}
 
 std::string to_text(const System& system, const Estimate& estimate) {
   std::string text;

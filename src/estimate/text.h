@@ -7,9 +7,6 @@
 
 namespace fastcycle::estimate {
 
-/// `3.20 ms`, for people.
-[[nodiscard]] std::string text_of(Duration span);
-
 /// The estimate for people: a table of the hops of each chain, and why it does not hold.
 [[nodiscard]] std::string to_text(const System& system, const Estimate& estimate);
 

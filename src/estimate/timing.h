@@ -1,13 +1,11 @@
 #pragma once
 
-#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "config/problem.h"
 #include "config/value.h"
 #include "estimate/model.h"
 
@@ -44,13 +42,5 @@ struct Timing {
   std::map<std::string, ComponentTiming> components;
   std::map<std::string, SourceTiming> sources;  ///< By topic.
 };
-
-/// Adds what `file` says, over what there is: a file of timing; or the report of a run, or a
-/// recording
-/// (`.mcap`), whose longest callbacks are taken `margin` times.
-///
-/// @errors  Into `problems`, with file, pointer, expected and found.
-void read_timing(const std::filesystem::path& file, double margin, Timing& timing,
-                 config::Problems& problems);
 
 }  // namespace fastcycle::estimate

@@ -21,7 +21,7 @@ const char* to_word(Cause cause) noexcept {
 ActivationRing::ActivationRing() : slots_(kCapacity) {}
 
 std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
-  const std::uint64_t place = next_.get();
+  const std::uint64_t place = next_.load(std::memory_order_relaxed);
   Slot& slot = slots_[place % kCapacity];
   const auto relaxed = std::memory_order_relaxed;
   // Every field is released after the odd version: who reads one of them sees that version too.
@@ -39,21 +39,22 @@ std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
   slot.published_ns.store(0, release_order);
   slot.publish_count.store(0, release_order);
   slot.version.store(2 * place + 2, release_order);
-  next_.add();
+  next_.store(place + 1, release_order);
   return place;
 }
 
 void ActivationRing::end(std::uint64_t place, const ActivationRecord& record) noexcept {
   Slot& slot = slots_[place % kCapacity];
-  slot.duration_ns.store(record.duration_ns, std::memory_order_relaxed);
-  slot.published_ns.store(record.published_ns, std::memory_order_relaxed);
-  slot.publish_count.store(record.publish_count, std::memory_order_relaxed);
+  // Released too: who reads one of these for an older record sees that this one took its place.
+  slot.duration_ns.store(record.duration_ns, std::memory_order_release);
+  slot.published_ns.store(record.published_ns, std::memory_order_release);
+  slot.publish_count.store(record.publish_count, std::memory_order_release);
   const std::uint64_t head = slot.head.load(std::memory_order_relaxed);
   slot.head.store((head & ~std::uint64_t{0xff}) | static_cast<std::uint64_t>(record.outcome),
                   std::memory_order_release);
 }
 
-bool ActivationRing::read_at(std::uint64_t place, ActivationRecord& record) const {
+bool ActivationRing::read_at(std::uint64_t place, ActivationRecord& record) const noexcept {
   const auto order = std::memory_order_acquire;
   const Slot& slot = slots_[place % kCapacity];
   if (slot.version.load(order) != 2 * place + 2) {
@@ -79,7 +80,7 @@ bool ActivationRing::read_at(std::uint64_t place, ActivationRecord& record) cons
 std::uint64_t ActivationRing::read(std::uint64_t& next,
                                    std::vector<ActivationRecord>& records) const {
   std::uint64_t lost = 0;
-  const std::uint64_t end = next_.get();
+  const std::uint64_t end = size();
   for (; next < end; ++next) {
     ActivationRecord record;
     // A worker that goes on writing is ahead of what it writes over by this reader's next look.
@@ -96,7 +97,7 @@ std::uint64_t ActivationRing::read(std::uint64_t& next,
 
 std::vector<ActivationRecord> ActivationRing::snapshot() const {
   std::vector<ActivationRecord> records;
-  const std::uint64_t end = next_.get();
+  const std::uint64_t end = size();
   for (std::uint64_t place = end - std::min<std::uint64_t>(end, kCapacity); place < end; ++place) {
     ActivationRecord record;
     if (read_at(place, record)) {

@@ -73,8 +73,14 @@ class ActivationRing {
   /// The records that are complete, oldest first.
   [[nodiscard]] std::vector<ActivationRecord> snapshot() const;
 
+  /// The record at `place`, counted from 0; false if it is not there any more, or was written over
+  /// meanwhile. Also for a signal handler.
+  [[nodiscard]] bool read_at(std::uint64_t place, ActivationRecord& record) const noexcept;
+
   /// All records ever begun.
-  [[nodiscard]] std::uint64_t size() const noexcept { return next_.get(); }
+  [[nodiscard]] std::uint64_t size() const noexcept {
+    return next_.load(std::memory_order_acquire);
+  }
 
  private:
   // A record as atomics, so that a reader may look while it is overwritten; `version` is odd while
@@ -94,11 +100,8 @@ class ActivationRing {
     std::atomic<std::uint64_t> publish_count{0};
   };
 
-  /// False if it is not there, or was written over meanwhile.
-  bool read_at(std::uint64_t place, ActivationRecord& record) const;
-
   std::vector<Slot> slots_;
-  Counter next_;
+  std::atomic<std::uint64_t> next_{0};  ///< Released after the record: who sees it, sees that.
 };
 
 }  // namespace fastcycle::detail

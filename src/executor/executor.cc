@@ -5,6 +5,7 @@
 
 #include <sched.h>
 
+#include "executor/activation.h"
 #include "fastcycle/assert.h"
 
 namespace fastcycle::detail {
@@ -143,6 +144,7 @@ bool Executor::is_quiet() const noexcept {
 }
 
 void Executor::work(unsigned worker) {
+  const ServingThread serving;
   t_executor = this;
   while (!is_stopping_.load(std::memory_order_relaxed)) {
     // Jobs and timers have their turn also where components are always ready.

@@ -100,7 +100,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
   std::atomic<unsigned> leader_{base::Sleepers::kMaxWorkers};
   std::atomic<std::int64_t> leader_deadline_ns_{kNobodyLeads};
 
-  std::mutex job_mutex_;
+  base::PriorityMutex job_mutex_;
   std::deque<std::function<void()>> jobs_;
   std::atomic<std::size_t> job_count_{0};
   std::atomic<std::size_t> busy_jobs_{0};

@@ -34,7 +34,7 @@ class Executors : public ::testing::Test {
   void SetUp() override {
     owner_.name = "publisher";
     owner_.clock = &clock_;
-    owner_.is_in_activation = true;
+    owner_.enter();
   }
 
   void make(const ExecutorOptions& options, std::size_t count) {
@@ -63,7 +63,10 @@ class Executors : public ::testing::Test {
     executor_->start(refusals);
   }
 
-  static void publish(PublisherCore& publisher) { publisher.publish(publisher.loan(true), {}); }
+  static void publish(PublisherCore& publisher) {
+    publisher.owner.enter();
+    publisher.publish(publisher.loan(true), {});
+  }
 
   /// Returns when the clock shows more than `time`.
   void pass(Time time) const {
@@ -236,7 +239,7 @@ TEST_F(Executors, WhatComesWhileAFaultIsHandledIsServedInOrderAndInItsTime) {
   PublishingComponent elsewhere;
   elsewhere.name = "elsewhere";
   elsewhere.clock = &clock_;
-  elsewhere.is_in_activation = true;
+  elsewhere.enter();
   PublisherCore& to_fault = publisher("fault", elsewhere);
   start();
 
@@ -289,7 +292,7 @@ TEST_F(Executors, AViewShowsNothingFromTheFuture) {
   auto owned = std::make_unique<View>(seen, actor, Subscription::Kind::kLatest, 1, std::nullopt);
   View& view = *owned;
   seen.subscriptions.push_back(std::move(owned));
-  actor.views.push_back(&view);
+  actor.subscriptions.add(view);
   std::atomic<int> served{0};
   Duration age{-1};
   subscribe(actor, "m", [&] {
@@ -300,7 +303,7 @@ TEST_F(Executors, AViewShowsNothingFromTheFuture) {
   PublishingComponent elsewhere;
   elsewhere.name = "elsewhere";
   elsewhere.clock = &clock_;
-  elsewhere.is_in_activation = true;
+  elsewhere.enter();
   PublisherCore& to_actor = publisher("m", elsewhere);
   start();
 
@@ -420,7 +423,7 @@ TEST_F(Executors, WhatWasPublishedBeforeIsServedBeforeHoweverTheWorkerWaits) {
     PublishingComponent other;
     other.name = "other";
     other.clock = &clock_;
-    other.is_in_activation = true;
+    other.enter();
     Topics topics;
     const auto& type = Int64Value::default_instance();
     // The lane that is looked at first gets its message first.

@@ -24,6 +24,25 @@ std::size_t SetMatcher::Queue::first_from(Time time) const noexcept {
   return static_cast<std::size_t>(found - held.begin());
 }
 
+std::optional<Duration> SetMatcher::Queue::nearest(Time time) const noexcept {
+  std::optional<Duration> smallest;
+  const auto look_at = [&](Time other) {
+    const Duration difference = other < time ? time - other : other - time;
+    smallest = smallest ? std::min(*smallest, difference) : difference;
+  };
+  for (std::size_t i = 0; i < std::min(count, kRecent); ++i) {
+    look_at(recent[i]);
+  }
+  const std::size_t place = first_from(time);
+  if (place < held.size()) {
+    look_at(held[place].time);
+  }
+  if (place > 0) {
+    look_at(held[place - 1].time);
+  }
+  return smallest;
+}
+
 bool SetMatcher::add(std::size_t topic, Time time, Envelope* envelope) {
   departed_.clear();
   if (policy_ == SyncPolicy::kLatest) {
@@ -31,20 +50,21 @@ bool SetMatcher::add(std::size_t topic, Time time, Envelope* envelope) {
   }
   Queue& queue = queues_[topic];
   if (queue.newest && time < *queue.newest) {
-    departed_.push_back({topic, envelope, false});
+    departed_.push_back({topic, envelope, false, Unmatched::kLate});
     return false;
   }
-  queue.newest = time;
+  queue.note(time);
   Places places{};
   const bool is_complete = find_best(topic, time, places);
   if (is_complete) {
     take(topic, envelope, places);
   } else if (is_hopeless(topic, time)) {
-    departed_.push_back({topic, envelope, false});
+    depart_without(topic, {time, envelope, false}, Unmatched::kTooFar);
   } else {
     queue.held.push_back({time, envelope, false});
     if (queue.held.size() > depth_) {
-      depart(topic, 1);
+      depart_without(topic, queue.held.front(), Unmatched::kDepth);
+      queue.held.erase(queue.held.begin());
     }
   }
   drop_hopeless();
@@ -58,9 +78,11 @@ bool SetMatcher::add_to_latest(std::size_t topic, Time time, Envelope* envelope)
     return false;
   }
   const auto end = queues_.begin() + static_cast<std::ptrdiff_t>(topics_);
-  if (std::any_of(queues_.begin() + 1, end,
-                  [](const Queue& queue) { return queue.held.empty(); })) {
-    departed_.push_back({topic, envelope, false});
+  const auto empty =
+      std::find_if(queues_.begin() + 1, end, [](const Queue& queue) { return queue.held.empty(); });
+  if (empty != end) {
+    departed_.push_back({topic, envelope, false, Unmatched::kNoMessage,
+                         static_cast<std::size_t>(empty - queues_.begin())});
     return false;
   }
   set_[0] = {.envelope = envelope, .is_new = true, .is_held = false};
@@ -174,10 +196,33 @@ void SetMatcher::drop_hopeless() noexcept {
       if (!is_hopeless(topic, held.time)) {
         return false;
       }
-      departed_.push_back({topic, held.envelope, held.was_used});
+      depart_without(topic, held, Unmatched::kTooFar);
       return true;
     });
   }
+}
+
+/// It is given back for want of a message of the topic whose nearest is the farthest from it.
+void SetMatcher::depart_without(std::size_t topic, const Held& held, Unmatched why) noexcept {
+  Departed departed{topic, held.envelope, false, why};
+  bool is_first = true;
+  for (std::size_t other = 0; other < topics_; ++other) {
+    if (other == topic) {
+      continue;
+    }
+    const std::optional<Duration> difference = queues_[other].nearest(held.time);
+    const bool is_farther =
+        is_first || !difference || (departed.difference && *difference > *departed.difference);
+    if (is_farther) {
+      departed.partner = other;
+      departed.difference = difference;
+    }
+    is_first = false;
+    if (!difference) {
+      break;
+    }
+  }
+  departed_.push_back(departed);
 }
 
 /// The oldest `count` of `topic` are given back.
@@ -194,6 +239,7 @@ void SetMatcher::clear() noexcept {
   for (std::size_t topic = 0; topic < topics_; ++topic) {
     depart(topic, queues_[topic].held.size());
     queues_[topic].newest.reset();
+    queues_[topic].count = 0;
   }
 }
 

@@ -2,12 +2,23 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
 #include "fastcycle/synchronizer.h"
 
 namespace fastcycle::detail {
+
+/// Why a message found no partners.
+enum class Unmatched : std::uint8_t {
+  kTooFar,     ///< Every message of some other topic is too far from it in time.
+  kDepth,      ///< It waited for some other topic while `depth` younger ones of its own came.
+  kOvertaken,  ///< A younger one of its topic was in a set, or came, before it was.
+  kLate,       ///< Its time is before that of an earlier one of its topic.
+  kNoMessage,  ///< With `kLatest`: some other topic had no message yet.
+  kCount,
+};
 
 /// Decides which messages of 2 to 4 topics belong together, by the rule that `SyncPolicy` states.
 /// It only compares times: envelopes are handed through unread.
@@ -24,6 +35,10 @@ class SetMatcher {
     std::size_t topic;
     Envelope* envelope;
     bool was_used;  ///< It was in a set: `kLatest` only.
+    Unmatched why = Unmatched::kOvertaken;
+    std::size_t partner = 0;  ///< Of `kTooFar`, `kDepth`, `kNoMessage`: the other topic.
+    /// Of these: how far its nearest message is, as far as that is known; none if it has none.
+    std::optional<Duration> difference = {};
   };
 
   /// One member of a set.
@@ -54,8 +69,19 @@ class SetMatcher {
   };
   /// What arrived on one topic, in its order; as such also in the order of time.
   struct Queue {
+    static constexpr std::size_t kRecent = 8;
+
     std::vector<Held> held;
-    std::optional<Time> newest;  ///< Of all that ever came.
+    std::optional<Time> newest;          ///< Of all that ever came.
+    std::array<Time, kRecent> recent{};  ///< The last that came, the oldest of them overwritten.
+    std::size_t count = 0;               ///< Of all that ever came.
+
+    void note(Time time) noexcept {
+      newest = time;
+      recent[count++ % kRecent] = time;
+    }
+    /// How far from `time` the nearest is, of those that are held and of the last that came.
+    [[nodiscard]] std::optional<Duration> nearest(Time time) const noexcept;
 
     /// The place of the first that is held and not before `time`.
     [[nodiscard]] std::size_t first_from(Time time) const noexcept;
@@ -73,6 +99,7 @@ class SetMatcher {
   [[nodiscard]] bool any_begin(std::size_t topic, Time time, const Try& try_begin) const noexcept;
   void drop_hopeless() noexcept;
   void depart(std::size_t topic, std::size_t count) noexcept;
+  void depart_without(std::size_t topic, const Held& held, Unmatched why) noexcept;
 
   // Constant after construction.
   const std::size_t topics_;

@@ -142,6 +142,46 @@ TEST(SetMatcher, WhatComesBeforeAnEarlierOneOfItsTopicComesTooLate) {
   EXPECT_TRUE(matched.unmatched.contains(1));
 }
 
+/// What departs, in words: "topic why partner difference", for each arrival that lets some go.
+std::string reasons(const std::vector<Arrival>& arrivals, std::size_t topics,
+                    const SynchronizerOptions& options) {
+  SetMatcher matcher(topics, options);
+  std::array<Envelope, 64> messages;
+  std::string text;
+  std::size_t next = 0;
+  for (const Arrival& arrival : arrivals) {
+    static_cast<void>(matcher.add(arrival.topic, Time(Duration(arrival.time)), &messages[next++]));
+    for (const SetMatcher::Departed& departed : matcher.departed()) {
+      constexpr std::array<const char*, 5> kWords{"too_far", "depth", "overtaken", "late",
+                                                  "no_message"};
+      const auto why = static_cast<std::size_t>(departed.why);
+      text += std::to_string(departed.topic) + " " + kWords[why];
+      if (departed.why == Unmatched::kTooFar || departed.why == Unmatched::kDepth) {
+        text += " " + std::to_string(departed.partner) + " " +
+                (departed.difference ? std::to_string(departed.difference->count()) : "none");
+      }
+      text += "; ";
+    }
+  }
+  return text;
+}
+
+TEST(SetMatcher, SaysWhyAMessageGivesWay) {
+  EXPECT_EQ(reasons({{0, 100}, {1, 75}, {0, 200}, {1, 175}}, 2, approximate(10)),
+            "1 too_far 0 25; 1 too_far 0 25; 0 too_far 1 25; ");
+  EXPECT_EQ(reasons({{0, 0}, {0, 100}, {0, 200}}, 2, approximate(10, 2)), "0 depth 1 none; ");
+  EXPECT_EQ(reasons({{1, 0}, {0, 50}, {0, 100}, {0, 200}}, 2, approximate(10, 2)),
+            "1 too_far 0 50; 0 depth 1 50; ");
+  EXPECT_EQ(reasons({{0, 0}, {0, 5}, {1, 5}}, 2, approximate(10)), "0 overtaken; ");
+  EXPECT_EQ(reasons({{0, 50}, {0, 20}}, 2, approximate(10)), "0 late; ");
+  EXPECT_EQ(reasons({{0, 0}, {1, 0}}, 2, {.policy = SyncPolicy::kLatest}), "0 no_message; ");
+}
+
+TEST(SetMatcher, BlamesTheTopicThatIsTheFarthest) {
+  EXPECT_EQ(reasons({{0, 100}, {1, 104}, {2, 130}}, 3, approximate(10)),
+            "0 too_far 2 30; 1 too_far 2 26; ");
+}
+
 TEST(SetMatcher, AFullRingLetsItsOldestGo) {
   const Matched matched =
       match({{0, 1}, {0, 2}, {0, 3}, {1, 1}}, 2, {.policy = SyncPolicy::kExact, .depth = 2});

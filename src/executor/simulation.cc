@@ -5,6 +5,8 @@
 #include <chrono>
 #include <utility>
 
+#include "executor/activation.h"
+
 namespace fastcycle::detail {
 
 Simulation::Simulation(base::Clock& clock, unsigned workers) : clock_(clock) {
@@ -261,6 +263,7 @@ void Simulation::serve_shared(unsigned worker) {
 }
 
 void Simulation::help(unsigned worker, const std::stop_token& stop) {
+  const ServingThread serving;
   std::uint64_t seen = 0;
   std::unique_lock lock(round_mutex_);
   while (round_begins_.wait(lock, stop, [&] { return round_number_ != seen; })) {

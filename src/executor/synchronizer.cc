@@ -2,9 +2,11 @@
 
 #include <utility>
 
+#include "broker/topic.h"
+
 namespace fastcycle::detail {
 
-SynchronizerInput::SynchronizerInput(Topic& its_topic, Actor& its_actor,
+SynchronizerInput::SynchronizerInput(Topic& its_topic, ActorBase& its_actor,
                                      const SubscriberOptions& queue, Synchronizer& its_synchronizer,
                                      std::size_t its_place)
     : CallbackSubscription(
@@ -24,14 +26,28 @@ bool SynchronizerInput::add_decided(Ledger& decided) const noexcept {
   return true;
 }
 
-Synchronizer::Synchronizer(Actor& actor, std::size_t topics, const SynchronizerOptions& options,
-                           EnvelopeSetCallback callback)
+void SynchronizerInput::note_unmatched(const SetMatcher::Departed& departed) noexcept {
+  unmatched[static_cast<std::size_t>(departed.why)].add();
+  if (departed.why != Unmatched::kTooFar && departed.why != Unmatched::kDepth) {
+    return;
+  }
+  Lack& lack = (departed.why == Unmatched::kTooFar ? too_far : waited)[departed.partner];
+  lack.count.add();
+  if (departed.difference &&
+      departed.difference->count() < lack.smallest_ns.load(std::memory_order_relaxed)) {
+    lack.smallest_ns.store(departed.difference->count(), std::memory_order_relaxed);
+  }
+}
+
+Synchronizer::Synchronizer(ActorBase& actor, HeldOrigins& held, std::size_t topics,
+                           const SynchronizerOptions& options, EnvelopeSetCallback callback)
     : actor_(actor),
+      held_(held),
       count_(topics),
       options_(options),
       callback_(std::move(callback)),
       matcher_(topics, options),
-      trails_(actor.root_count()) {}
+      trails_(held.root_count()) {}
 
 Synchronizer::~Synchronizer() {
   matcher_.clear();
@@ -55,6 +71,9 @@ void Synchronizer::release_departed(DropReason reason) noexcept {
   for (const SetMatcher::Departed& departed : matcher_.departed()) {
     if (!departed.was_used) {
       inputs_[departed.topic]->dropped[static_cast<std::size_t>(reason)].add();
+      if (reason == DropReason::kUnmatched) {
+        inputs_[departed.topic]->note_unmatched(departed);
+      }
     }
     release(departed.envelope);
   }
@@ -90,14 +109,14 @@ void Synchronizer::call() {
     std::size_t count;
   };
   const Set set{matcher_.set(), count_};
-  std::array<Envelope*, SetMatcher::kMaxTopics> envelopes{};
+  std::array<SetMember, SetMatcher::kMaxTopics> envelopes{};
   for (Trail& trail : trails_) {
     trail.forget();
   }
   for (std::size_t i = 0; i < count_; ++i) {
     const SetMatcher::Member& member = set.members[i];
     const Origin& origin = member.envelope->info.origin;
-    envelopes[i] = member.envelope;
+    envelopes[i] = {.envelope = member.envelope, .holder = inputs_[i]->holder};
     if (i == 0 || origin.taken < origin_.taken) {
       origin_ = origin;
     }
@@ -108,7 +127,7 @@ void Synchronizer::call() {
     if (member.is_new) {
       inputs_[i]->matched.add();
       if (ages) {
-        actor_.hold(*member.envelope);
+        held_.hold(*inputs_[i], *member.envelope);
       }
     }
   }

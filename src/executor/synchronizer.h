@@ -1,14 +1,20 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <vector>
 
-#include "broker/topics.h"
-#include "executor/actor.h"
+#include "executor/actor_base.h"
+#include "executor/held_origins.h"
 #include "executor/set_matcher.h"
+#include "executor/subscriptions.h"
 
 namespace fastcycle::detail {
+
+class Synchronizer;
 
 /// A subscription whose messages a synchronizer holds until others that belong to them have come.
 ///
@@ -16,14 +22,28 @@ namespace fastcycle::detail {
 /// counts as queued, and what found no partner as dropped.
 class SynchronizerInput final : public CallbackSubscription {
  public:
-  SynchronizerInput(Topic& its_topic, Actor& its_actor, const SubscriberOptions& queue,
+  SynchronizerInput(Topic& its_topic, ActorBase& its_actor, const SubscriberOptions& queue,
                     Synchronizer& its_synchronizer, std::size_t its_place);
 
   Synchronizer& synchronizer;
   const std::size_t place;  ///< Among the inputs of the synchronizer.
 
+  /// What a message of this input lacked of another one.
+  struct Lack {
+    Counter count;
+    /// The smallest difference of the times, ns; the largest number before there was one.
+    std::atomic<std::int64_t> smallest_ns{std::numeric_limits<std::int64_t>::max()};
+  };
+
+  /// A message of it found no partners.
+  void note_unmatched(const SetMatcher::Departed& departed) noexcept;
+
   // Written by the component's worker; by the control thread before and after the run.
   Counter matched;
+  std::array<Counter, static_cast<std::size_t>(Unmatched::kCount)> unmatched;
+  /// Of those that were too far, and of those that waited: by the other input.
+  std::array<Lack, SetMatcher::kMaxTopics> too_far;
+  std::array<Lack, SetMatcher::kMaxTopics> waited;
   std::array<Counter, static_cast<std::size_t>(DropReason::kCount)> dropped;
 
  protected:
@@ -37,8 +57,8 @@ class SynchronizerInput final : public CallbackSubscription {
 /// @threads  As `Actor`.
 class Synchronizer {
  public:
-  Synchronizer(Actor& actor, std::size_t topics, const SynchronizerOptions& options,
-               EnvelopeSetCallback callback);
+  Synchronizer(ActorBase& actor, HeldOrigins& held, std::size_t topics,
+               const SynchronizerOptions& options, EnvelopeSetCallback callback);
   Synchronizer(const Synchronizer&) = delete;
   Synchronizer& operator=(const Synchronizer&) = delete;
   ~Synchronizer();
@@ -64,7 +84,8 @@ class Synchronizer {
   void call();
   void take_trails(const Envelope& envelope) noexcept;
 
-  Actor& actor_;
+  ActorBase& actor_;
+  HeldOrigins& held_;
   const std::size_t count_;
   const SynchronizerOptions options_;
   EnvelopeSetCallback callback_;

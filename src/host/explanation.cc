@@ -13,9 +13,9 @@
 #include <link.h>
 #include <sys/utsname.h>
 
+#include "component/component_core.h"
 #include "config/print.h"
 #include "fastcycle/version.h"
-#include "host/application.h"
 
 namespace fastcycle::host {
 namespace {
@@ -68,9 +68,8 @@ void add_builds(std::map<std::string, std::string>& facts) {
 
 }  // namespace
 
-record::Explanation explain(const Application& application) {
-  const config::ApplicationDescription& description = application.description();
-  const base::Clock& clock = application.clock();
+record::Explanation explain(const config::ApplicationDescription& description,
+                            const base::Clock& clock, const Components& components) {
   record::Explanation explanation;
   auto& facts = explanation.facts;
   facts["application"] = description.name;
@@ -86,7 +85,7 @@ record::Explanation explain(const Application& application) {
   add_builds(facts);
   facts["cpus"] = std::to_string(std::thread::hardware_concurrency());
   std::size_t number = 0;
-  for (const auto& component : application.components()) {
+  for (const auto& component : components) {
     facts[fmt::format("component.{}", number++)] = component->name;
   }
   explanation.application = config::print(description.effective);

@@ -1,13 +1,15 @@
 #pragma once
 
+#include "base/clock.h"
+#include "component/component_host.h"
+#include "config/description.h"
 #include "record/recorder.h"
 
 namespace fastcycle::host {
 
-class Application;
-
 /// What a log must say of the run that it is from, to be understood on another machine: the
 /// application with all values, the components by their numbers, the clock, and the machine.
-[[nodiscard]] record::Explanation explain(const Application& application);
+[[nodiscard]] record::Explanation explain(const config::ApplicationDescription& description,
+                                          const base::Clock& clock, const Components& components);
 
 }  // namespace fastcycle::host

@@ -9,7 +9,8 @@
 
 namespace fastcycle::host {
 
-/// Lets simulated time go as time on the wall does, faster or slower, and stand when it is told to.
+/// Lets simulated time go as time on the wall does, faster or slower, and stand when it is told to:
+/// owns rate and pause.
 ///
 /// @threads  Safe.
 class WallPace final : public detail::Pace {

@@ -8,12 +8,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/clock.h"
+#include "component/application_host.h"
+#include "component/component_core.h"
+#include "component/time_driver.h"
 #include "config/nearest.h"
 #include "config/parse.h"
-#include "host/application.h"
-#include "host/component_core.h"
-#include "host/param_value.h"
-#include "host/replay.h"
+#include "params/param_value.h"
 
 namespace fastcycle::host {
 
@@ -32,24 +32,19 @@ config::Problem mistake_of(const ParamChange& change, std::string message,
                          config::did_you_mean(near));
 }
 
-ComponentCore* find_component(const Application& application, std::string_view name) {
+ComponentCore* find_component(const ApplicationHost& application, std::string_view name) {
   const auto& all = application.components();
   const auto found =
       std::ranges::find_if(all, [&](const auto& component) { return component->name == name; });
   return found == all.end() ? nullptr : found->get();
 }
 
-std::vector<std::string> component_names(const Application& application) {
+std::vector<std::string> component_names(const ApplicationHost& application) {
   std::vector<std::string> names;
   for (const auto& component : application.components()) {
     names.push_back(component->name);
   }
   return names;
-}
-
-/// Something else stands in for it, or nothing does.
-bool is_replayed(const Application& application, const std::string& component) {
-  return application.replay() != nullptr && !application.replay()->plan().runs(component);
 }
 
 }  // namespace
@@ -98,7 +93,7 @@ void ParamChanges::plan_change(const ParamChange& change, Plan& plan,
                             config::nearest(owner, component_names(application_))));
     return;
   }
-  if (is_replayed(application_, owner)) {
+  if (application_.is_replayed(owner)) {
     return;
   }
   std::vector<std::string> known;
@@ -137,7 +132,7 @@ void ParamChanges::plan_shared(const ParamChange& change, std::string_view name,
     }
   }
   // In a replay those that read it may not be there.
-  if (!is_known && application_.replay() == nullptr) {
+  if (!is_known && !application_.is_replay()) {
     problems.add(mistake_of(change, "no component reads a shared param " + config::in_quotes(name),
                             config::nearest(name, known)));
   }
@@ -196,11 +191,12 @@ void ParamChanges::commit(const Plan& plan, std::string_view asked_by) {
       }
     }
     // Under the mutex, so that all components get all transactions in the same order.
-    application_.between_rounds([&component, transaction = transactions_, values = planned.values] {
-      component.post(detail::Cause::kParameter, [&component, transaction, values] {
-        component.take_params(transaction, values);
-      });
-    });
+    application_.time().between_rounds(
+        [&component, transaction = transactions_, values = planned.values] {
+          component.post(detail::Cause::kParameter, [&component, transaction, values] {
+            component.take_params(transaction, values);
+          });
+        });
   }
 }
 
@@ -231,6 +227,7 @@ void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
     }
   }
   write();
+  const std::lock_guard lock(facts_mutex_);
   if (facts_.size() < kMostFacts) {
     nlohmann::ordered_json fact = {
         {"time_ns", base::to_ns(application_.clock().now())}, {"by", asked_by}, {"set", changed}};
@@ -239,13 +236,33 @@ void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
   }
 }
 
-void ParamChanges::end() {
-  const std::lock_guard lock(mutex_);
-  is_ended_ = true;
+void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange> changes,
+                              std::function<void(const ParamsResult&)> done) {
+  const auto change = [this, &component, changes = std::move(changes), done = std::move(done),
+                       object = component.restart_count] {
+    const ParamsResult result = make(changes, component.name);
+    if (!done) {
+      for (const std::string& mistake : result.mistakes) {
+        application_.log(LogLevel::kWarning, component.name, "params are not changed: " + mistake);
+      }
+      return;
+    }
+    application_.time().between_rounds([&component, done, object, result] {
+      component.post(detail::Cause::kParameter, [&component, done, object, result] {
+        // A restarted component is another object than the one that asked.
+        const bool is_there = component.state == ComponentCore::State::kActive ||
+                              component.state == ComponentCore::State::kStandby;
+        if (is_there && component.restart_count == object) {
+          done(result);
+        }
+      });
+    });
+  };
+  application_.time().stage(component, change);
 }
 
 std::map<std::string, std::string> ParamChanges::facts() const {
-  const std::lock_guard lock(mutex_);
+  const std::lock_guard lock(facts_mutex_);
   return facts_;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -8,9 +9,10 @@
 #include <string_view>
 #include <vector>
 
+#include "base/priority_mutex.h"
 #include "config/problem.h"
 #include "fastcycle/params.h"
-#include "host/param_table.h"
+#include "params/param_table.h"
 
 namespace fastcycle::detail {
 class ComponentCore;
@@ -18,9 +20,9 @@ class ComponentCore;
 
 namespace fastcycle::host {
 
-class Application;
+class ApplicationHost;
 
-/// Changes parameters of an application's components while they run.
+/// Changes parameters of an application's components while they run: owns the order of the changes.
 ///
 /// A transaction is checked and committed as a whole while everybody else waits, and handed to the
 /// components that it concerns in the order of the commits. Each puts it in place in an activation
@@ -29,13 +31,18 @@ class Application;
 /// @threads  Safe.
 class ParamChanges {
  public:
-  explicit ParamChanges(Application& application) : application_(application) {}
+  explicit ParamChanges(ApplicationHost& application) : application_(application) {}
 
   /// Makes all `changes`, or none. `asked_by` is the name of a component; empty: somebody outside.
   ParamsResult make(const std::vector<ParamChange>& changes, std::string_view asked_by);
 
-  /// From now on nothing is changed any more.
-  void end();
+  /// As `make`, in an activation of `component`, which asks; `done` is called in another one. In
+  /// simulated time the change is made when the present round is over.
+  void make_later(detail::ComponentCore& component, std::vector<ParamChange> changes,
+                  std::function<void(const ParamsResult&)> done);
+
+  /// From now on nothing is changed any more, but what is being changed. Waits for nobody.
+  void end() { is_ended_ = true; }
 
   /// What was changed, for the log of the run: by key, "params.1" and so on.
   [[nodiscard]] std::map<std::string, std::string> facts() const;
@@ -63,10 +70,11 @@ class ParamChanges {
   void commit(const Plan& plan, std::string_view asked_by);
   void note(const Plan& plan, std::string_view asked_by);
 
-  Application& application_;
+  ApplicationHost& application_;
   mutable ParamMutex mutex_;
   std::uint64_t transactions_ = 0;
-  bool is_ended_ = false;
+  std::atomic<bool> is_ended_{false};
+  mutable base::PriorityMutex facts_mutex_;
   std::map<std::string, std::string> facts_;
 };
 

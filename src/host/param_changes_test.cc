@@ -17,8 +17,8 @@
 
 #include "fastcycle/fastcycle.h"
 #include "fastcycle/testing.h"
-#include "host/param_list.h"
 #include "host/test_application.h"
+#include "report/param_list.h"
 
 namespace fastcycle::host {
 namespace {
@@ -498,7 +498,7 @@ TEST(AChangedParam, IsPutInPlaceByAnActivationWithTheCauseParameter) {
   application->settle();
 
   int count = 0;
-  for (const detail::ActivationRecord& record : application->simulation()->rings()[0]->snapshot()) {
+  for (const detail::ActivationRecord& record : application->time().rings()[0]->snapshot()) {
     count += record.cause == detail::Cause::kParameter ? 1 : 0;
   }
   EXPECT_EQ(count, 2);

@@ -18,8 +18,8 @@
 #include <nlohmann/json.hpp>
 
 #include "fastcycle/fastcycle.h"
-#include "host/report.h"
 #include "host/test_application.h"
+#include "report/report.h"
 
 namespace fastcycle::host {
 namespace {

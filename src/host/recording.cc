@@ -9,10 +9,9 @@
 #include <vector>
 
 #include "broker/topics.h"
+#include "component/component_core.h"
+#include "component/component_host.h"
 #include "config/nearest.h"
-#include "host/application.h"
-#include "host/component_core.h"
-#include "host/explanation.h"
 #include "mcap/topic_filter.h"
 
 namespace fastcycle::host {
@@ -95,61 +94,57 @@ void check_patterns(const config::FlightRecorderDescription& description,
   check_patterns("flight recorder", patterns, description.place, topics, problems);
 }
 
-RecorderGuest::RecorderGuest(Application& application, const config::RecordDescription& description)
-    : recorder_(recorder_options(description), application.clock()) {
-  recorder_.on_trouble = [&application](const std::string& text) {
-    application.log(LogLevel::kError, "recorder", text);
+RecorderObserver::RecorderObserver(const config::RecordDescription& description,
+                                   const base::Clock& clock, detail::LogSource& log, RunFacts facts)
+    : facts_(std::move(facts)), recorder_(recorder_options(description), clock) {
+  recorder_.on_trouble = [&log](const std::string& text) {
+    log.write(LogLevel::kError, "recorder", text);
   };
 }
 
-void RecorderGuest::start(const GuestView& view, std::vector<base::Refusal>& refusals) {
-  if (!recorder_.start(view.application.explanation(), view.rings)) {
+void RecorderObserver::start(const ObserverView& view, std::vector<base::Refusal>& refusals) {
+  if (!recorder_.start(facts_.at_start(), view.rings)) {
     refusals.push_back(
         {.what = "recording: " + recorder_.problem(),
          .remedy = "what is published is lost and counted; a file is tried again every second"});
   }
 }
 
-void RecorderGuest::stop(const Application& application) {
-  std::map<std::string, std::string> facts = {
-      {"time_ns", std::to_string(base::to_ns(application.end_time()))},
-      {"timers_ns", std::to_string(base::to_ns(application.start_time()))},
-      {"reason", to_word(application.end_reason())}};
-  explain(application.modes().switches(), facts);
-  facts.merge(application.params().facts());
-  recorder_.stop(facts);
+void RecorderObserver::stop(const Application&) {
+  recorder_.stop(facts_.at_end());
 }
 
-FlightGuest::FlightGuest(Application& application,
-                         const config::FlightRecorderDescription& description)
-    : application_(application),
+FlightObserver::FlightObserver(const config::FlightRecorderDescription& description,
+                               const std::string& application, const base::Clock& clock,
+                               detail::LogSource& log, std::function<record::Explanation()> explain)
+    : explain_(std::move(explain)),
       description_(description),
-      recorder_(flight_options(description, application.description().name), application.clock()) {
-  recorder_.on_news = [&application](bool is_trouble, const std::string& text) {
-    application.log(is_trouble ? LogLevel::kError : LogLevel::kInfo, "flight recorder", text);
+      recorder_(flight_options(description, application), clock) {
+  recorder_.on_news = [&log](bool is_trouble, const std::string& text) {
+    log.write(is_trouble ? LogLevel::kError : LogLevel::kInfo, "flight recorder", text);
   };
 }
 
-void FlightGuest::open(config::Problems& problems) {
+void FlightObserver::open(config::Problems& problems) {
   try {
-    recorder_.open(explain(application_));
+    recorder_.open(explain_());
   } catch (const std::exception& error) {  // Also those of the file system.
     problems.add(
         config::mistake(description_.place, std::string("flight recorder: ") + error.what()));
   }
 }
 
-void FlightGuest::start(const GuestView& view, std::vector<base::Refusal>&) {
+void FlightObserver::start(const ObserverView& view, std::vector<base::Refusal>&) {
   recorder_.start(view.rings);
 }
 
-void FlightGuest::faulted(std::string_view component, std::string_view what) noexcept {
+void FlightObserver::faulted(std::string_view component, std::string_view what) noexcept {
   if (description_.on_fault) {
     dump("fault", component, what);
   }
 }
 
-void FlightGuest::stop(const Application&) {
+void FlightObserver::stop(const Application&) {
   recorder_.stop();
 }
 
@@ -157,7 +152,7 @@ void record_for(detail::ComponentCore& component, const config::RecordDescriptio
   if (component.is_redeclaring) {
     return;  // Made anew after a fault: the recording goes on.
   }
-  if (component.application.recorder() != nullptr) {
+  if (component.application.is_recorded()) {
     component.problems->add(
         config::mistake(component.description.place,
                         "component \"" + component.name +

@@ -1,15 +1,19 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/clock.h"
+#include "base/log.h"
 #include "base/thread.h"
 #include "broker/topics.h"
 #include "config/description.h"
 #include "config/problem.h"
-#include "host/guest.h"
+#include "host/observer.h"
 #include "record/flight_recorder.h"
 #include "record/recorder.h"
 
@@ -33,34 +37,47 @@ void check_patterns(const config::RecordDescription& description, const detail::
 void check_patterns(const config::FlightRecorderDescription& description,
                     const detail::Topics& topics, config::Problems& problems);
 
-/// Records what an application publishes.
+/// What a recording says of its run, asked when it begins, and when it has ended.
+struct RunFacts {
+  std::function<record::Explanation()> at_start;
+  std::function<std::map<std::string, std::string>()> at_end;
+};
+
+/// Records what an application publishes: owns its recorder.
 ///
-/// @threads  As `Guest`.
-class RecorderGuest final : public Guest {
+/// @threads  As `Observer`.
+class RecorderObserver final : public Observer {
  public:
-  RecorderGuest(Application& application, const config::RecordDescription& description);
+  /// `clock` and `log` live as long as this.
+  RecorderObserver(const config::RecordDescription& description, const base::Clock& clock,
+                   detail::LogSource& log, RunFacts facts);
 
   void tap(detail::Topics& topics) override { recorder_.tap(topics); }
-  void start(const GuestView& view, std::vector<base::Refusal>& refusals) override;
+  void start(const ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void round_ended(std::uint32_t step) override { recorder_.take(step); }
   void stop(const Application& application) override;
 
   [[nodiscard]] const record::Recorder& recorder() const noexcept { return recorder_; }
 
  private:
+  const RunFacts facts_;
   record::Recorder recorder_;
 };
 
-/// Keeps the last messages of an application in a file that outlives the process.
+/// Keeps the last messages of an application in a file that outlives the process: owns its flight
+/// recorder.
 ///
-/// @threads  As `Guest`; `dump` is Safe.
-class FlightGuest final : public Guest {
+/// @threads  As `Observer`; `dump` is Safe.
+class FlightObserver final : public Observer {
  public:
-  FlightGuest(Application& application, const config::FlightRecorderDescription& description);
+  /// `application` is its name; `clock` and `log` live as long as this.
+  FlightObserver(const config::FlightRecorderDescription& description,
+                 const std::string& application, const base::Clock& clock, detail::LogSource& log,
+                 std::function<record::Explanation()> explain);
 
   void tap(detail::Topics& topics) override { recorder_.tap(topics); }
   void open(config::Problems& problems) override;
-  void start(const GuestView& view, std::vector<base::Refusal>& refusals) override;
+  void start(const ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void round_ended(std::uint32_t step) override { recorder_.take(step); }
   void faulted(std::string_view component, std::string_view what) noexcept override;
   void stop(const Application& application) override;
@@ -72,7 +89,7 @@ class FlightGuest final : public Guest {
   [[nodiscard]] const record::FlightRecorder& recorder() const noexcept { return recorder_; }
 
  private:
-  const Application& application_;
+  const std::function<record::Explanation()> explain_;
   const config::FlightRecorderDescription description_;
   record::FlightRecorder recorder_;
 };

@@ -2,15 +2,24 @@
 
 #include <algorithm>
 #include <chrono>
+#include <mutex>
 #include <optional>
 #include <utility>
 
+#include "base/utf8.h"
+#include "component/application_host.h"
+#include "component/component_core.h"
+#include "component/own_names.h"
+#include "component/time_driver.h"
+#include "component/wiring.h"
 #include "config/parse.h"
-#include "host/application.h"
-#include "host/replay.h"
+#include "modes/chains.h"
+#include "modes/modes.h"
+#include "record/recorder.h"
 
 namespace fastcycle::host {
 
+using detail::Cause;
 using detail::ComponentCore;
 
 namespace {
@@ -47,13 +56,13 @@ status::Health to_message(Health health) {
   return status::HEALTH_OK;
 }
 
-/// What somebody threw may be any bytes; a text of a message is UTF-8.
-std::string to_text(std::string text) {
-  if (!config::is_utf8(text)) {
-    std::ranges::replace_if(
-        text, [](char c) { return (static_cast<unsigned>(c) & 0x80U) != 0; }, '?');
+/// How many messages of `topic` the component of `subscription` keeps as samples.
+std::uint64_t kept_of(const detail::Topic& topic, const detail::Subscription& subscription) {
+  std::uint64_t kept = 0;
+  for (const auto& publisher : topic.publishers) {
+    kept += publisher->kept_by(subscription.holder);
   }
-  return text;
+  return kept;
 }
 
 }  // namespace
@@ -61,22 +70,85 @@ std::string to_text(std::string text) {
 ComponentNews news_of(const ComponentCore& core) {
   return {.component = core.index,
           .health = core.health,
-          .health_reason = to_text(core.health_reason),
+          .health_reason = base::to_utf8(core.health_reason),
           .faults = core.fault_count,
-          .last_fault = to_text(core.last_fault),
+          .last_fault = base::to_utf8(core.last_fault),
           .restarts = core.restart_count};
+}
+
+bool PendingNews::put(ComponentNews news) {
+  const std::lock_guard lock(mutex_);
+  std::optional<ComponentNews>& pending = pending_.at(news.component);
+  const bool is_first = !pending.has_value();
+  news.is_urgent = news.is_urgent || (pending && pending->is_urgent);
+  pending = std::move(news);
+  return is_first;
+}
+
+ComponentNews PendingNews::take(std::size_t component) {
+  const std::lock_guard lock(mutex_);
+  return *std::exchange(pending_.at(component), std::nullopt);
+}
+
+void StatusTeller::set_status(ComponentCore& status, std::size_t components) {
+  status_ = &status;
+  pending_.set_count(components);
+  time_.set_watcher(status);
+}
+
+void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
+  // Behind the status there are only FastCycle's own, of which it does not tell.
+  if (status_ == nullptr || component.index >= status_->index || is_over_) {
+    return;
+  }
+  ComponentNews news = news_of(component);
+  news.is_urgent = is_urgent;
+  if (!pending_.put(std::move(news))) {
+    return;
+  }
+  const auto hear = [status = status_](const ComponentNews& its_news) {
+    if (status->component != nullptr) {
+      static_cast<StatusComponent*>(status->component)->hear(its_news);
+    }
+  };
+  if (!time_.is_simulated()) {
+    status_->post(Cause::kEvent,
+                  [this, hear, index = component.index] { hear(pending_.take(index)); });
+    return;
+  }
+  // When the round is over: what the component says in the next one is not to be heard in it.
+  component.stage([this, hear, index = component.index] {
+    status_->post(Cause::kEvent, [hear, its_news = pending_.take(index)] { hear(its_news); });
+  });
+}
+
+void StatusTeller::mode_changed() {
+  if (status_ == nullptr || is_over_) {
+    return;
+  }
+  status_->post(Cause::kEvent, [status = status_] {
+    if (status->component != nullptr) {
+      static_cast<StatusComponent*>(status->component)->say();
+    }
+  });
 }
 
 StatusComponent::StatusComponent(Context& context)
     : Component(context),
-      application_(context.core().application),
+      time_(context.core().application.time()),
       statuses_(context.create_publisher<status::Status>(std::string("/") + kStatusTopic)) {
-  for (const auto& core : application_.components()) {
-    if (core.get() != &context.core()) {
+  context.create_timer({.period = context.core().application.description().status_period},
+                       [this] { say(); });
+}
+
+void StatusComponent::set_sources(const StatusSources& sources) {
+  sources_.emplace(sources);
+  heard_.clear();
+  for (const auto& core : sources.application.components()) {
+    if (core.get() != &context().core()) {
       heard_.push_back(news_of(*core));
     }
   }
-  context.create_timer({.period = application_.description().status_period}, [this] { say(); });
 }
 
 void StatusComponent::start() {
@@ -97,7 +169,7 @@ void StatusComponent::say() {
   if (!is_started_) {
     return;
   }
-  if (application_.simulation() == nullptr) {
+  if (!time_.is_simulated()) {
     fill();
     publish();
     return;
@@ -125,19 +197,22 @@ void StatusComponent::publish() {
 
 void StatusComponent::fill() {
   next_.Clear();
-  next_.set_application(application_.description().name);
-  next_.set_mode(application_.modes().current());
+  next_.set_application(sources_->application.description().name);
+  next_.set_mode(sources_->modes.current());
+  if (const record::Recorder* recorder = sources_->recorder) {
+    next_.set_recording_trouble(base::to_utf8(recorder->trouble()));
+  }
   for (std::size_t index = 0; index < heard_.size(); ++index) {
     fill_component(index, *next_.add_components());
   }
-  for (const ChainReport& chain : application_.chains().report()) {
+  for (const ChainReport& chain : sources_->chains.report()) {
     status::Chain& told = *next_.add_chains();
     told.set_name(chain.name);
     told.set_count(chain.count);
     told.set_breaches(chain.breaches);
     told.set_dropped(chain.dropped);
   }
-  application_.look_at_topics([this](const detail::Topics& topics) {
+  sources_->wiring.look([this](const detail::Topics& topics) {
     for (const auto& [name, topic] : topics.all()) {
       fill_topic(*topic);
     }
@@ -145,15 +220,14 @@ void StatusComponent::fill() {
 }
 
 void StatusComponent::fill_component(std::size_t index, status::Component& component) const {
-  const ComponentCore& core = *application_.components()[index];
+  const ComponentCore& core = *sources_->application.components()[index];
   const ComponentNews& news = heard_[index];
-  const Replay* replay = application_.replay();
   component.set_name(core.name);
-  component.set_state(replay != nullptr && !replay->plan().runs(core.name)
-                          ? status::STATE_REPLAYED
-                          : to_message(core.state.load()));
+  component.set_state(sources_->application.is_replayed(core.name) ? status::STATE_REPLAYED
+                                                                   : to_message(core.state.load()));
   component.set_health(to_message(news.health));
   component.set_health_reason(news.health_reason);
+  component.set_hang(core.hang());
   component.set_activations(core.statistics.activations.get());
   component.set_faults(news.faults);
   component.set_overruns(core.statistics.overruns.get());
@@ -186,8 +260,9 @@ void StatusComponent::fill_topic(const detail::Topic& topic) {
       }
     }
     told.set_queued(ledger.queued);
+    told.set_kept(kept_of(topic, *subscription));
     if (newest) {
-      const Duration age = std::max(Duration(0), application_.clock().now() - *newest);
+      const Duration age = std::max(Duration(0), sources_->application.clock().now() - *newest);
       told.set_age_ms(std::chrono::duration<double, std::milli>(age).count());
     }
   }

@@ -1,53 +1,52 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
-#include <string>
+#include <optional>
 #include <vector>
 
 #include "config/description.h"
 #include "fastcycle/component.h"
 #include "fastcycle/library.h"
+#include "host/status_news.h"
 #include "status/status.pb.h"
 
 namespace fastcycle::detail {
-class ComponentCore;
 class Topic;
 }  // namespace fastcycle::detail
 
+namespace fastcycle::record {
+class Recorder;
+}  // namespace fastcycle::record
+
 namespace fastcycle::host {
 
-class Application;
+class ApplicationHost;
+class Chains;
+class Modes;
+class Wiring;
 
-/// FastCycle's own component, and what its topics begin with.
-inline constexpr const char* kOwnName = "fastcycle";
-inline constexpr const char* kOwnTopics = "fastcycle/";
-inline constexpr const char* kStatusTopic = "fastcycle/status";
-
-/// What only a component itself knows of itself, as it hands it on.
-struct ComponentNews {
-  std::size_t component = 0;
-  Health health = Health::kOk;
-  std::string health_reason = {};
-  std::uint64_t faults = 0;
-  std::string last_fault = {};
-  std::uint64_t restarts = 0;
-  bool is_urgent = false;  ///< Not only for the next period.
+/// What a status is made of. All live as long as the application.
+struct StatusSources {
+  const ApplicationHost& application;
+  const Modes& modes;
+  const Chains& chains;
+  const Wiring& wiring;
+  const record::Recorder* recorder = nullptr;  ///< Null if nobody records.
 };
-
-/// What there is to say of `core` now; in its activation, or before the start.
-[[nodiscard]] ComponentNews news_of(const detail::ComponentCore& core);
 
 /// Publishes how the application does on `fastcycle/status`: every `status_period_ms`, and at once
 /// when a component's state, health or faults change.
 ///
-/// It is the application's last component, made only if somebody subscribes. What it says in
+/// It comes behind the application's components, made only if somebody subscribes. What it says in
 /// simulated time is how things stand when a round is over: the same for any number of workers.
 ///
 /// @threads  As a component.
 class StatusComponent final : public Component {
  public:
   explicit StatusComponent(Context& context);
+
+  /// What it tells of; before it starts.
+  void set_sources(const StatusSources& sources);
 
   void start() override;
 
@@ -62,7 +61,8 @@ class StatusComponent final : public Component {
   void fill_component(std::size_t index, status::Component& component) const;
   void fill_topic(const detail::Topic& topic);
 
-  Application& application_;
+  TimeDriver& time_;
+  std::optional<StatusSources> sources_;
   Publisher<status::Status> statuses_;
   std::vector<ComponentNews> heard_;  ///< By component.
   status::Status next_;

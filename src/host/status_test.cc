@@ -15,12 +15,13 @@
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 
+#include "component/own_names.h"
 #include "config/test_folder.h"
 #include "fastcycle/fastcycle.h"
 #include "fastcycle/testing.h"
-#include "host/replay.h"
-#include "host/report.h"
+#include "host/prepare_replay.h"
 #include "host/test_application.h"
+#include "report/report.h"
 
 namespace fastcycle::host {
 namespace {
@@ -473,16 +474,36 @@ TEST(ABench, MayFeedAStatusToASupervisor) {
             "0 application: \"another\"\n");
 }
 
+std::atomic<int> g_live_step{0};  // What the supervisor has heard.
+
+/// Is degraded, well and broken, each until the supervisor has heard of it.
+class LiveWorker final : public Component {
+ public:
+  explicit LiveWorker(Context& context) : Component(context) {}
+
+  void serve() override {
+    if (g_live_step == 0) {
+      health(Health::kDegraded, "it is tired");
+    } else if (g_live_step == 1) {
+      health(Health::kOk);
+    } else {
+      throw std::runtime_error("it broke");
+    }
+  }
+};
+
 /// Ends a live run once it has heard that its neighbour was degraded, well again, and failed.
 class LiveSupervisor final : public Component {
  public:
   explicit LiveSupervisor(Context& context) : Component(context), source_(context.create_source()) {
     context.create_subscriber<status::Status>(kStatusTopic, [this](const status::Status& status) {
       const status::Component worker = component_of(status, "first");
-      is_degraded_ = is_degraded_ || worker.health_reason() == "it is tired";
-      is_well_ = is_well_ || (is_degraded_ && worker.health() == status::HEALTH_OK);
-      if (is_well_ && worker.state() == status::STATE_FAILED &&
-          worker.last_fault() == "its serve() threw: it broke") {
+      if (g_live_step == 0 && worker.health_reason() == "it is tired") {
+        g_live_step = 1;
+      } else if (g_live_step == 1 && worker.health() == status::HEALTH_OK) {
+        g_live_step = 2;
+      } else if (g_live_step == 2 && worker.state() == status::STATE_FAILED &&
+                 worker.last_fault() == "its serve() threw: it broke") {
         source_.finish();
       }
     });
@@ -490,20 +511,20 @@ class LiveSupervisor final : public Component {
 
  private:
   Source source_;
-  bool is_degraded_ = false;
-  bool is_well_ = false;
 };
 
 TEST(ALiveStatus, TellsOfHealthAndFaults) {
   TestClasses live;
-  live.with<Worker>("worker").with<Listener>("listener").with<LiveSupervisor>("supervisor");
-  // The supervisor gets every status: each change is one of its own.
+  live.with<Worker>("worker")
+      .with<LiveWorker>("live_worker")
+      .with<Listener>("listener")
+      .with<LiveSupervisor>("supervisor");
+  g_live_step = 0;
   const auto application =
       make_application(application_text(
                            R"({"name": "second", "library": "worker", "serve_period_ms": 0.2},
              {"name": "listener", "library": "listener"},
-             {"name": "first", "library": "worker", "serve_period_ms": 2,
-              "params": {"degraded_at": 3, "throws_at": 9}}, )" +
+             {"name": "first", "library": "live_worker", "serve_period_ms": 2}, )" +
                                std::string(kSupervisor),
                            R"("status_period_ms": 1, )"),
                        live);
@@ -511,6 +532,56 @@ TEST(ALiveStatus, TellsOfHealthAndFaults) {
   EXPECT_EQ(application->run(60s), EndReason::kSourcesFinished);
   application->stop();
   EXPECT_TRUE(ledger_of(*application, kStatusTopic, "supervisor").adds_up());
+}
+
+/// Says a thousand times in one callback how it is.
+class Talker final : public Component {
+ public:
+  explicit Talker(Context& context) : Component(context) {
+    context.create_subscriber<status::Status>(kStatusTopic, [](const status::Status&) {});
+  }
+
+  void serve() override {
+    for (int i = 0; i < 1000; ++i) {
+      health(i % 2 == 0 ? Health::kDegraded : Health::kOk, "reason " + std::to_string(i));
+    }
+  }
+};
+
+TEST(AComponentThatSaysMuch, DoesNotFloodTheStatus) {
+  for (const bool is_simulated : {true, false}) {
+    TestClasses its_classes;
+    its_classes.with<Talker>("talker");
+    const auto application = make_application(
+        R"({"name": "test", "executors": [{"name": "one"}], "status_period_ms": 86400000,
+            "components": [{"name": "talker", "library": "talker", "executor": "one",
+                            "serve_period_ms": 10}]})",
+        its_classes, {.is_simulated = is_simulated});
+    application->start();
+    application->run(95ms);
+    application->stop();
+    ASSERT_EQ(application->components().back()->name, kOwnName);
+    const detail::ComponentCore& talker = *application->components().front();
+    const detail::ComponentCore& status = *application->components().back();
+    EXPECT_GE(talker.statistics.activations.get(), 1U);
+    // One report for each call of `serve`, what is told of the start and the end, and in simulated
+    // time an activation of its own for each message.
+    EXPECT_LE(status.statistics.activations.get(), 3 * talker.statistics.activations.get() + 20);
+    EXPECT_EQ(talker.health_reason, "reason 999");
+  }
+}
+
+TEST(PendingNewsOfAComponent, AreTheNewestAndUrgentIfAnyWas) {
+  PendingNews pending;
+  pending.set_count(2);
+  EXPECT_TRUE(pending.put({.component = 1, .health_reason = "a", .is_urgent = true}));
+  EXPECT_FALSE(pending.put({.component = 1, .health_reason = "b"}));
+  EXPECT_TRUE(pending.put({.component = 0, .health_reason = "c"}));
+  const ComponentNews news = pending.take(1);
+  EXPECT_EQ(news.health_reason, "b");
+  EXPECT_TRUE(news.is_urgent);
+  EXPECT_TRUE(pending.put({.component = 1, .health_reason = "d"}));
+  EXPECT_FALSE(pending.take(1).is_urgent);
 }
 
 // --- Recorded and replayed. ---
@@ -530,7 +601,7 @@ std::string seen_in_replay(const std::filesystem::path& file, const std::string&
   config::Problems problems;
   const auto description = describe_text(text, problems);
   options.files = {file};
-  const auto replay = Replay::prepare(std::move(options), description, classes(), problems);
+  const auto replay = prepare_replay(std::move(options), description, classes(), problems);
   for (const config::Problem& problem : problems.all()) {
     warnings += config::to_string(problem) + "\n";
   }

@@ -44,6 +44,8 @@ class Connection {
   [[nodiscard]] bool write(std::int64_t now_ns);
 
   [[nodiscard]] std::size_t waiting() const noexcept { return waiting_; }
+  /// What came of requests that are not answered yet, in bytes.
+  [[nodiscard]] std::size_t received() const noexcept { return in_.size() - taken_; }
   /// Since when nothing could be written, though something waits; 0 if nothing does.
   [[nodiscard]] std::int64_t stuck_since_ns() const noexcept { return stuck_since_ns_; }
   [[nodiscard]] int descriptor() const noexcept { return descriptor_; }

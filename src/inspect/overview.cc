@@ -9,15 +9,14 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "host/call_head.h"
-#include "host/callbacks.h"
-#include "host/client_core.h"
-#include "host/component_core.h"
-#include "host/replay.h"
-#include "host/server_core.h"
-#include "host/words.h"
+#include "calls/server_core.h"
+#include "component/component_core.h"
+#include "component/service_topics.h"
+#include "component/words.h"
 #include "inspect/voice.h"
 #include "record/descriptor_set.h"
+#include "report/callbacks.h"
+#include "report/unmatched.h"
 
 namespace fastcycle::inspect {
 namespace {
@@ -64,21 +63,18 @@ std::int64_t cpu_ns() {
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
 }
 
-bool is_replayed(const host::Application& application, const std::string& component) {
-  return application.replay() != nullptr && !application.replay()->plan().runs(component);
-}
-
 }  // namespace
 
 std::vector<KnownService> find_services(const host::Application& application) {
   std::vector<KnownService> services;
   for (const auto& component : application.components()) {
-    for (const auto& server : component->servers) {
-      services.push_back({.name = server->service,
+    for (const auto& end : component->servers) {
+      const auto& server = detail::ServerCore::of(*end);
+      services.push_back({.name = server.service,
                           .component = component->name,
-                          .request = server->request_instance,
-                          .reply = server->reply_instance,
-                          .feedback = server->feedback_instance,
+                          .request = server.request_instance,
+                          .reply = server.reply_instance,
+                          .feedback = server.feedback_instance,
                           .clients = {}});
     }
   }
@@ -153,8 +149,8 @@ void fill_components(const host::Application& application,
     said.set_executor(core->description.executor.empty() && !executors.empty()
                           ? executors.back()
                           : core->description.executor);
-    said.set_state(is_replayed(application, core->name) ? "replayed"
-                                                        : host::to_word(core->state.load()));
+    said.set_state(application.is_replayed(core->name) ? "replayed"
+                                                       : host::to_word(core->state.load()));
     const detail::ActorStatistics& statistics = core->statistics;
     said.set_activations(statistics.activations.get());
     said.set_faults(statistics.faults.get());
@@ -177,6 +173,10 @@ void fill_components(const host::Application& application,
       said.set_faults(std::max(said.faults(), its.faults));
       said.set_last_fault(its.last_fault);
       said.set_restarts(its.restarts);
+    }
+    if (const std::string hang = core->hang(); !hang.empty()) {
+      said.set_health("hangs");
+      said.set_health_reason(hang);
     }
   }
 }
@@ -207,7 +207,7 @@ void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
   topic.set_is_service(seen.topic->name.find(detail::kServiceMark) != std::string::npos);
   for (const detail::PublisherCore* publisher : seen.publishers) {
     topic.set_allocated(topic.allocated() + publisher->allocated());
-    if (publisher->owner.name == Voice::kName && publisher->published() == 0) {
+    if (publisher->owner.name.starts_with(Voice::kName) && publisher->published() == 0) {
       continue;  // No tool has said anything.
     }
     protocol::Publisher& said = *topic.add_publishers();
@@ -227,6 +227,9 @@ void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
                                                                       : "drop_newest");
     fill(subscription->ledger(), *said.mutable_ledger());
     fill(subscription->latency.summary(), *said.mutable_latency());
+    for (const host::UnmatchedReport& unmatched : host::find_unmatched(*subscription)) {
+      said.add_unmatched(unmatched.text);
+    }
     topic.set_dropped(topic.dropped() + said.ledger().dropped());
     if (said.latency().count() > 0 &&
         (!topic.has_latency() || said.latency().p99_ns() > topic.latency().p99_ns())) {

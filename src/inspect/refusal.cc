@@ -1,9 +1,5 @@
 #include "inspect/refusal.h"
 
-#include <algorithm>
-
-#include "config/parse.h"
-
 namespace fastcycle::inspect {
 
 void Refusal::fill(protocol::Error& error) const {
@@ -18,15 +14,6 @@ protocol::Answer error_answer(std::uint32_t id, const Refusal& refusal) {
   answer.set_id(id);
   refusal.fill(*answer.mutable_error());
   return answer;
-}
-
-std::string to_utf8(std::string_view text) {
-  std::string result(text);
-  if (!config::is_utf8(result)) {
-    std::ranges::replace_if(
-        result, [](char c) { return (static_cast<unsigned char>(c) & 0x80U) != 0; }, '?');
-  }
-  return result;
 }
 
 }  // namespace fastcycle::inspect

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "base/utf8.h"
 #include "inspect/inspect.pb.h"
 
 namespace fastcycle::inspect {
@@ -30,7 +31,6 @@ class Refusal : public std::runtime_error {
 
 [[nodiscard]] protocol::Answer error_answer(std::uint32_t id, const Refusal& refusal);
 
-/// What is no UTF-8 is shown as '?': a text of a message has to be.
-[[nodiscard]] std::string to_utf8(std::string_view text);
+using base::to_utf8;
 
 }  // namespace fastcycle::inspect

@@ -10,16 +10,17 @@
 
 #include "base/clock.h"
 #include "base/log_level.h"
+#include "component/component_core.h"
+#include "component/own_names.h"
+#include "component/words.h"
 #include "config/nearest.h"
 #include "fastcycle/version.h"
-#include "host/component_core.h"
-#include "host/param_list.h"
-#include "host/words.h"
 #include "inspect/frame.h"
 #include "inspect/refusal.h"
 #include "inspect/server.h"
 #include "mcap/topic_filter.h"
 #include "record/descriptor_set.h"
+#include "report/param_list.h"
 
 namespace fastcycle::inspect {
 namespace {
@@ -312,7 +313,7 @@ void Server::change_lifecycle(Client& client, const protocol::Request& request) 
   if (verb == nullptr) {
     throw Refusal(protocol::Error::KIND_REFUSED, "a component is restarted, stopped or started");
   }
-  if (core->name == host::kOwnName) {
+  if (core->name == host::kOwnName || core->name == host::kLogName) {
     throw Refusal(protocol::Error::KIND_REFUSED, "FastCycle's own component stays as it is");
   }
   note(client, fmt::format("asks to {} component \"{}\"", verb, core->name));

@@ -16,9 +16,9 @@
 
 #include "base/clock.h"
 #include "base/log_level.h"
-#include "host/graph.h"
 #include "inspect/frame.h"
 #include "inspect/refusal.h"
+#include "report/graph.h"
 
 namespace fastcycle::inspect {
 namespace {
@@ -29,6 +29,8 @@ constexpr std::int64_t kReplyNs = 5 * kMs;         // How often a reply is looke
 constexpr std::int64_t kComplaintNs = 1000 * kMs;  // At most one line of log in this time.
 constexpr std::int64_t kGreetingNs = 5000 * kMs;   // So long who connects may say nothing.
 constexpr std::int64_t kWatchNs = 500 * kMs;       // How often these are looked after.
+constexpr std::int64_t kBehindNs = 100 * kMs;      // So long a client may be behind, in any case.
+constexpr std::int64_t kAcceptNs = 100 * kMs;      // Between two tries while none can be accepted.
 constexpr std::size_t kMaxGreetingBytes = 4096;
 constexpr std::size_t kMaxPlainBytes = std::size_t{64} << 10U;  // Where no messages may be sent.
 constexpr std::size_t kMaxLogLines = 1024;
@@ -66,8 +68,10 @@ Server::~Server() {
     thread_.join();
   }
   clients_.clear();
-  if (wake_ >= 0) {
-    ::close(wake_);
+  for (const int descriptor : {wake_, reserve_}) {
+    if (descriptor >= 0) {
+      ::close(descriptor);
+    }
   }
 }
 
@@ -96,6 +100,7 @@ void Server::open(config::Problems& problems) {
       throw std::runtime_error("no event descriptor can be made");
     }
     socket_ = std::make_unique<SocketFile>(folder_, application_.description().name);
+    reserve_ = ::eventfd(0, EFD_CLOEXEC);
   } catch (const std::exception& error) {
     problems.add(config::mistake(description_.place, std::string("inspect: ") + error.what()));
     return;
@@ -103,7 +108,7 @@ void Server::open(config::Problems& problems) {
   taps_.provide();
 }
 
-void Server::start(const host::GuestView& view, std::vector<base::Refusal>& refusals) {
+void Server::start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) {
   explanation_ = view.application.explanation();
   {
     const std::lock_guard lock(mutex_);
@@ -111,22 +116,21 @@ void Server::start(const host::GuestView& view, std::vector<base::Refusal>& refu
       news_.push_back(host::news_of(*component));
     }
   }
-  application_.log_queue().set_listener(
-      [this](LogLevel level, std::string_view component, std::string_view text) {
-        if (!is_log_wanted_.load(std::memory_order_relaxed)) {
-          return;
-        }
-        {
-          const std::lock_guard lock(mutex_);
-          if (log_.size() == kMaxLogLines) {
-            log_.pop_front();
-            ++lost_log_;
-          }
-          log_.push_back({base::to_ns(application_.clock().now()), level, std::string(component),
-                          std::string(text)});
-        }
-        wake();
-      });
+  application_.log_queue().set_listener(this, [this](const detail::LogLine& line) {
+    if (!is_log_wanted_.load(std::memory_order_relaxed)) {
+      return;
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      if (log_.size() == kMaxLogLines) {
+        log_.pop_front();
+        ++lost_log_;
+      }
+      log_.push_back({base::to_ns(line.time), line.level, std::string(line.component),
+                      std::string(line.text)});
+    }
+    wake();
+  });
   if (voice_ != nullptr) {
     voice_->open();
   }
@@ -146,7 +150,7 @@ void Server::changed(const host::ComponentNews& news) noexcept {
 
 void Server::stop(const host::Application&) {
   if (is_running_) {
-    application_.log_queue().set_listener({});
+    application_.log_queue().set_listener(this, {});
     is_stopping_.store(true);
     wake();
     thread_.join();
@@ -188,7 +192,8 @@ void Server::serve() {
 void Server::wait() {
   std::vector<pollfd> polled;
   polled.push_back({.fd = wake_, .events = POLLIN, .revents = 0});
-  polled.push_back({.fd = socket_->descriptor(), .events = POLLIN, .revents = 0});
+  const short accepting = may_accept() ? POLLIN : 0;
+  polled.push_back({.fd = socket_->descriptor(), .events = accepting, .revents = 0});
   bool is_watching_time = false;
   bool is_busy = false;
   for (const auto& client : clients_) {
@@ -212,6 +217,10 @@ void Server::wait() {
   if (voice_ != nullptr && voice_->is_waiting()) {
     wait_ns = wait_ns < 0 ? kReplyNs : std::min(wait_ns, kReplyNs);
   }
+  if (accepting == 0) {
+    const std::int64_t until_ns = std::max<std::int64_t>(next_accept_ns_ - base::monotonic_ns(), 0);
+    wait_ns = wait_ns < 0 ? until_ns : std::min(wait_ns, until_ns);
+  }
   wait_ns = is_busy ? 0 : wait_ns;
   const int timeout = wait_ns < 0 ? -1 : static_cast<int>((wait_ns + kMs - 1) / kMs);
   if (::poll(polled.data(), polled.size(), timeout) < 0) {
@@ -233,7 +242,8 @@ void Server::wait() {
     serve(client);
     write(client, now_ns);
   }
-  if (polled[1].revents != 0) {
+  bound_requests();
+  if (polled[1].revents != 0 && accepting != 0) {
     accept_all();
   }
 }
@@ -243,11 +253,37 @@ void Server::accept_all() {
   for (int i = 0; i < kAtOnce; ++i) {
     const int descriptor =
         ::accept4(socket_->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    if (descriptor < 0) {
-      return;
+    if (descriptor >= 0) {
+      accept_one(descriptor);
+      continue;
     }
-    accept_one(descriptor);
+    if (errno == EMFILE || errno == ENFILE) {
+      refuse_without_descriptor();
+    } else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED) {
+      next_accept_ns_ = base::monotonic_ns() + kAcceptNs;  // No memory, for a while.
+    }
+    return;
   }
+}
+
+bool Server::may_accept() const {
+  return next_accept_ns_ == 0 || base::monotonic_ns() >= next_accept_ns_;
+}
+
+/// Who connects is told why, and does not wait in the queue, where it would keep `poll` from
+/// waiting. Then it is tried again only after a while.
+void Server::refuse_without_descriptor() {
+  if (reserve_ >= 0) {
+    ::close(reserve_);
+    const int descriptor =
+        ::accept4(socket_->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    if (descriptor >= 0) {
+      refuse(descriptor, protocol::Error::KIND_TOO_MANY,
+             "the application has no file descriptor left (ulimit -n)");
+    }
+  }
+  reserve_ = ::eventfd(0, EFD_CLOEXEC);
+  next_accept_ns_ = base::monotonic_ns() + kAcceptNs;
 }
 
 void Server::accept_one(int descriptor) {
@@ -329,13 +365,15 @@ bool Server::take_frame(Client& client, std::string_view frame) {
 }
 
 void Server::look() {
+  Room all{.left = kMaxWaitingOfAll};
   for (const auto& client : clients_) {
     const std::size_t waiting = client->connection->waiting();
+    all.left -= std::min(all.left, waiting);
     // Who reads slowly gets less, not later.
-    const std::size_t room =
+    client->room.left =
         waiting < Connection::kEnoughWaiting ? Connection::kMaxWaiting - waiting : 0;
     for (const auto& stream : client->streams) {
-      stream->allow(room / client->streams.size());
+      stream->allow(client->room, all);
     }
   }
   taps_.look();
@@ -349,9 +387,44 @@ void Server::look() {
     }
     write(*client, now_ns);
   }
+  if (all.was_too_small) {
+    make_room(now_ns);
+  }
   next_look_ns_ =
       now_ns +
       taps_.wait_for_pause(application_.clock().now(), std::chrono::nanoseconds(kLookNs)).count();
+}
+
+/// All clients together have what may wait for them: the slowest of them goes, so that the others
+/// lose no more.
+void Server::make_room(std::int64_t now_ns) {
+  Client* slowest = nullptr;
+  for (const auto& client : clients_) {
+    const bool is_slower = slowest == nullptr || client->behind_since_ns < slowest->behind_since_ns;
+    if (!client->is_over && client->behind_since_ns != 0 && is_slower) {
+      slowest = client.get();
+    }
+  }
+  if (slowest != nullptr && now_ns - slowest->behind_since_ns > kBehindNs) {
+    drop(*slowest, fmt::format("it reads too slowly, and {} MiB wait for all tools together",
+                               kMaxWaitingOfAll >> 20U));
+    ++dropped_clients_;
+  }
+}
+
+void Server::bound_requests() {
+  std::size_t total = 0;
+  for (const auto& client : clients_) {
+    total += client->is_over ? 0 : client->connection->received();
+  }
+  while (total > kMaxRequestsOfAll) {
+    const auto largest = std::ranges::max_element(clients_, {}, [](const auto& client) {
+      return client->is_over ? 0 : client->connection->received();
+    });
+    total -= (*largest)->connection->received();
+    drop(**largest, "too much came of requests that are not whole");
+    ++dropped_clients_;
+  }
 }
 
 void Server::give_log() {
@@ -366,12 +439,18 @@ void Server::give_log() {
     return;
   }
   for (const auto& client : clients_) {
-    for (const Client::LogStream& stream : client->log_streams) {
+    for (Client::LogStream& stream : client->log_streams) {
+      const bool has_room = client->connection->waiting() < Connection::kEnoughWaiting;
       protocol::Answer answer;
       answer.set_id(stream.id);
+      stream.lost += lost;
       for (const LogLine& line : lines) {
         if (line.level < stream.level ||
             (!stream.component.empty() && line.component != stream.component)) {
+          continue;
+        }
+        if (!has_room) {
+          ++stream.lost;
           continue;
         }
         protocol::LogLine& said = *answer.mutable_log()->add_lines();
@@ -380,8 +459,8 @@ void Server::give_log() {
         said.set_component(line.component);
         said.set_text(to_utf8(line.text));
       }
-      if (answer.has_log() || lost > 0) {
-        answer.mutable_log()->set_lost(lost);
+      if (has_room && (answer.has_log() || stream.lost > 0)) {
+        answer.mutable_log()->set_lost(std::exchange(stream.lost, 0));
         client->connection->put(answer);
       }
     }
@@ -409,7 +488,13 @@ void Server::give(std::uint64_t connection, const protocol::Answer& answer) {
 
 void Server::write(Client& client, std::int64_t now_ns) {
   Connection& connection = *client.connection;
-  if (!connection.write(now_ns)) {
+  const bool is_there = connection.write(now_ns);
+  if (connection.waiting() < Connection::kEnoughWaiting) {
+    client.behind_since_ns = 0;
+  } else if (client.behind_since_ns == 0) {
+    client.behind_since_ns = now_ns;
+  }
+  if (!is_there) {
     client.is_over = true;
   } else if (connection.waiting() > 2 * Connection::kMaxWaiting ||
              (connection.stuck_since_ns() != 0 &&
@@ -429,9 +514,10 @@ void Server::drop(Client& client, const std::string& why) {
   const std::int64_t now_ns = base::monotonic_ns();
   if (now_ns >= next_complaint_ns_) {
     next_complaint_ns_ = now_ns + kComplaintNs;
-    application_.log(LogLevel::kWarning, kName,
-                     fmt::format("the connection of process {} {} was ended: {}",
-                                 client.connection->pid, client.connection->client, why));
+    application_.log(
+        LogLevel::kWarning, kName,
+        fmt::format("the connection of process {}{}{} was ended: {}", client.connection->pid,
+                    client.connection->client.empty() ? "" : " ", client.connection->client, why));
   }
 }
 

@@ -15,10 +15,11 @@
 #include <string_view>
 #include <vector>
 
+#include "base/priority_mutex.h"
 #include "base/thread.h"
 #include "config/description.h"
 #include "host/application.h"
-#include "host/guest.h"
+#include "host/observer.h"
 #include "host/status.h"
 #include "inspect/connection.h"
 #include "inspect/inspect.pb.h"
@@ -41,12 +42,17 @@ namespace fastcycle::inspect {
 /// One thread of low priority does all of it. It reads counters and histograms, which need no lock,
 /// taps topics only while somebody looks at them, and waits for nobody: no component waits for it.
 ///
-/// @threads  As `Guest`; `offer` is Safe. It has to live longer than the application.
-class Server final : public host::Guest {
+/// @threads  As `Observer`; `offer` is Safe. It has to live longer than the application.
+class Server final : public host::Observer {
  public:
   static constexpr std::size_t kMaxConnections = 32;
   static constexpr std::size_t kMaxStreams = 64;  ///< Of one connection.
   static constexpr std::chrono::seconds kPatience{10};
+  /// More bytes of messages than this do not wait for all clients together. When it is reached,
+  /// streams lose, and the client that has been behind the longest is dropped.
+  static constexpr std::size_t kMaxWaitingOfAll = std::size_t{64} << 20U;
+  /// More than this of requests that are not whole yet is not kept: who sent most is dropped.
+  static constexpr std::size_t kMaxRequestsOfAll = std::size_t{64} << 20U;
 
   /// A client that reads nothing for `patience` is dropped.
   Server(host::Application& application, config::InspectDescription description,
@@ -60,7 +66,7 @@ class Server final : public host::Guest {
 
   void tap(detail::Topics& topics) override;
   void open(config::Problems& problems) override;
-  void start(const host::GuestView& view, std::vector<base::Refusal>& refusals) override;
+  void start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void changed(const host::ComponentNews& news) noexcept override;
   [[nodiscard]] bool wants_changes() const override { return true; }
   void stop(const host::Application& application) override;
@@ -79,9 +85,12 @@ class Server final : public host::Guest {
       std::uint32_t id = 0;
       LogLevel level = LogLevel::kDebug;
       std::string component;
+      std::uint64_t lost = 0;  ///< Lines since the last answer, while the client did not read.
     };
     std::vector<LogStream> log_streams;
     std::set<std::string> published;  ///< Topics that it published on: at most those there are.
+    Room room;
+    std::int64_t behind_since_ns = 0;  ///< Since when more waits for it than it needs; 0: nothing.
     bool is_over = false;
   };
   struct LogLine {
@@ -100,6 +109,8 @@ class Server final : public host::Guest {
   void wait();
   void accept_all();
   void accept_one(int descriptor);
+  void refuse_without_descriptor();
+  [[nodiscard]] bool may_accept() const;
   void refuse(int descriptor, protocol::Error::Kind kind, const std::string& text);
   [[nodiscard]] std::size_t max_frame_of(const Client& client) const;
   /// Whether what it sent already can be answered now.
@@ -107,6 +118,8 @@ class Server final : public host::Guest {
   void serve(Client& client);
   bool take_frame(Client& client, std::string_view frame);
   void look();
+  void make_room(std::int64_t now_ns);
+  void bound_requests();
   void give_log();
   void give_made();
   void write(Client& client, std::int64_t now_ns);
@@ -145,6 +158,9 @@ class Server final : public host::Guest {
   const std::int64_t patience_ns_;
   std::unique_ptr<SocketFile> socket_;
   int wake_ = -1;
+  /// Given up for a moment to tell who connects that the process has no descriptor left.
+  int reserve_ = -1;
+  std::int64_t next_accept_ns_ = 0;
 
   // Constant once it serves.
   std::vector<KnownService> services_;
@@ -162,7 +178,7 @@ class Server final : public host::Guest {
   std::int64_t next_complaint_ns_ = 0;
 
   // What others bring.
-  mutable detail::PriorityMutex mutex_;
+  mutable base::PriorityMutex mutex_;
   std::vector<host::ComponentNews> news_;
   std::map<std::string, std::function<std::string()>> documents_;
   std::deque<LogLine> log_;

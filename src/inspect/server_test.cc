@@ -8,21 +8,26 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "config/test_folder.h"
 #include "fastcycle/fastcycle.h"
+#include "host/prepare_replay.h"
 #include "host/test_application.h"
 #include "inspect/address.h"
 #include "inspect/client.h"
@@ -96,19 +101,38 @@ class Running {
  public:
   explicit Running(const config::InspectDescription& allowed = {},
                    const host::ClockOptions& clock = {},
-                   std::chrono::nanoseconds patience = Server::kPatience)
+                   std::chrono::nanoseconds patience = Server::kPatience,
+                   const std::filesystem::path& record = {},
+                   const std::filesystem::path& recording = {})
       : folder_(
             std::filesystem::temp_directory_path() /
             ("fastcycle_inspect_" + std::to_string(::getpid()) + "_" + std::to_string(++runs_))) {
     std::filesystem::remove_all(folder_);
     classes_.with<Source>("source").with<Reader>("reader");
     config::Problems problems;
-    application =
-        std::make_unique<host::Application>(host::describe_text(kApplication, problems), clock);
+    config::ApplicationDescription description = host::describe_text(kApplication, problems);
+    host::ComponentClasses* classes = &classes_;
+    if (!recording.empty()) {
+      replay_ = host::prepare_replay({.files = {recording}}, description, classes_, problems);
+      if (replay_ == nullptr) {
+        throw std::runtime_error(config::text_of(problems));
+      }
+      description = replay_->description();
+      classes = replay_.get();
+    }
+    application = std::make_unique<host::Application>(std::move(description), clock);
+    if (replay_ != nullptr) {
+      application->replay(*replay_);
+    }
+    if (!record.empty()) {
+      config::RecordDescription recorded;
+      recorded.file = record;
+      application->record(recorded);
+    }
     server.emplace(*application, allowed, folder_, patience);
     server->offer("greeting", [] { return std::string(R"({"hello": "world"})"); });
     application->add(*server);
-    application->build(classes_, problems, host::ConstructorFault::kFault);
+    application->build(*classes, problems, host::ConstructorFault::kFault);
     for (const config::Problem& problem : problems.all()) {
       if (!problem.warning) {
         throw std::runtime_error(config::to_string(problem));
@@ -131,6 +155,7 @@ class Running {
   static inline int runs_ = 0;
   std::filesystem::path folder_;
   host::TestClasses classes_;
+  std::unique_ptr<host::Replay> replay_;
 
  public:
   std::optional<Server> server;
@@ -407,6 +432,52 @@ TEST(AServer, PublishesWhereThatIsAllowed) {
   EXPECT_THROW(client.ask(request), ClientError);
 }
 
+// Messages and calls of tools are in the recording, under the name that they would have now too.
+TEST(AServer, PublishesBesideWhatToolsPublishedInARecording) {
+  const config::TestFolder folder;
+  const auto say = [](Client& client, std::int64_t value) {
+    protocol::Request request;
+    request.mutable_publish()->set_topic("numbers");
+    request.mutable_publish()->set_message(serialized(value));
+    EXPECT_TRUE(client.ask(request).has_done());
+    protocol::Request call;
+    call.mutable_call_service()->set_service("double");
+    call.mutable_call_service()->set_request(serialized(value));
+    call.mutable_call_service()->set_timeout_ms(60'000);
+    EXPECT_EQ(client.ask(std::move(call), kBound).reply().reply(), serialized(2 * value));
+  };
+  {
+    Running run(all_allowed(), {}, Server::kPatience, folder / "a.mcap");
+    Client client(run.socket(), "test");
+    say(client, 1'000'001);
+    run.application->stop();
+  }
+
+  Running run(all_allowed(), {}, Server::kPatience, {}, folder / "a.mcap");
+  Client client(run.socket(), "test");
+  say(client, 1'000'002);
+
+  const auto& publishers = run.application->topics().find("numbers")->publishers;
+  const auto names = [&] {
+    std::set<std::string> all;
+    for (const auto& publisher : publishers) {
+      all.insert(publisher->owner.name);
+    }
+    return all;
+  };
+  EXPECT_EQ(names(), (std::set<std::string>{"fastcycle/inspect", "fastcycle/inspect_", "source"}));
+  const auto end = std::chrono::steady_clock::now() + kBound;
+  const auto is_fed = [&] {
+    return std::ranges::any_of(publishers, [](const auto& publisher) {
+      return publisher->owner.name == "fastcycle/inspect" && publisher->published() == 1;
+    });
+  };
+  while (!is_fed() && std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(1ms);
+  }
+  EXPECT_TRUE(is_fed());
+}
+
 TEST(AServer, CallsAServiceWhereThatIsAllowed) {
   Running run(all_allowed());
   Client client(run.socket(), "test");
@@ -599,6 +670,21 @@ TEST(AHostileClient, ThatDoesNotReadIsDroppedAndCounted) {
   EXPECT_EQ(overview.clients_dropped(), 1U);
 }
 
+TEST(AHostileClient, WithoutANameIsNamedByItsProcess) {
+  Running run({}, {}, 50ms);
+  Client other(run.socket(), "test");
+  protocol::Request log;
+  log.mutable_stream_log()->set_level("warning");
+  other.begin(std::move(log));
+  const Stranger stranger(run.socket());
+
+  stranger.say(endless_questions());
+
+  const protocol::Answer told = await(other, [](const auto& answer) { return answer.has_log(); });
+  EXPECT_EQ(told.log().lines(0).text(), "the connection of process " + std::to_string(::getpid()) +
+                                            " was ended: it does not read");
+}
+
 TEST(AHostileClient, MayRestForAWhile) {
   Running run({}, {}, 1h);
   const Stranger stranger(run.socket());
@@ -609,6 +695,51 @@ TEST(AHostileClient, MayRestForAWhile) {
   const protocol::Overview overview = other.ask(overview_request()).overview();
   EXPECT_EQ(overview.clients(), 2U);
   EXPECT_EQ(overview.clients_dropped(), 0U);
+}
+
+/// As long as it lives this process has one file descriptor left.
+class AllDescriptorsButOne {
+ public:
+  AllDescriptorsButOne() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    rlimit few = before_;
+    few.rlim_cur = std::min<rlim_t>(before_.rlim_cur, 512);
+    ::setrlimit(RLIMIT_NOFILE, &few);
+    for (int taken = ::dup(STDERR_FILENO); taken >= 0; taken = ::dup(STDERR_FILENO)) {
+      taken_.push_back(taken);
+    }
+    ::close(taken_.back());
+    taken_.pop_back();
+  }
+  AllDescriptorsButOne(const AllDescriptorsButOne&) = delete;
+  AllDescriptorsButOne& operator=(const AllDescriptorsButOne&) = delete;
+  ~AllDescriptorsButOne() {
+    for (const int descriptor : taken_) {
+      ::close(descriptor);
+    }
+    ::setrlimit(RLIMIT_NOFILE, &before_);
+  }
+
+ private:
+  rlimit before_{};
+  std::vector<int> taken_;
+};
+
+TEST(AServer, TellsWhoConnectsThatNoDescriptorIsLeft) {
+  if (std::string_view(FASTCYCLE_SANITIZER) == "address") {
+    GTEST_SKIP() << "the sanitizer of undefined behaviour needs descriptors itself";
+  }
+  Running run;
+  {
+    const AllDescriptorsButOne taken;
+    for (int i = 0; i < 3; ++i) {
+      const ClientError error = error_of([&] { Client(run.socket(), "one more"); });
+      EXPECT_EQ(error.kind(), protocol::Error::KIND_TOO_MANY);
+      EXPECT_THAT(error.what(), HasSubstr("no file descriptor"));
+    }
+  }
+  Client client(run.socket(), "test");
+  EXPECT_TRUE(client.ask(overview_request()).has_overview());
 }
 
 TEST(AHostileClient, IsOneOfNotTooMany) {

@@ -96,15 +96,29 @@ void Stream::take(const detail::PublisherCore& publisher, const detail::Envelope
     }
     channel.next_ns = now_ns + options_.min_interval_ns;
   }
-  if (room_ == 0) {
+  if (room_->left == 0) {
     messages_.set_lost(messages_.lost() + 1);
     return;
   }
-  protocol::Message& message = *messages_.add_messages();
+  const protocol::Message* excerpt = nullptr;
   if (options_.content == protocol::Stream::CONTENT_ELIDED) {
-    message = excerpts_.elided(envelope, options_.limit);
+    excerpt = &excerpts_.elided(envelope, options_.limit);
   } else if (options_.content == protocol::Stream::CONTENT_FULL) {
-    message = excerpts_.full(envelope);
+    excerpt = &excerpts_.full(envelope);
+  }
+  constexpr std::size_t kAround = 128;
+  const std::size_t bytes = (excerpt == nullptr ? 0 : excerpt->ByteSizeLong()) + kAround;
+  const bool is_too_large = bytes > kMaxAnswerBytes / 2;  // For a frame, whoever reads.
+  if (is_too_large || bytes > room_->left || bytes > common_room_->left) {
+    common_room_->was_too_small |= !is_too_large && bytes > common_room_->left;
+    messages_.set_lost(messages_.lost() + 1);
+    return;
+  }
+  room_->left -= bytes;
+  common_room_->left -= bytes;
+  protocol::Message& message = *messages_.add_messages();
+  if (excerpt != nullptr) {
+    message = *excerpt;
   }
   message.set_channel(channel.channel);
   message.set_sequence(info.sequence);
@@ -117,14 +131,6 @@ void Stream::take(const detail::PublisherCore& publisher, const detail::Envelope
                           ? message.payload().size()
                           : envelope.payload->ByteSizeLong());
   }
-  constexpr std::size_t kAround = 128;
-  const std::size_t bytes = message.payload().size() + kAround;
-  if (bytes > kMaxAnswerBytes / 2) {  // Too large for a frame, whoever reads.
-    messages_.mutable_messages()->RemoveLast();
-    messages_.set_lost(messages_.lost() + 1);
-    return;
-  }
-  room_ -= std::min(room_, bytes);
 }
 
 bool Stream::collect(protocol::Answer& answer) {

@@ -37,6 +37,12 @@ class Excerpts {
       scratch_;
 };
 
+/// How many bytes more may wait for who does not read: for one client, or for all together.
+struct Room {
+  std::size_t left = 0;
+  bool was_too_small = false;  ///< Something was lost since there was no more of it.
+};
+
 /// Messages of one or many topics on their way to one client.
 ///
 /// @threads  Confined to the server's thread.
@@ -62,8 +68,12 @@ class Stream final : public TapUser {
 
   void take(const detail::PublisherCore& publisher, const detail::Envelope& envelope) override;
 
-  /// Before each look: how many bytes may still wait for the client.
-  void allow(std::size_t bytes) noexcept { room_ = bytes; }
+  /// Before each look: what messages take their room of, for the client and for all of them. Both
+  /// are good until the look is over.
+  void allow(Room& of_client, Room& of_all) noexcept {
+    room_ = &of_client;
+    common_room_ = &of_all;
+  }
   /// What came since the last call; false if there is nothing to say.
   [[nodiscard]] bool collect(protocol::Answer& answer);
 
@@ -82,7 +92,8 @@ class Stream final : public TapUser {
   std::vector<Tap*> taps_;
   std::map<const detail::PublisherCore*, Channel> channels_;
   std::map<std::string, std::uint32_t> schemas_;  ///< By type.
-  std::size_t room_ = 0;
+  Room* room_ = nullptr;
+  Room* common_room_ = nullptr;
   protocol::Messages messages_;
 };
 

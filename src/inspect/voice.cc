@@ -8,11 +8,12 @@
 
 #include "base/clock.h"
 #include "broker/quality.h"
+#include "calls/call_head.h"
+#include "calls/server_core.h"
+#include "component/component_core.h"
+#include "component/own_names.h"
+#include "component/service_topics.h"
 #include "config/nearest.h"
-#include "host/call_head.h"
-#include "host/component_core.h"
-#include "host/server_core.h"
-#include "host/status.h"
 #include "inspect/refusal.h"
 
 namespace fastcycle::inspect {
@@ -47,10 +48,20 @@ void remove_head(google::protobuf::Message& message) {
   }
 }
 
+/// `Voice::kName`, or the next name that no component has: one that is replayed may have it.
+std::string free_name(const host::Application& application) {
+  std::string name = Voice::kName;
+  while (std::ranges::any_of(application.components(),
+                             [&](const auto& component) { return component->name == name; })) {
+    name += '_';
+  }
+  return name;
+}
+
 }  // namespace
 
 Voice::Voice(host::Application& application) : application_(application), replies_(kName) {
-  owner_.name = kName;
+  owner_.name = free_name(application);
   owner_.clock = &application.clock();
   if (application.clock().is_simulated()) {
     owner_.stage = &stage_;
@@ -68,13 +79,14 @@ void Voice::declare() {
     }
   }
   for (const auto& component : application_.components()) {
-    for (const auto& server : component->servers) {
-      if (server->requests == nullptr) {
+    for (const auto& end : component->servers) {
+      auto& server = detail::ServerCore::of(*end);
+      if (server.requests == nullptr) {
         continue;
       }
-      Line& line = lines_[server->service];
-      line.requests = &topics.add_publisher(detail::request_topic(server->service), owner_,
-                                            *server->request_instance, nullptr, true);
+      Line& line = lines_[server.service];
+      line.requests = &topics.add_publisher(detail::request_topic(server.service), owner_,
+                                            *server.request_instance, nullptr, true);
       const auto publish = [&](const std::string& topic, const google::protobuf::Message& type) {
         topics.set_options(topic, detail::kReplyTopicOptions);
         detail::PublisherCore& publisher =
@@ -82,13 +94,14 @@ void Voice::declare() {
         component->service_publishers.push_back(&publisher);
         return &publisher;
       };
-      const std::string reply_topic = detail::reply_topic(server->service, kName);
-      detail::PublisherCore* replies = publish(reply_topic, *server->reply_instance);
+      const std::string reply_topic = detail::reply_topic(server.service, owner_.name);
+      detail::PublisherCore* replies = publish(reply_topic, *server.reply_instance);
       detail::PublisherCore* feedback =
-          server->feedback_instance == nullptr
+          server.feedback_instance == nullptr
               ? nullptr
-              : publish(detail::feedback_topic(server->service, kName), *server->feedback_instance);
-      server->add_client(line.requests->id, *replies, feedback);
+              : publish(detail::feedback_topic(server.service, owner_.name),
+                        *server.feedback_instance);
+      server.add_client(line.requests->id, *replies, feedback);
       replies_.add(*topics.find(reply_topic), kReplies, 0);
       line.replies = replies->id;
     }
@@ -98,7 +111,7 @@ void Voice::declare() {
 void Voice::open() {
   const auto open_one = [this](detail::PublisherCore& publisher) {
     const std::lock_guard lock(publisher.mutex());
-    publisher.set_external_stage(application_.simulation());
+    publisher.set_external_stage(application_.time().external_stage());
     publisher.set_external_open(true);
   };
   for (const auto& [name, publisher] : publishers_) {

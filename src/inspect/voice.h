@@ -23,7 +23,8 @@ namespace fastcycle::inspect {
 /// @threads  `declare`, `open` and `close` by the control thread; all else by the server's.
 class Voice {
  public:
-  /// Its name where publishers have one.
+  /// Its name where publishers have one. In a replay of what tools published then, which has that
+  /// name, "_" follows it.
   static constexpr const char* kName = "fastcycle/inspect";
 
   explicit Voice(host::Application& application);

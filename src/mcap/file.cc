@@ -21,14 +21,32 @@ std::string last_error() {
   return std::system_category().message(errno);
 }
 
+/// -1, with errno, if there is something of this name. With O_APPEND, a file that another program
+/// cut off stays too short, and has no hole: `look` sees it.
+int open_new(const std::filesystem::path& path) {
+  return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0600);
+}
+
 }  // namespace
 
-FileSink::FileSink(const std::filesystem::path& path)
-    : name_(path.string()),
-      file_(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
+FileSink::FileSink(const std::filesystem::path& path) : FileSink(path, open_new(path)) {
   if (file_ < 0) {
     fail(Place::kWholeFile, "a file that can be made");
   }
+}
+
+std::unique_ptr<FileSink> FileSink::make_if_free(const std::filesystem::path& path) {
+  const int file = open_new(path);
+  if (file < 0 && errno == EEXIST) {
+    return nullptr;
+  }
+  const int error = errno;
+  std::unique_ptr<FileSink> sink(new FileSink(path, file));
+  if (file < 0) {
+    errno = error;
+    sink->fail(Place::kWholeFile, "a file that can be made");
+  }
+  return sink;
 }
 
 FileSink::~FileSink() {

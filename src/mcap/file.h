@@ -4,10 +4,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "base/files.h"
 #include "mcap/records.h"
 
 namespace fastcycle::mcap {
@@ -53,11 +55,15 @@ class Source {
   [[nodiscard]] virtual const std::string& name() const = 0;
 };
 
-/// A new file, written without a buffer of its own.
+/// A new file, written without a buffer of its own, always at its end.
 class FileSink final : public Sink {
  public:
   /// @errors  `Error` if there is such a file already, or it cannot be made.
   explicit FileSink(const std::filesystem::path& path);
+  /// Null if something has the name already, also a link that leads to nothing.
+  ///
+  /// @errors  `Error` if it cannot be made.
+  [[nodiscard]] static std::unique_ptr<FileSink> make_if_free(const std::filesystem::path& path);
   ~FileSink() override;
 
   void append(std::span<const Bytes> parts) override;
@@ -68,7 +74,14 @@ class FileSink final : public Sink {
   /// @threads  Safe, also while another thread appends.
   void sync();
 
+  /// Looks whether readers find under its name what was appended.
+  ///
+  /// @threads  Safe, also while another thread appends.
+  [[nodiscard]] base::FileState look() const { return base::look_at(file_, name_, size_); }
+
  private:
+  FileSink(const std::filesystem::path& path, int file) : name_(path.string()), file_(file) {}
+
   [[noreturn]] void fail(std::uint64_t offset, const char* expected) const;
 
   const std::string name_;

@@ -33,6 +33,10 @@ struct ReadLimits {
   std::uint64_t open_chunk_bytes = std::uint64_t{1} << 30U;
 };
 
+/// The largest message that readers take with these limits. It needs a chunk of its own, which has
+/// room for what is said about it, but not for schemas.
+inline constexpr std::uint64_t kMostMessageBytes = ReadLimits{}.chunk_bytes - 1024;
+
 struct ReadOptions {
   bool check_crcs = true;
   bool use_summary = true;  ///< `Reader` only; false: scan the file, whatever its summary says.

@@ -9,8 +9,8 @@
 #include "fastcycle/detail/envelope.h"
 #include "log/log.pb.h"
 #include "mcap/chunk_builder.h"
-#include "record/recorder.h"
 #include "record/serializer.h"
+#include "record/stored_message.h"
 
 namespace fastcycle::record {
 

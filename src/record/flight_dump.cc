@@ -10,12 +10,12 @@
 #include <set>
 #include <span>
 #include <string_view>
-#include <system_error>
 #include <utility>
 #include <variant>
 
 #include <fmt/format.h>
 
+#include "base/files.h"
 #include "log/log.pb.h"
 #include "mcap/error.h"
 #include "mcap/file.h"
@@ -29,6 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kInfosAtOnce = 1024;
+constexpr std::size_t kLargeBytes = std::size_t{128} << 10U;  // Of a message.
 
 /// `Hard braking!` as a part of a file's name: `hard_braking`.
 std::string as_name(std::string_view reason) {
@@ -56,6 +57,13 @@ std::string utc(std::int64_t time_ns) {
   std::array<char, 32> text{};
   std::strftime(text.data(), text.size(), "%Y-%m-%d_%H-%M-%S", &parts);
   return text.data();
+}
+
+/// `text` of a file that may be damaged, as it may stand in another one.
+std::string printable(std::string_view text) {
+  std::string result(text);
+  std::ranges::replace_if(result, [](char c) { return c != '\n' && (c < 0x20 || c == 0x7f); }, '?');
+  return result;
 }
 
 fs::path active_name(fs::path name) {
@@ -121,13 +129,15 @@ class DumpFile {
   }
 
   void finish(std::uint64_t missing) {
+    write_crash();
     write_infos();
     write_losses();
     write_facts(missing);
     writer_.close();
     sink_.sync();
-    fs::rename(active_name(name_), name_);
+    name_ = base::rename_to_next_free(active_name(name_), name_);
   }
+  [[nodiscard]] const fs::path& name() const { return name_; }
 
   [[nodiscard]] std::uint64_t messages() const { return messages_; }
 
@@ -138,6 +148,9 @@ class DumpFile {
       return;  // Of a damaged ring.
     }
     const auto time = static_cast<std::uint64_t>(time_ns);
+    if (data.size() >= kLargeBytes) {
+      writer_.flush();  // It gets a chunk without the schemas and channels that wait for one.
+    }
     writer_.write(
         {.channel_id = channel, .sequence = sequence, .log_time_ns = time, .publish_time_ns = time},
         {&data, 1});
@@ -205,6 +218,25 @@ class DumpFile {
     sum.too_large += loss.too_large;
   }
 
+  /// The activation that did not end, and what the process said of its end.
+  void write_crash() {
+    if (!window_.crash) {
+      return;
+    }
+    const diagnostics::CrashNote& note = *window_.crash;
+    if (note.activation.number != 0) {
+      log::Activations activations;
+      record::add(activations, 0, {&note.activation, 1});
+      const std::string text = activations.SerializeAsString();
+      write(kActivationsChannel, ++activations_, window_.end_ns, mcap::bytes_of(text));
+    }
+    writer_.write(
+        mcap::Metadata{.name = "fastcycle.crash",
+                       .metadata = {{"component", printable(note.component.data())},
+                                    {"summary", printable(note.summary.data())},
+                                    {"report", printable({note.text.data(), note.text_size})}}});
+  }
+
   void write_losses() {
     for (const auto& [id, loss] : losses_) {
       const mcap::Channel* channel = writer_.definitions().find_channel(id);
@@ -243,7 +275,7 @@ class DumpFile {
     writer_.write(mcap::Metadata{.name = "fastcycle.dump", .metadata = std::move(facts)});
   }
 
-  const fs::path name_;
+  fs::path name_;
   const FlightWindow& window_;
   mcap::FileSink sink_;
   mcap::Writer writer_;
@@ -274,10 +306,13 @@ std::optional<FlightWindow> window_of_crash(const fs::path& ring_file) {
     window->end_ns = std::max(window->end_ns, record->time_ns);
   }
   if (window) {
+    window->crash = ring.crash_note();
     window->triggers.push_back(
         {.time_ns = window->end_ns,
          .reason = "crash",
-         .detail = fmt::format("process {} did not end in order", ring.pid())});
+         .component = window->crash ? printable(window->crash->component.data()) : "",
+         .detail = window->crash ? printable(window->crash->summary.data())
+                                 : fmt::format("process {} did not end in order", ring.pid())});
   }
   return window;
 }
@@ -306,6 +341,7 @@ FlightDump write_dump(FlightRingReader& ring, const FlightWindow& window,
     }
     dump.missing = ring.missing();
     file.finish(dump.missing);
+    dump.file = file.name();
   } catch (const std::exception& error) {  // Also those of the file system.
     dump.problem = error.what();
   }

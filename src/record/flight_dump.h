@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnostics/crash_note.h"
 #include "record/flight_ring.h"
 
 namespace fastcycle::record {
@@ -53,6 +54,7 @@ struct FlightWindow {
   std::int64_t begin_ns = 0;
   std::int64_t end_ns = 0;  ///< The last nanosecond of it.
   FlightMark from = {};     ///< Nothing of it stands before this in the ring.
+  std::optional<diagnostics::CrashNote> crash = {};  ///< What ended the run, if that is known.
 };
 
 /// What became of a dump.

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <span>
-#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "log/log.pb.h"
 #include "mcap/file.h"
+#include "mcap/record_reader.h"
 #include "mcap/writer.h"
 
 namespace fastcycle::record {
@@ -100,6 +100,7 @@ void FlightRecorder::take(std::uint32_t step) {
   if (clock_.is_simulated()) {
     round_ = step;
   }
+  look_at_ring();
   collect_triggers();
   hand_over_what_is_due(now_ns);
   note_mark(now_ns);
@@ -115,6 +116,29 @@ void FlightRecorder::take(std::uint32_t step) {
   ring_->count_wake();
 }
 
+/// Says, once, what others did to the file of the ring.
+void FlightRecorder::look_at_ring() {
+  constexpr std::int64_t kPeriodNs = 1'000'000'000;
+  const std::int64_t now_ns = base::monotonic_ns();
+  const bool is_newly_cut = ring_->is_cut() && !std::exchange(is_cut_, true);
+  if (is_newly_cut) {
+    ring_->forget();
+  } else if (is_cut_ || now_ns - looked_ns_ < kPeriodNs) {
+    return;
+  }
+  looked_ns_ = now_ns;
+  const base::FileState state = ring_->look();
+  const std::string words =
+      state.words.empty() && is_cut_ ? "another program cut it off" : state.words;
+  if (words.empty() || std::exchange(told_, words) == words) {
+    return;
+  }
+  problem_ = options_.file.string() + ": " + words +
+             "; dumps are still written, but the next run does not find what a crash of this one "
+             "leaves; start it anew to have that again";
+  on_news(true, problem_);
+}
+
 void FlightRecorder::keep(const Stream& stream, const detail::Envelope& envelope) {
   const auto info = describe(stream, envelope.info, round_);
   scratch_.clear();
@@ -128,12 +152,11 @@ void FlightRecorder::keep(const Stream& stream, const detail::Envelope& envelope
                                .publish_ns = publish_ns};
   parts_.assign({std::as_bytes(std::span(&head, 1)), mcap::bytes_of(scratch_)});
   bool is_kept = false;
-  try {
+  // A dump with a larger one could not be read.
+  if (envelope.payload->ByteSizeLong() <= mcap::kMostMessageBytes) {
     const std::span<const mcap::Bytes> message = serializer_.serialize(*envelope.payload);
     parts_.insert(parts_.end(), message.begin(), message.end());
     is_kept = ring_->append(to_kind(FlightKind::kMessage), publish_ns, parts_);
-  } catch (const std::length_error&) {
-    // Protobuf cannot hold it as bytes.
   }
   if (!is_kept) {
     ++states_[stream.index].too_large;
@@ -384,6 +407,7 @@ FlightReport FlightRecorder::report() const {
                       .messages = messages_,
                       .bytes = bytes_,
                       .activations_lost = activations_lost_,
+                      .problem = problem_,
                       .dumps = dumps_,
                       .triggers_refused = triggers_refused_.load(std::memory_order_relaxed)};
   for (const Stream& stream : streams_.all()) {

@@ -47,6 +47,7 @@ struct FlightReport {
   std::uint64_t pool = 0;       ///< Lost: the publisher's pool was dry; nobody got them.
   std::uint64_t too_large = 0;  ///< Lost: larger than half of the ring.
   std::uint64_t activations_lost = 0;
+  std::string problem = {};            ///< What became of the ring; empty if it is there.
   std::vector<FlightDump> dumps;       ///< In the order in which they were written.
   std::uint64_t triggers_refused = 0;  ///< After `kDumpsMax` dumps, or more at once than can wait.
 };
@@ -144,6 +145,7 @@ class FlightRecorder {
   void keep(const Stream& stream, const detail::Envelope& envelope);
   void remember(const Stream& stream);
   void keep_activations();
+  void look_at_ring();
   void note_losses();
   void repeat_latched();
   void note_mark(std::int64_t now_ns);
@@ -176,6 +178,10 @@ class FlightRecorder {
   std::deque<FlightWindow> windows_;  ///< Not due yet.
   std::size_t dump_count_ = 0;
   bool has_said_enough_ = false;
+  std::int64_t looked_ns_ = 0;  ///< CLOCK_MONOTONIC: at the ring.
+  bool is_cut_ = false;
+  std::string told_;
+  std::string problem_;
   std::uint64_t messages_ = 0;
   std::uint64_t bytes_ = 0;
   std::uint64_t activations_lost_ = 0;

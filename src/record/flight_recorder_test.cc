@@ -47,7 +47,7 @@ class Publishing {
       : clock_(clock), recorder_(std::move(options), clock) {
     owner_.name = "publisher";
     owner_.clock = &clock_;
-    owner_.is_in_activation = true;
+    owner_.enter();
     recorder_.on_news = [this](bool, const std::string& text) {
       const std::lock_guard lock(news_mutex_);
       news_ += text + "\n";
@@ -73,6 +73,7 @@ class Publishing {
   void publish(detail::PublisherCore& publisher, const decltype(T().value())& value) {
     owner_.publish_count = 0;  // As in an activation of its own: what came back is used again.
     owner_.now = clock_.now();
+    publisher.owner.enter();
     detail::Envelope* loan = publisher.loan(true);
     static_cast<T&>(*loan->own).set_value(value);
     publisher.publish(loan, {});
@@ -418,6 +419,21 @@ TEST_F(SimulatedFlight, ARunThatEndedInOrderLeavesNoCrash) {
   EXPECT_FALSE(dump_crashed(folder_ / "drive.ring").has_value());
   EXPECT_FALSE(dump_crashed(folder_ / "none.ring").has_value());
   EXPECT_THAT(names(), ElementsAre("drive.ring"));
+}
+
+TEST_F(SimulatedFlight, GoesOnWhenItsRingIsCutOff) {
+  start(options());
+  publish_until(10);
+  std::filesystem::resize_file(folder_ / "drive.ring", 0);
+  publish_until(15, "test");
+  flight_->recorder().stop();
+
+  EXPECT_THAT(flight_->news(), HasSubstr("drive.ring: another program cut it off"));
+  EXPECT_THAT(report().problem, HasSubstr("cut it off"));
+  ASSERT_EQ(report().dumps.size(), 1U);
+  EXPECT_EQ(report().dumps[0].problem, "");
+  // What came before it was found is gone with the file.
+  EXPECT_EQ(content_of(report().dumps[0].file).numbers, numbers_between(12, 15));
 }
 
 TEST_F(SimulatedFlight, WhatCannotBeReadIsSetAside) {

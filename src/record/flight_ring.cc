@@ -11,7 +11,6 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -51,6 +50,8 @@ struct Changing {
 };
 
 constexpr std::size_t kChangingOffset = 128;
+constexpr std::size_t kNoteOffset = 512;
+static_assert(kNoteOffset + sizeof(diagnostics::CrashNote) <= kPage);
 
 struct RecordHead {
   std::uint32_t size = 0;  // Of the data.
@@ -144,7 +145,7 @@ void remove_left_file(const std::filesystem::path& file) {
   }
 }
 
-std::array<char, 40> boot_id() {
+std::array<char, 40> present_boot_id() {
   std::array<char, 40> id{};
   std::ifstream file("/proc/sys/kernel/random/boot_id");
   file.read(id.data(), static_cast<std::streamsize>(id.size()) - 1);
@@ -166,7 +167,9 @@ struct FlightRing::Header {
 FlightRing::FlightRing(const Options& options, mcap::Bytes explanation)
     : file_(options.file),
       capacity_(rounded_up(std::max(options.bytes, kPage), kPage)),
-      ring_offset_(kPage + rounded_up(explanation.size(), kPage)) {
+      ring_offset_(kPage + rounded_up(explanation.size(), kPage)),
+      start_ns_(options.start_ns),
+      explanation_(explanation.begin(), explanation.end()) {
   static_assert(sizeof(Header) <= kPage && std::atomic<std::uint64_t>::is_always_lock_free);
   static_assert(sizeof(std::atomic<std::uint64_t>) == sizeof(std::uint64_t));
   static_assert(offsetof(Header, tail) == kChangingOffset);
@@ -185,48 +188,55 @@ FlightRing::FlightRing(const Options& options, mcap::Bytes explanation)
       fail_at(file_, "a name that can be given", last_error());
     }
   } catch (...) {
-    if (memory_ != nullptr) {
-      ::munmap(memory_, ring_offset_ + capacity_);
-    }
-    if (descriptor_ >= 0) {
-      ::close(descriptor_);
-      ::unlink(unfinished.c_str());
-    }
+    ::unlink(unfinished.c_str());
     throw;
   }
 }
 
-FlightRing::~FlightRing() {
-  ::munmap(memory_, ring_offset_ + capacity_);
-  ::close(descriptor_);
-}
+FlightRing::~FlightRing() = default;
 
 void FlightRing::make_file(const std::filesystem::path& file) {
   const std::uint64_t size = ring_offset_ + capacity_;
-  descriptor_ =
+  const int descriptor =
       ::open(file.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, S_IRUSR | S_IWUSR);
-  if (descriptor_ < 0) {
+  if (descriptor < 0) {
     fail_at(file_, "a file that can be made", last_error());
   }
-  if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
+  map(descriptor, size);
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
     fail_at(file_, "a file that can be locked", last_error());
   }
   int error = EINTR;
   while (error == EINTR) {
-    error = ::posix_fallocate(descriptor_, 0, static_cast<off_t>(size));
+    error = ::posix_fallocate(descriptor, 0, static_cast<off_t>(size));
   }
   if (error != 0) {
     fail_at(file_, "room for a ring of " + std::to_string(size) + " bytes", last_error(error));
   }
-  void* const memory = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_, 0);
-  if (memory == MAP_FAILED) {
-    fail_at(file_, "a file that can be mapped", last_error());
-  }
-  memory_ = static_cast<std::byte*>(memory);
   ring_ = memory_ + ring_offset_;
   for (std::uint64_t page = 0; page < size; page += kPage) {
     *static_cast<volatile std::byte*>(memory_ + page) = std::byte{0};
   }
+}
+
+/// Takes over `descriptor`.
+void FlightRing::map(int descriptor, std::uint64_t size) {
+  try {
+    mapped_.emplace(descriptor, size);
+  } catch (const std::system_error& error) {
+    fail_at(file_, "a file that can be mapped", error.code().message());
+  }
+  memory_ = mapped_->memory();
+}
+
+base::FileState FlightRing::look() const {
+  return base::look_at(mapped_->descriptor(), file_, ring_offset_ + capacity_);
+}
+
+void FlightRing::forget() noexcept {
+  tail_ = head_;
+  header_->tail.store(tail_, std::memory_order_relaxed);
+  header_->head.store(head_, std::memory_order_release);
 }
 
 void FlightRing::fill(const Options& options, mcap::Bytes explanation) {
@@ -236,9 +246,14 @@ void FlightRing::fill(const Options& options, mcap::Bytes explanation) {
                        .explanation_size = explanation.size(),
                        .start_ns = options.start_ns,
                        .explanation_crc = crc_of(explanation),
-                       .boot_id = boot_id()};
+                       .boot_id = present_boot_id()};
   header_->constant_crc = crc_of(bytes_of(header_->constant));
+  new (memory_ + kNoteOffset) diagnostics::CrashNote;
   std::ranges::copy(explanation, memory_ + kPage);
+}
+
+diagnostics::CrashNote& FlightRing::crash_note() const noexcept {
+  return *reinterpret_cast<diagnostics::CrashNote*>(memory_ + kNoteOffset);
 }
 
 std::uint64_t FlightRing::size_at(std::uint64_t position) const noexcept {
@@ -353,26 +368,23 @@ FlightRingReader::FlightRingReader(const std::filesystem::path& file)
 FlightRingReader::FlightRingReader(const FlightRing& ring, const FlightMark& from)
     : file_(ring.file()),
       live_(&ring),
-      descriptor_(::dup(ring.descriptor_)),
+      descriptor_(ring.mapped_->descriptor()),
       capacity_(ring.capacity_),
       ring_offset_(ring.ring_offset_),
-      start_ns_(ring.header_->constant.start_ns),
-      pid_(ring.header_->constant.pid),
-      boot_id_(ring.header_->constant.boot_id.data()),
+      explanation_(ring.explanation_),
+      start_ns_(ring.start_ns_),
+      pid_(static_cast<std::uint32_t>(::getpid())),
+      boot_id_(present_boot_id().data()),
       wakes_(ring.wakes()),
       position_(from.position),
       end_(ring.head_),
       next_number_(from.number),
-      end_number_(ring.number_) {
-  if (descriptor_ < 0) {
-    fail(mcap::Place::kWholeFile, "one more open file", last_error());
-  }
-  const std::byte* const begin = ring.memory_ + kPage;
-  explanation_.assign(begin, begin + ring.header_->constant.explanation_size);
-}
+      end_number_(ring.number_) {}
 
 FlightRingReader::~FlightRingReader() {
-  ::close(descriptor_);
+  if (live_ == nullptr) {
+    ::close(descriptor_);
+  }
 }
 
 void FlightRingReader::read_header() {
@@ -423,6 +435,13 @@ void FlightRingReader::read_header() {
   position_ = changing.tail;
   end_ = changing.head;
   read_explanation(constant.explanation_size, constant.explanation_crc);
+  diagnostics::CrashNote note;
+  read(kNoteOffset, std::as_writable_bytes(std::span(&note, 1)));
+  if (note.magic == diagnostics::CrashNote::kMagic) {
+    note.component.back() = note.summary.back() = '\0';
+    note.text_size = std::min<std::uint32_t>(note.text_size, note.text.size());
+    note_ = note;
+  }
 }
 
 void FlightRingReader::read_explanation(std::uint64_t size, std::uint32_t crc) {
@@ -434,10 +453,19 @@ void FlightRingReader::read_explanation(std::uint64_t size, std::uint32_t crc) {
 }
 
 void FlightRingReader::read(std::uint64_t offset, std::span<std::byte> into) const {
+  if (live_ != nullptr && live_->is_cut()) {
+    std::memcpy(into.data(), live_->memory_ + offset, into.size());
+    return;
+  }
   while (!into.empty()) {
     const ssize_t got = ::pread(descriptor_, into.data(), into.size(), static_cast<off_t>(offset));
     if (got < 0 && errno == EINTR) {
       continue;
+    }
+    if (got == 0 && live_ != nullptr) {
+      // Cut off, and the writer has not come there yet: nothing is there.
+      std::ranges::fill(into, std::byte{0});
+      return;
     }
     if (got <= 0) {
       fail(offset, "to read it", got == 0 ? "its end" : last_error());

@@ -9,7 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "base/files.h"
+#include "diagnostics/crash_note.h"
 #include "mcap/records.h"
+#include "record/guarded_file.h"
 
 namespace fastcycle::record {
 
@@ -41,7 +44,10 @@ struct FlightMark {
 ///
 /// The file is allocated as a whole, and each of its pages touched, when the ring is made: a full
 /// disk is an error then, and no signal later. It is locked as long as the ring lives, which tells
-/// the file of a process that lives from one that a dead process left.
+/// the file of a process that lives from one that a dead process left. A child that the process
+/// forks has neither the lock nor the mapping.
+///
+/// Where another program cuts the file off, the ring goes on in memory alone: `is_cut`.
 ///
 /// @threads  `append`, `count_wake` and `close` by one thread; `oldest`, `newest` and `wakes` are
 ///           Safe.
@@ -77,6 +83,15 @@ class FlightRing {
   /// Says that the run ended in order.
   void close() noexcept;
 
+  /// Where a crash of the process leaves what it knows, for who reads the file later. Any thread.
+  [[nodiscard]] diagnostics::CrashNote& crash_note() const noexcept;
+  /// Whether what is appended stands in memory alone, since another program cut the file off.
+  [[nodiscard]] bool is_cut() const noexcept { return mapped_->is_cut(); }
+  /// Forgets what there is, once it is cut off. By the thread that appends.
+  void forget() noexcept;
+  /// What became of the file.
+  [[nodiscard]] base::FileState look() const;
+
   /// Behind the last record. By the thread that appends.
   [[nodiscard]] FlightMark mark() const noexcept { return {.position = head_, .number = number_}; }
 
@@ -92,6 +107,7 @@ class FlightRing {
   struct Header;
 
   void make_file(const std::filesystem::path& file);
+  void map(int descriptor, std::uint64_t size);
   void fill(const Options& options, mcap::Bytes explanation);
   void give_up(std::uint64_t until) noexcept;
   [[nodiscard]] std::uint64_t size_at(std::uint64_t position) const noexcept;
@@ -102,7 +118,9 @@ class FlightRing {
   const std::filesystem::path file_;
   const std::uint64_t capacity_;
   const std::uint64_t ring_offset_;  ///< Of the records, in the file.
-  int descriptor_ = -1;
+  const std::int64_t start_ns_;
+  const std::vector<std::byte> explanation_;
+  std::optional<GuardedFile> mapped_;
   std::byte* memory_ = nullptr;
   std::byte* ring_ = nullptr;
   Header* header_ = nullptr;
@@ -152,6 +170,8 @@ class FlightRingReader {
   /// The boot of the machine in which it did, as the kernel calls it.
   [[nodiscard]] const std::string& boot_id() const { return boot_id_; }
   [[nodiscard]] std::uint64_t wakes() const { return wakes_; }
+  /// What a crash left; none if there was none. Its texts end, and are to be shown with care.
+  [[nodiscard]] const std::optional<diagnostics::CrashNote>& crash_note() const { return note_; }
 
   /// Records that are not there: overwritten before they were read, or damaged.
   [[nodiscard]] std::uint64_t missing() const { return missing_; }
@@ -176,6 +196,7 @@ class FlightRingReader {
   std::uint32_t pid_ = 0;
   std::string boot_id_;
   std::uint64_t wakes_ = 0;
+  std::optional<diagnostics::CrashNote> note_;
 
   std::uint64_t position_ = 0;
   std::uint64_t end_ = 0;

@@ -398,6 +398,68 @@ TEST_F(Ring, IsWholeAtEveryInstructionOfItsWriter) {
   EXPECT_GT(looks, 0U);
 }
 
+// ---- What others do to the file ----
+
+TEST_F(Ring, GoesOnInMemoryWhenItsFileIsCutOff) {
+  constexpr std::uint64_t kLongest = 300;
+  FlightRing ring(options(64 << 10), mcap::bytes_of("explained"));
+  for (std::uint64_t i = 0; i < 50; ++i) {
+    append(ring, i, kLongest);
+  }
+  ASSERT_EQ(truncate(file_.c_str(), 0), 0);
+  EXPECT_EQ(ring.look().kind, base::FileState::Kind::kLost);
+
+  ring.count_wake();
+  ASSERT_TRUE(ring.is_cut());
+  ring.forget();
+  const FlightMark mark = ring.mark();
+  for (std::uint64_t i = 50; i < 100; ++i) {
+    append(ring, i, kLongest);
+  }
+
+  FlightRingReader reader(ring, mark);
+  EXPECT_EQ(mcap::text_of(reader.explanation()), "explained");
+  EXPECT_EQ(numbers_of(reader, kLongest), numbers_from(50, 50));
+}
+
+TEST_F(Ring, ThatIsCutOffWhileItIsReadGivesNothingThatIsNotThere) {
+  FlightRing ring(options(64 << 10), {});
+  const FlightMark mark = ring.mark();
+  for (std::uint64_t i = 0; i < 50; ++i) {
+    append(ring, i, 300);
+  }
+  FlightRingReader reader(ring, mark);
+  ASSERT_EQ(truncate(file_.c_str(), 0), 0);
+
+  EXPECT_FALSE(reader.next().has_value());
+}
+
+TEST_F(Ring, IsFreeForTheNextRunAlsoWhileAForkedChildLives) {
+  std::optional<FlightRing> ring(std::in_place, options(8192), mcap::Bytes{});
+  const SharedNumber is_there;
+  int wait_for_end[2] = {};
+  ASSERT_EQ(pipe(wait_for_end), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    *is_there = 1;
+    close(wait_for_end[1]);
+    char ignored = 0;
+    static_cast<void>(!read(wait_for_end[0], &ignored, 1));
+    _exit(0);
+  }
+  while ((*is_there).load() == 0) {
+    std::this_thread::yield();
+  }
+  EXPECT_THAT(error_of_making(), HasSubstr("one that a process writes"));
+  ring.reset();
+
+  EXPECT_EQ(error_of_making(), "");
+
+  close(wait_for_end[0]);
+  close(wait_for_end[1]);
+  waitpid(child, nullptr, 0);
+}
+
 // ---- Damage ----
 
 class DamagedRing : public Ring {
@@ -476,6 +538,57 @@ TEST_F(DamagedRing, GivesNothingThatWasNotWrittenWhateverStandsInIt) {
     }
     write(bytes);
     EXPECT_TRUE(std::ranges::includes(all, read())) << round;
+  }
+}
+
+// ---- A crash ----
+
+TEST_F(Ring, WhatACrashNotesIsReadBackWithItsTextsEnded) {
+  {
+    FlightRing ring(options(8192), {});
+    append(ring, 0, 100);
+    diagnostics::CrashNote& note = ring.crash_note();
+    note.activation.number = 12;
+    note.component.fill('c');
+    std::ranges::copy(std::string_view("in words"), note.summary.begin());
+    note.text_size = 1'000'000;
+    note.magic = diagnostics::CrashNote::kMagic;
+  }
+  const FlightRingReader reader(file_);
+  ASSERT_TRUE(reader.crash_note().has_value());
+  EXPECT_EQ(reader.crash_note()->activation.number, 12U);
+  EXPECT_EQ(std::string(reader.crash_note()->component.data()), std::string(63, 'c'));
+  EXPECT_STREQ(reader.crash_note()->summary.data(), "in words");
+  EXPECT_EQ(reader.crash_note()->text_size, reader.crash_note()->text.size());
+}
+
+TEST_F(Ring, WithoutACrashThereIsNoNote) {
+  {
+    FlightRing(options(8192), {});
+  }
+  EXPECT_FALSE(FlightRingReader(file_).crash_note().has_value());
+}
+
+TEST_F(Ring, AChildDoesNotKeepItsLock) {
+  auto ring = std::make_unique<FlightRing>(options(8192), mcap::Bytes());
+  int gate[2];
+  int news[2];
+  ASSERT_EQ(pipe(gate), 0);
+  ASSERT_EQ(pipe(news), 0);
+  char one = 0;
+  const pid_t child = fork();
+  if (child == 0) {
+    close(gate[1]);
+    const bool is_told = write(news[1], &one, 1) == 1;
+    _exit(is_told && read(gate[0], &one, 1) == 0 ? 0 : 1);
+  }
+  ASSERT_EQ(read(news[0], &one, 1), 1);
+  ring.reset();
+  EXPECT_EQ(error_of_making(), "");  // While the child lives.
+  close(gate[1]);
+  EXPECT_EQ(waitpid(child, nullptr, 0), child);
+  for (const int descriptor : {gate[0], news[0], news[1]}) {
+    close(descriptor);
   }
 }
 

@@ -81,6 +81,9 @@ bool Recorder::start(Explanation explanation, std::vector<const detail::Activati
   define();
   const bool is_open = recording_.open();
   is_in_trouble_ = !is_open;
+  if (!is_open) {  // Whoever starts it says so.
+    trouble_.store(&said_.emplace_back("nothing is recorded now: " + recording_.problem()));
+  }
   is_started_ = true;
   const auto policy =
       options_.is_background ? base::SchedulingPolicy::kIdle : base::SchedulingPolicy::kOther;
@@ -138,6 +141,11 @@ bool Recorder::make_room(const Stream& stream, std::uint64_t bytes, bool is_larg
 void Recorder::take_message(const Stream& stream, detail::Envelope* envelope) {
   Topic& topic = *topics_[stream.topic];
   const std::uint64_t bytes = envelope->payload->ByteSizeLong();
+  if (bytes > options_.message_bytes_max) {
+    refuse(stream, bytes);
+    detail::release(envelope);
+    return;
+  }
   const bool is_large = bytes >= kLargeBytes && stream.latched == 0;
   if (!make_room(stream, bytes, is_large)) {
     topic.memory.fetch_add(1, std::memory_order_relaxed);
@@ -152,9 +160,39 @@ void Recorder::take_message(const Stream& stream, detail::Envelope* envelope) {
   detail::release(envelope);
 }
 
+void Recorder::say(const std::string& text) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (said_.size() < kSaidMax) {
+      trouble_.store(&said_.emplace_back(text), std::memory_order_release);
+    }
+  }
+  on_trouble(text);
+}
+
+std::string Recorder::trouble() const {
+  const std::string* const text = trouble_.load(std::memory_order_acquire);
+  return text == nullptr ? std::string() : *text;
+}
+
+void Recorder::refuse(const Stream& stream, std::uint64_t bytes) {
+  topics_[stream.topic]->too_large.fetch_add(1, std::memory_order_relaxed);
+  if (!std::exchange(states_[stream.index]->has_told, true)) {
+    say(fmt::format(
+        "a message of component \"{}\" on {} is not recorded, and neither are "
+        "others like it: it has {} bytes, and {} can be written; publish it in "
+        "parts, or leave the topic out",
+        stream.publisher, streams_.topics()[stream.topic], bytes, options_.message_bytes_max));
+  }
+}
+
 void Recorder::add_small(const Stream& stream, const detail::Envelope& envelope,
                          std::uint64_t bytes) {
   Open& open = open_[states_[stream.index]->open];
+  const bool is_alone = bytes >= kLargeBytes;  // Else its chunk may be larger than readers take.
+  if (is_alone && open.batch != nullptr) {
+    hand_over(std::move(open.batch));
+  }
   if (open.batch == nullptr) {
     open.batch = new_batch(open.options);
   }
@@ -165,7 +203,7 @@ void Recorder::add_small(const Stream& stream, const detail::Envelope& envelope,
   if (stream.latched > 0) {
     open.batch->latched.push_back({.head = head, .data = copy_of(parts)});
   }
-  if (open.batch->chunk.size() >= kChunkBytes) {
+  if (is_alone || open.batch->chunk.size() >= kChunkBytes) {
     hand_over(std::move(open.batch));
   }
 }
@@ -286,6 +324,16 @@ void Recorder::write(Batch& batch) {
     topic.bytes.fetch_add(is_written ? count.bytes : 0, std::memory_order_relaxed);
     messages += count.messages;
   }
+  has_failed_ = has_failed_ || !is_written;
+  hear(is_written);
+  if (is_written) {
+    auto& written = written_[recording_.active()];
+    written.resize(topics_.size());
+    for (const Batch::Count& count : batch.counts) {
+      written[count.topic].messages += count.messages;
+      written[count.topic].bytes += count.bytes;
+    }
+  }
   tell(is_written, messages);
   for (StoredMessage& message : batch.latched) {
     Latched& latched = latched_.at(message.head.channel_id);
@@ -296,14 +344,47 @@ void Recorder::write(Batch& batch) {
   }
 }
 
+/// Takes what is lost with a file off what is recorded. Returns how many messages that are.
+std::uint64_t Recorder::count_as_lost(const std::filesystem::path& active) {
+  std::uint64_t messages = 0;
+  const std::vector<Written>& written = written_[active];
+  for (std::size_t i = 0; i < written.size(); ++i) {
+    topics_[i]->recorded.fetch_sub(written[i].messages, std::memory_order_relaxed);
+    topics_[i]->bytes.fetch_sub(written[i].bytes, std::memory_order_relaxed);
+    topics_[i]->disk.fetch_add(written[i].messages, std::memory_order_relaxed);
+    messages += written[i].messages;
+  }
+  return messages;
+}
+
+/// Takes what became of files. `goes_on`: there is one that is being written.
+void Recorder::hear(bool goes_on) {
+  for (const Recording::News& news : recording_.take_news()) {
+    std::string text = news.text;
+    if (news.is_lost) {
+      text += fmt::format("; the {} messages that were recorded into it are lost",
+                          count_as_lost(news.active));
+      if (goes_on) {
+        text += "; recording goes on in " + recording_.files().back().string();
+      }
+    }
+    if (news.is_over) {
+      written_.erase(news.active);
+    }
+    if (!text.empty()) {
+      has_failed_ = has_failed_ || news.is_trouble;
+      say(text);
+    }
+  }
+}
+
 void Recorder::tell(bool is_written, std::uint64_t messages) {
   if (!is_written && !std::exchange(is_in_trouble_, true)) {
     lost_in_trouble_ = 0;
-    on_trouble("nothing is recorded now: " + recording_.problem() +
-               "; a new file is tried every second");
+    say("nothing is recorded now: " + recording_.problem() + "; a new file is tried every second");
   } else if (is_written && std::exchange(is_in_trouble_, false)) {
-    on_trouble(fmt::format("recording goes on in {}; {} messages were lost meanwhile",
-                           recording_.files().back().string(), lost_in_trouble_));
+    say(fmt::format("recording goes on in {}; {} messages were lost meanwhile",
+                    recording_.files().back().string(), lost_in_trouble_));
   }
   lost_in_trouble_ += is_written ? 0 : messages;
 }
@@ -317,6 +398,9 @@ void Recorder::explain(mcap::Writer& writer) {
       mcap::MessageHead head = message.head;
       head.log_time_ns = now_ns;
       const mcap::Bytes bytes(message.data);
+      if (bytes.size() >= kLargeBytes) {
+        writer.flush();  // It gets a chunk without the schemas and channels that wait for one.
+      }
       writer.write(head, {&bytes, 1});
     }
   }
@@ -336,7 +420,8 @@ void Recorder::conclude(mcap::Writer& writer) {
                                              {"lost.overflow", std::to_string(topic.overflow)},
                                              {"lost.pool", std::to_string(topic.pool)},
                                              {"lost.memory", std::to_string(topic.memory)},
-                                             {"lost.disk", std::to_string(topic.disk)}}});
+                                             {"lost.disk", std::to_string(topic.disk)},
+                                             {"lost.too_large", std::to_string(topic.too_large)}}});
   }
 }
 
@@ -347,7 +432,8 @@ std::vector<RecordedTopic> Recorder::topics() const {
                       .recorded = topic->recorded.load(),
                       .bytes = topic->bytes.load(),
                       .memory = topic->memory.load(),
-                      .disk = topic->disk.load()});
+                      .disk = topic->disk.load(),
+                      .too_large = topic->too_large.load()});
   }
   for (const Stream& stream : streams_.all()) {
     RecordedTopic& topic = result[stream.topic];
@@ -378,7 +464,8 @@ void Recorder::stop(std::map<std::string, std::string> end) {
   set(stops_writing_);
   writing_.join();
   end_ = std::move(end);
-  recording_.close();
+  has_failed_ = !recording_.close() || has_failed_;
+  hear(false);
 }
 
 }  // namespace fastcycle::record

@@ -21,20 +21,16 @@
 #include "broker/topics.h"
 #include "executor/activation_ring.h"
 #include "mcap/compression.h"
+#include "mcap/record_reader.h"
 #include "mcap/topic_filter.h"
 #include "record/recording.h"
 #include "record/serializer.h"
+#include "record/stored_message.h"
 #include "record/streams.h"
 
 namespace fastcycle::record {
 
 class Batch;
-
-/// A message as it stands in a file.
-struct StoredMessage {
-  mcap::MessageHead head;
-  std::vector<std::byte> data;
-};
 
 /// How the messages of some topics are compressed.
 struct CompressionRule {
@@ -47,9 +43,10 @@ struct RecorderOptions {
   Recording::Options recording = {};
   mcap::TopicFilter filter = {};
   mcap::ChunkOptions chunk = {.compression =
-                                  mcap::Compression::kLz4};  ///< Where no rule says else.
-  std::vector<CompressionRule> rules = {};                   ///< The first that matches counts.
-  std::uint64_t memory_bytes = std::uint64_t{256} << 20U;    ///< That may wait to be written.
+                                  mcap::Compression::kLz4};   ///< Where no rule says else.
+  std::vector<CompressionRule> rules = {};                    ///< The first that matches counts.
+  std::uint64_t memory_bytes = std::uint64_t{256} << 20U;     ///< That may wait to be written.
+  std::uint64_t message_bytes_max = mcap::kMostMessageBytes;  ///< Larger messages are lost.
   bool records_activations = true;
   /// Its threads run only where nothing else wants a CPU.
   bool is_background = false;
@@ -60,13 +57,14 @@ struct RecordedTopic {
   std::string topic;
   std::uint64_t published = 0;
   std::uint64_t recorded = 0;
-  std::uint64_t bytes = 0;     ///< Of the recorded messages, serialized.
-  std::uint64_t overflow = 0;  ///< Lost: written over in the queue before the recorder came.
-  std::uint64_t pool = 0;      ///< Lost: the publisher's pool was dry; nobody got them.
-  std::uint64_t memory = 0;    ///< Lost: more waited to be written than may.
-  std::uint64_t disk = 0;      ///< Lost: could not be written.
+  std::uint64_t bytes = 0;      ///< Of the recorded messages, serialized.
+  std::uint64_t overflow = 0;   ///< Lost: written over in the queue before the recorder came.
+  std::uint64_t pool = 0;       ///< Lost: the publisher's pool was dry; nobody got them.
+  std::uint64_t memory = 0;     ///< Lost: more waited to be written than may.
+  std::uint64_t disk = 0;       ///< Lost: could not be written, or the file was taken away.
+  std::uint64_t too_large = 0;  ///< Lost: above `message_bytes_max`.
 
-  [[nodiscard]] std::uint64_t lost() const { return overflow + pool + memory + disk; }
+  [[nodiscard]] std::uint64_t lost() const { return overflow + pool + memory + disk + too_large; }
 };
 
 /// Records messages and activations of a running application into MCAP files.
@@ -98,8 +96,9 @@ class Recorder {
   /// Taps the topics that are wanted; before they are connected.
   void tap(detail::Topics& topics);
 
-  /// Called with a sentence when a file cannot be written any more, and when recording goes on; on
-  /// the recorder's threads. Set before the start.
+  /// Called with a sentence when a file cannot be written any more or is not there any more, when
+  /// recording goes on, and about the first message of a publisher that is too large; on the
+  /// recorder's threads, and at the end on that of `stop`. Set before the start.
   std::function<void(const std::string&)> on_trouble = [](const std::string&) {};
 
   /// Begins, once the topics are connected and before anything is published. False if no file can
@@ -116,10 +115,16 @@ class Recorder {
 
   [[nodiscard]] std::vector<RecordedTopic> topics() const;
   [[nodiscard]] std::uint64_t activations_lost() const { return activations_lost_; }
+  /// What was said last by `on_trouble`; empty if nothing was. Safe.
+  ///
+  /// @realtime No lock, no system call.
+  [[nodiscard]] std::string trouble() const;
   /// When stopped.
   [[nodiscard]] const std::vector<std::filesystem::path>& files() const {
     return recording_.files();
   }
+  /// Whether something could not be written, or is not where it was asked for. When stopped.
+  [[nodiscard]] bool has_failed() const { return has_failed_; }
   /// What went wrong with the files last; empty if nothing did. When stopped, or not started.
   [[nodiscard]] const std::string& problem() const { return recording_.problem(); }
 
@@ -131,12 +136,20 @@ class Recorder {
     std::atomic<std::uint64_t> bytes{0};
     std::atomic<std::uint64_t> memory{0};
     std::atomic<std::uint64_t> disk{0};
+    std::atomic<std::uint64_t> too_large{0};
+  };
+
+  /// What one file has of a topic.
+  struct Written {
+    std::uint64_t messages = 0;
+    std::uint64_t bytes = 0;
   };
 
   /// What is kept of a stream.
   struct StreamState {
     std::size_t open = 0;  ///< Which of `open_` its small messages go into.
     std::atomic<std::size_t> held{0};
+    bool has_told = false;  ///< That a message was too large.
   };
 
   /// The last messages of a publisher whose topic is latched, as far as they are in a file.
@@ -155,6 +168,7 @@ class Recorder {
   [[nodiscard]] std::size_t open_for(const std::string& topic);
   void poll();
   void take_message(const Stream& stream, detail::Envelope* envelope);
+  void refuse(const Stream& stream, std::uint64_t bytes);
   void add_small(const Stream& stream, const detail::Envelope& envelope, std::uint64_t bytes);
   void add_large(const Stream& stream, detail::Envelope* envelope, std::uint64_t bytes);
   void take_activations();
@@ -168,6 +182,9 @@ class Recorder {
   void set(bool& flag);
   void write_batches();
   void write(Batch& batch);
+  void hear(bool goes_on);
+  void say(const std::string& text);
+  [[nodiscard]] std::uint64_t count_as_lost(const std::filesystem::path& active);
   void tell(bool is_written, std::uint64_t messages);
   void explain(mcap::Writer& writer);
   void conclude(mcap::Writer& writer);
@@ -189,6 +206,11 @@ class Recorder {
   std::optional<std::uint32_t> round_;  ///< Simulated time: that is being taken, in its moment.
   std::atomic<std::uint64_t> activations_lost_{0};
 
+  // What was said; under `mutex_`, but for its last one. It never goes away.
+  static constexpr std::size_t kSaidMax = 256;
+  std::deque<std::string> said_;
+  std::atomic<const std::string*> trouble_{nullptr};
+
   // Between the two.
   mutable std::mutex mutex_;
   std::condition_variable came_;
@@ -202,6 +224,9 @@ class Recorder {
   // The thread that writes.
   std::map<std::uint16_t, Latched> latched_;  ///< By channel.
   Recording recording_;
+  /// By topic, of the files that may still go away, by the names that they have while written.
+  std::map<std::filesystem::path, std::vector<Written>> written_;
+  bool has_failed_ = false;
   bool is_in_trouble_ = false;
   std::uint64_t lost_in_trouble_ = 0;
 

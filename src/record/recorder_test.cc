@@ -6,11 +6,14 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <mutex>
 #include <numeric>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include <gmock/gmock.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -24,6 +27,7 @@ namespace {
 
 using google::protobuf::BytesValue;
 using google::protobuf::Int64Value;
+using testing::HasSubstr;
 
 /// A component that publishes on two topics, recorded into a folder that is gone afterwards.
 class Recorded : public ::testing::Test {
@@ -35,7 +39,7 @@ class Recorded : public ::testing::Test {
     folder_ = name;
     owner_.name = "publisher";
     owner_.clock = &clock_;
-    owner_.is_in_activation = true;
+    owner_.enter();
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
@@ -47,6 +51,10 @@ class Recorded : public ::testing::Test {
   bool start(RecorderOptions options) {
     options.recording.file = folder_ / "drive.mcap";
     recorder_.emplace(std::move(options), clock_);
+    recorder_->on_trouble = [this](const std::string& text) {
+      const std::lock_guard lock(trouble_mutex_);
+      trouble_ += text + "\n";
+    };
     recorder_->tap(topics_);
     topics_.connect_all();
     return recorder_->start({.facts = {{"name", "test"}}, .application = "{}"}, {});
@@ -66,8 +74,56 @@ class Recorded : public ::testing::Test {
     EXPECT_TRUE(is_there);
   }
 
+  [[nodiscard]] std::string trouble() {
+    const std::lock_guard lock(trouble_mutex_);
+    return trouble_;
+  }
+  /// Waits until the recorder has said `text`.
+  void wait_for_trouble(const std::string& text) {
+    const std::int64_t end_ns = base::monotonic_ns() + 30'000'000'000;
+    while (trouble().find(text) == std::string::npos && base::monotonic_ns() < end_ns) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    EXPECT_THAT(trouble(), HasSubstr(text));
+  }
+  /// Publishes numbers until the recorder has said `text`. Returns how many there were.
+  std::int64_t publish_until_trouble(detail::PublisherCore& numbers, const std::string& text) {
+    const std::int64_t end_ns = base::monotonic_ns() + 30'000'000'000;
+    std::int64_t count = 0;
+    while (trouble().find(text) == std::string::npos && base::monotonic_ns() < end_ns) {
+      publish<Int64Value>(numbers, ++count);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    EXPECT_THAT(trouble(), HasSubstr(text));
+    return count;
+  }
+  /// A file that is looked at often, with number 1 in it.
+  detail::PublisherCore& start_with_one_number() {
+    detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+    RecorderOptions options;
+    options.recording.sync_interval = std::chrono::milliseconds(20);
+    EXPECT_TRUE(start(options));
+    publish<Int64Value>(numbers, 1);
+    wait_for_file([&](const mcap::Reader& reader) {
+      return reader.messages({.topics = {"numbers"}}).next().has_value();
+    });
+    return numbers;
+  }
+  void expect_ledger() {
+    const RecordedTopic topic = recorder_->topics()[0];
+    EXPECT_EQ(topic.published, topic.recorded + topic.lost());
+    std::uint64_t found = 0;
+    for (const auto& file : recorder_->files()) {
+      found += numbers_in(file, "numbers").size();
+    }
+    EXPECT_EQ(topic.recorded, found);
+  }
+  static std::vector<std::int64_t> numbers_in(const std::filesystem::path& file,
+                                              const std::string& topic);
+
   template <typename T>
   void publish(detail::PublisherCore& publisher, const decltype(T().value())& value) {
+    publisher.owner.enter();
     detail::Envelope* loan = publisher.loan(true);
     static_cast<T&>(*loan->own).set_value(value);
     publisher.publish(loan, {});
@@ -77,6 +133,8 @@ class Recorded : public ::testing::Test {
   detail::PublishingComponent owner_;
   detail::Topics topics_;
   std::filesystem::path folder_;
+  std::mutex trouble_mutex_;
+  std::string trouble_;
   std::optional<Recorder> recorder_;
 };
 
@@ -123,7 +181,8 @@ TEST_F(Recorded, HasEveryMessageWithItsSequenceAndTime) {
 }
 
 /// All messages of `topic` in `file`, as numbers.
-std::vector<std::int64_t> numbers_in(const std::filesystem::path& file, const std::string& topic) {
+std::vector<std::int64_t> Recorded::numbers_in(const std::filesystem::path& file,
+                                               const std::string& topic) {
   const mcap::FileSource source(file);
   const mcap::Reader reader(source);
   EXPECT_FALSE(reader.problem());
@@ -203,6 +262,134 @@ TEST_F(Recorded, WhatCannotBeWrittenIsCounted) {
   EXPECT_EQ(topic.recorded, 0U);
   EXPECT_EQ(topic.bytes, 0U);
   EXPECT_EQ(topic.lost(), 100U);
+}
+
+TEST_F(Recorded, AFileThatIsDeletedIsLostAndAnotherOneBegun) {
+  detail::PublisherCore& numbers = start_with_one_number();
+  std::filesystem::remove(folder_ / "drive.mcap.active");
+  publish_until_trouble(numbers, "drive.mcap.active: it was deleted");
+  publish<Int64Value>(numbers, -1);
+  recorder_->stop();
+
+  EXPECT_TRUE(recorder_->has_failed());
+  EXPECT_THAT(trouble(), HasSubstr("recording goes on in"));
+  EXPECT_THAT(recorder_->trouble(), HasSubstr("it was deleted"));
+  EXPECT_EQ(recorder_->files(), std::vector{folder_ / "drive_0002.mcap"});
+  EXPECT_EQ(numbers_in(folder_ / "drive_0002.mcap", "numbers").back(), -1);
+  EXPECT_GT(recorder_->topics()[0].disk, 0U);
+  expect_ledger();
+}
+
+TEST_F(Recorded, WhatIsLostWithItsFolderIsCounted) {
+  detail::PublisherCore& numbers = start_with_one_number();
+  std::filesystem::remove_all(folder_);
+  publish_until_trouble(numbers, "nothing is recorded now");
+  recorder_->stop();
+
+  EXPECT_TRUE(recorder_->has_failed());
+  EXPECT_THAT(trouble(), HasSubstr("it was deleted"));
+  EXPECT_THAT(recorder_->files(), testing::IsEmpty());
+  const RecordedTopic topic = recorder_->topics()[0];
+  EXPECT_EQ(topic.recorded, 0U);
+  EXPECT_EQ(topic.bytes, 0U);
+  EXPECT_EQ(topic.disk, topic.published);
+}
+
+TEST_F(Recorded, AFileThatGoesAwayBeforeTheEndIsFoundAtTheEnd) {
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  RecorderOptions options;
+  options.recording.sync_interval = std::chrono::nanoseconds(0);
+  ASSERT_TRUE(start(options));
+  publish<Int64Value>(numbers, 1);
+  std::filesystem::remove(folder_ / "drive.mcap.active");
+  recorder_->stop();
+
+  EXPECT_TRUE(recorder_->has_failed());
+  EXPECT_THAT(trouble(), HasSubstr("the 1 messages that were recorded into it are lost"));
+  EXPECT_EQ(recorder_->topics()[0].recorded, 0U);
+  EXPECT_EQ(recorder_->topics()[0].disk, 1U);
+}
+
+TEST_F(Recorded, AFileThatIsCutOffIsLostAndAnotherOneBegun) {
+  detail::PublisherCore& numbers = start_with_one_number();
+  std::filesystem::resize_file(folder_ / "drive.mcap.active", 0);
+  publish_until_trouble(numbers, "another program cut it off");
+  publish<Int64Value>(numbers, -1);
+  recorder_->stop();
+
+  EXPECT_TRUE(recorder_->has_failed());
+  ASSERT_EQ(recorder_->files().back(), folder_ / "drive_0002.mcap");
+  EXPECT_EQ(numbers_in(folder_ / "drive_0002.mcap", "numbers").size(),
+            recorder_->topics()[0].recorded);
+}
+
+TEST_F(Recorded, AFileThatIsMovedIsWrittenToItsEndWhereItIs) {
+  detail::PublisherCore& numbers = start_with_one_number();
+  std::filesystem::rename(folder_ / "drive.mcap.active", folder_ / "moved");
+  const std::int64_t count = 1 + publish_until_trouble(numbers, "it was moved to ");
+  recorder_->stop();
+
+  EXPECT_TRUE(recorder_->has_failed()) << "it has not the name that was asked for";
+  EXPECT_EQ(recorder_->topics()[0].lost(), 0U);
+  EXPECT_EQ(numbers_in(folder_ / "moved", "numbers").size(), static_cast<std::size_t>(count));
+  EXPECT_THAT(recorder_->problem(), HasSubstr("moved"));
+}
+
+TEST_F(Recorded, AMessageThatIsTooLargeIsRefusedNamedAndCounted) {
+  detail::PublisherCore& images = publisher<BytesValue>("images");
+  RecorderOptions options;
+  options.message_bytes_max = 1000;
+  ASSERT_TRUE(start(options));
+  publish<BytesValue>(images, std::string(500, 'x'));
+  publish<BytesValue>(images, std::string(1000, 'x'));
+  publish<BytesValue>(images, std::string(2000, 'x'));
+  publish<BytesValue>(images, std::string(500, 'x'));
+  recorder_->stop();
+
+  const RecordedTopic topic = recorder_->topics()[0];
+  EXPECT_EQ(topic.recorded, 2U);
+  EXPECT_EQ(topic.too_large, 2U);
+  EXPECT_EQ(topic.lost(), 2U);
+  EXPECT_THAT(trouble(), HasSubstr("component \"publisher\" on images is not recorded"));
+  EXPECT_THAT(trouble(), HasSubstr("it has 1003 bytes, and 1000 can be written"));
+  EXPECT_EQ(trouble().find("2003"), std::string::npos) << "it is said once";
+  EXPECT_FALSE(recorder_->has_failed());
+}
+
+// Of small limits, which differ by as much as the real ones.
+TEST_F(Recorded, TheLargestMessageIsRecordedAsReadersTakeIt) {
+  constexpr std::uint64_t kHeadBytes = 4;  // Of the message's only field.
+  constexpr std::uint64_t kMost = 300'000;
+  topics_.set_options("maps", {.latched = 1});
+  detail::PublisherCore& images = publisher<BytesValue>("images");
+  detail::PublisherCore& maps = publisher<BytesValue>("maps");
+  detail::PublisherCore& numbers = publisher<Int64Value>("numbers");
+  RecorderOptions options;
+  EXPECT_EQ(options.message_bytes_max, mcap::kMostMessageBytes);
+  options.message_bytes_max = kMost;
+  ASSERT_TRUE(start(options));
+  for (const std::uint64_t bytes : {kMost, kMost + 1}) {
+    publish<BytesValue>(images, std::string(bytes - kHeadBytes, 'x'));
+    publish<Int64Value>(numbers, 7);
+    publish<BytesValue>(maps, std::string(bytes - kHeadBytes, 'x'));
+  }
+  recorder_->stop();
+
+  for (const RecordedTopic& topic : recorder_->topics()) {
+    EXPECT_EQ(topic.too_large, topic.topic == "numbers" ? 0U : 1U) << topic.topic;
+  }
+  mcap::ReadOptions read;
+  read.limits.chunk_bytes = kMost + (read.limits.chunk_bytes - mcap::kMostMessageBytes);
+  const mcap::FileSource source(folder_ / "drive.mcap");
+  const mcap::Reader reader(source, read);
+  mcap::MessageReader messages = reader.messages({.topics = {"images", "maps", "numbers"}});
+  std::map<std::string, std::vector<std::size_t>> sizes;
+  while (const auto message = messages.next()) {
+    sizes[message->channel->topic].push_back(message->data.size());
+  }
+  EXPECT_EQ(sizes["images"], std::vector<std::size_t>{kMost});
+  EXPECT_EQ(sizes["maps"], std::vector<std::size_t>{kMost});
+  EXPECT_EQ(sizes["numbers"].size(), 2U);
 }
 
 // A limit of the process stands for a full disk.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/files.h"
 #include "mcap/error.h"
 
 namespace fastcycle::record {
@@ -21,12 +22,23 @@ std::filesystem::path Recording::name_of(unsigned number) const {
   if (!options_.splitting.is_on() && number == 1) {
     return options_.file;
   }
-  std::string digits = std::to_string(number);
-  digits.insert(0, digits.size() < 4 ? 4 - digits.size() : 0, '0');
-  std::filesystem::path name = options_.file;
-  name.replace_filename(options_.file.stem().string() + "_" + digits +
-                        options_.file.extension().string());
-  return name;
+  return base::numbered(options_.file, number);
+}
+
+/// Null if one of its names is taken. The name of the file while it is written is what two
+/// recordings that begin at the same time agree by: making it fails for all but one. The final name
+/// is looked for once more behind that, since a recording that ends gives up the one for the other.
+std::unique_ptr<mcap::FileSink> Recording::make_sink(const File& file) {
+  const auto is_taken = [&] {
+    return std::filesystem::exists(std::filesystem::symlink_status(file.whole));
+  };
+  auto sink = is_taken() ? nullptr : mcap::FileSink::make_if_free(file.active);
+  if (sink != nullptr && is_taken()) {
+    std::error_code ignored;
+    std::filesystem::remove(file.active, ignored);
+    return nullptr;
+  }
+  return sink;
 }
 
 Recording::File Recording::make() {
@@ -36,8 +48,8 @@ Recording::File Recording::make() {
     file.whole = name_of(++number);
     file.active = file.whole;
     file.active += ".active";
-  } while (std::filesystem::exists(file.whole) || std::filesystem::exists(file.active));
-  file.sink = std::make_shared<mcap::FileSink>(file.active);
+    file.sink = make_sink(file);
+  } while (file.sink == nullptr);
   try {
     file.writer = std::make_unique<mcap::Writer>(
         *file.sink, mcap::WriterOptions{.profile = "fastcycle", .library = "fastcycle"});
@@ -86,6 +98,7 @@ bool Recording::finish(File& file) {
     return true;
   } catch (const std::exception& error) {
     problem_ = error.what();
+    news_.push_back({.active = file.active, .text = problem_});
     return false;
   }
 }
@@ -95,6 +108,7 @@ void Recording::give_up() {
   bytes_before_ += file_.writer->size();
   file_.writer = nullptr;
   tried_ = std::chrono::steady_clock::now();
+  news_.push_back({.active = file_.active});
 }
 
 bool Recording::start_next() {
@@ -123,15 +137,52 @@ void Recording::sync_if_due() {
 void Recording::take(const std::vector<Syncer::Outcome>& outcomes) {
   for (const Syncer::Outcome& outcome : outcomes) {
     if (!outcome.problem.empty()) {
-      problem_ = outcome.problem;
-      if (file_.writer != nullptr && file_.active == outcome.active) {
-        give_up();
-      }
+      take_problem(outcome);
       continue;
     }
-    for (auto& name : files_) {
-      name = name == outcome.active ? outcome.whole : name;
+    std::ranges::replace(files_, outcome.active, outcome.whole);
+    News news{.active = outcome.active, .is_trouble = false};
+    if (outcome.whole != outcome.asked) {
+      news.text = outcome.asked.string() +
+                  " is another file by now, which is left alone: this log is " +
+                  outcome.whole.string();
     }
+    news_.push_back(std::move(news));
+  }
+}
+
+void Recording::take_problem(const Syncer::Outcome& outcome) {
+  using Kind = base::FileState::Kind;
+  if (outcome.state == Kind::kLost && std::exchange(lost_, outcome.active) == outcome.active) {
+    return;  // It was on its way once more.
+  }
+  problem_ = outcome.problem;
+  const bool is_written = file_.writer != nullptr && file_.active == outcome.active;
+  if (outcome.state == Kind::kElsewhere && is_written) {
+    // It has all of it: perhaps somebody wanted it to be there.
+    if (std::exchange(file_.told, outcome.problem) != outcome.problem) {
+      news_.push_back({.active = outcome.active,
+                       .text = outcome.problem + "; it is written to its end there",
+                       .is_over = false});
+    }
+    return;
+  }
+  if (outcome.state == Kind::kLost) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(outcome.active, ignored)) {
+      std::erase(files_, outcome.active);
+    }
+  }
+  if (outcome.state == Kind::kLost || !is_written) {
+    const bool is_told = file_.active == outcome.active && file_.told == outcome.problem;
+    news_.push_back({.active = outcome.active,
+                     .text = is_told ? std::string() : outcome.problem,
+                     .is_lost = outcome.state == Kind::kLost});
+  }
+  if (is_written) {
+    give_up();
+    // What others did does not stand against a new file, as a full disk does.
+    tried_ -= outcome.state == Kind::kLost ? kRetry : std::chrono::seconds(0);
   }
 }
 

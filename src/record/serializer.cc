@@ -1,6 +1,5 @@
 #include "record/serializer.h"
 
-#include <limits>
 #include <stdexcept>
 
 #include <google/protobuf/io/coded_stream.h>
@@ -52,7 +51,7 @@ bool Serializer::Parts::WriteAliasedRaw(const void* data, int size) {
 
 std::span<const mcap::Bytes> Serializer::serialize(const google::protobuf::Message& message) {
   size_ = message.ByteSizeLong();
-  if (size_ > static_cast<std::uint64_t>(std::numeric_limits<int>::max())) {
+  if (size_ > kBytesMax) {
     throw std::length_error(message.GetTypeName() + " of " + std::to_string(size_) +
                             " bytes: protobuf holds at most 2 GiB");
   }

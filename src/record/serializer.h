@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -21,6 +22,9 @@ namespace fastcycle::record {
 /// @threads  Confined.
 class Serializer {
  public:
+  /// What protobuf can write.
+  static constexpr std::uint64_t kBytesMax = std::numeric_limits<std::int32_t>::max();
+
   /// The bytes of `message`, one part after the other; valid until the next call, and as long as
   /// `message` is as it is.
   ///

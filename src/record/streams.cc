@@ -100,6 +100,7 @@ void Streams::add_stream(const detail::Lane& lane) {
                       .topic = topics_.size() - 1,
                       .latched = topic.options.latched,
                       .is_external = lane.options.is_external,
+                      .publisher = (*publisher)->owner.name,
                       .may_hold = lane.subscription.keep};
   add_channel(stream.channel, topic.name, *(*publisher)->default_instance.GetDescriptor(),
               {{"publisher", (*publisher)->owner.name},

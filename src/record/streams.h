@@ -43,10 +43,11 @@ struct Stream {
   std::size_t topic = 0;    ///< In `Streams::topics`.
   std::size_t latched = 0;  ///< Messages that later subscribers get first.
   bool is_external = false;
-  std::size_t may_hold = 0;  ///< How many of its messages may be held at once.
+  std::string publisher = {};  ///< The component that publishes.
+  std::size_t may_hold = 0;    ///< How many of its messages may be held at once.
 };
 
-/// What a guest of the broker listens to, and what explains it in a file: schemas and channels.
+/// What an observer of the broker listens to, and what explains it in a file: schemas and channels.
 ///
 ///     Streams streams("recorder");
 ///     streams.tap(topics, filter, memory_bytes);   // before the topics are connected
@@ -57,7 +58,7 @@ struct Stream {
 ///           once defined is Safe.
 class Streams {
  public:
-  /// `name` stands for the guest in ledgers and reports.
+  /// `name` stands for the observer in ledgers and reports.
   explicit Streams(std::string name) : tap_(std::move(name)) {}
 
   /// Listens to the topics that `filter` wants. Where the size of messages is known, those that

@@ -4,34 +4,28 @@
 #include <exception>
 #include <utility>
 
-#include <fcntl.h>
-#include <unistd.h>
-
 namespace fastcycle::record {
 namespace {
 
-/// Makes the name of a file in `folder` outlive a power cut.
-void sync_folder(const std::filesystem::path& folder) noexcept {
-  const int file =
-      ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (file >= 0) {
-    fsync(file);
-    ::close(file);
-  }
-}
-
-/// Says what went wrong; empty if nothing did.
-std::string carry_out(const Syncer::File& file) {
+Syncer::Outcome carry_out(const Syncer::File& file) {
+  Syncer::Outcome outcome{.active = file.active, .asked = file.whole, .whole = {}, .problem = {}};
   try {
-    file.sink->sync();
-    if (!file.whole.empty()) {
-      std::filesystem::rename(file.active, file.whole);
-      sync_folder(file.whole.parent_path());
+    const base::FileState state = file.sink->look();
+    outcome.state = state.kind;
+    if (state.kind != base::FileState::Kind::kThere) {
+      outcome.problem = file.active.string() + ": " + state.words;
     }
-    return {};
+    // Also one that is elsewhere: it has what was recorded.
+    file.sink->sync();
+    // What has its name now may be another file.
+    if (!file.whole.empty() && state.kind == base::FileState::Kind::kThere) {
+      outcome.whole = base::rename_to_next_free(file.active, file.whole);
+      base::sync_folder(outcome.whole.parent_path());
+    }
   } catch (const std::exception& error) {  // Also those of the file system.
-    return error.what();
+    outcome.problem += (outcome.problem.empty() ? "" : "; ") + std::string(error.what());
   }
+  return outcome;
 }
 
 }  // namespace
@@ -79,10 +73,10 @@ void Syncer::run() {
     // Only this thread takes it away, and a deque that grows leaves it where it is.
     const File& file = files_.front();
     lock.unlock();
-    std::string problem = carry_out(file);
+    Outcome outcome = carry_out(file);
     lock.lock();
-    if (!problem.empty() || !file.whole.empty()) {
-      outcomes_.push_back({file.active, file.whole, std::move(problem)});
+    if (!outcome.problem.empty() || !file.whole.empty()) {
+      outcomes_.push_back(std::move(outcome));
     }
     files_.pop_front();
     went_.notify_all();

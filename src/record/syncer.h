@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/files.h"
 #include "base/thread.h"
 #include "mcap/file.h"
 
@@ -33,8 +34,11 @@ class Syncer {
   /// What became of one.
   struct Outcome {
     std::filesystem::path active;
-    std::filesystem::path whole;  ///< As asked for.
-    std::string problem;          ///< Empty: it is on the disk, under that name.
+    std::filesystem::path asked;  ///< The name that it was to get.
+    std::filesystem::path whole;  ///< The name that it got; empty: none.
+    std::string problem;          ///< Empty: it is on the disk, where it belongs.
+    /// What readers find of what was written. It is `kThere` also where it was not synced.
+    base::FileState::Kind state = base::FileState::Kind::kThere;
   };
 
   static constexpr std::size_t kMostFiles = 4;
@@ -45,8 +49,10 @@ class Syncer {
   /// Waits for what is on its way.
   ~Syncer();
 
-  /// Syncs a file soon, and renames it if it gets another name. Does nothing for one that is being
-  /// written and is on its way already; waits only while `kMostFiles` are.
+  /// Syncs a file soon, looks whether it is still there, and renames it if it gets another name. A
+  /// name that something else has meanwhile is left alone: it gets a number then, as
+  /// `drive_0002.mcap`. Does nothing for one that is being written and is on its way already; waits
+  /// only while `kMostFiles` are.
   void sync(File file);
 
   /// What became of files since the last call.

@@ -1,6 +1,7 @@
 #include "record/syncer.h"
 
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <string>
 
@@ -76,6 +77,51 @@ TEST_F(SyncedFiles, ThatCannotBeRenamedStayAsTheyAreAndTheProblemIsSaid) {
   EXPECT_EQ(outcomes[0].active, file.active);
   EXPECT_THAT(outcomes[0].problem, HasSubstr("gone/a"));
   EXPECT_TRUE(std::filesystem::exists(file.active));
+}
+
+TEST_F(SyncedFiles, AreNotRenamedOverAnother) {
+  Syncer syncer;
+  std::ofstream(folder_ / "a.mcap") << "precious";
+  std::ofstream(folder_ / "a_0002.mcap") << "precious";
+  syncer.sync(whole_file("a.mcap"));
+
+  const auto outcomes = syncer.wait();
+
+  ASSERT_THAT(outcomes, SizeIs(1));
+  EXPECT_THAT(outcomes[0].problem, IsEmpty());
+  EXPECT_EQ(outcomes[0].asked, folder_ / "a.mcap");
+  EXPECT_EQ(outcomes[0].whole, folder_ / "a_0003.mcap");
+  EXPECT_EQ(std::filesystem::file_size(folder_ / "a.mcap"), 8U);
+  EXPECT_EQ(std::filesystem::file_size(folder_ / "a_0003.mcap"), 7U);
+}
+
+TEST_F(SyncedFiles, ThatAreGoneAreTold) {
+  Syncer syncer;
+  const Syncer::File file = open_file("a");
+  std::filesystem::remove(file.active);
+  syncer.sync(file);
+
+  const auto outcomes = syncer.wait();
+
+  ASSERT_THAT(outcomes, SizeIs(1));
+  EXPECT_EQ(outcomes[0].state, base::FileState::Kind::kLost);
+  EXPECT_THAT(outcomes[0].problem, HasSubstr("a.active: it was deleted"));
+}
+
+TEST_F(SyncedFiles, ThatWereMovedGiveNoNameToWhatTookTheirs) {
+  Syncer syncer;
+  const Syncer::File file = whole_file("a");
+  std::filesystem::rename(file.active, folder_ / "moved");
+  std::ofstream(file.active) << "precious";
+  syncer.sync(file);
+
+  const auto outcomes = syncer.wait();
+
+  ASSERT_THAT(outcomes, SizeIs(1));
+  EXPECT_EQ(outcomes[0].state, base::FileState::Kind::kElsewhere);
+  EXPECT_THAT(outcomes[0].problem, HasSubstr("moved"));
+  EXPECT_EQ(std::filesystem::file_size(file.active), 8U);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "a"));
 }
 
 TEST_F(SyncedFiles, AreWaitedForAtTheEnd) {

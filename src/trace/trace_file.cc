@@ -3,27 +3,25 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <system_error>
+#include <stdexcept>
 #include <utility>
 
-#include <fcntl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 namespace fastcycle::trace {
 
-TraceFile::TraceFile(std::filesystem::path file, std::uint64_t buffer_bytes)
-    : file_(std::move(file)), buffer_bytes_(buffer_bytes) {}
+TraceFile::TraceFile(std::filesystem::path file, std::uint64_t buffer_bytes,
+                     std::vector<std::filesystem::path> inputs)
+    : file_(std::move(file)), buffer_bytes_(buffer_bytes), inputs_(std::move(inputs)) {}
 
 TraceFile::~TraceFile() {
   close();
 }
 
 void TraceFile::open() {
-  descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-  if (descriptor_ < 0) {
-    throw std::system_error(errno, std::generic_category(), file_.string());
-  }
+  output_.emplace(file_, inputs_);
+  output_->commit();  // So that a trace is found also of a run that crashed.
 }
 
 void TraceFile::start(std::vector<base::Refusal>& refusals) {
@@ -52,7 +50,7 @@ bool TraceFile::append(std::string_view bytes, bool waits) {
 
 bool TraceFile::write(std::string_view bytes) {
   while (!bytes.empty()) {
-    const ssize_t size = ::write(descriptor_, bytes.data(), bytes.size());
+    const ssize_t size = ::write(output_->descriptor(), bytes.data(), bytes.size());
     if (size < 0 && errno == EINTR) {
       continue;
     }
@@ -101,9 +99,11 @@ void TraceFile::close() {
   if (std::exchange(is_started_, false)) {
     writing_.join();
   }
-  if (descriptor_ >= 0) {
-    if (::close(std::exchange(descriptor_, -1)) != 0 && problem_.empty()) {
-      problem_ = file_.string() + ": " + std::strerror(errno);
+  if (output_) {
+    try {
+      output_->close();
+    } catch (const std::runtime_error& error) {
+      problem_ = problem_.empty() ? error.what() : problem_;
     }
   }
 }

@@ -5,10 +5,12 @@
 #include <deque>
 #include <filesystem>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/output_file.h"
 #include "base/thread.h"
 
 namespace fastcycle::trace {
@@ -19,14 +21,16 @@ namespace fastcycle::trace {
 /// @threads  `append` by one thread; all else by the control thread.
 class TraceFile {
  public:
-  TraceFile(std::filesystem::path file, std::uint64_t buffer_bytes);
+  /// `inputs` are never replaced.
+  TraceFile(std::filesystem::path file, std::uint64_t buffer_bytes,
+            std::vector<std::filesystem::path> inputs = {});
   TraceFile(const TraceFile&) = delete;
   TraceFile& operator=(const TraceFile&) = delete;
   ~TraceFile();
 
-  /// Makes the file, or makes it empty.
+  /// Makes the file, in the place of one that has its name.
   ///
-  /// @errors  std::system_error
+  /// @errors  `std::runtime_error`: see `base::OutputFile`.
   void open();
   void start(std::vector<base::Refusal>& refusals);
 
@@ -51,7 +55,8 @@ class TraceFile {
 
   const std::filesystem::path file_;
   const std::uint64_t buffer_bytes_;
-  int descriptor_ = -1;
+  const std::vector<std::filesystem::path> inputs_;
+  std::optional<base::OutputFile> output_;
   base::Thread writing_;
   bool is_started_ = false;
 

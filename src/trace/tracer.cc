@@ -4,6 +4,7 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
@@ -71,9 +72,9 @@ std::uint64_t flow_id(const ActivationRecord& record) {
 
 }  // namespace
 
-Tracer::Tracer(config::TraceDescription description)
+Tracer::Tracer(config::TraceDescription description, std::vector<std::filesystem::path> inputs)
     : description_(std::move(description)),
-      file_(description_.file, description_.buffer_bytes),
+      file_(description_.file, description_.buffer_bytes, std::move(inputs)),
       notes_(std::make_unique<std::array<Note, kNotes>>()) {
   for (std::size_t i = 0; i < kNotes; ++i) {
     (*notes_)[i].turn.store(i, std::memory_order_relaxed);
@@ -96,7 +97,7 @@ void Tracer::end_reading() {
 void Tracer::open(config::Problems& problems) {
   try {
     file_.open();
-  } catch (const std::system_error& error) {
+  } catch (const std::runtime_error& error) {
     problems.add(config::mistake(description_.place,
                                  std::string("the trace cannot be written: ") + error.what()));
   }
@@ -118,7 +119,7 @@ std::uint64_t Tracer::new_track(std::uint64_t parent, std::string name, bool is_
   return id;
 }
 
-void Tracer::describe_tracks(const host::GuestView& view) {
+void Tracer::describe_tracks(const host::ObserverView& view) {
   const host::Application& application = view.application;
   const bool is_simulated = clock_->is_simulated();
   process_track_ = next_track_++;
@@ -181,7 +182,7 @@ void Tracer::describe_publishers(const detail::Topics& topics) {
   }
 }
 
-void Tracer::start(const host::GuestView& view, std::vector<base::Refusal>& refusals) {
+void Tracer::start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) {
   application_ = &view.application;
   clock_ = &application_->clock();
   start_ns_ = now_ns();

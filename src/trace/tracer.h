@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -24,7 +25,7 @@
 #include "broker/topics.h"
 #include "config/description.h"
 #include "executor/activation_ring.h"
-#include "host/guest.h"
+#include "host/observer.h"
 #include "trace/packets.h"
 #include "trace/trace_file.h"
 
@@ -59,16 +60,18 @@ struct TraceReport {
 ///
 /// In simulated time nothing polls and nothing is lost: it is read after each round.
 ///
-/// @threads  As `Guest`; `report` when stopped.
-class Tracer final : public host::Guest {
+/// @threads  As `Observer`; `report` when stopped.
+class Tracer final : public host::Observer {
  public:
   static constexpr std::chrono::milliseconds kPoll{5};
 
-  explicit Tracer(config::TraceDescription description);
+  /// `inputs` are files that the trace never replaces.
+  explicit Tracer(config::TraceDescription description,
+                  std::vector<std::filesystem::path> inputs = {});
   ~Tracer() override;
 
   void open(config::Problems& problems) override;
-  void start(const host::GuestView& view, std::vector<base::Refusal>& refusals) override;
+  void start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void round_ended(std::uint32_t step) override;
   void faulted(std::string_view component, std::string_view what) noexcept override;
   [[nodiscard]] bool wants_overflows() const override { return true; }
@@ -148,7 +151,7 @@ class Tracer final : public host::Guest {
     detail::Ledger ledger = {};  ///< As written last.
   };
 
-  void describe_tracks(const host::GuestView& view);
+  void describe_tracks(const host::ObserverView& view);
   void describe_publishers(const detail::Topics& topics);
   void poll();
   void end_reading();

@@ -142,6 +142,21 @@ TEST_F(Commands, EchoTakesTopicsTimesAndACount) {
   EXPECT_EQ(run({"echo", "a.mcap", "--start", "soon"}), 2);
 }
 
+TEST_F(Commands, EchoOfALogThatIsCutInItsFirstChunkFails) {
+  const std::string log = good_log();
+  const std::size_t chunk = mcap::find_record(log, mcap::Opcode::kChunk, 0);
+  write("a.mcap", log.substr(0, chunk + 40));
+
+  EXPECT_EQ(run({"echo", "a.mcap"}), 1);
+  EXPECT_EQ(output_, "");
+  EXPECT_THAT(errors_, HasSubstr("a.mcap"));
+  EXPECT_THAT(errors_, HasSubstr("expected at least one whole message before the file ends"));
+
+  write("whole.mcap", log.substr(0, log.size() - 40));
+  EXPECT_EQ(run({"echo", "whole.mcap"}), 0);
+  EXPECT_THAT(errors_, HasSubstr("this is what there is before it"));
+}
+
 TEST_F(Commands, EchoAsJsonIsOneObjectALine) {
   write("a.mcap", scenes({"image: '" + std::string(100, 'x') + "'", "stamp: 7"}));
 
@@ -241,6 +256,23 @@ TEST_F(Commands, DamagedInputLeavesNothingBehind) {
 
   EXPECT_THAT(errors_, HasSubstr("a.mcap: byte "));
   EXPECT_EQ(files(), 1);
+}
+
+TEST_F(Commands, ALogThatIsCutOffBeforeItsFirstMessageIsAnErrorAndLeavesNothing) {
+  const std::string whole = good_log(mcap::small_chunks(mcap::Compression::kLz4));
+  write("cut.mcap", whole.substr(0, mcap::find_record(whole, mcap::Opcode::kChunk, 0) + 40));
+  write("empty.mcap", "");
+
+  for (const char* const log : {"cut.mcap", "empty.mcap"}) {
+    EXPECT_EQ(run({"convert", log, "b.mcap"}), 1) << log;
+    EXPECT_THAT(errors_, HasSubstr(std::string(log) + ": "));
+    EXPECT_EQ(run({"filter", log, "b.mcap", "--topics", "scene"}), 1) << log;
+    EXPECT_EQ(run({"split", log, "b", "--time", "1s"}), 1) << log;
+    EXPECT_EQ(run({"export", log, "--topic", "scene", "-o", "b.csv"}), 1) << log;
+    EXPECT_EQ(run({"export", log, "--topic", "scene"}), 1) << log;
+    EXPECT_EQ(output_, "");
+  }
+  EXPECT_EQ(files(), 2);
 }
 
 TEST_F(Commands, WrongWordsAreExitCodeTwo) {

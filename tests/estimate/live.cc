@@ -18,11 +18,13 @@
 #include <unistd.h>
 
 #include "estimate/analysis.h"
+#include "estimate/duration_text.h"
+#include "estimate/read_timing.h"
 #include "estimate/system_of.h"
 #include "estimate/text.h"
 #include "fastcycle/fastcycle.h"
-#include "host/report.h"
 #include "host/test_application.h"
+#include "report/report.h"
 
 namespace {
 

@@ -4,11 +4,13 @@
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <sys/stat.h>
 
 #include "config/test_folder.h"
 #include "fastcycle/version.h"
@@ -232,6 +234,49 @@ INSTANTIATE_TEST_SUITE_P(In, LauncherOnFault,
                          testing::Values("constructor", "start", "callback", "serve", "stop",
                                          "destructor"));
 
+class LauncherWithAHangingComponent : public Launcher,
+                                      public testing::WithParamInterface<const char*> {};
+
+TEST_P(LauncherWithAHangingComponent, EndsOnTheFirstSignalAndNamesIt) {
+  write_application({kCounter, kAdder, trouble(std::string("hang in ") + GetParam(), "stop")});
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  if (std::string_view(GetParam()) == "stop") {
+    program.send(SIGINT);
+    ASSERT_TRUE(program.wait_for("it hangs now")) << program.errors();
+  } else {
+    ASSERT_TRUE(program.wait_for("it hangs now")) << program.errors();
+    program.send(SIGINT);
+  }
+
+  EXPECT_EQ(take(program), 1) << errors_;
+
+  const std::string call = std::string_view(GetParam()) == "callback"
+                               ? "its callback for \"numbers\""
+                               : std::string("its ") + GetParam() + "()";
+  EXPECT_THAT(errors_, HasSubstr("component \"trouble\" has not come back from " + call));
+  const json report = this->report();
+  EXPECT_EQ(report["components"]["trouble"]["state"], "stuck");
+  EXPECT_EQ(report["components"]["adder"]["state"], "stopped");
+  EXPECT_THAT(output_, HasSubstr("stuck"));
+}
+
+INSTANTIATE_TEST_SUITE_P(In, LauncherWithAHangingComponent,
+                         testing::Values("callback", "serve", "stop"));
+
+TEST_F(Launcher, EndsWhileAStartHangs) {
+  write_application({trouble("hang in start", "stop"), kCounter});
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("it hangs now")) << program.errors();
+  program.send(SIGTERM);
+
+  EXPECT_EQ(take(program), 1) << errors_;
+
+  EXPECT_THAT(errors_, HasSubstr("component \"trouble\" has not come back from its start()"));
+  EXPECT_EQ(report()["end"], "stopped on request");
+  EXPECT_EQ(report()["components"]["counter"]["state"], "constructed");
+}
+
 TEST_F(Launcher, ComponentIsMadeAnewWhenItsPolicyIsToRestart) {
   write_application({kCounter, kAdder, trouble("callback", "restart")});
 
@@ -241,6 +286,69 @@ TEST_F(Launcher, ComponentIsMadeAnewWhenItsPolicyIsToRestart) {
   EXPECT_EQ(report()["components"]["trouble"]["state"], "failed");
   EXPECT_THAT(output_, HasSubstr("(restarting)"));
   EXPECT_EQ(report()["results"]["heard"], 100);
+}
+
+// ---- What people read ----
+
+bool steers(const std::string& text) {
+  return text.find_first_of("\x1b\r\x7f\xff") != std::string::npos ||
+         text.find("\xc2\x9b") != std::string::npos;
+}
+
+TEST_F(Launcher, NothingThatComponentsSaySteersTheTerminal) {
+  write_application({kCounter,
+                     R"({"name": "adder", "library": "launcher_parts", "class": "Adder",
+           "params": {"text": "a\u001b[31m\u009b\rb"}})",
+                     trouble("callback", "restart")});
+
+  EXPECT_EQ(run({"--set", "counter.count=100"}), 0) << errors_;
+
+  EXPECT_THAT(errors_, HasSubstr(" info adder: its text is a\\x1b[31m\\xc2\\x9b\\x0db\n"));
+  EXPECT_THAT(errors_, HasSubstr("trouble in callback, \\x1b[2J"));
+  EXPECT_THAT(output_, HasSubstr("trouble in callback"));
+  EXPECT_FALSE(steers(errors_)) << errors_;
+  EXPECT_FALSE(steers(output_)) << output_;
+  EXPECT_FALSE(steers(content_of(report_file())));
+  EXPECT_EQ(report()["results"]["text"], "a\x1b[31m\xc2\x9b\rb");
+}
+
+TEST_F(Launcher, NothingInFilesAndOnTheCommandLineSteersTheTerminal) {
+  const std::string steering =
+      "\x1b[2J\xc2\x9b"
+      "31m\r\xff";
+  for (const std::vector<std::string>& words : {std::vector<std::string>{steering},
+                                                {"run", steering + ".json"},
+                                                {"check", steering + ".json"},
+                                                {"info", steering + ".mcap"},
+                                                {"echo", steering + ".mcap"},
+                                                {"doctor", steering + ".mcap"},
+                                                {"play", steering + ".mcap", steering + ".json"},
+                                                {"run", "app.json", "--" + steering},
+                                                {"run", "app.json", "--for", steering},
+                                                {"topic", "echo", steering}}) {
+    EXPECT_NE(launch(words), 0);
+    EXPECT_FALSE(steers(errors_ + output_)) << errors_ << output_;
+  }
+  write_application({R"({"name": "a\u009b", "library": "\u001b[2J", "class": "\r"})"});
+  EXPECT_EQ(launch({"check", application()}), 2);
+  EXPECT_FALSE(steers(errors_ + output_)) << errors_;
+}
+
+TEST_F(Launcher, LogLevelOfTheCommandLineReplacesThatOfTheApplication) {
+  const auto adder = [](const std::string& name, const std::string& more) {
+    return R"({"name": ")" + name +
+           R"(", "library": "launcher_parts", "class": "Adder", "remap": {"sums": "sums_of_)" +
+           name + R"("})" + more + "}";
+  };
+  write_application({kCounter, adder("plain", ""), adder("own", R"(, "log_level": "debug")")},
+                    R"(, "log_level": "debug")");
+
+  EXPECT_EQ(run({"--set", "counter.count=20", "--log-level", "warning"}), 0) << errors_;
+
+  EXPECT_THAT(errors_, Not(HasSubstr("plain: heard ten numbers")));
+  EXPECT_THAT(errors_, HasSubstr(" info own: heard ten numbers\n"));
+  EXPECT_EQ(run({"--log-level", "loud"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("loud"));
 }
 
 // ---- The configuration ----
@@ -276,7 +384,8 @@ TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
     EXPECT_THAT(errors_, HasSubstr("did you mean \"burst\"?"));
     EXPECT_THAT(errors_, HasSubstr("did you mean \"launcher_parts\"?"));
     EXPECT_THAT(errors_, HasSubstr("did you mean \"Adder\"?"));
-    EXPECT_THAT(errors_, testing::EndsWith("app.json: 4 mistakes; nothing was started\n"));
+    EXPECT_THAT(errors_,
+                testing::EndsWith("app.json: 4 mistakes, 1 warning; nothing was started\n"));
     EXPECT_EQ(output_, "");
   }
 }
@@ -682,7 +791,7 @@ TEST_F(Launcher, RunGoesOnWhereNothingCanBeRecorded) {
   write_application({kCounter, kAdder});
   const std::vector<std::string> words{"--for", "100ms", "--record",
                                        (folder_ / "missing/drive.mcap").string()};
-  ASSERT_EQ(run(words), 0) << errors_;
+  ASSERT_EQ(run(words), 1) << "a log was asked for, and there is none: " << errors_;
 
   EXPECT_THAT(errors_, HasSubstr("refused: recording: "));
   EXPECT_THAT(errors_, HasSubstr("missing/drive.mcap"));
@@ -694,6 +803,79 @@ TEST_F(Launcher, RunGoesOnWhereNothingCanBeRecorded) {
   auto strict = words;
   strict.emplace_back("--strict");
   EXPECT_EQ(run(strict), 1);
+}
+
+TEST_F(Launcher, LogThatWasDeletedFailsTheRun) {
+  write_application({kCounter, kAdder});
+  const auto log = folder_ / "logs/drive.mcap";
+  folder_.write("logs/other", "");
+  Process program(started_with(run_words({"--record", log.string()})));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(std::filesystem::exists(log.string() + ".active"));
+
+  std::filesystem::remove_all(folder_ / "logs");
+  ASSERT_TRUE(program.wait_for("it was deleted")) << program.errors();
+  std::filesystem::create_directory(folder_ / "logs");
+  ASSERT_TRUE(program.wait_for("recording goes on in")) << program.errors();
+  program.send(SIGINT);
+
+  EXPECT_EQ(take(program), 1) << errors_;
+  EXPECT_THAT(output_, HasSubstr("not all is there: "));
+  for (const auto& [name, topic] : report()["recording"]["topics"].items()) {
+    std::uint64_t lost = 0;
+    for (const auto& [reason, count] : topic["lost"].items()) {
+      lost += count.get<std::uint64_t>();
+    }
+    EXPECT_GT(lost, 0U) << name;
+    EXPECT_EQ(topic["published"], topic["recorded"].get<std::uint64_t>() + lost) << name;
+  }
+}
+
+TEST_F(Launcher, LogDoesNotReplaceWhatGotItsNameMeanwhile) {
+  write_application({kCounter, kAdder});
+  const auto log = folder_ / "drive.mcap";
+  Process program(started_with(run_words({"--record", log.string()})));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  folder_.write("drive.mcap", "precious");
+  program.send(SIGINT);
+
+  EXPECT_EQ(take(program), 0) << errors_;
+
+  EXPECT_EQ(content_of(log), "precious");
+  EXPECT_EQ(report()["recording"]["files"], json({(folder_ / "drive_0002.mcap").string()}));
+  EXPECT_THAT(errors_, HasSubstr("this log is " + (folder_ / "drive_0002.mcap").string()));
+}
+
+// ---- Files that must not be written ----
+
+TEST_F(Launcher, NoOutputGoesOverTheApplicationALinkOrAFifo) {
+  write_application({kCounter, kAdder});
+  const std::string before = content_of(application());
+  folder_.write("precious", "precious");
+  std::filesystem::create_symlink(folder_ / "precious", folder_ / "link");
+  ASSERT_EQ(mkfifo((folder_ / "fifo").c_str(), 0600), 0);
+
+  for (const char* const option : {"--trace", "--report"}) {
+    for (const auto& [name, words] :
+         {std::pair{"app.json", "it is read by this command"},
+          std::pair{"link", "it is a symbolic link"}, std::pair{"fifo", "it is no regular file"}}) {
+      EXPECT_EQ(launch({"run", application(), "--for", "20ms", "--debuggable", option,
+                        (folder_ / name).string()}),
+                2)
+          << option << " " << name;
+      EXPECT_THAT(errors_, HasSubstr(words)) << option;
+    }
+  }
+  for (const auto& name : {"link", "fifo"}) {
+    EXPECT_EQ(launch({"bench", "latency", "--raw", (folder_ / name).string()}), 2) << name;
+  }
+  std::filesystem::create_symlink(folder_ / "precious", folder_ / "link.dot");
+  EXPECT_EQ(launch({"graph", application(), "-o", (folder_ / "link.dot").string()}), 1);
+  std::filesystem::create_symlink(folder_ / "precious", folder_ / "link.svg");
+  EXPECT_EQ(launch({"graph", application(), "-o", (folder_ / "link.svg").string()}), 1);
+
+  EXPECT_EQ(content_of(application()), before);
+  EXPECT_EQ(content_of(folder_ / "precious"), "precious");
 }
 
 // ---- Traces ----
@@ -825,6 +1007,19 @@ TEST_F(Launcher, FlightRecorderOfAKilledRunIsReadAtTheNextStart) {
   EXPECT_EQ(report()["flight_recorder"]["dumps"].size(), 0U);
 }
 
+TEST_F(Launcher, RunGoesOnWhenTheRingOfTheFlightRecorderIsCutOff) {
+  write_application({kCounter, kAdder}, kFlightRecorder);
+  Process program(started_with(run_words()));
+  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+
+  std::filesystem::resize_file(folder_ / "drive.ring", 0);
+  ASSERT_TRUE(program.wait_for("drive.ring: another program cut it off")) << program.errors();
+  program.send(SIGINT);
+
+  EXPECT_EQ(take(program), 0) << errors_;
+  EXPECT_THAT(report()["flight_recorder"]["problem"].get<std::string>(), HasSubstr("cut it off"));
+}
+
 TEST_F(Launcher, SignalAsksTheFlightRecorderForADump) {
   write_application({kCounter, kAdder}, kFlightRecorder);
   Process program(started_with(run_words()));
@@ -909,6 +1104,49 @@ TEST_F(Launcher, TableThatCannotBePrintedIsTold) {
 
   EXPECT_THAT(errors_, HasSubstr("standard output: No space left on device"));
   EXPECT_EQ(report()["results"]["published"], 3);
+}
+
+// ---- Files that may not grow ----
+
+TEST_F(Launcher, AFileThatMayNotGrowIsAnErrorOfThatFileAndNotTheEndOfTheRun) {
+  write_application({kCounter, kAdder});
+  for (const std::string option : {"--record", "--trace"}) {
+    const std::string file = (folder_ / "file").string();
+    Process program(
+        {.program = "/bin/bash",
+         .arguments = {
+             "-c", "ulimit -f 1; exec \"$0\" run \"$1\" --for 200ms --quiet " + option + " \"$2\"",
+             FASTCYCLE_PROGRAM, application(), file}});
+    EXPECT_EQ(take(program), 1) << errors_;
+    EXPECT_THAT(errors_, testing::HasSubstr("File too large"));
+    EXPECT_THAT(errors_, testing::HasSubstr(file));
+  }
+}
+
+// ---- Little room ----
+
+TEST_F(Launcher, WhereNoThreadCanBeMadeItIsSaidWhichLimitsToRaise) {
+  if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+    GTEST_SKIP() << "a sanitizer needs more memory than that";
+  }
+  write_application({kCounter, kAdder});
+  int refusals = 0;
+  for (int megabytes = 30; megabytes <= 160; megabytes += 10) {
+    Process program({.program = "/bin/bash",
+                     .arguments = {"-c",
+                                   "ulimit -v " + std::to_string(1000 * megabytes) +
+                                       "; exec \"$0\" run \"$1\" --for 20ms --quiet",
+                                   FASTCYCLE_PROGRAM, application()}});
+    take(program);
+    if (errors_.find("fastcycle: ") != std::string::npos &&
+        errors_.find("Resource temporarily unavailable") != std::string::npos &&
+        errors_.find("trial") == std::string::npos) {
+      ++refusals;
+      EXPECT_THAT(errors_, HasSubstr("raise the limits of threads and of memory (ulimit -u, "
+                                     "ulimit -v)"));
+    }
+  }
+  EXPECT_GT(refusals, 0);
 }
 
 }  // namespace

@@ -77,6 +77,7 @@ class Adder final : public fastcycle::Component {
     hash_ = hash_ * 31 + static_cast<std::uint64_t>(now().time_since_epoch().count());
     if (++heard_ == 10) {
       log().info("heard ten numbers");
+      log().info("its text is {}", text_.get());
     }
     auto sum = sums_.loan();
     sum->set_value(sum_);
@@ -90,6 +91,11 @@ class Adder final : public fastcycle::Component {
   std::int64_t heard_ = 0;
   std::uint64_t hash_ = 0;
 };
+
+/// What would clear a terminal, and set a colour.
+constexpr const char* kSteering =
+    ", \x1b[2J \xc2\x9b"
+    "31m \r \xff";
 
 /// Throws where `where` says.
 class Trouble final : public fastcycle::Component {
@@ -106,20 +112,18 @@ class Trouble final : public fastcycle::Component {
 
   void start() override { throw_if("start"); }
   void serve() override { throw_if("serve"); }
-  void stop() override {
-    throw_if("stop");
-    if (where_.get() == "hang in stop") {
-      log().info("it hangs now");
-      for (;;) {
-        pause();
-      }
-    }
-  }
+  void stop() override { throw_if("stop"); }
 
  private:
   void throw_if(const char* where) const {
     if (where_.get() == where) {
-      throw std::runtime_error(std::string("trouble in ") + where);
+      throw std::runtime_error(std::string("trouble in ") + where + kSteering);
+    }
+    if (where_.get() == std::string("hang in ") + where) {
+      log().info("it hangs now");
+      for (;;) {
+        pause();
+      }
     }
   }
 

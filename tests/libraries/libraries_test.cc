@@ -203,6 +203,66 @@ TEST(AConstructorThatThrows, IsAMistakeForCheck) {
       << testing::PrintToString(said);
 }
 
+TEST(AConstructorThatThrows, IsAMistakeForCheckHoweverMuchItSays) {
+  const Folder folder;
+  folder.write("app.json",
+               application_of(R"("library": "broken_constructors", "class": "ThrowsMuch")"));
+
+  const std::vector<std::string> said = refusal_of(folder, "check", {});
+
+  EXPECT_TRUE(
+      any_contains(said, "component \"suspect\": its constructor threw: no road from aaaa…a… ("))
+      << testing::PrintToString(said);
+  EXPECT_TRUE(any_contains(said, " bytes more)"));
+  ASSERT_FALSE(said.empty());
+  EXPECT_LT(said.front().size(), 10'000U);
+}
+
+TEST(AServeOfItsOwn, IsWarnedOfWhereNothingCallsIt) {
+  const std::string suspect = R"("library": "broken_constructors", "class": "Serves")";
+  for (const std::string period : {"", R"(, "serve_period_ms": 5)"}) {
+    const Folder folder;
+    folder.write("app.json", application_of(suspect + period));
+    for (const std::string command : {"check", "run"}) {
+      ProcessOptions options = good_run(folder);
+      if (command == "check") {
+        options.arguments = {"check", "app.json", "--library-path", kLibraries.string()};
+      }
+      Process process(options);
+
+      EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+      EXPECT_EQ(contains(process.errors(),
+                         "app.json:2: /components/0: warning: component \"suspect\": serve() of "
+                         "its class Serves is never called, because the component has no "
+                         "\"serve_period_ms\"; say how often it is called"),
+                period.empty())
+          << process.errors();
+    }
+  }
+}
+
+// As `fastcycle new app` lays it out: the application file, and a folder `build` beside it.
+TEST(ASourceFile, FindsTheLibrariesInTheBuildFolderBesideItAndSaysWhichFileEachIs) {
+  const Folder folder;
+  fs::create_directory(folder / "build");
+  fs::copy(kLibraries / "libbroken_witness.so", folder / "build");
+  folder.write("app.json", R"({"name": "a", "components": [
+  {"name": "a", "library": "broken_witness"}, {"name": "b", "library": "broken_witness"}]})");
+  for (const std::string option : {"-v", "--verbose"}) {
+    Process process({.program = FASTCYCLE_PROGRAM,
+                     .arguments = {"run", "app.json", "--for", "50ms", "--quiet", option},
+                     .folder = folder.path(),
+                     .environment = kEnvironment});
+
+    EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+    const std::string line =
+        "library \"broken_witness\": " + fs::canonical(folder.path()).string() +
+        "/build/libbroken_witness.so\n";
+    EXPECT_EQ(process.errors().find(line), process.errors().rfind("library \"broken_witness\""))
+        << process.errors();
+  }
+}
+
 TEST(AConstructorThatThrows, IsAFaultOfItsComponentForRun) {
   const Folder folder;
   folder.write("app.json", application_of(kThrowing));
@@ -235,7 +295,7 @@ TEST(ALibraryThatFlushesSmallNumbersToZero, DoesSoForNobodyElse) {
   EXPECT_EQ(results["kept_while_loading"], false) << "the library did not change the mode";
   EXPECT_EQ(results["kept_in_constructor"], true);
   EXPECT_EQ(results["kept_in_start"], true);
-  EXPECT_EQ(results["kept_in_serve"], true);
+  EXPECT_EQ(results["kept_in_timer"], true);
 }
 
 TEST(ALibraryThatStartsAProcess, HoldsNothingUpAndLeavesNothingBehind) {
@@ -265,6 +325,23 @@ TEST(TheTrial, NeedsNoStandardStreams) {
   // Nothing that is printed went into a file that got the number of a stream.
   EXPECT_EQ(read_file(folder / "started"), "yes\n");
   EXPECT_TRUE(json::accept(read_file(folder / "report.json")));
+}
+
+TEST(TheTrial, IsGivenMoreOptionsThanOneArgumentHolds) {
+  const Folder folder;
+  folder.write("app.json", application_of(R"("library": "broken_fast_math")"));
+  ProcessOptions options = good_run(folder);
+  for (int i = 0; i < 3000; ++i) {
+    options.arguments.emplace_back("--set");
+    options.arguments.push_back("suspect.text=" + std::string(60, 'a'));
+  }
+  Process process(options);
+
+  process.wait();
+
+  // The component has no such parameter, which only the trial can tell.
+  EXPECT_TRUE(contains(process.errors(), "text…; nothing was started")) << process.errors();
+  EXPECT_EQ(process.errors().find("could not be started"), std::string::npos) << process.errors();
 }
 
 TEST(LoadTimeout, MustBeATime) {

@@ -1,6 +1,7 @@
 #include <chrono>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <sstream>
 #include <string>
@@ -430,6 +431,31 @@ TEST_F(LiveCommands, RecordIsWholeAfterCtrlC) {
 
   EXPECT_EQ(take(record), 0) << errors_;
   EXPECT_EQ(command({"doctor", file}), 0) << output_ << errors_;
+}
+
+TEST_F(LiveCommands, RecordFailsAtOnceWhenItsLogIsDeleted) {
+  start();
+  const std::string file = (folder_ / "live.mcap").string();
+  Process record(options({"record", "--live", "-o", file}));
+  ASSERT_TRUE(record.wait_for("Ctrl-C ends it")) << record.errors();
+
+  ASSERT_TRUE(std::filesystem::remove(file + ".active"));
+
+  EXPECT_EQ(take(record), 1) << errors_;
+  EXPECT_THAT(errors_, HasSubstr("live.mcap.active: it was deleted"));
+}
+
+TEST_F(LiveCommands, RecordKeepsItsLogBesideAFileThatGotItsName) {
+  start();
+  const std::string file = (folder_ / "live.mcap").string();
+  Process record(options({"record", "--live", "-o", file}));
+  ASSERT_TRUE(record.wait_for("Ctrl-C ends it")) << record.errors();
+  std::ofstream(file) << "precious";
+  record.send(SIGINT);
+
+  EXPECT_EQ(take(record), 0) << errors_;
+  EXPECT_EQ(std::filesystem::file_size(file), 8U);
+  EXPECT_EQ(command({"doctor", (folder_ / "live_0002.mcap").string()}), 0) << output_ << errors_;
 }
 
 TEST_F(LiveCommands, LogPrintsLinesAsTheyCome) {

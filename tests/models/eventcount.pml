@@ -87,7 +87,7 @@ bool is_stopping = false;
 /* Actors */
 byte state[COMPONENTS]; /* the inbox's word: SOMETHING and RUNNING */
 byte due[COMPONENTS];   /* the earliest of its timers */
-byte armed[COMPONENTS]; /* armed_due_ns_ */
+byte armed[COMPONENTS]; /* DueTime */
 
 /* What is observed. */
 byte arms[COMPONENTS];

@@ -2,7 +2,8 @@
  * Lanes and the inbox: what publishers push, one worker takes.
  *
  * Mirrors  Lane::push, peek, read, pop (src/broker/lane.h); Inbox::mark, begin, peek, peek_bit,
- *          peek_early, try_end_idle (src/broker/inbox.{h,cc}); the loop of PublisherCore::deliver;
+ *          peek_early, try_end_idle (src/broker/inbox.{h,cc}); SharedBit::mark, peek
+ *          (src/broker/shared_bit.{h,cc}); the loop of PublisherCore::deliver;
  *          Actor::run_early, as far as lanes go (src/executor/actor.cc).
  * Leaves out  what an envelope is: a message is its number, given where the publish time is
  *          taken, so that a smaller number is an earlier time. Inbox::peek's short way for one
@@ -18,6 +19,8 @@
  * Nobody waits for `tail`: its store may be seen late, after the publisher has read the state word.
  * EARLY: the worker also takes messages from the lanes while it waits for the component to be
  * queued. It does not once all publishers are done: what is left then, their marks must bring.
+ * SHARED: the last two lanes share the last bit; behind it each has one of its own. Which of them
+ * stand in the heap is `held`, and by what time is `known_time`.
  *
  * run short: two publishers, depth 1     -DN0=2 -DN1=1
  * run short: the other sends twice       -DN0=1 -DN1=2
@@ -36,13 +39,20 @@
  * run long: two publishers, two each     -DN0=2 -DN1=2
  * run long: two publishers, depth 1      -DN0=3 -DN1=2
  * run long: depth 2                      -DN0=3 -DN1=3 -DDEPTH=2
+ * run short: one of three lanes shares    -DSHARED -DLANES=3 -DN0=1 -DN1=1
  * run long: lanes share a bit            -DSHARED -DN0=2 -DN1=2
+ * run long: lanes share a bit, depth 2   -DSHARED -DN0=3 -DN1=1 -DDEPTH=2
+ * run long: lanes share, drop_newest     -DSHARED -DN0=3 -DN1=1 -DDROP_NEWEST
  * run long: three lanes, two on one bit  -DSHARED -DLANES=3 -DN0=1 -DN1=1 -DN2=1
  * run long: three lanes                  -DLANES=3 -DN0=1 -DN1=1 -DN2=1
  * run long: drop_newest                  -DN0=3 -DN1=2 -DDROP_NEWEST
  * bug BUG_NO_SECOND_LOOK: the worker clears a bit and does not look again     -DN0=2 -DN1=1
  * bug BUG_WORD_READ_ONCE: the state word is not read again after the look     -DN0=1 -DN1=2
- * bug BUG_ONE_LOOK: lanes that share a bit are looked at once  -DSHARED -DN0=1 -DN1=2
+ * bug BUG_SHARED_ONE_LOOK: newly marked lanes are not looked for after the oldest was found  -DSHARED -DN0=1 -DN1=2
+ * bug BUG_SHARED_MARKED_FIRST: the shared bit is set before the lane's own  -DSHARED -DN0=1 -DN1=1
+ * bug BUG_SHARED_NO_SECOND_LOOK: a lane's own bit is cleared, and the lane not looked into again  -DSHARED -DN0=2 -DN1=1
+ * bug BUG_SHARED_CLEARED_LAST: the shared bit is cleared, and marked lanes are not looked for again  -DSHARED -DN0=2 -DN1=1
+ * bug BUG_SHARED_TIME_KEPT: the heap's first is taken for the oldest by a time that it had  -DSHARED -DN0=2 -DN1=1
  * bug BUG_BLIND_POP: `head` is advanced without comparing its position        -DN0=2 -DN1=1
  * bug BUG_BLIND_DROP: the publisher drops what may be gone already            -DN0=2 -DN1=1
  * bug BUG_MARK_SKIPPED_EARLY: whether the bit is set is read before the message is there  -DN0=2 -DN1=1
@@ -73,11 +83,16 @@
 #define NONE 255
 
 #ifdef SHARED
-#define BIT_OF(lane) ((lane) / 2) /* lanes 0 and 1 share bit 0 */
+#define SHARED_BIT (LANES - 2)
+#define BIT_OF(lane) ((lane) - ((lane) == LANES - 1))
 #else
 #define BIT_OF(lane) (lane)
 #endif
-#define BITS (BIT_OF(LANES - 1) + 1)
+#ifdef SHARED
+#define BITS (LANES - 1)
+#else
+#define BITS LANES
+#endif
 #define FLAG(nr) (1 << (nr))
 #define LANE_MASK ((1 << BITS) - 1)
 #define RUNNING 128
@@ -88,6 +103,9 @@
 
 byte state = 0;       /* Inbox::state_ */
 bool queued = false;  /* the component's bit in the executor's mask */
+#ifdef SHARED
+byte marked = 0;      /* SharedBit::marked_, by lane */
+#endif
 byte head[LANES], tail[LANES];
 byte known_head[LANES]; /* the publisher's */
 byte slot_time[LANES * SLOTS], slot_word[LANES * SLOTS];
@@ -117,13 +135,32 @@ inline mark(nr) {
   fi
 }
 
+inline mark_lane(lane) {
+#ifdef SHARED
+#ifdef BUG_SHARED_MARKED_FIRST
+  mark(BIT_OF(lane));
+#endif
+  if
+  :: BIT_OF(lane) == SHARED_BIT ->
+     if
+     :: marked & FLAG(lane)
+     :: else -> marked = marked | FLAG(lane)
+     fi
+  :: else
+  fi;
+#endif
+#ifndef BUG_SHARED_MARKED_FIRST
+  mark(BIT_OF(lane))
+#endif
+}
+
 inline push(lane) {
   d_step { m = next_message; next_message++; before[m] = returned; published++ }
 #ifdef BUG_MARK_SKIPPED_EARLY
   was_set = (state & FLAG(BIT_OF(lane))) != 0;
 #endif
 #ifdef BUG_MARK_FIRST
-  mark(BIT_OF(lane));
+  mark_lane(lane);
 #endif
   if
   :: place - known_head[lane] >= DEPTH -> known_head[lane] = head[lane]
@@ -167,7 +204,7 @@ inline push(lane) {
      fi
   fi;
 #ifndef BUG_MARK_FIRST
-  mark(BIT_OF(lane));
+  mark_lane(lane);
 #endif
   if
   :: tail[lane] != place -> tail[lane] = place
@@ -250,15 +287,88 @@ inline compare() {
   }
 }
 
-/* The head of every lane of `nr`. */
-inline peek_bit(nr) {
-  d_step { is_ready = false; lane = 0 }
+#ifdef SHARED
+/* The one of the heap that stands on top. */
+inline find_first() {
+  d_step {
+    lane = SHARED_BIT;
+    if
+    :: !(held & FLAG(lane)) || ((held & FLAG(lane + 1)) && known_time[1] < known_time[0]) -> lane++
+    :: else
+    fi
+  }
+}
+
+/* What `peek` found gives its lane another place in the heap; true if it was known. */
+inline is_first_known() {
+#ifdef BUG_SHARED_TIME_KEPT
+  is_known = true;
+#else
+  d_step { is_known = (time == known_time[lane - SHARED_BIT]); known_time[lane - SHARED_BIT] = time }
+#endif
+}
+
+/* SharedBit::peek. */
+inline peek_shared() {
   do
-  :: lane < LANES && BIT_OF(lane) == nr -> peek(lane); compare(); lane++
-  :: lane < LANES && BIT_OF(lane) != nr -> lane++
-  :: else -> break
+  :: is_ready = false;
+     do /* SharedBit::peek_held */
+     :: held == 0 -> break
+     :: else ->
+        find_first();
+        peek(lane);
+        if
+        :: is_there
+        :: else ->
+           marked = marked & ~FLAG(lane);
+#ifndef BUG_SHARED_NO_SECOND_LOOK
+           peek(lane);
+           if
+           :: is_there -> marked = marked | FLAG(lane)
+           :: else
+           fi
+#endif
+        fi;
+        if
+        :: is_there ->
+           is_first_known();
+           if
+           :: is_known -> compare(); is_known = false; break
+           :: else -> d_step { at = 0; time = 0; word = 0; is_there = false; was_full = false }
+           fi
+        :: else -> d_step { held = held & ~FLAG(lane); known_time[lane - SHARED_BIT] = 0; at = 0; word = 0; was_full = false }
+        fi
+     od;
+     /* SharedBit::hold_marked: times not known yet are 0, no later than any. */
+     atomic { held_before = held; held = held | marked }
+#ifdef BUG_SHARED_ONE_LOOK
+     if
+     :: is_ready -> held = held_before; held_before = 0; break
+     :: else
+     fi;
+#endif
+     if
+     :: held == held_before -> held_before = 0; break
+     :: else -> held_before = 0
+     fi
   od;
   lane = 0
+}
+#endif
+
+/* Inbox::peek_bit. */
+inline peek_bit(nr) {
+#ifdef SHARED
+  if
+  :: nr == SHARED_BIT -> peek_shared()
+  :: else -> d_step { is_ready = false; lane = nr } peek(lane); compare(); lane = 0
+  fi
+#else
+  d_step { is_ready = false; lane = nr }
+  peek(lane);
+  compare();
+  lane = 0
+#endif
 }
 
 /* Inbox::peek_few. */
@@ -287,8 +397,14 @@ inline deliver() {
 proctype Worker() {
   byte ready, seen, nr, lane, at, time, word, m;
   byte best_lane = NONE, best_at, best_time, best_envelope;
+  bool is_there, was_full, is_ready;
+#ifdef SHARED
+  byte held, held_before, known_time[2];
+  bool is_known;
+#endif
+#ifdef EARLY
   byte last_lane = NONE, last_at;
-  bool is_there, was_full, is_ready, has_shared_bits;
+#endif
 
 end_asleep:
 #ifdef EARLY
@@ -332,29 +448,31 @@ begin:
     state = state | RUNNING
   }
 take:
-  atomic { last_lane = NONE; last_at = 0 }
-look:
   atomic {
     best_lane = NONE; best_at = 0; best_time = 0; best_envelope = 0;
-    seen = 0; has_shared_bits = false; nr = 0;
+    seen = 0; nr = 0;
     ready = state & LANE_MASK
   }
   if
-  :: ready == 0 && last_lane == NONE -> goto idle
+  :: ready == 0 -> goto idle
   :: else
   fi;
   do
   :: nr < BITS && (ready & FLAG(nr)) ->
-#if defined(SHARED) && !defined(BUG_ONE_LOOK)
-     has_shared_bits = has_shared_bits || (nr == 0);
-#endif
      peek_bit(nr);
      if
      :: is_ready -> seen = seen | FLAG(nr)
      :: else ->
         state = state & ~FLAG(nr);
-#ifndef BUG_NO_SECOND_LOOK
+#ifdef BUG_SHARED_CLEARED_LAST
+        if
+        :: nr != SHARED_BIT -> peek_bit(nr)
+        :: else
+        fi;
+#elif !defined(BUG_NO_SECOND_LOOK)
         peek_bit(nr);
+#endif
+#ifndef BUG_NO_SECOND_LOOK
         if
         :: is_ready -> state = state | FLAG(nr); seen = seen | FLAG(nr)
         :: else
@@ -367,15 +485,12 @@ look:
   od;
 #ifndef BUG_WORD_READ_ONCE
   if
-  :: (state & LANE_MASK & ~seen) -> goto look
+  :: (state & LANE_MASK & ~seen) -> goto take
   :: else
   fi;
 #endif
   if
   :: best_lane == NONE -> goto idle
-  :: best_lane != NONE && has_shared_bits && !(best_lane == last_lane && best_at == last_at) ->
-     d_step { last_lane = best_lane; last_at = best_at }
-     goto look
   :: else
   fi;
 #ifdef BUG_BLIND_POP

@@ -4,7 +4,7 @@
  * Mirrors  Subscription::close, add_lane, add_to (src/broker/subscription.cc); Lane::push, peek,
  *          read, pop, drain (src/broker/lane.h); PublisherCore::deliver, connect, disconnect
  *          (src/broker/publisher_core.cc); Actor::take (src/executor/actor.cc);
- *          Application::connect_late, end_subscription (src/host/application.cc).
+ *          Wiring::connect_late, end_subscription (src/component/wiring.cc).
  * Leaves out  waking: the receiver looks until nothing comes any more, whether what it finds was
  *          marked or not, as a worker does that waits by looking. The registry's mutex, under
  *          which connects and disconnects are posted one after the other. Slots' times. A lane is

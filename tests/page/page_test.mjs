@@ -381,6 +381,29 @@ test("what is wrong is said", async () => {
   assert.ok(!existsSync(at("x.html")) && !existsSync(at("none.html")) && !existsSync(at("bad.html")));
 });
 
+test("it shows the log's lines until the time", async (page, open) => {
+  writeFileSync(at("log.json"), JSON.stringify({
+    components: [{ name: "logging", params: { file: "log.mcap", topics: ["**", "fastcycle/log"] } }] }));
+  const recorded = run("run", application, "--overlay", "log.json", "--clock", "simulated", "--quiet", "--for", "6s");
+  assert.equal(recorded.status, 0, recorded.stderr);
+  const made = run("render", "log.mcap", "-o", "log.html");
+  assert.equal(made.status, 0, made.stderr);
+  assert.doesNotMatch(made.stderr, /not shown: log/);
+  const other = await open("log.html");
+  const first = await other.evaluate(() => window.fastcycle.drive.layers.log.published[0]);
+  const count = await other.evaluate(() => window.fastcycle.drive.layers.log.count);
+  const rows = () => other.$$eval("#log tr", (lines) => lines.map((line) => line.children.length));
+  await seek(other, Math.max(0, first));
+  await paint(other);
+  assert.ok((await rows()).every((cells) => cells === 4) && (await rows()).length > 0);
+  await other.evaluate(() => window.fastcycle.seek(1e6));
+  await paint(other);
+  assert.equal((await rows()).length, Math.min(12, count));
+  assert.equal(await other.isVisible("#log_title"), true);
+  assert.equal(await page.isVisible("#log_title"), false);
+  await other.close();
+});
+
 // ---- The browser ----
 
 async function picture(page, name) {

@@ -25,6 +25,9 @@ build_and_run() {
 rm -rf "$prefix" "$scratch/garage_door"
 "$cmake" --install "$build" --prefix "$prefix" >"$scratch/install.log"
 export PATH=$prefix/bin:$PATH
+for program in bin/fastcycle libexec/fastcycle/fastcycle-trial; do
+  [ "$(stat -c %a "$prefix/$program")" = 711 ] || fail "others may read $program: its memory is open while it starts"
+done
 
 cd "$scratch"
 said=$("$prefix/bin/fastcycle" new app garage_door)

@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <string>
 
 #include <fastcycle/fastcycle.h>
 #include <google/protobuf/wrappers.pb.h>
+#include <sys/prctl.h>
+#include <unistd.h>
 
 namespace {
 
@@ -65,6 +69,32 @@ class Listener final : public fastcycle::Component {
   std::string heard_;
 };
 
+/// Has the secret when it is constructed, says in a file of the folder `gate`, named after the
+/// process, where in memory it is, and goes on once there is a file `go`.
+class Builder final : public fastcycle::Component {
+ public:
+  explicit Builder(fastcycle::Context& context) : Component(context), secret_(make_secret()) {
+    const std::filesystem::path gate = context.param<std::string>("gate").get();
+    const std::filesystem::path file = gate / std::to_string(getpid());
+    std::ofstream(file.string() + ".part") << static_cast<const void*>(secret_.data());
+    std::filesystem::rename(file.string() + ".part", file);
+    for (int look = 0; look < 5000 && !std::filesystem::exists(gate / "go"); ++look) {
+      usleep(1000);
+    }
+  }
+
+ private:
+  const std::string secret_;
+};
+
+/// Makes the memory of the process readable again.
+class Opener final : public fastcycle::Component {
+ public:
+  explicit Opener(fastcycle::Context& context) : Component(context) { prctl(PR_SET_DUMPABLE, 1); }
+
+  void start() override { log().info("started"); }
+};
+
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Keeper, Listener)
+FASTCYCLE_COMPONENTS(Keeper, Listener, Builder, Opener)

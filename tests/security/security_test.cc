@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <optional>
 #include <set>
@@ -19,6 +20,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/capability.h>
 #include <netinet/in.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -26,6 +28,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
 #include "attacks.h"
@@ -75,6 +78,12 @@ class Security : public testing::Test {
   {"name": "listener", "library": "security_parts", "class": "Listener", "params": {"then": ")" +
                                      then + R"("}}
 ]})");
+  }
+
+  /// As root installs them: other users may execute the programs and not read them.
+  void make_unreadable() const {
+    fs::permissions(program(), fs::perms(0711));
+    fs::permissions(installed_ / "libexec/fastcycle/fastcycle-trial", fs::perms(0711));
   }
 
   [[nodiscard]] fs::path program() const { return installed_ / "bin/fastcycle"; }
@@ -196,6 +205,35 @@ TEST_F(Security, WithDebuggableTheSameAttacksSucceed) {
   }
 }
 
+TEST_F(Security, WithDebuggableTheySucceedAlsoIfTheUserCannotReadTheProgram) {
+  if (!is_root()) {
+    GTEST_SKIP() << "only root can install a program that its user cannot read";
+  }
+  make_unreadable();
+  const auto plain = from_text(as_ordinary_user(attack_plain_process));
+  const auto results =
+      from_text(as_ordinary_user([&] { return attack_run(run({"--debuggable"})); }));
+
+  ASSERT_TRUE(results.contains("process_vm_readv"));
+  EXPECT_EQ(results.at("process_vm_readv"), plain.at("process_vm_readv"));
+  EXPECT_EQ(results.at("mem for reading"), plain.at("mem for reading"));
+}
+
+TEST_F(Security, ARunWhoseProtectionAComponentUndoesDoesNotStart) {
+  installed_.write("app.json", R"({"name": "open", "components": [
+  {"name": "opener", "library": "security_parts", "class": "Opener"}]})");
+  Process process(run({"--for", "50ms"}));
+  Process debuggable(run({"--for", "50ms", "--debuggable"}));
+
+  EXPECT_EQ(process.wait().exit_code, 2);
+  EXPECT_NE(process.errors().find("has made its memory readable again"), std::string::npos)
+      << process.errors();
+  EXPECT_NE(process.errors().find("nothing was started\n"), std::string::npos);
+  EXPECT_EQ(process.errors().find("opener: started"), std::string::npos) << process.errors();
+  EXPECT_EQ(debuggable.wait().exit_code, 0);
+  EXPECT_NE(debuggable.errors().find("opener: started"), std::string::npos) << debuggable.errors();
+}
+
 // --- Tracers and core dumps ---------------------------------------------------------------------
 
 TEST_F(Security, ATracedProgramDoesNotStart) {
@@ -236,6 +274,19 @@ std::set<std::string> names_in(const fs::path& folder) {
   return names;
 }
 
+/// The reports of crashes, taken out of `names`.
+std::set<std::string> take_reports(std::set<std::string>& names) {
+  std::set<std::string> reports;
+  std::erase_if(names, [&](const std::string& name) {
+    const bool is_report = name.starts_with("fastcycle-crash-");
+    if (is_report) {
+      reports.insert(name);
+    }
+    return is_report;
+  });
+  return reports;
+}
+
 struct Crash {
   const char* then;
   int signal;
@@ -247,7 +298,7 @@ void PrintTo(const Crash& crash, std::ostream* stream) {
 
 class SecurityOfACrash : public Security, public testing::WithParamInterface<Crash> {};
 
-TEST_P(SecurityOfACrash, LeavesNoCoreDump) {
+TEST_P(SecurityOfACrash, LeavesAReportForItsOwnerWithoutTheSecretAndNoCoreDump) {
   write_application(GetParam().then);
   ProcessOptions options = run();
   options.may_dump_core = true;
@@ -257,7 +308,15 @@ TEST_P(SecurityOfACrash, LeavesNoCoreDump) {
 
   EXPECT_EQ(ending.signal, GetParam().signal) << process.errors();
   EXPECT_FALSE(ending.has_dumped);
-  EXPECT_EQ(names_in(work()), std::set<std::string>{});
+  std::set<std::string> names = names_in(work());
+  const std::set<std::string> reports = take_reports(names);
+  EXPECT_EQ(names, std::set<std::string>{});
+  ASSERT_EQ(reports.size(), 1U);
+  const fs::path report = work() / *reports.begin();
+  EXPECT_EQ(fs::status(report).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_NE(read_file(report).find("crash report"), std::string::npos);
+  EXPECT_EQ(read_file(report).find(kSecret), std::string::npos);
+  EXPECT_EQ(process.errors().find(kSecret), std::string::npos);
 }
 
 TEST_P(SecurityOfACrash, LeavesOneWithTheSecretIfDebuggable) {
@@ -277,7 +336,8 @@ TEST_P(SecurityOfACrash, LeavesOneWithTheSecretIfDebuggable) {
 
   EXPECT_EQ(ending.signal, GetParam().signal) << process.errors();
   ASSERT_TRUE(ending.has_dumped);
-  const std::set<std::string> names = names_in(work());
+  std::set<std::string> names = names_in(work());
+  take_reports(names);
   ASSERT_EQ(names.size(), 1U);
   EXPECT_NE(read_file(work() / *names.begin()).find(kSecret), std::string::npos);
 }
@@ -343,6 +403,30 @@ TEST_F(Security, NothingIsLeftOfAProgramThatIsKilled) {
   EXPECT_EQ(shared_memory_of(user()), shared);
 }
 
+// --- Rights of the file -------------------------------------------------------------------------
+
+/// Gives whoever starts `program` the right to real-time priorities; false if that cannot be.
+bool set_capability(const fs::path& program) {
+  vfs_cap_data data{};
+  data.magic_etc = VFS_CAP_REVISION_2 | VFS_CAP_FLAGS_EFFECTIVE;
+  data.data[0].permitted = 1U << CAP_SYS_NICE;
+  return setxattr(program.c_str(), "security.capability", &data, XATTR_CAPS_SZ_2, 0) == 0;
+}
+
+// The loader ignores its relative run path then.
+TEST_F(Security, AProgramWithACapabilityFindsItsLibraries) {
+  if (!is_root() || !set_capability(program())) {
+    GTEST_SKIP() << "only root can give a file capabilities, where the file system has them";
+  }
+  const fs::path core = fs::path(FASTCYCLE_BUILD_FOLDER) / "bin/fastcycle";
+  if (as_ordinary_user([&] { return access(core.c_str(), X_OK) == 0 ? "yes" : "no"; }) != "yes") {
+    GTEST_SKIP() << "other users may not read the build folder";
+  }
+  Process process(run({"--for", "50ms"}));
+
+  EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+}
+
 // --- The window at start-up ---------------------------------------------------------------------
 
 /// Starts the program and opens its memory as soon as it is the program: whether the handle reads
@@ -365,6 +449,49 @@ bool wins_race(const ProcessOptions& options) {
   return has_won;
 }
 
+/// The first process that `parent` starts to be the program `name`; -1 if it has ended before.
+pid_t find_child(const Process& parent, const std::string& name) {
+  const std::string own = std::to_string(parent.pid());
+  const std::string children = "/proc/" + own + "/task/" + own + "/children";
+  const auto limit = std::chrono::steady_clock::now() + Process::kLongest;
+  while (std::chrono::steady_clock::now() < limit && fs::exists(children)) {
+    std::istringstream pids(read_file(children));
+    for (std::string pid; pids >> pid;) {
+      if (read_file("/proc/" + pid + "/comm") == name + "\n") {
+        return std::stoi(pid);
+      }
+    }
+  }
+  return -1;
+}
+
+/// Starts the program and opens the memory of its trial as soon as there is one: whether the handle
+/// reads later what a constructor holds there.
+bool wins_race_of_trial(const ProcessOptions& options, const fs::path& gate) {
+  fs::remove_all(gate);
+  fs::create_directory(gate);
+  Process victim(options);
+  const pid_t trial = find_child(victim, "fastcycle-trial");
+  const std::string folder = "/proc/" + std::to_string(trial);
+  const int memory = open((folder + "/mem").c_str(), O_RDONLY | O_CLOEXEC);
+  const fs::path told = gate / std::to_string(trial);
+  while (!fs::exists(told) && read_file(folder + "/comm") == "fastcycle-trial\n") {
+    usleep(1000);
+  }
+  const std::string address = read_file(told);
+  std::string text(kSecret.size(), '\0');
+  const bool has_won =
+      memory >= 0 && address.starts_with("0x") &&
+      pread(memory, text.data(), text.size(), std::stol(address, nullptr, 16)) > 0 &&
+      text == kSecret;
+  std::ofstream(gate / "go") << "\n";
+  if (memory >= 0) {
+    close(memory);
+  }
+  EXPECT_TRUE(address.starts_with("0x")) << "no trial was seen";
+  return has_won;
+}
+
 constexpr int kLaunches = 40;
 
 std::string races_won(const ProcessOptions& options) {
@@ -373,6 +500,15 @@ std::string races_won(const ProcessOptions& options) {
     won += wins_race(options) ? 1 : 0;
   }
   return std::to_string(won);
+}
+
+/// The same for the trial.
+std::string trials_won(const ProcessOptions& options, const fs::path& gate) {
+  int won = 0;
+  for (int launch = 0; launch < kLaunches; ++launch) {
+    won += wins_race_of_trial(options, gate) ? 1 : 0;
+  }
+  return testing::Test::HasFailure() ? "no trial was seen" : std::to_string(won);
 }
 
 // A measurement: nothing can be promised here, see SECURITY.md.
@@ -388,9 +524,67 @@ TEST_F(Security, NobodyWinsItAgainstAProgramThatTheUserCannotRead) {
   if (!is_root()) {
     GTEST_SKIP() << "only root can install a program that its user cannot read";
   }
-  fs::permissions(program(), fs::perms(0711));
+  make_unreadable();
 
   EXPECT_EQ(as_ordinary_user([&] { return races_won(run()); }), "0");
+}
+
+/// A component that holds the secret in its constructor.
+class SecurityOfTheTrial : public Security {
+ protected:
+  void SetUp() override {
+    Security::SetUp();
+    if (IsSkipped()) {
+      return;
+    }
+    if (!fs::exists("/proc/thread-self/children")) {
+      GTEST_SKIP() << "this kernel does not tell which children a process has";
+    }
+    installed_.write("app.json", R"({"name": "secrets", "components": [
+  {"name": "builder", "library": "security_parts", "class": "Builder", "params": {"gate": ")" +
+                                     gate().string() + R"("}}
+]})");
+  }
+
+  [[nodiscard]] fs::path gate() const { return work() / "gate"; }
+};
+
+TEST_F(SecurityOfTheTrial, AnAttackerWhoWatchesForItOftenWinsTheRace) {
+  const std::string won =
+      as_ordinary_user([&] { return trials_won(run({"--for", "20ms"}), gate()); });
+
+  std::printf("the memory of %s of %d trials was read\n", won.c_str(), kLaunches);
+  RecordProperty("won", won);
+  EXPECT_TRUE(!won.empty() && won != "no trial was seen") << won;
+}
+
+TEST_F(SecurityOfTheTrial, NobodyWinsItAgainstProgramsThatTheUserCannotRead) {
+  if (!is_root()) {
+    GTEST_SKIP() << "only root can install a program that its user cannot read";
+  }
+  make_unreadable();
+
+  EXPECT_EQ(as_ordinary_user([&] { return trials_won(run({"--for", "20ms"}), gate()); }), "0");
+}
+
+TEST_F(SecurityOfTheTrial, IsAsProtectedAsTheRun) {
+  fs::create_directory(gate());
+  fs::permissions(gate(), fs::perms(01777));
+  Process victim(run({"--for", "20ms"}));
+  const pid_t trial = find_child(victim, "fastcycle-trial");
+  const std::string address = [&] {
+    while (!fs::exists(gate() / std::to_string(trial)) && kill(trial, 0) == 0) {
+      usleep(1000);
+    }
+    return read_file(gate() / std::to_string(trial));
+  }();
+  ASSERT_TRUE(address.starts_with("0x")) << victim.errors();
+
+  const auto results = from_text(as_ordinary_user(
+      [&] { return to_text(attack(trial, std::stoul(address, nullptr, 16), kSecret)); }));
+
+  expect_refused(results);
+  std::ofstream(gate() / "go") << "\n";
 }
 
 }  // namespace

@@ -7,15 +7,17 @@
 #include <string>
 #include <vector>
 
+#include "base/printable.h"
 #include "command.h"
 #include "config/print.h"
 #include "configuration.h"
 #include "estimate/analysis.h"
+#include "estimate/read_timing.h"
 #include "estimate/system_of.h"
 #include "estimate/text.h"
-#include "estimate/timing.h"
-#include "host/library_imports.h"
+#include "loading/library_imports.h"
 #include "option_values.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -54,11 +56,11 @@ int estimate(const CheckOptions& options) {
   }
   const estimate::Estimate result = estimate::analyze(system);
   if (options.json) {
-    std::printf("%s\n", estimate::to_json(system, result).c_str());
+    print_to(stdout, "{}\n", base::printable_json(estimate::to_json(system, result)));
   } else {
-    std::fputs(estimate::to_text(system, result).c_str(), stdout);
+    print_text(stdout, estimate::to_text(system, result));
     if (system.chains.empty()) {
-      std::puts("the application has no \"chains\" whose age could be bounded");
+      print_text(stdout, "the application has no \"chains\" whose age could be bounded\n");
     }
   }
   const bool all_hold = std::ranges::all_of(
@@ -79,15 +81,15 @@ int check(const CheckOptions& options) {
       host::LibraryLoader(host::library_folders(description, options.configuration.library_path)),
       problems);
   if (options.print && !description.effective.is_null()) {
-    std::printf("%s\n", config::print(description.effective).c_str());
+    print_to(stdout, "{}\n", base::printable_json(config::print(description.effective)));
   }
   const std::string file = options.configuration.load.file.string();
   if (!may_start(problems, file)) {
     return kWrong;
   }
   const std::size_t count = description.components.size();
-  std::fprintf(options.print ? stderr : stdout, "%s; %zu %s\n", summary(problems, file).c_str(),
-               count, count == 1 ? "component is right" : "components fit together");
+  print_to(options.print ? stderr : stdout, "{}; {} {}\n", summary(problems, file), count,
+           count == 1 ? "component is right" : "components fit together");
   return flush_output();
 }
 

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <set>
+#include <utility>
 
 #include "duration.h"
-#include "host/component_library.h"
+#include "loading/component_library.h"
 #include "option_values.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -20,6 +23,19 @@ template <typename T>
 void add_repeatable(CLI::App& line, const std::string& name, T& values, const std::string& value,
                     const std::string& text) {
   line.add_option(name, values, text)->allow_extra_args(false)->type_name(value);
+}
+
+/// Says where each library comes from, in the order of the components.
+void print_files(const config::ApplicationDescription& description,
+                 const host::LibraryLoader& libraries) {
+  std::set<std::string> known;
+  for (const config::ComponentDescription& component : description.components) {
+    if (!component.library.empty() && known.insert(component.library).second) {
+      const std::filesystem::path file = libraries.file_of(component.library);
+      print_to(stderr, "library \"{}\": {}\n", component.library,
+               file.empty() ? "not found" : file.native());
+    }
+  }
 }
 
 }  // namespace
@@ -40,21 +56,29 @@ void Configuration::add_to(CLI::App& line) {
                   "Limit of loading a library or constructing a component (10s)")
       ->type_name("TIME")
       ->check(is_time());
+  line.add_flag("-v,--verbose", is_verbose, "Say which file each component library is loaded from");
 }
 
 config::ApplicationDescription Configuration::read(host::ConstructorFault on_throw,
                                                    config::Problems& problems,
-                                                   TrialWarnings warnings) const {
+                                                   TrialWarnings warnings,
+                                                   host::LibraryFiles* tried) const {
   config::ApplicationDescription description = config::load(load, problems);
+  if (is_verbose) {
+    print_files(description, host::LibraryLoader(host::library_folders(description, library_path)));
+  }
   if (!description.components.empty()) {
-    config::Problems tried;
-    host::try_application(
+    config::Problems found;
+    host::LibraryFiles files = host::try_application(
         {.load = load,
          .library_path = library_path,
          .on_throw = on_throw,
          .limit = std::chrono::ceil<std::chrono::milliseconds>(*parse_duration(load_timeout))},
-        tried);
-    for (config::Problem& problem : tried.all()) {
+        found);
+    if (tried != nullptr) {
+      *tried = std::move(files);
+    }
+    for (config::Problem& problem : found.all()) {
       if (!problem.warning || warnings == TrialWarnings::kHeard) {
         problems.add(std::move(problem));
       }
@@ -66,12 +90,14 @@ config::ApplicationDescription Configuration::read(host::ConstructorFault on_thr
 std::unique_ptr<host::Application> Configuration::make_unstarted() const {
   const std::string file = load.file.string();
   config::Problems problems;
+  host::LibraryFiles tried;
   const config::ApplicationDescription description =
-      read(host::ConstructorFault::kMistake, problems);
+      read(host::ConstructorFault::kMistake, problems, TrialWarnings::kHeard, &tried);
   if (!may_start(problems, file)) {
     return nullptr;
   }
   host::LibraryLoader libraries(host::library_folders(description, library_path));
+  libraries.expect(std::move(tried));
   auto application = std::make_unique<host::Application>(
       description, host::ClockOptions{.is_simulated = true, .workers = 1});
   config::Problems found_now;
@@ -85,7 +111,7 @@ std::unique_ptr<host::Application> Configuration::make_unstarted() const {
 
 void print(const config::Problems& problems) {
   for (const config::Problem& problem : problems.all()) {
-    std::fprintf(stderr, "%s\n", config::to_string(problem).c_str());
+    print_to(stderr, "{}\n", config::to_string(problem));
   }
 }
 
@@ -106,7 +132,7 @@ std::string summary(const config::Problems& problems, const std::string& file) {
 bool may_start(const config::Problems& problems, const std::string& file) {
   print(problems);
   if (problems.has_errors()) {
-    std::fprintf(stderr, "%s; nothing was started\n", summary(problems, file).c_str());
+    print_to(stderr, "{}; nothing was started\n", summary(problems, file));
     return false;
   }
   return true;

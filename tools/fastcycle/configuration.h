@@ -10,7 +10,8 @@
 #include "config/load.h"
 #include "config/problem.h"
 #include "host/application.h"
-#include "host/trial.h"
+#include "loading/component_library.h"
+#include "loading/trial.h"
 
 namespace fastcycle::tool {
 
@@ -19,6 +20,7 @@ struct Configuration {
   config::LoadOptions load;
   std::vector<std::filesystem::path> library_path;
   std::string load_timeout = "10s";
+  bool is_verbose = false;  ///< Say which file each library is loaded from.
 
   void add_to(CLI::App& line);
 
@@ -26,10 +28,12 @@ struct Configuration {
   /// not, and says itself what is published by nobody.
   enum class TrialWarnings { kHeard, kLeftOut };
 
-  /// Reads the application and tries its libraries and components in a child process.
-  [[nodiscard]] config::ApplicationDescription read(
-      host::ConstructorFault on_throw, config::Problems& problems,
-      TrialWarnings warnings = TrialWarnings::kHeard) const;
+  /// Reads the application and tries its libraries and components in a child process; `tried`, if
+  /// it is given, is told which files these libraries were.
+  [[nodiscard]] config::ApplicationDescription read(host::ConstructorFault on_throw,
+                                                    config::Problems& problems,
+                                                    TrialWarnings warnings = TrialWarnings::kHeard,
+                                                    host::LibraryFiles* tried = nullptr) const;
 
   /// The application with its components made and connected, for commands that look at it: nothing
   /// of it is started. Null, and all mistakes printed, if it cannot be made.

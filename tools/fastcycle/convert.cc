@@ -1,12 +1,15 @@
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include <fmt/format.h>
 
 #include "archive/message_text.h"
 #include "archive/output_file.h"
+#include "archive/readable.h"
 #include "command.h"
 #include "file_work.h"
+#include "print.h"
 #include "rewriting.h"
 #include "rosbag/rosbag.h"
 
@@ -36,23 +39,25 @@ int tell(const Rewriting& work, const rosbag::Converted& done) {
                            topic.messages, archive::printable(topic.mistake));
     }
   }
-  std::fputs(words.c_str(), stderr);
+  print_text(stderr, words);
   if (!work.is_quiet) {
-    std::printf("%s: %llu messages of a ROS bag, of which %llu are copied as they are\n",
-                work.output.c_str(), static_cast<unsigned long long>(done.messages),
-                static_cast<unsigned long long>(copied));
+    print_to(stdout, "{}: {} messages of a ROS bag, of which {} are copied as they are\n",
+             work.output.string(), done.messages, copied);
   }
   const int code = flush_output();
   return code == kDone && !is_all ? kProblems : code;
 }
 
 int convert_rosbag(Rewriting& work, const mcap::FileSource& source) {
-  archive::OutputFile file(work.output, {.may_replace = work.is_forced, .inputs = work.inputs});
+  archive::OutputFile file(work.output.string(),
+                           {.may_replace = work.is_forced, .inputs = work.inputs});
   rosbag::Converted done;
   {
     FileWork file_work(!work.is_quiet);
     done = rosbag::convert(source, file.sink(), work.layout,
                            file_work.progress(work.command, source.size()));
+    archive::require_messages(
+        done.problems.empty() ? std::nullopt : std::optional(done.problems.front()), done.messages);
     file.commit();
   }
   return tell(work, done);

@@ -8,12 +8,14 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/printable.h"
 #include "command.h"
 #include "duration.h"
 #include "file_work.h"
 #include "machine/examine.h"
 #include "mcap/file.h"
 #include "option_values.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -28,7 +30,7 @@ struct DoctorOptions {
 };
 
 std::string line_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return base::printable_json(json.dump(-1, ' ', false, Json::error_handler_t::replace)) + "\n";
 }
 
 std::string json_of(const archive::Finding& finding) {
@@ -96,7 +98,7 @@ int doctor(const DoctorOptions& options) {
         result = result == kDone ? kProblems : result;
       }
     } catch (const mcap::Error& error) {
-      std::fprintf(stderr, "fastcycle doctor: %s\n", error.what());
+      print_to(stderr, "fastcycle doctor: {}\n", error.what());
       result = kFailed;
     }
   }

@@ -13,10 +13,13 @@
 
 #include "archive/message_text.h"
 #include "archive/message_type.h"
+#include "archive/readable.h"
+#include "base/printable.h"
 #include "command.h"
 #include "file_work.h"
 #include "mcap/reader.h"
 #include "mcap/topic_filter.h"
+#include "print.h"
 #include "quantity.h"
 #include "rewriting.h"
 
@@ -111,7 +114,7 @@ class Echo {
               {"type", schema == nullptr ? "" : schema->name},
               {"encoding", channel.message_encoding}};
     add_data(message, json);
-    return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+    return base::printable_json(json.dump(-1, ' ', false, Json::error_handler_t::replace)) + "\n";
   }
 
   void add_data(const mcap::StoredMessage& message, Json& json) {
@@ -194,10 +197,11 @@ int echo(const EchoOptions& options) {
   }
   const mcap::FileSource source(options.file);
   const mcap::Reader reader(source);
+  archive::require_messages(reader.problem(), reader.statistics()->message_count);
   mcap::MessageQuery query{.topics = topics_of(reader, options.patterns)};
   if (query.topics.empty() && !options.patterns.empty()) {
-    std::fprintf(stderr, "fastcycle echo: no topic of %s is meant by %s\n", options.file.c_str(),
-                 options.patterns.front().c_str());
+    print_to(stderr, "fastcycle echo: no topic of {} is meant by {}\n", options.file.string(),
+             options.patterns.front());
     return kFailed;
   }
   const std::uint64_t first_ns = reader.statistics()->message_start_time_ns;

@@ -9,10 +9,14 @@
 #include <utility>
 #include <vector>
 
+#include <unistd.h>
+
 #include "archive/output_file.h"
+#include "archive/readable.h"
 #include "command.h"
 #include "file_work.h"
 #include "mcap/reader.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -96,10 +100,11 @@ archive::Table export_to_file(const mcap::Reader& reader, const ExportOptions& o
 archive::Table export_to_output(const mcap::Reader& reader, const ExportOptions& options,
                                 const std::string& topic) {
   Output output;
+  const bool is_for_people = isatty(STDOUT_FILENO) != 0;
   archive::Table table = archive::export_table(
       reader, options.file.string(), {.topic = topic, .most_elements = options.max_repeated},
       [&](std::string_view row) {
-        if (!output.write(row)) {
+        if (!(is_for_people ? output.write(row) : output.write_data(row))) {
           throw OutputClosed();
         }
       });
@@ -109,14 +114,15 @@ archive::Table export_to_output(const mcap::Reader& reader, const ExportOptions&
 
 void print_cut(const archive::Table& table, const std::string& topic) {
   for (const std::string& field : table.cut) {
-    std::fprintf(stderr, "fastcycle export: %s: not all of %s has a column (--max-repeated N)\n",
-                 topic.c_str(), field.c_str());
+    print_to(stderr, "fastcycle export: {}: not all of {} has a column (--max-repeated N)\n", topic,
+             field);
   }
 }
 
 int run(const ExportOptions& options) {
   const mcap::FileSource source(options.file);
   const mcap::Reader reader(source);
+  archive::require_messages(reader.problem(), reader.statistics()->message_count);
   if (reader.problem()) {
     print_problem("export", *reader.problem(), "what there is was taken");
   }
@@ -140,8 +146,7 @@ int run(const ExportOptions& options) {
         progress_by_messages(reader, topic, source.size(), work.progress(topic, source.size())));
     print_cut(table, topic);
     if (!options.is_quiet) {
-      std::printf("%s: %llu rows, %zu columns\n", path.c_str(),
-                  static_cast<unsigned long long>(table.rows), table.columns);
+      print_to(stdout, "{}: {} rows, {} columns\n", path.string(), table.rows, table.columns);
     }
   }
   return flush_output();

@@ -7,7 +7,9 @@
 
 #include <unistd.h>
 
+#include "base/printable.h"
 #include "command.h"
+#include "print.h"
 #include "quantity.h"
 #include "redrawn_line.h"
 
@@ -38,9 +40,10 @@ void FileWork::show(const std::string& what, std::uint64_t done, std::uint64_t t
   }
   drawn_ = now;
   is_line_shown_ = true;
-  std::fprintf(stderr, "%s%s   %.0f %%   %s of %s", kClearLine, what.c_str(),
-               100.0 * static_cast<double>(done) / static_cast<double>(total),
-               bytes_text(done).c_str(), bytes_text(total).c_str());
+  std::fputs(kClearLine, stderr);
+  print_to(stderr, "{}   {:.0f} %   {} of {}", what,
+           100.0 * static_cast<double>(done) / static_cast<double>(total), bytes_text(done),
+           bytes_text(total));
   std::fflush(stderr);
 }
 
@@ -49,7 +52,11 @@ Output::Output() {
 }
 
 bool Output::write(std::string_view text) {
-  return has_taken(std::fwrite(text.data(), 1, text.size(), stdout) == text.size());
+  return write_data(base::printable_lines(text));
+}
+
+bool Output::write_data(std::string_view data) {
+  return has_taken(std::fwrite(data.data(), 1, data.size(), stdout) == data.size());
 }
 
 bool Output::flush() {
@@ -64,14 +71,13 @@ bool Output::has_taken(bool is_written) {
 }
 
 int print_mistake(const std::string& command, const std::string& sentence) {
-  std::fprintf(stderr, "fastcycle %s: %s\n", command.c_str(), sentence.c_str());
+  print_to(stderr, "fastcycle {}: {}\n", command, sentence);
   return kWrong;
 }
 
 void print_problem(const std::string& command, const mcap::Problem& problem,
                    const std::string& consequence) {
-  std::fprintf(stderr, "fastcycle %s: %s; %s\n", command.c_str(), to_string(problem).c_str(),
-               consequence.c_str());
+  print_to(stderr, "fastcycle {}: {}; {}\n", command, to_string(problem), consequence);
 }
 
 }  // namespace fastcycle::tool

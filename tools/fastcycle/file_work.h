@@ -52,10 +52,13 @@ class Output {
  public:
   Output();
 
-  /// False if nobody reads any more.
+  /// Writes `text` with what is not printable in it shown as `\x1b`. False if nobody reads any
+  /// more.
   ///
   /// @errors  `std::runtime_error` if it cannot be written for another reason.
   bool write(std::string_view text);
+  /// The same with all bytes as they are, for another program.
+  bool write_data(std::string_view data);
   bool flush();
 
  private:

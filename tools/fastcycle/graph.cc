@@ -1,26 +1,32 @@
-#include "host/graph.h"
+#include "report/graph.h"
 
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/output_file.h"
 #include "command.h"
 #include "configuration.h"
 #include "duration.h"
 #include "live/graph.h"
 #include "live/session.h"
 #include "option_values.h"
+#include "print.h"
 #include "report_file.h"
 
 namespace fastcycle::tool {
 namespace {
+
+using Inputs = std::vector<std::filesystem::path>;
 
 struct GraphOptions {
   Configuration configuration;
@@ -30,13 +36,17 @@ struct GraphOptions {
   std::string span = "1s";
 };
 
-/// `dot -Tsvg -o output input`. Returns why that failed, or nothing.
-std::string draw(const std::filesystem::path& input, const std::filesystem::path& output) {
-  std::string words[] = {"dot", "-Tsvg", "-o", output.string(), input.string()};
-  char* arguments[] = {words[0].data(), words[1].data(), words[2].data(),
-                       words[3].data(), words[4].data(), nullptr};
+/// `dot -Tsvg input > output`. Returns why that failed, or nothing.
+std::string draw(const std::filesystem::path& input, int output) {
+  std::string words[] = {"dot", "-Tsvg", input.string()};
+  char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), nullptr};
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
   pid_t child = 0;
-  if (const int error = posix_spawnp(&child, "dot", nullptr, nullptr, arguments, environ)) {
+  const int error = posix_spawnp(&child, "dot", &actions, nullptr, arguments, environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) {
     return error == ENOENT
                ? "Graphviz is not installed (its program dot draws it); -o FILE.dot needs none"
                : std::string("dot cannot be started: ") + std::strerror(error);
@@ -48,7 +58,8 @@ std::string draw(const std::filesystem::path& input, const std::filesystem::path
 }
 
 /// Draws by way of a file that is gone afterwards. Returns why that failed, or nothing.
-std::string write_svg(const std::string& dot, const std::filesystem::path& output) {
+std::string write_svg(const std::string& dot, const std::filesystem::path& output,
+                      const Inputs& inputs) {
   std::string input = (std::filesystem::temp_directory_path() / "fastcycle.dot.XXXXXX").string();
   const int file = mkstemp(input.data());
   if (file < 0) {
@@ -57,23 +68,31 @@ std::string write_svg(const std::string& dot, const std::filesystem::path& outpu
   close(file);
   std::string obstacle = ReportFile(input).write(dot);
   if (obstacle.empty()) {
-    obstacle = draw(input, output);
+    try {
+      base::OutputFile picture(output, inputs);
+      obstacle = draw(input, picture.descriptor());
+      if (obstacle.empty()) {
+        picture.commit();
+      }
+    } catch (const std::runtime_error& error) {
+      obstacle = error.what();
+    }
   }
   unlink(input.c_str());
   return obstacle;
 }
 
-int write_graph(const std::string& dot, const std::filesystem::path& output) {
+int write_graph(const std::string& dot, const std::filesystem::path& output,
+                const Inputs& inputs = {}) {
   if (output.empty()) {
-    std::fputs(dot.c_str(), stdout);
-    std::fputs("fastcycle graph: -o FILE.svg makes a picture of it\n", stderr);
+    print_text(stdout, dot);
+    print_text(stderr, "fastcycle graph: -o FILE.svg makes a picture of it\n");
     return flush_output();
   }
-  const std::string obstacle =
-      output.extension() == ".svg" ? write_svg(dot, output) : ReportFile(output).write(dot);
+  const std::string obstacle = output.extension() == ".svg" ? write_svg(dot, output, inputs)
+                                                            : ReportFile(output, inputs).write(dot);
   if (!obstacle.empty()) {
-    std::fprintf(stderr, "fastcycle graph: %s was not written: %s\n", output.c_str(),
-                 obstacle.c_str());
+    print_to(stderr, "fastcycle graph: {} was not written: {}\n", output.string(), obstacle);
     return kFailed;
   }
   return kDone;
@@ -82,8 +101,8 @@ int write_graph(const std::string& dot, const std::filesystem::path& output) {
 int graph(const GraphOptions& options, const CLI::App& line) {
   const std::filesystem::path extension = options.output.extension();
   if (!options.output.empty() && extension != ".svg" && extension != ".dot") {
-    std::fprintf(stderr, "fastcycle graph: -o wants a name that ends in .svg or .dot, not %s\n",
-                 options.output.c_str());
+    print_to(stderr, "fastcycle graph: -o wants a name that ends in .svg or .dot, not {}\n",
+             options.output.string());
     return kWrong;
   }
   if (options.is_live) {
@@ -96,7 +115,9 @@ int graph(const GraphOptions& options, const CLI::App& line) {
   if (!application) {
     return kWrong;
   }
-  return write_graph(host::to_dot(*application), options.output);
+  Inputs inputs = options.configuration.load.overlays;
+  inputs.push_back(options.configuration.load.file);
+  return write_graph(host::to_dot(*application), options.output, inputs);
 }
 
 }  // namespace

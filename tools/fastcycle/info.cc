@@ -15,9 +15,11 @@
 
 #include "archive/message_text.h"
 #include "archive/overview.h"
+#include "base/printable.h"
 #include "command.h"
 #include "file_work.h"
 #include "mcap/file.h"
+#include "print.h"
 #include "quantity.h"
 
 namespace fastcycle::tool {
@@ -66,7 +68,7 @@ std::string health(const Overview& file) {
 // ---- As text ----
 
 void print_line(const char* name, const std::string& value) {
-  std::printf("  %-11s %s\n", name, value.c_str());
+  print_to(stdout, "  {:<11} {}\n", name, value);
 }
 
 /// Rows with their columns below each other.
@@ -84,7 +86,7 @@ void print_table(const std::vector<std::vector<std::string>>& rows) {
       line += ' ' + row[i] + std::string(widths[i] - row[i].size() + 1, ' ');
     }
     line.erase(line.find_last_not_of(' ') + 1);
-    std::printf("%s\n", line.c_str());
+    print_to(stdout, "{}\n", line);
   }
 }
 
@@ -108,7 +110,7 @@ void print_topics(const Overview& file) {
          fmt::format("{}", topic.messages), rate ? fmt::format("{:.1f} Hz", *rate) : "-",
          topic.bytes ? bytes_text(*topic.bytes) : "", topic.loss ? loss_text(*topic.loss) : ""});
   }
-  std::printf("  topics\n");
+  print_to(stdout, "  topics\n");
   print_table(rows);
 }
 
@@ -144,7 +146,7 @@ void print_metadata(const Overview& file) {
     }
   }
   if (!rows.empty()) {
-    std::printf("  metadata\n");
+    print_to(stdout, "  metadata\n");
     print_table(rows);
   }
 }
@@ -156,7 +158,7 @@ void print_explanation(const Overview& file) {
         {printable(index.name), printable(index.media_type), bytes_text(index.data_size)});
   }
   if (!attachments.empty()) {
-    std::printf("  attachments\n");
+    print_to(stdout, "  attachments\n");
     print_table(attachments);
   }
   print_metadata(file);
@@ -172,7 +174,7 @@ void print_times(const mcap::Statistics& statistics) {
 }
 
 void print(const Overview& file) {
-  std::printf("%s\n", file.file.c_str());
+  print_to(stdout, "{}\n", file.file);
   const std::string& profile = file.header.profile;
   print_line("size", bytes_text(file.bytes));
   print_line("written by", (file.header.library.empty() ? "?" : printable(file.header.library)) +
@@ -234,7 +236,7 @@ mcap::Statistics together(const std::vector<Overview>& files) {
 }
 
 void print_together(const std::vector<Overview>& files) {
-  std::printf("together\n");
+  print_to(stdout, "together\n");
   print_times(together(files));
   for (const Gap& gap : gaps_between(files)) {
     print_line(gap.ns < 0 ? "overlap" : "gap",
@@ -321,7 +323,8 @@ void print_json(const std::vector<Overview>& files) {
       json["together"]["gaps"].push_back({{"from", gap.from}, {"to", gap.to}, {"ns", gap.ns}});
     }
   }
-  std::printf("%s\n", json.dump(2, ' ', false, Json::error_handler_t::replace).c_str());
+  print_to(stdout, "{}\n",
+           base::printable_json(json.dump(2, ' ', false, Json::error_handler_t::replace)));
 }
 
 int info(const InfoOptions& options) {

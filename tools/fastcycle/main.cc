@@ -1,10 +1,14 @@
 // fastcycle: the command line. Each command has a file of its own; this one reads the words.
 
 #include <algorithm>
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -16,6 +20,7 @@
 #include "config/problem.h"
 #include "fastcycle/version.h"
 #include "option_values.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 
@@ -27,7 +32,7 @@ int flush_output() {
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) {
     return kDone;
   }
-  std::perror("fastcycle: standard output");
+  print_to(stderr, "fastcycle: standard output: {}\n", std::strerror(errno));
   return kFailed;
 }
 
@@ -36,7 +41,8 @@ namespace {
 constexpr const char* kExitCodes =
     "Exit codes:\n"
     "  0    done\n"
-    "  1    the run failed, or a component did whose \"on_fault\" is \"stop\"; a file failed\n"
+    "  1    the run failed, or a component did whose \"on_fault\" is \"stop\", or any with\n"
+    "       --fail-on-fault; a component hung, or ended the process; a file failed\n"
     "  2    the configuration or the command line is wrong; nothing was started\n"
     "  3    a log is not in order, or not all of it could be saved; a latency chain is not shown\n"
     "       to hold\n"
@@ -49,8 +55,7 @@ std::string words_of(const CLI::App& line) {
 
 int print_wrong(const std::string& sentence, const CLI::App& line) {
   const std::string command = words_of(line);
-  std::fprintf(stderr, "fastcycle%s: %s\n  fastcycle%s --help says more\n", command.c_str(),
-               sentence.c_str(), command.c_str());
+  print_to(stderr, "fastcycle{}: {}\n  fastcycle{} --help says more\n", command, sentence, command);
   return kWrong;
 }
 
@@ -142,7 +147,7 @@ const Command* find(const std::vector<Command>& commands, const std::string& wor
 
 /// Prints what there is to choose from, where nothing was chosen.
 int print_choice(const CLI::App& line) {
-  std::fputs(line.help().c_str(), stderr);
+  print_text(stderr, line.help());
   return kWrong;
 }
 
@@ -190,7 +195,7 @@ int run_program(int argument_count, char** arguments) {
   const std::vector<Command> commands = add_commands(program);
   const std::vector<std::string> words(arguments + 1, arguments + argument_count);
   if (words == std::vector<std::string>{"help"}) {
-    std::fputs(program.help().c_str(), stdout);
+    print_text(stdout, program.help());
     return kDone;
   }
   int exit_code = kDone;
@@ -239,10 +244,21 @@ void occupy_standard_streams() {
 
 int main(int argument_count, char** arguments) {
   fastcycle::tool::occupy_standard_streams();
+  // A file that is larger than `ulimit -f` allows is an error of that file, as on a full disk.
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     return fastcycle::tool::run_program(argument_count, arguments);
+  } catch (const std::system_error& error) {
+    // That is how the system says that it makes no further thread.
+    const bool is_thread = error.code() == std::errc::resource_unavailable_try_again;
+    fastcycle::tool::print_to(
+        stderr, "fastcycle: {}{}\n", error.what(),
+        is_thread ? ": expected room for one more thread, found none; raise the limits of threads "
+                    "and of memory (ulimit -u, ulimit -v)"
+                  : "");
+    return fastcycle::tool::kFailed;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "fastcycle: %s\n", error.what());
+    fastcycle::tool::print_to(stderr, "fastcycle: {}\n", error.what());
     return fastcycle::tool::kFailed;
   }
 }

@@ -7,10 +7,12 @@
 
 #include <fnmatch.h>
 
+#include "base/printable.h"
 #include "command.h"
 #include "config/nearest.h"
 #include "configuration.h"
-#include "host/param_list.h"
+#include "print.h"
+#include "report/param_list.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -39,8 +41,8 @@ bool choose(const std::vector<std::string>& patterns, std::vector<host::ListedPa
   for (const std::string& pattern : patterns) {
     if (std::ranges::none_of(params, [&](const auto& param) { return is_meant(pattern, param); })) {
       const std::string hint = config::did_you_mean(config::nearest(pattern, known));
-      std::fprintf(stderr, "fastcycle params: there is no component and no param \"%s\"%s\n",
-                   pattern.c_str(), (hint.empty() ? hint : "; " + hint).c_str());
+      print_to(stderr, "fastcycle params: there is no component and no param \"{}\"{}\n", pattern,
+               (hint.empty() ? hint : "; " + hint));
       is_right = false;
     }
   }
@@ -61,10 +63,10 @@ int params(const ParamsOptions& options) {
   if (!choose(options.patterns, listed)) {
     return kWrong;
   }
-  const std::string text = options.json       ? host::to_json(listed)
+  const std::string text = options.json       ? base::printable_json(host::to_json(listed))
                            : options.markdown ? host::to_markdown(listed)
                                               : host::to_table(listed);
-  std::fputs(text.c_str(), stdout);
+  print_text(stdout, text);
   return flush_output();
 }
 

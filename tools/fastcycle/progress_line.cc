@@ -5,8 +5,9 @@
 
 #include <unistd.h>
 
-#include "host/report.h"
+#include "print.h"
 #include "redrawn_line.h"
+#include "report/report.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -50,7 +51,8 @@ void ProgressLine::stop() {
 
 void ProgressLine::print(const std::string& text) {
   const std::lock_guard lock(mutex_);
-  std::fprintf(stderr, "%s%s\n", is_shown_ ? kClearLine : "", text.c_str());
+  std::fputs(is_shown_ ? kClearLine : "", stderr);
+  tool::print_to(stderr, "{}\n", text);
 }
 
 void ProgressLine::redraw_until_stopped(const host::Application& application) {
@@ -62,11 +64,11 @@ void ProgressLine::redraw_until_stopped(const host::Application& application) {
     const host::Progress now = host::progress_of(application);
     const double seconds = std::chrono::duration<double>(Clock::now() - drawn).count();
     const std::string length = now.length ? " of " + clock_text(*now.length) : "";
-    std::fprintf(stderr, "%s%s%s   %.0f messages/s   %llu dropped   %llu faults%s", kClearLine,
-                 clock_text(now.time).c_str(), length.c_str(),
-                 static_cast<double>(now.published - before.published) / seconds,
-                 static_cast<unsigned long long>(now.dropped),
-                 static_cast<unsigned long long>(now.faults), state().c_str());
+    std::fputs(kClearLine, stderr);
+    tool::print_to(stderr, "{}{}   {:.0f} messages/s   {} dropped   {} faults{}",
+                   clock_text(now.time), length,
+                   static_cast<double>(now.published - before.published) / seconds, now.dropped,
+                   now.faults, state());
     std::fflush(stderr);
     before = now;
     drawn = Clock::now();

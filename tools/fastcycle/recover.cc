@@ -10,6 +10,7 @@
 #include "command.h"
 #include "file_work.h"
 #include "mcap/file.h"
+#include "print.h"
 #include "quantity.h"
 #include "rewriting.h"
 
@@ -26,19 +27,17 @@ struct RecoverOptions {
 
 void print(const archive::Recovery& recovery) {
   for (const mcap::Problem& problem : recovery.mended) {
-    std::fprintf(stderr, "mended: %s\n", to_string(problem).c_str());
+    print_to(stderr, "mended: {}\n", to_string(problem));
   }
   for (const archive::Loss& loss : recovery.losses) {
     std::string what = loss.bytes > 0 ? bytes_text(loss.bytes) : "";
     if (loss.messages) {
       what += (what.empty() ? "" : ", ") + std::to_string(*loss.messages) + " messages";
     }
-    std::fprintf(stderr, "lost%s%s: %s\n", what.empty() ? "" : " ", what.c_str(),
-                 to_string(loss.problem).c_str());
+    print_to(stderr, "lost{}{}: {}\n", what.empty() ? "" : " ", what, to_string(loss.problem));
   }
   if (recovery.loss_count > recovery.losses.size()) {
-    std::fprintf(stderr, "lost: %llu more places\n",
-                 static_cast<unsigned long long>(recovery.loss_count - recovery.losses.size()));
+    print_to(stderr, "lost: {} more places\n", recovery.loss_count - recovery.losses.size());
   }
 }
 
@@ -75,17 +74,15 @@ int recover(const RecoverOptions& options) {
   }
   print(recovery);
   if (recovery.is_hopeless()) {
-    std::fprintf(stderr, "fastcycle recover: nothing could be recovered from %s\n",
-                 options.input.c_str());
+    print_to(stderr, "fastcycle recover: nothing could be recovered from {}\n",
+             options.input.string());
     return kFailed;
   }
   if (!options.is_quiet) {
     const archive::ContentSum& kept = recovery.kept;
-    std::printf("%s: %llu messages, %llu attachments, %llu metadata, verified; lost: ",
-                options.output.c_str(), static_cast<unsigned long long>(kept.messages),
-                static_cast<unsigned long long>(kept.attachments),
-                static_cast<unsigned long long>(kept.metadata));
-    std::printf("%s\n", lost_text(recovery).c_str());
+    print_to(stdout, "{}: {} messages, {} attachments, {} metadata, verified; lost: ",
+             options.output.string(), kept.messages, kept.attachments, kept.metadata);
+    print_to(stdout, "{}\n", lost_text(recovery));
   }
   const int printed = flush_output();
   return printed == kDone && recovery.loss_count > 0 ? kProblems : printed;

@@ -17,6 +17,7 @@
 #include "file_work.h"
 #include "mcap/reader.h"
 #include "page.h"
+#include "print.h"
 #include "quantity.h"
 #include "rewriting.h"
 
@@ -117,21 +118,20 @@ int render_log(const RenderOptions& options, const archive::ViewOptions& times) 
   file.commit();
   if (!options.is_quiet) {
     for (const std::string& layer : data.left_out) {
-      std::fprintf(stderr, "fastcycle render: not shown: %s\n", layer.c_str());
+      print_to(stderr, "fastcycle render: not shown: {}\n", layer);
     }
-    std::printf("%s: %s, %llu messages\n", output.c_str(),
-                bytes_text(fs::file_size(output)).c_str(),
-                static_cast<unsigned long long>(data.messages));
+    print_to(stdout, "{}: {}, {} messages\n", output.string(), bytes_text(fs::file_size(output)),
+             data.messages);
   }
   return flush_output();
 }
 
 int render(const RenderOptions& options) {
   if (page_html().empty()) {
-    std::fputs(
+    print_text(
+        stderr,
         "fastcycle render: this program was built without its page: when it was built, node or\n"
-        "the packages of tools/page/package.json were missing (./dev setup, then ./dev build)\n",
-        stderr);
+        "the packages of tools/page/package.json were missing (./dev setup, then ./dev build)\n");
     return kFailed;
   }
   std::optional<std::uint64_t> start_ns;

@@ -7,7 +7,7 @@
 
 #include <CLI/App.hpp>
 
-#include "host/replay_plan.h"
+#include "replay/replay_plan.h"
 
 namespace fastcycle::tool {
 

@@ -2,16 +2,19 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace fastcycle::tool {
 
-/// A file that appears complete or not at all: written beside its place and renamed.
+/// A text that a command was asked to write into a file: see `base::OutputFile`.
 ///
 /// @threads  Confined to its owner.
 class ReportFile {
  public:
-  /// An empty `path` is no file: writing it does nothing.
-  explicit ReportFile(std::filesystem::path path) : path_(std::move(path)) {}
+  /// An empty `path` is no file: writing it does nothing. `inputs` are never replaced.
+  explicit ReportFile(std::filesystem::path path, std::vector<std::filesystem::path> inputs = {})
+      : path_(std::move(path)), inputs_(std::move(inputs)) {}
 
   /// Finds out whether it can be written, without changing it. Returns why not, or nothing.
   [[nodiscard]] std::string find_obstacle() const;
@@ -21,6 +24,7 @@ class ReportFile {
 
  private:
   const std::filesystem::path path_;
+  const std::vector<std::filesystem::path> inputs_;
 };
 
 }  // namespace fastcycle::tool

@@ -9,6 +9,7 @@
 #include "command.h"
 #include "file_work.h"
 #include "mcap/compression.h"
+#include "print.h"
 #include "quantity.h"
 
 namespace fastcycle::tool {
@@ -122,8 +123,7 @@ int Rewriting::run() {
     print_problem(command, problem, "what there is was taken");
   }
   if (!is_quiet) {
-    std::printf("%s: %llu messages\n", pieces.names().c_str(),
-                static_cast<unsigned long long>(result.messages));
+    print_to(stdout, "{}: {} messages\n", pieces.names(), result.messages);
   }
   return flush_output();
 }

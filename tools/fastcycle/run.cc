@@ -2,34 +2,43 @@
 #include <array>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "base/clock.h"
+#include "base/log_level.h"
+#include "base/printable.h"
 #include "command.h"
 #include "configuration.h"
 #include "duration.h"
+#include "end_bound.h"
 #include "flight_options.h"
-#include "host/component_library.h"
+#include "host/diagnosis.h"
 #include "host/pace.h"
-#include "host/protection.h"
+#include "host/prepare_replay.h"
 #include "host/recording.h"
-#include "host/replay.h"
-#include "host/report.h"
 #include "inspect/server.h"
 #include "inspect_options.h"
 #include "live/record.h"
+#include "loading/component_library.h"
+#include "loading/protection.h"
+#include "option_values.h"
+#include "print.h"
 #include "progress_line.h"
 #include "recording_options.h"
 #include "replaying_options.h"
+#include "report/report.h"
 #include "report_file.h"
 #include "stop_signals.h"
 #include "terminal_keys.h"
+#include "terminal_modes.h"
 #include "trace/tracer.h"
 #include "tracing_options.h"
 
@@ -44,8 +53,10 @@ struct RunOptions {
   std::optional<double> rate;
   std::optional<unsigned> workers;
   bool is_strict = false;
+  bool fails_on_fault = false;
   bool is_debuggable = false;
   bool is_quiet = false;
+  std::string log_level;
   std::filesystem::path report;
   RecordingOptions record;
   FlightOptions flight_recorder;
@@ -57,6 +68,7 @@ struct RunOptions {
 };
 
 constexpr unsigned kMaxWorkers = 64;
+constexpr std::chrono::seconds kStartLimit{10};  ///< For all starts, beyond what --for says.
 constexpr double kMinRate = 1e-3;
 constexpr double kMaxRate = 1e3;
 
@@ -93,6 +105,14 @@ std::string find_wrong(const RunOptions& options) {
     return "--workers wants a number from 1 to " + std::to_string(kMaxWorkers);
   }
   return {};
+}
+
+/// The files that are read, none of which may be written.
+std::vector<std::filesystem::path> inputs_of(const RunOptions& options) {
+  std::vector<std::filesystem::path> inputs = options.configuration.load.overlays;
+  inputs.push_back(options.configuration.load.file);
+  inputs.insert(inputs.end(), options.replay.files.begin(), options.replay.files.end());
+  return inputs;
 }
 
 host::ClockOptions clock_of(const RunOptions& options) {
@@ -149,22 +169,43 @@ std::string text_of(const host::WallPace& pace) {
 /// Starts the application, lets it run and stops it. Returns why it must count as failed although
 /// no component did; empty if nothing is to be said.
 std::string carry_out(host::Application& application, const RunOptions& options,
-                      ProgressLine& progress) {
-  const std::vector<base::Refusal> refusals = application.start();
+                      EndBound& end_bound, ProgressLine& progress) {
+  const auto limit = options.limit.empty() ? std::nullopt : parse_duration(options.limit);
+  // A start that hangs must not keep a run from ending that has an end.
+  const std::vector<base::Refusal> refusals =
+      application.start(limit ? std::optional(*limit + kStartLimit) : std::nullopt);
   print(refusals, progress);
   if (options.is_strict && !refusals.empty()) {
+    end_bound.begin_within({});
     application.stop();
     return "refused by the machine";
   }
   progress.start(application);
-  application.run(options.limit.empty() ? std::nullopt : parse_duration(options.limit));
+  application.run(limit);
+  end_bound.begin_within({});
   application.stop();
   progress.stop();
   return {};
 }
 
+/// Says who has not come back, and leaves without waiting for them: what their threads still use is
+/// left as it is.
+[[noreturn]] void leave(const std::vector<host::StuckCall>& stuck, const char* command) {
+  for (const host::StuckCall& one : stuck) {
+    print_to(stderr,
+             "fastcycle {}: component \"{}\" has not come back from {}; the process ends without "
+             "waiting for it\n",
+             command, one.component, one.call);
+  }
+  std::fflush(nullptr);
+  TerminalModes::give_back();
+  std::_Exit(kFailed);
+}
+
 std::string to_text(const nlohmann::ordered_json& json) {
-  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return base::printable_json(
+             json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) +
+         "\n";
 }
 
 /// What became of a trace, for the report.
@@ -198,12 +239,25 @@ std::string text_of(const trace::TraceReport& trace) {
   return text;
 }
 
+/// The trial has told the warnings.
+config::Problems without_warnings(const config::Problems& problems) {
+  config::Problems mistakes;
+  for (const config::Problem& problem : problems.all()) {
+    if (!problem.warning) {
+      mistakes.add(problem);
+    }
+  }
+  return mistakes;
+}
+
 /// Builds and runs what was found to be right.
-int run_application(const config::ApplicationDescription& description, const RunOptions& options,
+int run_application(const config::ApplicationDescription& description,
+                    const host::LibraryFiles& tried, const RunOptions& options,
                     const ReportFile& report_file) {
   ProgressLine progress(!options.is_quiet);
   host::LibraryLoader libraries(
       host::library_folders(description, options.configuration.library_path));
+  libraries.expect(tried);
   // A reader of the log that goes away must not end the run.
   std::signal(SIGPIPE, SIG_IGN);
   // Before any other thread is made, so that none of them is interrupted.
@@ -212,7 +266,7 @@ int run_application(const config::ApplicationDescription& description, const Run
   std::unique_ptr<host::Replay> replay;
   host::ComponentClasses* classes = &libraries;
   if (!options.replay.files.empty()) {
-    replay = host::Replay::prepare(options.replay.describe(), description, libraries, problems);
+    replay = host::prepare_replay(options.replay.describe(), description, libraries, problems);
     if (!may_start(problems, options.configuration.load.file.string())) {
       return kWrong;
     }
@@ -223,8 +277,9 @@ int run_application(const config::ApplicationDescription& description, const Run
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
   std::unique_ptr<trace::Tracer> tracer;
   if (const auto asked = options.trace.describe(description)) {
-    tracer = std::make_unique<trace::Tracer>(*asked);
+    tracer = std::make_unique<trace::Tracer>(*asked, inputs_of(options));
   }
+  EndBound end_bound(description, options.command, &TerminalModes::give_back);
   host::Application application(replay != nullptr ? replay->description() : description,
                                 clock_of(options));
   if (const auto asked = options.inspect.describe(description)) {
@@ -243,6 +298,7 @@ int run_application(const config::ApplicationDescription& description, const Run
       [&] {
         progress.print("stopping… (Ctrl-C again ends at once)");
         application.request_end(host::EndReason::kRequested);
+        end_bound.begin_within({});
       },
       [&] {
         if (!application.dump("signal")) {
@@ -265,9 +321,20 @@ int run_application(const config::ApplicationDescription& description, const Run
   if (tracer != nullptr) {
     application.add(*tracer);
   }
+  if (!options.limit.empty()) {
+    end_bound.begin_within(*parse_duration(options.limit) + kStartLimit);
+  }
+  host::Diagnosis diagnosis(application, ".");
+  application.add(diagnosis);  // After the flight recorder, in whose file a crash is noted.
   application.build(*classes, problems, host::ConstructorFault::kFault);
   if (problems.has_errors()) {
-    static_cast<void>(may_start(problems, options.configuration.load.file.string()));
+    static_cast<void>(
+        may_start(without_warnings(problems), options.configuration.load.file.string()));
+    return kWrong;
+  }
+  // Libraries and constructors have run, and could have undone it.
+  if (const auto obstacle = options.is_debuggable ? std::nullopt : host::check_protection()) {
+    print_to(stderr, "fastcycle {}: {}; nothing was started\n", options.command, *obstacle);
     return kWrong;
   }
   if (recording && options.record.say_how()) {
@@ -282,7 +349,7 @@ int run_application(const config::ApplicationDescription& description, const Run
     keys.emplace([&](char key) { obey(key, pace, application); });
   }
   const auto began = std::chrono::steady_clock::now();
-  const std::string failure = carry_out(application, options, progress);
+  const std::string failure = carry_out(application, options, end_bound, progress);
   keys.reset();
   host::RunReport report = host::make_report(application, std::chrono::steady_clock::now() - began);
   if (!failure.empty()) {
@@ -296,44 +363,63 @@ int run_application(const config::ApplicationDescription& description, const Run
   }
   const std::string obstacle = report_file.write(to_text(json));
   if (!options.is_quiet) {
-    std::fputs(table.c_str(), stdout);
+    print_text(stdout, table);
     static_cast<void>(flush_output());  // It says why not; the run itself has not failed.
   } else if (tracer != nullptr && !tracer->report().problem.empty()) {
-    std::fprintf(stderr, "fastcycle %s: the trace is not whole: %s\n", options.command,
-                 tracer->report().problem.c_str());
+    print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
+             tracer->report().problem);
   }
   if (!obstacle.empty()) {
-    std::fprintf(stderr, "fastcycle run: the report %s was not written: %s\n",
-                 options.report.c_str(), obstacle.c_str());
+    print_to(stderr, "fastcycle run: the report {} was not written: {}\n", options.report.string(),
+             obstacle);
   }
-  const bool has_failed = host::is_failure(application.end_reason());
+  const auto has_faulted = [](const host::ComponentReport& component) {
+    return component.faults > 0;
+  };
+  if (!application.stuck().empty()) {
+    leave(application.stuck(), options.command);
+  }
+  // A log or a trace that was asked for and is not there, or not whole, is a failure like a missing
+  // report.
+  const bool has_failed =
+      host::is_failure(application.end_reason()) ||
+      (application.recorder() != nullptr && application.recorder()->has_failed()) ||
+      (tracer != nullptr && !tracer->report().problem.empty()) ||
+      (options.fails_on_fault && std::ranges::any_of(report.components, has_faulted));
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
 }
 
 int run(const RunOptions& options) {
   const auto wrong = [&](const std::string& sentence) {
-    std::fprintf(stderr, "fastcycle %s: %s\n", options.command, sentence.c_str());
+    print_to(stderr, "fastcycle {}: {}\n", options.command, sentence);
     return static_cast<int>(kWrong);
   };
   if (const std::string sentence = find_wrong(options); !sentence.empty()) {
     return wrong(sentence);
   }
-  const ReportFile report_file(options.report);
+  const ReportFile report_file(options.report, inputs_of(options));
   if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
     return wrong("the report " + options.report.string() + " cannot be written: " + obstacle);
   }
-  if (!options.is_debuggable) {
-    if (const auto obstacle = host::protect_process()) {
-      return wrong(*obstacle);
-    }
+  if (options.is_debuggable) {
+    host::unprotect_process();
+  } else if (const auto obstacle = host::protect_process()) {
+    return wrong(*obstacle);
   }
   config::Problems problems;
-  const config::ApplicationDescription description = options.configuration.read(
+  host::LibraryFiles tried;
+  config::ApplicationDescription description = options.configuration.read(
       host::ConstructorFault::kFault, problems,
       options.replay.files.empty() ? Configuration::TrialWarnings::kHeard
-                                   : Configuration::TrialWarnings::kLeftOut);
+                                   : Configuration::TrialWarnings::kLeftOut,
+      &tried);
   if (!may_start(problems, options.configuration.load.file.string())) {
     return kWrong;
+  }
+  if (!options.log_level.empty()) {
+    const auto& words = detail::kLogLevelWords;
+    description.log_level =
+        static_cast<LogLevel>(std::ranges::find(words, options.log_level) - words.begin());
   }
   if (options.record.say_how() && !options.record.describe(description)) {
     return wrong(
@@ -347,14 +433,14 @@ int run(const RunOptions& options) {
   if (const std::string sentence = options.inspect.find_wrong(description); !sentence.empty()) {
     return wrong(sentence);
   }
-  return run_application(description, options, report_file);
+  return run_application(description, tried, options, report_file);
 }
 
 /// The words do not say where the recordings end: the last file is the application.
 int play(RunOptions& options) {
   std::vector<std::filesystem::path>& files = options.replay.files;
   if (files.size() < 2) {
-    std::fputs("fastcycle play: wants recordings and, behind them, an application\n", stderr);
+    print_text(stderr, "fastcycle play: wants recordings and, behind them, an application\n");
     return kWrong;
   }
   options.configuration.load.file = files.back();
@@ -381,6 +467,11 @@ void add_options(CLI::App& line, RunOptions& options) {
                   options.is_played ? "Threads; the result does not depend on it"
                                     : "Simulated only: threads; the result does not depend on it")
       ->type_name("N");
+  line.add_option("--log-level", options.log_level,
+                  "Write lines of log from this level on, in place of the application's "
+                  "\"log_level\" (info); components that say their own keep it")
+      ->type_name("LEVEL")
+      ->check(is_one_of({detail::kLogLevelWords.begin(), detail::kLogLevelWords.end()}));
   line.add_option("--report", options.report, "Write a report of the run, as JSON")
       ->type_name("FILE");
   line.add_option("--flight-recorder", options.flight_recorder.file,
@@ -395,6 +486,8 @@ void add_options(CLI::App& line, RunOptions& options) {
       ->type_name("FILE.pftrace");
   line.add_flag("--strict", options.is_strict,
                 "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
+  line.add_flag("--fail-on-fault", options.fails_on_fault,
+                "End with exit code 1 if any component faulted, whatever its \"on_fault\"");
   line.add_flag("--quiet", options.is_quiet, "No progress line and no table");
   line.add_flag("--debuggable", options.is_debuggable,
                 "Let debuggers and core dumps see the process's memory, all messages included");

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "command.h"
+#include "diagnostics/crash_reporter.h"
 #include "terminal_modes.h"
 
 namespace fastcycle::tool {
@@ -52,7 +53,7 @@ void StopSignals::wait() {
     }
     if (!is_first) {
       TerminalModes::give_back();
-      _exit(kEndedAtOnce);
+      diagnostics::end_process(kEndedAtOnce);
     }
     is_first = false;
     on_first_();

@@ -5,7 +5,8 @@
 #include <google/protobuf/stubs/common.h>
 
 #include "command.h"
-#include "host/component_library.h"
+#include "loading/component_library.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 
@@ -15,8 +16,8 @@ Command add_version(CLI::App& program) {
   return {line, [] {
             const std::string protobuf =
                 google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION);
-            std::printf("fastcycle  %s\nbuild      %s\nprotobuf   %s\n", FASTCYCLE_VERSION,
-                        host::host_build_note().c_str(), protobuf.c_str());
+            print_to(stdout, "fastcycle  {}\nbuild      {}\nprotobuf   {}\n", FASTCYCLE_VERSION,
+                     host::host_build_note(), protobuf);
             return static_cast<int>(kDone);
           }};
 }

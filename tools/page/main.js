@@ -1,5 +1,5 @@
 // The page: what is played, and what one can do with it.
-import { Drive, fixed, inWords } from "./data.js";
+import { Drive, fixed, inWords, lastNotAfter } from "./data.js";
 import { Plots } from "./plots.js";
 import { LAYERS, Scene, isUnknown } from "./scene.js";
 
@@ -10,6 +10,8 @@ element("data").remove();
 const scene = new Scene(element("canvas"), drive);
 const plots = new Plots(element("plots"), drive, (time) => seek(time));
 const changes = drive.stateChanges();
+const MOST_LINES = 12;
+let shownLine = -1;
 
 let time = 0;
 let isPlaying = false;
@@ -65,6 +67,7 @@ function show() {
   element("time").textContent = `${time.toFixed(2)} / ${drive.duration.toFixed(2)} s`;
   showState();
   showReadout();
+  showLog();
 }
 
 function showState() {
@@ -101,6 +104,26 @@ function showReadout() {
     lines.push(`${scene.objects.length} objects` + (scene.unknown.length > 0 ? `, ${scene.unknown.length} unknown` : ""));
   }
   element("readout").textContent = lines.join("\n");
+}
+
+// The last lines of the log that were written until then.
+function showLog() {
+  const last = drive.layers.log ? lastNotAfter(drive.layers.log.published, time) : -1;
+  if (last === shownLine) {
+    return;
+  }
+  shownLine = last;
+  const rows = [];
+  for (let i = Math.max(0, last - MOST_LINES + 1); i <= last; ++i) {
+    const { published, level, component, text, lost } = drive.layers.log.get(i);
+    const word = String(level).replace("LOG_LEVEL_", "").toLowerCase();
+    const row = document.createElement("tr");
+    row.className = word;
+    const words = [`${published.toFixed(2)} s`, word, component, lost > 0 ? `(${lost} lines are missing) ${text}` : text];
+    row.append(...words.map((one) => Object.assign(document.createElement("td"), { textContent: one })));
+    rows.push(row);
+  }
+  element("log").replaceChildren(...rows);
 }
 
 // ---- What is there once ----
@@ -147,6 +170,7 @@ function buildEvents() {
     element("events").append(item);
   });
   element("strip").hidden = changes.length === 0;
+  element("log_title").hidden = !drive.layers.log;
 }
 
 function setTheme(theme) {

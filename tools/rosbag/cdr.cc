@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "archive/utf8.h"
+#include "base/utf8.h"
 
 namespace fastcycle::rosbag {
 
@@ -26,7 +26,7 @@ std::string CdrReader::text(std::string_view field) {
   if (!text.empty() && text.back() == '\0') {
     text.remove_suffix(1);
   }
-  if (!archive::is_utf8(text)) {
+  if (!base::is_utf8(text)) {
     fail(field, "UTF-8", "other bytes");
   }
   return std::string(text);

@@ -1,7 +1,8 @@
-// Loads and constructs an application where it can do no harm; see host/trial.h.
+// Loads and constructs an application where it can do no harm; see loading/trial.h.
 
-#include "host/trial.h"
+#include "host/build_for_trial.h"
+#include "loading/trial.h"
 
-int main(int argument_count, char** arguments) {
-  return fastcycle::host::run_trial_child(argument_count, arguments);
+int main() {
+  return fastcycle::host::run_trial_child(fastcycle::host::build_for_trial);
 }

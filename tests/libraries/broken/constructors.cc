@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <stdexcept>
+#include <string>
 
 #include <fastcycle/fastcycle.h>
 #include <unistd.h>
@@ -48,6 +49,23 @@ class Throws final : public fastcycle::Component {
   }
 };
 
+/// What it throws is more than a report of the trial may have in one line.
+class ThrowsMuch final : public fastcycle::Component {
+ public:
+  explicit ThrowsMuch(fastcycle::Context& context) : Component(context) {
+    throw std::runtime_error("no road from " + std::string(2'000'000, 'a'));
+  }
+};
+
+/// Without a mistake, but for the period that its `serve` needs.
+class Serves final : public fastcycle::Component {
+ public:
+  explicit Serves(fastcycle::Context& context) : Component(context) {}
+
+ private:
+  void serve() override {}
+};
+
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Aborts, Exits, Hangs, Crashes, Throws)
+FASTCYCLE_COMPONENTS(Aborts, Exits, Hangs, Crashes, Throws, ThrowsMuch, Serves)

@@ -1,6 +1,7 @@
 // A component without a mistake, that leaves the file `started` where the program works once it is
 // started, and that computes with the smallest of numbers.
 
+#include <chrono>
 #include <fstream>
 #include <limits>
 
@@ -17,29 +18,30 @@ bool keeps_small_numbers() {
 class Witness final : public fastcycle::Component {
  public:
   explicit Witness(fastcycle::Context& context)
-      : Component(context), kept_in_constructor_(keeps_small_numbers()) {}
+      : Component(context),
+        kept_in_constructor_(keeps_small_numbers()),
+        timer_(context.create_timer({.period = std::chrono::milliseconds(5)}, [this] {
+          if (!keeps_small_numbers()) {
+            kept_in_timer_ = false;
+          }
+        })) {}
 
   void start() override {
     std::ofstream("started") << "yes\n";
     kept_in_start_ = keeps_small_numbers();
   }
 
-  void serve() override {
-    if (!keeps_small_numbers()) {
-      kept_in_serve_ = false;
-    }
-  }
-
   void stop() override {
     report("kept_in_constructor", kept_in_constructor_);
     report("kept_in_start", kept_in_start_);
-    report("kept_in_serve", kept_in_serve_);
+    report("kept_in_timer", kept_in_timer_);
   }
 
  private:
   const bool kept_in_constructor_;
   bool kept_in_start_ = false;
-  bool kept_in_serve_ = true;
+  bool kept_in_timer_ = true;
+  fastcycle::Timer timer_;
 };
 
 }  // namespace

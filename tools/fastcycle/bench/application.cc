@@ -14,7 +14,7 @@
 #include "base/clock.h"
 #include "config/load.h"
 #include "config/problem.h"
-#include "host/component_library.h"
+#include "loading/component_library.h"
 #include "measure/clock.h"
 #include "measure/floors.h"
 

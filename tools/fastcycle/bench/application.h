@@ -14,8 +14,8 @@
 #include "bench/options.h"
 #include "fastcycle/component.h"
 #include "host/application.h"
-#include "host/report.h"
 #include "measure/usage.h"
+#include "report/report.h"
 #include "trace/tracer.h"
 
 namespace fastcycle::tool::bench {

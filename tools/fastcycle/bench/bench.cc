@@ -12,6 +12,7 @@
 #include "bench/options.h"
 #include "bench/session.h"
 #include "command.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -34,12 +35,11 @@ Mode mode_of(const Options& options, Session* session) {
 
 int run_bench(Options& options, const CLI::App& line) {
   if (const std::string wrong = bench::complete(options, line); !wrong.empty()) {
-    std::fprintf(stderr, "fastcycle bench: %s\n  fastcycle bench --help says more\n",
-                 wrong.c_str());
+    print_to(stderr, "fastcycle bench: {}\n  fastcycle bench --help says more\n", wrong);
     return kWrong;
   }
   if (options.prints_application) {
-    std::printf("%s\n", mode_of(options, nullptr).application.dump(2).c_str());
+    print_to(stdout, "{}\n", mode_of(options, nullptr).application.dump(2));
     return flush_output();
   }
   // A reader that goes away must not leave the folder of the session behind.

@@ -9,10 +9,14 @@
 #include <system_error>
 #include <utility>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "base/output_file.h"
 #include "command.h"
+#include "print.h"
+#include "redrawn_line.h"
 
 namespace fastcycle::tool::bench {
 namespace {
@@ -52,13 +56,17 @@ Session::Session(const Options& options)
       load_(options.load),
       has_fifo_(options.is_fifo && measure::may_use_fifo()),
       signals_(block_stop_signals(), [this] {
-        std::fprintf(stderr, "%sstopping… (Ctrl-C again ends at once)\n",
-                     is_terminal() ? "\r\x1b[K" : "");
+        std::fputs(is_terminal() ? kClearLine : "", stderr);
+        print_text(stderr, "stopping… (Ctrl-C again ends at once)\n");
         is_stopped_ = true;
         runner_.request_end();
       }) {
   if (!options.raw_file.empty()) {
-    raw_.reset(std::fopen(options.raw_file.c_str(), "we"));
+    // From the beginning on it has its name: what was measured can be looked at meanwhile.
+    base::OutputFile file(options.raw_file);
+    file.commit();
+    const int descriptor = ::fcntl(file.descriptor(), F_DUPFD_CLOEXEC, 0);
+    raw_.reset(descriptor < 0 ? nullptr : ::fdopen(descriptor, "w"));
     if (raw_ == nullptr) {
       throw std::runtime_error("bench: --raw " + options.raw_file.string() + ": " +
                                std::strerror(errno));
@@ -88,7 +96,7 @@ Finished Session::run_application(const Json& json, const RunHooks& hooks) {
   Finished finished = runner_.run(json, folder_.path, hooks);
   for (const base::Refusal& refusal : finished.refusals) {
     if (told_refusals_.insert(refusal.what).second) {
-      std::fprintf(stderr, "refused: %s; %s\n", refusal.what.c_str(), refusal.remedy.c_str());
+      print_to(stderr, "refused: {}; {}\n", refusal.what, refusal.remedy);
     }
   }
   return finished;
@@ -105,7 +113,8 @@ measure::Samples Session::samples_of(const std::string& name) const {
 
 void Session::show_progress(const std::string& text) const {
   if (is_terminal()) {
-    std::fprintf(stderr, "\r\x1b[K%s", text.c_str());
+    std::fputs(kClearLine, stderr);
+    print_text(stderr, text);
     std::fflush(stderr);
   }
 }
@@ -114,7 +123,7 @@ void Session::print_json(const measure::Row& row) {
   if (has_lost_output_) {
     return;
   }
-  std::printf("%s\n", to_json(row).c_str());
+  print_to(stdout, "{}\n", to_json(row));
   if (flush_output() != kDone) {
     has_lost_output_ = true;
     is_stopped_ = true;  // Nobody would see the rest.
@@ -166,8 +175,8 @@ void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t ro
     Finding finding = *found;
     finding.row.round = round;
     if (!finding.trouble.empty()) {
-      std::fprintf(stderr, "fastcycle bench: %s, %s: %s\n", finding.row.peer.c_str(),
-                   size_text(finding.row.size).c_str(), finding.trouble.c_str());
+      print_to(stderr, "fastcycle bench: {}, {}: {}\n", finding.row.peer,
+               size_text(finding.row.size), finding.trouble);
       has_failed_ = true;
     }
     if (options_.is_fifo) {
@@ -230,16 +239,14 @@ int Session::run(const Mode& mode) {
     ++rounds;
   }
   if (!options_.is_json && rounds > 0) {
-    std::printf("%s%s\n\n%s", mode.title.c_str(),
-                rounds > 1 ? fmt::format("; medians over {} rounds", rounds).c_str() : "",
-                table.to_text().c_str());
+    print_to(stdout, "{}{}\n\n{}", mode.title,
+             rounds > 1 ? fmt::format("; medians over {} rounds", rounds) : "", table.to_text());
   }
   if (has_lost_output_ || flush_output() != kDone) {
     return kFailed;
   }
   if (is_stopped()) {
-    std::fprintf(stderr, "fastcycle bench: stopped after %lld of %lld rounds\n",
-                 static_cast<long long>(rounds), static_cast<long long>(options_.rounds));
+    print_to(stderr, "fastcycle bench: stopped after {} of {} rounds\n", rounds, options_.rounds);
     return kFailed;
   }
   return has_failed_ ? kFailed : kDone;

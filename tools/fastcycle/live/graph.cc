@@ -7,8 +7,8 @@
 
 #include <fmt/format.h>
 
-#include "host/graph.h"
 #include "live/text.h"
+#include "report/graph.h"
 
 namespace fastcycle::tool::live {
 namespace {

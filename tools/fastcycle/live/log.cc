@@ -14,6 +14,7 @@
 #include "live/session.h"
 #include "live/text.h"
 #include "option_values.h"
+#include "print.h"
 #include "quantity.h"
 
 namespace fastcycle::tool {
@@ -58,8 +59,8 @@ int log(const LogOptions& options) {
       return true;
     }
     if (answer->log().lost() > 0) {
-      std::fprintf(stderr, "fastcycle log: %s came faster than they could be sent\n",
-                   count_text(answer->log().lost(), "line").c_str());
+      print_to(stderr, "fastcycle log: {} came faster than they could be sent\n",
+               count_text(answer->log().lost(), "line"));
     }
     for (const protocol::LogLine& line : answer->log().lines()) {
       const std::string text =

@@ -7,12 +7,13 @@
 #include <fnmatch.h>
 
 #include "archive/message_text.h"
+#include "base/printable.h"
 #include "command.h"
 #include "config/nearest.h"
 #include "config/problem.h"
-#include "host/param_list.h"
 #include "live/session.h"
 #include "live/text.h"
+#include "report/param_list.h"
 
 namespace fastcycle::tool {
 namespace live {
@@ -87,7 +88,7 @@ int list(const ParamOptions& options) {
                options.words, [&](const std::string& pattern) { return is_meant(pattern, param); });
   });
   if (options.target.is_json) {
-    return print_text(host::to_json(params));
+    return print_text(base::printable_json(host::to_json(params)));
   }
   return print_text(params.empty() ? "The components have no params.\n" : host::to_table(params));
 }

@@ -8,15 +8,18 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "archive/message_text.h"
+#include "base/files.h"
 #include "duration.h"
 #include "live/text.h"
 #include "mcap/writer.h"
+#include "print.h"
 #include "quantity.h"
 #include "record/log_format.h"
 #include "record/message_infos.h"
@@ -35,10 +38,8 @@ std::filesystem::path free_name(const std::filesystem::path& name) {
   const auto is_taken = [](const std::filesystem::path& path) {
     return std::filesystem::exists(path) || std::filesystem::exists(path.string() + ".active");
   };
-  for (int number = 2; is_taken(file); ++number) {
-    file = name;
-    file.replace_filename(
-        fmt::format("{}_{:04}{}", name.stem().string(), number, name.extension().string()));
+  for (unsigned number = 2; is_taken(file); ++number) {
+    file = base::numbered(name, number);
   }
   return file;
 }
@@ -82,6 +83,7 @@ class LiveLog {
   void flush_if_due() {
     if (Clock::now() - flushed_ >= kFlushPeriod) {
       writer_.flush();
+      require_file();
       flushed_ = Clock::now();
     }
   }
@@ -104,7 +106,13 @@ class LiveLog {
                                               {"recorded_by", "fastcycle record --live"}}});
     writer_.close();
     sink_.sync();
-    std::filesystem::rename(active(), file_);
+    require_file();
+    try {
+      file_ = base::rename_to_next_free(active(), file_);
+    } catch (const std::filesystem::filesystem_error& error) {
+      throw Failure(kFailed, active().string() + " has the log, and cannot get the name " +
+                                 error.path2().string() + ": " + error.code().message());
+    }
   }
 
   [[nodiscard]] std::uint64_t recorded() const { return recorded_; }
@@ -127,6 +135,13 @@ class LiveLog {
     Topic* topic = nullptr;
     std::uint64_t last_sequence = 0;
   };
+
+  /// @errors  `Failure` if what was recorded is gone, or elsewhere.
+  void require_file() const {
+    if (const base::FileState state = sink_.look(); state.kind != base::FileState::Kind::kThere) {
+      throw Failure(kFailed, active().string() + ": " + state.words);
+    }
+  }
 
   [[nodiscard]] std::filesystem::path active() const { return file_.string() + ".active"; }
 
@@ -218,7 +233,7 @@ class LiveLog {
                   {&bytes, 1});
   }
 
-  const std::filesystem::path file_;
+  std::filesystem::path file_;
   mcap::FileSink sink_;
   mcap::Writer writer_;
   std::map<std::string, std::uint16_t> schema_ids_;
@@ -293,8 +308,8 @@ int record(const LiveRecordOptions& options) {
                                                     : options.record.file),
               options.record.compression, started);
   if (!options.is_quiet) {
-    std::fprintf(stderr, "fastcycle record: %s into %s; Ctrl-C ends it\n",
-                 count_text(log.topics(), "topic").c_str(), log.file().c_str());
+    print_to(stderr, "fastcycle record: {} into {}; Ctrl-C ends it\n",
+             count_text(log.topics(), "topic"), log.file().string());
   }
   std::string problem;
   const std::string why = follow(streams, log, options, problem);

@@ -10,9 +10,11 @@
 #include <unistd.h>
 
 #include "archive/message_text.h"
+#include "base/printable.h"
 #include "config/nearest.h"
 #include "config/problem.h"
 #include "mcap/topic_filter.h"
+#include "print.h"
 
 namespace fastcycle::tool::live {
 namespace {
@@ -112,7 +114,7 @@ void require_file(const CLI::App& line) {
 
 int guarded(const std::string& command, const std::function<int()>& body) {
   const auto say = [&](const std::string& sentence) {
-    std::fprintf(stderr, "fastcycle %s: %s\n", command.c_str(), sentence.c_str());
+    print_to(stderr, "fastcycle {}: {}\n", command, sentence);
   };
   try {
     return body();
@@ -190,7 +192,7 @@ void Streams::follow(Output& output, const std::function<bool(const protocol::An
     if (answer && answer->has_ended()) {
       std::erase(running_, answer->id());
       if (running_.empty() && !stopped) {
-        std::fprintf(stderr, "fastcycle: %s\n", archive::printable(answer->ended().why()).c_str());
+        print_to(stderr, "fastcycle: {}\n", archive::printable(answer->ended().why()));
       }
     }
     if (!give(answer ? &*answer : nullptr) || !output.flush() || !has_reader()) {
@@ -228,11 +230,12 @@ Json json_of(const pb::Message& message) {
 }
 
 std::string json_line(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return base::printable_json(json.dump(-1, ' ', false, Json::error_handler_t::replace)) + "\n";
 }
 
 int print_json(const Json& json) {
-  return print_text(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  return print_text(base::printable_json(json.dump(2, ' ', false, Json::error_handler_t::replace)) +
+                    "\n");
 }
 
 int print_text(const std::string& text) {

@@ -121,7 +121,13 @@ std::string subscribers_text(const protocol::Topic& topic) {
          drops_text(ledger), latency_text(latency, latency.p50_ns()),
          latency_text(latency, latency.p99_ns()), latency_text(latency, latency.max_ns())});
   }
-  return table_text(rows);
+  std::string text = table_text(rows);
+  for (const protocol::Subscriber& subscriber : topic.subscribers()) {
+    for (const std::string& reason : subscriber.unmatched()) {
+      text += fmt::format("{}: {}\n", subscriber.component(), reason);
+    }
+  }
+  return text;
 }
 
 int info(const InfoOptions& options) {

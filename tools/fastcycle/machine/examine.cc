@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/printable.h"
 #include "command.h"
 #include "machine/machine.h"
 #include "measure/floors.h"
@@ -136,7 +137,8 @@ int examine(std::chrono::nanoseconds time, bool is_json, Output& output) {
   const auto problems = std::ranges::count(findings, Level::kProblem, &Finding::level);
   const auto advice = std::ranges::count(findings, Level::kAdvice, &Finding::level);
   if (is_json) {
-    output.write(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+    output.write(base::printable_json(json.dump(2, ' ', false, Json::error_handler_t::replace)) +
+                 "\n");
   } else {
     output.write(fmt::format("\n{} problem{}, {} thing{} that could be better\n", problems,
                              problems == 1 ? "" : "s", advice, advice == 1 ? "" : "s"));

@@ -25,6 +25,7 @@
 #include "fastcycle/version.h"
 #include "new/edits.h"
 #include "new/templates.h"
+#include "print.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -202,7 +203,7 @@ class Changes {
     }
     unfinished.finish();
     for (const auto& [path, text] : files_) {
-      std::printf("  %s\n", path.c_str());
+      print_to(stdout, "  {}\n", path.string());
     }
   }
 
@@ -273,10 +274,10 @@ void new_app(const std::string& name) {
                          {"version", std::to_string(FASTCYCLE_VERSION_MAJOR) + "." +
                                          std::to_string(FASTCYCLE_VERSION_MINOR)}});
   changes.write();
-  std::printf(
-      "\nNext:\n  cd %s\n%s  cmake --build build\n  ctest --test-dir build\n"
-      "  fastcycle run build/%s.json --for 2s\n",
-      name.c_str(), configure_commands().c_str(), name.c_str());
+  print_to(stdout,
+           "\nNext:\n  cd {}\n{}  cmake --build build\n  ctest --test-dir build\n"
+           "  fastcycle run build/{}.json --for 2s\n",
+           name, configure_commands(), name);
 }
 
 void new_component(const std::string& name, const std::string& messages) {
@@ -303,17 +304,19 @@ void new_component(const std::string& name, const std::string& messages) {
   }
   changes.write();
   if (!changed) {
-    std::printf(
+    print_to(
+        stdout,
         "\nCMakeLists.txt names no fastcycle_application with \"components\". Add to yours:\n  "
-        "%s\n",
-        entry.c_str());
+        "{}\n",
+        entry);
   }
-  std::printf(
-      "\nIt listens to %s/value and publishes %s/value. Next:\n"
-      "  cmake --build build\n  ctest --test-dir build\n",
-      package.c_str(), name.c_str());
+  print_to(stdout,
+           "\nIt listens to {}/value and publishes {}/value. Next:\n"
+           "  cmake --build build\n  ctest --test-dir build\n",
+           package, name);
   if (changed) {
-    std::printf("  fastcycle run build/%s --for 2s\n", fs::path(application).filename().c_str());
+    print_to(stdout, "  fastcycle run build/{} --for 2s\n",
+             fs::path(application).filename().string());
   }
 }
 
@@ -326,11 +329,11 @@ void new_messages(const std::string& name) {
   changes.change("CMakeLists.txt", with_call(project.cmake, "fastcycle_messages",
                                              call_of_messages(name), "fastcycle_component"));
   changes.write();
-  std::printf(
-      "\nA component that uses it names it in CMakeLists.txt, MESSAGES %s_messages, and has\n"
-      "  #include \"%s/value.pb.h\"\nor is begun with it:\n"
-      "  fastcycle new component NAME --messages %s\n",
-      name.c_str(), name.c_str(), name.c_str());
+  print_to(stdout,
+           "\nA component that uses it names it in CMakeLists.txt, MESSAGES {}_messages, and has\n"
+           "  #include \"{}/value.pb.h\"\nor is begun with it:\n"
+           "  fastcycle new component NAME --messages {}\n",
+           name, name, name);
 }
 
 template <typename Body>
@@ -339,7 +342,7 @@ int refusing(const std::string& word, const Body& body) {
     body();
     return flush_output();
   } catch (const Refusal& refusal) {
-    std::fprintf(stderr, "fastcycle new %s: %s\n", word.c_str(), refusal.what());
+    print_to(stderr, "fastcycle new {}: {}\n", word, refusal.what());
     return kWrong;
   }
 }

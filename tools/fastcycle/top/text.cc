@@ -8,6 +8,9 @@
 
 #include <fmt/format.h>
 
+#include "base/printable.h"
+#include "base/utf8.h"
+
 namespace fastcycle::tool::top {
 namespace {
 
@@ -35,42 +38,13 @@ constexpr std::array kWide{
     Range{0x1f680, 0x1f6ff}, Range{0x1f900, 0x1f9ff}, Range{0x1fa70, 0x1faff},
     Range{0x20000, 0x3fffd}};
 
-// What a terminal would obey, or what moves other text about.
-constexpr std::array kForbidden{
-    Range{0x00, 0x1f},     Range{0x7f, 0x9f},     Range{0x200b, 0x200c},
-    Range{0x200e, 0x200f}, Range{0x2028, 0x202e}, Range{0x2060, 0x206f},
-    Range{0xfeff, 0xfeff}, Range{0xe000, 0xf8ff}, Range{0xd800, 0xdfff}};
+// What is printable, and drawn in no known number of columns.
+constexpr std::array kUndrawn{Range{0x200c, 0x200c}, Range{0xe000, 0xf8ff}};
 
 template <std::size_t kSize>
 bool is_in(const std::array<Range, kSize>& ranges, char32_t point) {
   return std::any_of(ranges.begin(), ranges.end(),
                      [&](Range range) { return point >= range.first && point <= range.last; });
-}
-
-struct Point {
-  char32_t value = 0;
-  std::size_t size = 0;  ///< Bytes; 0: this is no UTF-8.
-};
-
-Point next_point(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char first = byte(0);
-  if (first < 0x80) {
-    return {first, 1};
-  }
-  const std::size_t size = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
-  if (first < 0xc2 || first > 0xf4 || text.size() < size) {
-    return {};
-  }
-  char32_t value = first & (0xffU >> (size + 1));
-  for (std::size_t i = 1; i < size; ++i) {
-    if ((byte(i) & 0xc0U) != 0x80) {
-      return {};
-    }
-    value = (value << 6U) | (byte(i) & 0x3fU);
-  }
-  constexpr std::array<char32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
-  return value >= kLeast[size] && value <= 0x10ffff ? Point{value, size} : Point{};
 }
 
 std::string joined(const std::vector<Glyph>& glyphs, std::size_t first, std::size_t last) {
@@ -104,12 +78,13 @@ std::string scaled(double number, std::initializer_list<std::pair<double, const 
 std::vector<Glyph> glyphs_of(std::string_view text) {
   std::vector<Glyph> glyphs;
   while (!text.empty()) {
-    const Point point = next_point(text);
-    const std::size_t size = std::max<std::size_t>(point.size, 1);
-    if (point.size == 0 || is_in(kForbidden, point.value)) {
+    const std::size_t length = base::utf8_length(text);
+    const std::size_t size = std::max<std::size_t>(length, 1);
+    const char32_t point = length == 0 ? 0 : base::code_point(text, length);
+    if (!base::is_printable(point) || is_in(kUndrawn, point)) {
       glyphs.push_back({"?", 1});
-    } else if (!is_in(kMarks, point.value)) {
-      glyphs.push_back({std::string(text.substr(0, size)), is_in(kWide, point.value) ? 2 : 1});
+    } else if (!is_in(kMarks, point)) {
+      glyphs.push_back({std::string(text.substr(0, size)), is_in(kWide, point) ? 2 : 1});
     } else if (!glyphs.empty()) {
       glyphs.back().bytes += text.substr(0, size);
     }

@@ -12,9 +12,11 @@
 #include <nlohmann/json.hpp>
 #include <unistd.h>
 
+#include "base/printable.h"
 #include "command.h"
 #include "duration.h"
 #include "inspect/client.h"
+#include "print.h"
 #include "top/layout.h"
 #include "top/model.h"
 #include "top/terminal.h"
@@ -64,8 +66,9 @@ int show_once(inspect::Client& client, milliseconds interval, bool is_json) {
   history.add(top::snapshot_of(client));
   const top::Model model = history.model();
   const int width = isatty(STDOUT_FILENO) != 0 ? top::terminal_size().width : kTextWidth;
-  const std::string text = is_json ? to_json(model).dump(2) + "\n" : top::to_text(model, width);
-  std::fputs(text.c_str(), stdout);
+  const std::string text =
+      is_json ? base::printable_json(to_json(model).dump(2)) + "\n" : top::to_text(model, width);
+  print_text(stdout, text);
   return flush_output();
 }
 
@@ -115,20 +118,19 @@ std::optional<std::string> show_until_end(std::unique_ptr<inspect::Client> clien
 
 int show_screen(std::unique_ptr<inspect::Client> client, milliseconds interval) {
   if (!top::Terminal::is_there()) {
-    std::fputs(
-        "fastcycle top: standard input and output are no terminal that shows a screen\n"
-        "  --once prints how things are, and needs none\n",
-        stderr);
+    print_text(stderr,
+               "fastcycle top: standard input and output are no terminal that shows a screen\n"
+               "  --once prints how things are, and needs none\n");
     return kWrong;
   }
   const std::string name = client->welcome().application();
   const std::optional<std::string> end = show_until_end(std::move(client), interval);
   if (end && !end->empty()) {
-    std::fprintf(stderr, "fastcycle top: %s\n", end->c_str());
+    print_to(stderr, "fastcycle top: {}\n", *end);
     return kFailed;
   }
   if (end) {
-    std::printf("fastcycle top: %s has ended\n", name.c_str());
+    print_to(stdout, "fastcycle top: {} has ended\n", name);
   }
   return flush_output();
 }
@@ -136,8 +138,8 @@ int show_screen(std::unique_ptr<inspect::Client> client, milliseconds interval) 
 int run_top(const TopOptions& options) {
   const std::optional<Duration> interval = parse_duration(options.interval);
   if (!interval || *interval < kShortest) {
-    std::fprintf(stderr, "fastcycle top: --interval wants 100ms or more, such as 2s, not \"%s\"\n",
-                 options.interval.c_str());
+    print_to(stderr, "fastcycle top: --interval wants 100ms or more, such as 2s, not \"{}\"\n",
+             options.interval);
     return kWrong;
   }
   const auto rounded = std::chrono::duration_cast<milliseconds>(*interval);
@@ -147,9 +149,9 @@ int run_top(const TopOptions& options) {
     return options.is_once || options.is_json ? show_once(*client, rounded, options.is_json)
                                               : show_screen(std::move(client), rounded);
   } catch (const inspect::ClientError& error) {
-    std::fprintf(stderr, "fastcycle top: %s\n", error.what());
+    print_to(stderr, "fastcycle top: {}\n", error.what());
     if (!error.hint().empty()) {
-      std::fprintf(stderr, "  %s\n", error.hint().c_str());
+      print_to(stderr, "  {}\n", error.hint());
     }
     return kFailed;
   }

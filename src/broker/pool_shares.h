@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "broker/lane.h"
+#include "broker/pool.h"
+#include "broker/publishing_component.h"
+
+namespace fastcycle::detail {
+
+class Inbox;
+class Topic;
+
+/// One lane that a publisher fills.
+struct Target {
+  std::shared_ptr<Lane> lane;
+  Inbox* inbox;
+  std::uint64_t bit;
+};
+
+/// Which part of a publisher's messages is whose: owns how many its subscriptions need, and says
+/// who keeps more than its share and gets no further message until it lets go
+/// ([decision 0034](../../docs/decisions/0034-a-hoarder-runs-out-of-its-own-share.md)).
+///
+/// @threads  As the publisher.
+/// @realtime `must_look` reads two flags; the rest is called where somebody may have too much.
+class PoolShares {
+ public:
+  /// `keep` and `latched` messages are held on purpose; the pool may have `pool_max`, 0 for twice
+  /// what the subscriptions need, plus 64.
+  PoolShares(const Topic& topic, const PublishingComponent& owner, std::size_t keep,
+             std::size_t latched, std::size_t pool_max) noexcept;
+
+  void join(const Lane& lane) noexcept;
+  void leave(const Lane& lane) noexcept;
+  /// How many messages those that joined, and the owner, may hold.
+  [[nodiscard]] std::size_t needed() const noexcept { return needed_; }
+  /// How many messages the pool may have.
+  [[nodiscard]] std::size_t limit() const noexcept;
+
+  /// More was needed than what everybody may hold: from now on shares are looked at.
+  void note_shortage() noexcept { is_short_ = true; }
+  /// Whether somebody may have more than its share of `pool`, and is to be looked for.
+  [[nodiscard]] bool must_look(const Pool& pool) const noexcept {
+    return is_short_ || pool.is_overdrawn();
+  }
+  /// Marks who gets no further message; returns how many these are.
+  std::size_t find_held_back(std::span<const Target> targets, const Pool& pool) const noexcept;
+  /// Counts a message that `lane` does not get, and tells who keeps too much.
+  void hold_back(Lane& lane, const Pool& pool) const noexcept;
+  /// The pool has nothing left, and the owner holds `loans`: tells who holds the most of it.
+  void tell_dry(std::span<const Target> targets, const Pool& pool, std::size_t loans) noexcept;
+
+ private:
+  [[nodiscard]] std::size_t share_of(const Lane& lane) const noexcept;
+  [[nodiscard]] bool keeps_too_much(const Lane& lane, const Pool& pool) const noexcept;
+
+  const Topic& topic_;
+  const PublishingComponent& owner_;
+  const std::size_t keep_;
+  const std::size_t pool_max_;
+  std::size_t needed_;           ///< By the subscriptions that there are now, and by the owner.
+  std::size_t lanes_ = 0;        ///< Those that joined.
+  bool is_short_ = false;        ///< More was needed than what everybody may hold.
+  std::uint64_t dry_count_ = 0;  ///< How often there was nothing left to lend.
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/clock.h"
+#include "broker/trail.h"
+#include "fastcycle/detail/envelope.h"
+
+namespace fastcycle::detail {
+
+class PublisherCore;
+
+/// Where published messages wait until a round of simulated time is over.
+class Stage {
+ public:
+  Stage() = default;
+  Stage(const Stage&) = delete;
+  Stage& operator=(const Stage&) = delete;
+  virtual ~Stage() = default;
+
+  virtual void put(PublisherCore& publisher, Envelope* envelope) = 0;
+};
+
+/// What a publisher must know of the component that owns it.
+///
+/// @threads  Confined to the component's activations, and to the control thread before the start.
+struct PublishingComponent {
+  std::string name;
+  const base::Clock* clock = nullptr;
+  Stage* stage = nullptr;         ///< In simulated time; null when live.
+  bool has_subscribers = false;   ///< Then its messages inherit their origin.
+  bool is_in_activation = false;  ///< Only then it may publish,
+  const void* thread = nullptr;   ///< and only on the thread of its activation,
+  bool is_muted = false;          ///< unless it is muted: then nobody receives it.
+  Time now{};                     ///< The activation's time.
+  Duration simulated_cost{0};     ///< In simulated time: how much later it publishes.
+  /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
+  /// something is published.
+  const Origin* origin = &kNoOrigin;
+  static constexpr Origin kNoOrigin{};
+  /// What led to the activation, for each root of latency chains; null if nothing did.
+  const Trail* trails = nullptr;
+  /// The newest that was delivered for each root, for those that the cause knows nothing of; null
+  /// where there are no chains.
+  const Trail* held_trails = nullptr;
+  std::uint32_t publish_count = 0;  ///< In this activation.
+  Time published{};                 ///< The last publish time of its own publishers.
+  /// Something is to be done when the activation is over: publishers were asked for credits, or a
+  /// subscription has ended.
+  bool has_leftovers = false;
+  std::vector<PublisherCore*> asked = {};    ///< For credits.
+  std::vector<PublisherId> publishers = {};  ///< All of its own. Constant once declared.
+
+  /// An activation begins on the calling thread.
+  void enter() noexcept {
+    is_in_activation = true;
+    thread = __builtin_thread_pointer();
+  }
+  void leave() noexcept { is_in_activation = false; }
+  /// Whether the calling thread is in an activation of this component.
+  [[nodiscard]] bool is_active_here() const noexcept {
+    return is_in_activation && thread == __builtin_thread_pointer();
+  }
+};
+
+}  // namespace fastcycle::detail

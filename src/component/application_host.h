@@ -1,0 +1,43 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "component/component_host.h"
+
+namespace fastcycle::host {
+
+/// Answers what the parts of an application ask of the whole, beside what its components ask: the
+/// life cycle, the modes, the chains, the changes of parameters.
+///
+/// @threads  Safe from the start to the end.
+class ApplicationHost : public ComponentHost {
+ public:
+  // Constant once it is built.
+  [[nodiscard]] virtual const Components& components() const = 0;
+  [[nodiscard]] virtual bool is_built() const = 0;
+  /// Whether a recording is published in the place of components.
+  [[nodiscard]] virtual bool is_replay() const = 0;
+  /// Whether `component` does not run: a recording is published in its place, or nothing is.
+  [[nodiscard]] virtual bool is_replayed(const std::string& component) const = 0;
+
+  [[nodiscard]] virtual const base::Clock& clock() const = 0;
+  /// The lines that a component does not write itself.
+  [[nodiscard]] virtual detail::LogSource& own_log() = 0;
+  /// Whether the run ends although there is input: something failed, or somebody asked for the end.
+  [[nodiscard]] virtual bool is_to_end() const = 0;
+
+  /// In simulated time between two rounds.
+  virtual void mode_changed() = 0;
+
+  void log(LogLevel level, std::string_view component, std::string_view text) {
+    own_log().write(level, component, text);
+  }
+
+ protected:
+  ~ApplicationHost() = default;
+};
+
+}  // namespace fastcycle::host

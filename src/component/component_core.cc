@@ -1,0 +1,583 @@
+#include "component/component_core.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <iterator>
+#include <mutex>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "component/component_host.h"
+#include "component/service_topics.h"
+#include "component/time_driver.h"
+#include "component/words.h"
+#include "config/nearest.h"
+
+namespace fastcycle::detail {
+namespace {
+
+constexpr std::size_t kFaultsInWords = 16;
+constexpr std::chrono::seconds kThreadLimit{1};      // For the threads of an old object to end.
+constexpr std::chrono::milliseconds kThreadLook{5};  // How often to look whether they have.
+
+/// How long to wait before the restart number `count`, from 1.
+std::chrono::nanoseconds back_off(const config::RestartDescription& restart, std::uint32_t count) {
+  std::chrono::nanoseconds delay = std::min(restart.back_off, restart.back_off_max);
+  for (std::uint32_t i = 1; i < count && delay < restart.back_off_max; ++i) {
+    delay = std::min(2 * delay, restart.back_off_max);
+  }
+  return delay;
+}
+
+}  // namespace
+
+ComponentCore::ComponentCore(host::ComponentHost& its_application, std::uint32_t its_index,
+                             config::ComponentDescription its_description,
+                             const ComponentClass& its_class, const base::Clock& its_clock)
+    : Actor(its_description.name, its_index, its_clock),
+      application(its_application),
+      description(std::move(its_description)),
+      component_class(its_class),
+      log_source(its_application.log_queue(), name, its_clock,
+                 description.log_level.value_or(its_application.description().log_level)),
+      param_table(its_application.param_mutex()) {}
+
+ComponentCore::~ComponentCore() = default;
+
+std::optional<std::string> ComponentCore::construct(config::Problems& its_problems) {
+  problems = &its_problems;
+  params = std::make_unique<config::ParamReader>(
+      description.params, application.description().shared_params, its_problems);
+  param_table.begin();
+  is_constructing = true;
+  const std::size_t problems_before = its_problems.error_count();
+  std::optional<std::string> thrown;
+  try {
+    const CallScope scope(*this, "its constructor");
+    component = component_class.create(context);
+    state = State::kConstructed;
+  } catch (const std::exception& exception) {
+    thrown = exception.what();
+  } catch (...) {
+    thrown = "something that is no std::exception";
+  }
+  is_constructing = false;
+  declared_params = params->declared();
+  if (!thrown) {
+    params->finish();
+    param_table.end();
+    if (its_problems.error_count() == problems_before) {
+      check_params(its_problems);
+    }
+    check_unused(its_problems);
+    if (description.serve_period) {
+      add_timer({.period = *description.serve_period, .phase = description.serve_phase},
+                [this](const Tick&) { component->serve(); },
+                {.name = "serve", .label = "its serve()"});
+    }
+    if (timer_labels.empty()) {
+      std::ranges::transform(timers(), std::back_inserter(timer_labels),
+                             [](const auto& timer) { return timer->role.label; });
+    }
+  }
+  params.reset();
+  problems = nullptr;
+  return thrown;
+}
+
+void ComponentCore::check_params(config::Problems& its_problems) const {
+  const std::lock_guard lock(application.param_mutex());
+  for (const std::string& sentence : param_table.objections({})) {
+    its_problems.add(config::mistake(description.params.place(),
+                                     std::string("component \"") + name + "\": " + sentence));
+  }
+}
+
+void ComponentCore::check_unused(config::Problems& its_problems) const {
+  const std::vector<std::string> known(topics_in_code.begin(), topics_in_code.end());
+  const auto check = [&](const std::string& topic, const config::Place& place, const char* where) {
+    if (!topics_in_code.contains(topic)) {
+      its_problems.add(config::mistake(place,
+                                       std::string("component \"") + name + "\" names no topic \"" +
+                                           topic + "\" (" + where + ")",
+                                       config::did_you_mean(config::nearest(topic, known))));
+    }
+  };
+  for (const auto& [topic, subscriber] : description.subscribers) {
+    check(topic, subscriber.place, "subscribers");
+  }
+  for (const auto& [topic, publisher] : description.publishers) {
+    check(topic, publisher.place, "publishers");
+  }
+  for (const auto& [topic, target] : description.remap) {
+    check(topic, description.place, "remap");
+  }
+  std::vector<std::string> made;
+  std::ranges::transform(threads, std::back_inserter(made), &NamedThread::name);
+  for (const auto& [thread, options] : description.threads) {
+    if (std::ranges::find(made, thread) == made.end()) {
+      its_problems.add(config::mistake(
+          options.place,
+          std::string("component \"") + name + "\" makes no thread \"" + thread + "\"",
+          config::did_you_mean(config::nearest(thread, made))));
+    }
+  }
+}
+
+std::string ComponentCore::declare_topic(std::string_view name_in_code) {
+  const std::string full_name = topic_name(name_in_code);
+  topics_in_code.emplace(name_in_code);
+  if (full_name.find(kServiceMark) == std::string::npos) {
+    return full_name;
+  }
+  const std::string what = "component \"" + name + "\" uses the name \"" + full_name +
+                           "\": only topics of services have a '#' in theirs";
+  if (problems == nullptr) {
+    throw std::runtime_error(what);
+  }
+  problems->add(config::mistake(description.place, what));
+  return full_name;
+}
+
+SubscriberOptions ComponentCore::subscriber_options(std::string_view topic,
+                                                    SubscriberOptions options) const {
+  const auto found = description.subscribers.find(std::string(topic));
+  if (found == description.subscribers.end()) {
+    return options;
+  }
+  if (found->second.depth) {
+    options.depth = found->second.depth;
+  }
+  if (found->second.overflow) {
+    options.overflow = *found->second.overflow == config::Overflow::kDropOldest
+                           ? Overflow::kDropOldest
+                           : Overflow::kDropNewest;
+  }
+  const config::SubscriberDescription& its = found->second;
+  options.history = its.history ? its.history : options.history;
+  options.deadline = its.deadline ? its.deadline : options.deadline;
+  options.lifespan = its.lifespan ? its.lifespan : options.lifespan;
+  options.liveliness = its.liveliness ? its.liveliness : options.liveliness;
+  return options;
+}
+
+void ComponentCore::redeclare_subscription(CallbackSubscription& subscription,
+                                           const SubscriberOptions& options,
+                                           EnvelopeCallback its_callback) {
+  subscription.callback = std::make_unique<EnvelopeCallback>(std::move(its_callback));
+  subscription.set_history(options);
+  if (subscription.quality != nullptr) {
+    subscription.quality->set(options);
+    watch(subscription);
+  }
+  application.wiring().reopen_subscription(*this, subscription);
+}
+
+void ComponentCore::offer(PublisherCore& publisher, Duration deadline,
+                          const QosCallback& on_event) {
+  auto found = std::ranges::find(offered, &publisher,
+                                 [](const auto& watched) { return &watched->publisher; });
+  if (found == offered.end()) {
+    found = offered.insert(found, std::make_unique<OfferedDeadline>(publisher, deadline));
+  }
+  OfferedDeadline& watched = **found;
+  watched.set_period(deadline);
+  watched.set_callback(on_event);
+  add_watch(watched);
+}
+
+void ComponentCore::destroy() {
+  if (component == nullptr) {
+    return;
+  }
+  std::string error;
+  const CallScope scope(*this, "its destructor");
+  if (!component_class.destroy(std::exchange(component, nullptr), error)) {
+    note_fault("its destructor threw: " + error);
+  }
+}
+
+void ComponentCore::call_start() {
+  if (state != State::kConstructed) {
+    return;
+  }
+  if (first_start.is_late()) {
+    throw std::runtime_error(first_start.why());
+  }
+  in_call_ = "its start()";
+  first_start.set(Start::Stage::kCalled);
+  component->start();
+  in_call_ = nullptr;
+  first_start.set(Start::Stage::kReturned);
+  if (first_start.is_late()) {
+    throw std::runtime_error(first_start.why());
+  }
+  state = State::kStandby;
+  if (is_wanted) {
+    activate_now();
+  } else {
+    suspend();
+    end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
+    mute(true);
+  }
+}
+
+std::string ComponentCore::late_start() const {
+  const std::chrono::duration<double, std::milli> limit = description.start_timeout;
+  return fmt::format("its start() takes longer than {} ms", limit.count());
+}
+
+std::string ComponentCore::inactive() const {
+  return "component \"" + name + "\" is not active";
+}
+
+void ComponentCore::activate_now() {
+  state = State::kActive;
+  mute(false);
+  in_call_ = "its activate()";
+  {
+    struct Resuming {
+      ComponentCore& core;
+      ~Resuming() { core.set_resuming(false); }
+    };
+    set_resuming(true);
+    const Resuming end{*this};
+    component->activate();
+  }
+  in_call_ = nullptr;
+  if (is_suspended()) {
+    resume();
+  } else {
+    open();
+  }
+}
+
+void ComponentCore::call_activate() {
+  is_wanted = true;
+  if (state == State::kStandby) {
+    activate_now();
+    start_timers(publishing.now);
+    application.wiring().tell_liveliness(*this, true, "active");
+    application.component_changed(*this, true);
+  }
+}
+
+void ComponentCore::call_deactivate() {
+  is_wanted = false;
+  // Whatever happens, after this nobody hears of it.
+  struct End {
+    ComponentCore& core;
+    ~End() {
+      core.cancel_timers();
+      core.mute(true);
+    }
+  };
+  const End end{*this};
+  if (state == State::kActive) {
+    state = State::kStandby;
+    suspend();
+    application.wiring().tell_liveliness(*this, false, "inactive");
+    application.component_changed(*this, true);
+    end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
+    in_call_ = "its deactivate()";
+    component->deactivate();
+    in_call_ = nullptr;
+  }
+}
+
+void ComponentCore::call_stop() {
+  if (!has_started()) {
+    return;
+  }
+  const State before = state.exchange(State::kStopped);
+  was_active_at_end = before == State::kActive;
+  cancel_alarm();
+  if (is_suspended()) {
+    drop_waiting();
+  }
+  application.wiring().tell_liveliness(*this, false, "stopped");
+  // What `stop` gives back nobody may use any more: no message comes after it, and no tick, not
+  // even one that it arms itself.
+  close(DropReason::kShutdown);
+  struct End {
+    ComponentCore& core;
+    ~End() { core.cancel_timers(); }
+  };
+  const End end{*this};
+  end_services(CallStatus::kShutdown, CallStatus::kShutdown, "the application stops");
+  if (before == State::kActive) {
+    in_call_ = "its deactivate()";
+    component->deactivate();
+  }
+  if (before != State::kRestarting || std::exchange(owes_stop_, false)) {
+    in_call_ = "its stop()";
+    component->stop();
+  }
+  in_call_ = nullptr;
+  // What it called meanwhile.
+  end_services(CallStatus::kShutdown, CallStatus::kShutdown, "the application stops");
+}
+
+void ComponentCore::mute(bool is_muted) {
+  publishing.is_muted = is_muted;
+  for (PublisherCore* publisher : declared.publishers) {
+    if (publisher->options.is_external) {
+      const std::lock_guard lock(publisher->mutex());
+      publisher->set_external_muted(is_muted);
+    }
+  }
+}
+
+void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValues& values) {
+  // One that waits to be made anew will begin with them.
+  const bool is_there = state == State::kStandby || state == State::kActive;
+  if (is_there || state == State::kConstructed) {
+    param_table.take_over(transaction, values, is_there);
+  }
+}
+
+void ComponentCore::note_fault(std::string_view what) {
+  ++fault_count;
+  if (state != State::kFailed) {
+    last_fault = what;  // What ended it stays, whatever work that it had offloaded says later.
+  }
+  if (faults.size() < kFaultsInWords) {
+    faults.emplace_back(what);
+  }
+  log_source.write(LogLevel::kError, what);
+  application.fault_noted(*this, what);
+  if (description.on_fault == config::OnFault::kStop) {
+    application.end_by_fault();
+  }
+}
+
+void ComponentCore::fail(std::string_view what) {
+  note_fault(what);
+  end_calls(what);
+  state = State::kFailed;
+  cancel_alarm();
+  open();  // What still comes is taken out and counted, not left waiting.
+  cancel_timers();
+  close(DropReason::kFault);
+  application.component_failed(*this);
+  application.wiring().tell_liveliness(*this, false, "failed");
+  application.component_changed(*this, true);
+  if (!description.fault_mode.empty()) {
+    application.ask_mode(description.fault_mode, what, *this);
+  }
+}
+
+void ComponentCore::on_breach(std::size_t chain) {
+  application.chain_breached(*this, chain);
+}
+
+void ComponentCore::on_fault(std::string_view thrown) {
+  std::string what(thrown);
+  if (const char* call = in_call_.exchange(nullptr)) {
+    what = std::string(call) + " threw: " + what;
+  }
+  if (state == State::kStopped || state == State::kFailed || state == State::kRestarting) {
+    note_fault(what);
+    application.component_changed(*this, true);
+  } else if (description.on_fault == config::OnFault::kRestart && has_started()) {
+    restart(what);
+  } else {
+    fail(what);
+  }
+}
+
+void ComponentCore::end_calls(std::string_view what) {
+  serving = {};
+  if (!publishing.is_in_activation) {
+    return;  // It never ran.
+  }
+  for (const auto& client : clients) {
+    client->abandon(what);
+    client->is_declared = false;
+  }
+  for (const auto& server : servers) {
+    server->abandon(what);
+    server->is_declared = false;
+  }
+}
+
+void ComponentCore::end_services(CallStatus owed, CallStatus awaited, std::string_view reason) {
+  for (const auto& server : servers) {
+    server->end_all(owed, reason);
+  }
+  const char* before = in_call_.exchange("its callback for a reply");
+  for (const auto& client : clients) {
+    client->end_all(awaited, reason);
+  }
+  in_call_ = before;
+}
+
+void ComponentCore::end_late_subscriptions() {
+  for (CallbackSubscription* subscription : subscriptions.callbacks()) {
+    if (std::find(declared.subscriptions.begin(), declared.subscriptions.end(), subscription) ==
+            declared.subscriptions.end() &&
+        !subscription->outlives_faults) {
+      application.wiring().end_subscription(*this, *subscription, DropReason::kUnsubscribed);
+    }
+  }
+}
+
+void ComponentCore::end_old_subscriptions() {
+  end_late_subscriptions();
+  // The new object knows nothing of what latched topics say: it is given that again.
+  for (CallbackSubscription* subscription : declared.subscriptions) {
+    if (subscription->kind == Subscription::Kind::kCallback &&
+        subscription->topic.options.latched > 0 && !subscription->is_ended) {
+      application.wiring().end_subscription(*this, *subscription, DropReason::kFault);
+    }
+  }
+}
+
+bool ComponentCore::is_redeclared() const noexcept {
+  const auto is_declared = [](const auto& service) { return service->is_declared; };
+  return std::ranges::all_of(clients, is_declared) && std::ranges::all_of(servers, is_declared) &&
+         redeclared.publishers.size() == declared.publishers.size() &&
+         redeclared.subscriptions.size() == declared.subscriptions.size() &&
+         redeclared.views.size() == declared.views.size() &&
+         redeclared.synchronizers.size() == declared.synchronizers.size();
+}
+
+void ComponentCore::restart(std::string_view what) {
+  const config::RestartDescription& limits = description.restart;
+  const std::int64_t now_ns = base::to_ns(publishing.now);
+  if (restarts == 0 || now_ns - first_restart_ns > limits.within.count()) {
+    restarts = 0;
+    first_restart_ns = now_ns;
+  }
+  if (restarts >= limits.limit) {
+    fail(std::string(what) + fmt::format(" (restarted {} times within {} s: it stays stopped)",
+                                         restarts,
+                                         std::chrono::duration<double>(limits.within).count()));
+    return;
+  }
+  ++restarts;
+  const std::chrono::nanoseconds delay = back_off(limits, restarts);
+  if (delay.count() == 0) {
+    note_fault(std::string(what) + " (restarting)");
+  } else {
+    note_fault(std::string(what) +
+               fmt::format(" (restarting in {} ms)",
+                           std::chrono::duration<double, std::milli>(delay).count()));
+  }
+  application.wiring().tell_liveliness(*this, false, "failed");
+  end_calls(what);
+  end_threads([this, delay] { replace(delay); });
+}
+
+void ComponentCore::end_threads(const std::function<void()>& next) {
+  in_call_ = "a stop_callback of its threads";
+  application.threads().ask_threads_to_end(*this);
+  in_call_ = nullptr;
+  await_threads(base::monotonic_ns() + std::chrono::nanoseconds(kThreadLimit).count(), next);
+}
+
+void ComponentCore::await_threads(std::int64_t deadline_ns, const std::function<void()>& next) {
+  host::ThreadHost& its_threads = application.threads();
+  application.time().await(deadline_ns, [&] { return its_threads.running_threads(*this).empty(); });
+  const std::vector<std::string> late = its_threads.running_threads(*this);
+  if (late.empty()) {
+    its_threads.join_threads(*this);
+    next();
+    return;
+  }
+  if (base::monotonic_ns() >= deadline_ns) {
+    // Its object cannot go while a thread uses it.
+    fail(fmt::format(
+        "its thread \"{}\" has not ended within {} s after its stop_token asked for it: "
+        "it stays stopped",
+        late.front(), kThreadLimit.count()));
+    return;
+  }
+  if (state != State::kRestarting) {
+    state = State::kRestarting;
+    application.component_changed(*this, true);
+    suspend();
+  }
+  set_alarm(publishing.now + kThreadLook,
+            [this, deadline_ns, next] { await_threads(deadline_ns, next); });
+}
+
+void ComponentCore::replace(std::chrono::nanoseconds delay) {
+  ++restart_count;
+  destroy();
+  end_old_subscriptions();
+  drop_held(DropReason::kFault);
+  forget_held();
+  clear_timers();
+  if (delay.count() == 0) {
+    make_anew();
+    return;
+  }
+  state = State::kRestarting;
+  application.component_changed(*this, true);
+  suspend();
+  set_alarm(publishing.now + delay, [this] { make_anew(); });
+}
+
+std::string ComponentCore::renew() {
+  const State before = state;
+  if (before != State::kActive && before != State::kStandby) {
+    return std::string("it is ") + host::to_word(before);
+  }
+  if (before == State::kActive) {
+    in_call_ = "its deactivate()";
+    component->deactivate();
+    in_call_ = nullptr;
+  }
+  // What `stop` gives back its threads use no more.
+  owes_stop_ = true;
+  end_threads([this] {
+    owes_stop_ = false;
+    state = State::kStandby;
+    in_call_ = "its stop()";
+    component->stop();
+    in_call_ = nullptr;
+    application.wiring().tell_liveliness(*this, false, "restarted");
+    end_calls("it is made anew");
+    replace(std::chrono::nanoseconds(0));
+  });
+  return {};
+}
+
+void ComponentCore::make_anew() {
+  redeclared = {};
+  threads.clear();
+  is_redeclaring = true;
+  config::Problems ignored;  // The same parameters were found right before.
+  const auto thrown = construct(ignored);
+  is_redeclaring = false;
+  if (thrown) {
+    fail("its constructor threw when it was restarted: " + *thrown);
+    return;
+  }
+  if (!is_redeclared()) {
+    fail("it declared fewer topics or services than before when it was restarted");
+    return;
+  }
+  std::string what = "something that is no std::exception";
+  try {
+    call_start();
+    application.threads().start_threads(*this);
+    if (state == State::kActive) {
+      start_timers(publishing.now);
+      application.wiring().tell_liveliness(*this, true, "restarted");
+    }
+    application.component_changed(*this, true);
+    return;
+  } catch (const std::exception& exception) {
+    what = exception.what();
+  } catch (...) {  // In words already.
+  }
+  const char* call = in_call_.exchange(nullptr);
+  fail(std::string(call == nullptr ? "it" : call) + " threw when it was restarted: " + what);
+}
+
+}  // namespace fastcycle::detail

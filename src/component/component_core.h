@@ -1,0 +1,251 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "base/log.h"
+#include "base/priority_mutex.h"
+#include "broker/offered_deadline.h"
+#include "component/bell.h"
+#include "component/component_state.h"
+#include "component/service_end.h"
+#include "config/description.h"
+#include "config/params.h"
+#include "executor/activation.h"
+#include "executor/actor.h"
+#include "fastcycle/component.h"
+#include "fastcycle/library.h"
+#include "fastcycle/service.h"
+#include "params/param_table.h"
+
+namespace fastcycle::host {
+class ComponentHost;
+}  // namespace fastcycle::host
+
+namespace fastcycle::detail {
+
+/// One component of an application: owns its object, what it declared, and what became of it.
+///
+/// @threads  As `Actor`; what the report reads is read after the end of the run.
+class ComponentCore final : public Actor {
+ public:
+  using State = ComponentState;
+
+  ComponentCore(host::ComponentHost& its_application, std::uint32_t its_index,
+                config::ComponentDescription its_description, const ComponentClass& its_class,
+                const base::Clock& its_clock);
+  ~ComponentCore() override;
+
+  /// Makes the component's object. Mistakes in its parameters go to `problems`.
+  /// Returns what its constructor threw, or nothing.
+  std::optional<std::string> construct(config::Problems& problems);
+
+  /// Destroys the object; what its destructor throws is a fault.
+  void destroy();
+
+  /// The lifecycle, each called in an activation.
+  void call_start();
+  void call_activate();
+  void call_deactivate();
+  void call_stop();
+
+  /// What is wrong with a `start` that takes longer than it may.
+  [[nodiscard]] std::string late_start() const;
+
+  /// The call of its life cycle that it is in, as "its start()"; null if it is in none. Safe.
+  [[nodiscard]] const char* call_in_words() const noexcept { return in_call_.load(); }
+
+  [[nodiscard]] bool has_started() const noexcept {
+    return state == State::kStandby || state == State::kActive || state == State::kRestarting;
+  }
+
+  /// Makes its object anew, as after a fault, but in order: it is deactivated and stopped before.
+  /// In an activation. Returns why that cannot be done; empty if it was, whatever came of it, or
+  /// will be, once its threads have ended.
+  [[nodiscard]] std::string renew();
+
+  /// Puts changed parameters in place; in an activation.
+  void take_params(std::uint64_t transaction, const host::ParamValues& values);
+
+  /// Ends the component after a fault: nothing is delivered to it any more.
+  void fail(std::string_view what);
+  void note_fault(std::string_view what);
+
+  /// The mistakes that show once the constructor ran: parameters, queues and topics that the file
+  /// names and nobody declared.
+  void check_unused(config::Problems& problems) const;
+
+  [[nodiscard]] std::string topic_name(std::string_view name_in_code) const {
+    return config::resolve_topic(description, name_in_code);
+  }
+  /// The full name of the topic that its code uses as `name_in_code`; adds a mistake if only topics
+  /// of services may have it.
+  std::string declare_topic(std::string_view name_in_code);
+  [[nodiscard]] SubscriberOptions subscriber_options(std::string_view topic,
+                                                     SubscriberOptions options) const;
+
+  /// What is declared again, in the same order, when the component is restarted.
+  struct Declared {
+    std::vector<PublisherCore*> publishers;
+    std::vector<CallbackSubscription*> subscriptions;
+    std::vector<View*> views;
+    std::vector<Synchronizer*> synchronizers;
+  };
+  /// Takes over what the constructor of a restarted component says of `subscription`, and connects
+  /// it again if it had ended.
+  void redeclare_subscription(CallbackSubscription& subscription, const SubscriberOptions& options,
+                              EnvelopeCallback callback);
+  /// Watches over the deadline that `publisher` offers.
+  void offer(PublisherCore& publisher, Duration deadline, const QosCallback& on_event);
+
+  struct NamedThread {
+    std::string name;
+    std::function<void(std::stop_token)> body;
+  };
+
+  host::ComponentHost& application;
+  const config::ComponentDescription description;
+
+  /// Which of its calls takes longer than it may, in words; empty if none does. Safe.
+  [[nodiscard]] std::string hang() const {
+    const std::lock_guard lock(hang_mutex_);
+    return hang_;
+  }
+  void set_hang(std::string hang) {
+    const std::lock_guard lock(hang_mutex_);
+    hang_ = std::move(hang);
+  }
+
+  const ComponentClass component_class;
+  Context context{*this};
+  LogSource log_source;
+  Component* component = nullptr;
+  std::atomic<State> state{State::kDeclared};
+  /// How its first `start` goes, between the worker that calls it and who waits for that.
+  class Start {
+   public:
+    enum class Stage : std::uint8_t { kWaiting, kCalled, kReturned, kLate };
+
+    host::Bell* bell = nullptr;  ///< Who waits is told by it; set before the call.
+
+    [[nodiscard]] Stage stage() const noexcept { return stage_.load(); }
+    [[nodiscard]] bool is_late() const noexcept { return stage() == Stage::kLate; }
+    /// Why nobody waits for it any more. @pre `is_late()`
+    [[nodiscard]] const std::string& why() const noexcept { return why_; }
+
+    /// By its worker. Once it is late it stays so.
+    void set(Stage next) noexcept {
+      Stage now = stage();
+      while (now != Stage::kLate && !stage_.compare_exchange_weak(now, next)) {
+      }
+      if (bell != nullptr) {
+        bell->ring();
+      }
+    }
+    /// By who waited. False if it has returned.
+    bool expire(std::string why) {
+      why_ = std::move(why);
+      Stage now = stage();
+      while (now == Stage::kWaiting || now == Stage::kCalled) {
+        if (stage_.compare_exchange_weak(now, Stage::kLate)) {
+          return true;
+        }
+      }
+      return false;
+    }
+
+   private:
+    std::atomic<Stage> stage_{Stage::kWaiting};
+    std::string why_;
+  } first_start;
+  bool is_stuck = false;           ///< After the stop: it has not come back from its own code.
+  bool is_left_alone = false;      ///< After the stop: some thread may still be in it.
+  bool is_wanted = true;           ///< The application's mode has it active.
+  bool was_active_at_end = false;  ///< When it was stopped.
+
+  // Declarations.
+  bool is_constructing = false;
+  Declared declared;
+  Declared redeclared;  ///< How far a restarted constructor got, by its sizes.
+  bool is_redeclaring = false;
+  std::set<std::string, std::less<>> topics_in_code;
+  std::vector<NamedThread> threads;       ///< Not changed while one of them runs.
+  std::vector<std::string> timer_labels;  ///< By number, once it was constructed.
+  std::atomic<int> jobs{0};               ///< Work that it offloaded and that is being done.
+  std::vector<std::unique_ptr<OfferedDeadline>> offered;
+  host::ParamTable param_table;
+  std::unique_ptr<config::ParamReader> params;       ///< While it is constructed.
+  std::vector<std::unique_ptr<ServiceEnd>> clients;  ///< Each is a `ClientCore`,
+  std::vector<std::unique_ptr<ServiceEnd>> servers;  ///< and each of these a `ServerCore`.
+  /// Of its servers, one for each client; made when the application is built.
+  std::vector<PublisherCore*> service_publishers;
+  config::Problems* problems = nullptr;
+  std::set<std::string> declared_params;
+
+  /// The request that is served now, or whose answer waits for the call whose reply came now.
+  Ticket serving{};
+
+  // What it says of itself and of the run; its own activations only.
+  std::map<std::string, ReportValue, std::less<>> results;
+  Health health = Health::kOk;
+  std::string health_reason;
+  std::optional<Random> random;
+  std::vector<std::string> faults;  ///< The first 16, in words.
+  std::string last_fault;
+  std::uint64_t fault_count = 0;
+  std::uint64_t restart_count = 0;  ///< Tells its objects apart; not changed while threads run.
+  std::uint32_t restarts = 0;       ///< Within the time that began at `first_restart_ns`.
+  std::int64_t first_restart_ns = 0;
+
+  // A source that has not finished keeps the run going.
+  std::atomic<bool> is_source{false};
+  std::atomic<bool> is_source_finished{false};
+
+ protected:
+  void on_fault(std::string_view what) override;
+  void on_breach(std::size_t chain) override;
+
+ private:
+  void activate_now();
+  void check_params(config::Problems& its_problems) const;
+  [[nodiscard]] std::string inactive() const;
+  void restart(std::string_view what);
+  /// Asks the threads of the object to end, and calls `next` once they have: at once if there are
+  /// none; live, after waiting suspended. Fails if one of them takes too long.
+  void end_threads(const std::function<void()>& next);
+  void await_threads(std::int64_t deadline_ns, const std::function<void()>& next);
+  /// Destroys the object, and makes it anew after `delay`.
+  void replace(std::chrono::nanoseconds delay);
+  void make_anew();
+  /// From now on what it publishes reaches nobody, that of its threads included; or does again.
+  void mute(bool is_muted);
+  /// Its object is gone: nobody waits for its calls, and nobody else can give the answers it owes.
+  void end_calls(std::string_view what);
+  /// The application stops, or the component is deactivated: what it owes and what it awaits ends
+  /// with that.
+  void end_services(CallStatus owed, CallStatus awaited, std::string_view reason);
+  /// Ends the subscriptions of the old object that must not go on as they are.
+  void end_old_subscriptions();
+  /// Ends what it subscribed to in its callbacks.
+  void end_late_subscriptions();
+  [[nodiscard]] bool is_redeclared() const noexcept;
+
+  /// What it was, in words, if it throws or does not return. Written by its worker.
+  NotedCall in_call_;
+  bool owes_stop_ = false;  ///< It is made anew in order, and `stop` was not called yet.
+
+  mutable base::PriorityMutex hang_mutex_;
+  std::string hang_;
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,149 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/log.h"
+#include "broker/topics.h"
+#include "config/description.h"
+#include "executor/actor.h"
+#include "fastcycle/params.h"
+#include "params/param_table.h"
+
+namespace fastcycle::detail {
+class ComponentCore;
+}  // namespace fastcycle::detail
+
+namespace fastcycle::host {
+
+class TimeDriver;
+
+/// All components of an application, in the order of its file.
+using Components = std::vector<std::unique_ptr<detail::ComponentCore>>;
+
+/// Connects components to topics, and parts them again, on behalf of who owns the topics.
+class TopicHost {
+ public:
+  TopicHost() = default;
+  TopicHost(const TopicHost&) = delete;
+  TopicHost& operator=(const TopicHost&) = delete;
+
+  /// Control thread before the start and after the end; their names and publishers at any time.
+  [[nodiscard]] virtual detail::Topics& topics() = 0;
+
+  // In an activation of `component`.
+
+  /// Subscriptions that come and go while publishers run.
+  ///
+  /// @errors  std::runtime_error if the topic is of another type.
+  virtual detail::CallbackSubscription& subscribe_late(
+      detail::ComponentCore& component, const std::string& topic,
+      const google::protobuf::Message& default_instance, const SubscriberOptions& options,
+      detail::EnvelopeCallback callback) = 0;
+  virtual void end_subscription(detail::ComponentCore& component,
+                                detail::CallbackSubscription& subscription,
+                                detail::DropReason reason) noexcept = 0;
+  /// Connects again what had ended, for a component that is made anew.
+  virtual void reopen_subscription(detail::ComponentCore& component,
+                                   detail::CallbackSubscription& subscription) = 0;
+  /// Tells the subscribers of all that `component` publishes that it has ended, or is back.
+  virtual void tell_liveliness(detail::ComponentCore& component, bool is_alive,
+                               std::string_view reason) = 0;
+
+ protected:
+  ~TopicHost() = default;
+};
+
+/// Ends and begins the threads of a component that is made anew, on behalf of who owns them. In an
+/// activation of it.
+class ThreadHost {
+ public:
+  ThreadHost() = default;
+  ThreadHost(const ThreadHost&) = delete;
+  ThreadHost& operator=(const ThreadHost&) = delete;
+
+  /// Until `start_threads` none begins. Calls what they registered with their stop tokens.
+  virtual void ask_threads_to_end(detail::ComponentCore& component) = 0;
+  /// The names of those that have not ended. Safe.
+  [[nodiscard]] virtual std::vector<std::string> running_threads(
+      const detail::ComponentCore& component) const = 0;
+  /// @pre  They have ended.
+  virtual void join_threads(const detail::ComponentCore& component) = 0;
+  /// Those of its new object; they begin with those of the others, and not after the end began.
+  virtual void start_threads(detail::ComponentCore& component) = 0;
+
+ protected:
+  ~ThreadHost() = default;
+};
+
+/// Answers what a component's core, its context and its ends of services ask of the application.
+///
+/// @threads  Safe from the start to the end, unless something else is said.
+class ComponentHost {
+ public:
+  ComponentHost() = default;
+  ComponentHost(const ComponentHost&) = delete;
+  ComponentHost& operator=(const ComponentHost&) = delete;
+
+  // Constant once it is built.
+  [[nodiscard]] virtual const config::ApplicationDescription& description() const = 0;
+  /// The service whose id it is; "?" if no component gives or calls it.
+  [[nodiscard]] virtual std::string service_name(std::uint64_t id) const = 0;
+
+  // Each safe as it says itself.
+  [[nodiscard]] virtual TopicHost& wiring() = 0;
+  [[nodiscard]] virtual ThreadHost& threads() = 0;
+  [[nodiscard]] virtual TimeDriver& time() = 0;
+  [[nodiscard]] virtual detail::LogQueue& log_queue() = 0;
+  /// Guards what is committed of the parameters of all components.
+  [[nodiscard]] virtual ParamMutex& param_mutex() = 0;
+
+  /// When its timers started; before that, when its start began.
+  [[nodiscard]] virtual Time start_time() const = 0;
+  /// The mode as of the last switch; empty if there are none.
+  [[nodiscard]] virtual std::string mode() const = 0;
+
+  // What components ask, in their activations.
+
+  /// Asks for `mode` in the name of `by`.
+  ///
+  /// @errors  std::invalid_argument if there is no such mode.
+  virtual void ask_mode(std::string_view mode, std::string_view why, detail::ComponentCore& by) = 0;
+  /// For `component`; `done` is called in another activation of it.
+  virtual void change_params(detail::ComponentCore& component, std::vector<ParamChange> changes,
+                             std::function<void(const ParamsResult&)> done) = 0;
+  /// Asks the flight recorder for a dump; false if there is none.
+  virtual bool dump(std::string_view reason, std::string_view component,
+                    std::string_view detail) noexcept = 0;
+
+  // What components tell, in their activations.
+
+  /// `component` has another state, health, fault, or, not urgently, another reason for its health.
+  virtual void component_changed(detail::ComponentCore& component, bool is_urgent) = 0;
+  virtual void fault_noted(const detail::ComponentCore& component, std::string_view what) = 0;
+  /// It has failed and will not be made anew.
+  virtual void component_failed(detail::ComponentCore& component) = 0;
+  /// Its input is over.
+  virtual void source_finished(detail::ComponentCore& component) = 0;
+  /// A message for `sink` came too late for the chain at this place of the file.
+  virtual void chain_breached(detail::ComponentCore& sink, std::size_t chain) = 0;
+  /// Ends the run: a component failed whose policy says so.
+  virtual void end_by_fault() = 0;
+
+  // Within a constructor.
+
+  /// Declares the publishers of a component in whose place a recording is published.
+  virtual void declare_replayed(detail::ComponentCore& component) = 0;
+  /// Whether somebody records what is published.
+  [[nodiscard]] virtual bool is_recorded() const = 0;
+  virtual void record(const config::RecordDescription& description) = 0;
+
+ protected:
+  ~ComponentHost() = default;
+};
+
+}  // namespace fastcycle::host

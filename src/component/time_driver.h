@@ -1,0 +1,154 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/thread.h"
+#include "config/description.h"
+#include "executor/executor.h"
+#include "executor/simulation.h"
+
+namespace fastcycle::host {
+
+class WallPace;
+
+/// The executor of components that name none.
+inline constexpr const char* kPoolName = "pool";
+[[nodiscard]] bool needs_pool(const config::ApplicationDescription& application);
+
+/// The executors of an application, in the order of its file; the pool of those that name none is
+/// the last one.
+[[nodiscard]] std::vector<std::string> executor_names(
+    const config::ApplicationDescription& application);
+
+/// One call that the control thread made of a component: owns the word that says whether it is
+/// over. Shared with the worker that makes it, which may come to it when nobody waits any more.
+class ControlCall {
+ public:
+  [[nodiscard]] bool is_over() const noexcept { return is_over_->load(); }
+  void end() const noexcept { is_over_->store(true); }
+
+ private:
+  std::shared_ptr<std::atomic<bool>> is_over_ = std::make_shared<std::atomic<bool>>(false);
+};
+
+/// How time passes in an application, and who runs next: owns the workers that serve components.
+///
+/// @threads  As said of each part.
+class TimeDriver {
+ public:
+  TimeDriver() = default;
+  TimeDriver(const TimeDriver&) = delete;
+  TimeDriver& operator=(const TimeDriver&) = delete;
+  virtual ~TimeDriver() = default;
+
+  [[nodiscard]] virtual bool is_simulated() const noexcept = 0;
+
+  // Before the start; control thread.
+
+  /// Serves `actor`, which is described by `component`, from the start on.
+  virtual void add(detail::Actor& actor, const config::ComponentDescription& component) = 0;
+  /// `actor` only watches: it alone is no reason for time to go on.
+  virtual void set_watcher([[maybe_unused]] const detail::Actor& actor) {}
+  /// In simulated time: what comes from outside, at times that are known.
+  virtual void set_feed([[maybe_unused]] detail::Feed& feed) {}
+  /// In simulated time: how fast that goes.
+  virtual void set_pace([[maybe_unused]] WallPace& pace) {}
+  /// In simulated time: calls `action` when a round is over, with its place in its moment.
+  virtual void after_round([[maybe_unused]] std::function<void(std::uint32_t step)> action) {}
+  /// Whether some thread is to run with a priority of real time.
+  [[nodiscard]] virtual bool is_real_time() const { return false; }
+
+  // From the start to the end; control thread.
+
+  /// Starts the workers; what the machine refused is added to `refusals`.
+  virtual void start(std::vector<base::Refusal>& refusals) = 0;
+  /// What the workers do: one ring each, once they are started.
+  [[nodiscard]] virtual std::vector<const detail::ActivationRing*> rings() const = 0;
+
+  /// The next steps of the life cycle are part `part` of their moment, of at most `parts`.
+  virtual void begin_part([[maybe_unused]] std::uint32_t part) {}
+  /// The starts, which were `parts`, are over; what follows is neither start nor stop.
+  virtual void begin_run([[maybe_unused]] std::uint32_t parts) {}
+
+  /// Has `body` called in an activation of `actor`; the bell is rung when that is over, with what
+  /// follows from a fault. In simulated time it is over when this returns.
+  [[nodiscard]] virtual ControlCall call(detail::Actor& actor, detail::Cause cause,
+                                         std::function<void()> body) = 0;
+
+  /// How a run ended.
+  enum class End : std::uint8_t {
+    kReached,      ///< It is as late as was asked for.
+    kInputOver,    ///< In simulated time: the input is over.
+    kIdle,         ///< In simulated time: nothing is left that could happen.
+    kStuck,        ///< Simulated time does not advance.
+    kInterrupted,  ///< `interrupt` was called.
+  };
+  /// Lets components work until the application's clock shows `limit`; in simulated time at most
+  /// until `input_end`.
+  virtual End run(Time limit, Time input_end) = 0;
+  /// In simulated time: serves everything up to `time`.
+  virtual void advance_to([[maybe_unused]] Time time) {}
+  /// In simulated time: serves what is left to do at the present time.
+  virtual void settle() {}
+  /// Waits until nothing is under way, at most until `deadline_ns`.
+  virtual void drain(std::int64_t deadline_ns) = 0;
+
+  /// No offloaded work is begun any more.
+  virtual void refuse_jobs() {}
+  /// Ends the workers, but not those that may serve one for whom `is_stuck` holds, or that do
+  /// offloaded work: these go on until they come back.
+  virtual void stop(const std::function<bool(const detail::Actor&)>& is_stuck) = 0;
+  /// Whether a worker may still be in `actor`, after `stop`.
+  [[nodiscard]] virtual bool may_serve([[maybe_unused]] const detail::Actor& actor) const {
+    return false;
+  }
+  /// Waits, without a limit, for the workers that `stop` left alone.
+  virtual void join() {}
+
+  // Safe, from the start to the end.
+
+  /// Ends `run`, and keeps a later one from waiting.
+  virtual void interrupt() noexcept = 0;
+  /// Does `action` now; in simulated time when no round is under way.
+  virtual void between_rounds(std::function<void()> action) = 0;
+  /// In simulated time threads of components keep an idle run from ending.
+  virtual void foreign_thread_begins() noexcept {}
+  virtual void foreign_thread_ends() noexcept {}
+  /// In simulated time: time does not advance until it is let go as often as it was held.
+  virtual void hold() noexcept {}
+  virtual void let_go() noexcept {}
+  /// Where what foreign threads publish waits for the end of a round; null: it does not.
+  [[nodiscard]] virtual detail::Stage* external_stage() noexcept { return nullptr; }
+
+  // In an activation of `from`.
+
+  /// Does `action` now; in simulated time when the present round is over.
+  virtual void stage(detail::Actor& from, std::function<void()> action) = 0;
+  /// In simulated time: waits until `condition` holds, at most until `deadline_ns` of
+  /// CLOCK_MONOTONIC; no time passes meanwhile. Live, where others are to be served, it returns at
+  /// once.
+  virtual void await([[maybe_unused]] std::int64_t deadline_ns,
+                     [[maybe_unused]] const std::function<bool()>& condition) {}
+  /// Has `job` done by a worker of the executor that is number `executor` of `executor_names`.
+  /// False if too many wait.
+  [[nodiscard]] virtual bool submit(std::size_t executor, detail::Actor& from,
+                                    std::function<void()> job) = 0;
+
+  /// In simulated time, between two rounds: in the next one these components are served first.
+  virtual void serve_first([[maybe_unused]] std::vector<std::uint32_t> components) {}
+
+  /// None in simulated time.
+  [[nodiscard]] const std::vector<std::unique_ptr<detail::Executor>>& executors() const noexcept {
+    return executors_;
+  }
+
+ protected:
+  std::vector<std::unique_ptr<detail::Executor>> executors_;
+};
+
+}  // namespace fastcycle::host

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "base/thread.h"
+#include "diagnostics/who_runs.h"
+
+namespace fastcycle::diagnostics {
+
+/// Looks whether calls of components return, on a thread of its own that sleeps most of the time.
+///
+/// It looks as often as a quarter of the smallest limit, at least 5 ms and at most 1 s apart, and
+/// reads what serving threads say of themselves: it costs a callback nothing.
+///
+/// @threads  Confined to its owner; the functions are called on the thread of its own.
+class Watchdog {
+ public:
+  struct Options {
+    /// How long `call` may take; none: as long as it likes.
+    std::function<std::optional<std::chrono::nanoseconds>(const RunningCall& call)> limit_of;
+    std::chrono::nanoseconds smallest_limit{0};  ///< 0: nothing is looked at.
+    /// A call takes longer than it may; once for each.
+    std::function<void(const RunningCall& call)> on_hang;
+    /// The same call has still not returned; at each look.
+    std::function<void(const RunningCall& call)> on_look = [](const RunningCall&) {};
+    /// It has returned after all.
+    std::function<void(const RunningCall& call)> on_return;
+  };
+
+  explicit Watchdog(Options options);
+  Watchdog(const Watchdog&) = delete;
+  Watchdog& operator=(const Watchdog&) = delete;
+  ~Watchdog();
+
+ private:
+  void watch();
+  void look();
+
+  const Options options_;
+  std::vector<RunningCall> hanging_;  ///< Its thread only.
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool is_stopping_ = false;
+
+  std::vector<base::Refusal> refusals_;
+  base::Thread thread_;
+};
+
+}  // namespace fastcycle::diagnostics

@@ -1,0 +1,153 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+
+#include <pthread.h>
+#include <sys/types.h>
+
+#include "base/signal_stack.h"
+#include "executor/activation_ring.h"
+#include "executor/actor_base.h"
+
+namespace fastcycle::detail {
+
+class Subscription;
+class TimerCore;
+
+/// What a thread does for a component at this moment: for who has to name it when it crashes, or
+/// does not come back.
+struct RunningActivation {
+  // Also read by other threads, which look at `begin_ns` again afterwards: each call has another.
+  std::atomic<const ActorBase*> actor{nullptr};  ///< Null: it does nothing for any component.
+  std::atomic<const char*> call{nullptr};        ///< "its start()", a literal; null: a callback.
+  std::atomic<std::uint64_t> number{0};          ///< Of the activation; 0: it is none.
+  std::atomic<std::int64_t> begin_ns{0};  ///< CLOCK_MONOTONIC; 0: it may take as long as it likes.
+
+  // The thread itself, and what interrupts it.
+  const ActivationRecord* record = nullptr;
+  const Subscription* subscription = nullptr;  ///< Whose message it was given; or none.
+  const TimerCore* timer = nullptr;            ///< Which tick it was given; or none.
+  const char* detail = nullptr;                ///< More about `call`; or none.
+  std::uintptr_t stack_end = 0;                ///< The lowest address of its stack; 0: unknown.
+};
+
+extern constinit thread_local RunningActivation running_activation
+    [[gnu::tls_model("initial-exec")]];
+
+/// What the calling thread does for a component; null if it does nothing for any.
+[[nodiscard]] inline const RunningActivation* current_activation() noexcept {
+  return running_activation.actor.load(std::memory_order_relaxed) == nullptr ? nullptr
+                                                                             : &running_activation;
+}
+
+/// What calls the component: one of both, or none for what the framework does.
+struct ActivationTarget {
+  const Subscription* subscription = nullptr;
+  const TimerCore* timer = nullptr;
+};
+
+/// One activation, from before its callback to the end of what its fault leads to. While it lives,
+/// the calling thread is in it, and the component may publish on this thread only.
+///
+/// @realtime A few stores: no lock, no allocation, no system call.
+class ActivationContext {
+ public:
+  /// `record`, which must outlive this, says number and beginning.
+  ActivationContext(const ActorBase& actor, PublishingComponent& publishing,
+                    const ActivationRecord& record, ActivationTarget target) noexcept
+      : publishing_(publishing) {
+    RunningActivation& running = running_activation;
+    running.record = &record;
+    running.subscription = target.subscription;
+    running.timer = target.timer;
+    running.number.store(record.number, std::memory_order_relaxed);
+    running.begin_ns.store(record.begin_ns, std::memory_order_relaxed);
+    running.actor.store(&actor, std::memory_order_release);
+    publishing_.enter();
+  }
+  ActivationContext(const ActivationContext&) = delete;
+  ActivationContext& operator=(const ActivationContext&) = delete;
+  ~ActivationContext() {
+    publishing_.leave();
+    RunningActivation& running = running_activation;
+    running.actor.store(nullptr, std::memory_order_relaxed);
+    running.call.store(nullptr, std::memory_order_relaxed);
+    running.record = nullptr;
+    running.subscription = nullptr;
+    running.timer = nullptr;
+  }
+
+ private:
+  PublishingComponent& publishing_;
+};
+
+/// A call of a component that is no activation, or within one: its constructor, its destructor, a
+/// thread of its own. In a child that was forked in it, its end ends the process.
+class CallScope {
+ public:
+  /// `call` and `detail` outlive it. Without a limit nobody looks how long it takes.
+  CallScope(const ActorBase& actor, const char* call, const char* detail = nullptr,
+            bool has_limit = true) noexcept;
+  CallScope(const CallScope&) = delete;
+  CallScope& operator=(const CallScope&) = delete;
+  ~CallScope();
+
+ private:
+  const ActorBase* const actor_;
+  const char* const call_;
+  const char* const detail_;
+  const std::int64_t begin_ns_;
+  const std::uint64_t number_;
+};
+
+/// A call within an activation, in words, which what runs on the thread says as well.
+///
+/// @threads  As the component's activations; `load` is Safe.
+class NotedCall {
+ public:
+  NotedCall& operator=(const char* call) noexcept {
+    static_cast<void>(exchange(call));
+    return *this;
+  }
+  const char* exchange(const char* call) noexcept {
+    running_activation.call.store(call, std::memory_order_relaxed);
+    return call_.exchange(call);
+  }
+  [[nodiscard]] const char* load() const noexcept { return call_.load(); }
+
+ private:
+  std::atomic<const char*> call_{nullptr};
+};
+
+/// The calling thread, as one that serves components: known to who looks what runs now, and with a
+/// stack for its signal handlers.
+///
+/// @threads  Made and destroyed on that thread.
+class ServingThread {
+ public:
+  ServingThread();
+  ServingThread(const ServingThread&) = delete;
+  ServingThread& operator=(const ServingThread&) = delete;
+  ~ServingThread();
+
+ private:
+  const base::SignalStack signal_stack_;
+};
+
+/// One of them, while it is looked at.
+struct ServingThreadView {
+  const RunningActivation& running;
+  pthread_t thread;
+  pid_t id;  ///< As the kernel counts threads.
+};
+
+/// Calls `look` with each serving thread there is; none ends meanwhile. Safe.
+void for_each_serving_thread(const std::function<void(const ServingThreadView&)>& look);
+
+/// Called in a child that `fork` made of a callback, once that has returned: says so, and ends the
+/// process. What `_exit` and `exec` do in the child before that is its own matter.
+[[noreturn]] void end_forked_child() noexcept;
+
+}  // namespace fastcycle::detail

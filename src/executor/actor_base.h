@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "base/clock.h"
+#include "base/histogram.h"
+#include "broker/inbox.h"
+#include "broker/publishing_component.h"
+
+namespace fastcycle::detail {
+
+/// What one component did, counted by the worker that serves it.
+struct ActorStatistics {
+  Counter activations;
+  Counter faults;
+  Counter overruns;          ///< Ticks skipped, over all timers.
+  base::Histogram callback;  ///< Time in all callbacks, ns by CLOCK_MONOTONIC.
+  base::Histogram lateness;  ///< From a tick's due time to its callback, ns.
+};
+
+/// What the parts of an actor, and those who watch it, know of it: who it is, what reaches it, what
+/// its publishers ask, and what it did.
+struct ActorBase {
+  ActorBase(std::string its_name, std::uint32_t its_index, const base::Clock& its_clock)
+      : name(std::move(its_name)), index(its_index), clock(its_clock) {
+    publishing.name = name;
+    publishing.clock = &clock;
+  }
+  ActorBase(const ActorBase&) = delete;
+  ActorBase& operator=(const ActorBase&) = delete;
+
+  // Constant once the application is built.
+  const std::string name;
+  const std::uint32_t index;
+  const base::Clock& clock;
+
+  Inbox inbox;
+  PublishingComponent publishing;
+  ActorStatistics statistics;
+
+ protected:
+  ~ActorBase() = default;
+};
+
+}  // namespace fastcycle::detail

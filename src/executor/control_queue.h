@@ -1,0 +1,72 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+
+#include "base/clock.h"
+#include "base/priority_mutex.h"
+#include "executor/activation_ring.h"
+
+namespace fastcycle::detail {
+
+/// Something that a component does between two messages: connect, life cycle, parameters, jobs that
+/// are done, answers that it gives itself.
+struct Control {
+  Cause cause{};
+  std::function<void()> body;
+  std::function<void()> finished = {};  ///< After the activation, its fault included.
+  std::int64_t posted_ns = 0;           ///< When, on the application's clock.
+};
+
+/// The control causes of one component that wait.
+///
+/// Those that others post are served before all messages: what they change holds for every message
+/// that is published after `post` returned. Those that a component posts to itself are served in
+/// the order of their times among its messages and ticks, so that a component which goes on posting
+/// keeps nothing else from being served.
+///
+/// What others post is bounded by who posts: each connection, transaction, mode switch, job and
+/// call waits once. What a component posts to itself is bounded here.
+///
+/// @threads  `post` and `has_posted` are Safe; all else is confined to the worker that serves the
+///           component.
+class ControlQueue {
+ public:
+  /// Of those that a component posts to itself.
+  static constexpr std::size_t kMaxOwn = 4096;
+
+  ControlQueue() = default;
+  ControlQueue(const ControlQueue&) = delete;
+  ControlQueue& operator=(const ControlQueue&) = delete;
+
+  void post(Control control);
+  /// False if too many wait.
+  [[nodiscard]] bool post_own(Control control);
+
+  /// Whether something that others posted waits. True before what is published after `post`
+  /// returned can be seen.
+  [[nodiscard]] bool has_posted() const noexcept {
+    return count_.load(std::memory_order_seq_cst) != 0;
+  }
+  /// The next of what others posted; false if there is none.
+  [[nodiscard]] bool take_posted(Control& control);
+
+  [[nodiscard]] bool has_own() const noexcept { return !own_.empty(); }
+  /// When the next of its own was posted. @pre  `has_own()`.
+  [[nodiscard]] std::int64_t next_own_ns() const noexcept { return own_.front().posted_ns; }
+  [[nodiscard]] Control take_own();
+
+ private:
+  std::deque<Control> own_;
+
+  // Taken only when a control cause is posted or served.
+  base::PriorityMutex mutex_;
+  std::deque<Control> posted_;
+  /// Written under the mutex. Set before what is published after `post` returned.
+  alignas(64) std::atomic<std::size_t> count_{0};
+};
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "broker/inbox.h"
+#include "executor/actor_base.h"
+#include "executor/actor_credits.h"
+#include "executor/held_origins.h"
+#include "executor/subscriptions.h"
+#include "fastcycle/synchronizer.h"
+
+namespace fastcycle::detail {
+
+class Synchronizer;
+
+/// The subscriptions of one component, with its views and synchronizers: made, ended, made again
+/// and closed here. The callback of an ended one is kept until the activation is over.
+///
+/// @threads  As `Actor`.
+class SubscriptionSet {
+ public:
+  /// Called with a subscription whose next message comes too late for latency chains: a bit for
+  /// each that ends there.
+  using TellBreaches = std::function<void(const Subscription&, std::uint32_t breached)>;
+
+  SubscriptionSet(ActorBase& actor, HeldOrigins& held, ActorCredits& credits,
+                  TellBreaches tell_breaches);
+  SubscriptionSet(const SubscriptionSet&) = delete;
+  SubscriptionSet& operator=(const SubscriptionSet&) = delete;
+  ~SubscriptionSet();
+
+  CallbackSubscription& add(Topic& topic, const SubscriberOptions& options,
+                            EnvelopeCallback callback);
+  /// As `add`, in the place of an ended subscription of that topic, if there is one that asks for
+  /// the same.
+  CallbackSubscription& add_again(Topic& topic, const SubscriberOptions& options,
+                                  EnvelopeCallback callback);
+  void add(View& view) { views_.push_back(&view); }
+  /// Calls `callback` with messages of `topics` that belong together; its subscriptions are the
+  /// newest of `callbacks`. `queues` says, for each topic, how many messages may wait before that.
+  Synchronizer& synchronize(std::span<Topic* const> topics,
+                            std::span<const SubscriberOptions> queues,
+                            const SynchronizerOptions& options, EnvelopeSetCallback callback);
+
+  /// Ends `subscription`; a second call does nothing.
+  void end(CallbackSubscription& subscription, DropReason reason) noexcept;
+  /// Closes all: what waits and still comes is dropped for `reason`. After a fault those that
+  /// outlive it stay open.
+  void close(DropReason reason) noexcept;
+  /// Lets go of all that synchronizers hold: it counts as dropped for `reason`.
+  void drop_held(DropReason reason) noexcept;
+
+  /// Destroys the callbacks of ended subscriptions. They may own handles of others, which end with
+  /// them. Outside of callbacks.
+  void destroy_ended() noexcept;
+  /// The same for all callbacks, once nothing is served any more.
+  void destroy_callbacks() noexcept;
+
+  /// Takes over what came for the views; what they show is no older than their span. The
+  /// activation's time goes on to that of the newest message.
+  void refresh_views();
+  [[nodiscard]] bool has_views() const noexcept { return !views_.empty(); }
+
+  /// The oldest message of a subscription that outlives faults, which stays; false if there is
+  /// none. Of several such subscriptions the first that has one.
+  [[nodiscard]] bool peek_outliving(Inbox::Head& found) noexcept;
+
+  /// All that give messages to callbacks, ended ones too, in the order in which they were made.
+  [[nodiscard]] const std::vector<CallbackSubscription*>& callbacks() const noexcept {
+    return callbacks_;
+  }
+  [[nodiscard]] const std::vector<View*>& views() const noexcept { return views_; }
+  [[nodiscard]] const std::vector<std::unique_ptr<Synchronizer>>& synchronizers() const noexcept {
+    return synchronizers_;
+  }
+
+ private:
+  ActorBase& actor_;
+  HeldOrigins& held_;
+  ActorCredits& credits_;
+  const TellBreaches tell_breaches_;
+  std::vector<View*> views_;
+  std::vector<CallbackSubscription*> callbacks_;
+  std::vector<std::unique_ptr<Synchronizer>> synchronizers_;
+  std::vector<std::unique_ptr<EnvelopeCallback>> ended_;  ///< Their callbacks.
+};
+
+}  // namespace fastcycle::detail

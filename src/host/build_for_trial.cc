@@ -1,0 +1,21 @@
+#include "host/build_for_trial.h"
+
+#include <utility>
+
+#include "host/application.h"
+
+namespace fastcycle::host {
+
+std::shared_ptr<void> build_for_trial(
+    config::ApplicationDescription description, ComponentClasses& classes,
+    ConstructorFault on_throw,
+    const std::function<void(const std::string& component)>& before_construct,
+    config::Problems& problems) {
+  auto application = std::make_shared<Application>(
+      std::move(description), ClockOptions{.is_simulated = true, .workers = 1});
+  application->before_construct = before_construct;
+  application->build(classes, problems, on_throw);
+  return application;
+}
+
+}  // namespace fastcycle::host

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "diagnostics/crash_reporter.h"
+#include "diagnostics/watchdog.h"
+#include "executor/activation.h"
+#include "host/observer.h"
+
+namespace fastcycle::host {
+
+/// Says who is to blame in one application: owns the crash reporter, which tells of
+/// it when the process crashes, and the watchdog, when a call of a component does not return. One
+/// of the process at a time.
+///
+///     Application application(description, {});
+///     Diagnosis diagnosis(application, folder);
+///     application.add(diagnosis);
+///     application.build(libraries, problems, ConstructorFault::kFault);
+///
+/// @threads  As `Observer`; made and destroyed by the control thread.
+class Diagnosis final : public Observer {
+ public:
+  /// Reports of crashes go into `folder`, and to standard error.
+  Diagnosis(Application& application, std::filesystem::path folder);
+  ~Diagnosis() override;
+
+  void open(config::Problems& problems) override;
+  void start(const ObserverView& view, std::vector<base::Refusal>& refusals) override;
+  void stop(const Application& application) override;
+
+ private:
+  /// A call whose component asks for the end of the run, and when it was told.
+  struct Ending {
+    diagnostics::RunningCall call;
+    std::chrono::steady_clock::time_point since;
+  };
+
+  void tell_reporter(std::vector<const detail::ActivationRing*> rings);
+  [[nodiscard]] diagnostics::Watchdog::Options options();
+  void hangs(const diagnostics::RunningCall& call);
+  void goes_on_hanging(const diagnostics::RunningCall& call);
+  void returns(const diagnostics::RunningCall& call);
+
+  Application& application_;
+  const std::filesystem::path folder_;
+  const detail::ServingThread control_thread_;
+  diagnostics::CrashReporter reporter_;
+  std::vector<Ending> endings_;  ///< The watchdog's thread only.
+  std::optional<diagnostics::Watchdog> watchdog_;
+};
+
+}  // namespace fastcycle::host

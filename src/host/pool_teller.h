@@ -1,0 +1,23 @@
+#pragma once
+
+#include "base/log.h"
+#include "broker/topics.h"
+
+namespace fastcycle::host {
+
+/// Says in the log who holds so many messages of a pool that it runs short, and what to do.
+///
+/// @threads  Safe.
+/// @realtime As `LogSource::write`.
+class PoolTeller final : public detail::PoolWatch {
+ public:
+  /// `log` lives as long as this.
+  explicit PoolTeller(detail::LogSource& log) : log_(log) {}
+
+  void ran_short(const detail::PoolShortage& shortage) noexcept override;
+
+ private:
+  detail::LogSource& log_;
+};
+
+}  // namespace fastcycle::host

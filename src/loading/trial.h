@@ -1,0 +1,54 @@
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/description.h"
+#include "config/load.h"
+#include "config/problem.h"
+#include "loading/component_classes.h"
+#include "loading/component_library.h"
+
+namespace fastcycle::host {
+
+/// What is tried, as the command line gave it.
+struct TrialOptions {
+  config::LoadOptions load;
+  std::vector<std::filesystem::path> library_path;
+  ConstructorFault on_throw = ConstructorFault::kFault;
+  /// How long one library may load, or one component construct.
+  std::chrono::milliseconds limit{10'000};
+};
+
+/// Loads all libraries and constructs all components in a child process, and adds to `problems`
+/// what went wrong there, also what ended or hung the child: a library that aborts, exits or never
+/// returns is a named mistake of the application, not the end of the host.
+///
+/// After a library ended the child, another child goes on without it, so that every mistake shows.
+/// Processes that a library started in the child end with it, unless they left its process group.
+///
+/// Returns which files the libraries were, for `LibraryLoader::expect`.
+///
+/// @threads  Safe; the calling process may have other threads.
+/// @errors   Everything goes to `problems`.
+LibraryFiles try_application(const TrialOptions& options, config::Problems& problems);
+
+/// Constructs all components of an application, as a run does, and starts none. Calls
+/// `before_construct` with the name of each before its constructor. What it returns keeps them:
+/// their destructors are not called in a trial.
+using BuildForTrial = std::function<std::shared_ptr<void>(
+    config::ApplicationDescription description, ComponentClasses& classes,
+    ConstructorFault on_throw,
+    const std::function<void(const std::string& component)>& before_construct,
+    config::Problems& problems)>;
+
+/// The child's part: the body of the helper program `fastcycle-trial`. Its memory is protected as
+/// that of a run is (`loading/protection.h`) before it loads anything; where the parent is
+/// protected, it does not go on if it is traced.
+int run_trial_child(const BuildForTrial& build);
+
+}  // namespace fastcycle::host

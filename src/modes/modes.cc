@@ -1,0 +1,346 @@
+#include "modes/modes.h"
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "component/application_host.h"
+#include "component/bell.h"
+#include "component/component_core.h"
+#include "component/time_driver.h"
+#include "component/wait.h"
+#include "config/nearest.h"
+#include "mcap/topic_filter.h"
+
+namespace fastcycle::host {
+
+using detail::Cause;
+using detail::ComponentCore;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr std::size_t kMaxWaiting = 64;
+constexpr std::size_t kMaxKept = 10'000;  // Switches that the report tells of.
+
+}  // namespace
+
+void explain(const std::vector<ModeSwitch>& switches, std::map<std::string, std::string>& facts) {
+  constexpr std::size_t kMost = 1000;
+  for (std::size_t i = 0; i < std::min(switches.size(), kMost); ++i) {
+    const std::string key = fmt::format("switch.{}.", i);
+    facts[key + "time_ns"] = std::to_string(base::to_ns(switches[i].stamp));
+    facts[key + "to"] = switches[i].to;
+    facts[key + "by"] = switches[i].by;
+  }
+}
+
+std::vector<ModeSwitch> switches_in(const std::map<std::string, std::string>& facts) {
+  std::vector<ModeSwitch> switches;
+  for (;;) {
+    const std::string key = fmt::format("switch.{}.", switches.size());
+    const auto time = facts.find(key + "time_ns");
+    const auto to = facts.find(key + "to");
+    const auto by = facts.find(key + "by");
+    if (time == facts.end() || to == facts.end() || by == facts.end()) {
+      return switches;
+    }
+    std::int64_t time_ns = 0;
+    std::from_chars(time->second.data(), time->second.data() + time->second.size(), time_ns);
+    switches.push_back({.stamp = base::from_ns(time_ns),
+                        .from = {},
+                        .to = to->second,
+                        .why = {},
+                        .by = by->second});
+  }
+}
+
+Modes::Modes(ApplicationHost& application) : application_(application) {}
+
+void Modes::resolve(config::Problems& problems) {
+  const config::ApplicationDescription& description = application_.description();
+  const std::vector<std::string> executors = executor_names(description);
+  std::vector<std::string> components;
+  for (const config::ComponentDescription& component : description.components) {
+    components.push_back(component.name);
+  }
+  is_switched_.assign(components.size(), false);
+  for (const config::ModeDescription& described : description.modes) {
+    Mode mode{.name = described.name, .is_active = std::vector<bool>(components.size(), false)};
+    const auto add_those = [&](const auto& is_meant) {
+      bool is_anyone = false;
+      for (std::size_t i = 0; i < components.size(); ++i) {
+        if (is_meant(description.components[i])) {
+          mode.is_active[i] = true;
+          is_switched_[i] = true;
+          is_anyone = true;
+        }
+      }
+      return is_anyone;
+    };
+    const std::string its = "the mode \"" + described.name + "\" names ";
+    for (const std::string& pattern : described.components) {
+      if (!add_those([&](const auto& one) { return mcap::matches(pattern, one.name); })) {
+        const bool is_pattern = pattern.find_first_of("*?") != std::string::npos;
+        problems.add(config::mistake(
+            described.place,
+            is_pattern ? its + "no component by the pattern \"" + pattern + "\""
+                       : its + "the component \"" + pattern + "\", which does not exist",
+            config::did_you_mean(config::nearest(pattern, components))));
+      }
+    }
+    for (const std::string& executor : described.executors) {
+      if (std::ranges::find(executors, executor) == executors.end()) {
+        problems.add(config::mistake(
+            described.place, its + "the executor \"" + executor + "\", which does not exist",
+            config::did_you_mean(config::nearest(executor, executors))));
+      } else {
+        add_those([&](const auto& one) {
+          return one.executor == executor || (one.executor.empty() && executor == executors.back());
+        });
+      }
+    }
+    modes_.push_back(std::move(mode));
+  }
+  for (std::size_t i = 0; i < modes_.size(); ++i) {
+    if (modes_[i].name == description.initial_mode) {
+      current_ = i;
+      last_asked_ = i;
+    }
+  }
+}
+
+bool Modes::is_active_at_first(std::uint32_t component) const {
+  return !is_switched(component) || modes_[current_].is_active[component];
+}
+
+bool Modes::is_switched(std::uint32_t component) const {
+  return component < is_switched_.size() && is_switched_[component];
+}
+
+std::size_t Modes::find(std::string_view mode) const {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < modes_.size(); ++i) {
+    if (modes_[i].name == mode) {
+      return i;
+    }
+    names.push_back(modes_[i].name);
+  }
+  const std::string hint = config::did_you_mean(config::nearest(mode, names));
+  throw std::invalid_argument("there is no mode \"" + std::string(mode) + "\"" +
+                              (hint.empty() ? "" : "; " + hint));
+}
+
+Modes::Request Modes::request(std::string_view mode, std::string_view why,
+                              const ComponentCore* by) const {
+  return {.to = find(mode), .why = std::string(why), .by = by == nullptr ? "" : by->name};
+}
+
+void Modes::ask(std::string_view mode, std::string_view why, ComponentCore* by) {
+  if (by != nullptr && by->publishing.is_in_activation) {
+    ask_in_turn(mode, why, *by);
+    return;
+  }
+  application_.time().between_rounds([this, request = request(mode, why, by)] { put(request); });
+}
+
+void Modes::ask_in_turn(std::string_view mode, std::string_view why, ComponentCore& by) {
+  // In simulated time between two rounds, so that it does not matter which worker was faster.
+  application_.time().stage(by, [this, request = request(mode, why, &by)] { put(request); });
+}
+
+bool Modes::is_asked(std::string_view mode) const noexcept {
+  return !modes_.empty() && modes_[last_asked_.load()].name == mode;
+}
+
+void Modes::put(Request request) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (is_over_ || request.to == last_asked_) {
+      return;
+    }
+    if (waiting_.size() == kMaxWaiting) {
+      ++refused_;
+      return;
+    }
+    last_asked_ = request.to;
+    waiting_.push_back(std::move(request));
+    if (!has_begun_ || is_switching_) {
+      return;
+    }
+    is_switching_ = true;
+  }
+  begin_next();
+}
+
+void Modes::begin() {
+  {
+    const std::lock_guard lock(mutex_);
+    has_begun_ = true;
+    if (is_over_ || waiting_.empty()) {
+      return;
+    }
+    is_switching_ = true;
+  }
+  begin_next();
+}
+
+void Modes::end() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_over_ = true;
+    waiting_.clear();
+  }
+  if (application_.time().is_simulated()) {
+    return;
+  }
+  wait_until(deadline_in(1s), [this] { return !is_switching(); });
+}
+
+/// The first of those that wait is under way from now on.
+void Modes::begin_next() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (waiting_.empty()) {
+      is_switching_ = false;
+      return;
+    }
+    request_ = std::move(waiting_.front());
+    waiting_.pop_front();
+    from_ = current_;
+  }
+  if (application_.time().is_simulated()) {
+    switch_at_once();
+    return;
+  }
+  step_ = Step::kLeaving;
+  awaited_ = 1;  // This function itself: until all are asked, none is the last.
+  for (const auto& component : application_.components()) {
+    if (leaves(component->index)) {
+      awaited_.fetch_add(1);
+      component->post_and_tell(
+          Cause::kMode, [&core = *component] { core.call_deactivate(); }, [this] { arrive(); });
+    }
+  }
+  arrive();
+}
+
+bool Modes::leaves(std::uint32_t component) const {
+  return is_switched(component) && modes_[from_].is_active[component] &&
+         !modes_[request_.to].is_active[component];
+}
+
+bool Modes::joins(std::uint32_t component) const {
+  return is_switched(component) && !modes_[from_].is_active[component] &&
+         modes_[request_.to].is_active[component];
+}
+
+/// One more component, of those that are waited for, has done its step.
+void Modes::arrive() {
+  if (awaited_.fetch_sub(1) != 1) {
+    return;
+  }
+  if (step_ == Step::kLeaving) {
+    enter();
+  } else {
+    begin_next();
+  }
+}
+
+/// All who leave have left: the mode changes, and those who join may begin.
+void Modes::enter() {
+  bool is_over = false;
+  {
+    const std::lock_guard lock(mutex_);
+    is_over = is_over_;
+  }
+  set_mode();
+  step_ = Step::kJoining;
+  awaited_ = 1;
+  for (const auto& component : application_.components()) {
+    if (!is_over && joins(component->index)) {
+      awaited_.fetch_add(1);
+      component->post_and_tell(
+          Cause::kMode, [&core = *component] { core.call_activate(); }, [this] { arrive(); });
+    }
+  }
+  arrive();
+}
+
+/// Simulated time, between two rounds: the next one begins with it.
+void Modes::switch_at_once() {
+  set_mode();
+  step_ = Step::kJoining;
+  awaited_ = 1;
+  std::vector<std::uint32_t> leaving;
+  for (const auto& component : application_.components()) {
+    const bool is_leaving = leaves(component->index);
+    if (!is_leaving && !joins(component->index)) {
+      continue;
+    }
+    if (is_leaving) {
+      leaving.push_back(component->index);
+    }
+    awaited_.fetch_add(1);
+    component->post_and_tell(
+        Cause::kMode,
+        [&core = *component, is_leaving] {
+          is_leaving ? core.call_deactivate() : core.call_activate();
+        },
+        [this, &core = *component] { core.stage([this] { arrive(); }); });
+  }
+  application_.time().serve_first(std::move(leaving));
+  arrive();
+}
+
+/// The stamp of the switch that is under way.
+void Modes::set_mode() {
+  ModeSwitch made{.stamp = application_.clock().now(),
+                  .from = {},
+                  .to = modes_[request_.to].name,
+                  .why = request_.why,
+                  .by = request_.by};
+  {
+    const std::lock_guard lock(mutex_);
+    made.from = modes_[current_].name;
+    current_ = request_.to;
+    if (switches_.size() < kMaxKept) {
+      switches_.push_back(made);
+    }
+  }
+  std::string text = "mode \"" + made.from + "\" → \"" + made.to + "\"";
+  if (!made.by.empty()) {
+    text += ", asked for by " + made.by;
+  }
+  if (!made.why.empty()) {
+    text += ": " + made.why;
+  }
+  application_.log(LogLevel::kInfo, {}, text);
+  application_.mode_changed();
+}
+
+std::string Modes::current() const {
+  const std::lock_guard lock(mutex_);
+  return modes_.empty() ? std::string() : modes_[current_].name;
+}
+
+std::vector<ModeSwitch> Modes::switches() const {
+  const std::lock_guard lock(mutex_);
+  return switches_;
+}
+
+std::uint64_t Modes::refused() const {
+  const std::lock_guard lock(mutex_);
+  return refused_;
+}
+
+bool Modes::is_switching() const {
+  const std::lock_guard lock(mutex_);
+  return is_switching_;
+}
+
+}  // namespace fastcycle::host

@@ -1,0 +1,136 @@
+#include "params/param_table.h"
+
+#include <algorithm>
+#include <exception>
+#include <mutex>
+#include <stdexcept>
+#include <typeinfo>
+
+#include "params/param_value.h"
+
+namespace fastcycle::host {
+
+using detail::ParamData;
+using detail::ParamSlot;
+
+void ParamTable::begin() {
+  const std::lock_guard lock(mutex_);
+  in_place_ = committed_;
+  for_object_.clear();
+  for (const DeclaredParam& param : params_) {
+    for_object_.push_back(param.committed);
+  }
+  is_declared_again_.assign(params_.size(), false);
+  checks_of_object_.clear();
+}
+
+ParamSlot& ParamTable::declare(std::unique_ptr<ParamSlot> fresh, const config::Value* value,
+                               bool is_shared, config::Problems& problems) {
+  const std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < is_declared_again_.size(); ++i) {
+    ParamSlot& slot = *params_[i].slot;
+    const ParamSlot& declared = *fresh;
+    if (!is_declared_again_[i] && slot.spec.name == declared.spec.name &&
+        typeid(slot) == typeid(declared)) {
+      is_declared_again_[i] = true;
+      slot.renew(*fresh);
+      slot.put(for_object_[i]);
+      return slot;
+    }
+  }
+  DeclaredParam param;
+  param.slot = std::move(fresh);
+  auto data = value != nullptr ? read_param(param.spec(), *value, problems) : std::nullopt;
+  param.committed = data ? std::move(*data) : fallback_of(param.spec());
+  if (value != nullptr) {
+    param.origin = is_shared ? ParamOrigin::kShared : ParamOrigin::kOwn;
+    param.place = value->place();
+  }
+  param.slot->put(param.committed);
+  params_.push_back(std::move(param));
+  return *params_.back().slot;
+}
+
+ParamSlot* ParamTable::find(const ParamSlot& slot) {
+  const auto found =
+      std::ranges::find_if(params_, [&](const auto& param) { return param.slot.get() == &slot; });
+  return found == params_.end() ? nullptr : found->slot.get();
+}
+
+void ParamTable::end() {
+  const std::lock_guard lock(mutex_);
+  // What the present object does not declare nobody reads.
+  for (std::size_t i = 0; i < is_declared_again_.size(); ++i) {
+    params_[i].is_declared = is_declared_again_[i];
+  }
+  checks_ = std::move(checks_of_object_);
+  checks_of_object_.clear();
+  for_object_.clear();
+}
+
+void ParamTable::take_over(std::uint64_t transaction, const ParamValues& values, bool tells) {
+  if (transaction <= in_place_) {
+    return;
+  }
+  in_place_ = transaction;
+  for (const auto& [slot, data] : values) {
+    slot->put(data);
+  }
+  for (const auto& [slot, data] : values) {
+    if (!tells || !slot->on_change) {
+      continue;
+    }
+    const std::string what = "its callback for a change of \"" + slot->spec.name + "\" threw: ";
+    try {
+      slot->on_change();
+    } catch (const std::exception& exception) {
+      throw std::runtime_error(what + exception.what());
+    } catch (...) {
+      throw std::runtime_error(what + "something that is no std::exception");
+    }
+  }
+}
+
+std::vector<std::string> ParamTable::objections(const ParamValues& values) const {
+  const ProposedParams proposed([&](const ParamSlot& slot) -> const ParamData& {
+    for (const auto& [changed, data] : values) {
+      if (changed == &slot) {
+        return data;
+      }
+    }
+    for (const DeclaredParam& param : params_) {
+      if (param.slot.get() == &slot) {
+        return param.committed;
+      }
+    }
+    throw std::logic_error("it asks for a parameter of another component");
+  });
+  std::vector<std::string> sentences;
+  for (const ParamCheck& check : checks_) {
+    std::string sentence;
+    try {
+      sentence = check(proposed);
+    } catch (const std::exception& exception) {
+      sentence = std::string("its check of the parameters threw: ") + exception.what();
+    } catch (...) {
+      sentence = "its check of the parameters threw";
+    }
+    if (!sentence.empty()) {
+      sentences.push_back(std::move(sentence));
+    }
+  }
+  return sentences;
+}
+
+void ParamTable::commit(std::uint64_t transaction, const ParamValues& values) {
+  committed_ = transaction;
+  for (const auto& [slot, data] : values) {
+    for (DeclaredParam& param : params_) {
+      if (param.slot.get() == slot) {
+        param.committed = data;
+      }
+    }
+  }
+}
+
+}  // namespace fastcycle::host

@@ -1,0 +1,221 @@
+#include "report/graph.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <map>
+#include <string_view>
+#include <vector>
+
+namespace fastcycle::host {
+
+namespace {
+
+/// Light fills that a dark text is read on well; executors take turns.
+constexpr std::array kFills{"#dbeafe", "#dcfce7", "#ede9fe", "#ffedd5",
+                            "#fce7f3", "#cffafe", "#ecfccb", "#e0e7ff"};
+constexpr const char* kHead =
+    "  graph [rankdir=LR, fontname=\"Helvetica\", fontsize=16, labelloc=t, nodesep=0.25, "
+    "ranksep=0.7,\n"
+    "         pad=0.3, bgcolor=\"white\"];\n"
+    "  node [fontname=\"Helvetica\", fontsize=11, fontcolor=\"#0f172a\", penwidth=1.2,\n"
+    "        margin=\"0.15,0.08\"];\n"
+    "  edge [color=\"#64748b\", arrowsize=0.7, penwidth=1.2];\n";
+
+/// `text` inside a label that is written as HTML.
+std::string escaped(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      default:
+        result += c;
+    }
+  }
+  return result;
+}
+
+std::string small_line(std::string_view text, const char* color) {
+  return std::string("<br/><font point-size=\"9\" color=\"") + color + "\">" + escaped(text) +
+         "</font>";
+}
+
+std::string notes_text(const std::vector<Drawing::Note>& notes) {
+  std::string text;
+  for (const Drawing::Note& note : notes) {
+    text += small_line(note.text, note.is_bad ? "#dc2626" : "#0f766e");
+  }
+  return text;
+}
+
+/// A label: what it is called, and small, below that, what it is, and what is measured.
+std::string label(std::string_view name, std::string_view small,
+                  const std::vector<Drawing::Note>& notes) {
+  return "<<b>" + escaped(name) + "</b>" + (small.empty() ? "" : small_line(small, "#475569")) +
+         notes_text(notes) + ">";
+}
+
+/// The executors' fills, in the order in which components name them.
+std::map<std::string, const char*> fills_of(const Drawing& drawing) {
+  std::map<std::string, const char*> fills;
+  for (const Drawing::Component& component : drawing.components) {
+    fills.try_emplace(component.executor, kFills[fills.size() % kFills.size()]);
+  }
+  return fills;
+}
+
+/// What a component is called within its namespace.
+std::string_view short_name(std::string_view name, std::string_view name_space) {
+  return name_space.empty() ? name : name.substr(name_space.size() + 1);
+}
+
+/// What a component is made of, unless its name says it.
+std::string about(const config::ComponentDescription& description) {
+  std::vector<std::string> parts;
+  if (description.library != short_name(description.name, description.name_space)) {
+    parts.push_back(description.library);
+  }
+  if (!description.class_name.empty()) {
+    parts.push_back(description.class_name);
+  }
+  if (description.serve_period) {
+    std::array<char, 32> period{};
+    std::snprintf(period.data(), period.size(), "every %g ms",
+                  std::chrono::duration<double, std::milli>(*description.serve_period).count());
+    parts.emplace_back(period.data());
+  }
+  if (!description.executor.empty()) {
+    parts.push_back("on " + description.executor);
+  }
+  std::string text;
+  for (const std::string& part : parts) {
+    text += (text.empty() ? "" : " · ") + part;
+  }
+  return text;
+}
+
+std::string component_node(const Drawing::Component& component, const std::string& id,
+                           const char* fill) {
+  return id + " [shape=box, style=\"rounded,filled\", color=\"#334155\", fillcolor=\"" + fill +
+         "\", label=" +
+         label(short_name(component.name, component.name_space), component.about, component.notes) +
+         "];\n";
+}
+
+std::string id_of(const Drawing& drawing, const std::string& component) {
+  const auto found = std::ranges::find(drawing.components, component, &Drawing::Component::name);
+  return "component_" + std::to_string(found - drawing.components.begin());
+}
+
+/// The components, those of one namespace in one frame.
+std::string components_text(const Drawing& drawing) {
+  const auto fills = fills_of(drawing);
+  std::map<std::string, std::string> nodes;
+  for (const Drawing::Component& component : drawing.components) {
+    const std::string indent = component.name_space.empty() ? "  " : "    ";
+    nodes[component.name_space] +=
+        indent +
+        component_node(component, id_of(drawing, component.name), fills.at(component.executor));
+  }
+  std::string text;
+  std::size_t frame = 0;
+  for (const auto& [name_space, inner] : nodes) {
+    if (name_space.empty()) {
+      text += inner;
+      continue;
+    }
+    text += "  subgraph cluster_" + std::to_string(frame++) + " {\n    label=<" +
+            escaped(name_space) +
+            ">; fontsize=12; style=\"rounded\"; color=\"#cbd5e1\"; fontcolor=\"#475569\";\n" +
+            inner + "  }\n";
+  }
+  return text;
+}
+
+/// How one end of a topic is drawn; what causes no activation is dashed.
+std::string edge(const std::string& from, const std::string& to, const Drawing::End& end) {
+  std::string attributes = end.style;
+  if (!end.note.text.empty()) {
+    attributes += std::string(attributes.empty() ? "" : ", ") +
+                  "fontname=\"Helvetica\", fontsize=9, fontcolor=\"" +
+                  (end.note.is_bad ? "#dc2626\", color=\"#dc2626" : "#0f766e") + "\", label=<" +
+                  escaped(end.note.text) + ">";
+  }
+  return "  " + from + " -> " + to + (attributes.empty() ? "" : " [" + attributes + "]") + ";\n";
+}
+
+std::string topic_text(const Drawing& drawing, const Drawing::Topic& topic, const std::string& id) {
+  const char* look = "color=\"#a16207\", fillcolor=\"#fefce8\", style=\"filled\"";
+  if (topic.publishers.empty()) {
+    look = "color=\"#dc2626\", fillcolor=\"#fef2f2\", style=\"filled,dashed\"";
+  }
+  std::string text = "  " + id + " [shape=ellipse, " + look +
+                     ", label=" + label(topic.name, topic.type, topic.notes) + "];\n";
+  for (const Drawing::End& publisher : topic.publishers) {
+    text += edge(id_of(drawing, publisher.component), id, publisher);
+  }
+  for (const Drawing::End& subscriber : topic.subscribers) {
+    text += edge(id, id_of(drawing, subscriber.component), subscriber);
+  }
+  return text;
+}
+
+Drawing::Topic drawn(const detail::Topic& topic) {
+  Drawing::Topic result{.name = topic.name, .type = topic.type};
+  for (const auto& publisher : topic.publishers) {
+    result.publishers.push_back({.component = publisher->owner.name,
+                                 .style = publisher->options.is_external ? kExternalStyle : ""});
+  }
+  for (const auto& subscription : topic.subscriptions) {
+    result.subscribers.push_back({.component = subscription->component,
+                                  .style = subscription->is_called() ? "" : kLookingStyle});
+  }
+  return result;
+}
+
+}  // namespace
+
+Drawing drawing_of(const Application& application) {
+  Drawing drawing{.name = application.description().name};
+  for (const auto& component : application.components()) {
+    const config::ComponentDescription& description = component->description;
+    drawing.components.push_back({.name = component->name,
+                                  .name_space = description.name_space,
+                                  .executor = description.executor,
+                                  .about = about(description)});
+  }
+  for (const auto& [name, topic] : application.topics().all()) {
+    drawing.topics.push_back(drawn(*topic));
+  }
+  return drawing;
+}
+
+std::string to_dot(const Drawing& drawing) {
+  std::string text = "digraph application {\n";
+  text += kHead;
+  text += "  label=<<b>" + escaped(drawing.name) + "</b>" + notes_text(drawing.notes) + ">;\n\n";
+  text += components_text(drawing) + "\n";
+  std::size_t number = 0;
+  for (const Drawing::Topic& topic : drawing.topics) {
+    text += topic_text(drawing, topic, "topic_" + std::to_string(number++));
+  }
+  return text + "}\n";
+}
+
+std::string to_dot(const Application& application) {
+  return to_dot(drawing_of(application));
+}
+
+}  // namespace fastcycle::host
