@@ -72,11 +72,8 @@ class ActivationContext {
   ~ActivationContext() {
     publishing_.leave();
     RunningActivation& running = running_activation;
-    running.actor.store(nullptr, std::memory_order_relaxed);
-    running.call.store(nullptr, std::memory_order_relaxed);
+    running.actor.store(nullptr, std::memory_order_relaxed);  // What else it says is not looked at.
     running.record = nullptr;
-    running.subscription = nullptr;
-    running.timer = nullptr;
   }
 
  private:

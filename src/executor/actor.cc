@@ -213,9 +213,9 @@ Actor::Served Actor::take(ActivationRing& ring, const Inbox::Head& head) {
   if (head.lane->credit == nullptr) {
     activator_.run(ring, head);
   } else {
-    auto credit = head.lane->credit;  // The callback may end the subscription, and its lane.
+    credits_.begin(head.lane->credit);  // The callback may end the subscription, and its lane.
     activator_.run(ring, head);
-    credits_.give_back(std::move(credit));
+    credits_.finish();
   }
   return Served::kOne;
 }
@@ -247,7 +247,7 @@ bool Actor::run_early(ActivationRing& ring, std::int64_t now_ns) {
   return true;
 }
 
-bool Actor::serve(ActivationRing& ring) {
+[[gnu::always_inline]] inline bool Actor::serve(ActivationRing& ring) {
   // The bit first: what is posted after the look sets it again.
   inbox.take_bit(Inbox::kControlBit);
   if (controls_.has_posted() && run_posted(ring)) {

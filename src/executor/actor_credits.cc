@@ -14,6 +14,14 @@ void ActorCredits::give_back(std::shared_ptr<LaneCredit> credit) {
   }
 }
 
+void ActorCredits::finish() {
+  if (actor_.clock.is_simulated()) {
+    give_back(served_);
+  } else {
+    served_->finish();
+  }
+}
+
 void ActorCredits::end(const Subscription& subscription) noexcept {
   for (auto& credit : subscription.credits()) {
     if (actor_.clock.is_simulated() && actor_.publishing.is_in_activation) {

@@ -21,6 +21,14 @@ class ActorCredits {
 
   /// It is done with a message.
   void give_back(std::shared_ptr<LaneCredit> credit);
+  /// It serves a message of a lane with this credit, which that callback may end.
+  void begin(const std::shared_ptr<LaneCredit>& credit) {
+    if (served_ != credit) {  // In a burst it is the same again, and nothing is counted.
+      served_ = credit;
+    }
+  }
+  /// It is done with the message that it began with.
+  void finish();
   /// It takes nothing more of `subscription`: all its credits are given back.
   void end(const Subscription& subscription) noexcept;
   /// An activation is over: waits for the credits of the publishers that it asked for some, and
@@ -30,6 +38,7 @@ class ActorCredits {
  private:
   ActorBase& actor_;
   RoundStage& stage_;
+  std::shared_ptr<LaneCredit> served_;  ///< Of the message that is served now, or was last.
 };
 
 }  // namespace fastcycle::detail

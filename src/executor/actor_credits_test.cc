@@ -1,5 +1,7 @@
 #include "executor/actor_credits.h"
 
+#include <memory>
+
 #include <gtest/gtest.h>
 
 #include "executor/test_parts.h"
@@ -42,6 +44,20 @@ TEST_F(ActorCreditsTest, AreGivenBackAtOnce) {
   credits_.give_back(head.lane->credit);
 
   EXPECT_EQ(left(), 1U);
+}
+
+TEST_F(ActorCreditsTest, AreGivenBackWhereTheCallbackEndedItsSubscription) {
+  publish(speed_, 1);
+  const Inbox::Head head = pop();
+  credits_.begin(head.lane->credit);
+  release(head.head.envelope);
+  const std::weak_ptr<LaneCredit> credit = head.lane->credit;
+  subscriptions_.end(subscription_, DropReason::kUnsubscribed);
+
+  credits_.finish();
+
+  EXPECT_FALSE(credit.expired());
+  EXPECT_GT(left(), 0U);
 }
 
 TEST_F(ActorCreditsTest, HoldNobodyUpWhoseSubscriptionHasEnded) {
