@@ -130,7 +130,7 @@ TEST_F(ComposeTest, AnIncludedFileSaysHowLongItsComponentsMayTake) {
   EXPECT_EQ(app.components[0].hang.on_hang, OnHang::kStop);
   EXPECT_EQ(app.components[1].hang.callback_limit, std::chrono::microseconds(50'500));
   EXPECT_EQ(app.components[1].hang.on_hang, OnHang::kTell);
-  EXPECT_EQ(app.components[2].hang.callback_limit, std::chrono::seconds(1));
+  EXPECT_EQ(app.components[2].hang.callback_limit, std::chrono::milliseconds(750));
   EXPECT_EQ(app.components[2].hang.lifecycle_limit.count(), 0);
   EXPECT_EQ(app.components[2].hang.on_hang, OnHang::kStop);
   EXPECT_FALSE(problems.has_errors()) << text_of(problems);

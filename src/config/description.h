@@ -155,7 +155,7 @@ struct RestartDescription {
 
 /// How long the calls of a component may take by the machine's clock before that is told.
 struct HangDescription {
-  std::chrono::nanoseconds callback_limit{1'000'000'000};   ///< Of a callback; 0: none.
+  std::chrono::nanoseconds callback_limit{750'000'000};     ///< Of a callback; 0: none.
   std::chrono::nanoseconds lifecycle_limit{5'000'000'000};  ///< Of constructor, start(), ...; 0:
                                                             ///< none.
   OnHang on_hang = OnHang::kTell;

@@ -14,7 +14,10 @@ bool is_same(const RunningCall& a, const RunningCall& b) {
 
 }  // namespace
 
-Watchdog::Watchdog(Options options) : options_(std::move(options)) {
+Watchdog::Watchdog(Options options)
+    : options_(std::move(options)),
+      shortest_(options_.notice.count() > 0 ? std::min(options_.smallest_limit, options_.notice)
+                                            : options_.smallest_limit) {
   if (options_.smallest_limit.count() > 0) {
     thread_ = base::Thread({.name = "watchdog", .cpus = {}}, [this] { watch(); }, refusals_);
   }
@@ -31,7 +34,7 @@ Watchdog::~Watchdog() {
 
 void Watchdog::watch() {
   const std::chrono::nanoseconds pause =
-      std::clamp<std::chrono::nanoseconds>(options_.smallest_limit / 4, 5ms, 1s);
+      std::clamp<std::chrono::nanoseconds>(shortest_ / 4, 5ms, 1s);
   std::unique_lock lock(mutex_);
   while (!changed_.wait_for(lock, pause, [this] { return is_stopping_; })) {
     lock.unlock();
@@ -43,6 +46,7 @@ void Watchdog::watch() {
 void Watchdog::look() {
   // What hangs already is not asked again: a signal may disturb a call that waits for something.
   std::vector<RunningCall> still;
+  std::vector<RunningCall> slow;
   const auto is_new_hang = [&](const RunningCall& call) {
     const auto known = std::ranges::find_if(
         hanging_, [&](const RunningCall& other) { return is_same(call, other); });
@@ -52,9 +56,20 @@ void Watchdog::look() {
       return false;
     }
     const auto limit = options_.limit_of(call);
+    if (limit && call.time <= *limit && options_.notice.count() > 0 &&
+        call.time > options_.notice) {
+      slow.push_back(call);
+    }
     return limit && call.time > *limit;
   };
-  const std::vector<RunningCall> hangs = who_runs_now(options_.smallest_limit, is_new_hang);
+  const std::vector<RunningCall> hangs = who_runs_now(shortest_, is_new_hang);
+  for (const RunningCall& call : slow) {
+    if (std::ranges::none_of(slow_,
+                             [&](const RunningCall& other) { return is_same(call, other); })) {
+      options_.on_slow(call);
+    }
+  }
+  slow_ = std::move(slow);
   for (const RunningCall& call : hanging_) {
     const bool is_there =
         std::ranges::any_of(still, [&](const RunningCall& other) { return is_same(call, other); });

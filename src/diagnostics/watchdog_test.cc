@@ -133,6 +133,40 @@ TEST_F(WhoRuns, TheWatchdogTellsOnceAndWhenTheCallReturns) {
   EXPECT_THAT(told, HasSubstr("its start()"));
 }
 
+TEST_F(WhoRuns, TheWatchdogMentionsOnceWhatTakesLongButIsAllowedTo) {
+  std::atomic<int> mentioned{0};
+  Flag has_mentioned;
+  std::string told;
+  std::atomic<int> asked{0};
+  Flag was_asked_again;
+  Watchdog::Options options;
+  options.smallest_limit = 1h;
+  options.limit_of = [&](const RunningCall&) {
+    if (++asked > 5) {
+      was_asked_again.set();
+    }
+    return std::optional<std::chrono::nanoseconds>(1h);
+  };
+  options.notice = 20ms;
+  options.on_slow = [&](const RunningCall& call) {
+    told = call.in_words();
+    ++mentioned;
+    has_mentioned.set();
+  };
+  options.on_hang = [](const RunningCall&) { ADD_FAILURE() << "it may take an hour"; };
+  options.on_return = options.on_hang;
+  const Watchdog watchdog(std::move(options));
+
+  {
+    const std::jthread thread = in("its constructor");
+    ASSERT_TRUE(has_mentioned.wait());
+    EXPECT_TRUE(was_asked_again.wait());
+    may_return_.set();
+  }
+  EXPECT_EQ(mentioned, 1);
+  EXPECT_THAT(told, HasSubstr("its constructor has not returned for "));
+}
+
 TEST_F(WhoRuns, AThreadThatBlocksAllSignalsIsNamedWithoutItsStack) {
   const std::jthread thread([this] {
     sigset_t all;

@@ -15,6 +15,8 @@ using detail::ComponentCore;
 using diagnostics::RunningCall;
 using namespace std::chrono_literals;
 
+/// What a call of the life cycle may take before it is mentioned.
+constexpr auto kNotice = 750ms;
 /// After a component that hangs asked for the end of the run.
 constexpr auto kEndLimit = 2s;
 
@@ -98,6 +100,13 @@ diagnostics::Watchdog::Options Diagnosis::options() {
     const auto limit = limit_of(core.description.hang, call.is_lifecycle);
     return &core.application != &application_ || limit.count() == 0 ? std::nullopt
                                                                     : std::optional(limit);
+  };
+  // What starts may take long: that it does is said before it may not any more.
+  options.notice = kNotice;
+  options.on_slow = [this](const RunningCall& call) {
+    if (call.is_lifecycle) {
+      application_.log(LogLevel::kInfo, core_of(call).name, call.in_words());
+    }
   };
   options.on_hang = [this](const RunningCall& call) { hangs(call); };
   options.on_look = [this](const RunningCall& call) { goes_on_hanging(call); };

@@ -179,24 +179,32 @@ class Child {
 
   [[nodiscard]] bool is_running() const { return pid_ > 0; }
 
-  /// Reads until the child has ended; false if it reported nothing for `limit`. What it writes to
-  /// standard error is no report. Of a line that is too long `on_line` gets a part, which cannot be
-  /// read.
-  bool read(std::chrono::milliseconds limit, const std::function<void(std::string_view)>& on_line,
-            std::string& errors) {
+  /// Reads until the child has ended; false if it reported nothing for `limit`. Calls `on_slow`
+  /// when it reported nothing for `notice`. What it writes to standard error is no report. Of a
+  /// line that is too long `on_line` gets a part, which cannot be read.
+  bool read(std::chrono::milliseconds limit, std::chrono::milliseconds notice,
+            const std::function<void(std::string_view)>& on_line,
+            const std::function<void()>& on_slow, std::string& errors) {
     using std::chrono::steady_clock;
     std::string report;
     auto deadline = steady_clock::now() + limit;
+    auto notice_at = steady_clock::now() + notice;
+    bool is_noticed = notice >= limit;
     pollfd descriptors[] = {{report_, POLLIN, 0}, {errors_, POLLIN, 0}, {end_, POLLIN, 0}};
     bool has_ended = false;
     while (!has_ended) {
-      const auto left =
-          std::chrono::ceil<std::chrono::milliseconds>(deadline - steady_clock::now());
+      const auto left = std::chrono::ceil<std::chrono::milliseconds>(
+          (is_noticed ? deadline : notice_at) - steady_clock::now());
       constexpr std::int64_t kMost = std::numeric_limits<int>::max();
       const int ready = left.count() <= 0
                             ? 0
                             : poll(descriptors, 3, static_cast<int>(std::min(left.count(), kMost)));
       if (ready < 0 && errno == EINTR) {
+        continue;
+      }
+      if (ready == 0 && !is_noticed) {
+        is_noticed = true;
+        on_slow();
         continue;
       }
       if (ready <= 0) {
@@ -218,6 +226,8 @@ class Child {
         on_line(std::string_view(report).substr(0, end));
         report.erase(0, end + 1);
         deadline = steady_clock::now() + limit;
+        notice_at = steady_clock::now() + notice;
+        is_noticed = notice >= limit;
       }
       if (report.size() > kMaxLineBytes) {
         on_line(report);
@@ -329,8 +339,16 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
     result.ending = std::string("could not be started: ") + std::strerror(child.error);
     return result;
   }
+  const auto tell_slow = [&] {
+    if (!result.last_name.empty()) {
+      options.on_slow((result.last_kind == "loading" ? "library \"" : "component \"") +
+                      result.last_name + "\" takes longer than " + in_words(TrialOptions::kNotice) +
+                      (result.last_kind == "loading" ? " to load" : " to construct") +
+                      ", and may take " + in_words(options.limit));
+    }
+  };
   const bool is_in_time = child.read(
-      options.limit,
+      options.limit, TrialOptions::kNotice,
       [&](std::string_view line) {
         try {
           take(json::parse(line), result);
@@ -338,7 +356,7 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
           result.is_unreadable = true;
         }
       },
-      result.errors);
+      tell_slow, result.errors);
   if (!is_in_time) {
     child.kill();
   }

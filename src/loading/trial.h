@@ -22,6 +22,9 @@ struct TrialOptions {
   ConstructorFault on_throw = ConstructorFault::kFault;
   /// How long one library may load, or one component construct.
   std::chrono::milliseconds limit{10'000};
+  /// Called, once for each, with the sentence for what takes longer than `kNotice`.
+  std::function<void(const std::string& sentence)> on_slow = [](const std::string&) {};
+  static constexpr std::chrono::milliseconds kNotice{900};
 };
 
 /// Loads all libraries and constructs all components in a child process, and adds to `problems`

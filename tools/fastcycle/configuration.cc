@@ -73,7 +73,9 @@ config::ApplicationDescription Configuration::read(host::ConstructorFault on_thr
         {.load = load,
          .library_path = library_path,
          .on_throw = on_throw,
-         .limit = std::chrono::ceil<std::chrono::milliseconds>(*parse_duration(load_timeout))},
+         .limit = std::chrono::ceil<std::chrono::milliseconds>(*parse_duration(load_timeout)),
+         .on_slow =
+             [](const std::string& sentence) { print_to(stderr, "fastcycle: {}\n", sentence); }},
         found);
     if (tried != nullptr) {
       *tried = std::move(files);
