@@ -499,6 +499,7 @@ std::size_t PublisherCore::ask_credits() {
   if (!is_asked_) {
     is_asked_ = true;
     granted_ = credits_->left(staged());
+    owner.learned(ReadKind::kCredits, id, granted_);
     granted_at_ = published_.get();
     owner.asked.push_back(this);
     owner.has_leftovers = true;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/clock.h"
+#include "broker/read_ring.h"
 #include "broker/trail.h"
 #include "fastcycle/detail/envelope.h"
 
@@ -52,6 +53,16 @@ struct PublishingComponent {
   bool has_leftovers = false;
   std::vector<PublisherCore*> asked = {};    ///< For credits.
   std::vector<PublisherId> publishers = {};  ///< All of its own. Constant once declared.
+
+  /// Where what it learns in its activations is kept; null if nobody records that.
+  ReadRing* reads = nullptr;
+  /// It learned something in this activation.
+  void learned(ReadKind kind, PublisherId about, std::uint64_t value,
+               std::uint32_t place = 0) const noexcept {
+    if (reads != nullptr) {
+      reads->add(kind, place, about, value);
+    }
+  }
 
   /// An activation begins on the calling thread.
   void enter() noexcept {

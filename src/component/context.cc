@@ -350,7 +350,14 @@ void Context::switch_mode(std::string_view mode, std::string_view why) {
 }
 
 std::string Context::mode() const {
-  return core_.application.mode();
+  std::string mode = core_.application.mode();
+  if (core_.publishing.reads != nullptr && core_.publishing.is_active_here()) {
+    const auto& modes = core_.application.description().modes;
+    const auto place = std::ranges::find(modes, mode, &config::ModeDescription::name);
+    core_.publishing.learned(detail::ReadKind::kMode, 0,
+                             static_cast<std::uint64_t>(place - modes.begin()));
+  }
+  return mode;
 }
 
 void Context::report(std::string_view name, ReportValue value) {

@@ -66,6 +66,9 @@ class ActivationContext {
     running.begin_ns.store(record.begin_ns, std::memory_order_relaxed);
     running.actor.store(&actor, std::memory_order_release);
     publishing_.enter();
+    if (publishing_.reads != nullptr) {
+      publishing_.reads->begin(record.number);
+    }
   }
   ActivationContext(const ActivationContext&) = delete;
   ActivationContext& operator=(const ActivationContext&) = delete;

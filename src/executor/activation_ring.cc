@@ -5,9 +5,11 @@
 namespace fastcycle::detail {
 namespace {
 
-std::uint64_t pack(std::uint32_t component, Cause cause, Outcome outcome) noexcept {
-  return (std::uint64_t{component} << 16) | (static_cast<std::uint64_t>(cause) << 8) |
-         static_cast<std::uint64_t>(outcome);
+/// Of an activation that runs.
+std::uint64_t head_of(const ActivationRecord& record) noexcept {
+  return (std::uint64_t{record.component} << 32) | (std::uint64_t{record.subscription} << 16) |
+         (static_cast<std::uint64_t>(record.cause) << 8) |
+         static_cast<std::uint64_t>(Outcome::kRunning);
 }
 
 }  // namespace
@@ -27,7 +29,7 @@ std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
   // Every field is released after the odd version: who reads one of them sees that version too.
   slot.version.store(2 * place + 1, relaxed);
   const auto release_order = std::memory_order_release;
-  slot.head.store(pack(record.component, record.cause, Outcome::kRunning), release_order);
+  slot.head.store(head_of(record), release_order);
   slot.number.store(record.number, release_order);
   slot.publisher.store(record.publisher, release_order);
   slot.key.store(record.key, release_order);
@@ -61,7 +63,8 @@ bool ActivationRing::read_at(std::uint64_t place, ActivationRecord& record) cons
     return false;
   }
   const std::uint64_t head = slot.head.load(order);
-  record.component = static_cast<std::uint32_t>(head >> 16);
+  record.component = static_cast<std::uint32_t>(head >> 32);
+  record.subscription = static_cast<std::uint16_t>((head >> 16) & 0xffff);
   record.cause = static_cast<Cause>((head >> 8) & 0xff);
   record.outcome = static_cast<Outcome>(head & 0xff);
   record.number = slot.number.load(order);

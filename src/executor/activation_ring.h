@@ -35,6 +35,10 @@ struct ActivationRecord {
   std::uint32_t component = 0;  ///< The component's place in the application file.
   Cause cause{};
   Outcome outcome = Outcome::kRunning;
+  /// Which subscription of the component was given the message, among all that it ever made; 65535:
+  /// none, or a later one.
+  std::uint16_t subscription = kNoSubscription;
+  static constexpr std::uint16_t kNoSubscription = 0xffff;
   std::uint64_t number = 0;   ///< Of the component, from 1.
   PublisherId publisher = 0;  ///< Of the message that caused it; else 0.
   std::uint64_t key = 0;      ///< The message's sequence, or the timer's number.
@@ -87,7 +91,7 @@ class ActivationRing {
   // it is being written.
   struct Slot {
     std::atomic<std::uint64_t> version{0};
-    std::atomic<std::uint64_t> head{0};  ///< component, cause, outcome
+    std::atomic<std::uint64_t> head{0};  ///< component, subscription, cause, outcome
     std::atomic<std::uint64_t> number{0};
     std::atomic<std::uint64_t> publisher{0};
     std::atomic<std::uint64_t> key{0};

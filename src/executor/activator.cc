@@ -103,6 +103,8 @@ void Activator::run(ActivationRing& ring, const Inbox::Head& head) {
   ActivationRecord record;
   const bool is_input = lane.options.is_external && subscription.cause == Cause::kMessage;
   record.cause = is_input ? Cause::kExternal : subscription.cause;
+  record.subscription = static_cast<std::uint16_t>(
+      std::min<std::uint32_t>(subscription.number, ActivationRecord::kNoSubscription));
   record.publisher = lane.publisher;
   record.key = head.head.sequence;
   record.time_ns = base::to_ns(now);

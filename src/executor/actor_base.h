@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -40,8 +42,18 @@ struct ActorBase {
   PublishingComponent publishing;
   ActorStatistics statistics;
 
+  /// From now on what its activations learn is kept, for who records it. Before the start; `size`
+  /// reads at once.
+  void keep_reads(std::size_t size) {
+    reads_ = std::make_unique<ReadRing>(size);
+    publishing.reads = reads_.get();
+  }
+
  protected:
   ~ActorBase() = default;
+
+ private:
+  std::unique_ptr<ReadRing> reads_;
 };
 
 }  // namespace fastcycle::detail

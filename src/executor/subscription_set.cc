@@ -23,6 +23,7 @@ CallbackSubscription& SubscriptionSet::add(Topic& topic, const SubscriberOptions
       std::make_unique<CallbackSubscription>(topic, actor_, options, std::move(callback));
   CallbackSubscription& result = *subscription;
   topic.add(std::move(subscription));
+  result.number = static_cast<std::uint32_t>(callbacks_.size());
   callbacks_.push_back(&result);
   actor_.publishing.has_subscribers = true;
   return result;
@@ -59,6 +60,7 @@ Synchronizer& SubscriptionSet::synchronize(std::span<Topic* const> topics,
     auto input =
         std::make_unique<SynchronizerInput>(*topics[i], actor_, queues[i], synchronizer, i);
     synchronizer.connect(*input);
+    input->number = static_cast<std::uint32_t>(callbacks_.size());
     callbacks_.push_back(input.get());
     topics[i]->add(std::move(input));
   }
@@ -143,6 +145,7 @@ void SubscriptionSet::refresh_views() {
       if (lane->options.ages) {
         held_.hold(view, *head.envelope);
       }
+      actor_.publishing.learned(ReadKind::kTaken, lane->publisher, head.sequence, view.number);
       // It may have come after the clock was read.
       now = std::max(now, base::from_ns(head.time_ns));
       view.insert(head.envelope);
@@ -151,6 +154,11 @@ void SubscriptionSet::refresh_views() {
   for (View* view : views_) {
     view->forget_old(now);
   }
+}
+
+void SubscriptionSet::add(View& view) {
+  view.number = static_cast<std::uint32_t>(views_.size());
+  views_.push_back(&view);
 }
 
 bool SubscriptionSet::peek_outliving(Inbox::Head& found) noexcept {

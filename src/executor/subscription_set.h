@@ -39,7 +39,7 @@ class SubscriptionSet {
   /// the same.
   CallbackSubscription& add_again(Topic& topic, const SubscriberOptions& options,
                                   EnvelopeCallback callback);
-  void add(View& view) { views_.push_back(&view); }
+  void add(View& view);
   /// Calls `callback` with messages of `topics` that belong together; its subscriptions are the
   /// newest of `callbacks`. `queues` says, for each topic, how many messages may wait before that.
   Synchronizer& synchronize(std::span<Topic* const> topics,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -22,6 +23,7 @@ class CallbackSubscription : public Subscription {
   /// On the heap, so that it stays where it is when the subscription ends while it runs.
   std::unique_ptr<EnvelopeCallback> callback;
   Cause cause = Cause::kMessage;  ///< Of its activations.
+  std::uint32_t number = 0;       ///< Among all that its component ever made.
   bool is_ended = false;
   /// Its callback is the framework's: it goes on after a fault, and while the component is not
   /// active.
@@ -45,6 +47,7 @@ class View final : public Subscription {
 
   ActorBase& actor;
   const std::optional<Duration> span;
+  std::uint32_t number = 0;     ///< Among its component's views.
   std::vector<Envelope*> held;  ///< By publish time, oldest first.
 };
 

@@ -306,6 +306,20 @@ Time Application::begin_of_timers() {
   return begin;
 }
 
+/// What activations learn, by component, if somebody wants to know.
+std::vector<const detail::ReadRing*> Application::keep_reads() {
+  std::vector<const detail::ReadRing*> rings;
+  if (!observers_.want_reads()) {
+    return rings;
+  }
+  for (const auto& component : components_) {
+    component->keep_reads(component->subscriptions.has_views() ? detail::ReadRing::kForViews
+                                                               : detail::ReadRing::kWithoutViews);
+    rings.push_back(component->publishing.reads);
+  }
+  return rings;
+}
+
 std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   const std::int64_t deadline_ns = within ? deadline_in(*within) : base::kNever;
   if (replay_ != nullptr) {
@@ -323,7 +337,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
     }
   }
   driver_->start(refusals_);
-  observers_.start(*this, *driver_, refusals_);
+  observers_.start(*this, *driver_, keep_reads(), refusals_);
   is_started_ = true;
   wiring_.begin();
   if (!lifecycle_.start(deadline_ns)) {

@@ -248,6 +248,7 @@ class Application final : public ApplicationHost {
   void add_status(config::Problems& problems);
   void add_log(config::Problems& problems);
   Time begin_of_timers();
+  std::vector<const detail::ReadRing*> keep_reads();
   [[nodiscard]] bool sources_are_finished() const;
   [[nodiscard]] std::map<std::string, std::string> end_facts() const;
   void destroy_components(const std::function<bool(const detail::ComponentCore&)>& is_left_alone);

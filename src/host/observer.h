@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/thread.h"
+#include "broker/read_ring.h"
 #include "broker/topics.h"
 #include "config/problem.h"
 #include "executor/activation_ring.h"
@@ -20,6 +21,9 @@ struct ObserverView {
   /// One a worker: what each component does, read by `ActivationRing::read`, which counts what
   /// was lost.
   std::vector<const detail::ActivationRing*> rings;
+  /// One a component, in the order of the application file: what its activations learn, if an
+  /// observer wants to know that; else none.
+  std::vector<const detail::ReadRing*> reads;
 };
 
 /// A tool that looks on while an application runs: a recorder, a tracer, a watchdog.
@@ -63,6 +67,9 @@ class Observer {
   virtual void changed([[maybe_unused]] const ComponentNews& news) noexcept {}
   /// Whether `changed` is to be called; asked once, before the topics are connected.
   [[nodiscard]] virtual bool wants_changes() const { return false; }
+
+  /// Whether components keep what their activations learn; asked once, before the start.
+  [[nodiscard]] virtual bool wants_reads() const { return false; }
 
   /// Whether `overflowed` is to be called; asked once, before the topics are connected.
   [[nodiscard]] virtual bool wants_overflows() const { return false; }

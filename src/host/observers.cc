@@ -47,6 +47,11 @@ void Observers::tap(detail::Topics& topics) {
   }
 }
 
+bool Observers::want_reads() const {
+  return std::ranges::any_of(observers_,
+                             [](const Observer* observer) { return observer->wants_reads(); });
+}
+
 void Observers::open(config::Problems& problems) {
   for (Observer* observer : observers_) {
     observer->open(problems);
@@ -54,6 +59,7 @@ void Observers::open(config::Problems& problems) {
 }
 
 void Observers::start(const Application& application, TimeDriver& time,
+                      std::vector<const detail::ReadRing*> reads,
                       std::vector<base::Refusal>& refusals) {
   if (observers_.empty()) {
     return;
@@ -66,7 +72,8 @@ void Observers::start(const Application& application, TimeDriver& time,
       observer->round_ended(step);
     }
   });
-  const ObserverView view{.application = application, .rings = time.rings()};
+  const ObserverView view{
+      .application = application, .rings = time.rings(), .reads = std::move(reads)};
   for (Observer* observer : observers_) {
     observer->start(view, refusals);
   }

@@ -33,7 +33,9 @@ class Observers {
   void tap(detail::Topics& topics);
   void open(config::Problems& problems);
   void start(const Application& application, TimeDriver& time,
-             std::vector<base::Refusal>& refusals);
+             std::vector<const detail::ReadRing*> reads, std::vector<base::Refusal>& refusals);
+  /// Whether one of them wants what activations learn.
+  [[nodiscard]] bool want_reads() const;
   void faulted(std::string_view component, std::string_view what) noexcept;
   [[nodiscard]] bool wants_changes() const noexcept { return !hearing_.empty(); }
   void changed(const ComponentNews& news) noexcept;

@@ -96,14 +96,16 @@ void check_patterns(const config::FlightRecorderDescription& description,
 
 RecorderObserver::RecorderObserver(const config::RecordDescription& description,
                                    const base::Clock& clock, detail::LogSource& log, RunFacts facts)
-    : facts_(std::move(facts)), recorder_(recorder_options(description), clock) {
+    : facts_(std::move(facts)),
+      has_activations_(description.has_activations),
+      recorder_(recorder_options(description), clock) {
   recorder_.on_trouble = [&log](const std::string& text) {
     log.write(LogLevel::kError, "recorder", text);
   };
 }
 
 void RecorderObserver::start(const ObserverView& view, std::vector<base::Refusal>& refusals) {
-  if (!recorder_.start(facts_.at_start(), view.rings)) {
+  if (!recorder_.start(facts_.at_start(), {.rings = view.rings, .reads = view.reads})) {
     refusals.push_back(
         {.what = "recording: " + recorder_.problem(),
          .remedy = "what is published is lost and counted; a file is tried again every second"});
@@ -135,7 +137,7 @@ void FlightObserver::open(config::Problems& problems) {
 }
 
 void FlightObserver::start(const ObserverView& view, std::vector<base::Refusal>&) {
-  recorder_.start(view.rings);
+  recorder_.start({.rings = view.rings, .reads = view.reads});
 }
 
 void FlightObserver::faulted(std::string_view component, std::string_view what) noexcept {

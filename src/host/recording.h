@@ -55,12 +55,14 @@ class RecorderObserver final : public Observer {
   void tap(detail::Topics& topics) override { recorder_.tap(topics); }
   void start(const ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void round_ended(std::uint32_t step) override { recorder_.take(step); }
+  [[nodiscard]] bool wants_reads() const override { return has_activations_; }
   void stop(const Application& application) override;
 
   [[nodiscard]] const record::Recorder& recorder() const noexcept { return recorder_; }
 
  private:
   const RunFacts facts_;
+  const bool has_activations_;
   record::Recorder recorder_;
 };
 
@@ -79,6 +81,7 @@ class FlightObserver final : public Observer {
   void open(config::Problems& problems) override;
   void start(const ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void round_ended(std::uint32_t step) override { recorder_.take(step); }
+  [[nodiscard]] bool wants_reads() const override { return true; }
   void faulted(std::string_view component, std::string_view what) noexcept override;
   void stop(const Application& application) override;
 

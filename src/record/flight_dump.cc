@@ -226,7 +226,7 @@ class DumpFile {
     const diagnostics::CrashNote& note = *window_.crash;
     if (note.activation.number != 0) {
       log::Activations activations;
-      record::add(activations, 0, {&note.activation, 1});
+      record::add(activations, note.activation);
       const std::string text = activations.SerializeAsString();
       write(kActivationsChannel, ++activations_, window_.end_ns, mcap::bytes_of(text));
     }

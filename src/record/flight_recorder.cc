@@ -74,8 +74,8 @@ void FlightRecorder::open(const Explanation& explanation) {
       sink.bytes());
 }
 
-void FlightRecorder::start(std::vector<const detail::ActivationRing*> rings) {
-  activations_ = ActivationReader(std::move(rings));
+void FlightRecorder::start(Activity activity) {
+  activations_ = ActivationReader(std::move(activity));
   note_mark(base::to_ns(clock_.now()));
   is_started_ = true;
   if (!clock_.is_simulated()) {
@@ -204,7 +204,10 @@ void FlightRecorder::keep_activations() {
                            std::span<const detail::ActivationRecord> records) {
     log::Activations message;
     message.set_worker(static_cast<std::uint32_t>(worker));
-    add(message, lost, records);
+    message.set_lost(lost);
+    for (const detail::ActivationRecord& activation : records) {
+      add(message, activation, activations_.seen_in(activation));
+    }
     activations_lost_ += lost;
     scratch_.clear();
     message.AppendToString(&scratch_);

@@ -89,7 +89,7 @@ class FlightRecorder {
   void open(const Explanation& explanation);
 
   /// Begins, before anything is published.
-  void start(std::vector<const detail::ActivationRing*> rings);
+  void start(Activity activity);
 
   /// Takes what waits; in simulated time after each round, with the round's place in its moment.
   void take(std::uint32_t step = 0);

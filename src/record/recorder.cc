@@ -75,9 +75,9 @@ void Recorder::define() {
   }
 }
 
-bool Recorder::start(Explanation explanation, std::vector<const detail::ActivationRing*> rings) {
+bool Recorder::start(Explanation explanation, Activity activity) {
   explanation_ = std::move(explanation);
-  activations_ = ActivationReader(std::move(rings));
+  activations_ = ActivationReader(std::move(activity));
   define();
   const bool is_open = recording_.open();
   is_in_trouble_ = !is_open;
@@ -245,7 +245,10 @@ void Recorder::take_activations() {
       open.batch = new_batch(open.options);
     }
     log::Activations& activations = open.batch->activations_of(worker);
-    add(activations, lost, records);
+    activations.set_lost(activations.lost() + lost);
+    for (const detail::ActivationRecord& record : records) {
+      add(activations, record, activations_.seen_in(record));
+    }
     if (activations.activations_size() >= kActivationsAtOnce) {
       hand_over(std::move(open.batch));
     }

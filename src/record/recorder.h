@@ -103,8 +103,7 @@ class Recorder {
 
   /// Begins, once the topics are connected and before anything is published. False if no file can
   /// be made: `problem` says why; then everything is lost and counted, until one can be.
-  [[nodiscard]] bool start(Explanation explanation,
-                           std::vector<const detail::ActivationRing*> rings);
+  [[nodiscard]] bool start(Explanation explanation, Activity activity);
 
   /// Takes what waits; in simulated time after each round, with the round's place in its moment.
   void take(std::uint32_t step = 0);

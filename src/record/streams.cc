@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -25,6 +26,12 @@ std::size_t how_many_fit(std::uint64_t message_bytes, std::uint64_t memory_bytes
 
 log::Activation to_message(const detail::ActivationRecord& record) {
   log::Activation message;
+  if (record.subscription != detail::ActivationRecord::kNoSubscription) {
+    message.set_subscription(record.subscription);
+  }
+  if (record.cause == detail::Cause::kTick || record.cause == detail::Cause::kTimeout) {
+    message.set_late_ns(record.time_ns - record.cause_ns);
+  }
   message.set_component(record.component);
   message.set_number(record.number);
   message.set_cause(static_cast<log::Cause>(record.cause));
@@ -127,12 +134,56 @@ void Streams::explain(mcap::Writer& writer, const Explanation& explanation, Time
   }
 }
 
-void add(log::Activations& activations, std::uint64_t lost,
-         std::span<const detail::ActivationRecord> records) {
-  activations.set_lost(activations.lost() + lost);
-  for (const detail::ActivationRecord& record : records) {
-    *activations.add_activations() = to_message(record);
+void add(log::Activations& activations, const detail::ActivationRecord& record,
+         const SeenReads& seen) {
+  log::Activation& activation = *activations.add_activations() = to_message(record);
+  for (const detail::Read& read : seen.reads) {
+    log::Read& its = *activation.add_reads();
+    its.set_kind(static_cast<log::ReadKind>(read.kind));
+    its.set_place(read.place);
+    its.set_publisher(read.publisher);
+    its.set_value(read.value);
   }
+  activation.set_reads_lost(seen.lost);
+}
+
+bool ActivationReader::take_activations() {
+  bool is_news = false;
+  for (std::size_t worker = 0; worker < activity_.rings.size(); ++worker) {
+    Worker& its = workers_[worker];
+    its.records.clear();
+    its.lost = activity_.rings[worker]->read(its.next, its.records);
+    is_news = is_news || its.lost > 0 || !its.records.empty();
+  }
+  return is_news;
+}
+
+void ActivationReader::take_reads() {
+  // After the activations: what one that has ended read is there by now.
+  for (std::size_t component = 0; component < activity_.reads.size(); ++component) {
+    const detail::ReadRing* ring = activity_.reads[component];
+    Reads& its = reads_[component];
+    if (ring == nullptr) {
+      continue;
+    }
+    // Another worker's ring may have had an activation before the last that was given; it was given
+    // in the look after that.
+    const auto old = std::ranges::upper_bound(its.reads, its.old, {}, &detail::Read::activation);
+    its.reads.erase(its.reads.begin(), old);
+    its.old = its.given;
+    its.lost += ring->read(its.next, its.reads);
+  }
+}
+
+SeenReads ActivationReader::seen_in(const detail::ActivationRecord& record) {
+  if (record.component >= reads_.size()) {
+    return {};
+  }
+  Reads& its = reads_[record.component];
+  its.given = std::max(its.given, record.number);
+  const auto found =
+      std::ranges::equal_range(its.reads, record.number, {}, &detail::Read::activation);
+  return {.reads = {found.begin(), found.end()}, .lost = std::exchange(its.lost, 0)};
 }
 
 std::optional<log::MessageInfo> describe(const Stream& stream, const MessageInfo& message,

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "broker/read_ring.h"
 #include "broker/topics.h"
 #include "executor/activation_ring.h"
 #include "mcap/records.h"
@@ -97,37 +98,77 @@ class Streams {
   std::vector<mcap::Channel> channels_;
 };
 
-/// Reads the activations of all workers, each from where it was.
+/// Where the components of an application leave what they do.
+struct Activity {
+  std::vector<const detail::ActivationRing*> rings = {};  ///< One a worker.
+  /// One a component, in the order of the application file; null, or missing, where nobody keeps
+  /// them.
+  std::vector<const detail::ReadRing*> reads = {};
+};
+
+/// What one activation learned beside its cause.
+struct SeenReads {
+  std::span<const detail::Read> reads = {};
+  std::uint64_t lost = 0;  ///< Of its component, since it was asked last.
+};
+
+/// Reads the activations of all workers, each from where it was, with what they learned.
 ///
 /// @threads  Confined.
 class ActivationReader {
  public:
   ActivationReader() = default;
-  explicit ActivationReader(std::vector<const detail::ActivationRing*> rings)
-      : rings_(std::move(rings)), next_(rings_.size(), 0) {}
+  explicit ActivationReader(Activity activity)
+      : activity_(std::move(activity)),
+        workers_(activity_.rings.size()),
+        reads_(activity_.reads.size()) {}
 
   /// Calls `give(worker, lost, records)` for each worker of which there is something new: `lost`
-  /// were written over before they were read, and came before `records`.
+  /// were written over before they were read, and came before `records`. In it, `seen_in` tells
+  /// what each learned.
   template <typename Give>
   void read(const Give& give) {
-    for (std::size_t worker = 0; worker < rings_.size(); ++worker) {
-      records_.clear();
-      const std::uint64_t lost = rings_[worker]->read(next_[worker], records_);
-      if (lost > 0 || !records_.empty()) {
-        give(worker, lost, std::span<const detail::ActivationRecord>(records_));
+    if (!take_activations()) {
+      return;
+    }
+    take_reads();
+    for (std::size_t worker = 0; worker < workers_.size(); ++worker) {
+      const Worker& its = workers_[worker];
+      if (its.lost > 0 || !its.records.empty()) {
+        give(worker, its.lost, std::span<const detail::ActivationRecord>(its.records));
       }
     }
   }
 
+  [[nodiscard]] SeenReads seen_in(const detail::ActivationRecord& record);
+
  private:
-  std::vector<const detail::ActivationRing*> rings_;
-  std::vector<std::uint64_t> next_;
-  std::vector<detail::ActivationRecord> records_;
+  /// What one worker's ring had.
+  struct Worker {
+    std::uint64_t next = 0;
+    std::uint64_t lost = 0;
+    std::vector<detail::ActivationRecord> records = {};
+  };
+  /// What one component's ring had, of activations that were not given for long.
+  struct Reads {
+    std::uint64_t next = 0;
+    std::uint64_t lost = 0;
+    std::uint64_t given = 0;               ///< The number of its newest activation that was given.
+    std::uint64_t old = 0;                 ///< The same, one look ago.
+    std::vector<detail::Read> reads = {};  ///< By activation.
+  };
+
+  bool take_activations();
+  void take_reads();
+
+  Activity activity_;
+  std::vector<Worker> workers_;
+  std::vector<Reads> reads_;
 };
 
-/// Adds `records` to what a log says of one worker.
-void add(log::Activations& activations, std::uint64_t lost,
-         std::span<const detail::ActivationRecord> records);
+/// Adds `record`, and what it saw, to what a log says of one worker.
+void add(log::Activations& activations, const detail::ActivationRecord& record,
+         const SeenReads& seen = {});
 
 /// What a message record has no place for; nothing if that is as usual. `round` is in simulated
 /// time the place of the round, in its moment, that was served last.
