@@ -30,7 +30,8 @@ class WakeList {
   }
 
  private:
-  std::array<ReadyQueue*, 16> queues_;  ///< Only `size_` of them are set: each publish makes a list.
+  std::array<ReadyQueue*, 16>
+      queues_;  ///< Only `size_` of them are set: each publish makes a list.
   std::size_t size_ = 0;
 };
 
