@@ -131,6 +131,8 @@ class ComponentCore final : public Actor {
   LogSource log_source;
   Component* component = nullptr;
   std::atomic<State> state{State::kDeclared};
+  /// When the application's timers started, as it was told; none before. Its own activations only.
+  std::optional<Time> timers_began;
   /// How its first `start` goes, between the worker that calls it and who waits for that.
   class Start {
    public:

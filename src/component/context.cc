@@ -368,7 +368,8 @@ Time Component::now() const {
   return context_.core().publishing.now;
 }
 Time Component::start_time() const {
-  return context_.core().application.start_time();
+  const detail::ComponentCore& core = context_.core();
+  return core.timers_began.value_or(core.publishing.now);
 }
 
 Log Component::log() const {

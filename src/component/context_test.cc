@@ -6,6 +6,7 @@
 #include <stop_token>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -116,6 +117,53 @@ TEST(ATimer, ThatWasCancelledTicksAgainWhenItIsReset) {
   bench.advance(20ms);
 
   EXPECT_THAT(values(ticks.take()), ElementsAre(35, 45));
+}
+
+// ---- Its start ----
+
+/// Says at which time it started, and when it was told that the timers did. Its start takes a
+/// while.
+class Starter final : public Component {
+ public:
+  explicit Starter(Context& context) : Component(context), source_(context.create_source()) {}
+
+  void start() override {
+    report("start_is_now", start_time() == now());
+    report("started_ns", now().time_since_epoch().count());
+    const auto end = std::chrono::steady_clock::now() + 2ms;
+    while (std::chrono::steady_clock::now() < end) {
+    }
+  }
+  void serve() override {
+    report("timers_ns", start_time().time_since_epoch().count());
+    source_.finish();
+  }
+
+ private:
+  Source source_;
+};
+
+TEST(AComponentThatStarts, TakesTheTimeOfItsActivationForTheStartUntilTheTimersHaveStarted) {
+  TestClasses classes;
+  classes.with<Starter>("starter");
+  auto application = make_application(R"({"name": "starts", "components": [
+      {"name": "first", "library": "starter", "serve_period_ms": 1},
+      {"name": "second", "library": "starter", "serve_period_ms": 1, "after": ["first"]}]})",
+                                      classes);
+  application->start();
+  EXPECT_EQ(application->run({}), EndReason::kSourcesFinished);
+  application->stop();
+
+  const auto result = [&](std::size_t component, const std::string& name) {
+    return application->components()[component]->results.at(name);
+  };
+  EXPECT_EQ(result(0, "start_is_now"), ReportValue(true));
+  EXPECT_EQ(result(1, "start_is_now"), ReportValue(true));
+  EXPECT_GT(std::get<std::int64_t>(result(1, "started_ns")),
+            std::get<std::int64_t>(result(0, "started_ns")));
+  EXPECT_EQ(result(0, "timers_ns"), result(1, "timers_ns"));
+  EXPECT_GT(std::get<std::int64_t>(result(0, "timers_ns")),
+            std::get<std::int64_t>(result(1, "started_ns")));
 }
 
 // ---- Outputs of a bench ----

@@ -97,6 +97,7 @@ void Lifecycle::start_component(ComponentCore& component, std::int64_t deadline_
 void Lifecycle::start_timers(Time start) {
   for (const auto& component : host_.components()) {
     component->post(Cause::kMode, [&component, start] {
+      component->timers_began = start;
       if (component->state == ComponentCore::State::kActive) {
         component->start_timers(start);
       }
