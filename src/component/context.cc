@@ -369,6 +369,10 @@ Time Component::now() const {
 }
 Time Component::start_time() const {
   const detail::ComponentCore& core = context_.core();
+  const detail::RunningActivation* running = detail::current_activation();
+  if (running == nullptr || running->actor != &core || running->record == nullptr) {
+    return core.application.start_time();  // A thread of its own.
+  }
   return core.timers_began.value_or(core.publishing.now);
 }
 
