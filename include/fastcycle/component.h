@@ -1,9 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -107,6 +109,46 @@ TickCallback tick_callback(F callback) {
     return TickCallback(std::move(callback));
   } else {
     return [callback = std::move(callback)](const Tick&) mutable { callback(); };
+  }
+}
+
+}  // namespace detail
+
+namespace detail {
+
+/// What `Component::observe` may give.
+template <typename T>
+concept Observable = std::same_as<T, std::string> || Message<T> || std::is_trivially_copyable_v<T>;
+
+/// What the recorded activation observed under this name, where it is executed again; else none.
+[[nodiscard]] std::optional<std::string> take_observed(ComponentCore& core, std::string_view name);
+/// Whether what it observes is kept.
+[[nodiscard]] bool keeps_observed(const ComponentCore& core) noexcept;
+void keep_observed(ComponentCore& core, std::string_view name, std::string_view bytes);
+
+template <Observable T>
+std::string to_observed(const T& value) {
+  if constexpr (std::same_as<T, std::string>) {
+    return value;
+  } else if constexpr (Message<T>) {
+    return value.SerializeAsString();
+  } else {
+    return std::string(reinterpret_cast<const char*>(&value), sizeof(T));
+  }
+}
+
+template <Observable T>
+T from_observed(const std::string& bytes) {
+  if constexpr (std::same_as<T, std::string>) {
+    return bytes;
+  } else if constexpr (Message<T>) {
+    T value;
+    static_cast<void>(value.ParseFromString(bytes));
+    return value;
+  } else {
+    T value{};
+    std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof(T)));
+    return value;
   }
 }
 
@@ -414,11 +456,23 @@ class Component {
   [[nodiscard]] Random& random();
 
   /// The result of `f`, which asks the world something that a repeated run could not know: a
-  /// device, a file that changes, another clock. Such values have a name, so that they can be
-  /// recorded.
+  /// device, a file that changes, another clock. Where the run is recorded, the log has it under
+  /// this name; where that run is executed again, it is given from there and `f` is not called.
+  ///
+  /// The result is a string, a protobuf message, or of a type that `memcpy` may copy. A log keeps
+  /// at most some 2 KB for one activation: what is larger is counted as lost.
   template <std::invocable F>
-  auto observe([[maybe_unused]] std::string_view name, F f) {
-    return f();
+    requires detail::Observable<std::invoke_result_t<F&>>
+  auto observe(std::string_view name, F f) {
+    using T = std::invoke_result_t<F&>;
+    if (const auto bytes = detail::take_observed(context_.core(), name)) {
+      return detail::from_observed<T>(*bytes);
+    }
+    T value = f();
+    if (detail::keeps_observed(context_.core())) {
+      detail::keep_observed(context_.core(), name, detail::to_observed(value));
+    }
+    return value;
   }
 
   /// Puts a result of the run into the final table and the report (`results`).

@@ -57,9 +57,8 @@ std::size_t count_subscribers(const PublisherCore& publisher) {
     called_outside(publisher.owner, "subscriber_count() of", publisher.topic.name,
                    "an ExternalPublisher can be asked by your own thread");
   }
-  const std::size_t count = publisher.count_subscribers();
-  publisher.owner.learned(ReadKind::kSubscribers, publisher.id, count);
-  return count;
+  return publisher.owner.learn(ReadKind::kSubscribers, publisher.id,
+                               [&] { return publisher.count_subscribers(); });
 }
 
 std::size_t count_external_subscribers(PublisherCore& publisher) {

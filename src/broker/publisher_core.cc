@@ -498,8 +498,7 @@ std::size_t PublisherCore::ask_credits() {
   }
   if (!is_asked_) {
     is_asked_ = true;
-    granted_ = credits_->left(staged());
-    owner.learned(ReadKind::kCredits, id, granted_);
+    granted_ = owner.learn(ReadKind::kCredits, id, [this] { return credits_->left(staged()); });
     granted_at_ = published_.get();
     owner.asked.push_back(this);
     owner.has_leftovers = true;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/clock.h"
@@ -56,12 +57,31 @@ struct PublishingComponent {
 
   /// Where what it learns in its activations is kept; null if nobody records that.
   ReadRing* reads = nullptr;
+  /// Where its activations are executed again: what they learned when they were recorded. Else null.
+  ToldReads* told = nullptr;
   /// It learned something in this activation.
   void learned(ReadKind kind, PublisherId about, std::uint64_t value,
                std::uint32_t place = 0) const noexcept {
     if (reads != nullptr) {
       reads->add(kind, place, about, value);
     }
+  }
+  void learned(ReadKind kind, std::string_view text, std::uint32_t place = 0) const noexcept {
+    if (reads != nullptr) {
+      reads->add(kind, place, text);
+    }
+  }
+  /// What `find()` gives, and what it gave when this activation was recorded.
+  template <typename Find>
+  std::uint64_t learn(ReadKind kind, PublisherId about, const Find& find) const {
+    if (told != nullptr) [[unlikely]] {
+      if (const ToldReads::Entry* entry = told->take(kind, about)) {
+        return entry->read.value;
+      }
+    }
+    const auto value = static_cast<std::uint64_t>(find());
+    learned(kind, about, value);
+    return value;
   }
 
   /// An activation begins on the calling thread.

@@ -1,11 +1,15 @@
 #include "broker/quality.h"
 
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <mutex>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "base/clock.h"
+#include "broker/publishing_component.h"
 #include "broker/topic.h"
 #include "fastcycle/assert.h"
 
@@ -219,6 +223,46 @@ std::optional<QosEvent> Quality::hear(PublisherId publisher, bool is_alive, std:
     }
   }
   return std::nullopt;
+}
+
+void Watch::keep(const PublishingComponent& component, const QosEvent& event) const noexcept {
+  if (component.reads != nullptr) {
+    component.learned(ReadKind::kQosEvent, WrittenEvent::write(event), place);
+  }
+}
+
+std::string WrittenEvent::write(const QosEvent& event) {
+  return fmt::format("{} {} {}\n{}\n{}", static_cast<unsigned>(event.kind), event.count,
+                     base::to_ns(event.since), event.reason, event.publisher);
+}
+
+std::optional<QosEvent> WrittenEvent::read(std::string_view text, std::string_view topic) {
+  std::uint64_t kind = 0;
+  std::uint64_t count = 0;
+  std::int64_t since_ns = 0;
+  const char* place = text.data();
+  const char* const end = text.data() + text.size();
+  const auto take = [&](auto& number, char separator) {
+    const auto [next, error] = std::from_chars(place, end, number);
+    const bool is_number = error == std::errc() && next != end && *next == separator;
+    place = is_number ? next + 1 : end;
+    return is_number;
+  };
+  if (!take(kind, ' ') || !take(count, ' ') || !take(since_ns, '\n') ||
+      kind > static_cast<std::uint64_t>(QosKind::kMessageLost)) {
+    return std::nullopt;
+  }
+  const std::string_view words(place, static_cast<std::size_t>(end - place));
+  const std::size_t line = words.find('\n');
+  if (line == std::string_view::npos) {
+    return std::nullopt;
+  }
+  return QosEvent{.kind = static_cast<QosKind>(kind),
+                  .topic = topic,
+                  .publisher = words.substr(line + 1),
+                  .reason = words.substr(0, line),
+                  .count = count,
+                  .since = base::from_ns(since_ns)};
 }
 
 }  // namespace fastcycle::detail

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -13,6 +14,7 @@
 
 namespace fastcycle::detail {
 
+struct PublishingComponent;
 class TimerCore;
 class Topic;
 
@@ -39,12 +41,27 @@ class Watch {
     return callback_;
   }
   void set_callback(const QosCallback& callback);
+
+  /// Which of its component's: the number of a subscription, or `kOffered` and that of a publisher
+  /// which offers a deadline.
+  std::uint32_t place = 0;
+  static constexpr std::uint32_t kOffered = std::uint32_t{1} << 31U;
+  /// Keeps `event` with what the present activation of `component` learns.
+  void keep(const PublishingComponent& component, const QosEvent& event) const noexcept;
   /// Whether anybody is told. Safe.
   [[nodiscard]] bool has_callback() const noexcept { return has_callback_.load(); }
 
  private:
   std::shared_ptr<const QosCallback> callback_;
   std::atomic<bool> has_callback_{false};
+};
+
+/// An event as a log has it; `read` gives it back, with words that live as long as `text`.
+///
+///     2 17 1700000000123456789\nsilent\nlidar_driver
+struct WrittenEvent {
+  [[nodiscard]] static std::string write(const QosEvent& event);
+  [[nodiscard]] static std::optional<QosEvent> read(std::string_view text, std::string_view topic);
 };
 
 /// Counts the whole periods that pass without a message.

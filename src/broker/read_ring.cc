@@ -1,5 +1,8 @@
 #include "broker/read_ring.h"
 
+#include <algorithm>
+#include <cstring>
+
 namespace fastcycle::detail {
 
 ReadRing::ReadRing(std::size_t capacity) : slots_(capacity) {}
@@ -17,6 +20,17 @@ void ReadRing::add(ReadKind kind, std::uint32_t its_place, PublisherId publisher
   slot.value.store(value, order);
   slot.version.store(2 * place + 2, order);
   next_.store(place + 1, order);
+}
+
+void ReadRing::add(ReadKind kind, std::uint32_t place, std::string_view text) noexcept {
+  add(kind, place, 0, text.size());
+  while (!text.empty()) {
+    const std::size_t count = std::min<std::size_t>(text.size(), sizeof(std::uint64_t));
+    std::uint64_t bytes = 0;
+    std::memcpy(&bytes, text.data(), count);
+    add(ReadKind::kText, static_cast<std::uint32_t>(count), 0, bytes);
+    text.remove_prefix(count);
+  }
 }
 
 bool ReadRing::read_at(std::uint64_t place, Read& found) const noexcept {
@@ -45,6 +59,24 @@ std::uint64_t ReadRing::read(std::uint64_t& next, std::vector<Read>& reads) cons
     }
   }
   return lost;
+}
+
+void ToldReads::begin(std::span<const Entry> entries) {
+  entries_ = entries;
+  is_taken_.assign(entries.size(), false);
+  has_missed_ = false;
+}
+
+const ToldReads::Entry* ToldReads::take(ReadKind kind, PublisherId about, std::uint32_t place) {
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    const Read& read = entries_[i].read;
+    if (!is_taken_[i] && read.kind == kind && read.publisher == about && read.place == place) {
+      is_taken_[i] = true;
+      return &entries_[i];
+    }
+  }
+  has_missed_ = true;
+  return nullptr;
 }
 
 }  // namespace fastcycle::detail

@@ -3,6 +3,10 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "fastcycle/message.h"
@@ -15,6 +19,14 @@ enum class ReadKind : std::uint8_t {
   kCredits,      ///< A publisher was asked for credits: which, and how many there were.
   kSubscribers,  ///< A publisher was asked for its subscribers: which, and how many there were.
   kMode,         ///< The application's mode was asked for: its place in the application file.
+  kQosEvent,     ///< An event of `Watch::place`: a text, see `WrittenEvent`.
+  kBegan,        ///< When the application's timers started, ns since 1970.
+  kLateStart,    ///< Whether `start()` has taken too long: 0 or 1.
+  kThreads,      ///< Threads of an old object: 0 ended, 1 waited for, 2 too late.
+  kParams,       ///< New values of params: a text.
+  kResult,       ///< What became of a change of params: a text.
+  kObserved,     ///< What `observe()` found: a text.
+  kText,         ///< The next 1 to 8 bytes of the text before it; `place`: how many.
 };
 
 /// One thing that an activation learned, and that follows neither from its cause nor from what the
@@ -24,7 +36,7 @@ struct Read {
   ReadKind kind{};
   std::uint32_t place = 0;  ///< Which of the component's views, in the order of their declaration.
   PublisherId publisher = 0;  ///< Whom it is about; 0 if that is no publisher.
-  std::uint64_t value = 0;
+  std::uint64_t value = 0;  ///< Of a text: its bytes.
 };
 
 /// The last reads of one component, for who records what its activations saw.
@@ -36,13 +48,15 @@ class ReadRing {
  public:
   /// For a component with views, each of which may take over many messages at once.
   static constexpr std::size_t kForViews = 4096;
-  static constexpr std::size_t kWithoutViews = 64;
+  static constexpr std::size_t kWithoutViews = 256;
 
   explicit ReadRing(std::size_t capacity);
 
   /// What is added from now on belongs to `activation`.
   void begin(std::uint64_t activation) noexcept { activation_ = activation; }
   void add(ReadKind kind, std::uint32_t place, PublisherId publisher, std::uint64_t value) noexcept;
+  /// The same of a text.
+  void add(ReadKind kind, std::uint32_t place, std::string_view text) noexcept;
 
   /// Appends to `reads` those from the place `next` on, and moves `next` behind them. Returns how
   /// many were lost, since they were written over before.
@@ -64,6 +78,31 @@ class ReadRing {
   std::uint64_t activation_ = 0;
   std::vector<Slot> slots_;
   std::atomic<std::uint64_t> next_{0};  ///< Released after the read: who sees it, sees that.
+};
+
+/// What a recorded activation learned, given again where that activation is executed again.
+///
+/// @threads  Confined to the component's activations, and to who executes them, between them.
+class ToldReads {
+ public:
+  /// One read; of a text, all of it.
+  struct Entry {
+    Read read;
+    std::string text = {};
+  };
+
+  /// From now on gives `entries`, which live until the next call.
+  void begin(std::span<const Entry> entries);
+  /// The first of this kind, about this publisher or place, that was not given yet. None if there
+  /// is none: the activation asks for something that it did not ask for when it was recorded.
+  [[nodiscard]] const Entry* take(ReadKind kind, PublisherId about = 0, std::uint32_t place = 0);
+  /// Whether it was asked for something that was not recorded.
+  [[nodiscard]] bool has_missed() const noexcept { return has_missed_; }
+
+ private:
+  std::span<const Entry> entries_;
+  std::vector<bool> is_taken_;
+  bool has_missed_ = false;
 };
 
 }  // namespace fastcycle::detail

@@ -32,6 +32,13 @@ class ApplicationHost : public ComponentHost {
   /// In simulated time between two rounds.
   virtual void mode_changed() = 0;
 
+  /// Where a recorded run is executed again: has `component` put in place what a transaction
+  /// changed then, in its activation by that cause. `text` is a JSON object of values by name.
+  ///
+  /// @errors  Values that do not fit go to `problems`, and are left out.
+  virtual void put_recorded_params(detail::ComponentCore& component, std::uint64_t transaction,
+                                   const std::string& text, config::Problems& problems) = 0;
+
   void log(LogLevel level, std::string_view component, std::string_view text) {
     own_log().write(level, component, text);
   }

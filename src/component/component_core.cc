@@ -184,6 +184,7 @@ void ComponentCore::offer(PublisherCore& publisher, Duration deadline,
     found = offered.insert(found, std::make_unique<OfferedDeadline>(publisher, deadline));
   }
   OfferedDeadline& watched = **found;
+  watched.place = Watch::kOffered | static_cast<std::uint32_t>(found - offered.begin());
   watched.set_period(deadline);
   watched.set_callback(on_event);
   add_watch(watched);
@@ -204,7 +205,7 @@ void ComponentCore::call_start() {
   if (state != State::kConstructed) {
     return;
   }
-  if (first_start.is_late()) {
+  if (publishing.learn(ReadKind::kLateStart, 0, [this] { return first_start.is_late(); }) != 0) {
     throw std::runtime_error(first_start.why());
   }
   in_call_ = "its start()";
@@ -212,7 +213,7 @@ void ComponentCore::call_start() {
   component->start();
   in_call_ = nullptr;
   first_start.set(Start::Stage::kReturned);
-  if (first_start.is_late()) {
+  if (publishing.learn(ReadKind::kLateStart, 0, [this] { return first_start.is_late(); }) != 0) {
     throw std::runtime_error(first_start.why());
   }
   state = State::kStandby;
@@ -222,6 +223,15 @@ void ComponentCore::call_start() {
     suspend();
     end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
     mute(true);
+  }
+}
+
+void ComponentCore::begin_timers(Time start) {
+  const std::uint64_t start_ns =
+      publishing.learn(ReadKind::kBegan, 0, [start] { return base::to_ns(start); });
+  timers_began = base::from_ns(static_cast<std::int64_t>(start_ns));
+  if (state == State::kActive) {
+    start_timers(*timers_began);
   }
 }
 
@@ -331,7 +341,9 @@ void ComponentCore::mute(bool is_muted) {
   }
 }
 
-void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValues& values) {
+void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValues& values,
+                                const std::string& text) {
+  publishing.learned(ReadKind::kParams, text);
   // One that waits to be made anew will begin with them.
   const bool is_there = state == State::kStandby || state == State::kActive;
   if (is_there || state == State::kConstructed) {
@@ -368,6 +380,14 @@ void ComponentCore::fail(std::string_view what) {
   if (!description.fault_mode.empty()) {
     application.ask_mode(description.fault_mode, what, *this);
   }
+}
+
+void ComponentCore::take_fault_of_thread(std::uint64_t object, const std::string& what) {
+  if (restart_count != object) {
+    note_fault(what);
+    return;
+  }
+  throw std::runtime_error(what);
 }
 
 void ComponentCore::on_breach(std::size_t chain) {
@@ -483,17 +503,21 @@ void ComponentCore::await_threads(std::int64_t deadline_ns, const std::function<
   host::ThreadHost& its_threads = application.threads();
   application.time().await(deadline_ns, [&] { return its_threads.running_threads(*this).empty(); });
   const std::vector<std::string> late = its_threads.running_threads(*this);
-  if (late.empty()) {
+  enum : std::uint8_t { kEnded, kAwaited, kTooLate };
+  const std::uint64_t how = publishing.learn(ReadKind::kThreads, 0, [&] {
+    return late.empty() ? kEnded : base::monotonic_ns() < deadline_ns ? kAwaited : kTooLate;
+  });
+  if (how == kEnded) {
     its_threads.join_threads(*this);
     next();
     return;
   }
-  if (base::monotonic_ns() >= deadline_ns) {
+  if (how == kTooLate) {
     // Its object cannot go while a thread uses it.
     fail(fmt::format(
         "its thread \"{}\" has not ended within {} s after its stop_token asked for it: "
         "it stays stopped",
-        late.front(), kThreadLimit.count()));
+        late.empty() ? "?" : late.front(), kThreadLimit.count()));
     return;
   }
   if (state != State::kRestarting) {
@@ -544,6 +568,21 @@ std::string ComponentCore::renew() {
     end_calls("it is made anew");
     replace(std::chrono::nanoseconds(0));
   });
+  return {};
+}
+
+std::string ComponentCore::obey(LifeStep step) {
+  const State before = state;
+  if (step == LifeStep::kRenew) {
+    return renew();
+  }
+  if (step == LifeStep::kToolStop && before == State::kActive) {
+    call_deactivate();
+  } else if (step == LifeStep::kToolStart && before == State::kStandby) {
+    call_activate();
+  } else {
+    return std::string("it is ") + host::to_word(before);
+  }
   return {};
 }
 

@@ -23,6 +23,7 @@
 #include "config/params.h"
 #include "executor/activation.h"
 #include "executor/actor.h"
+#include "executor/life_step.h"
 #include "fastcycle/component.h"
 #include "fastcycle/library.h"
 #include "fastcycle/service.h"
@@ -55,6 +56,8 @@ class ComponentCore final : public Actor {
 
   /// The lifecycle, each called in an activation.
   void call_start();
+  /// All have started, as of `start`.
+  void begin_timers(Time start);
   void call_activate();
   void call_deactivate();
   void call_stop();
@@ -73,9 +76,25 @@ class ComponentCore final : public Actor {
   /// In an activation. Returns why that cannot be done; empty if it was, whatever came of it, or
   /// will be, once its threads have ended.
   [[nodiscard]] std::string renew();
+  /// What a tool asks for: `kRenew`, `kToolStop` or `kToolStart`. As `renew`.
+  [[nodiscard]] std::string obey(LifeStep step);
 
-  /// Puts changed parameters in place; in an activation.
-  void take_params(std::uint64_t transaction, const host::ParamValues& values);
+  /// Puts changed parameters in place; in an activation. `text` is what a log says of them.
+  void take_params(std::uint64_t transaction, const host::ParamValues& values,
+                   const std::string& text);
+  /// The keys of activations by cause parameter in the log of a run: of new values, the number of
+  /// the transaction; of the answer to a change that the component asked for, this and its number.
+  static constexpr std::uint64_t kParamsAsked = std::uint64_t{1} << 63U;
+
+  /// What a thread of its object number `object` threw; in an activation. That becomes a fault of
+  /// the component, unless it was made anew since.
+  void take_fault_of_thread(std::uint64_t object, const std::string& what);
+  /// The keys of faults in the log of a run: of threads, by the number of the object; of offloaded
+  /// work, by its own; of a service that let go of a request, 0.
+  static constexpr std::uint64_t kThreadFault = std::uint64_t{1} << 63U;
+  [[nodiscard]] static constexpr std::uint64_t fault_key_of_thread(std::uint64_t object) {
+    return kThreadFault | object;
+  }
 
   /// Ends the component after a fault: nothing is delivered to it any more.
   void fail(std::string_view what);
@@ -184,6 +203,8 @@ class ComponentCore final : public Actor {
   std::vector<NamedThread> threads;       ///< Not changed while one of them runs.
   std::vector<std::string> timer_labels;  ///< By number, once it was constructed.
   std::atomic<int> jobs{0};               ///< Work that it offloaded and that is being done.
+  std::uint64_t jobs_made = 0;     ///< All that it ever offloaded; its own activations only.
+  std::uint64_t params_asked = 0;  ///< The same of changes of params that it asked for.
   std::vector<std::unique_ptr<OfferedDeadline>> offered;
   host::ParamTable param_table;
   std::unique_ptr<config::ParamReader> params;       ///< While it is constructed.

@@ -215,6 +215,29 @@ void reset_timer(TimerCore& timer) noexcept {
   timer.actor.arm(timer, timer.actor.publishing.now + timer.options.period);
 }
 
+std::optional<std::string> take_observed(ComponentCore& core, std::string_view name) {
+  if (core.publishing.told == nullptr || !is_in_activation_of(core.publishing)) {
+    return std::nullopt;
+  }
+  const ToldReads::Entry* entry = core.publishing.told->take(ReadKind::kObserved);
+  if (entry == nullptr || entry->text.size() <= name.size() ||
+      !entry->text.starts_with(name) || entry->text[name.size()] != '\0') {
+    return std::nullopt;
+  }
+  return entry->text.substr(name.size() + 1);
+}
+
+bool keeps_observed(const ComponentCore& core) noexcept {
+  return core.publishing.reads != nullptr && is_in_activation_of(core.publishing);
+}
+
+void keep_observed(ComponentCore& core, std::string_view name, std::string_view bytes) {
+  std::string text(name);
+  text += '\0';
+  text += bytes;
+  core.publishing.learned(ReadKind::kObserved, text);
+}
+
 void cancel_timer(TimerCore& timer) noexcept {
   check_timer(timer, "Timer::cancel() of");
   timer.due_ns = base::kNever;
@@ -255,6 +278,12 @@ void submit(ComponentCore& core, std::string_view executor, std::function<void()
   }
 }
 
+void post_fault_of_work(ComponentCore& core, std::uint64_t key, const std::string& what) {
+  core.post(
+      detail::Cause::kFault,
+      [what] { throw std::runtime_error("offloaded work threw: " + what); }, nullptr, key);
+}
+
 void call_behind_work(ComponentCore& core, const std::function<void()>& done) {
   constexpr const char* kCall = "its callback behind offloaded work";
   const detail::CallScope scope(core, kCall);
@@ -276,7 +305,8 @@ void Context::offload(std::string_view executor, std::function<void()> work,
   ComponentCore& core = core_;
   submit(
       core, executor,
-      [&core, object = core.restart_count, work = std::move(work), done = std::move(done)] {
+      [&core, object = core.restart_count, key = ++core.jobs_made, work = std::move(work),
+       done = std::move(done)] {
         struct Job {  // Who waits for the end sees it.
           ComponentCore& core;
           explicit Job(ComponentCore& its_core) : core(its_core) { core.jobs.fetch_add(1); }
@@ -287,22 +317,21 @@ void Context::offload(std::string_view executor, std::function<void()> work,
           const detail::CallScope scope(core, "its offloaded work", nullptr, false);
           work();
         } catch (const std::exception& exception) {
-          core.post(detail::Cause::kFault, [what = std::string(exception.what())] {
-            throw std::runtime_error("offloaded work threw: " + what);
-          });
+          post_fault_of_work(core, key, exception.what());
           return;
         } catch (...) {
-          core.post(detail::Cause::kFault, [] {
-            throw std::runtime_error("offloaded work threw: something that is no std::exception");
-          });
+          post_fault_of_work(core, key, "something that is no std::exception");
           return;
         }
-        core.post(detail::Cause::kJob, [&core, done, object] {
-          // A restarted component is another object than the one that asked.
-          if (core.state == ComponentCore::State::kActive && core.restart_count == object) {
-            call_behind_work(core, done);
-          }
-        });
+        core.post(
+            detail::Cause::kJob,
+            [&core, done, object] {
+              // A restarted component is another object than the one that asked.
+              if (core.state == ComponentCore::State::kActive && core.restart_count == object) {
+                call_behind_work(core, done);
+              }
+            },
+            nullptr, key);
       });
 }
 
@@ -350,14 +379,17 @@ void Context::switch_mode(std::string_view mode, std::string_view why) {
 }
 
 std::string Context::mode() const {
-  std::string mode = core_.application.mode();
-  if (core_.publishing.reads != nullptr && core_.publishing.is_active_here()) {
-    const auto& modes = core_.application.description().modes;
-    const auto place = std::ranges::find(modes, mode, &config::ModeDescription::name);
-    core_.publishing.learned(detail::ReadKind::kMode, 0,
-                             static_cast<std::uint64_t>(place - modes.begin()));
+  const detail::PublishingComponent& publishing = core_.publishing;
+  const bool is_kept = publishing.reads != nullptr || publishing.told != nullptr;
+  if (!is_kept || !publishing.is_active_here()) {
+    return core_.application.mode();
   }
-  return mode;
+  const auto& modes = core_.application.description().modes;
+  const std::uint64_t place = publishing.learn(detail::ReadKind::kMode, 0, [&] {
+    return std::ranges::find(modes, core_.application.mode(), &config::ModeDescription::name) -
+           modes.begin();
+  });
+  return place < modes.size() ? modes[place].name : std::string();
 }
 
 void Context::report(std::string_view name, ReportValue value) {

@@ -21,6 +21,7 @@ namespace fastcycle::host {
 using detail::ActivationRecord;
 using detail::Cause;
 using detail::ComponentCore;
+using detail::LifeStep;
 
 namespace {
 
@@ -64,7 +65,7 @@ void Lifecycle::start_component(ComponentCore& component, std::int64_t deadline_
   ComponentCore::Start& its = component.first_start;
   its.bell = &bell_;
   const ControlCall call =
-      time_.call(component, Cause::kMode, [&component] { component.call_start(); });
+      time_.call(component, LifeStep::kStart, [&component] { component.call_start(); });
   const std::chrono::nanoseconds limit = component.description.start_timeout;
   const std::chrono::nanoseconds begin_limit = limit + kStepLimit;  // Where others hold its worker.
   const auto wait_while = [&](Stage stage, std::chrono::nanoseconds its_limit) {
@@ -96,12 +97,9 @@ void Lifecycle::start_component(ComponentCore& component, std::int64_t deadline_
 
 void Lifecycle::start_timers(Time start) {
   for (const auto& component : host_.components()) {
-    component->post(Cause::kMode, [&component, start] {
-      component->timers_began = start;
-      if (component->state == ComponentCore::State::kActive) {
-        component->start_timers(start);
-      }
-    });
+    component->post(
+        Cause::kMode, [&component, start] { component->begin_timers(start); }, nullptr,
+        detail::to_key(LifeStep::kBeginTimers));
   }
 }
 
@@ -171,14 +169,12 @@ void Lifecycle::run_thread(OwnThread& its) {
     what = "something that is no std::exception";
   }
   what = "its thread \"" + its.named.name + "\" threw: " + what;
-  its.component.post(Cause::kFault, [&component = its.component, object = its.object, what] {
-    // A component that was made anew is another object than the one whose thread it was.
-    if (component.restart_count != object) {
-      component.note_fault(what);
-      return;
-    }
-    throw std::runtime_error(what);
-  });
+  its.component.post(
+      Cause::kFault,
+      [&component = its.component, object = its.object, what] {
+        component.take_fault_of_thread(object, what);
+      },
+      nullptr, ComponentCore::fault_key_of_thread(its.object));
 }
 
 void Lifecycle::end_thread(OwnThread& its) noexcept {
@@ -282,7 +278,7 @@ void Lifecycle::stop_timers() {
   for (const std::size_t next : order_) {
     time_.begin_part(part_++);
     ComponentCore& core = *host_.components()[next];
-    asked_.push_back({core, time_.call(core, Cause::kMode, [&core] {
+    asked_.push_back({core, time_.call(core, LifeStep::kEndTimers, [&core] {
                         core.cancel_timers();
                         core.cancel_alarm();
                       })});
@@ -308,8 +304,8 @@ void Lifecycle::stop_components() {
     time_.begin_part(part_++);
     ComponentCore& core = *host_.components()[*next];
     const bool is_held_up = is_pending(core);
-    asked_.push_back({core, time_.call(core, Cause::kMode, [&core] { core.call_stop(); })});
-    asked_.push_back({core, time_.call(core, Cause::kMode,
+    asked_.push_back({core, time_.call(core, LifeStep::kStop, [&core] { core.call_stop(); })});
+    asked_.push_back({core, time_.call(core, LifeStep::kClose,
                                        [&core] { core.close(detail::DropReason::kShutdown); })});
     if (!is_held_up && !bell_.wait(step_deadline(), [&] { return !is_pending(core); })) {
       host_.log(LogLevel::kWarning, core.name,

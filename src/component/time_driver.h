@@ -7,9 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/thread.h"
 #include "config/description.h"
 #include "executor/executor.h"
+#include "executor/life_step.h"
 #include "executor/simulation.h"
 
 namespace fastcycle::host {
@@ -47,9 +49,15 @@ class TimeDriver {
   virtual ~TimeDriver() = default;
 
   [[nodiscard]] virtual bool is_simulated() const noexcept = 0;
+  /// Whether a recorded run is executed again: then a log tells each component what others did.
+  [[nodiscard]] virtual bool is_recorded() const noexcept { return false; }
 
   // Before the start; control thread.
 
+  /// The clock of the next component that is added; `application` is that of all.
+  [[nodiscard]] virtual const base::Clock& clock_of_next(const base::Clock& application) {
+    return application;
+  }
   /// Serves `actor`, which is described by `component`, from the start on.
   virtual void add(detail::Actor& actor, const config::ComponentDescription& component) = 0;
   /// `actor` only watches: it alone is no reason for time to go on.
@@ -77,8 +85,8 @@ class TimeDriver {
 
   /// Has `body` called in an activation of `actor`; the bell is rung when that is over, with what
   /// follows from a fault. In simulated time it is over when this returns.
-  [[nodiscard]] virtual ControlCall call(detail::Actor& actor, detail::Cause cause,
-                                         std::function<void()> body) = 0;
+  [[nodiscard]] virtual ControlCall call(detail::Actor& actor, detail::LifeStep step,
+                                 std::function<void()> body) = 0;
 
   /// How a run ended.
   enum class End : std::uint8_t {

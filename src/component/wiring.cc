@@ -153,16 +153,18 @@ void Wiring::tell_liveliness(ComponentCore& component, bool is_alive, std::strin
         }
         auto& to = static_cast<detail::CallbackSubscription&>(*subscription);
         auto& receiver = static_cast<ComponentCore&>(to.actor);
-        receiver.post(Cause::kEvent, [&to, &receiver, id = publisher->id, is_alive, reason] {
+        const auto hear = [&to, &receiver, id = publisher->id, is_alive, reason] {
           if (receiver.state != ComponentCore::State::kActive || to.is_ended) {
             return;
           }
           const std::int64_t now_ns = base::to_ns(receiver.publishing.now);
           const auto event = to.quality->hear(id, is_alive, reason, now_ns);
           if (const auto callback = to.quality->callback(); event && callback != nullptr) {
+            to.quality->keep(receiver.publishing, *event);
             (*callback)(*event);
           }
-        });
+        };
+        receiver.post(Cause::kEvent, hear, nullptr, detail::Control::kNoTimer);
       }
     }
   };

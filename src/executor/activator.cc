@@ -143,6 +143,7 @@ void Activator::run(ActivationRing& ring, const Control& control) {
   clock_.read();
   ActivationRecord record;
   record.cause = control.cause;
+  record.key = control.key;
   record.time_ns = record.cause_ns = clock_.now_ns();
   activate(ring, record, {}, nullptr, nullptr, control.body, [] { return std::string(); });
   if (control.finished) {
@@ -157,10 +158,14 @@ void Activator::run(ActivationRing& ring, const Watch& watch, const QosEvent& ev
   }
   ActivationRecord record;
   record.cause = Cause::kEvent;
-  record.key = event.count;
+  record.key = Control::kNoTimer;
   record.time_ns = record.cause_ns = clock_.now_ns();
   activate(
-      ring, record, {}, nullptr, nullptr, [&] { (*callback)(event); },
+      ring, record, {}, nullptr, nullptr,
+      [&] {
+        watch.keep(actor_.publishing, event);
+        (*callback)(event);
+      },
       [&] { return "its callback for events of \"" + std::string(event.topic) + "\" threw: "; });
 }
 

@@ -35,6 +35,9 @@ class Activator {
   Activator(const Activator&) = delete;
   Activator& operator=(const Activator&) = delete;
 
+  /// The next activation has this number. Where a recorded run is executed again.
+  void set_next(std::uint64_t number) noexcept { number_ = number - 1; }
+
   /// Takes over the reference to the message of `head`, which was taken out of its lane.
   void run(ActivationRing& ring, const Inbox::Head& head);
   void run(ActivationRing& ring, TimerCore& timer, const Tick& tick);

@@ -10,6 +10,7 @@
 #include "base/floating_point.h"
 #include "broker/chain_end.h"
 #include "broker/topic.h"
+#include "executor/life_step.h"
 
 namespace fastcycle::detail {
 namespace {
@@ -35,12 +36,12 @@ Actor::Actor(std::string its_name, std::uint32_t its_index, const base::Clock& i
 
 Actor::~Actor() = default;
 
-void Actor::post(Cause cause, std::function<void()> body, Actor* from) {
+void Actor::post(Cause cause, std::function<void()> body, Actor* from, std::uint64_t key) {
   if (from != nullptr && clock.is_simulated()) {
-    from->stage([this, cause, body = std::move(body)] { post(cause, body); });
+    from->stage([this, cause, body = std::move(body), key] { post(cause, body, nullptr, key); });
     return;
   }
-  post_and_tell(cause, std::move(body), {});
+  post_and_tell(cause, std::move(body), {}, key);
 }
 
 void Actor::post_own(Cause cause, std::function<void()> body) {
@@ -57,8 +58,10 @@ void Actor::post_own(Cause cause, std::function<void()> body) {
   }
 }
 
-void Actor::post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished) {
-  controls_.post({.cause = cause, .body = std::move(body), .finished = std::move(finished)});
+void Actor::post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished,
+                          std::uint64_t key) {
+  controls_.post(
+      {.cause = cause, .body = std::move(body), .finished = std::move(finished), .key = key});
   inbox.mark_control();
   inbox.queue().wake();
 }
@@ -117,7 +120,9 @@ bool Actor::serve_suspended(ActivationRing& ring) {
   if (suspension_.alarm_ns() > turn_.now_ns()) {
     return false;
   }
-  activator_.run(ring, Control{.cause = Cause::kMode, .body = suspension_.take_alarm()});
+  activator_.run(ring, Control{.cause = Cause::kMode,
+                               .body = suspension_.take_alarm(),
+                               .key = to_key(LifeStep::kAlarm)});
   return true;
 }
 
@@ -314,6 +319,66 @@ void Actor::run_round(ActivationRing& ring) {
       return;
     }
   }
+}
+
+// ---- A recorded run, executed again ----
+
+void Actor::repeat_next(std::uint64_t number, ToldReads& told) noexcept {
+  activator_.set_next(number);
+  publishing.told = &told;
+  base::reset_floating_point();
+  timers_.begin_turn();
+  turn_.read();
+}
+
+void Actor::repeat_view(View& view, const Lane& lane, Envelope* envelope) {
+  if (lane.options.ages) {
+    held_.hold(view, *envelope);
+  }
+  view.insert(envelope);
+}
+
+void Actor::repeat(ActivationRing& ring, const Inbox::Head& head) {
+  if (head.lane->credit == nullptr) {
+    activator_.run(ring, head);
+    return;
+  }
+  credits_.begin(head.lane->credit);
+  activator_.run(ring, head);
+  credits_.finish();
+}
+
+void Actor::repeat(ActivationRing& ring, TimerCore& timer, const Tick& tick) {
+  timer.due_ns =
+      timer.is_periodic() ? base::to_ns(tick.due + timer.options.period) : base::kNever;
+  activator_.run(ring, timer, tick);
+}
+
+void Actor::repeat(ActivationRing& ring, const Watch& watch, const QosEvent& event) {
+  activator_.run(ring, watch, event);
+}
+
+void Actor::repeat(ActivationRing& ring, const Control& control) {
+  activator_.run(ring, control);
+}
+
+bool Actor::repeat_posted(ActivationRing& ring, Cause cause, std::uint64_t key) {
+  Control control;
+  if (!controls_.take_posted(cause, key, control)) {
+    return false;
+  }
+  activator_.run(ring, control);
+  return true;
+}
+
+bool Actor::repeat_alarm(ActivationRing& ring) {
+  if (!suspension_.has_alarm()) {
+    return false;
+  }
+  activator_.run(ring, Control{.cause = Cause::kMode,
+                               .body = suspension_.take_alarm(),
+                               .key = to_key(LifeStep::kAlarm)});
+  return true;
 }
 
 void Actor::start_timers(Time start) {

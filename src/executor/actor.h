@@ -50,14 +50,17 @@ class Actor : public ActorBase {
 
   /// Puts a control cause in front of everything that waits. In simulated time, and from within a
   /// callback, it is `from` that stages it until its round is over.
-  void post(Cause cause, std::function<void()> body, Actor* from = nullptr);
+  ///
+  /// `key` tells it from others of its cause, in the log of the run.
+  void post(Cause cause, std::function<void()> body, Actor* from = nullptr, std::uint64_t key = 0);
   /// From within a callback of this component: puts a cause behind all that was published until
   /// now.
   ///
   /// @errors  std::runtime_error if more than `ControlQueue::kMaxOwn` of them wait.
   void post_own(Cause cause, std::function<void()> body);
   /// As `post`; calls `finished` when the activation has ended, its fault, if any, included.
-  void post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished);
+  void post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished,
+                     std::uint64_t key = 0);
 
   /// Whether something waits for the end of the round.
   [[nodiscard]] bool has_staged() const noexcept { return !stage_.is_empty(); }
@@ -77,6 +80,23 @@ class Actor : public ActorBase {
 
   /// Serves all causes up to the clock's time (simulated).
   void run_round(ActivationRing& ring);
+
+  // Where a recorded run is executed again it is the log that says what is served next. In place of
+  // turns and rounds; each is one activation at the clock's time.
+
+  /// The number and the reads of the next activation, which live until it is over.
+  void repeat_next(std::uint64_t number, ToldReads& told) noexcept;
+  /// `view` takes over a message of `lane`, and a reference to it. Before the activation.
+  void repeat_view(View& view, const Lane& lane, Envelope* envelope);
+  /// Takes over the reference to the message of `head`.
+  void repeat(ActivationRing& ring, const Inbox::Head& head);
+  void repeat(ActivationRing& ring, TimerCore& timer, const Tick& tick);
+  void repeat(ActivationRing& ring, const Watch& watch, const QosEvent& event);
+  void repeat(ActivationRing& ring, const Control& control);
+  /// What was posted with this cause and key; false if nothing was.
+  [[nodiscard]] bool repeat_posted(ActivationRing& ring, Cause cause, std::uint64_t key);
+  /// The alarm; false if none is set.
+  [[nodiscard]] bool repeat_alarm(ActivationRing& ring);
 
   /// Hands over what was published and posted in a simulated round.
   void hand_over_stage() { stage_.hand_over(); }

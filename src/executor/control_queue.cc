@@ -1,5 +1,6 @@
 #include "executor/control_queue.h"
 
+#include <algorithm>
 #include <mutex>
 #include <utility>
 
@@ -29,6 +30,20 @@ bool ControlQueue::take_posted(Control& control) {
   }
   control = std::move(posted_.front());
   posted_.pop_front();
+  count_.store(posted_.size(), std::memory_order_seq_cst);
+  return true;
+}
+
+bool ControlQueue::take_posted(Cause cause, std::uint64_t key, Control& control) {
+  const std::lock_guard lock(mutex_);
+  const auto found = std::ranges::find_if(posted_, [&](const Control& posted) {
+    return posted.cause == cause && posted.key == key;
+  });
+  if (found == posted_.end()) {
+    return false;
+  }
+  control = std::move(*found);
+  posted_.erase(found);
   count_.store(posted_.size(), std::memory_order_seq_cst);
   return true;
 }

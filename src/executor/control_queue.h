@@ -15,10 +15,14 @@ namespace fastcycle::detail {
 /// Something that a component does between two messages: connect, life cycle, parameters, jobs that
 /// are done, answers that it gives itself.
 struct Control {
+  /// The key of an event that no timer tells of.
+  static constexpr std::uint64_t kNoTimer = ~std::uint64_t{0};
+
   Cause cause{};
   std::function<void()> body;
   std::function<void()> finished = {};  ///< After the activation, its fault included.
   std::int64_t posted_ns = 0;           ///< When, on the application's clock.
+  std::uint64_t key = 0;                ///< Tells it from others of its cause, in a log.
 };
 
 /// The control causes of one component that wait.
@@ -53,6 +57,8 @@ class ControlQueue {
   }
   /// The next of what others posted; false if there is none.
   [[nodiscard]] bool take_posted(Control& control);
+  /// The next of this cause and key, wherever it stands; false if there is none.
+  [[nodiscard]] bool take_posted(Cause cause, std::uint64_t key, Control& control);
 
   [[nodiscard]] bool has_own() const noexcept { return !own_.empty(); }
   /// When the next of its own was posted. @pre  `has_own()`.

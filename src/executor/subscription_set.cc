@@ -24,6 +24,9 @@ CallbackSubscription& SubscriptionSet::add(Topic& topic, const SubscriberOptions
   CallbackSubscription& result = *subscription;
   topic.add(std::move(subscription));
   result.number = static_cast<std::uint32_t>(callbacks_.size());
+  if (result.quality != nullptr) {
+    result.quality->place = result.number;
+  }
   callbacks_.push_back(&result);
   actor_.publishing.has_subscribers = true;
   return result;
@@ -61,6 +64,9 @@ Synchronizer& SubscriptionSet::synchronize(std::span<Topic* const> topics,
         std::make_unique<SynchronizerInput>(*topics[i], actor_, queues[i], synchronizer, i);
     synchronizer.connect(*input);
     input->number = static_cast<std::uint32_t>(callbacks_.size());
+    if (input->quality != nullptr) {
+      input->quality->place = input->number;
+    }
     callbacks_.push_back(input.get());
     topics[i]->add(std::move(input));
   }

@@ -45,6 +45,7 @@ class Suspension {
   void cancel_alarm() noexcept { alarm_ns_ = base::kNever; }
   /// When the alarm is due, on the application's clock; `base::kNever` without one.
   [[nodiscard]] std::int64_t alarm_ns() const noexcept { return alarm_ns_; }
+  [[nodiscard]] bool has_alarm() const noexcept { return alarm_ns_ != base::kNever; }
   /// The action of the alarm, which is over then.
   [[nodiscard]] std::function<void()> take_alarm() noexcept;
 

@@ -69,6 +69,19 @@ Application::Application(config::ApplicationDescription description, const Clock
     : description_(std::move(description)),
       clock_(make_clock(options)),
       driver_(make_driver(options, clock_, description_, bell_)) {
+  set_up();
+}
+
+Application::Application(config::ApplicationDescription description,
+                         std::unique_ptr<TimeDriver> driver)
+    : description_(std::move(description)),
+      clock_(base::Clock::simulated()),
+      driver_(std::move(driver)) {
+  set_up();
+}
+
+/// Tells the topics what the file says of them.
+void Application::set_up() {
   topics().set_default_options(kStatusTopic, {.latched = 1, .ages = false});
   topics().set_default_options(kLogTopic, {.ages = false});
   for (const config::TopicDescription& topic : description_.topics) {
@@ -95,8 +108,9 @@ Application::~Application() {
 
 void Application::add_component(const config::ComponentDescription& component,
                                 const ComponentClass& its_class) {
-  auto core = std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
-                                              component, its_class, clock_);
+  auto core =
+      std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
+                                      component, its_class, driver_->clock_of_next(clock_));
   core->is_wanted = modes_.is_active_at_first(core->index);
   core->set_root_count(chains_.root_count());
   driver_->add(*core, component);
@@ -284,7 +298,11 @@ bool Application::is_replayed(const std::string& component) const {
 }
 
 void Application::declare_replayed(ComponentCore& component) {
-  replay_->declare(component);
+  if (replay_ != nullptr) {
+    replay_->declare(component);
+  } else {
+    declare_stand_in(component);
+  }
 }
 
 std::string Application::service_name(std::uint64_t id) const {

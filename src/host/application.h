@@ -78,6 +78,8 @@ struct ClockOptions {
 class Application final : public ApplicationHost {
  public:
   Application(config::ApplicationDescription description, const ClockOptions& clock);
+  /// With a driver of time that executes a recorded run again: this is built, and never started.
+  Application(config::ApplicationDescription description, std::unique_ptr<TimeDriver> driver);
   Application(const Application&) = delete;
   Application& operator=(const Application&) = delete;
   /// Waits, without a limit, for who is `stuck`: what a thread may still use cannot be taken away.
@@ -111,6 +113,8 @@ class Application final : public ApplicationHost {
             std::string_view detail = {}) noexcept override;
   /// Components may publish what is FastCycle's own otherwise: for tests.
   bool own_topics_are_free = false;
+  /// Declares the publishers of a component in whose place a recording is executed again.
+  std::function<void(detail::ComponentCore&)> declare_stand_in;
   /// Called with a component's name before its constructor.
   std::function<void(const std::string& component)> before_construct;
 
@@ -233,12 +237,17 @@ class Application final : public ApplicationHost {
     modes_.ask(mode, why, &by);
   }
   void declare_replayed(detail::ComponentCore& component) override;
+  void put_recorded_params(detail::ComponentCore& component, std::uint64_t transaction,
+                           const std::string& text, config::Problems& problems) override {
+    params_.take_recorded(component, transaction, text, problems);
+  }
   void change_params(detail::ComponentCore& component, std::vector<ParamChange> changes,
                      std::function<void(const ParamsResult&)> done) override {
     params_.make_later(component, std::move(changes), std::move(done));
   }
 
  private:
+  void set_up();
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
   void construct(config::Problems& problems, ConstructorFault on_throw,

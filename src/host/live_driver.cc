@@ -89,13 +89,16 @@ std::vector<const detail::ActivationRing*> LiveDriver::rings() const {
   return rings;
 }
 
-ControlCall LiveDriver::call(detail::Actor& actor, detail::Cause cause,
+ControlCall LiveDriver::call(detail::Actor& actor, detail::LifeStep step,
                              std::function<void()> body) {
   ControlCall call;
-  actor.post_and_tell(cause, std::move(body), [call, &bell = bell_] {
-    call.end();
-    bell.ring();
-  });
+  actor.post_and_tell(
+      detail::Cause::kMode, std::move(body),
+      [call, &bell = bell_] {
+        call.end();
+        bell.ring();
+      },
+      detail::to_key(step));
   return call;
 }
 

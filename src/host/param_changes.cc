@@ -39,6 +39,25 @@ ComponentCore* find_component(const ApplicationHost& application, std::string_vi
   return found == all.end() ? nullptr : found->get();
 }
 
+/// What became of a change, and what became of it when this activation was recorded.
+ParamsResult learn(const detail::PublishingComponent& component, const ParamsResult& result) {
+  if (component.told != nullptr) {
+    const auto* entry = component.told->take(detail::ReadKind::kResult);
+    const auto json = nlohmann::json::parse(entry == nullptr ? "[]" : entry->text, nullptr, false);
+    ParamsResult then;
+    for (const auto& mistake : json.is_array() ? json : nlohmann::json::array()) {
+      then.mistakes.push_back(mistake.is_string() ? mistake.get<std::string>() : mistake.dump());
+    }
+    return then;
+  }
+  if (component.reads != nullptr) {
+    component.learned(detail::ReadKind::kResult,
+                      nlohmann::json(result.mistakes)
+                          .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  }
+  return result;
+}
+
 std::vector<std::string> component_names(const ApplicationHost& application) {
   std::vector<std::string> names;
   for (const auto& component : application.components()) {
@@ -191,13 +210,56 @@ void ParamChanges::commit(const Plan& plan, std::string_view asked_by) {
       }
     }
     // Under the mutex, so that all components get all transactions in the same order.
-    application_.time().between_rounds(
-        [&component, transaction = transactions_, values = planned.values] {
-          component.post(detail::Cause::kParameter, [&component, transaction, values] {
-            component.take_params(transaction, values);
-          });
-        });
+    application_.time().between_rounds([&component, transaction = transactions_,
+                                        values = planned.values, text = text_of(planned)] {
+      component.post(
+          detail::Cause::kParameter,
+          [&component, transaction, values, text] {
+            component.take_params(transaction, values, text);
+          },
+          nullptr, transaction);
+    });
   }
+}
+
+/// As a log has it: a JSON object of the values by name.
+std::string ParamChanges::text_of(const Planned& planned) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (const auto& [slot, data] : planned.values) {
+    json[slot->spec.name] = to_json(slot->spec, data);
+  }
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+void ParamChanges::take_recorded(ComponentCore& component, std::uint64_t transaction,
+                                 const std::string& text, config::Problems& problems) {
+  const std::lock_guard lock(mutex_);
+  const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text, nullptr, false);
+  ParamValues values;
+  if (!json.is_object()) {
+    problems.add(config::mistake({}, "the new values of params are no JSON object: " + text));
+    return;
+  }
+  for (const auto& [name, value] : json.items()) {
+    const auto& all = component.param_table.all();
+    const auto param = std::ranges::find_if(all, [&](const DeclaredParam& one) {
+      return one.is_declared && one.spec().name == name;
+    });
+    if (param == all.end()) {
+      problems.add(config::mistake({}, "there is no param " + config::in_quotes(name)));
+      continue;
+    }
+    if (auto data = read_param(param->spec(), config::parse_option(value.dump(), name), problems)) {
+      values.emplace_back(param->slot.get(), std::move(*data));
+    }
+  }
+  component.param_table.commit(transaction, values);
+  component.post(
+      detail::Cause::kParameter,
+      [&component, transaction, values, text] {
+        component.take_params(transaction, values, text);
+      },
+      nullptr, transaction);
 }
 
 void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
@@ -238,24 +300,28 @@ void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
 
 void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange> changes,
                               std::function<void(const ParamsResult&)> done) {
+  const std::uint64_t key = ComponentCore::kParamsAsked | ++component.params_asked;
   const auto change = [this, &component, changes = std::move(changes), done = std::move(done),
-                       object = component.restart_count] {
-    const ParamsResult result = make(changes, component.name);
+                       object = component.restart_count, key] {
+    // Where a recorded run is executed again, the log has what became of it.
+    const ParamsResult result =
+        application_.time().is_recorded() ? ParamsResult() : make(changes, component.name);
     if (!done) {
       for (const std::string& mistake : result.mistakes) {
         application_.log(LogLevel::kWarning, component.name, "params are not changed: " + mistake);
       }
       return;
     }
-    application_.time().between_rounds([&component, done, object, result] {
-      component.post(detail::Cause::kParameter, [&component, done, object, result] {
-        // A restarted component is another object than the one that asked.
-        const bool is_there = component.state == ComponentCore::State::kActive ||
-                              component.state == ComponentCore::State::kStandby;
-        if (is_there && component.restart_count == object) {
-          done(result);
-        }
-      });
+    const auto tell = [&component, done, object, result] {
+      // A restarted component is another object than the one that asked.
+      const bool is_there = component.state == ComponentCore::State::kActive ||
+                            component.state == ComponentCore::State::kStandby;
+      if (is_there && component.restart_count == object) {
+        done(learn(component.publishing, result));
+      }
+    };
+    application_.time().between_rounds([&component, tell, key] {
+      component.post(detail::Cause::kParameter, tell, nullptr, key);
     });
   };
   application_.time().stage(component, change);

@@ -41,6 +41,13 @@ class ParamChanges {
   void make_later(detail::ComponentCore& component, std::vector<ParamChange> changes,
                   std::function<void(const ParamsResult&)> done);
 
+  /// Where a recorded run is executed again: `component` puts in place what it did then, when it is
+  /// given the control cause for it.
+  ///
+  /// @errors  Values that do not fit go to `problems`, and are left out.
+  void take_recorded(detail::ComponentCore& component, std::uint64_t transaction,
+                     const std::string& text, config::Problems& problems);
+
   /// From now on nothing is changed any more, but what is being changed. Waits for nobody.
   void end() { is_ended_ = true; }
 
@@ -68,6 +75,7 @@ class ParamChanges {
                          const DeclaredParam& param, Plan& plan, config::Problems& problems);
   static void check_together(Plan& plan, config::Problems& problems);
   void commit(const Plan& plan, std::string_view asked_by);
+  [[nodiscard]] static std::string text_of(const Planned& planned);
   void note(const Plan& plan, std::string_view asked_by);
 
   ApplicationHost& application_;

@@ -135,10 +135,10 @@ void SimulatedDriver::begin_run(std::uint32_t parts) {
   }
 }
 
-ControlCall SimulatedDriver::call(detail::Actor& actor, detail::Cause cause,
+ControlCall SimulatedDriver::call(detail::Actor& actor, detail::LifeStep step,
                                   std::function<void()> body) {
   ControlCall call;
-  actor.post(cause, std::move(body));
+  actor.post(detail::Cause::kMode, std::move(body), nullptr, detail::to_key(step));
   if (perform([this] { simulation_.run_now(); })) {
     call.end();
   }

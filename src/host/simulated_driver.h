@@ -41,7 +41,7 @@ class SimulatedDriver final : public TimeDriver {
   [[nodiscard]] std::vector<const detail::ActivationRing*> rings() const override;
   void begin_part(std::uint32_t part) override;
   void begin_run(std::uint32_t parts) override;
-  [[nodiscard]] ControlCall call(detail::Actor& actor, detail::Cause cause,
+  [[nodiscard]] ControlCall call(detail::Actor& actor, detail::LifeStep step,
                                  std::function<void()> body) override;
   End run(Time limit, Time input_end) override;
   void advance_to(Time time) override;

@@ -21,7 +21,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using namespace std::chrono_literals;
-using detail::Cause;
+using detail::LifeStep;
 
 class PlainActor final : public detail::Actor {
  public:
@@ -67,8 +67,8 @@ class ATimeDriver : public ::testing::TestWithParam<bool> {
 
 TEST_P(ATimeDriver, CallsAnActorAndSaysWhenThatIsOver) {
   int calls = 0;
-  EXPECT_TRUE(is_over(driver_->call(*actor_, Cause::kMode, [&] { ++calls; })));
-  EXPECT_TRUE(is_over(driver_->call(*actor_, Cause::kMode, [&] {
+  EXPECT_TRUE(is_over(driver_->call(*actor_, LifeStep::kOther, [&] { ++calls; })));
+  EXPECT_TRUE(is_over(driver_->call(*actor_, LifeStep::kOther, [&] {
     ++calls;
     throw 1;
   })));
@@ -78,7 +78,7 @@ TEST_P(ATimeDriver, CallsAnActorAndSaysWhenThatIsOver) {
 
 TEST_P(ATimeDriver, StagesWhatMustWaitForTheEndOfARound) {
   std::string order;
-  EXPECT_TRUE(is_over(driver_->call(*actor_, Cause::kMode, [&] {
+  EXPECT_TRUE(is_over(driver_->call(*actor_, LifeStep::kOther, [&] {
     driver_->stage(*actor_, [&] { order += "staged "; });
     order += "called ";
   })));
@@ -87,7 +87,7 @@ TEST_P(ATimeDriver, StagesWhatMustWaitForTheEndOfARound) {
 
 TEST_P(ATimeDriver, DoesOffloadedWork) {
   std::atomic<bool> is_done{false};
-  EXPECT_TRUE(is_over(driver_->call(*actor_, Cause::kMode, [&] {
+  EXPECT_TRUE(is_over(driver_->call(*actor_, LifeStep::kOther, [&] {
     EXPECT_TRUE(driver_->submit(0, *actor_, [&] {
       is_done = true;
       bell_.ring();
@@ -122,7 +122,7 @@ TEST(ALiveDriver, LeavesAWorkerAloneThatDoesNotComeBack) {
   driver.start(refusals);
   std::atomic<bool> may_go{false};
   std::atomic<bool> has_begun{false};
-  const ControlCall call = driver.call(actor, Cause::kMode, [&] {
+  const ControlCall call = driver.call(actor, LifeStep::kOther, [&] {
     has_begun = true;
     bell.ring();
     while (!may_go) {

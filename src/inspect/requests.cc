@@ -319,20 +319,12 @@ void Server::change_lifecycle(Client& client, const protocol::Request& request) 
   note(client, fmt::format("asks to {} component \"{}\"", verb, core->name));
   const auto why_not = std::make_shared<std::string>();
   // In the component's own activation.
-  const auto change = [core, action, why_not] {
-    const ComponentCore::State state = core->state;
-    if (action == protocol::Lifecycle::ACTION_RESTART) {
-      *why_not = core->renew();
-    } else if (action == protocol::Lifecycle::ACTION_STOP &&
-               state == ComponentCore::State::kActive) {
-      core->call_deactivate();
-    } else if (action == protocol::Lifecycle::ACTION_START &&
-               state == ComponentCore::State::kStandby) {
-      core->call_activate();
-    } else {
-      *why_not = std::string("it is ") + host::to_word(state);
-    }
-  };
+  const detail::LifeStep step = action == protocol::Lifecycle::ACTION_RESTART
+                                    ? detail::LifeStep::kRenew
+                                : action == protocol::Lifecycle::ACTION_STOP
+                                    ? detail::LifeStep::kToolStop
+                                    : detail::LifeStep::kToolStart;
+  const auto change = [core, step, why_not] { *why_not = core->obey(step); };
   const auto tell = [this, core, verb, why_not, connection = client.connection->number,
                      id = request.id()] {
     protocol::Answer answer;
@@ -352,7 +344,9 @@ void Server::change_lifecycle(Client& client, const protocol::Request& request) 
     wake();
   };
   application_.between_rounds(
-      [core, change, tell] { core->post_and_tell(detail::Cause::kMode, change, tell); });
+      [core, change, tell, step] {
+        core->post_and_tell(detail::Cause::kMode, change, tell, detail::to_key(step));
+      });
 }
 
 void Server::publish(Client& client, const protocol::Publish& request, protocol::Answer& answer) {

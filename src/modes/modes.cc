@@ -20,6 +20,8 @@ namespace fastcycle::host {
 
 using detail::Cause;
 using detail::ComponentCore;
+using detail::LifeStep;
+using detail::to_key;
 using namespace std::chrono_literals;
 
 namespace {
@@ -223,7 +225,8 @@ void Modes::begin_next() {
     if (leaves(component->index)) {
       awaited_.fetch_add(1);
       component->post_and_tell(
-          Cause::kMode, [&core = *component] { core.call_deactivate(); }, [this] { arrive(); });
+          Cause::kMode, [&core = *component] { core.call_deactivate(); }, [this] { arrive(); },
+          to_key(LifeStep::kDeactivate));
     }
   }
   arrive();
@@ -265,7 +268,8 @@ void Modes::enter() {
     if (!is_over && joins(component->index)) {
       awaited_.fetch_add(1);
       component->post_and_tell(
-          Cause::kMode, [&core = *component] { core.call_activate(); }, [this] { arrive(); });
+          Cause::kMode, [&core = *component] { core.call_activate(); }, [this] { arrive(); },
+          to_key(LifeStep::kActivate));
     }
   }
   arrive();
@@ -291,7 +295,8 @@ void Modes::switch_at_once() {
         [&core = *component, is_leaving] {
           is_leaving ? core.call_deactivate() : core.call_activate();
         },
-        [this, &core = *component] { core.stage([this] { arrive(); }); });
+        [this, &core = *component] { core.stage([this] { arrive(); }); },
+        to_key(is_leaving ? LifeStep::kDeactivate : LifeStep::kActivate));
   }
   application_.time().serve_first(std::move(leaving));
   arrive();

@@ -48,6 +48,15 @@ std::optional<Time> find_time(const std::map<std::string, std::string>& facts,
                                                                   : std::nullopt;
 }
 
+PublisherId find_publisher_id(const std::map<std::string, std::string>& metadata) {
+  const auto found = metadata.find("publisher_id");
+  PublisherId id = 0;
+  if (found != metadata.end()) {
+    std::from_chars(found->second.data(), found->second.data() + found->second.size(), id, 16);
+  }
+  return id;
+}
+
 }  // namespace
 
 struct RecordingReader::File {
@@ -93,13 +102,16 @@ void RecordingReader::add_streams(File& file) {
     }
     const auto publisher = channel.metadata.find("publisher");
     const std::string name = publisher == channel.metadata.end() ? "" : publisher->second;
+    const PublisherId publisher_id = find_publisher_id(channel.metadata);
     auto found = std::ranges::find_if(streams_, [&](const RecordedStream& stream) {
-      return stream.topic == channel.topic && stream.publisher == name;
+      return stream.topic == channel.topic && stream.publisher == name &&
+             stream.publisher_id == publisher_id;
     });
     if (found == streams_.end()) {
       const mcap::Schema* schema = file.reader.definitions().find_schema(channel.schema_id);
       streams_.push_back({.topic = channel.topic,
                           .publisher = name,
+                          .publisher_id = publisher_id,
                           .encoding = channel.message_encoding,
                           .type = schema == nullptr ? "" : schema->name,
                           .schema = schema == nullptr ? "" : schema->data});

@@ -138,6 +138,13 @@ void add(log::Activations& activations, const detail::ActivationRecord& record,
          const SeenReads& seen) {
   log::Activation& activation = *activations.add_activations() = to_message(record);
   for (const detail::Read& read : seen.reads) {
+    if (read.kind == detail::ReadKind::kText) {
+      if (activation.reads_size() > 0 && read.place <= sizeof(read.value)) {
+        activation.mutable_reads()->rbegin()->mutable_text()->append(
+            reinterpret_cast<const char*>(&read.value), read.place);
+      }
+      continue;
+    }
     log::Read& its = *activation.add_reads();
     its.set_kind(static_cast<log::ReadKind>(read.kind));
     its.set_place(read.place);

@@ -13,10 +13,10 @@
 #include "component/declare.h"
 #include "component/service_topics.h"
 #include "component/steps.h"
-#include "fastcycle/component.h"
 #include "mcap/error.h"
 #include "modes/modes.h"
 #include "replay/read_ahead.h"
+#include "replay/stand_in.h"
 
 namespace fastcycle::host {
 namespace {
@@ -24,17 +24,6 @@ namespace {
 config::Place place_of(const std::filesystem::path& file) {
   return {.file = file.string(), .line = 0, .pointer = {}};
 }
-
-/// Publishes nothing by itself: what the recording has is published in its name.
-class StandIn final : public Component {
- public:
-  explicit StandIn(Context& context) : Component(context) {
-    context.core().application.declare_replayed(context.core());
-  }
-};
-
-constexpr ComponentClass kStandIn{"StandIn", &fastcycle::detail::create_component<StandIn>,
-                                  &fastcycle::detail::destroy_component<StandIn>};
 
 }  // namespace
 
@@ -173,7 +162,7 @@ Duration Replay::position(Time now) const {
 
 const ComponentClass* Replay::find(const config::ComponentDescription& component,
                                    config::Problems& problems) {
-  return plan_.runs(component.name) ? classes_.find(component, problems) : &kStandIn;
+  return plan_.runs(component.name) ? classes_.find(component, problems) : &stand_in_class();
 }
 
 void Replay::declare(detail::ComponentCore& component) {

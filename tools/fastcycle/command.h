@@ -13,8 +13,8 @@ enum ExitCode : int {
   kDone = 0,
   kFailed = 1,    ///< The run failed, or a component did whose policy is to stop the application.
   kWrong = 2,     ///< The configuration or the command line is wrong; nothing was started.
-  kProblems = 3,  ///< Of logs: not in order, or not all could be saved. Of an estimate: a chain is
-                  ///< not shown to hold.
+  kProblems = 3,  ///< Of logs: not in order, or not all could be saved, or another outcome when
+                  ///< executed again. Of an estimate: a chain is not shown to hold.
   kEndedAtOnce = 130,  ///< Ctrl-C for the second time.
 };
 
@@ -45,6 +45,7 @@ Command add_split(CLI::App& program);
 Command add_recover(CLI::App& program);
 Command add_doctor(CLI::App& program);
 Command add_render(CLI::App& program);
+Command add_verify(CLI::App& program);
 Command add_version(CLI::App& program);
 Command add_manual(CLI::App& program);
 Command add_new(CLI::App& program);

@@ -30,6 +30,22 @@ archive::Progress FileWork::progress(std::string what, std::uint64_t total) {
   return [this, what = std::move(what), total](std::uint64_t done) { show(what, done, total); };
 }
 
+host::ExactReplay::Watcher FileWork::steps(std::string what, std::string unit) {
+  return [this, what = std::move(what), unit = std::move(unit)](const auto& progress) {
+    const auto now = std::chrono::steady_clock::now();
+    if (is_shown_ && progress.total > 0 && now - drawn_ >= kRedrawPeriod) {
+      drawn_ = now;
+      is_line_shown_ = true;
+      std::fputs(kClearLine, stderr);
+      print_to(stderr, "{}   {:.0f} %   {} of {} {}", what,
+               100.0 * static_cast<double>(progress.done) / static_cast<double>(progress.total),
+               progress.done, progress.total, unit);
+      std::fflush(stderr);
+    }
+    return !is_stopped_;
+  };
+}
+
 void FileWork::show(const std::string& what, std::uint64_t done, std::uint64_t total) {
   if (is_stopped_) {
     throw Interrupted();

@@ -10,6 +10,7 @@
 
 #include "archive/progress.h"
 #include "mcap/error.h"
+#include "replay/exact_replay.h"
 #include "stop_signals.h"
 
 namespace fastcycle::tool {
@@ -33,6 +34,9 @@ class FileWork {
 
   /// What a reader of `total` bytes is to tell; valid as long as this. It throws `Interrupted`.
   [[nodiscard]] archive::Progress progress(std::string what, std::uint64_t total);
+
+  /// The same of `ExactReplay`, which counts `unit` and is told to end early.
+  [[nodiscard]] host::ExactReplay::Watcher steps(std::string what, std::string unit);
 
  private:
   void show(const std::string& what, std::uint64_t done, std::uint64_t total);

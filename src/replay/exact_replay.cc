@@ -1,0 +1,918 @@
+#include "replay/exact_replay.h"
+
+#include <algorithm>
+#include <cstring>
+#include <exception>
+#include <thread>
+#include <utility>
+
+#include <fmt/format.h>
+#include <google/protobuf/message.h>
+
+#include "broker/pool.h"
+#include "broker/quality.h"
+#include "broker/topics.h"
+#include "config/nearest.h"
+#include "executor/activation.h"
+#include "executor/life_step.h"
+#include "replay/message_difference.h"
+
+namespace fastcycle::host {
+
+using detail::Cause;
+using detail::ComponentCore;
+using detail::Envelope;
+using detail::LifeStep;
+using detail::PublisherCore;
+using record::RecordedActivation;
+
+namespace {
+
+std::string joined(std::span<const mcap::Bytes> parts) {
+  std::string bytes;
+  for (const mcap::Bytes& part : parts) {
+    bytes.append(reinterpret_cast<const char*>(part.data()), part.size());
+  }
+  return bytes;
+}
+
+bool is_caused_by_message(const RecordedActivation& activation) {
+  return activation.publisher != 0;
+}
+
+const char* to_word(LifeStep step) {
+  switch (step) {
+    case LifeStep::kStart:
+      return "start()";
+    case LifeStep::kBeginTimers:
+      return "the start of the timers";
+    case LifeStep::kActivate:
+    case LifeStep::kToolStart:
+      return "activate()";
+    case LifeStep::kDeactivate:
+    case LifeStep::kToolStop:
+      return "deactivate()";
+    case LifeStep::kEndTimers:
+      return "the end of the timers";
+    case LifeStep::kStop:
+      return "stop()";
+    case LifeStep::kClose:
+      return "the end of its subscriptions";
+    case LifeStep::kAlarm:
+    case LifeStep::kRenew:
+      return "a restart";
+    case LifeStep::kOther:
+      break;
+  }
+  return "a step of its life cycle";
+}
+
+}  // namespace
+
+/// The messages of one publisher that are made of recorded bytes.
+class ExactReplay::StorePool {
+ public:
+  StorePool(const google::protobuf::Message& type, std::size_t roots)
+      : pool_(new detail::Pool(&type, roots)) {}
+  StorePool(const StorePool&) = delete;
+  StorePool& operator=(const StorePool&) = delete;
+  ~StorePool() { pool_->close(); }
+
+  [[nodiscard]] Envelope* take() {
+    pool_->collect();
+    Envelope* envelope = pool_->take();
+    if (envelope == nullptr) {
+      pool_->grow(1);
+      envelope = pool_->take();
+    }
+    return envelope;
+  }
+  void put_back(Envelope* envelope) noexcept { pool_->put_back(envelope); }
+
+ private:
+  detail::Pool* const pool_;
+};
+
+/// What one component publishes in an activation; nobody but this run receives it.
+class ExactReplay::Outputs final : public detail::Stage {
+ public:
+  struct Output {
+    PublisherCore* publisher;
+    Envelope* envelope;
+  };
+  void put(PublisherCore& publisher, Envelope* envelope) override {
+    all.push_back({&publisher, envelope});
+  }
+  std::vector<Output> all;
+};
+
+/// One component.
+struct ExactReplay::Player {
+  ComponentCore* core = nullptr;
+  const record::RecordedSchedule::Component* recorded = nullptr;  ///< Null: not in the log.
+  bool is_wanted = false;
+  std::size_t end = 0;   ///< Of the activations that can be executed.
+  std::size_t next = 0;
+  bool is_running = false;
+  ExactReplayResult result = {};
+
+  // While it executes something.
+  std::vector<std::pair<Key, Envelope*>> inputs = {};
+  Outputs outputs = {};
+  detail::ToldReads told = {};
+  std::unique_ptr<detail::ActivationRing> ring = {};
+  record::Serializer serializer = {};
+
+  [[nodiscard]] bool is_over() const { return !is_wanted || next >= end; }
+  [[nodiscard]] const RecordedActivation& activation() const {
+    return recorded->activations[next];
+  }
+};
+
+ExactReplay::ExactReplay(ApplicationHost& application, RecordedDriver& driver,
+                         const record::RecordedSchedule& schedule, ExactReplayOptions options,
+                         config::Problems& problems)
+    : application_(application),
+      driver_(driver),
+      schedule_(schedule),
+      options_(std::move(options)),
+      reader_(options_.files) {
+  for (const auto& [name, topic] : application_.wiring().topics().all()) {
+    for (const auto& publisher : topic->publishers) {
+      publishers_[publisher->id] = publisher.get();
+    }
+  }
+  for (const record::RecordedStream& stream : reader_.streams()) {
+    recorded_publishers_.insert(stream.publisher_id);
+  }
+  for (const auto& core : application_.components()) {
+    auto player = std::make_unique<Player>();
+    player->core = core.get();
+    player->recorded = schedule_.find(core->name);
+    player->result.component = core->name;
+    if (player->recorded != nullptr) {
+      player->result.recorded = player->recorded->activations.size();
+      player->end = player->recorded->activations.size();
+    }
+    players_.push_back(std::move(player));
+  }
+  choose(problems);
+  count_uses();
+}
+
+ExactReplay::~ExactReplay() {
+  for (auto& [key, entry] : entries_) {
+    if (entry.envelope != nullptr) {
+      detail::release(entry.envelope);
+    }
+  }
+  for (const auto& player : players_) {
+    player->core->publishing.told = nullptr;
+  }
+}
+
+ExactReplay::Player* ExactReplay::find_player(const std::string& component) {
+  const auto found = std::ranges::find_if(
+      players_, [&](const auto& player) { return player->core->name == component; });
+  return found == players_.end() ? nullptr : found->get();
+}
+
+PublisherCore* ExactReplay::publisher(PublisherId id) const {
+  const auto found = publishers_.find(id);
+  return found == publishers_.end() ? nullptr : found->second;
+}
+
+bool ExactReplay::comes_from_log(PublisherId id) const {
+  const bool is_recorded = recorded_publishers_.contains(id);
+  return options_.input == ExactReplayOptions::Input::kRecorded ? is_recorded
+                                                                : !producers_.contains(id);
+}
+
+// ---- Who is executed ----
+
+/// Why the activations from the first gap on cannot be executed; empty if there is none.
+std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& recorded) const {
+  std::uint64_t expected = 1;
+  for (const RecordedActivation& activation : recorded.activations) {
+    if (activation.number != expected) {
+      return fmt::format("the log has no activation {}: the recorder could not take it, or the file "
+                         "does not begin with the run",
+                         expected);
+    }
+    if (activation.reads_lost > 0) {
+      return fmt::format("{} things that activation {} or one before it learned came faster than "
+                         "the recorder took them",
+                         activation.reads_lost, expected);
+    }
+    ++expected;
+  }
+  return {};
+}
+
+/// Why `player` cannot be executed at all; empty if it can.
+std::string ExactReplay::why_not(const Player& player) const {
+  if (player.recorded == nullptr) {
+    return "the log does not know it";
+  }
+  const auto& activations = player.recorded->activations;
+  if (activations.empty()) {
+    return "the log has no activation of it";
+  }
+  if (activations.front().number != 1) {
+    return fmt::format("the log begins with its activation {}: what it knew by then is not there",
+                       activations.front().number);
+  }
+  if (activations.front().cause == Cause::kMode && activations.front().key == 0) {
+    return "the log was recorded by an earlier version, and does not say what its activations saw";
+  }
+  for (const RecordedActivation& activation : activations) {
+    for (const Key& key : inputs_of(activation)) {
+      const PublisherCore* its = publisher(key.publisher);
+      if (its == nullptr) {
+        return fmt::format("a publisher of its inputs ({:016x}) is not in the application",
+                           key.publisher);
+      }
+      if (!recorded_publishers_.contains(key.publisher) &&
+          !producers_.contains(key.publisher)) {
+        return "its input \"" + its->topic.name + "\" was not recorded";
+      }
+    }
+  }
+  return {};
+}
+
+void ExactReplay::choose(config::Problems& problems) {
+  std::vector<std::string> known;
+  for (const auto& player : players_) {
+    known.push_back(player->core->name);
+  }
+  for (const std::string& name : options_.components) {
+    if (Player* player = find_player(name)) {
+      player->is_wanted = true;
+    } else {
+      problems.add(config::mistake({}, "there is no component \"" + name + "\"",
+                                   config::did_you_mean(config::nearest(name, known))));
+    }
+  }
+  for (const auto& player : players_) {
+    player->is_wanted = player->is_wanted ||
+                        (options_.components.empty() && player->recorded != nullptr);
+  }
+  const auto note_producers = [this] {
+    producers_.clear();
+    for (const auto& player : players_) {
+      if (player->is_wanted) {
+        for (const PublisherId id : player->core->publishing.publishers) {
+          if (PublisherCore* its = publisher(id); its != nullptr && !its->options.is_external) {
+            producers_[id] = player.get();
+          }
+        }
+      }
+    }
+  };
+  // One that is left out may be the only one who could publish what another one needs.
+  for (bool is_changed = true; is_changed;) {
+    is_changed = false;
+    note_producers();
+    for (const auto& player : players_) {
+      if (!player->is_wanted) {
+        continue;
+      }
+      if (std::string why = why_not(*player); !why.empty()) {
+        player->is_wanted = false;
+        player->result.why = std::move(why);
+        is_changed = true;
+        if (!options_.components.empty()) {
+          problems.add(config::mistake({}, "component \"" + player->core->name +
+                                               "\" cannot be executed again: " +
+                                               player->result.why));
+        }
+      }
+    }
+  }
+  bool is_anyone = false;
+  for (const auto& player : players_) {
+    if (!player->is_wanted) {
+      continue;
+    }
+    is_anyone = true;
+    player->result.is_executed = true;
+    player->ring = std::make_unique<detail::ActivationRing>();
+    player->core->publishing.stage = &player->outputs;
+    driver_.clock(player->core->index)
+        .restart(base::from_ns(player->recorded->activations.front().time_ns));
+    if (std::string why = find_gap(*player->recorded); !why.empty()) {
+      player->result.why = std::move(why);
+      std::uint64_t expected = 1;
+      const auto gap = std::ranges::find_if(
+          player->recorded->activations, [&](const RecordedActivation& activation) {
+            return activation.number != expected++ || activation.reads_lost > 0;
+          });
+      player->end = static_cast<std::size_t>(gap - player->recorded->activations.begin());
+    }
+    // One that did not end is the last that the log has: it crashed, or the log was cut off.
+    if (player->end > 0 && player->recorded->activations[player->end - 1].outcome ==
+                               detail::Outcome::kRunning) {
+      --player->end;
+      player->result.why = fmt::format("activation {} had not ended when the log did",
+                                       player->recorded->activations[player->end].number);
+    }
+    total_ += player->end;
+  }
+  if (!is_anyone && !problems.has_errors()) {
+    std::string why;
+    for (const auto& player : players_) {
+      if (!player->result.why.empty()) {
+        why = "component \"" + player->core->name + "\": " + player->result.why;
+        break;
+      }
+    }
+    problems.add(config::mistake(
+        {.file = options_.files.front().string(), .line = 0, .pointer = {}},
+        "there is nothing that can be executed again" + (why.empty() ? why : "; " + why)));
+  }
+}
+
+std::vector<ExactReplay::Key> ExactReplay::inputs_of(const RecordedActivation& activation) {
+  std::vector<Key> inputs;
+  for (const detail::ToldReads::Entry& entry : activation.reads) {
+    if (entry.read.kind == detail::ReadKind::kTaken) {
+      inputs.push_back({entry.read.publisher, entry.read.value});
+    }
+  }
+  if (is_caused_by_message(activation)) {
+    inputs.push_back({activation.publisher, activation.key});
+  }
+  return inputs;
+}
+
+void ExactReplay::count_uses() {
+  for (const auto& player : players_) {
+    for (std::size_t i = 0; player->is_wanted && i < player->end; ++i) {
+      for (const Key& key : inputs_of(player->recorded->activations[i])) {
+        ++entries_[key].uses;
+      }
+    }
+  }
+}
+
+// ---- The workers ----
+
+void ExactReplay::run(const Watcher& watcher) {
+  std::vector<bool> wanted;
+  for (const record::RecordedStream& stream : reader_.streams()) {
+    wanted.push_back(publishers_.contains(stream.publisher_id));
+  }
+  reader_.rewind({.wanted = wanted, .from = reader_.begin(), .to = reader_.end()});
+  at_work_ = options_.workers;
+  {
+    std::vector<std::jthread> workers;
+    for (unsigned worker = 0; worker < options_.workers; ++worker) {
+      workers.emplace_back([this, worker] { work(worker); });
+    }
+    std::unique_lock lock(mutex_);
+    while (at_work_ > 0) {
+      changed_.wait_for(lock, std::chrono::milliseconds(100));
+      const Progress progress{.done = done_.load(), .total = total_};
+      lock.unlock();
+      const bool goes_on = watcher == nullptr || watcher(progress);
+      lock.lock();
+      is_stopped_ = is_stopped_ || !goes_on;
+    }
+  }
+  if (error_) {
+    std::rethrow_exception(error_);
+  }
+  end_waiting();
+}
+
+void ExactReplay::work(unsigned) {
+  const detail::ServingThread serving;
+  std::unique_lock lock(mutex_);
+  while (!is_stopped_) {
+    Player* player = nullptr;
+    try {
+      player = next_ready();
+      if (player == nullptr && load()) {
+        continue;
+      }
+    } catch (...) {
+      error_ = std::current_exception();
+      is_stopped_ = true;
+      break;
+    }
+    if (player == nullptr) {
+      const auto runs = [](const auto& one) { return one->is_running; };
+      if (std::ranges::none_of(players_, runs)) {
+        break;  // All are over, or wait for what does not come.
+      }
+      changed_.wait(lock);
+      continue;
+    }
+    const RecordedActivation& activation = player->activation();
+    player->is_running = true;
+    lock.unlock();
+    execute(*player, activation);
+    lock.lock();
+    finish(*player, activation);
+    player->is_running = false;
+    ++player->next;
+    done_.fetch_add(1);
+    changed_.notify_all();
+  }
+  --at_work_;
+  changed_.notify_all();
+}
+
+/// Of those whose next activation may be executed, the one whose time is the smallest; its inputs
+/// are there.
+ExactReplay::Player* ExactReplay::next_ready() {
+  Player* best = nullptr;
+  for (const auto& player : players_) {
+    if (player->is_running || player->is_over() ||
+        (best != nullptr && best->activation().time_ns <= player->activation().time_ns)) {
+      continue;
+    }
+    const auto is_there = [this](const Key& key) { return entries_[key].envelope != nullptr; };
+    if (std::ranges::all_of(inputs_of(player->activation()), is_there)) {
+      best = player.get();
+    }
+  }
+  if (best != nullptr) {
+    best->inputs.clear();
+    for (const Key& key : inputs_of(best->activation())) {
+      Envelope* envelope = entries_[key].envelope;
+      detail::retain(*envelope);
+      best->inputs.emplace_back(key, envelope);
+    }
+  }
+  return best;
+}
+
+/// Reads the next moment of the recording; false if there is none.
+bool ExactReplay::load() {
+  if (is_loaded_) {
+    return false;
+  }
+  const auto moment = reader_.next();
+  for (record::RecordedMessage& message : moment) {
+    take(message);
+  }
+  is_loaded_ = moment.empty();
+  return !is_loaded_;
+}
+
+void ExactReplay::take(record::RecordedMessage& message) {
+  const PublisherId id = reader_.streams()[message.stream].publisher_id;
+  const auto producer = producers_.find(id);
+  const Key key{id, message.info.sequence};
+  const bool is_compared = producer != producers_.end() && !producer->second->is_over();
+  auto found = entries_.find(key);
+  if (found == entries_.end()) {
+    if (!is_compared) {
+      return;
+    }
+    found = entries_.emplace(key, Entry{}).first;
+  }
+  Entry& entry = found->second;
+  if (entry.uses > 0 && entry.envelope == nullptr && comes_from_log(id)) {
+    entry.envelope = parse(id, message);
+  }
+  if (producer == producers_.end()) {
+    return;
+  }
+  std::string bytes(reinterpret_cast<const char*>(message.data.data()), message.data.size());
+  if (entry.produced) {
+    compare(*producer->second, entry.produced->source, *publisher(id), key.sequence, bytes,
+            entry.produced->bytes);
+    entry.produced.reset();
+  } else if (is_compared) {
+    entry.recorded = std::move(bytes);
+    entry.is_recorded = true;
+  }
+  if (entry.uses == 0 && !entry.is_recorded) {
+    entries_.erase(found);
+  }
+}
+
+Envelope* ExactReplay::parse(PublisherId id, const record::RecordedMessage& message) {
+  const PublisherCore& its = *publisher(id);
+  auto& pool = pools_[id];
+  if (pool == nullptr) {
+    pool = std::make_unique<StorePool>(its.default_instance, its.root_count);
+  }
+  Envelope* envelope = pool->take();
+  if (!envelope->own->ParseFromArray(message.data.data(), static_cast<int>(message.data.size()))) {
+    pool->put_back(envelope);
+    throw std::runtime_error(fmt::format(
+        "topic \"{}\", message {}: expected a {}, found {} bytes that are none", its.topic.name,
+        message.info.sequence, its.topic.type, message.data.size()));
+  }
+  envelope->payload = envelope->own;
+  envelope->info = message.info;
+  envelope->info.publisher = id;
+  if (envelope->info.origin.root == 0) {
+    envelope->info.origin.root = id;
+  }
+  for (std::size_t root = 0; root < its.root_count; ++root) {
+    envelope->trails[root].forget();
+  }
+  envelope->references.store(1, std::memory_order_relaxed);
+  return envelope;
+}
+
+/// Who still waits waits for something that does not come.
+void ExactReplay::end_waiting() {
+  for (const auto& player : players_) {
+    if (player->is_over()) {
+      continue;
+    }
+    std::string why = "it was stopped";
+    for (const Key& key : inputs_of(player->activation())) {
+      if (!is_stopped_ && entries_[key].envelope == nullptr) {
+        const PublisherCore* its = publisher(key.publisher);
+        why = fmt::format("activation {} needs message {} of \"{}\", which the log does not have",
+                          player->activation().number, key.sequence,
+                          its == nullptr ? "?" : its->topic.name);
+        break;
+      }
+    }
+    player->result.why = std::move(why);
+  }
+  for (auto& [key, entry] : entries_) {
+    const auto producer = producers_.find(key.publisher);
+    if (entry.produced && producer != producers_.end()) {
+      ++producer->second->result.not_recorded;
+    }
+  }
+}
+
+// ---- One activation ----
+
+void ExactReplay::execute(Player& player, const RecordedActivation& activation) {
+  ComponentCore& core = *player.core;
+  base::Clock& clock = driver_.clock(core.index);
+  clock.set_simulated(std::max(clock.now(), base::from_ns(activation.time_ns)));
+  player.told.begin(activation.reads);
+  core.repeat_next(activation.number, player.told);
+  if (before_activation) {
+    before_activation(core.name, activation.number);
+  }
+  const std::uint64_t before = player.ring->size();
+  show_views(player, activation);
+  call(player, activation);
+  if (player.ring->size() > before) {
+    check_end(player, activation);
+  }
+  core.hand_over_stage();
+}
+
+/// The inputs that `activation` took beside its cause.
+void ExactReplay::show_views(Player& player, const RecordedActivation& activation) {
+  const auto& views = player.core->subscriptions.views();
+  std::size_t input = 0;
+  for (const detail::ToldReads::Entry& entry : activation.reads) {
+    if (entry.read.kind != detail::ReadKind::kTaken) {
+      continue;
+    }
+    Envelope* const envelope = player.inputs[input++].second;
+    if (entry.read.place >= views.size()) {
+      detail::release(envelope);
+      continue;
+    }
+    detail::View& view = *views[entry.read.place];
+    const auto lanes = view.lanes();
+    const auto lane = std::ranges::find_if(
+        lanes, [&](const auto& one) { return one->publisher == entry.read.publisher; });
+    if (lane == lanes.end()) {
+      detail::release(envelope);
+      continue;
+    }
+    player.core->repeat_view(view, **lane, envelope);
+  }
+}
+
+void ExactReplay::call(Player& player, const RecordedActivation& activation) {
+  if (is_caused_by_message(activation)) {
+    call_message(player, activation);
+    return;
+  }
+  ComponentCore& core = *player.core;
+  switch (activation.cause) {
+    case Cause::kTick:
+    case Cause::kTimeout: {
+      const auto& timers = core.timers();
+      if (activation.key >= timers.size()) {
+        differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+               {.field = "timer", .recorded = std::to_string(activation.key), .now = "none"});
+        return;
+      }
+      core.repeat(*player.ring, *timers[activation.key],
+                  {.due = base::from_ns(activation.time_ns - activation.late_ns),
+                   .skipped = activation.skipped});
+      return;
+    }
+    case Cause::kMode:
+      call_lifecycle(player, activation);
+      return;
+    case Cause::kEvent:
+      call_event(player, activation);
+      return;
+    case Cause::kParameter:
+      call_params(player, activation);
+      return;
+    case Cause::kJob:
+      call_posted(player, activation, "the end of offloaded work");
+      return;
+    case Cause::kReply:
+      call_posted(player, activation, "an answer that it gives itself");
+      return;
+    case Cause::kFault:
+      if ((activation.key & ComponentCore::kThreadFault) != 0) {
+        core.repeat(*player.ring, {.cause = Cause::kFault,
+                                   .body =
+                                       [&] {
+                                         core.take_fault_of_thread(
+                                             activation.key & ~ComponentCore::kThreadFault,
+                                             "one of its threads threw");
+                                       },
+                                   .key = activation.key});
+      } else {
+        call_posted(player, activation, "a fault");
+      }
+      return;
+    case Cause::kConnect:  // Who subscribes to it is nothing that its callbacks see.
+    case Cause::kMessage:
+    case Cause::kExternal:
+    case Cause::kRequest:
+      return;
+  }
+}
+
+void ExactReplay::call_posted(Player& player, const RecordedActivation& activation,
+                              const char* what) {
+  if (!player.core->repeat_posted(*player.ring, activation.cause, activation.key)) {
+    differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+           {.field = what, .recorded = fmt::format("number {}", activation.key), .now = "none"});
+  }
+}
+
+void ExactReplay::call_message(Player& player, const RecordedActivation& activation) {
+  Envelope* const envelope = player.inputs.back().second;
+  const auto& callbacks = player.core->subscriptions.callbacks();
+  std::shared_ptr<detail::Lane> lane;
+  if (activation.subscription && *activation.subscription < callbacks.size() &&
+      callbacks[*activation.subscription]->callback != nullptr) {
+    // A subscription that ended and was made again has lanes of before, too.
+    for (const auto& one : callbacks[*activation.subscription]->lanes()) {
+      lane = one->publisher == activation.publisher ? one : lane;
+    }
+  }
+  if (lane == nullptr) {
+    detail::release(envelope);
+    differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+           {.field = "subscription",
+            .recorded = activation.subscription ? std::to_string(*activation.subscription) : "?",
+            .now = "none that receives it"});
+    return;
+  }
+  player.core->repeat(*player.ring,
+                      {.lane = lane.get(),
+                       .head = {.time_ns = base::to_ns(envelope->info.publish_time),
+                                .sequence = envelope->info.sequence,
+                                .envelope = envelope,
+                                .payload = envelope->payload}});
+}
+
+void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activation) {
+  ComponentCore& core = *player.core;
+  const auto step = static_cast<LifeStep>(activation.key);
+  const auto repeat = [&](std::function<void()> body) {
+    core.repeat(*player.ring,
+                {.cause = Cause::kMode, .body = std::move(body), .key = activation.key});
+  };
+  switch (step) {
+    case LifeStep::kStart:
+      repeat([&core] { core.call_start(); });
+      return;
+    case LifeStep::kBeginTimers:
+      repeat([&core] { core.begin_timers(core.publishing.now); });
+      return;
+    case LifeStep::kActivate:
+      repeat([&core] { core.call_activate(); });
+      return;
+    case LifeStep::kDeactivate:
+      repeat([&core] { core.call_deactivate(); });
+      return;
+    case LifeStep::kEndTimers:
+      repeat([&core] {
+        core.cancel_timers();
+        core.cancel_alarm();
+      });
+      return;
+    case LifeStep::kStop:
+      repeat([&core] { core.call_stop(); });
+      return;
+    case LifeStep::kClose:
+      repeat([&core] { core.close(detail::DropReason::kShutdown); });
+      return;
+    case LifeStep::kRenew:
+    case LifeStep::kToolStop:
+    case LifeStep::kToolStart:
+      repeat([&core, step] { static_cast<void>(core.obey(step)); });
+      return;
+    case LifeStep::kAlarm:
+      if (!core.repeat_alarm(*player.ring)) {
+        differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+               {.field = "restart", .recorded = "goes on", .now = "none is under way"});
+      }
+      return;
+    case LifeStep::kOther:
+      return;
+  }
+}
+
+void ExactReplay::call_event(Player& player, const RecordedActivation& activation) {
+  ComponentCore& core = *player.core;
+  const auto told = std::ranges::find_if(activation.reads, [](const auto& entry) {
+    return entry.read.kind == detail::ReadKind::kQosEvent;
+  });
+  if (told != activation.reads.end()) {
+    const std::uint32_t place = told->read.place & ~detail::Watch::kOffered;
+    const detail::Watch* watch = nullptr;
+    std::string_view topic;
+    if ((told->read.place & detail::Watch::kOffered) != 0 && place < core.offered.size()) {
+      watch = core.offered[place].get();
+      topic = core.offered[place]->publisher.topic.name;
+    } else if (place < core.subscriptions.callbacks().size()) {
+      const detail::CallbackSubscription& its = *core.subscriptions.callbacks()[place];
+      watch = its.quality.get();
+      topic = its.topic.name;
+    }
+    const auto event = detail::WrittenEvent::read(told->text, topic);
+    if (watch != nullptr && event) {
+      core.repeat(*player.ring, *watch, *event);
+    }
+    return;
+  }
+  const auto& timers = core.timers();
+  if (activation.key < timers.size()) {
+    core.repeat(*player.ring, *timers[activation.key],
+                {.due = base::from_ns(activation.time_ns), .skipped = activation.skipped});
+  }
+}
+
+void ExactReplay::call_params(Player& player, const RecordedActivation& activation) {
+  if ((activation.key & ComponentCore::kParamsAsked) == 0) {
+    const auto told = std::ranges::find_if(activation.reads, [](const auto& entry) {
+      return entry.read.kind == detail::ReadKind::kParams;
+    });
+    config::Problems problems;
+    if (told != activation.reads.end()) {
+      application_.put_recorded_params(*player.core, activation.key, told->text, problems);
+    }
+    for (const config::Problem& problem : problems.all()) {
+      differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+             {.field = "params", .recorded = told->text, .now = config::to_string(problem)});
+    }
+  }
+  call_posted(player, activation, "a change of params");
+}
+
+/// Compares how the activation ended.
+void ExactReplay::check_end(Player& player, const RecordedActivation& activation) {
+  detail::ActivationRecord record;
+  if (!player.ring->read_at(player.ring->size() - 1, record)) {
+    return;
+  }
+  const Source source{activation.number, cause_in_words(player, activation), activation.time_ns};
+  const auto end_in_words = [](detail::Outcome outcome) {
+    return outcome == detail::Outcome::kFault ? "an exception" : "in order";
+  };
+  if (record.outcome != activation.outcome) {
+    differ(player, source,
+           {.field = "its end",
+            .recorded = end_in_words(activation.outcome),
+            .now = end_in_words(record.outcome)});
+  } else if (record.publish_count != activation.publish_count) {
+    differ(player, source,
+           {.field = "messages published",
+            .recorded = std::to_string(activation.publish_count),
+            .now = std::to_string(record.publish_count)});
+  }
+}
+
+/// Takes over what the activation published, and lets go of what it used. The mutex is held.
+void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
+  ++player.result.activations;
+  for (const auto& [key, envelope] : player.inputs) {
+    const auto found = entries_.find(key);
+    if (found == entries_.end()) {
+      continue;
+    }
+    Entry& entry = found->second;
+    if (--entry.uses > 0) {
+      continue;
+    }
+    detail::release(std::exchange(entry.envelope, nullptr));
+    if (!entry.is_recorded && !entry.produced) {
+      entries_.erase(found);
+    }
+  }
+  const Source source{activation.number, cause_in_words(player, activation), activation.time_ns};
+  for (const Outputs::Output& output : player.outputs.all) {
+    const Key key{output.publisher->id, output.envelope->info.sequence};
+    const auto found = entries_.try_emplace(key).first;
+    Entry& entry = found->second;
+    std::string bytes = joined(player.serializer.serialize(*output.envelope->payload));
+    if (entry.is_recorded) {
+      compare(player, source, *output.publisher, key.sequence, entry.recorded, bytes);
+      entry.is_recorded = false;
+      entry.recorded = {};
+    } else if (recorded_publishers_.contains(key.publisher)) {
+      entry.produced = Produced{source, std::move(bytes)};
+    }
+    if (entry.uses > 0 && entry.envelope == nullptr && !comes_from_log(key.publisher)) {
+      entry.envelope = output.envelope;
+    } else {
+      detail::release(output.envelope);
+    }
+    if (entry.uses == 0 && !entry.is_recorded && !entry.produced) {
+      entries_.erase(found);
+    }
+  }
+  player.outputs.all.clear();
+}
+
+void ExactReplay::compare(Player& player, const Source& source, const PublisherCore& its,
+                          std::uint64_t sequence, const std::string& recorded,
+                          const std::string& now) {
+  ++player.result.outputs;
+  if (recorded == now) {
+    ++player.result.equal;
+    return;
+  }
+  OutputDifference difference{.topic = its.topic.name, .sequence = sequence};
+  if (!player.result.first_difference) {
+    const std::unique_ptr<google::protobuf::Message> then(its.default_instance.New());
+    const std::unique_ptr<google::protobuf::Message> again(its.default_instance.New());
+    std::optional<FieldDifference> field;
+    if (then->ParseFromString(recorded) && again->ParseFromString(now)) {
+      field = first_difference(*then, *again);
+    }
+    if (field) {
+      difference.field = std::move(field->field);
+      difference.recorded = std::move(field->recorded);
+      difference.now = std::move(field->now);
+    } else {
+      difference.field = "(bytes)";
+      difference.recorded = fmt::format("{} bytes", recorded.size());
+      difference.now = fmt::format("{} other bytes", now.size());
+    }
+  }
+  differ(player, source, std::move(difference));
+}
+
+void ExactReplay::differ(Player& player, const Source& source, OutputDifference difference) {
+  ++player.result.differences;
+  const auto& first = player.result.first_difference;
+  if (first && first->activation <= source.activation) {
+    return;
+  }
+  difference.activation = source.activation;
+  difference.cause = source.cause;
+  difference.time_ns = source.time_ns - base::to_ns(reader_.begin());
+  player.result.first_difference = std::move(difference);
+}
+
+std::string ExactReplay::cause_in_words(const Player& player,
+                                        const RecordedActivation& activation) const {
+  if (is_caused_by_message(activation)) {
+    const PublisherCore* its = publisher(activation.publisher);
+    return fmt::format("message {} of \"{}\"", activation.key,
+                       its == nullptr ? "?" : its->topic.name);
+  }
+  switch (activation.cause) {
+    case Cause::kTick:
+    case Cause::kTimeout:
+      return activation.key < player.core->timer_labels.size()
+                 ? player.core->timer_labels[activation.key]
+                 : fmt::format("timer {}", activation.key);
+    case Cause::kMode:
+      return to_word(static_cast<LifeStep>(activation.key));
+    default:
+      return detail::to_word(activation.cause);
+  }
+}
+
+std::vector<ExactReplayResult> ExactReplay::results() const {
+  std::vector<ExactReplayResult> results;
+  for (const auto& player : players_) {
+    if (player->recorded != nullptr || player->is_wanted) {
+      results.push_back(player->result);
+    }
+  }
+  return results;
+}
+
+}  // namespace fastcycle::host

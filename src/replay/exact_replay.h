@@ -1,0 +1,205 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "component/application_host.h"
+#include "component/component_core.h"
+#include "record/recorded_schedule.h"
+#include "record/recording_reader.h"
+#include "record/serializer.h"
+#include "replay/recorded_driver.h"
+
+namespace fastcycle::host {
+
+/// How a recorded run is executed again.
+struct ExactReplayOptions {
+  std::vector<std::filesystem::path> files = {};
+  /// Who is executed. Empty: all whose inputs the recording has.
+  std::vector<std::string> components = {};
+  unsigned workers = 1;
+  /// What a component is given of another one that is executed too: the recorded message, or the
+  /// new one.
+  enum class Input : std::uint8_t { kRecorded, kNew };
+  Input input = Input::kRecorded;
+};
+
+/// The first output of a component that is not what was recorded.
+struct OutputDifference {
+  std::uint64_t activation = 0;
+  std::string cause = {};    ///< Of the activation, in words.
+  std::int64_t time_ns = 0;  ///< Of the activation, since the run began.
+  std::string topic = {};    ///< Empty where it is not about one message.
+  std::uint64_t sequence = 0;
+  std::string field = {};
+  std::string recorded = {};
+  std::string now = {};
+};
+
+/// What became of one component.
+struct ExactReplayResult {
+  std::string component = {};
+  bool is_executed = false;
+  std::string why = {};  ///< Why it was not executed, or not to its end; else empty.
+  std::uint64_t recorded = 0;     ///< Activations that the log has.
+  std::uint64_t activations = 0;  ///< Of these, executed.
+  std::uint64_t outputs = 0;      ///< Compared.
+  std::uint64_t equal = 0;
+  std::uint64_t not_recorded = 0;  ///< Published again, and not in the log.
+  std::uint64_t differences = 0;   ///< Outputs and activations that are not as recorded.
+  std::optional<OutputDifference> first_difference = {};
+
+  [[nodiscard]] bool is_equal() const noexcept { return differences == 0; }
+};
+
+/// Executes the recorded activations of components again, each component in its own order, and
+/// compares what they publish with what was recorded, byte by byte.
+///
+/// A component is an actor: what it does follows from its construction, its parameters, and the
+/// sequence of its activations with what each of them saw. The log has that sequence. An activation
+/// may be executed when the one before it is over and the messages that it needs exist; so there
+/// is no order between components but that of their messages, and any number of workers gives the
+/// same.
+///
+///     ExactReplay replay(application, driver, schedule, options);
+///     replay.run([](const ExactReplay::Progress& progress) { … });
+///     for (const ExactReplayResult& result : replay.results()) { … }
+///
+/// Memory: the schedule, and the messages between the slowest and the fastest component.
+///
+/// @threads  Confined to the control thread, which waits in `run` for the workers.
+class ExactReplay {
+ public:
+  /// The application is built, and was never started. All have to live as long as this.
+  ///
+  /// @errors  Mistakes go to `problems`: components that do not exist, nothing to execute, a log
+  ///          that says too little.
+  ExactReplay(ApplicationHost& application, RecordedDriver& driver,
+              const record::RecordedSchedule& schedule, ExactReplayOptions options,
+              config::Problems& problems);
+  ExactReplay(const ExactReplay&) = delete;
+  ExactReplay& operator=(const ExactReplay&) = delete;
+  ~ExactReplay();
+
+  struct Progress {
+    std::uint64_t done = 0;
+    std::uint64_t total = 0;
+  };
+  /// Called on the thread that runs, now and then. False ends the run early.
+  using Watcher = std::function<bool(const Progress& progress)>;
+
+  /// @errors  `mcap::Error` if the recording cannot be read on.
+  void run(const Watcher& watcher);
+
+  /// By component, in the order of the application file; those that are not executed too.
+  [[nodiscard]] std::vector<ExactReplayResult> results() const;
+
+  /// Called before each activation, by the worker that executes it.
+  std::function<void(const std::string& component, std::uint64_t activation)> before_activation;
+
+ private:
+  struct Key {
+    PublisherId publisher = 0;
+    std::uint64_t sequence = 0;
+    bool operator==(const Key&) const = default;
+  };
+  struct HashOfKey {
+    std::size_t operator()(const Key& key) const noexcept {
+      return static_cast<std::size_t>(key.publisher ^ (key.sequence * 0x9e3779b97f4a7c15ULL));
+    }
+  };
+
+  /// Where an output came from.
+  struct Source {
+    std::uint64_t activation = 0;
+    std::string cause;
+    std::int64_t time_ns = 0;
+  };
+  struct Produced {
+    Source source;
+    std::string bytes;
+  };
+  /// What is known of one message.
+  struct Entry {
+    std::uint32_t uses = 0;  ///< By activations that are to come.
+    detail::Envelope* envelope = nullptr;
+    bool is_recorded = false;             ///< `recorded` waits to be compared.
+    std::string recorded = {};
+    std::optional<Produced> produced = {};  ///< The same, from the other side.
+  };
+
+  class Outputs;
+  struct Player;
+  class StorePool;
+
+  [[nodiscard]] Player* find_player(const std::string& component);
+  [[nodiscard]] detail::PublisherCore* publisher(PublisherId id) const;
+  [[nodiscard]] bool comes_from_log(PublisherId id) const;
+  void choose(config::Problems& problems);
+  [[nodiscard]] std::string why_not(const Player& player) const;
+  [[nodiscard]] std::string find_gap(const record::RecordedSchedule::Component& recorded) const;
+  void count_uses();
+  [[nodiscard]] static std::vector<Key> inputs_of(const record::RecordedActivation& activation);
+
+  void work(unsigned worker);
+  [[nodiscard]] Player* next_ready();
+  [[nodiscard]] bool load();
+  void take(record::RecordedMessage& message);
+  [[nodiscard]] detail::Envelope* parse(PublisherId id, const record::RecordedMessage& message);
+  void give_up(Player& player, std::string why);
+  void end_waiting();
+
+  void execute(Player& player, const record::RecordedActivation& activation);
+  void call(Player& player, const record::RecordedActivation& activation);
+  void call_lifecycle(Player& player, const record::RecordedActivation& activation);
+  void call_event(Player& player, const record::RecordedActivation& activation);
+  void call_params(Player& player, const record::RecordedActivation& activation);
+  void call_message(Player& player, const record::RecordedActivation& activation);
+  void call_posted(Player& player, const record::RecordedActivation& activation, const char* what);
+  void show_views(Player& player, const record::RecordedActivation& activation);
+  [[nodiscard]] detail::Envelope* envelope_of(const Key& key);
+  void check_end(Player& player, const record::RecordedActivation& activation);
+  void finish(Player& player, const record::RecordedActivation& activation);
+  void compare(Player& player, const Source& source, const detail::PublisherCore& publisher,
+               std::uint64_t sequence, const std::string& recorded, const std::string& now);
+  void differ(Player& player, const Source& source, OutputDifference difference);
+  [[nodiscard]] std::string cause_in_words(const Player& player,
+                                           const record::RecordedActivation& activation) const;
+
+  ApplicationHost& application_;
+  RecordedDriver& driver_;
+  const record::RecordedSchedule& schedule_;
+  const ExactReplayOptions options_;
+  record::RecordingReader reader_;
+  std::vector<std::unique_ptr<Player>> players_;  ///< One a component, in the order of the file.
+  std::map<PublisherId, detail::PublisherCore*> publishers_;
+  std::map<PublisherId, Player*> producers_;  ///< Of publishers whose component is executed.
+  std::set<PublisherId> recorded_publishers_;
+  std::map<PublisherId, std::unique_ptr<StorePool>> pools_;
+
+  // Between the workers.
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::unordered_map<Key, Entry, HashOfKey> entries_;
+  bool is_loaded_ = false;  ///< The recording has no more.
+  bool is_stopped_ = false;
+  unsigned at_work_ = 0;  ///< Workers that execute something.
+  std::exception_ptr error_;
+  std::atomic<std::uint64_t> done_{0};
+  std::uint64_t total_ = 0;
+};
+
+}  // namespace fastcycle::host

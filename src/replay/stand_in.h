@@ -1,0 +1,11 @@
+#pragma once
+
+#include "fastcycle/library.h"
+
+namespace fastcycle::host {
+
+/// The class of a component that publishes nothing by itself: what a recording has is published in
+/// its name. Its constructor has the application declare its publishers.
+[[nodiscard]] const ComponentClass& stand_in_class() noexcept;
+
+}  // namespace fastcycle::host

@@ -1,0 +1,168 @@
+#include "exact_replaying.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+#include <fstream>
+#include <thread>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "command.h"
+#include "print.h"
+#include "record/recording_reader.h"
+#include "replay/recorded_driver.h"
+
+namespace fastcycle::tool {
+namespace {
+
+constexpr unsigned kMaxWorkers = 64;
+
+/// The builds of libraries that are not those of the recorded run, among those that both have.
+std::vector<std::string> other_builds(const std::map<std::string, std::string>& then,
+                                      const std::map<std::string, std::string>& now) {
+  std::vector<std::string> names;
+  constexpr std::string_view kPrefix = "build_id.";
+  for (const auto& [key, id] : then) {
+    const auto found = now.find(key);
+    if (key.starts_with(kPrefix) && found != now.end() && found->second != id) {
+      names.push_back(key.substr(kPrefix.size()));
+    }
+  }
+  return names;
+}
+
+/// Nobody reads what components say while a log is executed again.
+void silence(config::ApplicationDescription& description) {
+  description.log_level = LogLevel::kError;
+  for (config::ComponentDescription& component : description.components) {
+    component.log_level.reset();
+  }
+}
+
+}  // namespace
+
+void ExactReplaying::add_to(CLI::App& line) {
+  line.add_option("log", files,
+                  "The files of one log, then the application's JSON file; without one the "
+                  "application as the log has it")
+      ->required()
+      ->type_name("FILE.mcap [APP.json]");
+  configuration.add_to(line);
+  line.remove_option(line.get_option("application"));
+  line.add_option("--component", options.components,
+                  "Execute only this component (repeatable); without it all whose inputs the log "
+                  "has")
+      ->allow_extra_args(false)
+      ->type_name("NAME");
+  line.add_option("--workers", workers,
+                  "Threads (as many as the machine has CPUs); the result does not depend on it")
+      ->type_name("N");
+}
+
+std::string ExactReplaying::find_wrong() {
+  if (!files.empty() && files.back().extension() == ".json") {
+    configuration.load.file = files.back();
+    files.pop_back();
+  }
+  if (files.empty()) {
+    return "wants a log, as in: fastcycle verify drive.mcap app.json";
+  }
+  options.files = files;
+  options.workers = std::max(1U, std::min(kMaxWorkers, std::thread::hardware_concurrency()));
+  if (!workers.empty()) {
+    const char* const end = workers.data() + workers.size();
+    const auto [last, error] = std::from_chars(workers.data(), end, options.workers);
+    if (error != std::errc() || last != end || options.workers == 0 ||
+        options.workers > kMaxWorkers) {
+      return fmt::format("--workers wants a number from 1 to {}, not \"{}\"", kMaxWorkers, workers);
+    }
+  }
+  return {};
+}
+
+ReplayedApplication::~ReplayedApplication() {
+  replay_.reset();
+  application_.reset();
+  if (!folder_.empty()) {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+}
+
+std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string& command,
+                                                               ExactReplaying& replaying) {
+  std::unique_ptr<ReplayedApplication> made(new ReplayedApplication);
+  made->schedule_ = record::RecordedSchedule::read(replaying.files);
+  const record::RecordedSchedule& schedule = made->schedule_;
+  for (const std::string& note : schedule.notes) {
+    print_to(stderr, "{}\n", note);
+  }
+  Configuration& configuration = replaying.configuration;
+  if (configuration.load.file.empty()) {
+    if (schedule.application.empty()) {
+      print_to(stderr, "fastcycle {}: the log does not have its application: name its JSON file\n",
+               command);
+      return nullptr;
+    }
+    std::string folder =
+        (std::filesystem::temp_directory_path() / "fastcycle-log.XXXXXX").string();
+    if (mkdtemp(folder.data()) == nullptr) {
+      print_to(stderr, "fastcycle {}: no folder can be made for the application of the log\n",
+               command);
+      return nullptr;
+    }
+    made->folder_ = folder;
+    configuration.load.file = made->folder_ / "application.json";
+    std::ofstream(configuration.load.file) << schedule.application;
+    if (const auto file = schedule.facts.find("file"); file != schedule.facts.end()) {
+      configuration.library_path.push_back(std::filesystem::path(file->second).parent_path());
+    }
+  }
+  const std::string file = configuration.load.file.string();
+  config::Problems problems;
+  host::LibraryFiles tried;
+  const config::ApplicationDescription description =
+      configuration.read(host::ConstructorFault::kFault, problems,
+                         Configuration::TrialWarnings::kLeftOut, &tried);
+  if (!may_start(problems, file)) {
+    return nullptr;
+  }
+  config::ApplicationDescription silent = description;
+  silence(silent);
+  silent.chains.clear();  // Nothing is late where time is what the log says.
+  silent.record.reset();
+  silent.flight_recorder.reset();
+  made->libraries_ = std::make_unique<host::LibraryLoader>(
+      host::library_folders(description, configuration.library_path));
+  made->libraries_->expect(tried);
+  const record::RecordingReader reader(replaying.files);
+  made->stand_ins_ = std::make_unique<host::StandIns>(*made->libraries_, silent, reader.streams());
+  auto driver = std::make_unique<host::RecordedDriver>();
+  host::RecordedDriver& recorded = *driver;
+  made->application_ =
+      std::make_unique<host::Application>(made->stand_ins_->description(), std::move(driver));
+  host::Application& application = *made->application_;
+  application.own_topics_are_free = true;
+  application.declare_stand_in = [&stand_ins = *made->stand_ins_](auto& core) {
+    stand_ins.declare(core);
+  };
+  config::Problems found;
+  application.build(*made->stand_ins_, found, host::ConstructorFault::kFault);
+  if (found.has_errors()) {
+    static_cast<void>(may_start(found, file));
+    return nullptr;
+  }
+  for (const std::string& name :
+       other_builds(schedule.facts, application.explanation().facts)) {
+    print_to(stderr, "warning: {} is another build than the one that was recorded\n", name);
+  }
+  config::Problems wrong;
+  made->replay_ = std::make_unique<host::ExactReplay>(application, recorded, schedule,
+                                                      replaying.options, wrong);
+  print(wrong);
+  return wrong.has_errors() ? nullptr : std::move(made);
+}
+
+}  // namespace fastcycle::tool

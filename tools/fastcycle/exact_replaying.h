@@ -1,0 +1,57 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <CLI/App.hpp>
+
+#include "configuration.h"
+#include "host/application.h"
+#include "loading/component_library.h"
+#include "record/recorded_schedule.h"
+#include "replay/exact_replay.h"
+#include "replay/stand_ins.h"
+
+namespace fastcycle::tool {
+
+/// What `verify`, `compare` and `debug` have in common: a log, the application that it is of, and
+/// who of it is executed again.
+struct ExactReplaying {
+  std::vector<std::filesystem::path> files = {};  ///< The log's; the last may be the application.
+  Configuration configuration = {};
+  host::ExactReplayOptions options = {};
+  std::string workers = {};
+
+  void add_to(CLI::App& line);
+  /// What does not fit together; empty if all does. Tells the log from the application.
+  std::string find_wrong();
+};
+
+/// An application that was built to execute a log again.
+class ReplayedApplication {
+ public:
+  /// Null, and all mistakes printed in the name of `command`, if it cannot be.
+  ///
+  /// @errors  `mcap::Error` if the log cannot be read.
+  static std::unique_ptr<ReplayedApplication> make(const std::string& command,
+                                                   ExactReplaying& replaying);
+  ~ReplayedApplication();
+
+  [[nodiscard]] host::ExactReplay& replay() { return *replay_; }
+  [[nodiscard]] const record::RecordedSchedule& schedule() const { return schedule_; }
+
+ private:
+  ReplayedApplication() = default;
+
+  record::RecordedSchedule schedule_;
+  std::filesystem::path folder_;  ///< Of the application that the log had; removed at the end.
+  std::unique_ptr<host::LibraryLoader> libraries_;
+  std::unique_ptr<host::StandIns> stand_ins_;
+  std::unique_ptr<host::Application> application_;
+  std::unique_ptr<host::ExactReplay> replay_;
+};
+
+}  // namespace fastcycle::tool

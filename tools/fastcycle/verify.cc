@@ -1,0 +1,159 @@
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "base/printable.h"
+#include "command.h"
+#include "exact_replaying.h"
+#include "file_work.h"
+#include "mcap/error.h"
+#include "option_values.h"
+#include "print.h"
+#include "report_file.h"
+
+namespace fastcycle::tool {
+namespace {
+
+struct VerifyOptions {
+  ExactReplaying replaying;
+  std::string input = "recorded";
+  std::filesystem::path report;
+};
+
+nlohmann::ordered_json to_json(const host::ExactReplayResult& result) {
+  nlohmann::ordered_json json = {
+      {"executed", result.is_executed},       {"recorded_activations", result.recorded},
+      {"activations", result.activations},    {"outputs", result.outputs},
+      {"equal", result.equal},                {"not_recorded", result.not_recorded},
+      {"differences", result.differences},    {"why", result.why},
+      {"first_difference", nlohmann::ordered_json()}};
+  if (const auto& first = result.first_difference) {
+    json["first_difference"] = {{"activation", first->activation},
+                                {"cause", first->cause},
+                                {"time_s", static_cast<double>(first->time_ns) / 1e9},
+                                {"topic", first->topic},
+                                {"sequence", first->sequence},
+                                {"field", first->field},
+                                {"recorded", first->recorded},
+                                {"now", first->now}};
+  }
+  return json;
+}
+
+std::string to_text(const host::OutputDifference& first) {
+  std::string text = fmt::format("  first difference: activation {} at {:.6f} s, by {}\n",
+                                 first.activation, static_cast<double>(first.time_ns) / 1e9,
+                                 first.cause);
+  if (!first.topic.empty()) {
+    text += fmt::format("    \"{}\", message {}\n", first.topic, first.sequence);
+  }
+  text += fmt::format("    {}: recorded {}, now {}\n", first.field, first.recorded, first.now);
+  return text;
+}
+
+std::string to_table(const std::vector<host::ExactReplayResult>& results) {
+  std::size_t width = 9;
+  for (const host::ExactReplayResult& result : results) {
+    width = std::max(width, result.component.size());
+  }
+  std::string text = fmt::format("{:<{}}  activations     outputs       equal\n", "COMPONENT", width);
+  for (const host::ExactReplayResult& result : results) {
+    if (!result.is_executed) {
+      text += fmt::format("{:<{}}  not executed: {}\n", result.component, width, result.why);
+      continue;
+    }
+    text += fmt::format("{:<{}}  {:>11} {:>11} {:>11}{}\n", result.component, width,
+                        result.activations, result.outputs, result.equal,
+                        result.is_equal() ? "" : "  DIFFERENT");
+    if (result.first_difference) {
+      text += to_text(*result.first_difference);
+    }
+    if (!result.why.empty()) {
+      text += fmt::format("  up to activation {} of {}: {}\n", result.activations, result.recorded,
+                          result.why);
+    }
+    if (result.not_recorded > 0) {
+      text += fmt::format("  {} messages that it published are not in the log\n",
+                          result.not_recorded);
+    }
+  }
+  return text;
+}
+
+int verify(VerifyOptions& options) {
+  if (const std::string wrong = options.replaying.find_wrong(); !wrong.empty()) {
+    return print_mistake("verify", wrong);
+  }
+  options.replaying.options.input = options.input == "new"
+                                        ? host::ExactReplayOptions::Input::kNew
+                                        : host::ExactReplayOptions::Input::kRecorded;
+  const ReportFile report_file(options.report, options.replaying.files);
+  if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
+    return print_mistake("verify", "the report " + options.report.string() +
+                                       " cannot be written: " + obstacle);
+  }
+  std::vector<host::ExactReplayResult> results;
+  try {
+    const auto replayed = ReplayedApplication::make("verify", options.replaying);
+    if (replayed == nullptr) {
+      return kWrong;
+    }
+    FileWork work(true);
+    replayed->replay().run(work.steps("executing", "activations"));
+    results = replayed->replay().results();
+  } catch (const mcap::Error& error) {
+    return print_mistake("verify", error.what());
+  }
+  nlohmann::ordered_json components = nlohmann::ordered_json::object();
+  for (const host::ExactReplayResult& result : results) {
+    components[result.component] = to_json(result);
+  }
+  const nlohmann::ordered_json report = {{"components", std::move(components)}};
+  const std::string obstacle = report_file.write(base::printable_json(
+      report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) + "\n");
+  if (!obstacle.empty()) {
+    print_to(stderr, "fastcycle verify: the report {} was not written: {}\n",
+             options.report.string(), obstacle);
+    return kFailed;
+  }
+  print_text(stdout, to_table(results));
+  const auto is_different = [](const auto& result) { return !result.is_equal(); };
+  if (std::ranges::any_of(results, is_different)) {
+    static_cast<void>(flush_output());
+    return kProblems;
+  }
+  return flush_output();
+}
+
+}  // namespace
+
+Command add_verify(CLI::App& program) {
+  CLI::App* line = program.add_subcommand(
+      "verify", "Execute a log again, and compare what components publish, byte by byte");
+  line->footer(examples(
+      "  fastcycle verify drive.mcap\n"
+      "  fastcycle verify drive.mcap app.json --component motion_planning\n"
+      "  fastcycle verify drive.mcap app.json --library-path build/new/lib --report out.json\n"
+      "\n"
+      "Each component's recorded activations are executed in their order, with what each of\n"
+      "them saw. A live run repeats bit for bit, if its components keep to what FastCycle gives\n"
+      "them: now(), random(), observe().\n"
+      "\n"
+      "Exit codes: 0 all equal, 1 the log or the report failed, 2 a mistake, 3 a difference.\n"));
+  const auto options = std::make_shared<VerifyOptions>();
+  options->replaying.add_to(*line);
+  line->add_option("--continue-with", options->input,
+                   "What a component is given of another one that is executed too: the recorded "
+                   "message, or the new one")
+      ->type_name("recorded|new")
+      ->check(is_one_of({"recorded", "new"}));
+  line->add_option("--report", options->report, "Write the results as JSON")->type_name("FILE");
+  return {line, [options] { return verify(*options); }};
+}
+
+}  // namespace fastcycle::tool
