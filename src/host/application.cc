@@ -72,8 +72,8 @@ Application::Application(config::ApplicationDescription description, const Clock
   set_up();
 }
 
-Application::Application(config::ApplicationDescription description,
-                         std::unique_ptr<TimeDriver> driver)
+Application::Application(std::unique_ptr<TimeDriver> driver,
+                         config::ApplicationDescription description)
     : description_(std::move(description)),
       clock_(base::Clock::simulated()),
       driver_(std::move(driver)) {

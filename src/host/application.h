@@ -79,7 +79,7 @@ class Application final : public ApplicationHost {
  public:
   Application(config::ApplicationDescription description, const ClockOptions& clock);
   /// With a driver of time that executes a recorded run again: this is built, and never started.
-  Application(config::ApplicationDescription description, std::unique_ptr<TimeDriver> driver);
+  Application(std::unique_ptr<TimeDriver> driver, config::ApplicationDescription description);
   Application(const Application&) = delete;
   Application& operator=(const Application&) = delete;
   /// Waits, without a limit, for who is `stuck`: what a thread may still use cannot be taken away.

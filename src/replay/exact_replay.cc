@@ -16,6 +16,7 @@
 #include "executor/activation.h"
 #include "executor/life_step.h"
 #include "replay/message_difference.h"
+#include "replay/stand_in.h"
 
 namespace fastcycle::host {
 
@@ -211,6 +212,9 @@ std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& rec
 
 /// Why `player` cannot be executed at all; empty if it can.
 std::string ExactReplay::why_not(const Player& player) const {
+  if (player.core->component_class.create == stand_in_class().create) {
+    return "it is no component of the application: what it published is taken from the log";
+  }
   if (player.recorded == nullptr) {
     return "the log does not know it";
   }

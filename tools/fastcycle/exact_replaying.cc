@@ -142,7 +142,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   auto driver = std::make_unique<host::RecordedDriver>();
   host::RecordedDriver& recorded = *driver;
   made->application_ =
-      std::make_unique<host::Application>(made->stand_ins_->description(), std::move(driver));
+      std::make_unique<host::Application>(std::move(driver), made->stand_ins_->description());
   host::Application& application = *made->application_;
   application.own_topics_are_free = true;
   application.declare_stand_in = [&stand_ins = *made->stand_ins_](auto& core) {

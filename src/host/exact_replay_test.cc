@@ -1,0 +1,224 @@
+// A recorded run, executed again by `ExactReplay`: the same bytes, or the first that are not.
+
+#include "replay/exact_replay.h"
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
+
+#include "config/test_folder.h"
+#include "fastcycle/fastcycle.h"
+#include "host/test_application.h"
+#include "host/test_everything.h"
+#include "record/recorded_schedule.h"
+#include "record/recording_reader.h"
+#include "replay/recorded_driver.h"
+#include "replay/stand_ins.h"
+
+namespace fastcycle::host {
+namespace {
+
+using google::protobuf::Int64Value;
+using ::testing::HasSubstr;
+using namespace std::chrono_literals;
+
+using Results = std::map<std::string, ExactReplayResult>;
+
+class ExactReplays : public testing::Test {
+ protected:
+  /// Runs the application of `text` live for `time`, and records it.
+  void record(const std::string& text, Duration time) {
+    config::Problems problems;
+    Application application(describe_text(text, problems), ClockOptions{});
+    config::RecordDescription recorded;
+    recorded.file = file_;
+    application.record(recorded);
+    application.build(classes_, problems, ConstructorFault::kFault);
+    ASSERT_FALSE(problems.has_errors()) << config::to_string(problems.all().front());
+    application.start();
+    application.run(time);
+    application.stop();
+  }
+
+  /// Executes the log again, in an application of `text`.
+  Results replay(const std::string& text, ExactReplayOptions options = {}) {
+    options.files = {file_};
+    const auto schedule = record::RecordedSchedule::read(options.files);
+    const record::RecordingReader reader(options.files);
+    config::Problems problems;
+    config::ApplicationDescription description = describe_text(text, problems);
+    description.log_level = LogLevel::kError;
+    StandIns stand_ins(classes_, description, reader.streams());
+    auto driver = std::make_unique<RecordedDriver>();
+    RecordedDriver& recorded = *driver;
+    Application application(std::move(driver), stand_ins.description());
+    application.own_topics_are_free = true;
+    application.declare_stand_in = [&](auto& core) { stand_ins.declare(core); };
+    application.build(stand_ins, problems, ConstructorFault::kFault);
+    ExactReplay replay(application, recorded, schedule, options, problems);
+    EXPECT_FALSE(problems.has_errors()) << config::to_string(problems.all().front());
+    replay.run(nullptr);
+    Results results;
+    for (const ExactReplayResult& result : replay.results()) {
+      results[result.component] = result;
+    }
+    return results;
+  }
+
+  static std::string in_words(const ExactReplayResult& result) {
+    std::string text = result.component + ": " + std::to_string(result.differences) + " of " +
+                       std::to_string(result.outputs) + " differ; " + result.why;
+    if (const auto& first = result.first_difference) {
+      text += " activation " + std::to_string(first->activation) + " by " + first->cause + ": " +
+              first->topic + " " + std::to_string(first->sequence) + " " + first->field + ": " +
+              first->recorded + " / " + first->now;
+    }
+    return text;
+  }
+
+  static void expect_equal(const Results& results) {
+    for (const auto& [name, result] : results) {
+      if (name.starts_with("fastcycle")) {
+        EXPECT_FALSE(result.is_executed) << name;  // What it tells follows from the whole run.
+        continue;
+      }
+      EXPECT_TRUE(result.is_executed) << in_words(result);
+      EXPECT_TRUE(result.is_equal()) << in_words(result);
+      EXPECT_EQ(result.activations, result.recorded) << in_words(result);
+      EXPECT_EQ(result.equal, result.outputs) << in_words(result);
+      EXPECT_EQ(result.not_recorded, 0) << in_words(result);
+    }
+  }
+
+  config::TestFolder folder_;
+  TestClasses classes_;
+  const std::filesystem::path file_ = folder_.path() / "log.mcap";
+};
+
+TEST_F(ExactReplays, OfALiveRunWithAllKindsOfCallsAreEqual) {
+  everything::add_classes(classes_);
+  const std::string text = everything::live_application();
+  record(text, 800ms);
+
+  for (const unsigned workers : {1U, 2U, 4U}) {
+    SCOPED_TRACE(workers);
+    const Results results = replay(text, {.workers = workers});
+    expect_equal(results);
+    EXPECT_GT(results.at("watcher").outputs, 50);
+    EXPECT_GT(results.at("fusion").outputs, 20);
+  }
+}
+
+TEST_F(ExactReplays, OfOneComponentAloneAreEqual) {
+  everything::add_classes(classes_);
+  const std::string text = everything::live_application();
+  record(text, 400ms);
+
+  for (const char* name : {"supervisor", "fusion", "scaler", "wheel", "watcher", "loader"}) {
+    const Results results = replay(text, {.components = {name}});
+    EXPECT_TRUE(results.at(name).is_equal()) << in_words(results.at(name));
+    EXPECT_EQ(results.at(name).activations, results.at(name).recorded);
+  }
+}
+
+TEST_F(ExactReplays, GoOnWithNewMessagesIfTheyAreToldTo) {
+  everything::add_classes(classes_);
+  const std::string text = everything::live_application();
+  record(text, 400ms);
+
+  expect_equal(replay(text, {.workers = 2, .input = ExactReplayOptions::Input::kNew}));
+}
+
+// ---- What does not repeat ----
+
+std::int64_t system_clock_ns() {
+  return std::chrono::system_clock::now().time_since_epoch().count();
+}
+std::int64_t chance() {
+  return std::rand();  // NOLINT
+}
+std::atomic<std::int64_t> of_a_thread{0};
+
+/// Counts up to 5, and then publishes what `ask` says.
+template <auto ask>
+class Asking final : public Component {
+ public:
+  explicit Asking(Context& its_context)
+      : Component(its_context), out_(its_context.create_publisher<Int64Value>("out")) {}
+
+  void serve() override {
+    auto out = out_.loan();
+    out->set_value(++calls_ < 6 ? calls_ : ask());
+    out_.publish(std::move(out));
+  }
+
+ private:
+  Publisher<Int64Value> out_;
+  std::int64_t calls_ = 0;
+};
+
+std::int64_t count_of_all() {
+  return of_a_thread.fetch_add(1);
+}
+
+constexpr const char* kAsking = R"({"name": "asks",
+    "components": [{"name": "asking", "library": "asking", "serve_period_ms": 2}]})";
+
+class WhatDoesNotRepeat : public ExactReplays {
+ protected:
+  template <auto ask>
+  void expect_found() {
+    classes_.with<Asking<ask>>("asking");
+    record(kAsking, 100ms);
+    const ExactReplayResult result = replay(kAsking).at("asking");
+    ASSERT_TRUE(result.first_difference) << in_words(result);
+    EXPECT_EQ(result.first_difference->sequence, 6) << in_words(result);
+    EXPECT_EQ(result.first_difference->field, "value");
+    EXPECT_EQ(result.first_difference->topic, "out");
+    EXPECT_EQ(result.first_difference->cause, "its serve()");
+    EXPECT_NE(result.first_difference->recorded, result.first_difference->now);
+    EXPECT_EQ(result.outputs - result.equal, result.outputs - 5) << in_words(result);
+  }
+};
+
+TEST_F(WhatDoesNotRepeat, TheSystemsClockIsFound) {
+  expect_found<&system_clock_ns>();
+}
+
+TEST_F(WhatDoesNotRepeat, ChanceIsFound) {
+  expect_found<&chance>();
+}
+
+TEST_F(WhatDoesNotRepeat, StateOfAllObjectsIsFound) {
+  expect_found<&count_of_all>();
+}
+
+TEST_F(ExactReplays, TellWhatIsNotThereToBeExecuted) {
+  classes_.with<Asking<&chance>>("asking");
+  record(kAsking, 50ms);
+
+  config::Problems problems;
+  const auto schedule = record::RecordedSchedule::read({file_});
+  auto driver = std::make_unique<RecordedDriver>();
+  RecordedDriver& recorded = *driver;
+  Application application(std::move(driver), describe_text(kAsking, problems));
+  application.build(classes_, problems, ConstructorFault::kFault);
+  const ExactReplay replay(application, recorded, schedule,
+                           {.files = {file_}, .components = {"askin"}}, problems);
+
+  ASSERT_TRUE(problems.has_errors());
+  EXPECT_THAT(config::to_string(problems.all().back()), HasSubstr("did you mean \"asking\""));
+}
+
+}  // namespace
+}  // namespace fastcycle::host
