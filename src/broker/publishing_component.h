@@ -57,7 +57,8 @@ struct PublishingComponent {
 
   /// Where what it learns in its activations is kept; null if nobody records that.
   ReadRing* reads = nullptr;
-  /// Where its activations are executed again: what they learned when they were recorded. Else null.
+  /// Where its activations are executed again: what they learned when they were recorded. Else
+  /// null.
   ToldReads* told = nullptr;
   /// It learned something in this activation.
   void learned(ReadKind kind, PublisherId about, std::uint64_t value,

@@ -36,7 +36,7 @@ struct Read {
   ReadKind kind{};
   std::uint32_t place = 0;  ///< Which of the component's views, in the order of their declaration.
   PublisherId publisher = 0;  ///< Whom it is about; 0 if that is no publisher.
-  std::uint64_t value = 0;  ///< Of a text: its bytes.
+  std::uint64_t value = 0;    ///< Of a text: its bytes.
 };
 
 /// The last reads of one component, for who records what its activations saw.

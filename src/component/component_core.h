@@ -203,8 +203,8 @@ class ComponentCore final : public Actor {
   std::vector<NamedThread> threads;       ///< Not changed while one of them runs.
   std::vector<std::string> timer_labels;  ///< By number, once it was constructed.
   std::atomic<int> jobs{0};               ///< Work that it offloaded and that is being done.
-  std::uint64_t jobs_made = 0;     ///< All that it ever offloaded; its own activations only.
-  std::uint64_t params_asked = 0;  ///< The same of changes of params that it asked for.
+  std::uint64_t jobs_made = 0;            ///< All that it ever offloaded; its own activations only.
+  std::uint64_t params_asked = 0;         ///< The same of changes of params that it asked for.
   std::vector<std::unique_ptr<OfferedDeadline>> offered;
   host::ParamTable param_table;
   std::unique_ptr<config::ParamReader> params;       ///< While it is constructed.

@@ -220,8 +220,8 @@ std::optional<std::string> take_observed(ComponentCore& core, std::string_view n
     return std::nullopt;
   }
   const ToldReads::Entry* entry = core.publishing.told->take(ReadKind::kObserved);
-  if (entry == nullptr || entry->text.size() <= name.size() ||
-      !entry->text.starts_with(name) || entry->text[name.size()] != '\0') {
+  if (entry == nullptr || entry->text.size() <= name.size() || !entry->text.starts_with(name) ||
+      entry->text[name.size()] != '\0') {
     return std::nullopt;
   }
   return entry->text.substr(name.size() + 1);
@@ -280,8 +280,8 @@ void submit(ComponentCore& core, std::string_view executor, std::function<void()
 
 void post_fault_of_work(ComponentCore& core, std::uint64_t key, const std::string& what) {
   core.post(
-      detail::Cause::kFault,
-      [what] { throw std::runtime_error("offloaded work threw: " + what); }, nullptr, key);
+      detail::Cause::kFault, [what] { throw std::runtime_error("offloaded work threw: " + what); },
+      nullptr, key);
 }
 
 void call_behind_work(ComponentCore& core, const std::function<void()>& done) {
@@ -303,36 +303,35 @@ void Context::offload(std::string_view executor, std::function<void()> work,
                       std::function<void()> done) {
   detail::assert_in_activation(core_, "offload() to", executor, "offload work in a callback");
   ComponentCore& core = core_;
-  submit(
-      core, executor,
-      [&core, object = core.restart_count, key = ++core.jobs_made, work = std::move(work),
-       done = std::move(done)] {
-        struct Job {  // Who waits for the end sees it.
-          ComponentCore& core;
-          explicit Job(ComponentCore& its_core) : core(its_core) { core.jobs.fetch_add(1); }
-          ~Job() { core.jobs.fetch_sub(1); }
-        };
-        const Job job(core);
-        try {
-          const detail::CallScope scope(core, "its offloaded work", nullptr, false);
-          work();
-        } catch (const std::exception& exception) {
-          post_fault_of_work(core, key, exception.what());
-          return;
-        } catch (...) {
-          post_fault_of_work(core, key, "something that is no std::exception");
-          return;
-        }
-        core.post(
-            detail::Cause::kJob,
-            [&core, done, object] {
-              // A restarted component is another object than the one that asked.
-              if (core.state == ComponentCore::State::kActive && core.restart_count == object) {
-                call_behind_work(core, done);
-              }
-            },
-            nullptr, key);
-      });
+  submit(core, executor,
+         [&core, object = core.restart_count, key = ++core.jobs_made, work = std::move(work),
+          done = std::move(done)] {
+           struct Job {  // Who waits for the end sees it.
+             ComponentCore& core;
+             explicit Job(ComponentCore& its_core) : core(its_core) { core.jobs.fetch_add(1); }
+             ~Job() { core.jobs.fetch_sub(1); }
+           };
+           const Job job(core);
+           try {
+             const detail::CallScope scope(core, "its offloaded work", nullptr, false);
+             work();
+           } catch (const std::exception& exception) {
+             post_fault_of_work(core, key, exception.what());
+             return;
+           } catch (...) {
+             post_fault_of_work(core, key, "something that is no std::exception");
+             return;
+           }
+           core.post(
+               detail::Cause::kJob,
+               [&core, done, object] {
+                 // A restarted component is another object than the one that asked.
+                 if (core.state == ComponentCore::State::kActive && core.restart_count == object) {
+                   call_behind_work(core, done);
+                 }
+               },
+               nullptr, key);
+         });
 }
 
 void Context::check_params(ParamCheck check) {

@@ -86,7 +86,7 @@ class TimeDriver {
   /// Has `body` called in an activation of `actor`; the bell is rung when that is over, with what
   /// follows from a fault. In simulated time it is over when this returns.
   [[nodiscard]] virtual ControlCall call(detail::Actor& actor, detail::LifeStep step,
-                                 std::function<void()> body) = 0;
+                                         std::function<void()> body) = 0;
 
   /// How a run ended.
   enum class End : std::uint8_t {

@@ -349,8 +349,7 @@ void Actor::repeat(ActivationRing& ring, const Inbox::Head& head) {
 }
 
 void Actor::repeat(ActivationRing& ring, TimerCore& timer, const Tick& tick) {
-  timer.due_ns =
-      timer.is_periodic() ? base::to_ns(tick.due + timer.options.period) : base::kNever;
+  timer.due_ns = timer.is_periodic() ? base::to_ns(tick.due + timer.options.period) : base::kNever;
   activator_.run(ring, timer, tick);
 }
 

@@ -36,9 +36,8 @@ bool ControlQueue::take_posted(Control& control) {
 
 bool ControlQueue::take_posted(Cause cause, std::uint64_t key, Control& control) {
   const std::lock_guard lock(mutex_);
-  const auto found = std::ranges::find_if(posted_, [&](const Control& posted) {
-    return posted.cause == cause && posted.key == key;
-  });
+  const auto found = std::ranges::find_if(
+      posted_, [&](const Control& posted) { return posted.cause == cause && posted.key == key; });
   if (found == posted_.end()) {
     return false;
   }

@@ -108,9 +108,8 @@ Application::~Application() {
 
 void Application::add_component(const config::ComponentDescription& component,
                                 const ComponentClass& its_class) {
-  auto core =
-      std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
-                                      component, its_class, driver_->clock_of_next(clock_));
+  auto core = std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
+                                              component, its_class, driver_->clock_of_next(clock_));
   core->is_wanted = modes_.is_active_at_first(core->index);
   core->set_root_count(chains_.root_count());
   driver_->add(*core, component);

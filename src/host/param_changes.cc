@@ -242,9 +242,8 @@ void ParamChanges::take_recorded(ComponentCore& component, std::uint64_t transac
   }
   for (const auto& [name, value] : json.items()) {
     const auto& all = component.param_table.all();
-    const auto param = std::ranges::find_if(all, [&](const DeclaredParam& one) {
-      return one.is_declared && one.spec().name == name;
-    });
+    const auto param = std::ranges::find_if(
+        all, [&](const DeclaredParam& one) { return one.is_declared && one.spec().name == name; });
     if (param == all.end()) {
       problems.add(config::mistake({}, "there is no param " + config::in_quotes(name)));
       continue;
@@ -256,9 +255,7 @@ void ParamChanges::take_recorded(ComponentCore& component, std::uint64_t transac
   component.param_table.commit(transaction, values);
   component.post(
       detail::Cause::kParameter,
-      [&component, transaction, values, text] {
-        component.take_params(transaction, values, text);
-      },
+      [&component, transaction, values, text] { component.take_params(transaction, values, text); },
       nullptr, transaction);
 }
 
@@ -320,9 +317,8 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
         done(learn(component.publishing, result));
       }
     };
-    application_.time().between_rounds([&component, tell, key] {
-      component.post(detail::Cause::kParameter, tell, nullptr, key);
-    });
+    application_.time().between_rounds(
+        [&component, tell, key] { component.post(detail::Cause::kParameter, tell, nullptr, key); });
   };
   application_.time().stage(component, change);
 }

@@ -375,9 +375,8 @@ class Watcher final : public Diarist {
       sum += fused_[i]->value();
     }
     const auto latest = device_.get();
-    const auto clock = observe("clock", [] {
-      return std::chrono::system_clock::now().time_since_epoch().count();
-    });
+    const auto clock = observe(
+        "clock", [] { return std::chrono::system_clock::now().time_since_epoch().count(); });
     const std::string words = observe("words", [this] { return std::string(calls_ % 20, 'w'); });
     note("mode " + context().mode() + " device " +
          (latest ? std::to_string(latest->value()) + " " + std::to_string(device_.age()->count())

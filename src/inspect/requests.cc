@@ -319,11 +319,10 @@ void Server::change_lifecycle(Client& client, const protocol::Request& request) 
   note(client, fmt::format("asks to {} component \"{}\"", verb, core->name));
   const auto why_not = std::make_shared<std::string>();
   // In the component's own activation.
-  const detail::LifeStep step = action == protocol::Lifecycle::ACTION_RESTART
-                                    ? detail::LifeStep::kRenew
-                                : action == protocol::Lifecycle::ACTION_STOP
-                                    ? detail::LifeStep::kToolStop
-                                    : detail::LifeStep::kToolStart;
+  const detail::LifeStep step =
+      action == protocol::Lifecycle::ACTION_RESTART ? detail::LifeStep::kRenew
+      : action == protocol::Lifecycle::ACTION_STOP  ? detail::LifeStep::kToolStop
+                                                    : detail::LifeStep::kToolStart;
   const auto change = [core, step, why_not] { *why_not = core->obey(step); };
   const auto tell = [this, core, verb, why_not, connection = client.connection->number,
                      id = request.id()] {
@@ -343,10 +342,9 @@ void Server::change_lifecycle(Client& client, const protocol::Request& request) 
     }
     wake();
   };
-  application_.between_rounds(
-      [core, change, tell, step] {
-        core->post_and_tell(detail::Cause::kMode, change, tell, detail::to_key(step));
-      });
+  application_.between_rounds([core, change, tell, step] {
+    core->post_and_tell(detail::Cause::kMode, change, tell, detail::to_key(step));
+  });
 }
 
 void Server::publish(Client& client, const protocol::Publish& request, protocol::Answer& answer) {

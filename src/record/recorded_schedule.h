@@ -13,7 +13,8 @@
 
 namespace fastcycle::record {
 
-/// One activation as its log has it: all that its component could see beside the contents of messages.
+/// One activation as its log has it: all that its component could see beside the contents of
+/// messages.
 struct RecordedActivation {
   std::uint64_t number = 0;
   detail::Cause cause{};
@@ -38,11 +39,11 @@ struct RecordedSchedule {
     std::vector<RecordedActivation> activations = {};  ///< By number.
   };
 
-  std::vector<Component> components;          ///< By their numbers in the log.
-  std::map<std::string, std::string> facts;   ///< The metadata `fastcycle.run`.
-  std::string application;                    ///< The attachment `application.json`; or empty.
-  std::uint64_t lost = 0;                     ///< Activations that the recorder could not take.
-  std::vector<std::string> notes;             ///< Where a file ends that was not closed.
+  std::vector<Component> components;         ///< By their numbers in the log.
+  std::map<std::string, std::string> facts;  ///< The metadata `fastcycle.run`.
+  std::string application;                   ///< The attachment `application.json`; or empty.
+  std::uint64_t lost = 0;                    ///< Activations that the recorder could not take.
+  std::vector<std::string> notes;            ///< Where a file ends that was not closed.
 
   /// Null if there is none of that name.
   [[nodiscard]] const Component* find(const std::string& name) const;

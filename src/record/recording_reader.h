@@ -19,11 +19,11 @@ namespace fastcycle::record {
 /// What one component published on one topic, over all files of a recording.
 struct RecordedStream {
   std::string topic;
-  std::string publisher;  ///< The component; empty: the files do not say.
+  std::string publisher;         ///< The component; empty: the files do not say.
   PublisherId publisher_id = 0;  ///< Tells several of one component apart; 0: the files do not say.
-  std::string encoding;   ///< Of the messages: `protobuf`.
-  std::string type;       ///< The messages' full name; empty: there is no schema.
-  std::string schema;     ///< A serialized `FileDescriptorSet`, if the encoding is protobuf.
+  std::string encoding;          ///< Of the messages: `protobuf`.
+  std::string type;              ///< The messages' full name; empty: there is no schema.
+  std::string schema;            ///< A serialized `FileDescriptorSet`, if the encoding is protobuf.
   std::uint64_t messages = 0;
 };
 

@@ -112,7 +112,7 @@ struct ExactReplay::Player {
   ComponentCore* core = nullptr;
   const record::RecordedSchedule::Component* recorded = nullptr;  ///< Null: not in the log.
   bool is_wanted = false;
-  std::size_t end = 0;   ///< Of the activations that can be executed.
+  std::size_t end = 0;  ///< Of the activations that can be executed.
   std::size_t next = 0;
   bool is_running = false;
   ExactReplayResult result = {};
@@ -125,9 +125,7 @@ struct ExactReplay::Player {
   record::Serializer serializer = {};
 
   [[nodiscard]] bool is_over() const { return !is_wanted || next >= end; }
-  [[nodiscard]] const RecordedActivation& activation() const {
-    return recorded->activations[next];
-  }
+  [[nodiscard]] const RecordedActivation& activation() const { return recorded->activations[next]; }
 };
 
 ExactReplay::ExactReplay(ApplicationHost& application, RecordedDriver& driver,
@@ -196,14 +194,16 @@ std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& rec
   std::uint64_t expected = 1;
   for (const RecordedActivation& activation : recorded.activations) {
     if (activation.number != expected) {
-      return fmt::format("the log has no activation {}: the recorder could not take it, or the file "
-                         "does not begin with the run",
-                         expected);
+      return fmt::format(
+          "the log has no activation {}: the recorder could not take it, or the file "
+          "does not begin with the run",
+          expected);
     }
     if (activation.reads_lost > 0) {
-      return fmt::format("{} things that activation {} or one before it learned came faster than "
-                         "the recorder took them",
-                         activation.reads_lost, expected);
+      return fmt::format(
+          "{} things that activation {} or one before it learned came faster than "
+          "the recorder took them",
+          activation.reads_lost, expected);
     }
     ++expected;
   }
@@ -236,8 +236,7 @@ std::string ExactReplay::why_not(const Player& player) const {
         return fmt::format("a publisher of its inputs ({:016x}) is not in the application",
                            key.publisher);
       }
-      if (!recorded_publishers_.contains(key.publisher) &&
-          !producers_.contains(key.publisher)) {
+      if (!recorded_publishers_.contains(key.publisher) && !producers_.contains(key.publisher)) {
         return "its input \"" + its->topic.name + "\" was not recorded";
       }
     }
@@ -259,8 +258,8 @@ void ExactReplay::choose(config::Problems& problems) {
     }
   }
   for (const auto& player : players_) {
-    player->is_wanted = player->is_wanted ||
-                        (options_.components.empty() && player->recorded != nullptr);
+    player->is_wanted =
+        player->is_wanted || (options_.components.empty() && player->recorded != nullptr);
   }
   const auto note_producers = [this] {
     producers_.clear();
@@ -287,9 +286,9 @@ void ExactReplay::choose(config::Problems& problems) {
         player->result.why = std::move(why);
         is_changed = true;
         if (!options_.components.empty()) {
-          problems.add(config::mistake({}, "component \"" + player->core->name +
-                                               "\" cannot be executed again: " +
-                                               player->result.why));
+          problems.add(
+              config::mistake({}, "component \"" + player->core->name +
+                                      "\" cannot be executed again: " + player->result.why));
         }
       }
     }
@@ -315,8 +314,8 @@ void ExactReplay::choose(config::Problems& problems) {
       player->end = static_cast<std::size_t>(gap - player->recorded->activations.begin());
     }
     // One that did not end is the last that the log has: it crashed, or the log was cut off.
-    if (player->end > 0 && player->recorded->activations[player->end - 1].outcome ==
-                               detail::Outcome::kRunning) {
+    if (player->end > 0 &&
+        player->recorded->activations[player->end - 1].outcome == detail::Outcome::kRunning) {
       --player->end;
       player->result.why = fmt::format("activation {} had not ended when the log did",
                                        player->recorded->activations[player->end].number);
@@ -508,9 +507,9 @@ Envelope* ExactReplay::parse(PublisherId id, const record::RecordedMessage& mess
   Envelope* envelope = pool->take();
   if (!envelope->own->ParseFromArray(message.data.data(), static_cast<int>(message.data.size()))) {
     pool->put_back(envelope);
-    throw std::runtime_error(fmt::format(
-        "topic \"{}\", message {}: expected a {}, found {} bytes that are none", its.topic.name,
-        message.info.sequence, its.topic.type, message.data.size()));
+    throw std::runtime_error(
+        fmt::format("topic \"{}\", message {}: expected a {}, found {} bytes that are none",
+                    its.topic.name, message.info.sequence, its.topic.type, message.data.size()));
   }
   envelope->payload = envelope->own;
   envelope->info = message.info;
@@ -680,12 +679,11 @@ void ExactReplay::call_message(Player& player, const RecordedActivation& activat
             .now = "none that receives it"});
     return;
   }
-  player.core->repeat(*player.ring,
-                      {.lane = lane.get(),
-                       .head = {.time_ns = base::to_ns(envelope->info.publish_time),
-                                .sequence = envelope->info.sequence,
-                                .envelope = envelope,
-                                .payload = envelope->payload}});
+  player.core->repeat(*player.ring, {.lane = lane.get(),
+                                     .head = {.time_ns = base::to_ns(envelope->info.publish_time),
+                                              .sequence = envelope->info.sequence,
+                                              .envelope = envelope,
+                                              .payload = envelope->payload}});
 }
 
 void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activation) {

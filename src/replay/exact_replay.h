@@ -53,7 +53,7 @@ struct OutputDifference {
 struct ExactReplayResult {
   std::string component = {};
   bool is_executed = false;
-  std::string why = {};  ///< Why it was not executed, or not to its end; else empty.
+  std::string why = {};           ///< Why it was not executed, or not to its end; else empty.
   std::uint64_t recorded = 0;     ///< Activations that the log has.
   std::uint64_t activations = 0;  ///< Of these, executed.
   std::uint64_t outputs = 0;      ///< Compared.
@@ -136,7 +136,7 @@ class ExactReplay {
   struct Entry {
     std::uint32_t uses = 0;  ///< By activations that are to come.
     detail::Envelope* envelope = nullptr;
-    bool is_recorded = false;             ///< `recorded` waits to be compared.
+    bool is_recorded = false;  ///< `recorded` waits to be compared.
     std::string recorded = {};
     std::optional<Produced> produced = {};  ///< The same, from the other side.
   };

@@ -64,8 +64,7 @@ void StandIns::declare(detail::ComponentCore& component) const {
     }
     static_cast<void>(fastcycle::detail::declare_publisher(
         component, stream.topic,
-        *google::protobuf::MessageFactory::generated_factory()->GetPrototype(type), nullptr,
-        true));
+        *google::protobuf::MessageFactory::generated_factory()->GetPrototype(type), nullptr, true));
   }
 }
 

@@ -106,8 +106,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
                command);
       return nullptr;
     }
-    std::string folder =
-        (std::filesystem::temp_directory_path() / "fastcycle-log.XXXXXX").string();
+    std::string folder = (std::filesystem::temp_directory_path() / "fastcycle-log.XXXXXX").string();
     if (mkdtemp(folder.data()) == nullptr) {
       print_to(stderr, "fastcycle {}: no folder can be made for the application of the log\n",
                command);
@@ -123,9 +122,8 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   const std::string file = configuration.load.file.string();
   config::Problems problems;
   host::LibraryFiles tried;
-  const config::ApplicationDescription description =
-      configuration.read(host::ConstructorFault::kFault, problems,
-                         Configuration::TrialWarnings::kLeftOut, &tried);
+  const config::ApplicationDescription description = configuration.read(
+      host::ConstructorFault::kFault, problems, Configuration::TrialWarnings::kLeftOut, &tried);
   if (!may_start(problems, file)) {
     return nullptr;
   }
@@ -154,8 +152,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
     static_cast<void>(may_start(found, file));
     return nullptr;
   }
-  for (const std::string& name :
-       other_builds(schedule.facts, application.explanation().facts)) {
+  for (const std::string& name : other_builds(schedule.facts, application.explanation().facts)) {
     print_to(stderr, "warning: {} is another build than the one that was recorded\n", name);
   }
   config::Problems wrong;

@@ -26,12 +26,15 @@ struct VerifyOptions {
 };
 
 nlohmann::ordered_json to_json(const host::ExactReplayResult& result) {
-  nlohmann::ordered_json json = {
-      {"executed", result.is_executed},       {"recorded_activations", result.recorded},
-      {"activations", result.activations},    {"outputs", result.outputs},
-      {"equal", result.equal},                {"not_recorded", result.not_recorded},
-      {"differences", result.differences},    {"why", result.why},
-      {"first_difference", nlohmann::ordered_json()}};
+  nlohmann::ordered_json json = {{"executed", result.is_executed},
+                                 {"recorded_activations", result.recorded},
+                                 {"activations", result.activations},
+                                 {"outputs", result.outputs},
+                                 {"equal", result.equal},
+                                 {"not_recorded", result.not_recorded},
+                                 {"differences", result.differences},
+                                 {"why", result.why},
+                                 {"first_difference", nlohmann::ordered_json()}};
   if (const auto& first = result.first_difference) {
     json["first_difference"] = {{"activation", first->activation},
                                 {"cause", first->cause},
@@ -46,9 +49,9 @@ nlohmann::ordered_json to_json(const host::ExactReplayResult& result) {
 }
 
 std::string to_text(const host::OutputDifference& first) {
-  std::string text = fmt::format("  first difference: activation {} at {:.6f} s, by {}\n",
-                                 first.activation, static_cast<double>(first.time_ns) / 1e9,
-                                 first.cause);
+  std::string text =
+      fmt::format("  first difference: activation {} at {:.6f} s, by {}\n", first.activation,
+                  static_cast<double>(first.time_ns) / 1e9, first.cause);
   if (!first.topic.empty()) {
     text += fmt::format("    \"{}\", message {}\n", first.topic, first.sequence);
   }
@@ -61,15 +64,16 @@ std::string to_table(const std::vector<host::ExactReplayResult>& results) {
   for (const host::ExactReplayResult& result : results) {
     width = std::max(width, result.component.size());
   }
-  std::string text = fmt::format("{:<{}}  activations     outputs       equal\n", "COMPONENT", width);
+  std::string text =
+      fmt::format("{:<{}}  activations     outputs       equal\n", "COMPONENT", width);
   for (const host::ExactReplayResult& result : results) {
     if (!result.is_executed) {
       text += fmt::format("{:<{}}  not executed: {}\n", result.component, width, result.why);
       continue;
     }
-    text += fmt::format("{:<{}}  {:>11} {:>11} {:>11}{}\n", result.component, width,
-                        result.activations, result.outputs, result.equal,
-                        result.is_equal() ? "" : "  DIFFERENT");
+    text +=
+        fmt::format("{:<{}}  {:>11} {:>11} {:>11}{}\n", result.component, width, result.activations,
+                    result.outputs, result.equal, result.is_equal() ? "" : "  DIFFERENT");
     if (result.first_difference) {
       text += to_text(*result.first_difference);
     }
@@ -78,8 +82,8 @@ std::string to_table(const std::vector<host::ExactReplayResult>& results) {
                           result.why);
     }
     if (result.not_recorded > 0) {
-      text += fmt::format("  {} messages that it published are not in the log\n",
-                          result.not_recorded);
+      text +=
+          fmt::format("  {} messages that it published are not in the log\n", result.not_recorded);
     }
   }
   return text;
@@ -94,8 +98,8 @@ int verify(VerifyOptions& options) {
                                         : host::ExactReplayOptions::Input::kRecorded;
   const ReportFile report_file(options.report, options.replaying.files);
   if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
-    return print_mistake("verify", "the report " + options.report.string() +
-                                       " cannot be written: " + obstacle);
+    return print_mistake(
+        "verify", "the report " + options.report.string() + " cannot be written: " + obstacle);
   }
   std::vector<host::ExactReplayResult> results;
   try {
@@ -114,8 +118,10 @@ int verify(VerifyOptions& options) {
     components[result.component] = to_json(result);
   }
   const nlohmann::ordered_json report = {{"components", std::move(components)}};
-  const std::string obstacle = report_file.write(base::printable_json(
-      report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) + "\n");
+  const std::string obstacle =
+      report_file.write(base::printable_json(report.dump(
+                            2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) +
+                        "\n");
   if (!obstacle.empty()) {
     print_to(stderr, "fastcycle verify: the report {} was not written: {}\n",
              options.report.string(), obstacle);
