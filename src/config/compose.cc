@@ -49,7 +49,11 @@ Value empty_tree(const Value& file) {
 }  // namespace
 
 std::optional<Value> Composer::compose(const LoadOptions& options) {
-  auto file = read(options.file, {});
+  auto file = options.text ? parse(*options.text,
+                                   std::make_shared<const Source>(Source{
+                                       options.file.string(), options.file.parent_path(), true}),
+                                   problems_)
+                           : read(options.file, {});
   std::vector<Value> overlays;
   for (const auto& path : options.overlays) {
     if (auto overlay = read(path, {})) {

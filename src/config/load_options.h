@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,9 @@ namespace fastcycle::config {
 /// What the command line says about the configuration.
 struct LoadOptions {
   std::filesystem::path file;
+  /// What the file says, in place of its contents: it is not opened, and only names the place where
+  /// relative paths begin.
+  std::optional<std::string> text = {};
   std::vector<std::filesystem::path> overlays{};  ///< Merged in this order.
   std::vector<std::string> sets{};                ///< `component.param=value`, nested by more dots.
   std::vector<std::string> variables{};           ///< `name=value`.

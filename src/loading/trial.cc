@@ -83,6 +83,7 @@ json to_json(const TrialOptions& options, const std::set<std::string>& without,
     overlays.push_back(path.string());
   }
   return {{"file", options.load.file.string()},
+          {"text", options.load.text ? json(*options.load.text) : json()},
           {"overlays", overlays},
           {"sets", options.load.sets},
           {"variables", options.load.variables},
@@ -547,11 +548,14 @@ int run_trial_child(const BuildForTrial& build) {
     return 0;
   }
   config::Problems problems;
-  const config::LoadOptions load{.file = options["file"].get<std::string>(),
-                                 .overlays = to_paths(options["overlays"]),
-                                 .sets = options["sets"],
-                                 .variables = options["variables"],
-                                 .schema_file = options["schema"].get<std::string>()};
+  const json& text = options["text"];
+  const config::LoadOptions load{
+      .file = options["file"].get<std::string>(),
+      .text = text.is_string() ? std::optional(text.get<std::string>()) : std::nullopt,
+      .overlays = to_paths(options["overlays"]),
+      .sets = options["sets"],
+      .variables = options["variables"],
+      .schema_file = options["schema"].get<std::string>()};
   config::ApplicationDescription description = config::load(load, problems);
   LibraryLoader loader(library_folders(description, to_paths(options["library_path"])));
   NarratingClasses classes(loader, options["without"], options["wanted_proto"]);

@@ -559,7 +559,7 @@ void ExactReplay::execute(Player& player, const RecordedActivation& activation) 
   player.told.begin(activation.reads);
   core.repeat_next(activation.number, player.told);
   if (before_activation) {
-    before_activation(core.name, activation.number);
+    before_activation(core, activation.number);
   }
   const std::uint64_t before = player.ring->size();
   show_views(player, activation);
@@ -792,10 +792,15 @@ void ExactReplay::check_end(Player& player, const RecordedActivation& activation
     return outcome == detail::Outcome::kFault ? "an exception" : "in order";
   };
   if (record.outcome != activation.outcome) {
+    const std::string fault =
+        record.outcome == detail::Outcome::kFault ? ": " + player.core->last_fault : std::string();
     differ(player, source,
            {.field = "its end",
             .recorded = end_in_words(activation.outcome),
-            .now = end_in_words(record.outcome)});
+            .now = end_in_words(record.outcome) + fault});
+    // From here on it is in another state than it was in then.
+    player.end = player.next + 1;
+    player.result.why = "what follows cannot be compared";
   } else if (record.publish_count != activation.publish_count) {
     differ(player, source,
            {.field = "messages published",
@@ -833,6 +838,8 @@ void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
       entry.recorded = {};
     } else if (recorded_publishers_.contains(key.publisher)) {
       entry.produced = Produced{source, std::move(bytes)};
+    } else {
+      ++player.result.not_recorded;  // Its topic was left out.
     }
     if (entry.uses > 0 && entry.envelope == nullptr && !comes_from_log(key.publisher)) {
       entry.envelope = output.envelope;

@@ -108,7 +108,8 @@ class ExactReplay {
   [[nodiscard]] std::vector<ExactReplayResult> results() const;
 
   /// Called before each activation, by the worker that executes it.
-  std::function<void(const std::string& component, std::uint64_t activation)> before_activation;
+  std::function<void(const detail::ComponentCore& component, std::uint64_t activation)>
+      before_activation;
 
  private:
   struct Key {

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstdlib>
-#include <fstream>
 #include <thread>
 #include <utility>
 
@@ -85,10 +83,6 @@ std::string ExactReplaying::find_wrong() {
 ReplayedApplication::~ReplayedApplication() {
   replay_.reset();
   application_.reset();
-  if (!folder_.empty()) {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
 }
 
 std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string& command,
@@ -106,18 +100,10 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
                command);
       return nullptr;
     }
-    std::string folder = (std::filesystem::temp_directory_path() / "fastcycle-log.XXXXXX").string();
-    if (mkdtemp(folder.data()) == nullptr) {
-      print_to(stderr, "fastcycle {}: no folder can be made for the application of the log\n",
-               command);
-      return nullptr;
-    }
-    made->folder_ = folder;
-    configuration.load.file = made->folder_ / "application.json";
-    std::ofstream(configuration.load.file) << schedule.application;
-    if (const auto file = schedule.facts.find("file"); file != schedule.facts.end()) {
-      configuration.library_path.push_back(std::filesystem::path(file->second).parent_path());
-    }
+    const auto file = schedule.facts.find("file");
+    configuration.load.file =
+        file == schedule.facts.end() ? std::string("application.json") : file->second;
+    configuration.load.text = schedule.application;
   }
   const std::string file = configuration.load.file.string();
   config::Problems problems;

@@ -47,7 +47,6 @@ class ReplayedApplication {
   ReplayedApplication() = default;
 
   record::RecordedSchedule schedule_;
-  std::filesystem::path folder_;  ///< Of the application that the log had; removed at the end.
   std::unique_ptr<host::LibraryLoader> libraries_;
   std::unique_ptr<host::StandIns> stand_ins_;
   std::unique_ptr<host::Application> application_;

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -8,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/printable.h"
+#include "before_activation.h"
 #include "command.h"
 #include "exact_replaying.h"
 #include "file_work.h"
@@ -23,6 +25,7 @@ struct VerifyOptions {
   ExactReplaying replaying;
   std::string input = "recorded";
   std::filesystem::path report;
+  std::uint64_t stop_before = 0;  ///< Of `fastcycle debug`.
 };
 
 nlohmann::ordered_json to_json(const host::ExactReplayResult& result) {
@@ -107,6 +110,14 @@ int verify(VerifyOptions& options) {
     if (replayed == nullptr) {
       return kWrong;
     }
+    if (options.stop_before > 0) {
+      replayed->replay().before_activation = [&options](const detail::ComponentCore& core,
+                                                        std::uint64_t activation) {
+        if (activation == options.stop_before) {
+          fastcycle_before_activation(core.name.c_str(), activation, core.component);
+        }
+      };
+    }
     FileWork work(true);
     replayed->replay().run(work.steps("executing", "activations"));
     results = replayed->replay().results();
@@ -158,6 +169,9 @@ Command add_verify(CLI::App& program) {
                    "message, or the new one")
       ->type_name("recorded|new")
       ->check(is_one_of({"recorded", "new"}));
+  line->add_option("--stop-before", options->stop_before,
+                   "For fastcycle debug: call fastcycle_before_activation() before this one")
+      ->group("");
   line->add_option("--report", options->report, "Write the results as JSON")->type_name("FILE");
   return {line, [options] { return verify(*options); }};
 }

@@ -1,0 +1,186 @@
+// `fastcycle verify` and `fastcycle debug`, as their users call them.
+
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "fastcycle/version.h"
+#include "process/process.h"
+
+namespace fastcycle::replay {
+namespace {
+
+using nlohmann::json;
+using test::Process;
+using testing::HasSubstr;
+
+class Verify : public testing::Test {
+ protected:
+  int fastcycle(const std::vector<std::string>& words) {
+    Process program({.program = FASTCYCLE_PROGRAM, .arguments = words, .folder = folder_.path()});
+    const test::Ending& ending = program.wait();
+    output_ = program.output();
+    errors_ = program.errors();
+    return ending.signal != 0 ? 1000 + ending.signal : ending.exit_code;
+  }
+
+  /// Records `application` live.
+  void record(const std::string& application, std::vector<std::string> more = {}) {
+    std::vector<std::string> words = {"run", application, "--quiet", "--record", "live.mcap"};
+    words.insert(words.end(), more.begin(), more.end());
+    // A memory checker looks at its own process, which a protected one does not allow.
+    if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+      words.emplace_back("--debuggable");
+    }
+    ASSERT_EQ(fastcycle(words), 0) << errors_;
+  }
+
+  /// Counts and adds: `counter` publishes "numbers", `adder` answers on "sums".
+  void record_parts() {
+    folder_.write("app.json", R"({"name": "parts", "components": [
+      {"name": "counter", "library": "launcher_parts", "class": "Counter", "serve_period_ms": 1,
+       "params": {"count": 200}},
+      {"name": "adder", "library": "launcher_parts", "class": "Adder",
+       "subscribers": {"numbers": {"depth": 256}}}]})");
+    record((folder_ / "app.json").string());
+  }
+
+  [[nodiscard]] json components() const {
+    return json::parse(test::read_file(folder_ / "report.json"))["components"];
+  }
+
+  test::Folder folder_;
+  std::string output_;
+  std::string errors_;
+};
+
+TEST_F(Verify, ALiveRunIsEqualWithTheApplicationOfTheLogOrAnother) {
+  record_parts();
+
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"verify", "live.mcap", "--report", "report.json"},
+        {"verify", "live.mcap", "app.json", "--workers", "1", "--report", "report.json"},
+        {"verify", "live.mcap", "app.json", "--continue-with", "new", "--report", "report.json"}}) {
+    ASSERT_EQ(fastcycle(words), 0) << output_ << errors_;
+
+    EXPECT_EQ(components()["counter"]["outputs"], 200);
+    EXPECT_EQ(components()["counter"]["equal"], 200);
+    EXPECT_TRUE(components()["counter"]["first_difference"].is_null());
+    EXPECT_EQ(components()["adder"]["activations"], components()["adder"]["recorded_activations"]);
+    EXPECT_GT(components()["adder"]["outputs"], 0);
+    EXPECT_EQ(components()["adder"]["equal"], components()["adder"]["outputs"]);
+    EXPECT_THAT(output_, HasSubstr("counter"));
+  }
+}
+
+TEST_F(Verify, AnotherParamIsADifferenceAndTheFirstOneIsTold) {
+  record_parts();
+
+  ASSERT_EQ(fastcycle({"verify", "live.mcap", "app.json", "--set", "counter.burst=2", "--report",
+                       "report.json"}),
+            3)
+      << output_ << errors_;
+
+  EXPECT_THAT(output_, HasSubstr("DIFFERENT"));
+  EXPECT_THAT(output_, HasSubstr("by its serve()"));
+  const json first = components()["counter"]["first_difference"];
+  EXPECT_EQ(first["field"], "messages published");
+  EXPECT_EQ(first["recorded"], "1");
+  EXPECT_EQ(first["now"], "2");
+  EXPECT_EQ(components()["adder"]["differences"], 0);  // It is given what was recorded.
+}
+
+TEST_F(Verify, ARealDriveIsEqual) {
+  record(FASTCYCLE_RAV4, {"--for", "2s"});
+
+  ASSERT_EQ(fastcycle({"verify", "live.mcap", FASTCYCLE_RAV4, "--report", "report.json"}), 0)
+      << output_ << errors_;
+
+  for (const char* name : {"can_driver", "gnss_driver", "imu_driver", "vehicle", "radar",
+                           "localization", "scoring", "supervision"}) {
+    EXPECT_EQ(components()[name]["activations"], components()[name]["recorded_activations"])
+        << name;
+    EXPECT_EQ(components()[name]["equal"], components()[name]["outputs"]) << name;
+  }
+  EXPECT_GT(components()["localization"]["outputs"], 50);
+}
+
+TEST_F(Verify, OneComponentAloneIsExecuted) {
+  record_parts();
+
+  ASSERT_EQ(fastcycle({"verify", "live.mcap", "--component", "adder", "--report", "report.json"}),
+            0)
+      << output_ << errors_;
+
+  EXPECT_TRUE(components()["adder"]["executed"]);
+  EXPECT_FALSE(components()["counter"]["executed"]);
+}
+
+TEST_F(Verify, ALogThatIsCutOffIsExecutedAsFarAsItGoes) {
+  record_parts();
+  const std::filesystem::path whole = folder_ / "live.mcap";
+  const auto size = std::filesystem::file_size(whole);
+
+  int verified = 0;
+  for (std::uintmax_t part = 1; part < 20; ++part) {
+    const std::filesystem::path cut = folder_ / "cut.mcap";
+    std::filesystem::copy_file(whole, cut, std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(cut, size * part / 20);
+    const int exit_code = fastcycle({"verify", "cut.mcap", "app.json", "--report", "report.json"});
+    EXPECT_TRUE(exit_code == 0 || (exit_code == 2 && !errors_.empty()))
+        << part << " of 20: " << exit_code << " " << output_ << errors_;
+    verified += exit_code == 0 ? 1 : 0;
+  }
+  EXPECT_GT(verified, 0);
+}
+
+TEST_F(Verify, WhatIsWrongIsSaid) {
+  record_parts();
+
+  EXPECT_EQ(fastcycle({"verify", "live.mcap", "--component", "ader"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("did you mean \"adder\""));
+  EXPECT_EQ(fastcycle({"verify", "nowhere.mcap"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("nowhere.mcap"));
+  EXPECT_EQ(fastcycle({"verify", "app.json"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("wants a log"));
+  EXPECT_EQ(fastcycle({"verify", "live.mcap", "--workers", "0"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("--workers wants a number from 1 to 64"));
+  EXPECT_EQ(fastcycle({"debug", "live.mcap", "--component", "adder", "--activation", "100000"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("has the activations 1 to"));
+}
+
+TEST_F(Verify, DebugStopsBeforeAnActivationAndTheValueIsTheSameEachTime) {
+  if (std::system("gdb --version > /dev/null 2>&1") != 0) {  // NOLINT
+    GTEST_SKIP() << "gdb is not installed";
+  }
+  if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+    GTEST_SKIP() << "a memory checker does not run in a debugger";
+  }
+  record_parts();
+
+  for (int i = 0; i < 3; ++i) {
+    // Two of the life cycle, and then one for each number.
+    ASSERT_EQ(
+        fastcycle({"debug", "live.mcap", "--component", "counter", "--activation", "103", "--batch",
+                   "--ex", "print ((Counter *)object)->published_", "--ex", "print activation"}),
+        0)
+        << output_ << errors_;
+    if (output_.find("ptrace") != std::string::npos ||
+        errors_.find("ptrace") != std::string::npos) {
+      GTEST_SKIP() << "gdb may not start a process here";
+    }
+    EXPECT_THAT(output_, HasSubstr("$1 = 100\n")) << errors_;
+    EXPECT_THAT(output_, HasSubstr("$2 = 103\n"));
+  }
+}
+
+}  // namespace
+}  // namespace fastcycle::replay
