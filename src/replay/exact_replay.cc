@@ -100,6 +100,7 @@ class ExactReplay::Outputs final : public detail::Stage {
   struct Output {
     PublisherCore* publisher;
     Envelope* envelope;
+    std::string bytes = {};
   };
   void put(PublisherCore& publisher, Envelope* envelope) override {
     all.push_back({&publisher, envelope});
@@ -120,6 +121,7 @@ struct ExactReplay::Player {
   // While it executes something.
   std::vector<std::pair<Key, Envelope*>> inputs = {};
   Outputs outputs = {};
+  detail::Stage* own_stage = nullptr;  ///< In whose place the outputs are.
   detail::ToldReads told = {};
   std::unique_ptr<detail::ActivationRing> ring = {};
   record::Serializer serializer = {};
@@ -161,12 +163,17 @@ ExactReplay::ExactReplay(ApplicationHost& application, RecordedDriver& driver,
 
 ExactReplay::~ExactReplay() {
   for (auto& [key, entry] : entries_) {
-    if (entry.envelope != nullptr) {
-      detail::release(entry.envelope);
+    for (Envelope* envelope : {entry.envelope, entry.unstamped}) {
+      if (envelope != nullptr) {
+        detail::release(envelope);
+      }
     }
   }
   for (const auto& player : players_) {
     player->core->publishing.told = nullptr;
+    if (player->own_stage != nullptr) {
+      player->core->publishing.stage = player->own_stage;
+    }
   }
 }
 
@@ -301,7 +308,7 @@ void ExactReplay::choose(config::Problems& problems) {
     is_anyone = true;
     player->result.is_executed = true;
     player->ring = std::make_unique<detail::ActivationRing>();
-    player->core->publishing.stage = &player->outputs;
+    player->own_stage = std::exchange(player->core->publishing.stage, &player->outputs);
     driver_.clock(player->core->index)
         .restart(base::from_ns(player->recorded->activations.front().time_ns));
     if (std::string why = find_gap(*player->recorded); !why.empty()) {
@@ -461,8 +468,27 @@ bool ExactReplay::load() {
   for (record::RecordedMessage& message : moment) {
     take(message);
   }
-  is_loaded_ = moment.empty();
-  return !is_loaded_;
+  if (!moment.empty()) {
+    return true;
+  }
+  is_loaded_ = true;
+  bool is_anything_new = false;
+  for (auto& [key, entry] : entries_) {
+    is_anything_new = is_anything_new || entry.unstamped != nullptr;
+    stamp(entry);
+  }
+  return is_anything_new;
+}
+
+/// Gives a new message to others, with what the recording says of it.
+void ExactReplay::stamp(Entry& entry) {
+  if (entry.unstamped == nullptr) {
+    return;
+  }
+  entry.envelope = std::exchange(entry.unstamped, nullptr);
+  if (entry.info) {
+    entry.envelope->info = *entry.info;
+  }
 }
 
 void ExactReplay::take(record::RecordedMessage& message) {
@@ -483,6 +509,12 @@ void ExactReplay::take(record::RecordedMessage& message) {
   }
   if (producer == producers_.end()) {
     return;
+  }
+  if (entry.uses > 0 && !comes_from_log(id)) {
+    entry.info = message.info;
+    entry.info->publisher = id;
+    entry.info->origin.root = message.info.origin.root == 0 ? id : message.info.origin.root;
+    stamp(entry);
   }
   std::string bytes(reinterpret_cast<const char*>(message.data.data()), message.data.size());
   if (entry.produced) {
@@ -568,6 +600,9 @@ void ExactReplay::execute(Player& player, const RecordedActivation& activation) 
     check_end(player, activation);
   }
   core.hand_over_stage();
+  for (Outputs::Output& output : player.outputs.all) {
+    output.bytes = joined(player.serializer.serialize(*output.envelope->payload));
+  }
 }
 
 /// The inputs that `activation` took beside its cause.
@@ -806,6 +841,11 @@ void ExactReplay::check_end(Player& player, const RecordedActivation& activation
            {.field = "messages published",
             .recorded = std::to_string(activation.publish_count),
             .now = std::to_string(record.publish_count)});
+  } else if (player.told.has_missed()) {
+    differ(player, source,
+           {.field = "what it asks for",
+            .recorded = "less",
+            .now = "credits, subscribers, the mode or something observed beyond that"});
   }
 }
 
@@ -827,22 +867,24 @@ void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
     }
   }
   const Source source{activation.number, cause_in_words(player, activation), activation.time_ns};
-  for (const Outputs::Output& output : player.outputs.all) {
+  for (Outputs::Output& output : player.outputs.all) {
     const Key key{output.publisher->id, output.envelope->info.sequence};
     const auto found = entries_.try_emplace(key).first;
     Entry& entry = found->second;
-    std::string bytes = joined(player.serializer.serialize(*output.envelope->payload));
     if (entry.is_recorded) {
-      compare(player, source, *output.publisher, key.sequence, entry.recorded, bytes);
+      compare(player, source, *output.publisher, key.sequence, entry.recorded, output.bytes);
       entry.is_recorded = false;
       entry.recorded = {};
     } else if (recorded_publishers_.contains(key.publisher)) {
-      entry.produced = Produced{source, std::move(bytes)};
+      entry.produced = Produced{source, std::move(output.bytes)};
     } else {
       ++player.result.not_recorded;  // Its topic was left out.
     }
     if (entry.uses > 0 && entry.envelope == nullptr && !comes_from_log(key.publisher)) {
-      entry.envelope = output.envelope;
+      entry.unstamped = output.envelope;
+      if (entry.info || is_loaded_ || !recorded_publishers_.contains(key.publisher)) {
+        stamp(entry);
+      }
     } else {
       detail::release(output.envelope);
     }

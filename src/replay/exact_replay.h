@@ -137,7 +137,10 @@ class ExactReplay {
   struct Entry {
     std::uint32_t uses = 0;  ///< By activations that are to come.
     detail::Envelope* envelope = nullptr;
-    bool is_recorded = false;  ///< `recorded` waits to be compared.
+    /// A new message that is given to others once the recording says when it was published.
+    detail::Envelope* unstamped = nullptr;
+    std::optional<MessageInfo> info = {};  ///< As recorded, for that.
+    bool is_recorded = false;              ///< `recorded` waits to be compared.
     std::string recorded = {};
     std::optional<Produced> produced = {};  ///< The same, from the other side.
   };
@@ -158,6 +161,7 @@ class ExactReplay {
   void work(unsigned worker);
   [[nodiscard]] Player* next_ready();
   [[nodiscard]] bool load();
+  static void stamp(Entry& entry);
   void take(record::RecordedMessage& message);
   [[nodiscard]] detail::Envelope* parse(PublisherId id, const record::RecordedMessage& message);
   void give_up(Player& player, std::string why);
