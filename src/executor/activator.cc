@@ -62,7 +62,9 @@ void Activator::activate(ActivationRing& ring, ActivationRecord record, Activati
   if (run_time != nullptr) {
     run_time->record(record.duration_ns);
   }
-  ring.end(place, record);
+  if (record.outcome != Outcome::kFault) {
+    ring.end(place, record);
+  }
   if (publishing.has_leftovers) {
     finish_leftovers();
   }
@@ -73,6 +75,8 @@ void Activator::activate(ActivationRing& ring, ActivationRecord record, Activati
     if (publishing.has_leftovers) {
       finish_leftovers();  // Of a start anew.
     }
+    // After what the fault leads to: once it has ended, who records takes what it learned.
+    ring.end(place, record);
     clock_.read();  // A restart takes long.
   }
   publishing.origin = &PublishingComponent::kNoOrigin;

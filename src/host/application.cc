@@ -329,9 +329,16 @@ std::vector<const detail::ReadRing*> Application::keep_reads() {
   if (!observers_.want_reads()) {
     return rings;
   }
+  const auto has_credits = [](const detail::PublisherCore* publisher) {
+    return publisher->credits() != nullptr;
+  };
   for (const auto& component : components_) {
-    component->keep_reads(component->subscriptions.has_views() ? detail::ReadRing::kForViews
-                                                               : detail::ReadRing::kWithoutViews);
+    // Who asks for credits does so in each activation, and there may be thousands between two
+    // looks.
+    const bool learns_much = component->subscriptions.has_views() ||
+                             std::ranges::any_of(component->declared.publishers, has_credits);
+    component->keep_reads(learns_much ? detail::ReadRing::kForViews
+                                      : detail::ReadRing::kWithoutViews);
     rings.push_back(component->publishing.reads);
   }
   return rings;

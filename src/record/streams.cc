@@ -162,6 +162,17 @@ bool ActivationReader::take_activations() {
     its.lost = activity_.rings[worker]->read(its.next, its.records);
     is_news = is_news || its.lost > 0 || !its.records.empty();
   }
+  for (Reads& its : reads_) {
+    its.first = std::numeric_limits<std::uint64_t>::max();
+  }
+  for (const Worker& worker : workers_) {
+    for (const detail::ActivationRecord& record : worker.records) {
+      if (record.component < reads_.size()) {
+        std::uint64_t& first = reads_[record.component].first;
+        first = std::min(first, record.number);
+      }
+    }
+  }
   return is_news;
 }
 
@@ -190,7 +201,8 @@ SeenReads ActivationReader::seen_in(const detail::ActivationRecord& record) {
   its.given = std::max(its.given, record.number);
   const auto found =
       std::ranges::equal_range(its.reads, record.number, {}, &detail::Read::activation);
-  return {.reads = {found.begin(), found.end()}, .lost = std::exchange(its.lost, 0)};
+  const bool is_first = record.number <= its.first;
+  return {.reads = {found.begin(), found.end()}, .lost = is_first ? std::exchange(its.lost, 0) : 0};
 }
 
 std::optional<log::MessageInfo> describe(const Stream& stream, const MessageInfo& message,

@@ -153,8 +153,11 @@ class ActivationReader {
   struct Reads {
     std::uint64_t next = 0;
     std::uint64_t lost = 0;
-    std::uint64_t given = 0;               ///< The number of its newest activation that was given.
-    std::uint64_t old = 0;                 ///< The same, one look ago.
+    std::uint64_t given = 0;  ///< The number of its newest activation that was given.
+    std::uint64_t old = 0;    ///< The same, one look ago.
+    /// The smallest number of this look's activations, which may be of several workers: what was
+    /// lost may have been of any of them.
+    std::uint64_t first = 0;
     std::vector<detail::Read> reads = {};  ///< By activation.
   };
 

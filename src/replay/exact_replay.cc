@@ -124,6 +124,8 @@ struct ExactReplay::Player {
   detail::Stage* own_stage = nullptr;  ///< In whose place the outputs are.
   detail::ToldReads told = {};
   std::unique_ptr<detail::ActivationRing> ring = {};
+  std::vector<std::pair<Source, OutputDifference>> noted = {};
+  bool is_astray = false;  ///< It ended otherwise than it did then.
   record::Serializer serializer = {};
 
   [[nodiscard]] bool is_over() const { return !is_wanted || next >= end; }
@@ -641,8 +643,8 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
     case Cause::kTimeout: {
       const auto& timers = core.timers();
       if (activation.key >= timers.size()) {
-        differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
-               {.field = "timer", .recorded = std::to_string(activation.key), .now = "none"});
+        note(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+             {.field = "timer", .recorded = std::to_string(activation.key), .now = "none"});
         return;
       }
       core.repeat(*player.ring, *timers[activation.key],
@@ -690,8 +692,8 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
 void ExactReplay::call_posted(Player& player, const RecordedActivation& activation,
                               const char* what) {
   if (!player.core->repeat_posted(*player.ring, activation.cause, activation.key)) {
-    differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
-           {.field = what, .recorded = fmt::format("number {}", activation.key), .now = "none"});
+    note(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+         {.field = what, .recorded = fmt::format("number {}", activation.key), .now = "none"});
   }
 }
 
@@ -708,10 +710,10 @@ void ExactReplay::call_message(Player& player, const RecordedActivation& activat
   }
   if (lane == nullptr) {
     detail::release(envelope);
-    differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
-           {.field = "subscription",
-            .recorded = activation.subscription ? std::to_string(*activation.subscription) : "?",
-            .now = "none that receives it"});
+    note(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+         {.field = "subscription",
+          .recorded = activation.subscription ? std::to_string(*activation.subscription) : "?",
+          .now = "none that receives it"});
     return;
   }
   player.core->repeat(*player.ring, {.lane = lane.get(),
@@ -760,8 +762,8 @@ void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activ
       return;
     case LifeStep::kAlarm:
       if (!core.repeat_alarm(*player.ring)) {
-        differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
-               {.field = "restart", .recorded = "goes on", .now = "none is under way"});
+        note(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+             {.field = "restart", .recorded = "goes on", .now = "none is under way"});
       }
       return;
     case LifeStep::kOther:
@@ -809,8 +811,8 @@ void ExactReplay::call_params(Player& player, const RecordedActivation& activati
       application_.put_recorded_params(*player.core, activation.key, told->text, problems);
     }
     for (const config::Problem& problem : problems.all()) {
-      differ(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
-             {.field = "params", .recorded = told->text, .now = config::to_string(problem)});
+      note(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+           {.field = "params", .recorded = told->text, .now = config::to_string(problem)});
     }
   }
   call_posted(player, activation, "a change of params");
@@ -829,29 +831,41 @@ void ExactReplay::check_end(Player& player, const RecordedActivation& activation
   if (record.outcome != activation.outcome) {
     const std::string fault =
         record.outcome == detail::Outcome::kFault ? ": " + player.core->last_fault : std::string();
-    differ(player, source,
-           {.field = "its end",
-            .recorded = end_in_words(activation.outcome),
-            .now = end_in_words(record.outcome) + fault});
-    // From here on it is in another state than it was in then.
-    player.end = player.next + 1;
-    player.result.why = "what follows cannot be compared";
+    note(player, source,
+         {.field = "its end",
+          .recorded = end_in_words(activation.outcome),
+          .now = end_in_words(record.outcome) + fault});
+    player.is_astray = true;
   } else if (record.publish_count != activation.publish_count) {
-    differ(player, source,
-           {.field = "messages published",
-            .recorded = std::to_string(activation.publish_count),
-            .now = std::to_string(record.publish_count)});
+    note(player, source,
+         {.field = "messages published",
+          .recorded = std::to_string(activation.publish_count),
+          .now = std::to_string(record.publish_count)});
   } else if (player.told.has_missed()) {
-    differ(player, source,
-           {.field = "what it asks for",
-            .recorded = "less",
-            .now = "credits, subscribers, the mode or something observed beyond that"});
+    note(player, source,
+         {.field = "what it asks for",
+          .recorded = "less",
+          .now = "credits, subscribers, the mode or something observed beyond that"});
   }
+}
+
+/// A difference that shows while the activation is executed, without the mutex.
+void ExactReplay::note(Player& player, Source source, OutputDifference difference) {
+  player.noted.emplace_back(std::move(source), std::move(difference));
 }
 
 /// Takes over what the activation published, and lets go of what it used. The mutex is held.
 void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
   ++player.result.activations;
+  for (auto& [source, difference] : player.noted) {
+    differ(player, source, std::move(difference));
+  }
+  player.noted.clear();
+  if (player.is_astray) {
+    // From here on it is in another state than it was in then.
+    player.end = player.next + 1;
+    player.result.why = "what follows cannot be compared";
+  }
   for (const auto& [key, envelope] : player.inputs) {
     const auto found = entries_.find(key);
     if (found == entries_.end()) {

@@ -177,6 +177,7 @@ class ExactReplay {
   void show_views(Player& player, const record::RecordedActivation& activation);
   [[nodiscard]] detail::Envelope* envelope_of(const Key& key);
   void check_end(Player& player, const record::RecordedActivation& activation);
+  static void note(Player& player, Source source, OutputDifference difference);
   void finish(Player& player, const record::RecordedActivation& activation);
   void compare(Player& player, const Source& source, const detail::PublisherCore& publisher,
                std::uint64_t sequence, const std::string& recorded, const std::string& now);

@@ -170,8 +170,8 @@ Command add_verify(CLI::App& program) {
       ->type_name("recorded|new")
       ->check(is_one_of({"recorded", "new"}));
   line->add_option("--stop-before", options->stop_before,
-                   "For fastcycle debug: call fastcycle_before_activation() before this one")
-      ->group("");
+                   "For debuggers: call fastcycle_before_activation() before this one")
+      ->type_name("N");
   line->add_option("--report", options->report, "Write the results as JSON")->type_name("FILE");
   return {line, [options] { return verify(*options); }};
 }
