@@ -377,7 +377,8 @@ class Watcher final : public Diarist {
     const auto latest = device_.get();
     const auto clock = observe(
         "clock", [] { return std::chrono::system_clock::now().time_since_epoch().count(); });
-    const std::string words = observe("words", [this] { return std::string(calls_ % 20, 'w'); });
+    const std::string words = observe(
+        "words", [this] { return std::string(static_cast<std::size_t>(calls_ % 20), 'w'); });
     note("mode " + context().mode() + " device " +
          (latest ? std::to_string(latest->value()) + " " + std::to_string(device_.age()->count())
                  : "none") +
