@@ -129,6 +129,7 @@ int verify(VerifyOptions& options) {
     components[result.component] = to_json(result);
   }
   const nlohmann::ordered_json report = {{"components", std::move(components)}};
+  print_text(stdout, to_table(results));
   const std::string obstacle =
       report_file.write(base::printable_json(report.dump(
                             2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) +
@@ -136,9 +137,9 @@ int verify(VerifyOptions& options) {
   if (!obstacle.empty()) {
     print_to(stderr, "fastcycle verify: the report {} was not written: {}\n",
              options.report.string(), obstacle);
+    static_cast<void>(flush_output());
     return kFailed;
   }
-  print_text(stdout, to_table(results));
   const auto is_different = [](const auto& result) { return !result.is_equal(); };
   if (std::ranges::any_of(results, is_different)) {
     static_cast<void>(flush_output());
