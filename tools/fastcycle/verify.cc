@@ -105,7 +105,9 @@ int verify(VerifyOptions& options) {
         "verify", "the report " + options.report.string() + " cannot be written: " + obstacle);
   }
   std::vector<host::ExactReplayResult> results;
+  bool is_stopped = false;
   try {
+    FileWork work(true);  // Before any other thread, none of which may take its signals.
     const auto replayed = ReplayedApplication::make("verify", options.replaying);
     if (replayed == nullptr) {
       return kWrong;
@@ -118,8 +120,11 @@ int verify(VerifyOptions& options) {
         }
       };
     }
-    FileWork work(true);
-    replayed->replay().run(work.steps("executing", "activations"));
+    const auto show = work.steps("executing", "activations");
+    replayed->replay().run([&](const host::ExactReplay::Progress& progress) {
+      is_stopped = !show(progress);
+      return !is_stopped;
+    });
     results = replayed->replay().results();
   } catch (const mcap::Error& error) {
     return print_mistake("verify", error.what());
@@ -137,6 +142,11 @@ int verify(VerifyOptions& options) {
   if (!obstacle.empty()) {
     print_to(stderr, "fastcycle verify: the report {} was not written: {}\n",
              options.report.string(), obstacle);
+    static_cast<void>(flush_output());
+    return kFailed;
+  }
+  if (is_stopped) {
+    print_text(stderr, "fastcycle verify: stopped on request; not all was executed\n");
     static_cast<void>(flush_output());
     return kFailed;
   }
@@ -162,7 +172,7 @@ Command add_verify(CLI::App& program) {
       "them saw. A live run repeats bit for bit, if its components keep to what FastCycle gives\n"
       "them: now(), random(), observe().\n"
       "\n"
-      "Exit codes: 0 all equal, 1 the log or the report failed, 2 a mistake, 3 a difference.\n"));
+      "Exit codes: 0 all equal, 1 stopped or no report, 2 a mistake, 3 a difference.\n"));
   const auto options = std::make_shared<VerifyOptions>();
   options->replaying.add_to(*line);
   line->add_option("--continue-with", options->input,
