@@ -386,12 +386,12 @@ class Watcher final : public Diarist {
          std::to_string(seen_.subscriber_count()) + " clock " + std::to_string(clock) + words);
     if (calls_ % 5 == 0) {
       // Two at once, which may end in any order.
-      for (const std::int64_t size : {20'000, 10}) {
-        auto result = std::make_shared<std::int64_t>(0);
+      for (const std::uint64_t size : {20'000, 10}) {
+        auto result = std::make_shared<std::uint64_t>(0);
         context().offload(
             "pool",
             [result, size] {
-              for (std::int64_t i = 0; i < size; ++i) {
+              for (std::uint64_t i = 0; i < size; ++i) {
                 *result = *result * 31 + i;
               }
             },
