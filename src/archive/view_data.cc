@@ -497,12 +497,13 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
     throw std::runtime_error("there is nothing to draw: the log ends before that");
   }
   const double span_ns = std::max(1.0, static_cast<double>(end_ns - begin_ns));
+  const std::uint64_t zero_ns = options.zero_ns.value_or(begin_ns);
 
   std::vector<LayerData> data;
   mcap::MessageQuery before{.topics = {}, .begin_ns = 0, .end_ns = begin_ns};
   mcap::MessageQuery query{.topics = {}, .begin_ns = begin_ns, .end_ns = options.end_ns};
   for (const Layer& layer : layers) {
-    data.emplace_back(layer, reader, begin_ns);
+    data.emplace_back(layer, reader, zero_ns);
     query.topics.push_back(layer.topic);
     if (layer.is_latched) {
       before.topics.push_back(layer.topic);
@@ -526,8 +527,9 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
   take_all(reader.messages(std::move(query)));
 
   ViewData result;
-  result.json = fmt::format("{{\"begin_ns\":\"{}\",\"duration\":", begin_ns);
-  add_number(span_ns / kNsPerSecond, kTimeDecimals, result.json);
+  result.json = fmt::format("{{\"begin_ns\":\"{}\",\"duration\":", zero_ns);
+  add_number((static_cast<double>(end_ns) - static_cast<double>(zero_ns)) / kNsPerSecond,
+             kTimeDecimals, result.json);
   result.json += ",\"constants\":";
   add_json(constants, result.json);
   result.json += ",\"layers\":{";
@@ -544,7 +546,7 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
     }
   }
   result.json += "}}";
-  if (is_first) {
+  if (is_first && !options.may_be_empty) {
     throw std::runtime_error(fmt::format("there is nothing to draw: {}; {}", topics_of(reader),
                                          fmt::join(result.left_out, "; ")));
   }

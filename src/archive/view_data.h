@@ -15,6 +15,9 @@ namespace fastcycle::archive {
 struct ViewOptions {
   std::uint64_t begin_ns = 0;                ///< Of publish times.
   std::optional<std::uint64_t> end_ns = {};  ///< None: no end.
+  /// What the times of the page count from; none: from the first message that is shown.
+  std::optional<std::uint64_t> zero_ns = {};
+  bool may_be_empty = false;  ///< No layer needs to have messages.
   std::uint64_t most_bytes = std::uint64_t{256} << 20U;
 };
 
@@ -37,7 +40,8 @@ struct ViewData {
 ///
 /// `progress` is told of as much of `bytes` as of the time of the log is done.
 ///
-/// @errors  `ViewMistake`. `std::runtime_error` if no layer has messages, or more than `most_bytes`
+/// @errors  `ViewMistake`. `std::runtime_error` if no layer has messages and one must, or more than
+/// `most_bytes`
 ///          would be needed. `mcap::Error` of the log.
 ViewData view_data(const mcap::Reader& reader, std::string_view view, const ViewOptions& options,
                    std::uint64_t bytes = 0, const Progress& progress = {});

@@ -153,6 +153,7 @@ ExactReplay::ExactReplay(ApplicationHost& application, RecordedDriver& driver,
     player->core = core.get();
     player->recorded = schedule_.find(core->name);
     player->result.component = core->name;
+    player->result.is_component = core->component_class.create != stand_in_class().create;
     if (player->recorded != nullptr) {
       player->result.recorded = player->recorded->activations.size();
       player->end = player->recorded->activations.size();
@@ -221,7 +222,7 @@ std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& rec
 
 /// Why `player` cannot be executed at all; empty if it can.
 std::string ExactReplay::why_not(const Player& player) const {
-  if (player.core->component_class.create == stand_in_class().create) {
+  if (!player.result.is_component) {
     return "it is no component of the application: what it published is taken from the log";
   }
   if (player.recorded == nullptr) {
@@ -498,6 +499,11 @@ void ExactReplay::take(record::RecordedMessage& message) {
   const auto producer = producers_.find(id);
   const Key key{id, message.info.sequence};
   const bool is_compared = producer != producers_.end() && !producer->second->is_over();
+  if (listener != nullptr && producer != producers_.end()) {
+    listener->is_recorded(
+        *publisher(id), message.info,
+        {reinterpret_cast<const char*>(message.data.data()), message.data.size()});
+  }
   auto found = entries_.find(key);
   if (found == entries_.end()) {
     if (!is_compared) {
@@ -885,6 +891,10 @@ void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
     const Key key{output.publisher->id, output.envelope->info.sequence};
     const auto found = entries_.try_emplace(key).first;
     Entry& entry = found->second;
+    if (listener != nullptr && recorded_publishers_.contains(key.publisher)) {
+      listener->is_published(*output.publisher, {source.activation, source.cause, source.time_ns},
+                             key.sequence, output.bytes);
+    }
     if (entry.is_recorded) {
       compare(player, source, *output.publisher, key.sequence, entry.recorded, output.bytes);
       entry.is_recorded = false;
@@ -907,6 +917,9 @@ void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
     }
   }
   player.outputs.all.clear();
+  if (listener != nullptr) {
+    listener->has_executed(player.core->name, activation.time_ns);
+  }
 }
 
 void ExactReplay::compare(Player& player, const Source& source, const PublisherCore& its,
@@ -921,15 +934,16 @@ void ExactReplay::compare(Player& player, const Source& source, const PublisherC
   if (!player.result.first_difference) {
     const std::unique_ptr<google::protobuf::Message> then(its.default_instance.New());
     const std::unique_ptr<google::protobuf::Message> again(its.default_instance.New());
-    std::optional<FieldDifference> field;
     if (then->ParseFromString(recorded) && again->ParseFromString(now)) {
-      field = first_difference(*then, *again);
+      for_each_difference(*then, *again, [&](const FieldDifference& field) {
+        if (difference.field.empty()) {
+          difference.field = field.path();
+          difference.recorded = field.recorded();
+          difference.now = field.now();
+        }
+      });
     }
-    if (field) {
-      difference.field = std::move(field->field);
-      difference.recorded = std::move(field->recorded);
-      difference.now = std::move(field->now);
-    } else {
+    if (difference.field.empty()) {
       difference.field = "(bytes)";
       difference.recorded = fmt::format("{} bytes", recorded.size());
       difference.now = fmt::format("{} other bytes", now.size());

@@ -16,11 +16,13 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/clock.h"
 #include "component/application_host.h"
 #include "component/component_core.h"
 #include "record/recorded_schedule.h"
 #include "record/recording_reader.h"
 #include "record/serializer.h"
+#include "replay/output_listener.h"
 #include "replay/recorded_driver.h"
 
 namespace fastcycle::host {
@@ -52,6 +54,7 @@ struct OutputDifference {
 /// What became of one component.
 struct ExactReplayResult {
   std::string component = {};
+  bool is_component = true;  ///< Of the application; else its messages come from the log.
   bool is_executed = false;
   std::string why = {};           ///< Why it was not executed, or not to its end; else empty.
   std::uint64_t recorded = 0;     ///< Activations that the log has.
@@ -104,8 +107,14 @@ class ExactReplay {
   /// @errors  `mcap::Error` if the recording cannot be read on.
   void run(const Watcher& watcher);
 
+  /// When the recorded run began, ns since 1970.
+  [[nodiscard]] std::int64_t begin_ns() const { return base::to_ns(reader_.begin()); }
+
   /// By component, in the order of the application file; those that are not executed too.
   [[nodiscard]] std::vector<ExactReplayResult> results() const;
+
+  /// Hears of all messages of the components that are executed; null: nobody.
+  OutputListener* listener = nullptr;
 
   /// Called before each activation, by the worker that executes it.
   std::function<void(const detail::ComponentCore& component, std::uint64_t activation)>

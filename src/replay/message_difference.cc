@@ -1,6 +1,6 @@
 #include "replay/message_difference.h"
 
-#include <string_view>
+#include <cmath>
 #include <vector>
 
 #include <fmt/format.h>
@@ -60,78 +60,146 @@ std::string value_in_words(const Message& message, const FieldDescriptor& field,
   }
 }
 
-/// Keeps what is reported first.
-class First final : public MessageDifferencer::Reporter {
- public:
-  std::optional<FieldDifference> found;
+/// The same as a number; none if it is no finite one.
+std::optional<double> number(const Message& message, const FieldDescriptor& field, int index) {
+  const auto& reflection = *message.GetReflection();
+  const auto get = [&](auto single, auto repeated) {
+    return static_cast<double>(index < 0 ? (reflection.*single)(message, &field)
+                                         : (reflection.*repeated)(message, &field, index));
+  };
+  using R = google::protobuf::Reflection;
+  double value = 0.0;
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      value = get(&R::GetDouble, &R::GetRepeatedDouble);
+      break;
+    case FieldDescriptor::CPPTYPE_FLOAT:
+      value = get(&R::GetFloat, &R::GetRepeatedFloat);
+      break;
+    case FieldDescriptor::CPPTYPE_INT32:
+      value = get(&R::GetInt32, &R::GetRepeatedInt32);
+      break;
+    case FieldDescriptor::CPPTYPE_INT64:
+      value = get(&R::GetInt64, &R::GetRepeatedInt64);
+      break;
+    case FieldDescriptor::CPPTYPE_UINT32:
+      value = get(&R::GetUInt32, &R::GetRepeatedUInt32);
+      break;
+    case FieldDescriptor::CPPTYPE_UINT64:
+      value = get(&R::GetUInt64, &R::GetRepeatedUInt64);
+      break;
+    default:
+      return std::nullopt;
+  }
+  return std::isfinite(value) ? std::optional(value) : std::nullopt;
+}
 
-  void ReportAdded(const Message&, const Message& now,
-                   const std::vector<MessageDifferencer::SpecificField>& path) override {
-    keep(path, nullptr, &now);
-  }
-  void ReportDeleted(const Message& recorded, const Message&,
-                     const std::vector<MessageDifferencer::SpecificField>& path) override {
-    keep(path, &recorded, nullptr);
-  }
-  void ReportModified(const Message& recorded, const Message& now,
-                      const std::vector<MessageDifferencer::SpecificField>& path) override {
-    keep(path, &recorded, &now);
+using Path = std::vector<MessageDifferencer::SpecificField>;
+
+/// One difference as the differencer reports it.
+class Reported final : public FieldDifference {
+ public:
+  Reported(const Path& path, const Message* recorded, const Message* now)
+      : path_(path), recorded_(recorded), now_(now) {}
+
+  [[nodiscard]] std::string path() const override { return to_text(true); }
+  [[nodiscard]] std::string pattern() const override { return to_text(false); }
+  [[nodiscard]] std::string recorded() const override { return value_in(recorded_, false); }
+  [[nodiscard]] std::string now() const override { return value_in(now_, true); }
+
+  [[nodiscard]] std::optional<double> change() const override {
+    const auto& step = path_.back();
+    if (recorded_ == nullptr || now_ == nullptr || step.field == nullptr) {
+      return std::nullopt;
+    }
+    const std::optional<int> old_index = index_in(*recorded_, false);
+    const std::optional<int> new_index = index_in(*now_, true);
+    if (!old_index || !new_index) {
+      return std::nullopt;
+    }
+    const auto before = number(*recorded_, *step.field, *old_index);
+    const auto after = number(*now_, *step.field, *new_index);
+    return before && after ? std::optional(*after - *before) : std::nullopt;
   }
 
  private:
-  using Path = std::vector<MessageDifferencer::SpecificField>;
-
-  static std::string in_words(const Path& path) {
+  [[nodiscard]] std::string to_text(bool has_indexes) const {
     std::string text;
-    for (const auto& step : path) {
+    for (const auto& step : path_) {
       text += text.empty() ? "" : ".";
       text += step.field == nullptr ? "(unknown)" : step.field->name();
       if (step.index >= 0) {
-        text += fmt::format("[{}]", step.index);
+        text += has_indexes ? fmt::format("[{}]", step.index) : "[]";
       }
     }
     return text;
   }
 
-  /// The last field of `path`, of the message that has it.
-  static std::string value_in(const Message* message, const Path& path, bool is_new) {
-    const auto& step = path.back();
+  /// Where the last field of the path is in `message`, -1 if it is not repeated; none if it is not
+  /// there.
+  [[nodiscard]] std::optional<int> index_in(const Message& message, bool is_new) const {
+    const auto& step = path_.back();
+    if (!step.field->is_repeated()) {
+      return -1;
+    }
+    const int index = is_new ? step.new_index : step.index;
+    return index >= 0 && index < message.GetReflection()->FieldSize(message, step.field)
+               ? std::optional(index)
+               : std::nullopt;
+  }
+
+  [[nodiscard]] std::string value_in(const Message* message, bool is_new) const {
+    const auto& step = path_.back();
     if (message == nullptr) {
       return kMissing;
     }
     if (step.field == nullptr) {
       return "an unknown field";
     }
-    if (!step.field->is_repeated()) {
-      return value_in_words(*message, *step.field, -1);
-    }
-    const int index = is_new ? step.new_index : step.index;
-    return index >= 0 && index < message->GetReflection()->FieldSize(*message, step.field)
-               ? value_in_words(*message, *step.field, index)
-               : kMissing;
+    const std::optional<int> index = index_in(*message, is_new);
+    return index ? value_in_words(*message, *step.field, *index) : kMissing;
   }
 
-  void keep(const Path& path, const Message* recorded, const Message* now) {
-    if (!found) {
-      found = {.field = in_words(path),
-               .recorded = value_in(recorded, path, false),
-               .now = value_in(now, path, true)};
+  const Path& path_;
+  const Message* const recorded_;
+  const Message* const now_;
+};
+
+/// Hands each reported difference on.
+class Reporter final : public MessageDifferencer::Reporter {
+ public:
+  explicit Reporter(const std::function<void(const FieldDifference&)>& visit) : visit_(visit) {}
+
+  void ReportAdded(const Message&, const Message& now, const Path& path) override {
+    visit_(Reported(path, nullptr, &now));
+  }
+  void ReportDeleted(const Message& recorded, const Message&, const Path& path) override {
+    visit_(Reported(path, &recorded, nullptr));
+  }
+  void ReportModified(const Message& recorded, const Message& now, const Path& path) override {
+    // Of a message in a message its own fields are reported.
+    const FieldDescriptor* field = path.back().field;
+    if (field == nullptr || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) {
+      visit_(Reported(path, &recorded, &now));
     }
   }
+
+ private:
+  const std::function<void(const FieldDifference&)>& visit_;
 };
 
 }  // namespace
 
-std::optional<FieldDifference> first_difference(const Message& recorded, const Message& now) {
+void for_each_difference(const Message& recorded, const Message& now,
+                         const std::function<void(const FieldDifference&)>& visit) {
   google::protobuf::util::DefaultFieldComparator comparator;
   comparator.set_float_comparison(google::protobuf::util::DefaultFieldComparator::EXACT);
   comparator.set_treat_nan_as_equal(true);
-  First first;
+  Reporter reporter(visit);
   MessageDifferencer differencer;
   differencer.set_field_comparator(&comparator);
-  differencer.ReportDifferencesTo(&first);
+  differencer.ReportDifferencesTo(&reporter);
   static_cast<void>(differencer.Compare(recorded, now));
-  return first.found;
 }
 
 }  // namespace fastcycle::host

@@ -57,6 +57,20 @@ class Verify : public testing::Test {
     return json::parse(test::read_file(folder_ / "report.json"))["components"];
   }
 
+  [[nodiscard]] json topics() const {
+    return json::parse(test::read_file(folder_ / "report.json"))["topics"];
+  }
+
+  [[nodiscard]] json topic(const std::string& name) const {
+    for (const json& topic : topics()) {
+      if (topic["topic"] == name) {
+        return topic;
+      }
+    }
+    ADD_FAILURE() << "no topic " << name;
+    return {};
+  }
+
   test::Folder folder_;
   std::string output_;
   std::string errors_;
@@ -96,6 +110,52 @@ TEST_F(Verify, AnotherParamIsADifferenceAndTheFirstOneIsTold) {
   EXPECT_EQ(first["recorded"], "1");
   EXPECT_EQ(first["now"], "2");
   EXPECT_EQ(components()["adder"]["differences"], 0);  // It is given what was recorded.
+}
+
+TEST_F(Verify, CompareOfARunWithItselfFindsNothing) {
+  record_parts();
+
+  ASSERT_EQ(fastcycle({"compare", "live.mcap", "--report", "report.json"}), 0)
+      << output_ << errors_;
+
+  for (const json& topic : topics()) {
+    EXPECT_EQ(topic["different"], 0) << topic;
+    EXPECT_EQ(topic["missing"], 0) << topic;
+    EXPECT_EQ(topic["new"], 0) << topic;
+    EXPECT_GT(topic["compared"], 0) << topic;
+  }
+  EXPECT_EQ(topics().size(), 2);
+}
+
+TEST_F(Verify, CompareTellsByHowMuchEachFieldChanged) {
+  record_parts();
+
+  // Of its 200 numbers it publishes two at once: of its serves from the 101st on there is nothing,
+  // and the first of each of the others, number k of the log, is 2k - 1 now.
+  ASSERT_EQ(fastcycle({"compare", "live.mcap", "app.json", "--set", "counter.burst=2", "--report",
+                       "report.json", "--log", "new.mcap"}),
+            3)
+      << output_ << errors_;
+
+  const json numbers = topic("numbers");
+  EXPECT_EQ(numbers["compared"], 100);
+  EXPECT_EQ(numbers["different"], 99);
+  EXPECT_EQ(numbers["missing"], 100);
+  EXPECT_EQ(numbers["new"], 100);
+  ASSERT_EQ(numbers["fields"].size(), 1);
+  const json field = numbers["fields"][0];
+  EXPECT_EQ(field["field"], "value");
+  EXPECT_EQ(field["messages"], 99);
+  EXPECT_EQ(field["mean"], 50.0);
+  EXPECT_EQ(field["max"], 99.0);
+  EXPECT_EQ(field["max_at"]["recorded"], "100");
+  EXPECT_EQ(field["max_at"]["now"], "199");
+  EXPECT_EQ(topic("sums")["different"], 0);  // It was given what was recorded.
+  EXPECT_EQ(fastcycle({"info", "new.mcap"}), 0) << errors_;
+  EXPECT_THAT(output_, HasSubstr("numbers"));
+  // A file that is there is not replaced unasked.
+  EXPECT_NE(fastcycle({"compare", "live.mcap", "app.json", "--log", "new.mcap"}), 0);
+  EXPECT_THAT(errors_, HasSubstr("new.mcap"));
 }
 
 TEST_F(Verify, ARealDriveIsEqual) {

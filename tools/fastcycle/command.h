@@ -46,6 +46,7 @@ Command add_recover(CLI::App& program);
 Command add_doctor(CLI::App& program);
 Command add_render(CLI::App& program);
 Command add_verify(CLI::App& program);
+Command add_compare(CLI::App& program);
 Command add_debug(CLI::App& program);
 Command add_version(CLI::App& program);
 Command add_manual(CLI::App& program);

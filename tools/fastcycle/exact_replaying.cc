@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "command.h"
+#include "option_values.h"
 #include "print.h"
 #include "record/recording_reader.h"
 #include "replay/recorded_driver.h"
@@ -59,15 +60,25 @@ void ExactReplaying::add_to(CLI::App& line) {
       ->type_name("N");
 }
 
+void ExactReplaying::add_input_to(CLI::App& line) {
+  line.add_option("--continue-with", input,
+                  "What a component is given of another one that is executed too: the recorded "
+                  "message, or the new one")
+      ->type_name("recorded|new")
+      ->check(is_one_of({"recorded", "new"}));
+}
+
 std::string ExactReplaying::find_wrong() {
   if (!files.empty() && files.back().extension() == ".json") {
     configuration.load.file = files.back();
     files.pop_back();
   }
   if (files.empty()) {
-    return "wants a log, as in: fastcycle verify drive.mcap app.json";
+    return "wants a log: drive.mcap, or drive.mcap app.json";
   }
   options.files = files;
+  options.input = input == "new" ? host::ExactReplayOptions::Input::kNew
+                                 : host::ExactReplayOptions::Input::kRecorded;
   options.workers = std::max(1U, std::min(kMaxWorkers, std::thread::hardware_concurrency()));
   if (!workers.empty()) {
     const char* const end = workers.data() + workers.size();

@@ -25,7 +25,11 @@ struct ExactReplaying {
   host::ExactReplayOptions options = {};
   std::string workers = {};
 
+  std::string input = "recorded";
+
   void add_to(CLI::App& line);
+  /// `--continue-with`.
+  void add_input_to(CLI::App& line);
   /// What does not fit together; empty if all does. Tells the log from the application.
   std::string find_wrong();
 };

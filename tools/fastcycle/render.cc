@@ -1,12 +1,8 @@
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
-#include <sstream>
-#include <stdexcept>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include <fmt/format.h>
@@ -14,9 +10,9 @@
 #include "archive/output_file.h"
 #include "archive/view_data.h"
 #include "command.h"
+#include "drive_page.h"
 #include "file_work.h"
 #include "mcap/reader.h"
-#include "page.h"
 #include "print.h"
 #include "quantity.h"
 #include "rewriting.h"
@@ -36,58 +32,8 @@ struct RenderOptions {
   bool is_quiet = false;
 };
 
-std::string read_text(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file) {
-    throw std::runtime_error(path.string() + ": cannot be read");
-  }
-  return text.str();
-}
-
-/// The letters that mean something in HTML.
-std::string in_html(const std::string& text) {
-  std::string result;
-  for (const char letter : text) {
-    switch (letter) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      default:
-        result += letter;
-    }
-  }
-  return result;
-}
-
-/// Writes the page, with `title` and `data` in the places that it keeps for them.
-void write_page(const std::string& title, std::string_view data, mcap::Sink& sink) {
-  constexpr std::string_view kTitle = "%TITLE%";
-  constexpr std::string_view kData = "%DATA%";
-  const std::string_view page = page_html();
-  const std::size_t title_at = page.find(kTitle);
-  const std::size_t data_at = page.find(kData);
-  const std::string html_title = in_html(title);
-  for (const std::string_view part :
-       {page.substr(0, title_at), std::string_view(html_title),
-        page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size()), data,
-        page.substr(data_at + kData.size())}) {
-    const mcap::Bytes bytes = mcap::bytes_of(part);
-    sink.append({&bytes, 1});
-  }
-}
-
 int render_log(const RenderOptions& options, const archive::ViewOptions& times) {
-  const std::string view =
-      options.view.empty() ? std::string(page_view()) : read_text(options.view);
-  const std::string view_name = options.view.empty() ? "its own view" : options.view.string();
+  const DriveView view = DriveView::read(options.view);
   const mcap::FileSource source(options.file);
   const mcap::Reader reader(source);
   if (reader.problem()) {
@@ -109,12 +55,12 @@ int render_log(const RenderOptions& options, const archive::ViewOptions& times) 
   archive::OutputFile file(output, {.may_replace = options.is_forced, .inputs = inputs});
   archive::ViewData data;
   try {
-    data = archive::view_data(reader, view, from_log, source.size(),
+    data = archive::view_data(reader, view.text, from_log, source.size(),
                               work.progress(options.file.filename().string(), source.size()));
   } catch (const archive::ViewMistake& mistake) {
-    return print_mistake("render", view_name + ": " + mistake.what());
+    return print_mistake("render", view.name + ": " + mistake.what());
   }
-  write_page(options.file.filename().string(), data.json, file.sink());
+  write_drive_page(options.file.filename().string(), data.json, file.sink());
   file.commit();
   if (!options.is_quiet) {
     for (const std::string& layer : data.left_out) {
@@ -127,11 +73,7 @@ int render_log(const RenderOptions& options, const archive::ViewOptions& times) 
 }
 
 int render(const RenderOptions& options) {
-  if (page_html().empty()) {
-    print_text(
-        stderr,
-        "fastcycle render: this program was built without its page: when it was built, node or\n"
-        "the packages of tools/page/package.json were missing (./dev setup, then ./dev build)\n");
+  if (!has_drive_page("render")) {
     return kFailed;
   }
   std::optional<std::uint64_t> start_ns;

@@ -14,7 +14,6 @@
 #include "exact_replaying.h"
 #include "file_work.h"
 #include "mcap/error.h"
-#include "option_values.h"
 #include "print.h"
 #include "report_file.h"
 
@@ -23,7 +22,6 @@ namespace {
 
 struct VerifyOptions {
   ExactReplaying replaying;
-  std::string input = "recorded";
   std::filesystem::path report;
   std::uint64_t stop_before = 0;  ///< Of `fastcycle debug`.
 };
@@ -96,9 +94,6 @@ int verify(VerifyOptions& options) {
   if (const std::string wrong = options.replaying.find_wrong(); !wrong.empty()) {
     return print_mistake("verify", wrong);
   }
-  options.replaying.options.input = options.input == "new"
-                                        ? host::ExactReplayOptions::Input::kNew
-                                        : host::ExactReplayOptions::Input::kRecorded;
   const ReportFile report_file(options.report, options.replaying.files);
   if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
     return print_mistake(
@@ -175,11 +170,7 @@ Command add_verify(CLI::App& program) {
       "Exit codes: 0 all equal, 1 stopped or no report, 2 a mistake, 3 a difference.\n"));
   const auto options = std::make_shared<VerifyOptions>();
   options->replaying.add_to(*line);
-  line->add_option("--continue-with", options->input,
-                   "What a component is given of another one that is executed too: the recorded "
-                   "message, or the new one")
-      ->type_name("recorded|new")
-      ->check(is_one_of({"recorded", "new"}));
+  options->replaying.add_input_to(*line);
   line->add_option("--stop-before", options->stop_before,
                    "For debuggers: call fastcycle_before_activation() before this one")
       ->type_name("N");

@@ -100,6 +100,12 @@ export class Drive {
     this.duration = json.duration;
     this.constants = json.constants;
     this.layers = {};
+    // Of a comparison: the new drive, and by topic and field how its messages differ.
+    this.other = json.other ? new Drive(json.other) : null;
+    this.differences = json.differences ?? [];
+    if (this.other) {
+      this.duration = Math.max(this.duration, this.other.duration);
+    }
     for (const [name, layer] of Object.entries(json.layers)) {
       this.layers[name] = new Layer(layer);
     }

@@ -11,6 +11,7 @@ const scene = new Scene(element("canvas"), drive);
 const plots = new Plots(element("plots"), drive, (time) => seek(time));
 const changes = drive.stateChanges();
 const MOST_LINES = 12;
+const MOST_FIELDS = 12;  // Of a topic, among the differences.
 let shownLine = -1;
 
 let time = 0;
@@ -129,7 +130,7 @@ function showLog() {
 // ---- What is there once ----
 
 function buildLayers() {
-  const has = (name) => name === "unknown"
+  const has = (name) => name === "new" ? drive.other : name === "unknown"
     ? drive.messagesOf("objects").some(({ objects }) => objects.some(isUnknown))
     : drive.layers[{ minimal_risk: "plan", velocity: "objects" }[name] ?? name];
   for (const [name, text, color] of LAYERS) {
@@ -171,6 +172,39 @@ function buildEvents() {
   });
   element("strip").hidden = changes.length === 0;
   element("log_title").hidden = !drive.layers.log;
+}
+
+// Of a comparison: what of the new drive's messages is different, and by how much. A click leads to where the change
+// is the largest.
+function buildDifferences() {
+  element("differences_title").hidden = !drive.other;
+  if (!drive.other) {
+    return;
+  }
+  const short = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(3))) : "");
+  const row = (tag, ...cells) => {
+    const line = document.createElement("tr");
+    line.append(...cells.map((content) => {
+      const cell = document.createElement(tag);
+      cell.append(content);
+      return cell;
+    }));
+    return line;
+  };
+  const table = document.createElement("table");
+  for (const { topic, compared, different, missing, new: added, fields } of drive.differences) {
+    if (different + missing + added === 0) continue;
+    const more = [missing && `${missing} missing`, added && `${added} new`].filter(Boolean);
+    table.append(row("th", topic, [`${different} of ${compared}`, ...more].join(", "), "mean", "max"));
+    for (const { field, messages, mean, max, max_at: largest, first } of fields.slice(0, MOST_FIELDS)) {
+      const place = largest ?? first;
+      const button = Object.assign(document.createElement("button"), {
+        textContent: field, title: `${place.time_s.toFixed(3)} s, ${place.field}: ${place.recorded} → ${place.now}` });
+      button.addEventListener("click", () => seek(place.time_s));
+      table.append(row("td", button, String(messages), short(mean), short(max)));
+    }
+  }
+  element("differences").replaceChildren(table.rows.length ? table : "none");
 }
 
 function setTheme(theme) {
@@ -315,6 +349,7 @@ function listenToButtons() {
 element("title").textContent = document.title;
 buildLayers();
 buildEvents();
+buildDifferences();
 listenToPointers();
 listenToKeys();
 listenToButtons();

@@ -47,8 +47,18 @@ function columnOf(layer, name, times = layer?.published) {
   return values && [times, values];
 }
 
-// [title, unit, digits, [[name, color, [times, values]], …]], without what the log does not have.
+// The curves of a drive, and beside each that of the new drive, if there is one: [title, unit, digits,
+// [[name, color, [times, values], dash], …]], without what the log does not have.
 function curvesOf(drive) {
+  const curves = curvesOfOne(drive);
+  for (const [title, , , series] of drive.other ? curvesOfOne(drive.other) : []) {
+    const same = curves.find(([name]) => name === title);
+    same?.[3].push(...series.map(([name, , data], i) => [`${name} (new)`, "--new", data, [[6, 3], [2, 3], [1, 5]][i % 3]]));
+  }
+  return curves;
+}
+
+function curvesOfOne(drive) {
   const { ego, plan, objects, predictions, command } = drive.layers;
   const planned = plan?.column("nominal")?.map((points) => points?.[0]?.[2] ?? null);
   return [
@@ -123,8 +133,8 @@ export class Plots {
       axes: [{ ...axis, size: 24, values: (_, times) => times.map((time) => `${time} s`) }, { ...axis, size: 42, space: 24 }],
       series: [
         { label: "time", value: (_, time) => (time === null || time === undefined ? "" : `${time.toFixed(2)} s`) },
-        ...series.map(([label, stroke]) => ({
-          label, stroke: color(stroke), width: 1.5, spanGaps: true, points: { show: false },
+        ...series.map(([label, stroke, , dash]) => ({
+          label, stroke: color(stroke), width: 1.5, dash, spanGaps: true, points: { show: false },
           value: (_, value) => (value === null || value === undefined ? "" : fixed(value, digits)),
         })),
       ],

@@ -13,6 +13,7 @@ export const LAYERS = [
   ["unknown", "unknown", "--unknown"],
   ["objects", "objects", "--object"],
   ["velocity", "velocity", "--velocity"],
+  ["new", "new drive", "--new"],
 ];
 
 export const isUnknown = (object) => object.kind === "UNKNOWN";
@@ -40,7 +41,7 @@ export class Scene {
     this.color = (name) => style.getPropertyValue(name).trim();
     this.colors = Object.fromEntries(
       ["--ground", "--road", "--edge", "--route", "--ego", "--object", "--unknown", "--unseen", "--velocity", "--points", "--border",
-       "--prediction", "--plan", "--risk", "--goal", "--text", "--soft"].map((name) => [name.slice(2), this.color(name)]));
+       "--prediction", "--plan", "--risk", "--goal", "--new", "--text", "--soft"].map((name) => [name.slice(2), this.color(name)]));
   }
 
   resize() {
@@ -133,10 +134,23 @@ export class Scene {
     if (shown.objects) this.objects.forEach((object) => this.#box(object, object.unseen > 0 ? colors.unseen : colors.object));
     if (shown.velocity) this.objects.forEach((object) => this.#velocity(object));
     if (ego) this.#box(ego, colors.ego);
+    if (drive.other && shown.new) this.#other(drive.other, time);
 
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     if (shown.objects) this.#labels();
     this.#yardstick();
+  }
+
+  // The new drive of a comparison, over the recorded one: all in one color, lines with gaps.
+  #other(other, time) {
+    const { shown, colors } = this;
+    const plan = other.layers.plan?.lastPublished(time);
+    if (shown.predictions) this.#predictions(other.layers.predictions?.lastPublished(time), colors.new);
+    if (shown.plan) this.#way(plan?.nominal, colors.new, 2, [2, 1]);
+    if (shown.minimal_risk) this.#way(plan?.minimal_risk, colors.new, 1.5, [0.7, 0.7]);
+    if (shown.objects) other.objectsAt(time).forEach((object) => isUnknown(object) || this.#outline(object, colors.new));
+    const ego = other.egoAt(time);
+    if (ego) this.#outline(ego, colors.new);
   }
 
   // Through all places that are known.
@@ -216,9 +230,9 @@ export class Scene {
     }
   }
 
-  #predictions(predictions) {
-    const { context, colors } = this;
-    context.strokeStyle = colors.prediction;
+  #predictions(predictions, color = this.colors.prediction) {
+    const { context } = this;
+    context.strokeStyle = color;
     context.lineWidth = Math.max(0.2, 1.5 * this.pixel);
     for (const object of predictions?.objects ?? []) {
       for (const { probability, points } of object.hypotheses ?? []) {

@@ -1,0 +1,131 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "record/recorded_schedule.h"
+#include "replay/output_listener.h"
+
+namespace fastcycle::host {
+
+/// Where two messages differ in one field.
+struct ChangePlace {
+  std::uint64_t activation = 0;  ///< That published the new message.
+  std::int64_t time_ns = 0;      ///< Of the activation, since 1970.
+  std::uint64_t sequence = 0;    ///< Of the recorded message.
+  std::string path = {};         ///< "nominal.points[3].x_m"
+  std::string recorded = {};
+  std::string now = {};
+};
+
+/// How one field of a topic's messages changed.
+struct FieldChange {
+  std::string field = {};      ///< Of all elements: "nominal.points[].x_m"
+  std::uint64_t messages = 0;  ///< In which it is different.
+  std::uint64_t values = 0;    ///< Different ones, over all these messages.
+  std::uint64_t numbers = 0;   ///< Of these, those with a finite change.
+  double sum = 0.0;            ///< Of the sizes of these changes.
+  double most = 0.0;           ///< The largest of them.
+  ChangePlace first = {};
+  ChangePlace largest = {};  ///< If there are numbers.
+
+  /// Of the sizes of the changes; 0 without numbers.
+  [[nodiscard]] double mean() const {
+    return numbers == 0 ? 0.0 : sum / static_cast<double>(numbers);
+  }
+};
+
+/// How the messages of one publisher changed.
+struct TopicChange {
+  std::string topic = {};
+  std::string publisher = {};
+  std::uint64_t compared = 0;
+  std::uint64_t different = 0;
+  std::uint64_t missing = 0;  ///< Recorded, and not published again.
+  std::uint64_t added = 0;    ///< Published, and not recorded.
+  std::vector<FieldChange> fields = {};
+
+  [[nodiscard]] bool is_equal() const { return different + missing + added == 0; }
+};
+
+/// Compares what components publish in an `ExactReplay` with what was recorded, field by field.
+///
+///     DriveComparison comparison(schedule);
+///     replay.listener = &comparison;
+///     replay.run(watcher);
+///     comparison.finish();
+///     for (const TopicChange& topic : comparison.topics()) { … }
+///
+/// A new message belongs to the recorded one that the same activation published on the same topic:
+/// to the first the first, and so on. So one message more or less moves none of the others. A
+/// recorded message belongs to the last activation that had begun when it was published.
+///
+/// Memory: the messages that only one side has come to.
+class DriveComparison final : public OutputListener {
+ public:
+  /// `schedule` has to live as long.
+  explicit DriveComparison(const record::RecordedSchedule& schedule) : schedule_(schedule) {}
+
+  /// A message that was published now. `publish_time` is that of the recorded one that it belongs
+  /// to; else the time of its activation.
+  struct NewMessage {
+    const detail::PublisherCore& publisher;
+    std::int64_t publish_time_ns;
+    std::uint64_t sequence;
+    std::string_view bytes;
+  };
+  /// Called for each; by publisher in order.
+  std::function<void(const NewMessage& message)> on_new_message;
+
+  void is_recorded(const detail::PublisherCore& publisher, const MessageInfo& info,
+                   std::string_view bytes) override;
+  void is_published(const detail::PublisherCore& publisher, const Source& source,
+                    std::uint64_t sequence, std::string_view bytes) override;
+  void has_executed(const std::string& component, std::int64_t time_ns) override;
+
+  /// After the run: what waits for its other side has none.
+  void finish();
+
+  /// By topic and publisher; fields in the order of the number of messages, largest first.
+  [[nodiscard]] std::vector<TopicChange> topics() const;
+
+ private:
+  struct Recorded {
+    std::int64_t activation_time_ns;
+    std::int64_t publish_time_ns;
+    std::uint64_t sequence;
+    std::string bytes;
+  };
+  struct Published {
+    std::int64_t activation_time_ns;
+    std::uint64_t activation;
+    std::uint64_t sequence;
+    std::string bytes;
+  };
+  /// The messages of one publisher.
+  struct Lane {
+    const detail::PublisherCore* publisher = nullptr;
+    const record::RecordedSchedule::Component* component = nullptr;  ///< Null: not in the log.
+    std::deque<Recorded> recorded;
+    std::deque<Published> published;
+    std::optional<std::int64_t> executed_ns;  ///< Up to this time.
+    TopicChange change;
+    std::map<std::string, FieldChange> fields;
+  };
+
+  Lane& lane_of(const detail::PublisherCore& publisher);
+  void match(Lane& lane);
+  void add(Lane& lane);
+  void compare(Lane& lane, const Recorded& recorded, const Published& published);
+
+  const record::RecordedSchedule& schedule_;
+  std::map<PublisherId, Lane> lanes_;
+};
+
+}  // namespace fastcycle::host

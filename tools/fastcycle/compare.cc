@@ -1,0 +1,406 @@
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <fmt/format.h>
+#include <google/protobuf/message.h>
+#include <nlohmann/json.hpp>
+
+#include "archive/output_file.h"
+#include "archive/view_data.h"
+#include "base/printable.h"
+#include "broker/publisher_core.h"
+#include "broker/topics.h"
+#include "command.h"
+#include "drive_page.h"
+#include "exact_replaying.h"
+#include "fastcycle/version.h"
+#include "file_work.h"
+#include "mcap/error.h"
+#include "mcap/writer.h"
+#include "print.h"
+#include "quantity.h"
+#include "record/descriptor_set.h"
+#include "replay/drive_comparison.h"
+#include "report_file.h"
+
+namespace fastcycle::tool {
+namespace {
+
+namespace fs = std::filesystem;
+using host::FieldChange;
+using host::TopicChange;
+using nlohmann::ordered_json;
+
+constexpr std::size_t kMostFields = 8;  // Of a topic, in the table; the report has all.
+
+struct CompareOptions {
+  ExactReplaying replaying;
+  fs::path report;
+  fs::path page;
+  fs::path log;
+  fs::path view;
+  bool is_forced = false;
+};
+
+/// The new messages as a log.
+///
+/// @threads  Confined.
+class NewLog {
+ public:
+  explicit NewLog(mcap::Sink& sink) : writer_(sink, {.library = "fastcycle " FASTCYCLE_VERSION}) {}
+
+  void add(const host::DriveComparison::NewMessage& message) {
+    const detail::PublisherCore& publisher = message.publisher;
+    auto found = channels_.find(publisher.id);
+    if (found == channels_.end()) {
+      const auto id = static_cast<std::uint16_t>(channels_.size() + 1);
+      const google::protobuf::Descriptor& type = *publisher.default_instance.GetDescriptor();
+      writer_.add(mcap::Schema{.id = id,
+                               .name = type.full_name(),
+                               .encoding = "protobuf",
+                               .data = record::descriptor_set_of(type)});
+      writer_.add(mcap::Channel{.id = id,
+                                .schema_id = id,
+                                .topic = publisher.topic.name,
+                                .message_encoding = "protobuf",
+                                .metadata = {{"publisher", publisher.owner.name}}});
+      found = channels_.emplace(publisher.id, id).first;
+    }
+    const auto time_ns = static_cast<std::uint64_t>(message.publish_time_ns);
+    const mcap::Bytes bytes = mcap::bytes_of(message.bytes);
+    writer_.write(mcap::MessageHead{.channel_id = found->second,
+                                    .sequence = static_cast<std::uint32_t>(message.sequence),
+                                    .log_time_ns = time_ns,
+                                    .publish_time_ns = time_ns},
+                  {&bytes, 1});
+    ++messages_;
+  }
+  void close() { writer_.close(); }
+
+  [[nodiscard]] std::uint64_t messages() const { return messages_; }
+
+ private:
+  mcap::Writer writer_;
+  std::map<PublisherId, std::uint16_t> channels_;
+  std::uint64_t messages_ = 0;
+};
+
+double seconds(std::int64_t time_ns, std::int64_t begin_ns) {
+  return static_cast<double>(time_ns - begin_ns) / 1e9;
+}
+
+ordered_json to_json(const host::ChangePlace& place, std::int64_t begin_ns) {
+  return {{"activation", place.activation}, {"time_s", seconds(place.time_ns, begin_ns)},
+          {"sequence", place.sequence},     {"field", place.path},
+          {"recorded", place.recorded},     {"now", place.now}};
+}
+
+ordered_json to_json(const FieldChange& field, std::int64_t begin_ns) {
+  ordered_json json = {{"field", field.field},
+                       {"messages", field.messages},
+                       {"values", field.values},
+                       {"mean", nullptr},
+                       {"max", nullptr},
+                       {"max_at", nullptr},
+                       {"first", to_json(field.first, begin_ns)}};
+  if (field.numbers > 0) {
+    json["mean"] = field.mean();
+    json["max"] = field.most;
+    json["max_at"] = to_json(field.largest, begin_ns);
+  }
+  return json;
+}
+
+ordered_json to_json(const std::vector<TopicChange>& topics, std::int64_t begin_ns) {
+  ordered_json json = ordered_json::array();
+  for (const TopicChange& topic : topics) {
+    ordered_json fields = ordered_json::array();
+    for (const FieldChange& field : topic.fields) {
+      fields.push_back(to_json(field, begin_ns));
+    }
+    json.push_back({{"topic", topic.topic},
+                    {"component", topic.publisher},
+                    {"compared", topic.compared},
+                    {"different", topic.different},
+                    {"missing", topic.missing},
+                    {"new", topic.added},
+                    {"fields", std::move(fields)}});
+  }
+  return json;
+}
+
+ordered_json to_json(const std::vector<host::ExactReplayResult>& results) {
+  ordered_json json = ordered_json::object();
+  for (const host::ExactReplayResult& result : results) {
+    json[result.component] = {{"executed", result.is_executed},
+                              {"recorded_activations", result.recorded},
+                              {"activations", result.activations},
+                              {"not_recorded", result.not_recorded},
+                              {"why", result.why}};
+  }
+  return json;
+}
+
+std::string to_line(const FieldChange& field, std::int64_t begin_ns) {
+  const auto place_in_words = [&](const host::ChangePlace& place) {
+    return fmt::format("{:.3f} s, {}: {} -> {}", seconds(place.time_ns, begin_ns), place.path,
+                       place.recorded, place.now);
+  };
+  if (field.numbers == 0) {
+    return fmt::format("  {:<38} {:>9} {:>11} {:>11}  first at {}\n", field.field, field.messages,
+                       "", "", place_in_words(field.first));
+  }
+  return fmt::format("  {:<38} {:>9} {:>11.4g} {:>11.4g}  max at {}\n", field.field, field.messages,
+                     field.mean(), field.most, place_in_words(field.largest));
+}
+
+std::string to_table(const std::vector<TopicChange>& topics, std::int64_t begin_ns) {
+  std::string text = fmt::format("{:<40} {:>9} {:>9} {:>9} {:>9}\n", "TOPIC", "compared",
+                                 "different", "missing", "new");
+  for (const TopicChange& topic : topics) {
+    text += fmt::format("{:<40} {:>9} {:>9} {:>9} {:>9}\n", topic.topic, topic.compared,
+                        topic.different, topic.missing, topic.added);
+    if (topic.fields.empty()) {
+      continue;
+    }
+    text += fmt::format("  {:<38} {:>9} {:>11} {:>11}\n", "FIELD", "messages", "mean", "max");
+    for (std::size_t i = 0; i < std::min(kMostFields, topic.fields.size()); ++i) {
+      text += to_line(topic.fields[i], begin_ns);
+    }
+    if (topic.fields.size() > kMostFields) {
+      text += fmt::format("  and {} more fields (--report has them)\n",
+                          topic.fields.size() - kMostFields);
+    }
+  }
+  return text;
+}
+
+/// What is to be known of components that were not executed, or not to their end.
+std::string to_notes(const std::vector<host::ExactReplayResult>& results) {
+  std::string text;
+  for (const host::ExactReplayResult& result : results) {
+    if (!result.is_executed && result.is_component) {
+      text += fmt::format("{}: not executed: {}\n", result.component, result.why);
+    } else if (!result.why.empty()) {
+      text += fmt::format("{}: up to activation {} of {}: {}\n", result.component,
+                          result.activations, result.recorded, result.why);
+    }
+    if (result.not_recorded > 0 && result.outputs == 0) {
+      text += fmt::format("{}: {} messages that it published are on topics that the log lacks\n",
+                          result.component, result.not_recorded);
+    }
+  }
+  return text;
+}
+
+/// The page with both drives. `new_log` has the new messages.
+int write_page(const CompareOptions& options, const std::vector<TopicChange>& topics,
+               const fs::path& new_log, FileWork& work) {
+  const DriveView view = DriveView::read(options.view);
+  const fs::path& log = options.replaying.files.front();
+  std::vector<fs::path> inputs = options.replaying.files;
+  inputs.push_back(options.view);
+  inputs.push_back(options.replaying.configuration.load.file);
+  archive::OutputFile file(options.page, {.may_replace = options.is_forced, .inputs = inputs});
+  std::string data;
+  try {
+    const mcap::FileSource recorded(log);
+    const mcap::Reader recorded_reader(recorded);
+    const archive::ViewOptions times{.zero_ns =
+                                         recorded_reader.statistics()->message_start_time_ns};
+    data = archive::view_data(recorded_reader, view.text, times, recorded.size(),
+                              work.progress(log.filename().string(), recorded.size()))
+               .json;
+    data.pop_back();  // Its last brace.
+    const mcap::FileSource now(new_log);
+    const mcap::Reader now_reader(now);
+    archive::ViewOptions new_times = times;
+    new_times.may_be_empty = true;
+    ordered_json differences = to_json(topics, static_cast<std::int64_t>(*times.zero_ns));
+    data += ",\"other\":" + archive::view_data(now_reader, view.text, new_times).json +
+            ",\"differences\":";
+    // Nothing in it ends the element of the page that it stands in.
+    for (const char letter :
+         differences.dump(-1, ' ', false, ordered_json::error_handler_t::replace)) {
+      data += letter == '<' ? std::string("\\u003c") : std::string(1, letter);
+    }
+    data += '}';
+  } catch (const archive::ViewMistake& mistake) {
+    return print_mistake("compare", view.name + ": " + mistake.what());
+  }
+  write_drive_page(log.filename().string() + ", recorded and new", data, file.sink());
+  file.commit();
+  print_to(stdout, "{}: {}\n", options.page.string(), bytes_text(fs::file_size(options.page)));
+  return kDone;
+}
+
+/// A file for the new messages: where the user wants it, or one that goes away.
+class NewLogFile {
+ public:
+  explicit NewLogFile(const CompareOptions& options) {
+    fs::path path = options.log;
+    if (path.empty()) {
+      std::string folder = (fs::temp_directory_path() / "fastcycle_compare_XXXXXX").string();
+      if (::mkdtemp(folder.data()) == nullptr) {
+        throw std::runtime_error(folder + ": cannot be made");
+      }
+      folder_ = folder;
+      path = folder_ / "new.mcap";
+    }
+    try {
+      file_ = std::make_unique<archive::OutputFile>(
+          path, archive::OutputFile::Options{.may_replace = options.is_forced,
+                                             .inputs = options.replaying.files});
+      log_ = std::make_unique<NewLog>(file_->sink());
+    } catch (...) {
+      remove_folder();
+      throw;
+    }
+  }
+  NewLogFile(const NewLogFile&) = delete;
+  NewLogFile& operator=(const NewLogFile&) = delete;
+  ~NewLogFile() {
+    log_.reset();
+    file_.reset();
+    remove_folder();
+  }
+
+  [[nodiscard]] NewLog& log() { return *log_; }
+  [[nodiscard]] const fs::path& path() const { return file_->path(); }
+  void commit() {
+    log_->close();
+    file_->commit();
+  }
+
+ private:
+  void remove_folder() {
+    if (!folder_.empty()) {
+      std::error_code ignored;
+      fs::remove_all(folder_, ignored);
+    }
+  }
+
+  fs::path folder_;
+  std::unique_ptr<archive::OutputFile> file_;
+  std::unique_ptr<NewLog> log_;
+};
+
+int compare_drive(CompareOptions& options, const ReportFile& report_file) {
+  FileWork work(true);  // Before any other thread, none of which may take its signals.
+  const auto replayed = ReplayedApplication::make("compare", options.replaying);
+  if (replayed == nullptr) {
+    return kWrong;
+  }
+  std::unique_ptr<NewLogFile> new_log;
+  if (!options.log.empty() || !options.page.empty()) {
+    new_log = std::make_unique<NewLogFile>(options);
+  }
+  host::DriveComparison comparison(replayed->schedule());
+  if (new_log != nullptr) {
+    comparison.on_new_message = [&](const auto& message) { new_log->log().add(message); };
+  }
+  bool is_stopped = false;
+  replayed->replay().listener = &comparison;
+  const auto show = work.steps("executing", "activations");
+  replayed->replay().run([&](const host::ExactReplay::Progress& progress) {
+    is_stopped = !show(progress);
+    return !is_stopped;
+  });
+  comparison.finish();
+  const std::vector<host::ExactReplayResult> results = replayed->replay().results();
+  const std::vector<TopicChange> topics = comparison.topics();
+  const std::int64_t begin_ns = replayed->replay().begin_ns();
+  print_text(stdout, to_table(topics, begin_ns) + to_notes(results));
+  const ordered_json report = {{"topics", to_json(topics, begin_ns)},
+                               {"components", to_json(results)}};
+  const std::string obstacle = report_file.write(
+      base::printable_json(report.dump(2, ' ', false, ordered_json::error_handler_t::replace)) +
+      "\n");
+  if (!obstacle.empty()) {
+    print_to(stderr, "fastcycle compare: the report {} was not written: {}\n",
+             options.report.string(), obstacle);
+    static_cast<void>(flush_output());
+    return kFailed;
+  }
+  if (is_stopped) {
+    print_text(stderr, "fastcycle compare: stopped on request; not all was executed\n");
+    static_cast<void>(flush_output());
+    return kFailed;
+  }
+  if (new_log != nullptr) {
+    new_log->commit();
+    if (!options.log.empty()) {
+      print_to(stdout, "{}: {} new messages\n", options.log.string(), new_log->log().messages());
+    }
+  }
+  if (!options.page.empty()) {
+    if (const int code = write_page(options, topics, new_log->path(), work); code != kDone) {
+      return code;
+    }
+  }
+  const int code = flush_output();
+  return code == kDone && !std::ranges::all_of(topics, &TopicChange::is_equal) ? kProblems : code;
+}
+
+int compare(CompareOptions& options) {
+  if (const std::string wrong = options.replaying.find_wrong(); !wrong.empty()) {
+    return print_mistake("compare", wrong);
+  }
+  if (!options.page.empty() && !has_drive_page("compare")) {
+    return kFailed;
+  }
+  const ReportFile report_file(options.report, options.replaying.files);
+  if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
+    return print_mistake(
+        "compare", "the report " + options.report.string() + " cannot be written: " + obstacle);
+  }
+  try {
+    return compare_drive(options, report_file);
+  } catch (const mcap::Error& error) {
+    return print_mistake("compare", error.what());
+  }
+}
+
+}  // namespace
+
+Command add_compare(CLI::App& program) {
+  CLI::App* line = program.add_subcommand(
+      "compare",
+      "Execute a log with changed components, and tell by how much what they publish changed");
+  line->footer(examples(
+      "  fastcycle compare drive.mcap --library-path build/new/lib\n"
+      "  fastcycle compare drive.mcap app.json --set planning.margin_m=1.5 --page both.html\n"
+      "  fastcycle compare drive.mcap app.json --component planning --report out.json\n"
+      "\n"
+      "Like verify, and after a change: each component is given what it was given then, and each\n"
+      "message that it publishes is compared, field by field, with the recorded one of the same\n"
+      "activation. Mean and max are of the size of the change, over all values that changed.\n"
+      "\n"
+      "Exit codes: 0 all equal, 1 stopped or not written, 2 a mistake, 3 a difference.\n"));
+  const auto options = std::make_shared<CompareOptions>();
+  options->replaying.add_to(*line);
+  options->replaying.add_input_to(*line);
+  line->add_option("--report", options->report, "Write the results as JSON")->type_name("FILE");
+  line->add_option("--page", options->page,
+                   "Write a page as `fastcycle render` does, with both drives over each other")
+      ->type_name("FILE.html");
+  line->add_option("--view", options->view,
+                   "Which topics and fields the page shows, JSON (docs/reference/page.md)")
+      ->type_name("FILE");
+  line->add_option("--log", options->log, "Write the new messages as a log")
+      ->type_name("FILE.mcap");
+  line->add_flag("--force", options->is_forced, "Replace what has the name of the page or log");
+  return {line, [options] { return compare(*options); }};
+}
+
+}  // namespace fastcycle::tool

@@ -1,0 +1,78 @@
+#include "drive_page.h"
+
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+#include "page.h"
+#include "print.h"
+
+namespace fastcycle::tool {
+namespace {
+
+/// The letters that mean something in HTML.
+std::string in_html(const std::string& text) {
+  std::string result;
+  for (const char letter : text) {
+    switch (letter) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      default:
+        result += letter;
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+DriveView DriveView::read(const std::filesystem::path& path) {
+  if (path.empty()) {
+    return {.text = std::string(page_view()), .name = "its own view"};
+  }
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  if (!file) {
+    throw std::runtime_error(path.string() + ": cannot be read");
+  }
+  return {.text = text.str(), .name = path.string()};
+}
+
+bool has_drive_page(const std::string& command) {
+  if (page_html().empty()) {
+    print_to(stderr,
+             "fastcycle {}: this program was built without its page: when it was built, node or\n"
+             "the packages of tools/page/package.json were missing (./dev setup, then ./dev "
+             "build)\n",
+             command);
+    return false;
+  }
+  return true;
+}
+
+void write_drive_page(const std::string& title, std::string_view data, mcap::Sink& sink) {
+  constexpr std::string_view kTitle = "%TITLE%";
+  constexpr std::string_view kData = "%DATA%";
+  const std::string_view page = page_html();
+  const std::size_t title_at = page.find(kTitle);
+  const std::size_t data_at = page.find(kData);
+  const std::string html_title = in_html(title);
+  for (const std::string_view part :
+       {page.substr(0, title_at), std::string_view(html_title),
+        page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size()), data,
+        page.substr(data_at + kData.size())}) {
+    const mcap::Bytes bytes = mcap::bytes_of(part);
+    sink.append({&bytes, 1});
+  }
+}
+
+}  // namespace fastcycle::tool
