@@ -63,6 +63,8 @@ function(fastcycle_component)
   endif()
 endfunction()
 
+set(FASTCYCLE_CMAKE_SCRIPTS ${CMAKE_CURRENT_LIST_DIR})
+
 # fastcycle_application(<file.json> ...)
 #
 # Application files, copied beside the libraries, where `fastcycle run <build folder>/<file.json>` finds them; the
@@ -75,6 +77,23 @@ function(fastcycle_application)
     add_test(NAME ${stem}.is_right COMMAND ${FastCycle_PROGRAM_DIR}/fastcycle check ${CMAKE_BINARY_DIR}/${name})
   endforeach()
   configure_file(${FastCycle_SHARE_DIR}/application.schema.json ${CMAKE_BINARY_DIR}/application.schema.json COPYONLY)
+endfunction()
+
+# fastcycle_determinism_test(<file.json> [FOR <time>])
+#
+# A test, <file>.repeats, that a live run of an application file of fastcycle_application() repeats: it is recorded for
+# 2 s, or as long as FOR says, and executed again by `fastcycle verify`; a message that differs fails the test.
+function(fastcycle_determinism_test file)
+  cmake_parse_arguments(PARSE_ARGV 1 REPEATS "" "FOR" "")
+  if(NOT REPEATS_FOR)
+    set(REPEATS_FOR 2s)
+  endif()
+  cmake_path(GET file FILENAME name)
+  cmake_path(GET file STEM stem)
+  add_test(NAME ${stem}.repeats
+    COMMAND ${CMAKE_COMMAND} -D FASTCYCLE=${FastCycle_PROGRAM_DIR}/fastcycle -D TIME=${REPEATS_FOR}
+            -D APPLICATION=${CMAKE_BINARY_DIR}/${name} -D FOLDER=${CMAKE_BINARY_DIR}/${stem}.repeats
+            -P ${FASTCYCLE_CMAKE_SCRIPTS}/FastCycleRepeats.cmake)
 endfunction()
 
 # The test program of one component.

@@ -21,7 +21,7 @@ configure_package_config_file(cmake/FastCycleConfig.cmake.in for_install/FastCyc
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/for_install/FastCycleConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/for_install/FastCycleConfig.cmake
               ${PROJECT_BINARY_DIR}/for_install/FastCycleConfigVersion.cmake
-              cmake/FastCycleMessages.cmake cmake/FastCycleComponent.cmake
+              cmake/FastCycleMessages.cmake cmake/FastCycleComponent.cmake cmake/FastCycleRepeats.cmake
         DESTINATION ${FASTCYCLE_CMAKE_DIR})
 
 if(EXISTS ${PROJECT_SOURCE_DIR}/examples)

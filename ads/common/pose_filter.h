@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <deque>
 #include <optional>
+#include <utility>
 
 #include <Eigen/Core>
 
@@ -111,7 +112,36 @@ class PoseFilter {
  public:
   static constexpr std::size_t kStepsMax = 1000;
 
+  static constexpr int kSize = 7;
+  using State = Eigen::Matrix<double, kSize, 1>;
+  using Covariance = Eigen::Matrix<double, kSize, kSize>;
+
+  /// The sensors were constant over a step.
+  struct Step {
+    double duration_s = 0.0;
+    double wheel_speed_mps = 0.0;
+    double yaw_rate_radps = 0.0;
+  };
+  /// All that it knows of what it was told.
+  struct Memory {
+    std::optional<std::chrono::nanoseconds> time;
+    double wheel_speed_mps = 0.0;
+    double yaw_rate_radps = 0.0;
+    double standing_s = 0.0;
+    std::deque<Step> steps;  ///< Oldest first.
+    double steps_s = 0.0;    ///< Their sum.
+    bool has_position = false;
+    bool has_heading = false;
+    std::size_t outliers_in_a_row = 0;
+    State state = State::Zero();
+    Covariance covariance = Covariance::Zero();
+  };
+
   explicit PoseFilter(const PoseFilterConfig& config);
+
+  [[nodiscard]] const Memory& memory() const { return memory_; }
+  /// Goes on from what another one of the same configuration knew.
+  void set_memory(Memory memory) { memory_ = std::move(memory); }
 
   /// Begins, or begins anew, with a pose that is known.
   void on_known_pose(std::chrono::nanoseconds time, const KnownPose& pose);
@@ -126,23 +156,14 @@ class PoseFilter {
   /// the filter remembers is reckoned with the oldest speed. False if it was taken for an outlier.
   bool on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age, const PlaneFix& fix);
 
-  [[nodiscard]] bool has_position() const { return has_position_; }
-  [[nodiscard]] std::size_t outliers_in_a_row() const { return outliers_in_a_row_; }
+  [[nodiscard]] bool has_position() const { return memory_.has_position; }
+  [[nodiscard]] std::size_t outliers_in_a_row() const { return memory_.outliers_in_a_row; }
   /// @pre  `has_position()`
   [[nodiscard]] PoseEstimate estimate() const;
 
  private:
-  static constexpr int kSize = 7;
-  using State = Eigen::Matrix<double, kSize, 1>;
-  using Covariance = Eigen::Matrix<double, kSize, kSize>;
   using FixJacobian = Eigen::Matrix<double, 2, kSize>;
 
-  // The sensors were constant over a step.
-  struct Step {
-    double duration_s = 0.0;
-    double wheel_speed_mps = 0.0;
-    double yaw_rate_radps = 0.0;
-  };
   // A past time, reckoned back from the present state.
   struct Past {
     Eigen::Vector2d moved_m{0.0, 0.0};            // Of the point, from then until now.
@@ -174,18 +195,7 @@ class PoseFilter {
   // Constant after construction.
   const PoseFilterConfig config_;
 
-  std::optional<std::chrono::nanoseconds> time_;
-  double wheel_speed_mps_ = 0.0;
-  double yaw_rate_radps_ = 0.0;
-  double standing_s_ = 0.0;
-  std::deque<Step> steps_;  // Oldest first.
-  double steps_s_ = 0.0;    // Their sum.
-
-  bool has_position_ = false;
-  bool has_heading_ = false;
-  std::size_t outliers_in_a_row_ = 0;
-  State state_ = State::Zero();
-  Covariance covariance_ = Covariance::Zero();
+  Memory memory_;
 };
 
 }  // namespace ads

@@ -104,6 +104,82 @@ QualityLimits read_limits(fastcycle::Context& context) {
   return limits;
 }
 
+using Doubles = google::protobuf::RepeatedField<double>;
+
+template <typename Matrix>
+void write(const Matrix& matrix, Doubles& doubles) {
+  doubles.Assign(matrix.data(), matrix.data() + matrix.size());
+}
+
+/// Leaves `matrix` as it is where the sizes differ.
+template <typename Matrix>
+void read(const Doubles& doubles, Matrix& matrix) {
+  if (doubles.size() == matrix.size()) {
+    std::copy(doubles.begin(), doubles.end(), matrix.data());
+  }
+}
+
+void write(const PoseFilter::Memory& memory, localization::PoseMemory& message) {
+  if (memory.time) {
+    message.set_time_ns(memory.time->count());
+  }
+  message.set_wheel_speed_mps(memory.wheel_speed_mps);
+  message.set_yaw_rate_radps(memory.yaw_rate_radps);
+  message.set_standing_s(memory.standing_s);
+  for (const PoseFilter::Step& step : memory.steps) {
+    localization::Step& its = *message.add_steps();
+    its.set_duration_s(step.duration_s);
+    its.set_wheel_speed_mps(step.wheel_speed_mps);
+    its.set_yaw_rate_radps(step.yaw_rate_radps);
+  }
+  message.set_steps_s(memory.steps_s);
+  message.set_has_position(memory.has_position);
+  message.set_has_heading(memory.has_heading);
+  message.set_outliers_in_a_row(memory.outliers_in_a_row);
+  write(memory.state, *message.mutable_state());
+  write(memory.covariance, *message.mutable_covariance());
+}
+
+PoseFilter::Memory read(const localization::PoseMemory& message) {
+  PoseFilter::Memory memory;
+  if (message.has_time_ns()) {
+    memory.time = std::chrono::nanoseconds(message.time_ns());
+  }
+  memory.wheel_speed_mps = message.wheel_speed_mps();
+  memory.yaw_rate_radps = message.yaw_rate_radps();
+  memory.standing_s = message.standing_s();
+  for (const localization::Step& step : message.steps()) {
+    memory.steps.push_back({.duration_s = step.duration_s(),
+                            .wheel_speed_mps = step.wheel_speed_mps(),
+                            .yaw_rate_radps = step.yaw_rate_radps()});
+  }
+  memory.steps_s = message.steps_s();
+  memory.has_position = message.has_position();
+  memory.has_heading = message.has_heading();
+  memory.outliers_in_a_row = message.outliers_in_a_row();
+  read(message.state(), memory.state);
+  read(message.covariance(), memory.covariance);
+  return memory;
+}
+
+void write(const SpeedFilter::Memory& memory, localization::SpeedMemory& message) {
+  if (memory.time) {
+    message.set_time_ns(memory.time->count());
+  }
+  write(memory.state, *message.mutable_state());
+  write(memory.covariance, *message.mutable_covariance());
+}
+
+SpeedFilter::Memory read(const localization::SpeedMemory& message) {
+  SpeedFilter::Memory memory;
+  if (message.has_time_ns()) {
+    memory.time = std::chrono::nanoseconds(message.time_ns());
+  }
+  read(message.state(), memory.state);
+  read(message.covariance(), memory.covariance);
+  return memory;
+}
+
 }  // namespace
 
 Localization::Localization(fastcycle::Context& context)
@@ -127,7 +203,10 @@ Localization::Localization(fastcycle::Context& context)
                                    .description = "And beside that, the share of that yaw rate"})),
       pose_(read_pose_config(context)),
       speed_(read_speed_config(context)),
-      egos_(context.create_publisher<localization::Ego>("localization/ego")) {
+      egos_(context.create_publisher<localization::Ego>("localization/ego")),
+      state_(context.state<localization::FilterState>("filter",
+                                                      [this](auto& state) { save(state); })) {
+  load(*state_);
   context.create_subscriber<mission::InitialPose>(
       "mission/initial_pose", [this](const mission::InitialPose& pose) { on_initial_pose(pose); });
   context.create_subscriber<gnss::Position>(
@@ -136,6 +215,48 @@ Localization::Localization(fastcycle::Context& context)
                                          [this](const imu::Motion& motion) { on_motion(motion); });
   context.create_subscriber<vehicle::State>(
       "vehicle/state", [this](const vehicle::State& state) { on_vehicle_state(state); });
+}
+
+void Localization::save(localization::FilterState& state) const {
+  write(pose_.memory(), *state.mutable_pose());
+  write(speed_.memory(), *state.mutable_speed());
+  const auto write_time = [&state](const std::optional<Time>& time, auto set) {
+    if (time) {
+      (state.*set)(time->count());
+    }
+  };
+  write_time(first_taken_, &localization::FilterState::set_first_taken_ns);
+  write_time(heard_.motion, &localization::FilterState::set_heard_motion_ns);
+  write_time(heard_.vehicle_state, &localization::FilterState::set_heard_vehicle_state_ns);
+  write_time(heard_.good_fix, &localization::FilterState::set_heard_good_fix_ns);
+  state.set_newest_ns(newest_.count());
+  state.set_fixes(fix_count_);
+  state.set_fixes_rejected(rejected_count_);
+  state.set_inputs_invalid(invalid_count_);
+  state.set_estimates_lost(lost_count_);
+  state.set_estimates_uncertain(uncertain_count_);
+}
+
+void Localization::load(const localization::FilterState& state) {
+  if (!state.has_pose()) {
+    return;  // It begins.
+  }
+  pose_.set_memory(read(state.pose()));
+  speed_.set_memory(read(state.speed()));
+  const auto read_time = [](bool is_there, std::int64_t ns) {
+    return is_there ? std::optional(Time(ns)) : std::nullopt;
+  };
+  first_taken_ = read_time(state.has_first_taken_ns(), state.first_taken_ns());
+  heard_.motion = read_time(state.has_heard_motion_ns(), state.heard_motion_ns());
+  heard_.vehicle_state =
+      read_time(state.has_heard_vehicle_state_ns(), state.heard_vehicle_state_ns());
+  heard_.good_fix = read_time(state.has_heard_good_fix_ns(), state.heard_good_fix_ns());
+  newest_ = Time(state.newest_ns());
+  fix_count_ = state.fixes();
+  rejected_count_ = state.fixes_rejected();
+  invalid_count_ = state.inputs_invalid();
+  lost_count_ = state.estimates_lost();
+  uncertain_count_ = state.estimates_uncertain();
 }
 
 void Localization::stop() {

@@ -10,6 +10,7 @@
 #include "gnss/position.pb.h"
 #include "imu/motion.pb.h"
 #include "localization/ego.pb.h"
+#include "localization/filter_state.pb.h"
 #include "mission/goal.pb.h"
 #include "quality.h"
 #include "speed_filter.h"
@@ -21,6 +22,7 @@ namespace ads {
 ///
 /// In:   `mission/initial_pose`, `gnss/position`, `imu/motion`, `vehicle/state`
 /// Out:  `localization/ego`, with every inertial measurement
+/// Keeps: `filter`, all that it remembers
 class Localization final : public fastcycle::Component {
  public:
   explicit Localization(fastcycle::Context& context);
@@ -41,6 +43,8 @@ class Localization final : public fastcycle::Component {
   template <typename Measurement>
   Time time_of(const Measurement& message);
 
+  void save(localization::FilterState& state) const;
+  void load(const localization::FilterState& state);
   void on_initial_pose(const mission::InitialPose& pose);
   void on_position(const gnss::Position& position);
   void on_motion(const imu::Motion& motion);
@@ -55,6 +59,7 @@ class Localization final : public fastcycle::Component {
   PoseFilter pose_;
   SpeedFilter speed_;
   fastcycle::Publisher<localization::Ego> egos_;
+  fastcycle::State<localization::FilterState> state_;
 
   std::optional<Time> first_taken_;
   Time newest_{};

@@ -16,9 +16,9 @@ double squared(double value) {
 }  // namespace
 
 SpeedFilter::SpeedFilter(const SpeedFilterConfig& config) : config_(config) {
-  covariance_ = Eigen::Vector3d(squared(kSpeed_mps), squared(kAcceleration_mps2),
-                                squared(config.acceleration_bias_mps2))
-                    .asDiagonal();
+  memory_.covariance = Eigen::Vector3d(squared(kSpeed_mps), squared(kAcceleration_mps2),
+                                       squared(config.acceleration_bias_mps2))
+                           .asDiagonal();
 }
 
 void SpeedFilter::on_wheel_speed(std::chrono::nanoseconds time, double mps) {
@@ -32,31 +32,32 @@ void SpeedFilter::on_acceleration(std::chrono::nanoseconds time, double mps2) {
 }
 
 void SpeedFilter::advance_to(std::chrono::nanoseconds time) {
-  const double passed_s = std::chrono::duration<double>(time - time_.value_or(time)).count();
-  time_ = std::max(time, time_.value_or(time));
+  const double passed_s = std::chrono::duration<double>(time - memory_.time.value_or(time)).count();
+  memory_.time = std::max(time, memory_.time.value_or(time));
   if (passed_s <= 0.0) {
     return;
   }
   if (passed_s > kLongestGap_s) {
     // What the acceleration was says nothing any more.
-    state_[1] = 0.0;
-    covariance_(0, 0) = squared(kSpeed_mps);
-    covariance_(1, 1) = squared(kAcceleration_mps2);
+    memory_.state[1] = 0.0;
+    memory_.covariance(0, 0) = squared(kSpeed_mps);
+    memory_.covariance(1, 1) = squared(kAcceleration_mps2);
     return;
   }
   Eigen::Matrix3d jacobian = Eigen::Matrix3d::Identity();
   jacobian(0, 1) = passed_s;
-  state_ = jacobian * state_;
-  covariance_ = jacobian * covariance_ * jacobian.transpose();
-  covariance_(1, 1) += squared(config_.jerk_mps3_per_sqrt_hz) * passed_s;
+  memory_.state = jacobian * memory_.state;
+  memory_.covariance = jacobian * memory_.covariance * jacobian.transpose();
+  memory_.covariance(1, 1) += squared(config_.jerk_mps3_per_sqrt_hz) * passed_s;
 }
 
 void SpeedFilter::update(const Eigen::Vector3d& jacobian, double measured, double noise) {
-  const Eigen::Vector3d spread = covariance_ * jacobian;
+  const Eigen::Vector3d spread = memory_.covariance * jacobian;
   const Eigen::Vector3d gain = spread / (jacobian.dot(spread) + squared(noise));
-  state_ += gain * (measured - jacobian.dot(state_));
+  memory_.state += gain * (measured - jacobian.dot(memory_.state));
   const Eigen::Matrix3d rest = Eigen::Matrix3d::Identity() - gain * jacobian.transpose();
-  covariance_ = rest * covariance_ * rest.transpose() + squared(noise) * gain * gain.transpose();
+  memory_.covariance =
+      rest * memory_.covariance * rest.transpose() + squared(noise) * gain * gain.transpose();
 }
 
 }  // namespace ads

@@ -25,23 +25,32 @@ struct SpeedFilterConfig {
 /// @threads  Confined.
 class SpeedFilter {
  public:
+  /// All that it knows of what it was told.
+  struct Memory {
+    std::optional<std::chrono::nanoseconds> time;
+    Eigen::Vector3d state = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  };
+
   explicit SpeedFilter(const SpeedFilterConfig& config);
+
+  [[nodiscard]] const Memory& memory() const { return memory_; }
+  /// Goes on from what another one of the same configuration knew.
+  void set_memory(const Memory& memory) { memory_ = memory; }
 
   void on_wheel_speed(std::chrono::nanoseconds time, double mps);
   void on_acceleration(std::chrono::nanoseconds time, double mps2);
 
-  [[nodiscard]] double speed_mps() const { return state_[0]; }
-  [[nodiscard]] double acceleration_mps2() const { return state_[1]; }
-  [[nodiscard]] double speed_variance() const { return covariance_(0, 0); }
+  [[nodiscard]] double speed_mps() const { return memory_.state[0]; }
+  [[nodiscard]] double acceleration_mps2() const { return memory_.state[1]; }
+  [[nodiscard]] double speed_variance() const { return memory_.covariance(0, 0); }
 
  private:
   void advance_to(std::chrono::nanoseconds time);
   void update(const Eigen::Vector3d& jacobian, double measured, double noise);
 
   const SpeedFilterConfig config_;
-  std::optional<std::chrono::nanoseconds> time_;
-  Eigen::Vector3d state_ = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance_;
+  Memory memory_;
 };
 
 }  // namespace ads

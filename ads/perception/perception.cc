@@ -165,12 +165,33 @@ Perception::Perception(fastcycle::Context& context)
                "What looked less like a vehicle has no class: sweeps for, less against"})),
       recognizer_(read_config(context)),
       ego_(context.create_history<localization::Ego>("localization/ego", {.depth = kPoses})),
-      objects_(context.create_publisher<perception::Objects>("perception/objects")) {
+      objects_(context.create_publisher<perception::Objects>("perception/objects")),
+      state_(context.state<perception::TrackerState>("tracker",
+                                                     [this](auto& state) { save(state); })) {
+  load(*state_);
   if (recognizer_.are_borders_sought()) {
     borders_.emplace(context.create_publisher<perception::Borders>("perception/borders"));
   }
   context.create_subscriber<lidar::Sweep>("lidar/points",
                                           [this](const lidar::Sweep& sweep) { on_sweep(sweep); });
+}
+
+void Perception::save(perception::TrackerState& state) const {
+  recognizer_.save(state);
+  state.set_sweeps(sweep_count_);
+  state.set_sweeps_invalid(invalid_count_);
+  state.set_objects_max(confirmed_max_);
+  state.set_borders_left(borders_left_);
+  state.set_borders_right(borders_right_);
+}
+
+void Perception::load(const perception::TrackerState& state) {
+  recognizer_.load(state);
+  sweep_count_ = state.sweeps();
+  invalid_count_ = state.sweeps_invalid();
+  confirmed_max_ = state.objects_max();
+  borders_left_ = state.borders_left();
+  borders_right_ = state.borders_right();
 }
 
 void Perception::stop() {

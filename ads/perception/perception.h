@@ -10,6 +10,7 @@
 #include "localization/ego.pb.h"
 #include "perception/borders.pb.h"
 #include "perception/objects.pb.h"
+#include "perception/tracker_state.pb.h"
 #include "recognizer.h"
 
 namespace ads {
@@ -18,12 +19,15 @@ namespace ads {
 ///
 /// In:   `lidar/points`, `localization/ego` (history)
 /// Out:  `perception/objects`, for each sweep; `perception/borders`, if they are sought
+/// Keeps: `tracker`, all that it remembers
 class Perception : public fastcycle::Component {
  public:
   explicit Perception(fastcycle::Context& context);
   void stop() override;
 
  private:
+  void save(perception::TrackerState& state) const;
+  void load(const perception::TrackerState& state);
   void on_sweep(const lidar::Sweep& sweep);
   [[nodiscard]] bool take_ego();
   void publish(std::int64_t time_ns, const SweepResult& result);
@@ -35,6 +39,7 @@ class Perception : public fastcycle::Component {
   fastcycle::History<localization::Ego> ego_;
   fastcycle::Publisher<perception::Objects> objects_;
   std::optional<fastcycle::Publisher<perception::Borders>> borders_;
+  fastcycle::State<perception::TrackerState> state_;
 
   EgoMotion motion_;
   std::int64_t sweep_count_ = 0;

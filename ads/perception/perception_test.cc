@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <stdexcept>
+#include <string>
 
 #include <fastcycle/testing.h>
 #include <gtest/gtest.h>
@@ -18,12 +20,11 @@ using std::chrono_literals::operator""ms;
 
 constexpr double kEgoSpeed_mps = 15.0;
 
-// A vehicle that drives along +x, one that is 20 m ahead and 2 m/s slower, and one to the left of
-// it.
-class PerceptionTest : public ::testing::Test {
+// A vehicle that drives along +x, one that is 20 m ahead and 2 m/s slower, one to the left of it,
+// and maybe somebody on two wheels to the right.
+class SweepsTest : public ::testing::Test {
  protected:
-  PerceptionTest() {
-    bench_.add<Perception>("perception", R"({"params": {"echoes_min": 100}})");
+  SweepsTest() {
     LidarConfig config;
     config.columns = 900;
     lidar_.emplace(config, 1);
@@ -46,6 +47,13 @@ class PerceptionTest : public ::testing::Test {
     scene.add_bodies()->set_id(2);
     place(*scene.mutable_bodies(0), 20.0 + 13.0 * time_s, 0.0);
     place(*scene.mutable_bodies(1), 12.0 + kEgoSpeed_mps * time_s, 3.5);
+    if (has_cyclist_) {
+      world::Body& cyclist = *scene.add_bodies();
+      cyclist.set_id(3);
+      place(cyclist, 10.0 + 16.0 * time_s, -3.0);
+      cyclist.set_length_m(1.8);
+      cyclist.set_width_m(0.7);
+    }
     return scene;
   }
 
@@ -93,6 +101,26 @@ class PerceptionTest : public ::testing::Test {
     return objects.back();
   }
 
+  // The same for a recognizer alone.
+  SweepResult give(const lidar::Sweep& sweep, Recognizer& recognizer) const {
+    const std::int64_t taken_ns = sweep.header().taken_ns();
+    EgoMotion motion;
+    for (int part = 0; part <= 10; ++part) {
+      const world::Scene scene =
+          scene_at(1e-9 * static_cast<double>(taken_ns - begin_ns_) + 0.01 * part);
+      motion.add({.time_ns = scene.header().taken_ns(),
+                  .position_m = {scene.ego().x_m(), 0.0},
+                  .speed_mps = kEgoSpeed_mps});
+    }
+    return recognizer.take({.taken_ns = taken_ns,
+                            .duration_ns = sweep.duration_ns(),
+                            .columns = sweep.columns(),
+                            .rings = sweep.rings(),
+                            .points = sweep.points(),
+                            .mount_height_m = sweep.mount_height_m()},
+                           motion);
+  }
+
   perception::Objects drive(int turns) {
     perception::Objects objects;
     for (int turn_count = 0; turn_count < turns; ++turn_count) {
@@ -101,6 +129,7 @@ class PerceptionTest : public ::testing::Test {
     return objects;
   }
 
+  bool has_cyclist_ = false;
   localization::Quality quality_ = localization::GOOD;
   std::int64_t begin_ns_ = 0;
   int turns_ = 0;
@@ -110,6 +139,11 @@ class PerceptionTest : public ::testing::Test {
   Bench::Input<localization::Ego> egos_ = bench_.input<localization::Ego>("localization/ego");
   Bench::Output<perception::Objects> objects_ =
       bench_.output<perception::Objects>("perception/objects");
+};
+
+class PerceptionTest : public SweepsTest {
+ protected:
+  PerceptionTest() { bench_.add<Perception>("perception", R"({"params": {"echoes_min": 100}})"); }
 };
 
 TEST_F(PerceptionTest, BothCarsAreFoundWithTheirSpeed) {
@@ -246,6 +280,93 @@ TEST_F(PerceptionTest, UnseenObjectsAreForgotten) {
   }
 
   EXPECT_EQ(objects.objects_size(), 0);
+}
+
+perception::TrackerState state_of(const Recognizer& recognizer) {
+  perception::TrackerState state;
+  recognizer.save(state);
+  return state;
+}
+
+TEST(RecognizerState, EmptyIsThatOfANewRecognizer) {
+  EXPECT_EQ(state_of(Recognizer(RecognizerConfig{})).SerializeAsString(), "");
+}
+
+// One recognizer takes all sweeps, the other one is made anew before each of them.
+TEST_F(SweepsTest, RecognizerThatTakesOverAStateGoesOnBitForBit) {
+  has_cyclist_ = true;
+  bench_.start();
+  RecognizerConfig config;
+  config.echoes_min = 100;
+  Recognizer recognizer(config);
+  std::string before;
+  for (int count = 0; count < 12; ++count) {
+    lidar::Sweep sweep = turn();
+    if (count == 7) {
+      sweep.clear_points();
+    }
+    perception::TrackerState state;
+    ASSERT_TRUE(state.ParseFromString(before));
+    Recognizer other(config);
+    other.load(state);
+    EXPECT_EQ(state_of(other).SerializeAsString(), before);
+
+    EXPECT_EQ(give(sweep, recognizer).reason.empty(), count != 7);
+    give(sweep, other);
+
+    before = state_of(recognizer).SerializeAsString();
+    EXPECT_EQ(state_of(other).SerializeAsString(), before) << "after sweep " << count;
+  }
+
+  const auto objects = state_of(recognizer).objects();
+  ASSERT_EQ(objects.size(), 3);
+  EXPECT_TRUE(
+      std::ranges::all_of(objects, [](const auto& object) { return object.is_confirmed(); }));
+  EXPECT_TRUE(std::ranges::any_of(objects, [](const auto& object) {
+    return object.track().begin_length_m() < 2.0;
+  })) << "nothing began as a two-wheeler";
+}
+
+TEST(RecognizerState, OfAnotherSizeIsRefused) {
+  perception::TrackerState state;
+  state.add_objects()->mutable_track()->add_state(1.0);
+  Recognizer recognizer{RecognizerConfig{}};
+
+  EXPECT_THROW(recognizer.load(state), std::invalid_argument);
+}
+
+// Perception that a test makes fail.
+class FailingPerception final : public Perception {
+ public:
+  explicit FailingPerception(fastcycle::Context& context) : Perception(context) {
+    context.create_subscriber<localization::Ego>(
+        "fault", [](const localization::Ego&) { throw std::runtime_error("a fault on purpose"); });
+  }
+};
+
+TEST(PerceptionRuns, ObjectThatIsMadeAnewGivesTheSameBytes) {
+  class Run : public SweepsTest {
+   public:
+    void TestBody() override {}
+    std::string bytes(bool fails) {
+      bench_.add<FailingPerception>("perception",
+                                    R"({"on_fault": "restart", "params": {"echoes_min": 100}})");
+      auto faults = bench_.input<localization::Ego>("fault");
+      bench_.start();
+      drive(6);
+      if (fails) {
+        faults.publish({});
+      }
+      const std::string bytes = drive(4).SerializeAsString();
+      bench_.stop();
+      EXPECT_EQ(bench_.faults("perception").size(), fails ? 1U : 0U);
+      EXPECT_EQ(std::get<std::int64_t>(bench_.result("perception", "sweeps")), 10);
+      EXPECT_EQ(std::get<std::int64_t>(bench_.result("perception", "objects_max")), 2);
+      return bytes;
+    }
+  };
+
+  EXPECT_EQ(Run().bytes(true), Run().bytes(false));
 }
 
 }  // namespace

@@ -37,6 +37,16 @@ struct Point {
 Recognizer::Recognizer(const RecognizerConfig& config)
     : config_(config), ground_(config.ground), tracker_(config.tracker) {}
 
+void Recognizer::save(perception::TrackerState& state) const {
+  tracker_.save(state);
+  state.set_last_sweep_ns(last_ns_);
+}
+
+void Recognizer::load(const perception::TrackerState& state) {
+  tracker_.load(state);
+  last_ns_ = state.last_sweep_ns();
+}
+
 SweepResult Recognizer::take(const SweepBytes& sweep, const EgoMotion& ego) {
   SweepResult result;
   borders_ = nullptr;

@@ -7,6 +7,7 @@
 
 #include "ego_motion.h"
 #include "ground.h"
+#include "perception/tracker_state.pb.h"
 #include "road_borders.h"
 #include "tracker.h"
 
@@ -55,6 +56,12 @@ struct SweepResult {
 class Recognizer {
  public:
   explicit Recognizer(const RecognizerConfig& config);
+
+  /// All that it remembers from one sweep to the next: one of the same configuration that takes it
+  /// over by `load` goes on bit for bit.
+  void save(perception::TrackerState& state) const;
+  /// @errors  As `Track`.
+  void load(const perception::TrackerState& state);
 
   /// @param ego  The vehicle's poses during the sweep.
   SweepResult take(const SweepBytes& sweep, const EgoMotion& ego);

@@ -4,10 +4,12 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 #include <tuple>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <fmt/format.h>
 
 #include "common/plane.h"
 
@@ -29,6 +31,20 @@ double squared(double value) {
   return value * value;
 }
 
+template <typename Matrix>
+void write(const Matrix& matrix, google::protobuf::RepeatedField<double>& values) {
+  values.Add(matrix.data(), matrix.data() + matrix.size());
+}
+
+template <typename Matrix>
+void read(Matrix& matrix, const google::protobuf::RepeatedField<double>& values) {
+  if (values.size() != matrix.size()) {
+    throw std::invalid_argument(fmt::format("state of a track: expected {} numbers, found {}",
+                                            matrix.size(), values.size()));
+  }
+  std::copy(values.begin(), values.end(), matrix.data());
+}
+
 }  // namespace
 
 Track::Track(const TrackConfig& config, std::int64_t time_ns, const Eigen::Vector2d& center_m,
@@ -40,6 +56,39 @@ Track::Track(const TrackConfig& config, std::int64_t time_ns, const Eigen::Vecto
       squared(config.forward_stddev_mps2), squared(config.forward_stddev_mps2), 0.0, 0.0;
   heading_covariance_ = Eigen::Vector2d(squared(kHeading_rad), squared(0.1)).asDiagonal();
   begin_size();
+}
+
+Track::Track(const TrackConfig& config, const perception::TrackState& state)
+    : config_(config),
+      time_ns_(state.time_ns()),
+      height_m_(state.height_m()),
+      has_course_(state.has_course()),
+      astray_(state.astray()),
+      misfits_(state.misfits()) {
+  read(state_, state.state());
+  read(covariance_, state.covariance());
+  read(heading_, state.heading());
+  read(heading_covariance_, state.heading_covariance());
+  config_.length_m = state.begin_length_m();
+  config_.length_stddev_m = state.begin_length_stddev_m();
+  config_.width_m = state.begin_width_m();
+  config_.width_stddev_m = state.begin_width_stddev_m();
+}
+
+void Track::save(perception::TrackState& state) const {
+  state.set_time_ns(time_ns_);
+  write(state_, *state.mutable_state());
+  write(covariance_, *state.mutable_covariance());
+  write(heading_, *state.mutable_heading());
+  write(heading_covariance_, *state.mutable_heading_covariance());
+  state.set_height_m(height_m_);
+  state.set_has_course(has_course_);
+  state.set_astray(astray_);
+  state.set_misfits(misfits_);
+  state.set_begin_length_m(config_.length_m);
+  state.set_begin_length_stddev_m(config_.length_stddev_m);
+  state.set_begin_width_m(config_.width_m);
+  state.set_begin_width_stddev_m(config_.width_stddev_m);
 }
 
 void Track::begin_size() {

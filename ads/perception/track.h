@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "box_view.h"
+#include "perception/tracker_state.pb.h"
 
 namespace ads {
 
@@ -50,6 +51,12 @@ class Track {
  public:
   Track(const TrackConfig& config, std::int64_t time_ns, const Eigen::Vector2d& center_m,
         double heading_rad);
+  /// As `state` tells; the size that it begins with is of there, and not of `config`.
+  ///
+  /// @errors  Throws `std::invalid_argument` if `state` is not of the size of a track's.
+  Track(const TrackConfig& config, const perception::TrackState& state);
+
+  void save(perception::TrackState& state) const;
 
   void predict(std::int64_t time_ns);
   /// A sweep has seen the object, at the time of the track.

@@ -57,6 +57,38 @@ double first_heading(const ObjectView& view, const Skyline& skyline,
 
 Tracker::Tracker(const TrackerConfig& config) : config_(config), clustering_(config.clustering) {}
 
+void Tracker::save(perception::TrackerState& state) const {
+  state.set_last_id(next_id_ - 1);
+  for (const TrackedObject& object : objects_) {
+    perception::TrackedObjectState& its = *state.add_objects();
+    its.set_id(object.id);
+    object.track.save(*its.mutable_track());
+    its.set_sightings(object.sightings);
+    its.set_missed(object.missed);
+    its.set_seen_ns(object.seen_ns);
+    its.set_is_confirmed(object.is_confirmed);
+    its.set_vehicle_likeness(object.vehicle_likeness);
+    its.set_two_wheeler_likeness(object.two_wheeler_likeness);
+    its.set_hollowness(object.hollowness);
+  }
+}
+
+void Tracker::load(const perception::TrackerState& state) {
+  next_id_ = state.last_id() + 1;
+  objects_.clear();
+  for (const perception::TrackedObjectState& its : state.objects()) {
+    objects_.push_back({.id = its.id(),
+                        .track = Track(config_.track, its.track()),
+                        .sightings = its.sightings(),
+                        .missed = its.missed(),
+                        .seen_ns = its.seen_ns(),
+                        .is_confirmed = its.is_confirmed(),
+                        .vehicle_likeness = its.vehicle_likeness(),
+                        .two_wheeler_likeness = its.two_wheeler_likeness(),
+                        .hollowness = its.hollowness()});
+  }
+}
+
 void Tracker::update(const SweepEchoes& sweep, const EgoMotion& ego) {
   skyline_.fill(sweep.echoes, sweep.mount_height_m);
   high_places_.fill(sweep.echoes, sweep.origin_m);

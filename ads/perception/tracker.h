@@ -8,6 +8,7 @@
 
 #include "clustering.h"
 #include "ego_motion.h"
+#include "perception/tracker_state.pb.h"
 #include "shape.h"
 #include "sight_lines.h"
 #include "skyline.h"
@@ -79,6 +80,11 @@ struct TrackedObject {
 class Tracker {
  public:
   explicit Tracker(const TrackerConfig& config);
+
+  /// The objects, and the ids given; `load` goes on from there.
+  void save(perception::TrackerState& state) const;
+  /// @errors  As `Track`.
+  void load(const perception::TrackerState& state);
 
   void update(const SweepEchoes& sweep, const EgoMotion& ego);
   /// No echoes can be used: tracks end that were not seen for too long by `time_ns`.

@@ -25,6 +25,16 @@ std::string_view to_string(DrivingState state) {
   return "off";
 }
 
+supervision::DrivingState message_of(DrivingState state) {
+  return static_cast<supervision::DrivingState>(state);
+}
+static_assert(static_cast<int>(DrivingState::kEngaged) == supervision::ENGAGED);
+static_assert(static_cast<int>(DrivingState::kStopped) == supervision::STOPPED);
+
+DrivingState driving_state_of(supervision::DrivingState state) {
+  return static_cast<DrivingState>(state);
+}
+
 bool is_autonomous(DrivingState state) {
   return state != DrivingState::kOff && state != DrivingState::kAvailable;
 }
@@ -105,6 +115,25 @@ bool DrivingStates::look_at(const Observation& observation) {
       return false;
   }
   return false;
+}
+
+void DrivingStates::save(supervision::DrivingMemory& memory) const {
+  memory.set_state(message_of(state_));
+  memory.set_reason(reason_);
+  memory.set_since_s(since_s_);
+  memory.set_weak_until_s(weak_until_s_);
+  if (standing_since_s_) {
+    memory.set_standing_since_s(*standing_since_s_);
+  }
+}
+
+void DrivingStates::load(const supervision::DrivingMemory& memory) {
+  state_ = driving_state_of(memory.state());
+  reason_ = memory.reason();
+  since_s_ = memory.since_s();
+  weak_until_s_ = memory.weak_until_s();
+  standing_since_s_ =
+      memory.has_standing_since_s() ? std::optional(memory.standing_since_s()) : std::nullopt;
 }
 
 }  // namespace ads

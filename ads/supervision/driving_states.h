@@ -6,6 +6,9 @@
 #include <string_view>
 #include <vector>
 
+#include "supervision/state.pb.h"
+#include "supervision/supervisor_state.pb.h"
+
 namespace ads {
 
 /// Whether the vehicle drives by itself; as in `supervision.DrivingState`.
@@ -19,6 +22,8 @@ enum class DrivingState : std::uint8_t {
 };
 
 std::string_view to_string(DrivingState state);
+supervision::DrivingState message_of(DrivingState state);
+DrivingState driving_state_of(supervision::DrivingState state);
 
 /// Whether the vehicle moves, or keeps itself standing, on its own.
 bool is_autonomous(DrivingState state);
@@ -64,6 +69,11 @@ class DrivingStates {
   /// Why it is not engaged, or only with care; empty otherwise.
   [[nodiscard]] const std::string& reason() const { return reason_; }
   [[nodiscard]] double since_s() const { return since_s_; }
+
+  /// Writes all that it remembers into `memory`, which is empty.
+  void save(supervision::DrivingMemory& memory) const;
+  /// Goes on where the one was that saved `memory`.
+  void load(const supervision::DrivingMemory& memory);
 
  private:
   [[nodiscard]] static std::string find_missing(const Observation& observation);

@@ -126,5 +126,35 @@ TEST(DrivingStates, AfterTheStopItStandsForHalfASecondBeforeItIsStopped) {
   EXPECT_TRUE(is_autonomous(states.state()));
 }
 
+TEST(DrivingStates, OneThatLoadsWhatAnotherSavedGoesOnAsItDoes) {
+  DrivingStates old = engaged();
+  Observation observation = all_is_well(3.0);
+  const auto look = [&](double time_s) {
+    supervision::DrivingMemory memory;
+    old.save(memory);
+    DrivingStates loaded({});
+    loaded.load(memory);
+    observation.time_s = time_s;
+    EXPECT_EQ(loaded.look_at(observation), old.look_at(observation)) << time_s;
+    EXPECT_EQ(loaded.state(), old.state()) << time_s;
+    EXPECT_EQ(loaded.reason(), old.reason()) << time_s;
+    EXPECT_EQ(loaded.since_s(), old.since_s()) << time_s;
+  };
+
+  observation.weaknesses = {"the position is uncertain"};
+  look(3.0);
+  observation.weaknesses.clear();
+  look(3.9);
+  look(4.0);
+  observation.failures = {"x"};
+  look(5.0);
+  observation.speed_mps = 0.01;
+  look(6.0);
+  look(6.4);
+  look(6.5);
+
+  EXPECT_EQ(old.state(), DrivingState::kStopped);
+}
+
 }  // namespace
 }  // namespace ads

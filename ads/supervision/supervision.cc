@@ -19,18 +19,19 @@ fastcycle::Time time_of(std::int64_t ns) {
   return fastcycle::Time(fastcycle::Duration(ns));
 }
 
-supervision::DrivingState message_of(DrivingState state) {
-  return static_cast<supervision::DrivingState>(state);
-}
-static_assert(static_cast<int>(DrivingState::kEngaged) == supervision::ENGAGED);
-static_assert(static_cast<int>(DrivingState::kStopped) == supervision::STOPPED);
-
 std::vector<Eigen::Vector2d> points_of(const hd_map::Line& line) {
   std::vector<Eigen::Vector2d> points;
   for (int i = 0; i < std::min(line.x_m_size(), line.y_m_size()); ++i) {
     points.emplace_back(line.x_m(i), line.y_m(i));
   }
   return points;
+}
+
+void write(const std::vector<Eigen::Vector2d>& points, hd_map::Line& line) {
+  for (const Eigen::Vector2d& point : points) {
+    line.add_x_m(point.x());
+    line.add_y_m(point.y());
+  }
 }
 
 bool is_finite(const localization::Ego& ego) {
@@ -76,11 +77,14 @@ Supervision::Supervision(fastcycle::Context& context)
                         .unit = "s",
                         .description = "Without a way other than to stop for longer, it stops"})),
       states_(context.create_publisher<supervision::State>("supervision/state")),
+      state_(context.state<supervision::SupervisorState>("supervisor",
+                                                         [this](auto& state) { save(state); })),
       ego_input_{"the ego pose", limit("ego_age_s", 0.1), {}},
       objects_input_{"the newest look at the objects", limit("objects_age_s", 0.4), {}},
       plan_input_{"the plan", limit("plan_age_s", 0.5), {}},
       command_input_{"the newest command", limit("command_age_s", 0.15), {}},
       vehicle_input_{"the vehicle's own state", limit("vehicle_age_s", 0.1), {}} {
+  load(*state_);
   context.create_subscriber<fastcycle::status::Status>(
       "fastcycle/status", [this](const fastcycle::status::Status& status) { on_status(status); });
   context.create_subscriber<localization::Ego>(
@@ -100,6 +104,105 @@ Supervision::Supervision(fastcycle::Context& context)
                                            [this](const mission::Goal& goal) { on_goal(goal); });
   context.create_subscriber<hd_map::Tile>("map/tile",
                                           [this](const hd_map::Tile& tile) { on_tile(tile); });
+}
+
+void Supervision::save(supervision::SupervisorState& state) const {
+  driving_.save(*state.mutable_driving());
+  const auto write_time = [&state](const std::optional<fastcycle::Time>& time, auto set) {
+    if (time) {
+      (state.*set)(time->time_since_epoch().count());
+    }
+  };
+  using Memory = supervision::SupervisorState;
+  write_time(ego_input_.taken, &Memory::set_ego_taken_ns);
+  write_time(objects_input_.taken, &Memory::set_objects_taken_ns);
+  write_time(plan_input_.taken, &Memory::set_plan_taken_ns);
+  write_time(command_input_.taken, &Memory::set_command_taken_ns);
+  write_time(vehicle_input_.taken, &Memory::set_vehicle_taken_ns);
+  write_time(engage_at_, &Memory::set_engage_at_ns);
+  write_time(sweeps_invalid_since_, &Memory::set_sweeps_invalid_since_ns);
+  write_time(plan_missing_since_, &Memory::set_plan_missing_since_ns);
+  write_time(last_look_, &Memory::set_last_look_ns);
+  *state.mutable_ego() = ego_;
+  state.set_sweep_reason(sweep_reason_);
+  state.set_plan_reason(plan_reason_);
+  state.set_plan_kind(plan_kind_);
+  state.mutable_failures()->Assign(failures_.begin(), failures_.end());
+  state.set_breach(breach_);
+  for (const auto& [chain, count] : breaches_) {
+    auto& breaches = *state.add_breaches();
+    breaches.set_chain(chain);
+    breaches.set_count(count);
+  }
+  for (const auto& [driving_state, duration_s] : seconds_in_) {
+    auto& duration = *state.add_durations();
+    duration.set_state(message_of(driving_state));
+    duration.set_duration_s(duration_s);
+  }
+  state.set_smallest_gap_m(smallest_gap_m_);
+  for (const Box& goal : picture_.goals) {
+    auto& rectangle = *state.mutable_goal();
+    rectangle.set_x_m(goal.center_m.x());
+    rectangle.set_y_m(goal.center_m.y());
+    rectangle.set_heading_rad(goal.heading_rad);
+    rectangle.set_length_m(goal.length_m);
+    rectangle.set_width_m(goal.width_m);
+  }
+  for (const DrivePicture::Event& event : picture_.events) {
+    auto& its = *state.add_events();
+    its.set_time_s(event.time_s);
+    its.set_text(event.text);
+  }
+  for (const auto& [id, lane] : lanes_) {
+    hd_map::Lane& its = *state.add_lanes();
+    its.set_id(id);
+    write(lane.left, *its.mutable_left());
+    write(lane.right, *its.mutable_right());
+  }
+  write(plan_path_, *state.mutable_plan_path());
+}
+
+void Supervision::load(const supervision::SupervisorState& state) {
+  if (!state.has_driving()) {
+    return;  // It begins.
+  }
+  driving_.load(state.driving());
+  const auto read_time = [](bool is_there, std::int64_t ns) {
+    return is_there ? std::optional(time_of(ns)) : std::nullopt;
+  };
+  ego_input_.taken = read_time(state.has_ego_taken_ns(), state.ego_taken_ns());
+  objects_input_.taken = read_time(state.has_objects_taken_ns(), state.objects_taken_ns());
+  plan_input_.taken = read_time(state.has_plan_taken_ns(), state.plan_taken_ns());
+  command_input_.taken = read_time(state.has_command_taken_ns(), state.command_taken_ns());
+  vehicle_input_.taken = read_time(state.has_vehicle_taken_ns(), state.vehicle_taken_ns());
+  engage_at_ = read_time(state.has_engage_at_ns(), state.engage_at_ns());
+  sweeps_invalid_since_ =
+      read_time(state.has_sweeps_invalid_since_ns(), state.sweeps_invalid_since_ns());
+  plan_missing_since_ = read_time(state.has_plan_missing_since_ns(), state.plan_missing_since_ns());
+  last_look_ = read_time(state.has_last_look_ns(), state.last_look_ns());
+  ego_ = state.ego();
+  sweep_reason_ = state.sweep_reason();
+  plan_reason_ = state.plan_reason();
+  plan_kind_ = state.plan_kind();
+  failures_.assign(state.failures().begin(), state.failures().end());
+  breach_ = state.breach();
+  for (const auto& breaches : state.breaches()) {
+    breaches_[breaches.chain()] = breaches.count();
+  }
+  for (const auto& duration : state.durations()) {
+    seconds_in_[driving_state_of(duration.state())] = duration.duration_s();
+  }
+  smallest_gap_m_ = state.smallest_gap_m();
+  if (state.has_goal()) {
+    set_goal(state.goal());
+  }
+  for (const auto& event : state.events()) {
+    picture_.events.push_back({.time_s = event.time_s(), .text = event.text()});
+  }
+  for (const hd_map::Lane& lane : state.lanes()) {
+    add_lane(lane);
+  }
+  plan_path_ = points_of(state.plan_path());
 }
 
 /// Since the vehicle was to drive by itself, once that is known.
@@ -168,18 +271,26 @@ void Supervision::on_goal(const mission::Goal& goal) {
   engage_at_ = time_of(goal.engage_ns());
   picture_.goals.clear();
   if (goal.has_rectangle()) {
-    picture_.goals.push_back({.center_m = {goal.rectangle().x_m(), goal.rectangle().y_m()},
-                              .heading_rad = goal.rectangle().heading_rad(),
-                              .length_m = goal.rectangle().length_m(),
-                              .width_m = goal.rectangle().width_m()});
+    set_goal(goal.rectangle());
   }
+}
+
+void Supervision::set_goal(const mission::Rectangle& rectangle) {
+  picture_.goals = {{.center_m = {rectangle.x_m(), rectangle.y_m()},
+                     .heading_rad = rectangle.heading_rad(),
+                     .length_m = rectangle.length_m(),
+                     .width_m = rectangle.width_m()}};
 }
 
 void Supervision::on_tile(const hd_map::Tile& tile) {
   for (const hd_map::Lane& lane : tile.lanes()) {
-    if (!lanes_.contains(lane.id())) {
-      lanes_[lane.id()] = {.left = points_of(lane.left()), .right = points_of(lane.right())};
-    }
+    add_lane(lane);
+  }
+}
+
+void Supervision::add_lane(const hd_map::Lane& lane) {
+  if (!lanes_.contains(lane.id())) {
+    lanes_[lane.id()] = {.left = points_of(lane.left()), .right = points_of(lane.right())};
   }
 }
 
@@ -256,8 +367,7 @@ void Supervision::add_event(std::string text) {
 }
 
 void Supervision::remember(const perception::Objects& objects) {
-  if (picture_.moments.size() >= kMomentsMax || !ego_input_.taken || !engage_at_ ||
-      now() < *engage_at_) {
+  if (!ego_input_.taken || !engage_at_ || now() < *engage_at_) {
     return;
   }
   DrivePicture::Moment moment{.time_s = seconds(now()),
@@ -281,7 +391,10 @@ void Supervision::remember(const perception::Objects& objects) {
       moment.objects.push_back({.id = object.id(), .box = box});
     }
   }
-  picture_.moments.push_back(std::move(moment));
+  smallest_gap_m_ = std::min(smallest_gap_m_, moment.gap_m);
+  if (picture_.moments.size() < kMomentsMax) {
+    picture_.moments.push_back(std::move(moment));
+  }
 }
 
 void Supervision::stop() {
@@ -294,12 +407,8 @@ void Supervision::stop() {
     std::ranges::replace(name, '-', '_');
     report(name, seconds_in_[state]);
   }
-  double gap_m = std::numeric_limits<double>::infinity();
-  for (const DrivePicture::Moment& moment : picture_.moments) {
-    gap_m = std::min(gap_m, moment.gap_m);
-  }
-  if (std::isfinite(gap_m)) {
-    report("smallest_perceived_gap_m", gap_m);
+  if (std::isfinite(smallest_gap_m_)) {
+    report("smallest_perceived_gap_m", smallest_gap_m_);
   }
   if (!picture_file_.get().empty()) {
     draw();

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -19,6 +21,7 @@
 #include "planning/plan.pb.h"
 #include "status/status.pb.h"
 #include "supervision/state.pb.h"
+#include "supervision/supervisor_state.pb.h"
 #include "vehicle/state.pb.h"
 
 namespace ads {
@@ -29,6 +32,7 @@ namespace ads {
 /// In:   `fastcycle/status`, `localization/ego`, `perception/objects`, `planning/plan`,
 ///       `control/command`, `vehicle/state`, `mission/goal`, `map/tile`
 /// Out:  `supervision/state`, with every tick of the Serve Timer; a picture, at the end
+/// Keeps: `supervisor`, all that it remembers but the moments of the picture
 class Supervision final : public fastcycle::Component {
  public:
   explicit Supervision(fastcycle::Context& context);
@@ -50,12 +54,16 @@ class Supervision final : public fastcycle::Component {
   fastcycle::Param<double> limit(std::string_view name, double fallback_s);
   [[nodiscard]] double seconds(fastcycle::Time time) const;
   [[nodiscard]] Observation observe_now() const;
+  void save(supervision::SupervisorState& state) const;
+  void load(const supervision::SupervisorState& state);
   void on_status(const fastcycle::status::Status& status);
   void on_ego(const localization::Ego& ego);
   void on_objects(const perception::Objects& objects);
   void on_plan(const planning::Plan& plan);
   void on_goal(const mission::Goal& goal);
   void on_tile(const hd_map::Tile& tile);
+  void set_goal(const mission::Rectangle& rectangle);
+  void add_lane(const hd_map::Lane& lane);
   void remember(const perception::Objects& objects);
   void add_event(std::string text);
   void draw();
@@ -68,6 +76,7 @@ class Supervision final : public fastcycle::Component {
   fastcycle::Param<double> invalid_sweeps_s_;
   fastcycle::Param<double> no_plan_s_;
   fastcycle::Publisher<supervision::State> states_;
+  fastcycle::State<supervision::SupervisorState> state_;
 
   Input ego_input_;
   Input objects_input_;
@@ -88,6 +97,7 @@ class Supervision final : public fastcycle::Component {
   std::map<std::string, std::uint64_t, std::less<>> breaches_;
   std::map<DrivingState, double> seconds_in_;
   std::optional<fastcycle::Time> last_look_;
+  double smallest_gap_m_ = std::numeric_limits<double>::infinity();
 
   DrivePicture picture_;
   std::map<std::int64_t, DrivePicture::Lane> lanes_;

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <stdexcept>
 
 #include <fastcycle/testing.h>
 #include <gmock/gmock.h>
@@ -23,12 +24,15 @@ class SupervisionTest : public ::testing::Test {
     bench_.add<Supervision>("supervision", R"({"serve_period_ms": 50, "params": {
         "essential": ["perception"], "picture": ")" +
                                                picture_.string() + R"("}})");
+  }
+  ~SupervisionTest() override { std::filesystem::remove(picture_); }
+
+  void SetUp() override {
     bench_.start();
     mission::Goal goal;
     goal.set_engage_ns(nanoseconds(bench_.now()));
     goals_.publish(goal);
   }
-  ~SupervisionTest() override { std::filesystem::remove(picture_); }
 
   static std::int64_t nanoseconds(fastcycle::Time time) { return time.time_since_epoch().count(); }
 
@@ -172,6 +176,106 @@ TEST_F(SupervisionTest, DrawsTheDriveAtTheEnd) {
   const std::string svg{std::istreambuf_iterator<char>(file), {}};
   EXPECT_THAT(svg, HasSubstr("</svg>"));
   EXPECT_THAT(svg, HasSubstr("off → engaged"));
+}
+
+/// Supervision that throws when it is told to.
+class FaultySupervision final : public fastcycle::Component {
+ public:
+  explicit FaultySupervision(fastcycle::Context& context)
+      : Component(context), supervision_(context) {
+    context.create_subscriber<common::Header>(
+        "test/fault", [](const common::Header&) { throw std::runtime_error("the test wants it"); });
+  }
+  void serve() override { supervision_.serve(); }
+  void stop() override { supervision_.stop(); }
+
+ private:
+  Supervision supervision_;
+};
+
+/// Beside the other one, on the same inputs.
+class FaultySupervisionTest : public SupervisionTest {
+ protected:
+  FaultySupervisionTest() {
+    // So that an object that is made anew does not get the newest again.
+    bench_.configure(R"({"topics": {"fastcycle/status": {"latched": 0}}})");
+    bench_.add<FaultySupervision>("faulty", R"({"serve_period_ms": 50, "on_fault": "restart",
+        "restart": {"limit": 100}, "remap": {"supervision/state": "faulty/state"},
+        "params": {"essential": ["perception"], "picture": ")" +
+                                                faulty_picture_.string() + R"("}})");
+  }
+  ~FaultySupervisionTest() override { std::filesystem::remove(faulty_picture_); }
+
+  void expect_same_states() {
+    const auto states = states_.take();
+    const auto faulty_states = faulty_states_.take();
+    ASSERT_EQ(faulty_states.size(), states.size());
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      EXPECT_EQ(faulty_states[i].SerializeAsString(), states[i].SerializeAsString())
+          << faulty_states[i].ShortDebugString() << "\n"
+          << states[i].ShortDebugString();
+    }
+  }
+
+  std::filesystem::path faulty_picture_ = picture_.string() + ".faulty.svg";
+  Bench::Input<common::Header> faults_ = bench_.input<common::Header>("test/fault");
+  Bench::Output<supervision::State> faulty_states_ =
+      bench_.output<supervision::State>("faulty/state");
+};
+
+TEST_F(FaultySupervisionTest, AnObjectThatIsMadeAnewGoesOnAsTheOldOneWouldHave) {
+  const auto fault_and_run = [this](std::chrono::milliseconds span) {
+    faults_.publish({});
+    run(span);
+  };
+  hd_map::Tile tile;
+  hd_map::Lane& lane = *tile.add_lanes();
+  for (const double x_m : {0.0, 50.0}) {
+    lane.mutable_left()->add_x_m(x_m);
+    lane.mutable_left()->add_y_m(2.0);
+    lane.mutable_right()->add_x_m(x_m);
+    lane.mutable_right()->add_y_m(-2.0);
+  }
+  tiles_.publish(tile);
+  fastcycle::status::Status status;
+  status.add_chains()->set_name("lidar_to_can");
+  status.mutable_chains(0)->set_breaches(3);
+  objects_.add_objects()->set_x_m(9.0);
+
+  run(200ms);
+  statuses_.publish(status);
+  fault_and_run(100ms);
+  statuses_.publish(status);
+  objects_.mutable_objects(0)->set_x_m(20.0);
+  fault_and_run(600ms);
+  fault_and_run(700ms);
+  objects_.set_is_sweep_valid(false);
+  objects_.set_reason("no echoes");
+  run(100ms);
+  has_sweeps_ = false;
+  fault_and_run(100ms);
+  has_sweeps_ = true;
+  objects_.set_is_sweep_valid(true);
+  plan_.set_kind(planning::NONE);
+  plan_.set_reason("a wall");
+  fault_and_run(800ms);
+  fault_and_run(800ms);
+  ego_.set_speed_mps(0.0);
+  fault_and_run(300ms);
+  fault_and_run(300ms);
+  expect_same_states();
+  bench_.stop();
+
+  EXPECT_EQ(bench_.faults("faulty").size(), 8);
+  for (const char* const name : {"state", "reason", "engaged_s", "degraded_s",
+                                 "minimal_risk_stop_s", "stopped_s", "smallest_perceived_gap_m"}) {
+    EXPECT_EQ(bench_.result("faulty", name), bench_.result("supervision", name)) << name;
+  }
+  EXPECT_EQ(bench_.result("faulty", "state"), fastcycle::ReportValue("stopped"));
+  std::ifstream file(faulty_picture_);
+  const std::string svg{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_THAT(svg, HasSubstr("off → engaged"));
+  EXPECT_THAT(svg, HasSubstr(R"(fill="#e9ecef")")) << "the lane";
 }
 
 }  // namespace

@@ -25,6 +25,7 @@
 #include "fastcycle/publisher.h"
 #include "fastcycle/qos.h"
 #include "fastcycle/sample.h"
+#include "fastcycle/state.h"
 #include "fastcycle/subscriber.h"
 #include "fastcycle/time.h"
 #include "fastcycle/timer.h"
@@ -87,6 +88,9 @@ void set_on_change(ComponentCore& core, const ParamSlot& slot, std::function<voi
 PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
                                 const google::protobuf::Message& default_instance,
                                 const google::protobuf::Message* prototype, bool is_external);
+google::protobuf::Message& declare_state(ComponentCore& core, std::string_view name,
+                                         const google::protobuf::Message& default_instance,
+                                         std::function<void(google::protobuf::Message&)> save);
 Subscription& create_subscription(ComponentCore& core, std::string_view topic,
                                   const google::protobuf::Message& default_instance,
                                   const SubscriberOptions& options, EnvelopeCallback callback);
@@ -263,6 +267,30 @@ class Context {
   template <Message T>
   [[nodiscard]] ExternalPublisher<T> create_external_publisher(
       std::string_view topic, const PublisherOptions<T>& options = {});
+
+  /// Declares state that FastCycle keeps for the component; see `State`. `name` is of a-z, 0-9 and
+  /// _.
+  template <Message T>
+  [[nodiscard]] State<T> state(std::string_view name) {
+    return State<T>(
+        static_cast<T&>(detail::declare_state(core_, name, T::default_instance(), nullptr)));
+  }
+  /// The same for a component that keeps its state in another form: `save`, called as `f(T&)` with
+  /// an empty message, writes it down when it is needed: for a key frame, after a callback; and
+  /// before the object is replaced. The constructor takes it over from the message:
+  ///
+  ///     : state_(context.state<demo::Estimate>("estimate", [this](auto& state) { save(state); }))
+  ///     {
+  ///       load(*state_);
+  ///     }
+  template <Message T, std::invocable<T&> F>
+  [[nodiscard]] State<T> state(std::string_view name, F save) {
+    return State<T>(static_cast<T&>(
+        detail::declare_state(core_, name, T::default_instance(),
+                              [save = std::move(save)](google::protobuf::Message& message) mutable {
+                                save(static_cast<T&>(message));
+                              })));
+  }
 
   /// Calls `callback` with every message of `topic`, in the order in which messages were published
   /// across all topics of this component, and never at the same time as another of its callbacks.

@@ -98,6 +98,13 @@ class PublisherCore {
   [[nodiscard]] std::size_t ask_external_credits();
   [[nodiscard]] bool wait_for_credit(const std::stop_token& stop);
 
+  /// The next message follows the one of this number: where a recorded run is executed again from
+  /// the middle.
+  void continue_after(std::uint64_t sequence) noexcept {
+    handed_over_ = sequence;
+    published_.set(sequence);
+  }
+
   /// An external publisher's lock; the others need none.
   [[nodiscard]] base::PriorityMutex& mutex() noexcept { return mutex_; }
 

@@ -25,6 +25,22 @@ class Stage {
   virtual void put(PublisherCore& publisher, Envelope* envelope) = 0;
 };
 
+/// Who writes down, at the end of an activation, what its component remembers.
+class KeyFrames {
+ public:
+  KeyFrames() = default;
+  KeyFrames(const KeyFrames&) = delete;
+  KeyFrames& operator=(const KeyFrames&) = delete;
+  virtual ~KeyFrames() = default;
+
+  /// At the end of each activation, while it may still publish.
+  virtual void end_activation() = 0;
+  /// The component's object is about to be replaced.
+  virtual void end_object() noexcept = 0;
+  /// Params were changed; `text` is what a log says of them.
+  virtual void change_params(std::uint64_t transaction, std::string_view text) = 0;
+};
+
 /// What a publisher must know of the component that owns it.
 ///
 /// @threads  Confined to the component's activations, and to the control thread before the start.
@@ -55,6 +71,7 @@ struct PublishingComponent {
   std::vector<PublisherCore*> asked = {};    ///< For credits.
   std::vector<PublisherId> publishers = {};  ///< All of its own. Constant once declared.
 
+  KeyFrames* key_frames = nullptr;  ///< Null where no state is declared.
   /// Where what it learns in its activations is kept; null if nobody records that.
   ReadRing* reads = nullptr;
   /// Where its activations are executed again: what they learned when they were recorded. Else

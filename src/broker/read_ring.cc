@@ -79,4 +79,9 @@ const ToldReads::Entry* ToldReads::take(ReadKind kind, PublisherId about, std::u
   return nullptr;
 }
 
+bool ToldReads::has(ReadKind kind) const noexcept {
+  return std::ranges::any_of(entries_,
+                             [kind](const Entry& entry) { return entry.read.kind == kind; });
+}
+
 }  // namespace fastcycle::detail

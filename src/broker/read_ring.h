@@ -26,6 +26,11 @@ enum class ReadKind : std::uint8_t {
   kParams,       ///< New values of params: a text.
   kResult,       ///< What became of a change of params: a text.
   kObserved,     ///< What `observe()` found: a text.
+  kKeyFrame,     ///< A key frame of declared state: its publisher, the message, which state.
+  kSequence,     ///< Of a key frame: a publisher, and its last message.
+  kHeld,         ///< Of a key frame: a message that a view holds.
+  kFrameNumber,  ///< Of a key frame: see `DeclaredStates::FrameNumber`.
+  kFrameParams,  ///< Of a key frame: all params that were changed: a text.
   kText,         ///< The next 1 to 8 bytes of the text before it; `place`: how many.
 };
 
@@ -96,6 +101,8 @@ class ToldReads {
   /// The first of this kind, about this publisher or place, that was not given yet. None if there
   /// is none: the activation asks for something that it did not ask for when it was recorded.
   [[nodiscard]] const Entry* take(ReadKind kind, PublisherId about = 0, std::uint32_t place = 0);
+  /// Whether there is one of this kind, given or not.
+  [[nodiscard]] bool has(ReadKind kind) const noexcept;
   /// Whether it was asked for something that was not recorded.
   [[nodiscard]] bool has_missed() const noexcept { return has_missed_; }
 

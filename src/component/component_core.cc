@@ -344,6 +344,9 @@ void ComponentCore::mute(bool is_muted) {
 void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValues& values,
                                 const std::string& text) {
   publishing.learned(ReadKind::kParams, text);
+  if (states != nullptr) {
+    states->change_params(transaction, text);
+  }
   // One that waits to be made anew will begin with them.
   const bool is_there = state == State::kStandby || state == State::kActive;
   if (is_there || state == State::kConstructed) {
@@ -529,8 +532,17 @@ void ComponentCore::await_threads(std::int64_t deadline_ns, const std::function<
             [this, deadline_ns, next] { await_threads(deadline_ns, next); });
 }
 
+void ComponentCore::begin_anew() {
+  destroy();
+  clear_timers();
+  make_anew();
+}
+
 void ComponentCore::replace(std::chrono::nanoseconds delay) {
   ++restart_count;
+  if (states != nullptr) {
+    states->end_object();
+  }
   destroy();
   end_old_subscriptions();
   drop_held(DropReason::kFault);

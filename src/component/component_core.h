@@ -72,6 +72,9 @@ class ComponentCore final : public Actor {
     return state == State::kStandby || state == State::kActive || state == State::kRestarting;
   }
 
+  /// Makes an object that was not started anew, of the state that it was given meanwhile, and
+  /// starts it. In an activation.
+  void begin_anew();
   /// Makes its object anew, as after a fault, but in order: it is deactivated and stopped before.
   /// In an activation. Returns why that cannot be done; empty if it was, whatever came of it, or
   /// will be, once its threads have ended.
@@ -204,10 +207,13 @@ class ComponentCore final : public Actor {
   std::vector<std::string> timer_labels;  ///< By number, once it was constructed.
   std::atomic<int> jobs{0};               ///< Work that it offloaded and that is being done.
   std::uint64_t jobs_made = 0;            ///< All that it ever offloaded; its own activations only.
-  std::uint64_t params_asked = 0;         ///< The same of changes of params that it asked for.
+  std::uint64_t jobs_ended = 0;           ///< Of these, those whose end it served.
+  std::uint64_t params_asked = 0;         ///< Changes of params that it ever asked for.
+  std::uint64_t params_answered = 0;      ///< Of these, those whose answer it served.
   std::vector<std::unique_ptr<OfferedDeadline>> offered;
   host::ParamTable param_table;
-  std::unique_ptr<config::ParamReader> params;       ///< While it is constructed.
+  std::unique_ptr<KeyFrames> states;            ///< `DeclaredStates`; null if it declared none.
+  std::unique_ptr<config::ParamReader> params;  ///< While it is constructed.
   std::vector<std::unique_ptr<ServiceEnd>> clients;  ///< Each is a `ClientCore`,
   std::vector<std::unique_ptr<ServiceEnd>> servers;  ///< and each of these a `ServerCore`.
   /// Of its servers, one for each client; made when the application is built.

@@ -15,6 +15,7 @@
 #include "component/component_core.h"
 #include "component/component_host.h"
 #include "component/declare.h"
+#include "component/declared_states.h"
 #include "component/time_driver.h"
 #include "config/nearest.h"
 #include "config/params.h"
@@ -114,6 +115,17 @@ PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
     check_pool(publisher, configured->second, *core.problems);
   }
   return publisher;
+}
+
+google::protobuf::Message& declare_state(ComponentCore& core, std::string_view name,
+                                         const google::protobuf::Message& default_instance,
+                                         std::function<void(google::protobuf::Message&)> save) {
+  assert_constructing(core, "state() of", name);
+  if (core.states == nullptr) {
+    core.states = std::make_unique<DeclaredStates>(core);
+  }
+  return static_cast<DeclaredStates&>(*core.states)
+      .declare(name, default_instance, std::move(save));
 }
 
 void watch_publisher(ComponentCore& core, PublisherCore& publisher, std::string_view topic,
@@ -280,7 +292,11 @@ void submit(ComponentCore& core, std::string_view executor, std::function<void()
 
 void post_fault_of_work(ComponentCore& core, std::uint64_t key, const std::string& what) {
   core.post(
-      detail::Cause::kFault, [what] { throw std::runtime_error("offloaded work threw: " + what); },
+      detail::Cause::kFault,
+      [&core, what] {
+        ++core.jobs_ended;
+        throw std::runtime_error("offloaded work threw: " + what);
+      },
       nullptr, key);
 }
 
@@ -325,6 +341,7 @@ void Context::offload(std::string_view executor, std::function<void()> work,
            core.post(
                detail::Cause::kJob,
                [&core, done, object] {
+                 ++core.jobs_ended;
                  // A restarted component is another object than the one that asked.
                  if (core.state == ComponentCore::State::kActive && core.restart_count == object) {
                    call_behind_work(core, done);

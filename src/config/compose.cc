@@ -30,8 +30,8 @@ Value empty_tree(const Value& file) {
       tree.set(key, *value);
     }
   }
-  for (const std::string_view key :
-       {"start_timeout_ms", "callback_limit_ms", "lifecycle_limit_ms", "status_period_ms"}) {
+  for (const std::string_view key : {"start_timeout_ms", "callback_limit_ms", "lifecycle_limit_ms",
+                                     "status_period_ms", "state_period_s"}) {
     if (const Value* time = file.find(key); time != nullptr && time->is_number()) {
       tree.set(key, *time);
     }
@@ -241,6 +241,11 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
     problems_.add(mistake(chains[0].place(),
                           "an included file cannot describe chains, only the one that is run"));
   }
+  if (const Value* period = part.find("state_period_s")) {
+    problems_.add(mistake(period->place(),
+                          "an included file cannot say how often key frames are written, only the "
+                          "one that is run"));
+  }
   if (const Value* period = part.find("status_period_ms")) {
     problems_.add(mistake(period->place(),
                           "an included file cannot say how often the status is published, only the "
@@ -396,7 +401,8 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       apply_overlay_optional(tree, key, value);
     } else if (key == "name" || key == "on_fault" || key == "log_level" || key == "library_path" ||
                key == "initial_mode" || key == "start_timeout_ms" || key == "callback_limit_ms" ||
-               key == "lifecycle_limit_ms" || key == "on_hang" || key == "status_period_ms") {
+               key == "lifecycle_limit_ms" || key == "on_hang" || key == "status_period_ms" ||
+               key == "state_period_s") {
       tree.set(key, value);
     }
   }

@@ -377,6 +377,7 @@ ApplicationDescription describe(const Value& tree) {
   application.on_fault = find_on_fault(tree).value_or(OnFault::kStopComponent);
   application.log_level = find_log_level(tree).value_or(application.log_level);
   application.status_period = find_ms(tree, "status_period_ms").value_or(application.status_period);
+  application.state_period = find_s(tree, "state_period_s").value_or(application.state_period);
   describe_library_path(tree, application);
   if (const Value* executors = find_array(tree, "executors")) {
     for (const Value& executor : executors->items()) {

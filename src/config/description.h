@@ -234,6 +234,7 @@ struct ApplicationDescription {
   std::optional<InspectDescription> inspect;                 ///< None: nobody may look.
   OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
   std::chrono::nanoseconds status_period{1'000'000'000};     ///< Of "fastcycle/status".
+  std::chrono::nanoseconds state_period{1'000'000'000};      ///< Of key frames; 0: none.
   LogLevel log_level = LogLevel::kInfo;  ///< Of its own lines; the default of its components.
   Place place;
   Value effective;  ///< The tree that all of this was read from; what `print` shows.

@@ -46,6 +46,9 @@ void Activator::activate(ActivationRing& ring, ActivationRecord record, Activati
   record.outcome = Outcome::kDone;
   try {
     body();
+    if (publishing.key_frames != nullptr) [[unlikely]] {
+      publishing.key_frames->end_activation();
+    }
   } catch (const std::exception& exception) {
     record.outcome = Outcome::kFault;
     fault_ = where() + exception.what();

@@ -141,6 +141,168 @@ TEST_F(ExactReplays, GoOnWithNewMessagesIfTheyAreToldTo) {
   expect_equal(replay(text, {.workers = 2, .input = ExactReplayOptions::Input::kNew}));
 }
 
+// ---- From the middle ----
+
+/// A number every 2 ms.
+class Numbers final : public Component {
+ public:
+  explicit Numbers(Context& context)
+      : Component(context),
+        count_(context.state<Int64Value>("count")),
+        numbers_(context.create_publisher<Int64Value>("numbers")) {}
+
+  void serve() override {
+    count_->set_value(count_->value() + 1);
+    auto number = numbers_.loan();
+    number->set_value(count_->value());
+    numbers_.publish(std::move(number));
+  }
+
+ private:
+  State<Int64Value> count_;
+  Publisher<Int64Value> numbers_;
+};
+
+/// Adds up what it hears, and the last numbers that its view has; saves it when it is asked.
+class Sums final : public Component {
+ public:
+  explicit Sums(Context& context)
+      : Component(context),
+        factor_(context.param<std::int64_t>("factor", {.fallback = 1, .is_tunable = true})),
+        last_(context.create_history<Int64Value>("numbers", {.depth = 5})),
+        sums_(context.create_publisher<Int64Value>("sums")),
+        state_(context.state<Int64Value>("sum", [this](Int64Value& sum) { sum.set_value(sum_); })),
+        sum_(state_->value()) {
+    context.on_change(factor_, [this](std::int64_t factor) { changed_ = factor; });
+    context.create_subscriber<Int64Value>(
+        "numbers", [this](const Int64Value& number) { add(number.value()); });
+  }
+
+ private:
+  void add(std::int64_t number) {
+    sum_ += number;
+    std::int64_t last = 0;
+    for (std::size_t i = 0; i < last_.size(); ++i) {
+      last = last * 31 + last_[i]->value();
+    }
+    auto sum = sums_.loan();
+    sum->set_value(sum_ * factor_.get() + last + changed_);
+    sums_.publish(std::move(sum));
+    if (number == 20) {
+      context().change_params({{.param = "sums.factor", .json = "3"}});
+    }
+  }
+
+  Param<std::int64_t> factor_;
+  History<Int64Value> last_;
+  Publisher<Int64Value> sums_;
+  State<Int64Value> state_;
+  std::int64_t sum_;
+  std::int64_t changed_ = 0;  ///< Follows from params.
+};
+
+/// Adds up, and says nothing of it.
+class Silent final : public Component {
+ public:
+  explicit Silent(Context& context)
+      : Component(context), secrets_(context.create_publisher<Int64Value>("secrets")) {
+    context.create_subscriber<Int64Value>("numbers", [this](const Int64Value& number) {
+      sum_ += number.value();
+      auto sum = secrets_.loan();
+      sum->set_value(sum_);
+      secrets_.publish(std::move(sum));
+    });
+  }
+
+ private:
+  Publisher<Int64Value> secrets_;
+  std::int64_t sum_ = 0;
+};
+
+/// Declares less than it remembers.
+class Forgetful final : public Component {
+ public:
+  explicit Forgetful(Context& context)
+      : Component(context),
+        state_(context.state<Int64Value>("nothing")),
+        all_(context.create_publisher<Int64Value>("all")) {
+    context.create_subscriber<Int64Value>("numbers", [this](const Int64Value& number) {
+      sum_ += number.value();
+      auto sum = all_.loan();
+      sum->set_value(sum_);
+      all_.publish(std::move(sum));
+    });
+  }
+
+ private:
+  State<Int64Value> state_;
+  Publisher<Int64Value> all_;
+  std::int64_t sum_ = 0;
+};
+
+constexpr const char* kKeeping = R"({"name": "keeping", "state_period_s": 0.02, "components": [
+  {"name": "numbers", "library": "numbers", "serve_period_ms": 2},
+  {"name": "sums", "library": "sums", "subscribers": {"numbers": {"depth": 256}}},
+  {"name": "silent", "library": "silent", "subscribers": {"numbers": {"depth": 256}}},
+  {"name": "forgetful", "library": "forgetful", "subscribers": {"numbers": {"depth": 256}}}]})";
+
+class FromTheMiddle : public ExactReplays {
+ protected:
+  FromTheMiddle() {
+    classes_.with<Numbers>("numbers").with<Sums>("sums").with<Silent>("silent").with<Forgetful>(
+        "forgetful");
+  }
+};
+
+TEST_F(FromTheMiddle, AComponentBeginsWithTheLastKeyFrameBefore) {
+  record(kKeeping, 300ms);
+
+  for (const auto input : {ExactReplayOptions::Input::kRecorded, ExactReplayOptions::Input::kNew}) {
+    const Results results = replay(kKeeping, {.input = input, .start = 200ms});
+
+    for (const char* name : {"numbers", "sums"}) {
+      const ExactReplayResult& result = results.at(name);
+      EXPECT_TRUE(result.is_equal()) << in_words(result);
+      EXPECT_GT(result.began_after, 0) << in_words(result);
+      EXPECT_LE(result.began_ns, 200'000'000) << in_words(result);
+      EXPECT_GT(result.began_ns, 100'000'000) << in_words(result);
+      EXPECT_EQ(result.activations, result.recorded - result.began_after) << in_words(result);
+      EXPECT_GT(result.outputs, 20) << in_words(result);
+      EXPECT_EQ(result.equal, result.outputs) << in_words(result);
+    }
+  }
+}
+
+TEST_F(FromTheMiddle, AComponentWithoutStateBeginsWithTheLog) {
+  record(kKeeping, 200ms);
+
+  const ExactReplayResult result = replay(kKeeping, {.start = 150ms}).at("silent");
+
+  EXPECT_EQ(result.began_after, 0);
+  EXPECT_TRUE(result.is_equal()) << in_words(result);
+  EXPECT_EQ(result.activations, result.recorded);
+}
+
+TEST_F(FromTheMiddle, AComponentThatDeclaresTooLittleIsFound) {
+  record(kKeeping, 200ms);
+
+  const ExactReplayResult result = replay(kKeeping, {.start = 150ms}).at("forgetful");
+
+  EXPECT_GT(result.began_after, 0);
+  ASSERT_TRUE(result.first_difference) << in_words(result);
+  EXPECT_EQ(result.first_difference->topic, "all");
+}
+
+TEST_F(FromTheMiddle, KeyFramesAreComparedToo) {
+  record(kKeeping, 200ms);
+
+  // The frames are outputs as others are: there are ten of them.
+  const ExactReplayResult result = replay(kKeeping).at("numbers");
+
+  EXPECT_TRUE(result.is_equal()) << in_words(result);
+  EXPECT_GT(result.outputs, result.activations);
+}
+
 // ---- What does not repeat ----
 
 std::int64_t system_clock_ns() {

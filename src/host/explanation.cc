@@ -73,7 +73,11 @@ record::Explanation explain(const config::ApplicationDescription& description,
   record::Explanation explanation;
   auto& facts = explanation.facts;
   facts["application"] = description.name;
-  facts["file"] = description.file.string();
+  // Whoever executes the log again finds from here what relative paths lead to.
+  std::error_code ignored;
+  facts["file"] = description.file.empty()
+                      ? std::string()
+                      : std::filesystem::absolute(description.file, ignored).string();
   facts["fastcycle"] = FASTCYCLE_VERSION;
   facts["clock"] = clock.is_simulated() ? "simulated" : "live";
   facts["start_ns"] = std::to_string(base::to_ns(clock.now()));

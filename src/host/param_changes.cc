@@ -298,6 +298,7 @@ void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
 void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange> changes,
                               std::function<void(const ParamsResult&)> done) {
   const std::uint64_t key = ComponentCore::kParamsAsked | ++component.params_asked;
+  component.params_answered += done ? 0 : 1;  // Nobody waits for an answer.
   const auto change = [this, &component, changes = std::move(changes), done = std::move(done),
                        object = component.restart_count, key] {
     // Where a recorded run is executed again, the log has what became of it.
@@ -310,6 +311,7 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
       return;
     }
     const auto tell = [&component, done, object, result] {
+      ++component.params_answered;
       // A restarted component is another object than the one that asked.
       const bool is_there = component.state == ComponentCore::State::kActive ||
                             component.state == ComponentCore::State::kStandby;

@@ -227,21 +227,23 @@ class Loader final : public Diarist {
   explicit Loader(Context& context)
       : Diarist(context),
         tiles_(context.create_publisher<Int64Value>(
-            "tiles", {.credits = 3, .on_credits = [this] { send(); }})) {}
+            "tiles", {.credits = 3, .on_credits = [this] { send(); }})),
+        count_(context.state<Int64Value>("count")) {}
 
   void serve() override { send(); }
 
  private:
   void send() {
-    while (count_ < 500 && tiles_.credits() > 0) {
+    while (count_->value() < 500 && tiles_.credits() > 0) {
       auto tile = tiles_.loan();
-      tile->set_value(++count_);
+      count_->set_value(count_->value() + 1);
+      tile->set_value(count_->value());
       tiles_.publish(std::move(tile));
     }
   }
 
   Publisher<Int64Value> tiles_;
-  std::int64_t count_ = 0;
+  State<Int64Value> count_;
 };
 
 class Unloader final : public Diarist {

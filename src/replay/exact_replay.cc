@@ -12,6 +12,7 @@
 #include "broker/pool.h"
 #include "broker/quality.h"
 #include "broker/topics.h"
+#include "component/declared_states.h"
 #include "config/nearest.h"
 #include "executor/activation.h"
 #include "executor/life_step.h"
@@ -115,6 +116,8 @@ struct ExactReplay::Player {
   bool is_wanted = false;
   std::size_t end = 0;  ///< Of the activations that can be executed.
   std::size_t next = 0;
+  bool is_beginning = false;  ///< `next` is the activation of the key frame that it begins at.
+  std::map<PublisherId, std::uint64_t> begun_after = {};  ///< Published before the key frame.
   bool is_running = false;
   ExactReplayResult result = {};
 
@@ -130,7 +133,22 @@ struct ExactReplay::Player {
 
   [[nodiscard]] bool is_over() const { return !is_wanted || next >= end; }
   [[nodiscard]] const RecordedActivation& activation() const { return recorded->activations[next]; }
+  /// Whether the message was published before the key frame at which it begins.
+  [[nodiscard]] bool is_before(PublisherId publisher, std::uint64_t sequence) const {
+    const auto found = begun_after.find(publisher);
+    return found != begun_after.end() && sequence <= found->second;
+  }
 };
+
+namespace {
+
+bool is_key_frame(const RecordedActivation& activation) {
+  return std::ranges::any_of(activation.reads, [](const auto& entry) {
+    return entry.read.kind == detail::ReadKind::kFrameNumber;
+  });
+}
+
+}  // namespace
 
 ExactReplay::ExactReplay(ApplicationHost& application, RecordedDriver& driver,
                          const record::RecordedSchedule& schedule, ExactReplayOptions options,
@@ -191,6 +209,12 @@ PublisherCore* ExactReplay::publisher(PublisherId id) const {
   return found == publishers_.end() ? nullptr : found->second;
 }
 
+bool ExactReplay::comes_from_log(const Key& key) const {
+  const auto producer = producers_.find(key.publisher);
+  return comes_from_log(key.publisher) ||
+         (producer != producers_.end() && producer->second->is_before(key.publisher, key.sequence));
+}
+
 bool ExactReplay::comes_from_log(PublisherId id) const {
   const bool is_recorded = recorded_publishers_.contains(id);
   return options_.input == ExactReplayOptions::Input::kRecorded ? is_recorded
@@ -200,16 +224,15 @@ bool ExactReplay::comes_from_log(PublisherId id) const {
 // ---- Who is executed ----
 
 /// Why the activations from the first gap on cannot be executed; empty if there is none.
-std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& recorded) const {
-  std::uint64_t expected = 1;
-  for (const RecordedActivation& activation : recorded.activations) {
+std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& recorded,
+                                  std::size_t first) {
+  std::uint64_t expected = recorded.activations[first].number;
+  for (std::size_t i = first; i < recorded.activations.size(); ++i) {
+    const RecordedActivation& activation = recorded.activations[i];
     if (activation.number != expected) {
-      return fmt::format(
-          "the log has no activation {}: the recorder could not take it, or the file "
-          "does not begin with the run",
-          expected);
+      return fmt::format("the log has no activation {}: the recorder could not take it", expected);
     }
-    if (activation.reads_lost > 0) {
+    if (activation.reads_lost > 0 && i > first) {
       return fmt::format(
           "{} things that activation {} or one before it learned came faster than "
           "the recorder took them",
@@ -232,15 +255,20 @@ std::string ExactReplay::why_not(const Player& player) const {
   if (activations.empty()) {
     return "the log has no activation of it";
   }
-  if (activations.front().number != 1) {
-    return fmt::format("the log begins with its activation {}: what it knew by then is not there",
-                       activations.front().number);
+  if (activations.front().number != 1 && !player.is_beginning) {
+    return fmt::format(
+        "the log begins with its activation {}, and has no key frame of its state{}",
+        activations.front().number,
+        player.core->states == nullptr ? ": it declares none" : " with all that it needs");
   }
-  if (activations.front().cause == Cause::kMode && activations.front().key == 0) {
+  if (activations.front().number == 1 && activations.front().cause == Cause::kMode &&
+      activations.front().key == 0) {
     return "the log was recorded by an earlier version, and does not say what its activations saw";
   }
-  for (const RecordedActivation& activation : activations) {
-    for (const Key& key : inputs_of(activation)) {
+  for (std::size_t i = player.next; i < activations.size(); ++i) {
+    const RecordedActivation& activation = activations[i];
+    for (const Key& key :
+         player.is_beginning&& i == player.next ? inputs_of(player) : inputs_of(activation)) {
       const PublisherCore* its = publisher(key.publisher);
       if (its == nullptr) {
         return fmt::format("a publisher of its inputs ({:016x}) is not in the application",
@@ -271,6 +299,7 @@ void ExactReplay::choose(config::Problems& problems) {
     player->is_wanted =
         player->is_wanted || (options_.components.empty() && player->recorded != nullptr);
   }
+  choose_frames();
   const auto note_producers = [this] {
     producers_.clear();
     for (const auto& player : players_) {
@@ -312,25 +341,25 @@ void ExactReplay::choose(config::Problems& problems) {
     player->result.is_executed = true;
     player->ring = std::make_unique<detail::ActivationRing>();
     player->own_stage = std::exchange(player->core->publishing.stage, &player->outputs);
-    driver_.clock(player->core->index)
-        .restart(base::from_ns(player->recorded->activations.front().time_ns));
-    if (std::string why = find_gap(*player->recorded); !why.empty()) {
+    driver_.clock(player->core->index).restart(base::from_ns(player->activation().time_ns));
+    if (std::string why = find_gap(*player->recorded, player->next); !why.empty()) {
       player->result.why = std::move(why);
-      std::uint64_t expected = 1;
-      const auto gap = std::ranges::find_if(
-          player->recorded->activations, [&](const RecordedActivation& activation) {
-            return activation.number != expected++ || activation.reads_lost > 0;
-          });
-      player->end = static_cast<std::size_t>(gap - player->recorded->activations.begin());
+      const auto& all = player->recorded->activations;
+      std::uint64_t expected = player->activation().number;
+      player->end = player->next;
+      while (all[player->end].number == expected++ &&
+             (all[player->end].reads_lost == 0 || player->end == player->next)) {
+        ++player->end;
+      }
     }
     // One that did not end is the last that the log has: it crashed, or the log was cut off.
-    if (player->end > 0 &&
+    if (player->end > player->next &&
         player->recorded->activations[player->end - 1].outcome == detail::Outcome::kRunning) {
       --player->end;
       player->result.why = fmt::format("activation {} had not ended when the log did",
                                        player->recorded->activations[player->end].number);
     }
-    total_ += player->end;
+    total_ += player->end - player->next;
   }
   if (!is_anyone && !problems.has_errors()) {
     std::string why;
@@ -359,11 +388,98 @@ std::vector<ExactReplay::Key> ExactReplay::inputs_of(const RecordedActivation& a
   return inputs;
 }
 
+std::vector<ExactReplay::Key> ExactReplay::inputs_of(const Player& player) {
+  if (!player.is_beginning) {
+    return inputs_of(player.activation());
+  }
+  std::vector<Key> inputs;
+  for (const detail::ToldReads::Entry& entry : player.activation().reads) {
+    if (entry.read.kind == detail::ReadKind::kKeyFrame ||
+        entry.read.kind == detail::ReadKind::kHeld) {
+      inputs.push_back({entry.read.publisher, entry.read.value});
+    }
+  }
+  return inputs;
+}
+
 void ExactReplay::count_uses() {
   for (const auto& player : players_) {
-    for (std::size_t i = 0; player->is_wanted && i < player->end; ++i) {
+    if (!player->is_wanted || player->next >= player->end) {
+      continue;
+    }
+    for (const Key& key : inputs_of(*player)) {
+      ++entries_[key].uses;
+    }
+    for (std::size_t i = player->next + 1; i < player->end; ++i) {
       for (const Key& key : inputs_of(player->recorded->activations[i])) {
         ++entries_[key].uses;
+      }
+    }
+  }
+}
+
+void ExactReplay::choose_frames() {
+  const bool is_asked = options_.start.has_value();
+  const std::int64_t start_ns =
+      base::to_ns(reader_.begin()) + options_.start.value_or(Duration(0)).count();
+  const auto may_begin_at = [&](const Player& player, const RecordedActivation& activation) {
+    return is_key_frame(activation) && (is_asked ? activation.time_ns <= start_ns
+                                                 : player.recorded->activations[0].number != 1);
+  };
+  // A key frame is of use if the log has the messages that it names.
+  std::set<std::pair<PublisherId, std::uint64_t>> missing;
+  for (const auto& player : players_) {
+    for (player->next = 0; player->is_wanted && player->next < player->end; ++player->next) {
+      if (may_begin_at(*player, player->activation())) {
+        player->is_beginning = true;
+        for (const Key& key : inputs_of(*player)) {
+          missing.emplace(key.publisher, key.sequence);
+        }
+      }
+    }
+    player->next = 0;
+    player->is_beginning = false;
+  }
+  if (missing.empty()) {
+    return;
+  }
+  reader_.rewind({.wanted = std::vector<bool>(reader_.streams().size(), true),
+                  .from = reader_.begin(),
+                  .to = reader_.end()});
+  for (auto moment = reader_.next(); !moment.empty(); moment = reader_.next()) {
+    for (const record::RecordedMessage& message : moment) {
+      missing.erase({reader_.streams()[message.stream].publisher_id, message.info.sequence});
+    }
+  }
+  for (const auto& player : players_) {
+    if (!player->is_wanted) {
+      continue;
+    }
+    // The first of a log that begins in the middle; else the last before the time.
+    std::optional<std::size_t> chosen;
+    for (player->next = 0; player->next < player->end; ++player->next) {
+      player->is_beginning = true;
+      if (may_begin_at(*player, player->activation()) &&
+          std::ranges::none_of(inputs_of(*player), [&](const Key& key) {
+            return missing.contains({key.publisher, key.sequence});
+          })) {
+        chosen = player->next;
+        if (!is_asked) {
+          break;
+        }
+      }
+    }
+    player->next = chosen.value_or(0);
+    player->is_beginning = chosen.has_value();
+    if (!chosen) {
+      continue;
+    }
+    const RecordedActivation& frame = player->activation();
+    player->result.began_after = frame.number;
+    player->result.began_ns = frame.time_ns - base::to_ns(reader_.begin());
+    for (const detail::ToldReads::Entry& entry : frame.reads) {
+      if (entry.read.kind == detail::ReadKind::kSequence) {
+        player->begun_after[entry.read.publisher] = entry.read.value;
       }
     }
   }
@@ -425,7 +541,11 @@ void ExactReplay::work(unsigned) {
     const RecordedActivation& activation = player->activation();
     player->is_running = true;
     lock.unlock();
-    execute(*player, activation);
+    if (player->is_beginning) {
+      begin_at(*player, activation);
+    } else {
+      execute(*player, activation);
+    }
     lock.lock();
     finish(*player, activation);
     player->is_running = false;
@@ -447,13 +567,13 @@ ExactReplay::Player* ExactReplay::next_ready() {
       continue;
     }
     const auto is_there = [this](const Key& key) { return entries_[key].envelope != nullptr; };
-    if (std::ranges::all_of(inputs_of(player->activation()), is_there)) {
+    if (std::ranges::all_of(inputs_of(*player), is_there)) {
       best = player.get();
     }
   }
   if (best != nullptr) {
     best->inputs.clear();
-    for (const Key& key : inputs_of(best->activation())) {
+    for (const Key& key : inputs_of(*best)) {
       Envelope* envelope = entries_[key].envelope;
       detail::retain(*envelope);
       best->inputs.emplace_back(key, envelope);
@@ -498,8 +618,11 @@ void ExactReplay::take(record::RecordedMessage& message) {
   const PublisherId id = reader_.streams()[message.stream].publisher_id;
   const auto producer = producers_.find(id);
   const Key key{id, message.info.sequence};
-  const bool is_compared = producer != producers_.end() && !producer->second->is_over();
-  if (listener != nullptr && producer != producers_.end()) {
+  const bool is_before =
+      producer != producers_.end() && producer->second->is_before(id, key.sequence);
+  const bool is_compared =
+      producer != producers_.end() && !is_before && !producer->second->is_over();
+  if (listener != nullptr && producer != producers_.end() && !is_before) {
     listener->is_recorded(
         *publisher(id), message.info,
         {reinterpret_cast<const char*>(message.data.data()), message.data.size()});
@@ -512,13 +635,13 @@ void ExactReplay::take(record::RecordedMessage& message) {
     found = entries_.emplace(key, Entry{}).first;
   }
   Entry& entry = found->second;
-  if (entry.uses > 0 && entry.envelope == nullptr && comes_from_log(id)) {
+  if (entry.uses > 0 && entry.envelope == nullptr && comes_from_log(key)) {
     entry.envelope = parse(id, message);
   }
-  if (producer == producers_.end()) {
+  if (producer == producers_.end() || is_before) {
     return;
   }
-  if (entry.uses > 0 && !comes_from_log(id)) {
+  if (entry.uses > 0 && !comes_from_log(key)) {
     entry.info = message.info;
     entry.info->publisher = id;
     entry.info->origin.root = message.info.origin.root == 0 ? id : message.info.origin.root;
@@ -571,7 +694,7 @@ void ExactReplay::end_waiting() {
       continue;
     }
     std::string why = "it was stopped";
-    for (const Key& key : inputs_of(player->activation())) {
+    for (const Key& key : inputs_of(*player)) {
       if (!is_stopped_ && entries_[key].envelope == nullptr) {
         const PublisherCore* its = publisher(key.publisher);
         why = fmt::format("activation {} needs message {} of \"{}\", which the log does not have",
@@ -592,6 +715,71 @@ void ExactReplay::end_waiting() {
 
 // ---- One activation ----
 
+/// Brings the component into the state that it had after the activation of a key frame: it is
+/// started, what it publishes meanwhile is dropped, and then it is given all that the frame has.
+void ExactReplay::begin_at(Player& player, const RecordedActivation& frame) {
+  using Number = detail::DeclaredStates::FrameNumber;
+  ComponentCore& core = *player.core;
+  driver_.clock(core.index).set_simulated(base::from_ns(frame.time_ns));
+  player.told.begin({});
+  const auto numbers = [&](Number place) -> std::optional<std::uint64_t> {
+    for (const detail::ToldReads::Entry& entry : frame.reads) {
+      if (entry.read.kind == detail::ReadKind::kFrameNumber && entry.read.place == place) {
+        return entry.read.value;
+      }
+    }
+    return std::nullopt;
+  };
+  if (core.states != nullptr) {
+    std::size_t input = 0;
+    for (const detail::ToldReads::Entry& entry : frame.reads) {
+      if (entry.read.kind != detail::ReadKind::kKeyFrame &&
+          entry.read.kind != detail::ReadKind::kHeld) {
+        continue;
+      }
+      const Envelope& envelope = *player.inputs[input++].second;
+      const auto& states = static_cast<detail::DeclaredStates&>(*core.states).all();
+      if (entry.read.kind == detail::ReadKind::kKeyFrame && entry.read.place < states.size() &&
+          states[entry.read.place]->value->GetDescriptor() == envelope.payload->GetDescriptor()) {
+        states[entry.read.place]->value->CopyFrom(*envelope.payload);
+      }
+    }
+  }
+  core.is_wanted = true;
+  if (const auto began = numbers(Number::kTimersBegan); began && *began > 0) {
+    core.timers_began = base::from_ns(static_cast<std::int64_t>(*began));
+  }
+  core.repeat_next(frame.number, player.told);
+  core.repeat(*player.ring, {.cause = Cause::kMode,
+                             .body = [&core] { core.begin_anew(); },
+                             .key = static_cast<std::uint64_t>(LifeStep::kStart)});
+  for (const detail::ToldReads::Entry& entry : frame.reads) {
+    if (entry.read.kind == detail::ReadKind::kFrameParams) {
+      const std::uint64_t transaction = numbers(Number::kTransaction).value_or(0);
+      config::Problems problems;
+      application_.put_recorded_params(core, transaction, entry.text, problems);
+      core.repeat_next(frame.number, player.told);
+      static_cast<void>(core.repeat_posted(*player.ring, Cause::kParameter, transaction));
+    }
+  }
+  core.hand_over_stage();
+  for (const Outputs::Output& output : player.outputs.all) {
+    detail::release(output.envelope);
+  }
+  player.outputs.all.clear();
+  core.restarts = static_cast<std::uint32_t>(numbers(Number::kRestarts).value_or(0));
+  core.first_restart_ns = static_cast<std::int64_t>(numbers(Number::kFirstRestart).value_or(0));
+  core.restart_count = numbers(Number::kObjects).value_or(0);
+  core.jobs_made = core.jobs_ended = numbers(Number::kJobs).value_or(0);
+  core.params_asked = core.params_answered = numbers(Number::kParamsAsked).value_or(0);
+  for (const auto& [id, sequence] : player.begun_after) {
+    if (PublisherCore* its = publisher(id)) {
+      its->continue_after(sequence);
+    }
+  }
+  show_views(player, frame, detail::ReadKind::kHeld);
+}
+
 void ExactReplay::execute(Player& player, const RecordedActivation& activation) {
   ComponentCore& core = *player.core;
   base::Clock& clock = driver_.clock(core.index);
@@ -602,7 +790,7 @@ void ExactReplay::execute(Player& player, const RecordedActivation& activation) 
     before_activation(core, activation.number);
   }
   const std::uint64_t before = player.ring->size();
-  show_views(player, activation);
+  show_views(player, activation, detail::ReadKind::kTaken);
   call(player, activation);
   if (player.ring->size() > before) {
     check_end(player, activation);
@@ -613,12 +801,16 @@ void ExactReplay::execute(Player& player, const RecordedActivation& activation) 
   }
 }
 
-/// The inputs that `activation` took beside its cause.
-void ExactReplay::show_views(Player& player, const RecordedActivation& activation) {
+/// The inputs that `activation` took beside its cause, or that a key frame says views hold.
+void ExactReplay::show_views(Player& player, const RecordedActivation& activation,
+                             detail::ReadKind kind) {
   const auto& views = player.core->subscriptions.views();
   std::size_t input = 0;
   for (const detail::ToldReads::Entry& entry : activation.reads) {
-    if (entry.read.kind != detail::ReadKind::kTaken) {
+    if (entry.read.kind == detail::ReadKind::kKeyFrame && kind == detail::ReadKind::kHeld) {
+      detail::release(player.inputs[input++].second);  // It was copied.
+    }
+    if (entry.read.kind != kind) {
       continue;
     }
     Envelope* const envelope = player.inputs[input++].second;
@@ -862,7 +1054,7 @@ void ExactReplay::note(Player& player, Source source, OutputDifference differenc
 
 /// Takes over what the activation published, and lets go of what it used. The mutex is held.
 void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
-  ++player.result.activations;
+  player.result.activations += std::exchange(player.is_beginning, false) ? 0 : 1;
   for (auto& [source, difference] : player.noted) {
     differ(player, source, std::move(difference));
   }
@@ -904,7 +1096,7 @@ void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
     } else {
       ++player.result.not_recorded;  // Its topic was left out.
     }
-    if (entry.uses > 0 && entry.envelope == nullptr && !comes_from_log(key.publisher)) {
+    if (entry.uses > 0 && entry.envelope == nullptr && !comes_from_log(key)) {
       entry.unstamped = output.envelope;
       if (entry.info || is_loaded_ || !recorded_publishers_.contains(key.publisher)) {
         stamp(entry);

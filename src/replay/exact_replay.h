@@ -37,6 +37,9 @@ struct ExactReplayOptions {
   /// new one.
   enum class Input : std::uint8_t { kRecorded, kNew };
   Input input = Input::kRecorded;
+  /// Where to begin, since the beginning of the run: each component at the last key frame of its
+  /// state before, one without key frames at the beginning of the log.
+  std::optional<Duration> start = {};
 };
 
 /// The first output of a component that is not what was recorded.
@@ -56,8 +59,11 @@ struct ExactReplayResult {
   std::string component = {};
   bool is_component = true;  ///< Of the application; else its messages come from the log.
   bool is_executed = false;
-  std::string why = {};           ///< Why it was not executed, or not to its end; else empty.
-  std::uint64_t recorded = 0;     ///< Activations that the log has.
+  std::string why = {};        ///< Why it was not executed, or not to its end; else empty.
+  std::uint64_t recorded = 0;  ///< Activations that the log has.
+  /// The activation behind which it began, at a key frame of its state; 0: it began at the first.
+  std::uint64_t began_after = 0;
+  std::int64_t began_ns = 0;      ///< When that was, since the run began.
   std::uint64_t activations = 0;  ///< Of these, executed.
   std::uint64_t outputs = 0;      ///< Compared.
   std::uint64_t equal = 0;
@@ -163,9 +169,15 @@ class ExactReplay {
   [[nodiscard]] bool comes_from_log(PublisherId id) const;
   void choose(config::Problems& problems);
   [[nodiscard]] std::string why_not(const Player& player) const;
-  [[nodiscard]] std::string find_gap(const record::RecordedSchedule::Component& recorded) const;
+  /// Chooses key frames to begin at, where that is asked for or needed.
+  void choose_frames();
+  [[nodiscard]] static std::string find_gap(const record::RecordedSchedule::Component& recorded,
+                                            std::size_t first);
   void count_uses();
   [[nodiscard]] static std::vector<Key> inputs_of(const record::RecordedActivation& activation);
+  /// What the next step of `player` needs: an activation, or a key frame to begin at.
+  [[nodiscard]] static std::vector<Key> inputs_of(const Player& player);
+  [[nodiscard]] bool comes_from_log(const Key& key) const;
 
   void work(unsigned worker);
   [[nodiscard]] Player* next_ready();
@@ -176,6 +188,7 @@ class ExactReplay {
   void give_up(Player& player, std::string why);
   void end_waiting();
 
+  void begin_at(Player& player, const record::RecordedActivation& frame);
   void execute(Player& player, const record::RecordedActivation& activation);
   void call(Player& player, const record::RecordedActivation& activation);
   void call_lifecycle(Player& player, const record::RecordedActivation& activation);
@@ -183,7 +196,8 @@ class ExactReplay {
   void call_params(Player& player, const record::RecordedActivation& activation);
   void call_message(Player& player, const record::RecordedActivation& activation);
   void call_posted(Player& player, const record::RecordedActivation& activation, const char* what);
-  void show_views(Player& player, const record::RecordedActivation& activation);
+  void show_views(Player& player, const record::RecordedActivation& activation,
+                  detail::ReadKind kind);
   [[nodiscard]] detail::Envelope* envelope_of(const Key& key);
   void check_end(Player& player, const record::RecordedActivation& activation);
   static void note(Player& player, Source source, OutputDifference difference);

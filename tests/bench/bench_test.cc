@@ -266,10 +266,11 @@ TEST_F(Bench, StartupReachesEverySubscriber) {
 TEST_F(Bench, RecordingStandsBesideTheSameWithoutIt) {
   const auto found = rows(few({"record", "--size", "64K,200K", "--dir", temporary_.path()}));
 
-  ASSERT_EQ(found.size(), 8U);
+  ASSERT_EQ(found.size(), 10U);
   EXPECT_EQ(peers_of(found),
             (std::multiset<std::string>{"background-park", "background-park", "floor-copy-park",
-                                        "floor-copy-park", "recorded-park", "recorded-park",
+                                        "floor-copy-park", "messages-only-park",
+                                        "messages-only-park", "recorded-park", "recorded-park",
                                         "without-park", "without-park"}));
   for (const json& row : found) {
     expect_times(row, 50);
@@ -303,7 +304,7 @@ TEST_F(Bench, InspectStandsBesideTheSameWithoutIt) {
 TEST_F(Bench, TraceStandsBesideTheSameWithoutIt) {
   const auto found = rows(few({"trace", "--wait", "park,adaptive", "--rounds", "2"}));
 
-  ASSERT_EQ(found.size(), 8U);
+  ASSERT_EQ(found.size(), 10U);
   EXPECT_EQ(peers_of(found),
             (std::multiset<std::string>{"traced-adaptive", "traced-adaptive", "traced-park",
                                         "traced-park", "without-adaptive", "without-adaptive",

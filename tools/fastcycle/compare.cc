@@ -192,8 +192,8 @@ std::string to_notes(const std::vector<host::ExactReplayResult>& results) {
     if (!result.is_executed && result.is_component) {
       text += fmt::format("{}: not executed: {}\n", result.component, result.why);
     } else if (!result.why.empty()) {
-      text += fmt::format("{}: up to activation {} of {}: {}\n", result.component,
-                          result.activations, result.recorded, result.why);
+      text += fmt::format("{}: {} activations of {}: {}\n", result.component, result.activations,
+                          result.recorded, result.why);
     }
     if (result.not_recorded > 0 && result.outputs == 0) {
       text += fmt::format("{}: {} messages that it published are on topics that the log lacks\n",

@@ -112,6 +112,9 @@ std::vector<std::string> words_for_gdb(const DebugOptions& options, std::uint64_
   add("--overlay", configuration.load.overlays);
   add("--library-path", configuration.library_path);
   add("--component", options.replaying.options.components);
+  if (!options.replaying.start.empty()) {
+    words.insert(words.end(), {"--start", options.replaying.start});
+  }
   words.insert(words.end(), {"--workers", "1", "--stop-before", std::to_string(activation)});
   return words;
 }

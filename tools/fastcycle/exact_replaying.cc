@@ -12,6 +12,7 @@
 #include "print.h"
 #include "record/recording_reader.h"
 #include "replay/recorded_driver.h"
+#include "rewriting.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -58,6 +59,11 @@ void ExactReplaying::add_to(CLI::App& line) {
   line.add_option("--workers", workers,
                   "Threads (as many as the machine has CPUs); the result does not depend on it")
       ->type_name("N");
+  line.add_option(
+          "--start", start,
+          "Begin here, from the beginning of the run: 8s. Each component begins at its last "
+          "key frame before; one that declares no state, at the beginning of the log")
+      ->type_name("TIME");
 }
 
 void ExactReplaying::add_input_to(CLI::App& line) {
@@ -80,6 +86,13 @@ std::string ExactReplaying::find_wrong() {
   options.input = input == "new" ? host::ExactReplayOptions::Input::kNew
                                  : host::ExactReplayOptions::Input::kRecorded;
   options.workers = std::max(1U, std::min(kMaxWorkers, std::thread::hardware_concurrency()));
+  if (!start.empty()) {
+    std::optional<std::uint64_t> start_ns;
+    if (std::string wrong = read_offset("--start", start, start_ns); !wrong.empty()) {
+      return wrong;
+    }
+    options.start = Duration(static_cast<std::int64_t>(start_ns.value_or(0)));
+  }
   if (!workers.empty()) {
     const char* const end = workers.data() + workers.size();
     const auto [last, error] = std::from_chars(workers.data(), end, options.workers);

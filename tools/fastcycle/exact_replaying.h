@@ -24,6 +24,7 @@ struct ExactReplaying {
   Configuration configuration = {};
   host::ExactReplayOptions options = {};
   std::string workers = {};
+  std::string start = {};
 
   std::string input = "recorded";
 

@@ -30,6 +30,8 @@ nlohmann::ordered_json to_json(const host::ExactReplayResult& result) {
   nlohmann::ordered_json json = {{"executed", result.is_executed},
                                  {"recorded_activations", result.recorded},
                                  {"activations", result.activations},
+                                 {"began_after_activation", result.began_after},
+                                 {"began_s", static_cast<double>(result.began_ns) / 1e9},
                                  {"outputs", result.outputs},
                                  {"equal", result.equal},
                                  {"not_recorded", result.not_recorded},
@@ -75,11 +77,15 @@ std::string to_table(const std::vector<host::ExactReplayResult>& results) {
     text +=
         fmt::format("{:<{}}  {:>11} {:>11} {:>11}{}\n", result.component, width, result.activations,
                     result.outputs, result.equal, result.is_equal() ? "" : "  DIFFERENT");
+    if (result.began_after > 0) {
+      text += fmt::format("  from its state after activation {} on, at {:.3f} s\n",
+                          result.began_after, static_cast<double>(result.began_ns) / 1e9);
+    }
     if (result.first_difference) {
       text += to_text(*result.first_difference);
     }
     if (!result.why.empty()) {
-      text += fmt::format("  up to activation {} of {}: {}\n", result.activations, result.recorded,
+      text += fmt::format("  {} activations of {}: {}\n", result.activations, result.recorded,
                           result.why);
     }
     if (result.not_recorded > 0) {

@@ -39,6 +39,7 @@ namespace {
 constexpr double kMega = 1e6;
 constexpr const char* kCopied = "floor-copy";
 constexpr const char* kRecorded = "recorded";
+constexpr const char* kMessages = "messages-only";  // Recorded without activations.
 constexpr const char* kBackground = "background";
 
 std::runtime_error trouble_with(const std::filesystem::path& file) {
@@ -104,6 +105,13 @@ std::int64_t memory(std::string_view name) {
     }
   }
   return 0;
+}
+
+/// What the process has taken of the CPUs so far.
+std::int64_t process_cpu_ns() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return time.tv_sec * 1'000'000'000 + time.tv_nsec;
 }
 
 /// The most that the process holds at once while this lives, beyond what it held when it began.
@@ -199,7 +207,7 @@ void add_recording(Finding& finding, const host::RecordingReport& recording,
 Finding measure_record(Session& session, const std::string& what, const std::string& wait,
                        std::int64_t size) {
   const Options& options = session.options();
-  const bool is_recorded = what == kRecorded || what == kBackground;
+  const bool is_recorded = what == kRecorded || what == kMessages || what == kBackground;
   Json json = application_beside(options, size, wait, session.folder());
   std::optional<RecordingFolder> folder;
   if (what != kWithout) {
@@ -208,6 +216,7 @@ Finding measure_record(Session& session, const std::string& what, const std::str
   if (is_recorded) {
     record_into(json, folder->file());
     json["record"]["background"] = what == kBackground;
+    json["record"]["activations"] = what != kMessages;
   }
   const PeakMemory peak;
   std::optional<Copying> copying;
@@ -215,13 +224,17 @@ Finding measure_record(Session& session, const std::string& what, const std::str
   if (what == kCopied) {
     hooks.after_start = [&] { copying.emplace(folder->file(), size, options.interval_us); };
   }
+  const std::int64_t cpu_begin_ns = process_cpu_ns();
   const Finished finished = session.run_application(json, hooks);
+  const std::int64_t cpu_ns = process_cpu_ns() - cpu_begin_ns;
   if (copying && copying->has_failed()) {
     throw std::runtime_error("bench: " + folder->file().string() + " could not be written");
   }
   copying.reset();
   Finding finding = finding_beside(session, what, wait, size, finished);
-  finding.row.more += fmt::format(",\"peak_bytes\":{}", peak.bytes());
+  finding.row.more += fmt::format(
+      ",\"peak_bytes\":{},\"process_cpu_us_per_msg\":{:.3f}", peak.bytes(),
+      static_cast<double>(cpu_ns) / 1e3 / static_cast<double>(options.count + options.warmup));
   if (is_recorded) {
     add_recording(finding, finished.report.recording.value(), folder->file());
   }
@@ -350,6 +363,7 @@ Mode record_mode(const Options& options, Session* session) {
                   {"transfer p50", "p50_us"},
                   {"transfer p99", "p99_us"},
                   {"lost", "lost", 0},
+                  {"process cpu/msg", "process_cpu_us_per_msg", 2},
                   {"recorded", "recorded", 0},
                   {"record lost", "record_lost", 0},
                   {"peak bytes", "peak_bytes", 0},
@@ -359,7 +373,7 @@ Mode record_mode(const Options& options, Session* session) {
   for (const std::int64_t size : options.sizes) {
     for (const std::string& wait : options.waits) {
       Point point;
-      for (const char* const what : {kWithout, kCopied, kRecorded, kBackground}) {
+      for (const char* const what : {kWithout, kCopied, kMessages, kRecorded, kBackground}) {
         point.steps.push_back(
             {.peer = fmt::format("{}-{}", what, wait), .measure = [session, what, wait, size] {
                return measure_record(*session, what, wait, size);

@@ -91,7 +91,8 @@ std::string topics_text(const protocol::Overview& overview, const std::string& c
   std::vector<std::vector<std::string>> heard;
   for (const protocol::Topic& topic : overview.topics()) {
     for (const protocol::Publisher& publisher : topic.publishers()) {
-      if (publisher.component() == component) {
+      const bool is_state = topic.name().starts_with(component + "#state/");
+      if (publisher.component() == component && !is_state) {
         published.push_back(
             {topic.name(), topic.type(), count_text(publisher.published(), "message")});
       }
@@ -108,6 +109,23 @@ std::string topics_text(const protocol::Overview& overview, const std::string& c
   return (published.empty() ? "\nIt publishes nothing.\n"
                             : "\npublishes\n" + table_text(published, "  ")) +
          (heard.empty() ? "\nIt subscribes to nothing.\n" : "\nhears\n" + table_text(heard, "  "));
+}
+
+/// The state that it declares; nothing if it declares none.
+std::string states_text(const protocol::Overview& overview, const std::string& component) {
+  const std::string begin = component + "#state/";
+  std::vector<std::vector<std::string>> states;
+  for (const protocol::Topic& topic : overview.topics()) {
+    if (topic.name().starts_with(begin)) {
+      std::uint64_t frames = 0;
+      for (const protocol::Publisher& publisher : topic.publishers()) {
+        frames += publisher.published();
+      }
+      states.push_back({topic.name().substr(begin.size()), topic.type(),
+                        count_text(frames, "key frame"), "fastcycle topic echo " + topic.name()});
+    }
+  }
+  return states.empty() ? "" : "\nkeeps\n" + table_text(states, "  ");
 }
 
 std::string info_text(const protocol::Component& component, const protocol::Overview& overview) {
@@ -134,7 +152,8 @@ std::string info_text(const protocol::Component& component, const protocol::Over
   for (const auto& row : rows) {
     text += table_text({{row[0] + std::string(13 - row[0].size(), ' ') + row[1]}});
   }
-  return text + callbacks_text(component) + topics_text(overview, component.name());
+  return text + callbacks_text(component) + topics_text(overview, component.name()) +
+         states_text(overview, component.name());
 }
 
 int info(const ComponentOptions& options) {

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include <dlfcn.h>
+#include <nlohmann/json.hpp>
 
 #include "command.h"
 #include "fastcycle/version.h"
@@ -262,6 +263,15 @@ std::string configure_commands() {
   return "  cmake -B build" + (is_found ? "" : " -DCMAKE_PREFIX_PATH=" + prefix.string()) + "\n";
 }
 
+/// This program, as text in a JSON string.
+std::string program_file() {
+  std::error_code error;
+  const fs::path file = fs::read_symlink("/proc/self/exe", error);
+  const std::string text = nlohmann::json(error ? "fastcycle" : file.string())
+                               .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return text.substr(1, text.size() - 2);
+}
+
 void new_app(const std::string& name) {
   check_name(name);
   if (fs::exists(fs::symlink_status(name))) {
@@ -271,6 +281,7 @@ void new_app(const std::string& name) {
   changes.add_templates("app", name,
                         {{"name", name},
                          {"Class", class_name(name)},
+                         {"fastcycle", program_file()},
                          {"version", std::to_string(FASTCYCLE_VERSION_MAJOR) + "." +
                                          std::to_string(FASTCYCLE_VERSION_MINOR)}});
   changes.write();
