@@ -282,6 +282,35 @@ std::string ExactReplay::why_not(const Player& player) const {
   return {};
 }
 
+void ExactReplay::add_sources() {
+  for (bool is_changed = true; is_changed;) {
+    is_changed = false;
+    for (const auto& player : players_) {
+      if (!player->is_wanted || player->recorded == nullptr) {
+        continue;
+      }
+      std::set<PublisherId> inputs;
+      for (const RecordedActivation& activation : player->recorded->activations) {
+        for (const Key& key : inputs_of(activation)) {
+          inputs.insert(key.publisher);
+        }
+      }
+      for (const PublisherId input : inputs) {
+        const PublisherCore* its = publisher(input);
+        if (its == nullptr || recorded_publishers_.contains(input) || its->options.is_external) {
+          continue;
+        }
+        Player* const source = find_player(its->owner.name);
+        if (source != nullptr && !source->is_wanted && source->recorded != nullptr) {
+          source->is_wanted = true;
+          source->result.is_source = true;
+          is_changed = true;
+        }
+      }
+    }
+  }
+}
+
 void ExactReplay::choose(config::Problems& problems) {
   std::vector<std::string> known;
   for (const auto& player : players_) {
@@ -299,6 +328,7 @@ void ExactReplay::choose(config::Problems& problems) {
     player->is_wanted =
         player->is_wanted || (options_.components.empty() && player->recorded != nullptr);
   }
+  add_sources();
   choose_frames();
   const auto note_producers = [this] {
     producers_.clear();
@@ -324,7 +354,7 @@ void ExactReplay::choose(config::Problems& problems) {
         player->is_wanted = false;
         player->result.why = std::move(why);
         is_changed = true;
-        if (!options_.components.empty()) {
+        if (!options_.components.empty() && !player->result.is_source) {
           problems.add(
               config::mistake({}, "component \"" + player->core->name +
                                       "\" cannot be executed again: " + player->result.why));

@@ -30,7 +30,8 @@ namespace fastcycle::host {
 /// How a recorded run is executed again.
 struct ExactReplayOptions {
   std::vector<std::filesystem::path> files = {};
-  /// Who is executed. Empty: all whose inputs the recording has.
+  /// Who is executed, and with them those who published what they need and was not recorded.
+  /// Empty: all whose inputs the recording has.
   std::vector<std::string> components = {};
   unsigned workers = 1;
   /// What a component is given of another one that is executed too: the recorded message, or the
@@ -59,6 +60,7 @@ struct ExactReplayResult {
   std::string component = {};
   bool is_component = true;  ///< Of the application; else its messages come from the log.
   bool is_executed = false;
+  bool is_source = false;      ///< Executed since another one needs what it published unrecorded.
   std::string why = {};        ///< Why it was not executed, or not to its end; else empty.
   std::uint64_t recorded = 0;  ///< Activations that the log has.
   /// The activation behind which it began, at a key frame of its state; 0: it began at the first.
@@ -169,6 +171,8 @@ class ExactReplay {
   [[nodiscard]] bool comes_from_log(PublisherId id) const;
   void choose(config::Problems& problems);
   [[nodiscard]] std::string why_not(const Player& player) const;
+  /// Executes also those who published what was not recorded and is needed.
+  void add_sources();
   /// Chooses key frames to begin at, where that is asked for or needed.
   void choose_frames();
   [[nodiscard]] static std::string find_gap(const record::RecordedSchedule::Component& recorded,

@@ -142,6 +142,32 @@ class Alarm final : public fastcycle::Component {
   }
 };
 
+/// Adds up what it hears on `numbers`, in declared state, and says so on `totals`. Has the flight
+/// recorder write at the number `dump_at`.
+class Tally final : public fastcycle::Component {
+ public:
+  explicit Tally(fastcycle::Context& context)
+      : Component(context),
+        dump_at_(context.param<std::int64_t>("dump_at", {.fallback = 0})),
+        sum_(context.state<launcher::Number>("sum")),
+        totals_(context.create_publisher<launcher::Number>("totals")) {
+    context.create_subscriber<launcher::Number>("numbers", [this](const launcher::Number& number) {
+      sum_->set_value(sum_->value() + number.value());
+      auto total = totals_.loan();
+      total->set_value(sum_->value());
+      totals_.publish(std::move(total));
+      if (number.value() == dump_at_.get()) {
+        this->context().dump_flight_recorder("the test says so");
+      }
+    });
+  }
+
+ private:
+  fastcycle::Param<std::int64_t> dump_at_;
+  fastcycle::State<launcher::Number> sum_;
+  fastcycle::Publisher<launcher::Number> totals_;
+};
+
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Counter, Adder, Trouble, Alarm)
+FASTCYCLE_COMPONENTS(Counter, Adder, Trouble, Alarm, Tally)

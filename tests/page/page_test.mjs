@@ -381,6 +381,40 @@ test("what is wrong is said", async () => {
   assert.ok(!existsSync(at("x.html")) && !existsSync(at("none.html")) && !existsSync(at("bad.html")));
 });
 
+test("a comparison shows both drives, and what differs", async (page, open) => {
+  // With so few ways to choose from the vehicle is driven another way.
+  const words = ["compare", drive, application, "--continue-with", "new", "--set", "motion_planning.beam=8",
+                 "--set", "motion_planning.horizon_min_s=2", "--set", "motion_planning.horizon_max_s=3"];
+  const made = run(...words, "--page", "both.html", "--report", "both.json");
+  assert.equal(made.status, 3, made.stderr);
+  assert.match(made.stdout, /^planning\/plan +\d+ +[1-9]\d*/m);
+  const other = await open("both.html");
+  await seek(other, 12);
+  await paint(other);
+  const drawn = await pixels(other, "--new");
+  assert.ok(drawn > 100, `${drawn} pixels of the new drive`);
+  await other.uncheck("#show_new");
+  await paint(other);
+  assert.ok((await pixels(other, "--new")) < drawn / 10);
+  await other.check("#show_new");
+  const labels = await other.evaluate(() => window.fastcycle.plots.plots[0].series.slice(1).map(({ label }) => label));
+  assert.deepEqual(labels, ["vehicle", "plan", "vehicle (new)", "plan (new)"]);
+  // The list leads to where the largest change is.
+  const { topics } = JSON.parse(readFileSync(at("both.json"), "utf8"));
+  const plans = topics.find(({ topic }) => topic === "planning/plan");
+  const field = plans.fields.find((one) => one.max_at);
+  const row = other.locator("#differences tr", { hasText: "planning/plan" });
+  assert.match(await row.textContent(), new RegExp(`${plans.different} of ${plans.compared}`));
+  await other.locator("#differences button", { hasText: field.field }).first().click();
+  await paint(other);
+  await picture(other, "page_both");
+  assert.equal(await page.isVisible("#differences_title"), false);
+  await other.setViewportSize({ width: 390, height: 844 });
+  await paint(other);
+  assert.ok((await other.evaluate(() => document.documentElement.scrollWidth)) <= 390);
+  await other.close();
+});
+
 test("it shows the log's lines until the time", async (page, open) => {
   writeFileSync(at("log.json"), JSON.stringify({
     components: [{ name: "logging", params: { file: "log.mcap", topics: ["**", "fastcycle/log"] } }] }));

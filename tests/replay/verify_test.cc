@@ -184,6 +184,25 @@ TEST_F(Verify, OneComponentAloneIsExecuted) {
   EXPECT_FALSE(components()["counter"]["executed"]);
 }
 
+TEST_F(Verify, WhoPublishedWhatWasNotRecordedIsExecutedToo) {
+  folder_.write("app.json", R"({"name": "parts", "components": [
+      {"name": "counter", "library": "launcher_parts", "class": "Counter", "serve_period_ms": 1,
+       "params": {"count": 100}},
+      {"name": "adder", "library": "launcher_parts", "class": "Adder",
+       "subscribers": {"numbers": {"depth": 256}}}]})");
+  record((folder_ / "app.json").string(), {"--record-topics", "sums"});
+
+  ASSERT_EQ(fastcycle({"verify", "live.mcap", "--component", "adder", "--report", "report.json"}),
+            0)
+      << output_ << errors_;
+
+  EXPECT_EQ(components()["adder"]["outputs"], 100);
+  EXPECT_EQ(components()["adder"]["equal"], 100);
+  EXPECT_FALSE(components()["adder"]["executed_for_others"]);
+  EXPECT_TRUE(components()["counter"]["executed_for_others"]);
+  EXPECT_THAT(output_, HasSubstr("executed too"));
+}
+
 TEST_F(Verify, ALogThatIsCutOffIsExecutedAsFarAsItGoes) {
   record_parts();
   const std::filesystem::path whole = folder_ / "live.mcap";
@@ -200,6 +219,59 @@ TEST_F(Verify, ALogThatIsCutOffIsExecutedAsFarAsItGoes) {
     verified += exit_code == 0 ? 1 : 0;
   }
   EXPECT_GT(verified, 0);
+}
+
+TEST_F(Verify, ADumpOfTheFlightRecorderBeginsWithDeclaredState) {
+  folder_.write("app.json", R"({"name": "parts", "state_period_s": 0.01,
+    "flight_recorder": {"file": "drive.ring", "size_mb": 1, "before_s": 0.1, "after_s": 0.05},
+    "components": [
+      {"name": "counter", "library": "launcher_parts", "class": "Counter", "serve_period_ms": 1,
+       "params": {"count": 600}},
+      {"name": "tally", "library": "launcher_parts", "class": "Tally", "params": {"dump_at": 400},
+       "subscribers": {"numbers": {"depth": 256}}}]})");
+  std::vector<std::string> words = {"run", "app.json", "--quiet"};
+  if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+    words.emplace_back("--debuggable");
+  }
+  ASSERT_EQ(fastcycle(words), 0) << errors_;
+  std::string dump;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    if (entry.path().extension() == ".mcap") {
+      dump = entry.path().filename().string();
+    }
+  }
+  ASSERT_FALSE(dump.empty()) << errors_;
+
+  ASSERT_EQ(fastcycle({"verify", dump, "--report", "report.json"}), 0) << output_ << errors_;
+
+  const json tally = components()["tally"];
+  EXPECT_GT(tally["began_after_activation"], 200);
+  EXPECT_GT(tally["outputs"], 20);
+  EXPECT_EQ(tally["outputs"], tally["equal"]);
+  EXPECT_EQ(tally["not_recorded"], 0);
+  EXPECT_FALSE(components()["counter"]["executed"]);
+  EXPECT_THAT(components()["counter"]["why"].get<std::string>(), HasSubstr("it declares none"));
+}
+
+TEST_F(Verify, ALogBeginsAtTheTimeThatIsAskedFor) {
+  folder_.write("app.json", R"({"name": "parts", "state_period_s": 0.02, "components": [
+      {"name": "counter", "library": "launcher_parts", "class": "Counter", "serve_period_ms": 1,
+       "params": {"count": 300}},
+      {"name": "tally", "library": "launcher_parts", "class": "Tally",
+       "subscribers": {"numbers": {"depth": 256}}}]})");
+  record((folder_ / "app.json").string());
+
+  ASSERT_EQ(fastcycle({"verify", "live.mcap", "--start", "200ms", "--report", "report.json"}), 0)
+      << output_ << errors_;
+
+  EXPECT_THAT(output_, HasSubstr("from its state after activation"));
+  EXPECT_EQ(components()["counter"]["began_after_activation"], 0);
+  const json tally = components()["tally"];
+  EXPECT_GT(tally["began_s"], 0.1);
+  EXPECT_LE(tally["began_s"], 0.2);
+  EXPECT_EQ(tally["outputs"], tally["equal"]);
+  EXPECT_EQ(fastcycle({"verify", "live.mcap", "--start", "soon"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("--start"));
 }
 
 TEST_F(Verify, WhatIsWrongIsSaid) {

@@ -28,6 +28,7 @@ struct VerifyOptions {
 
 nlohmann::ordered_json to_json(const host::ExactReplayResult& result) {
   nlohmann::ordered_json json = {{"executed", result.is_executed},
+                                 {"executed_for_others", result.is_source},
                                  {"recorded_activations", result.recorded},
                                  {"activations", result.activations},
                                  {"began_after_activation", result.began_after},
@@ -77,6 +78,9 @@ std::string to_table(const std::vector<host::ExactReplayResult>& results) {
     text +=
         fmt::format("{:<{}}  {:>11} {:>11} {:>11}{}\n", result.component, width, result.activations,
                     result.outputs, result.equal, result.is_equal() ? "" : "  DIFFERENT");
+    if (result.is_source) {
+      text += "  executed too: what it published is needed, and was not recorded\n";
+    }
     if (result.began_after > 0) {
       text += fmt::format("  from its state after activation {} on, at {:.3f} s\n",
                           result.began_after, static_cast<double>(result.began_ns) / 1e9);
@@ -116,7 +120,8 @@ int verify(VerifyOptions& options) {
     if (options.stop_before > 0) {
       replayed->replay().before_activation = [&options](const detail::ComponentCore& core,
                                                         std::uint64_t activation) {
-        if (activation == options.stop_before) {
+        const auto& names = options.replaying.options.components;
+        if (activation == options.stop_before && (names.empty() || names.front() == core.name)) {
           fastcycle_before_activation(core.name.c_str(), activation, core.component);
         }
       };
