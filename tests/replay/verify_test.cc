@@ -274,6 +274,28 @@ TEST_F(Verify, ALogBeginsAtTheTimeThatIsAskedFor) {
   EXPECT_THAT(errors_, HasSubstr("--start"));
 }
 
+TEST_F(Verify, ALogOfAnEarlierVersionIsReplayedAsItWas) {
+  const std::string old = FASTCYCLE_OLD_LOG;
+  folder_.write("app.json", R"({"name": "parts", "components": [
+      {"name": "counter", "library": "launcher_parts", "class": "Counter", "serve_period_ms": 2,
+       "params": {"count": 40}},
+      {"name": "adder", "library": "launcher_parts", "class": "Adder",
+       "subscribers": {"numbers": {"depth": 256}}}]})");
+
+  ASSERT_EQ(fastcycle({"run", "app.json", "--replay", old, "--replay-into", "adder", "--clock",
+                       "simulated", "--quiet", "--report", "replayed.json"}),
+            0)
+      << errors_;
+
+  const json results = json::parse(test::read_file(folder_ / "replayed.json"))["results"];
+  EXPECT_EQ(results["sum"], 820);
+  EXPECT_EQ(results["heard"], 40);
+  // Of what it heard, and when: the version that recorded it finds the same.
+  EXPECT_EQ(results["hash"], -3190773588186842028);
+  EXPECT_EQ(fastcycle({"verify", old, "app.json"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("the log was recorded by an earlier version"));
+}
+
 TEST_F(Verify, WhatIsWrongIsSaid) {
   record_parts();
 
