@@ -31,8 +31,8 @@ class State {
   /// Made by `Context::state`.
   explicit State(T& value) : value_(&value) {}
 
-  [[nodiscard]] T& operator*() const noexcept { return *value_; }
-  [[nodiscard]] T* operator->() const noexcept { return value_; }
+  [[nodiscard]] T& operator*() const noexcept { return *value_; }  ///< The message.
+  [[nodiscard]] T* operator->() const noexcept { return value_; }  ///< As `*`.
 
  private:
   T* value_;

@@ -468,7 +468,8 @@ std::string topics_of(const mcap::Reader& reader) {
   constexpr std::size_t kMostNames = 8;
   std::set<std::string> topics;
   for (const auto& [id, channel] : reader.definitions().channels()) {
-    if (!channel.topic.starts_with("fastcycle/")) {
+    // Neither what FastCycle publishes itself, nor services and key frames.
+    if (!channel.topic.starts_with("fastcycle/") && channel.topic.find('#') == std::string::npos) {
       topics.insert(channel.topic);
     }
   }

@@ -189,7 +189,9 @@ std::vector<TopicChange> DriveComparison::topics() const {
     for (const auto& [name, field] : lane.fields) {
       topic.fields.push_back(field);
     }
-    std::ranges::stable_sort(topic.fields, std::ranges::greater(), &FieldChange::messages);
+    std::ranges::sort(topic.fields, [](const FieldChange& a, const FieldChange& b) {
+      return a.messages != b.messages ? a.messages > b.messages : a.field < b.field;
+    });
     topics.push_back(std::move(topic));
   }
   std::ranges::sort(

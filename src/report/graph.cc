@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/html.h"
+
 namespace fastcycle::host {
 
 namespace {
@@ -23,32 +25,8 @@ constexpr const char* kHead =
     "        margin=\"0.15,0.08\"];\n"
     "  edge [color=\"#64748b\", arrowsize=0.7, penwidth=1.2];\n";
 
-/// `text` inside a label that is written as HTML.
-std::string escaped(std::string_view text) {
-  std::string result;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      case '"':
-        result += "&quot;";
-        break;
-      default:
-        result += c;
-    }
-  }
-  return result;
-}
-
 std::string small_line(std::string_view text, const char* color) {
-  return std::string("<br/><font point-size=\"9\" color=\"") + color + "\">" + escaped(text) +
+  return std::string("<br/><font point-size=\"9\" color=\"") + color + "\">" + base::to_html(text) +
          "</font>";
 }
 
@@ -63,8 +41,8 @@ std::string notes_text(const std::vector<Drawing::Note>& notes) {
 /// A label: what it is called, and small, below that, what it is, and what is measured.
 std::string label(std::string_view name, std::string_view small,
                   const std::vector<Drawing::Note>& notes) {
-  return "<<b>" + escaped(name) + "</b>" + (small.empty() ? "" : small_line(small, "#475569")) +
-         notes_text(notes) + ">";
+  return "<<b>" + base::to_html(name) + "</b>" +
+         (small.empty() ? "" : small_line(small, "#475569")) + notes_text(notes) + ">";
 }
 
 /// The executors' fills, in the order in which components name them.
@@ -137,7 +115,7 @@ std::string components_text(const Drawing& drawing) {
       continue;
     }
     text += "  subgraph cluster_" + std::to_string(frame++) + " {\n    label=<" +
-            escaped(name_space) +
+            base::to_html(name_space) +
             ">; fontsize=12; style=\"rounded\"; color=\"#cbd5e1\"; fontcolor=\"#475569\";\n" +
             inner + "  }\n";
   }
@@ -151,7 +129,7 @@ std::string edge(const std::string& from, const std::string& to, const Drawing::
     attributes += std::string(attributes.empty() ? "" : ", ") +
                   "fontname=\"Helvetica\", fontsize=9, fontcolor=\"" +
                   (end.note.is_bad ? "#dc2626\", color=\"#dc2626" : "#0f766e") + "\", label=<" +
-                  escaped(end.note.text) + ">";
+                  base::to_html(end.note.text) + ">";
   }
   return "  " + from + " -> " + to + (attributes.empty() ? "" : " [" + attributes + "]") + ";\n";
 }
@@ -205,7 +183,8 @@ Drawing drawing_of(const Application& application) {
 std::string to_dot(const Drawing& drawing) {
   std::string text = "digraph application {\n";
   text += kHead;
-  text += "  label=<<b>" + escaped(drawing.name) + "</b>" + notes_text(drawing.notes) + ">;\n\n";
+  text +=
+      "  label=<<b>" + base::to_html(drawing.name) + "</b>" + notes_text(drawing.notes) + ">;\n\n";
   text += components_text(drawing) + "\n";
   std::size_t number = 0;
   for (const Drawing::Topic& topic : drawing.topics) {

@@ -304,7 +304,7 @@ TEST_F(Bench, InspectStandsBesideTheSameWithoutIt) {
 TEST_F(Bench, TraceStandsBesideTheSameWithoutIt) {
   const auto found = rows(few({"trace", "--wait", "park,adaptive", "--rounds", "2"}));
 
-  ASSERT_EQ(found.size(), 10U);
+  ASSERT_EQ(found.size(), 8U);
   EXPECT_EQ(peers_of(found),
             (std::multiset<std::string>{"traced-adaptive", "traced-adaptive", "traced-park",
                                         "traced-park", "without-adaptive", "without-adaptive",

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -149,3 +150,97 @@ TEST(TheGuideToTheLifeCycle, HasConfigurationsThatLoad) {
 }
 
 }  // namespace
+
+// [snippet state]
+/// The mean of what it heard lately.
+class Smoother final : public fastcycle::Component {
+ public:
+  explicit Smoother(fastcycle::Context& context)
+      : Component(context),
+        mean_(context.state<demo::Speed>("mean")),
+        means_(context.create_publisher<demo::Speed>("mean/speed")) {
+    context.create_subscriber<demo::Speed>("radar/speed", [this](const demo::Speed& speed) {
+      mean_->set_mps(0.5 * mean_->mps() + 0.5 * speed.mps());
+      auto mean = means_.loan();
+      *mean = *mean_;
+      means_.publish(std::move(mean));
+    });
+  }
+
+ private:
+  fastcycle::State<demo::Speed> mean_;
+  fastcycle::Publisher<demo::Speed> means_;
+};
+// [end]
+
+// [snippet saved]
+/// The same, with state in another form.
+class Filter final : public fastcycle::Component {
+ public:
+  explicit Filter(fastcycle::Context& context)
+      : Component(context),
+        state_(context.state<demo::Speed>("mean",
+                                          [this](demo::Speed& state) { state.set_mps(mean_); })),
+        mean_(state_->mps()),  // 0 at the first start.
+        means_(context.create_publisher<demo::Speed>("mean/speed")) {
+    context.create_subscriber<demo::Speed>("radar/speed",
+                                           [this](const demo::Speed& speed) { add(speed.mps()); });
+  }
+
+ private:
+  void add(double mps) {
+    if (mps < 0.0) {
+      throw std::runtime_error("no radar measures that");
+    }
+    mean_ = 0.5 * mean_ + 0.5 * mps;
+    auto mean = means_.loan();
+    mean->set_mps(mean_);
+    means_.publish(std::move(mean));
+  }
+
+  fastcycle::State<demo::Speed> state_;
+  double mean_;
+  fastcycle::Publisher<demo::Speed> means_;
+};
+// [end]
+
+TEST(TheGuideToTheLifeCycle, KeepsDeclaredStateOverARestart) {
+  fastcycle::testing::Bench bench;
+  bench.add<Filter>("filter", R"({"on_fault": "restart"})");
+  auto speeds = bench.input<demo::Speed>("radar/speed");
+  auto means = bench.output<demo::Speed>("mean/speed");
+  bench.start();
+  const auto say = [&](double mps) {
+    demo::Speed speed;
+    speed.set_mps(mps);
+    speeds.publish(speed);
+    bench.advance(10ms);
+  };
+
+  say(8.0);
+  say(-1.0);  // A fault: the object is made anew.
+  say(4.0);
+
+  const auto heard = means.take();
+  ASSERT_EQ(heard.size(), 2U);
+  EXPECT_EQ(heard[0].mps(), 4.0);
+  EXPECT_EQ(heard[1].mps(), 4.0);  // Without the state it would be 2.
+}
+
+TEST(TheGuideToTheLifeCycle, WorksOnDeclaredState) {
+  fastcycle::testing::Bench bench;
+  bench.add<Smoother>("smoother");
+  auto speeds = bench.input<demo::Speed>("radar/speed");
+  auto means = bench.output<demo::Speed>("mean/speed");
+  bench.start();
+  demo::Speed speed;
+  speed.set_mps(8.0);
+  speeds.publish(speed);
+  bench.advance(10ms);
+  speeds.publish(speed);
+  bench.advance(10ms);
+
+  const auto heard = means.take();
+  ASSERT_EQ(heard.size(), 2U);
+  EXPECT_EQ(heard[1].mps(), 6.0);
+}

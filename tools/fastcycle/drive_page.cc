@@ -5,34 +5,11 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "base/html.h"
 #include "page.h"
 #include "print.h"
 
 namespace fastcycle::tool {
-namespace {
-
-/// The letters that mean something in HTML.
-std::string in_html(const std::string& text) {
-  std::string result;
-  for (const char letter : text) {
-    switch (letter) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      default:
-        result += letter;
-    }
-  }
-  return result;
-}
-
-}  // namespace
 
 DriveView DriveView::read(const std::filesystem::path& path) {
   if (path.empty()) {
@@ -65,7 +42,7 @@ void write_drive_page(const std::string& title, std::string_view data, mcap::Sin
   const std::string_view page = page_html();
   const std::size_t title_at = page.find(kTitle);
   const std::size_t data_at = page.find(kData);
-  const std::string html_title = in_html(title);
+  const std::string html_title = base::to_html(title);
   for (const std::string_view part :
        {page.substr(0, title_at), std::string_view(html_title),
         page.substr(title_at + kTitle.size(), data_at - title_at - kTitle.size()), data,

@@ -1,0 +1,11 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace fastcycle::base {
+
+/// `text` as it stands in HTML, between tags or in quotes.
+[[nodiscard]] std::string to_html(std::string_view text);
+
+}  // namespace fastcycle::base
