@@ -388,7 +388,7 @@ class Watcher final : public Diarist {
          std::to_string(seen_.subscriber_count()) + " clock " + std::to_string(clock) + words);
     if (calls_ % 5 == 0) {
       // Two at once, which may end in any order.
-      for (const std::uint64_t size : {20'000, 10}) {
+      for (const std::uint64_t size : {20'000U, 10U}) {
         auto result = std::make_shared<std::uint64_t>(0);
         context().offload(
             "pool",

@@ -365,6 +365,9 @@ void ExactReplay::choose(config::Problems& problems) {
   bool is_anyone = false;
   for (const auto& player : players_) {
     if (!player->is_wanted) {
+      if (player->result.why.empty() && !options_.components.empty()) {
+        player->result.why = "it was not asked for";
+      }
       continue;
     }
     is_anyone = true;
