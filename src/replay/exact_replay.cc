@@ -551,43 +551,51 @@ void ExactReplay::run(const Watcher& watcher) {
 void ExactReplay::work(unsigned) {
   const detail::ServingThread serving;
   std::unique_lock lock(mutex_);
-  while (!is_stopped_) {
-    Player* player = nullptr;
-    try {
-      player = next_ready();
-      if (player == nullptr && load()) {
-        continue;
-      }
-    } catch (...) {
+  try {
+    while (!is_stopped_ && execute_next(lock)) {
+    }
+  } catch (...) {  // Of the log, or of the listener.
+    if (!lock.owns_lock()) {
+      lock.lock();
+    }
+    if (!error_) {  // The first one is the cause.
       error_ = std::current_exception();
-      is_stopped_ = true;
-      break;
     }
-    if (player == nullptr) {
-      const auto runs = [](const auto& one) { return one->is_running; };
-      if (std::ranges::none_of(players_, runs)) {
-        break;  // All are over, or wait for what does not come.
-      }
-      changed_.wait(lock);
-      continue;
-    }
-    const RecordedActivation& activation = player->activation();
-    player->is_running = true;
-    lock.unlock();
-    if (player->is_beginning) {
-      begin_at(*player, activation);
-    } else {
-      execute(*player, activation);
-    }
-    lock.lock();
-    finish(*player, activation);
-    player->is_running = false;
-    ++player->next;
-    done_.fetch_add(1);
-    changed_.notify_all();
+    is_stopped_ = true;
   }
   --at_work_;
   changed_.notify_all();
+}
+
+/// Executes what is ready, or reads on, or waits; false if there is nothing left to do.
+bool ExactReplay::execute_next(std::unique_lock<std::mutex>& lock) {
+  Player* const player = next_ready();
+  if (player == nullptr) {
+    if (load()) {
+      return true;
+    }
+    const auto runs = [](const auto& one) { return one->is_running; };
+    if (std::ranges::none_of(players_, runs)) {
+      return false;  // All are over, or wait for what does not come.
+    }
+    changed_.wait(lock);
+    return true;
+  }
+  const RecordedActivation& activation = player->activation();
+  player->is_running = true;
+  lock.unlock();
+  if (player->is_beginning) {
+    begin_at(*player, activation);
+  } else {
+    execute(*player, activation);
+  }
+  lock.lock();
+  finish(*player, activation);
+  player->is_running = false;
+  ++player->next;
+  done_.fetch_add(1);
+  changed_.notify_all();
+  return true;
 }
 
 /// Of those whose next activation may be executed, the one whose time is the smallest; its inputs

@@ -184,6 +184,7 @@ class ExactReplay {
   [[nodiscard]] bool comes_from_log(const Key& key) const;
 
   void work(unsigned worker);
+  bool execute_next(std::unique_lock<std::mutex>& lock);
   [[nodiscard]] Player* next_ready();
   [[nodiscard]] bool load();
   static void stamp(Entry& entry);

@@ -1,12 +1,9 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <optional>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -189,7 +186,10 @@ std::string to_table(const std::vector<TopicChange>& topics, std::int64_t begin_
 std::string to_notes(const std::vector<host::ExactReplayResult>& results) {
   std::string text;
   for (const host::ExactReplayResult& result : results) {
-    if (!result.is_executed && result.is_component) {
+    if (!result.is_component) {
+      continue;
+    }
+    if (!result.is_executed) {
       text += fmt::format("{}: not executed: {}\n", result.component, result.why);
     } else if (!result.why.empty()) {
       text += fmt::format("{}: {} activations of {}: {}\n", result.component, result.activations,
@@ -203,15 +203,24 @@ std::string to_notes(const std::vector<host::ExactReplayResult>& results) {
   return text;
 }
 
-/// The page with both drives. `new_log` has the new messages.
-int write_page(const CompareOptions& options, const std::vector<TopicChange>& topics,
-               const fs::path& new_log, FileWork& work) {
-  const DriveView view = DriveView::read(options.view);
-  const fs::path& log = options.replaying.files.front();
+/// The file of the page; null without one. Made before the work: it may be refused.
+std::unique_ptr<archive::OutputFile> page_file(const CompareOptions& options) {
+  if (options.page.empty()) {
+    return nullptr;
+  }
   std::vector<fs::path> inputs = options.replaying.files;
   inputs.push_back(options.view);
   inputs.push_back(options.replaying.configuration.load.file);
-  archive::OutputFile file(options.page, {.may_replace = options.is_forced, .inputs = inputs});
+  return std::make_unique<archive::OutputFile>(
+      options.page,
+      archive::OutputFile::Options{.may_replace = options.is_forced, .inputs = inputs});
+}
+
+/// The page with both drives. `new_log` has the new messages.
+int write_page(const CompareOptions& options, const DriveView& view,
+               const std::vector<TopicChange>& topics, const fs::path& new_log,
+               archive::OutputFile& file, FileWork& work) {
+  const fs::path& log = options.replaying.files.front();
   std::string data;
   try {
     const mcap::FileSource recorded(log);
@@ -244,55 +253,29 @@ int write_page(const CompareOptions& options, const std::vector<TopicChange>& to
   return kDone;
 }
 
-/// A file for the new messages: where the user wants it, or one that goes away.
+/// A file for the new messages: where the user wants it, or one beside the page that goes away.
 class NewLogFile {
  public:
-  explicit NewLogFile(const CompareOptions& options) {
-    fs::path path = options.log;
-    if (path.empty()) {
-      std::string folder = (fs::temp_directory_path() / "fastcycle_compare_XXXXXX").string();
-      if (::mkdtemp(folder.data()) == nullptr) {
-        throw std::runtime_error(folder + ": cannot be made");
-      }
-      folder_ = folder;
-      path = folder_ / "new.mcap";
-    }
-    try {
-      file_ = std::make_unique<archive::OutputFile>(
-          path, archive::OutputFile::Options{.may_replace = options.is_forced,
-                                             .inputs = options.replaying.files});
-      log_ = std::make_unique<NewLog>(file_->sink());
-    } catch (...) {
-      remove_folder();
-      throw;
-    }
-  }
-  NewLogFile(const NewLogFile&) = delete;
-  NewLogFile& operator=(const NewLogFile&) = delete;
-  ~NewLogFile() {
-    log_.reset();
-    file_.reset();
-    remove_folder();
-  }
+  explicit NewLogFile(const CompareOptions& options)
+      : is_wanted_(!options.log.empty()),
+        file_(is_wanted_ ? options.log : fs::path(options.page.string() + ".mcap"),
+              {.may_replace = options.is_forced || !is_wanted_, .inputs = options.replaying.files}),
+        log_(file_.sink()) {}
 
-  [[nodiscard]] NewLog& log() { return *log_; }
-  [[nodiscard]] const fs::path& path() const { return file_->path(); }
-  void commit() {
-    log_->close();
-    file_->commit();
+  [[nodiscard]] NewLog& log() { return log_; }
+  /// Ends it. Returns where it is, as long as this lives.
+  fs::path finish() {
+    log_.close();
+    if (is_wanted_) {
+      file_.commit();
+    }
+    return is_wanted_ ? file_.path() : file_.unfinished();
   }
 
  private:
-  void remove_folder() {
-    if (!folder_.empty()) {
-      std::error_code ignored;
-      fs::remove_all(folder_, ignored);
-    }
-  }
-
-  fs::path folder_;
-  std::unique_ptr<archive::OutputFile> file_;
-  std::unique_ptr<NewLog> log_;
+  const bool is_wanted_;
+  archive::OutputFile file_;
+  NewLog log_;
 };
 
 int compare_drive(CompareOptions& options, const ReportFile& report_file) {
@@ -301,6 +284,8 @@ int compare_drive(CompareOptions& options, const ReportFile& report_file) {
   if (replayed == nullptr) {
     return kWrong;
   }
+  const DriveView view = DriveView::read(options.view);
+  const std::unique_ptr<archive::OutputFile> page = page_file(options);
   std::unique_ptr<NewLogFile> new_log;
   if (!options.log.empty() || !options.page.empty()) {
     new_log = std::make_unique<NewLogFile>(options);
@@ -337,14 +322,12 @@ int compare_drive(CompareOptions& options, const ReportFile& report_file) {
     static_cast<void>(flush_output());
     return kFailed;
   }
-  if (new_log != nullptr) {
-    new_log->commit();
-    if (!options.log.empty()) {
-      print_to(stdout, "{}: {} new messages\n", options.log.string(), new_log->log().messages());
-    }
+  const fs::path written = new_log == nullptr ? fs::path() : new_log->finish();
+  if (!options.log.empty()) {
+    print_to(stdout, "{}: {} new messages\n", options.log.string(), new_log->log().messages());
   }
-  if (!options.page.empty()) {
-    if (const int code = write_page(options, topics, new_log->path(), work); code != kDone) {
+  if (page != nullptr) {
+    if (const int code = write_page(options, view, topics, written, *page, work); code != kDone) {
       return code;
     }
   }
