@@ -48,7 +48,8 @@ function(fastcycle_library name)
 
   add_library(fastcycle_${name} OBJECT ${LIB_SOURCES})
   set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON
-    INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}")
+    INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}"
+    UNITY_BUILD "${FASTCYCLE_UNITY}" UNITY_BUILD_BATCH_SIZE 8)
   target_compile_options(fastcycle_${name} PRIVATE ${FASTCYCLE_WARNINGS} -fno-semantic-interposition)
   target_include_directories(fastcycle_${name} PRIVATE
     ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)

@@ -24,8 +24,6 @@ using mcap::name_of;
 using mcap::Opcode;
 using mcap::shown;
 
-constexpr unsigned kRecordsPerProgress = 256;
-
 /// What the checks share: who is told, and what of the file is known.
 class Findings {
  public:

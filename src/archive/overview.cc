@@ -18,7 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kMostMetadataBytes = std::uint64_t{1} << 20U;
-constexpr unsigned kRecordsPerProgress = 256;
 
 std::uint64_t number_in(const mcap::Metadata& metadata, const std::string& key) {
   const auto found = metadata.metadata.find(key);

@@ -9,4 +9,7 @@ namespace fastcycle::archive {
 /// empty.
 using Progress = std::function<void(std::uint64_t bytes)>;
 
+/// So often it is told where records are read one by one.
+inline constexpr unsigned kRecordsPerProgress = 256;
+
 }  // namespace fastcycle::archive

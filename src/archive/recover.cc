@@ -24,7 +24,6 @@ namespace {
 // What reading again and again in the middle of a hostile file may cost.
 constexpr int kMostRestarts = 10'000;
 constexpr std::uint64_t kMostRestartBytes = std::uint64_t{1} << 30U;
-constexpr unsigned kRecordsPerProgress = 256;
 
 /// Adds up what a file has.
 class Summer {

@@ -12,7 +12,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr int kMostDecimals = 9;
-constexpr double kNsPerSecond = 1e9;
 
 /// A part of the view, with its place.
 struct Part {
@@ -143,8 +142,7 @@ std::vector<Layer> parse_layers(const Part& part) {
     layers.push_back(
         {.name = name,
          .topic = one.at("topic").text(),
-         .least_period_ns =
-             most_hz ? kNsPerSecond / static_cast<double>(most_hz->number(1, 100'000)) : 0.0,
+         .least_period_ns = most_hz ? 1e9 / static_cast<double>(most_hz->number(1, 100'000)) : 0.0,
          .is_latched = latched && latched->flag(),
          .fields = parse_fields(one.at("fields"))});
   }

@@ -80,6 +80,11 @@ std::string printable(std::string_view text) {
   return escaped(text, "", append_bytes);
 }
 
+std::string on_one_line(std::string text) {
+  std::ranges::replace_if(text, [](unsigned char c) { return c < 0x20 || c == 0x7f; }, ' ');
+  return text;
+}
+
 std::string printable_lines(std::string_view text) {
   return escaped(text, kLineEnds, append_bytes);
 }

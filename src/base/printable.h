@@ -17,6 +17,9 @@ namespace fastcycle::base {
 /// bytes that are no UTF-8 are shown as `\x1b`.
 [[nodiscard]] std::string printable(std::string_view text);
 
+/// `text` on one line, its control characters as blanks.
+[[nodiscard]] std::string on_one_line(std::string text);
+
 /// As `printable`, for a text of several lines: line ends and tabs stay.
 [[nodiscard]] std::string printable_lines(std::string_view text);
 

@@ -98,13 +98,13 @@ RunningApplication find_application(std::string_view name) {
   return *found;
 }
 
-Client::Client(const std::filesystem::path& socket, std::string_view who)
+Client::Client(const std::filesystem::path& socket, std::string_view who, milliseconds patience)
     : socket_(connect_to(socket)) {
   try {
     protocol::Request request;
     request.mutable_hello()->set_version(kProtocolVersion);
     request.mutable_hello()->set_client(std::string(who));
-    protocol::Answer answer = ask(std::move(request));
+    protocol::Answer answer = ask(std::move(request), patience);
     if (!answer.has_welcome()) {
       throw failure("what listens at " + socket.string() + " is no FastCycle application");
     }

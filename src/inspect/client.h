@@ -68,8 +68,9 @@ class Client {
  public:
   static constexpr std::chrono::milliseconds kPatience{5000};
 
-  /// `who` is said to the application, for its log.
-  Client(const std::filesystem::path& socket, std::string_view who);
+  /// `who` is said to the application, for its log. `patience` is for its first answer.
+  Client(const std::filesystem::path& socket, std::string_view who,
+         std::chrono::milliseconds patience = kPatience);
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
   ~Client();

@@ -257,7 +257,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBoundedTogether) {
   }
   // Who reads goes on being served: the slowest make room.
   std::int64_t most_kib = 0;
-  Client client(server_->file(), "test");
+  Client client(server_->file(), "test", 60s);
   const auto end = std::chrono::steady_clock::now() + 60s;
   for (std::uint64_t dropped = 0; dropped == 0 && std::chrono::steady_clock::now() < end;) {
     protocol::Request overview;
@@ -269,7 +269,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBoundedTogether) {
   protocol::Request request;
   request.mutable_stream()->set_topic("large");
   request.mutable_stream()->set_content(protocol::Stream::CONTENT_FULL);
-  client.begin(std::move(request));
+  client.begin(std::move(request), 60s);
   bool is_served = false;
   while (!is_served && std::chrono::steady_clock::now() < end) {
     const auto answer = client.next(1s);

@@ -17,14 +17,6 @@ constexpr const char* kClosed = "a chunk is appended after it was closed";
 // So that the message index of a channel stays below 4 GiB.
 constexpr std::size_t kMostMessagesOfChannel = (std::size_t{1} << 28U) - 1;
 
-std::uint64_t size_of(std::span<const Bytes> parts) {
-  std::uint64_t size = 0;
-  for (const Bytes part : parts) {
-    size += part.size();
-  }
-  return size;
-}
-
 std::uint32_t crc_of(std::span<const Bytes> parts) {
   Crc crc;
   for (const Bytes part : parts) {

@@ -16,14 +16,6 @@ constexpr std::uint64_t kZstdBlockBytes = std::uint64_t{128} << 10U;
 constexpr std::uint64_t kZstdLeastBlockBytes = 4;  // Compressed: a byte, so many times.
 constexpr std::uint64_t kLz4MostRatio = 255;       // A byte of a length stands for 255 bytes.
 
-std::size_t size_of(std::span<const Bytes> parts) {
-  std::size_t size = 0;
-  for (const Bytes part : parts) {
-    size += part.size();
-  }
-  return size;
-}
-
 // What is left are a lack of memory and our own mistakes.
 std::size_t checked_lz4(std::size_t result) {
   if (LZ4F_isError(result) != 0U) {

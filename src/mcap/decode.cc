@@ -25,9 +25,9 @@ Number load(Bytes bytes) {
 }
 
 /// Takes fields from the beginning of the content of a record, or of a part of it.
-class Fields {
+class FieldReader {
  public:
-  Fields(Bytes bytes, Opcode record, const Place& place)
+  FieldReader(Bytes bytes, Opcode record, const Place& place)
       : rest_(bytes), record_(record), place_(place) {}
 
   template <std::unsigned_integral Number>
@@ -47,7 +47,7 @@ class Fields {
   }
   void operator()(const char* name, std::string& field) { field = text_of(take(u32(name), name)); }
   void operator()(const char* name, std::map<std::string, std::string>& field) {
-    for (Fields entries = list(name); !entries.is_empty();) {
+    for (FieldReader entries = list(name); !entries.is_empty();) {
       std::string key;
       std::string value;
       entries("a key", key);
@@ -58,7 +58,7 @@ class Fields {
     }
   }
   void operator()(const char* name, std::map<std::uint16_t, std::uint64_t>& field) {
-    for (Fields counts = list(name); !counts.is_empty();) {
+    for (FieldReader counts = list(name); !counts.is_empty();) {
       const auto channel_id = counts.number<std::uint16_t>("channel_id");
       if (!field.emplace(channel_id, counts.u64("count")).second) {
         fail(fmt::format("{} with each channel once", name),
@@ -68,7 +68,7 @@ class Fields {
   }
   template <typename Entry>
   void operator()(const char* name, std::vector<Entry>& field) {
-    for (Fields entries = list(name); !entries.is_empty();) {
+    for (FieldReader entries = list(name); !entries.is_empty();) {
       visit_fields(field.emplace_back(), entries);
     }
   }
@@ -84,7 +84,7 @@ class Fields {
   }
 
   /// What follows is a list or a map, with its length in bytes before it.
-  Fields list(const char* name) { return {take(u32(name), name), record_, place_}; }
+  FieldReader list(const char* name) { return {take(u32(name), name), record_, place_}; }
 
   [[nodiscard]] bool is_empty() const { return rest_.empty(); }
   [[nodiscard]] Bytes rest() const { return rest_; }
@@ -122,7 +122,7 @@ Frame decode_frame(Bytes bytes) {
 // Of nothing but its fields.
 template <typename Kind>
 Kind decode_as(Bytes content, const Place& place) {
-  Fields fields(content, kOpcodeOf<Kind>, place);
+  FieldReader fields(content, kOpcodeOf<Kind>, place);
   if (kOpcodeOf<Kind> == Opcode::kFooter && content.size() != kFooterBytes) {
     fields.fail(fmt::format("{} bytes", kFooterBytes), fmt::format("{} bytes", content.size()));
   }
@@ -133,7 +133,7 @@ Kind decode_as(Bytes content, const Place& place) {
 
 template <>
 Message decode_as<Message>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kMessage, place);
+  FieldReader fields(content, Opcode::kMessage, place);
   Message message;
   fields("channel_id", message.channel_id);
   fields("sequence", message.sequence);
@@ -145,7 +145,7 @@ Message decode_as<Message>(Bytes content, const Place& place) {
 
 template <>
 Chunk decode_as<Chunk>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kChunk, place);
+  FieldReader fields(content, Opcode::kChunk, place);
   Chunk chunk;
   visit_fields(chunk, fields);
   chunk.records = fields.take(fields.u64("the length of records"), "records");
@@ -153,7 +153,7 @@ Chunk decode_as<Chunk>(Bytes content, const Place& place) {
 }
 
 Chunk decode_begun_chunk(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kChunk, place);
+  FieldReader fields(content, Opcode::kChunk, place);
   Chunk chunk;
   visit_fields(chunk, fields);
   const std::uint64_t length = fields.u64("the length of records");
@@ -166,7 +166,7 @@ Chunk decode_begun_chunk(Bytes content, const Place& place) {
 
 template <>
 Attachment decode_as<Attachment>(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kAttachment, place);
+  FieldReader fields(content, Opcode::kAttachment, place);
   Attachment attachment;
   visit_fields(static_cast<AttachmentHead&>(attachment), fields);
   attachment.data = fields.take(fields.u64("the length of data"), "data");
@@ -175,7 +175,7 @@ Attachment decode_as<Attachment>(Bytes content, const Place& place) {
 }
 
 AttachmentCrc crc_of_attachment(Bytes content, const Place& place) {
-  Fields fields(content, Opcode::kAttachment, place);
+  FieldReader fields(content, Opcode::kAttachment, place);
   AttachmentHead head;
   visit_fields(head, fields);
   fields.take(fields.u64("the length of data"), "data");

@@ -59,9 +59,9 @@ class Counted {
 };
 
 /// Appends fields.
-class Fields {
+class FieldWriter {
  public:
-  explicit Fields(std::vector<std::byte>& into) : into_(into) {}
+  explicit FieldWriter(std::vector<std::byte>& into) : into_(into) {}
 
   template <std::unsigned_integral Number>
   void operator()(const char* /*name*/, Number value) {
@@ -102,7 +102,7 @@ class Fields {
 template <typename Kind>
 void put_head(std::vector<std::byte>& into, Opcode opcode, const Kind& record,
               std::uint64_t data_size, std::uint64_t more) {
-  Fields fields(into);
+  FieldWriter fields(into);
   fields("opcode", opcode);
   Counted<std::uint64_t> length(into);
   visit_fields(record, fields);
@@ -114,7 +114,7 @@ void put_head(std::vector<std::byte>& into, Opcode opcode, const Kind& record,
 
 template <typename Kind>
 void encode(const Kind& record, std::vector<std::byte>& into) {
-  Fields fields(into);
+  FieldWriter fields(into);
   fields("opcode", kOpcodeOf<Kind>);
   Counted<std::uint64_t> length(into);
   visit_fields(record, fields);

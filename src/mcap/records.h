@@ -23,6 +23,14 @@ using Bytes = std::span<const std::byte>;
 [[nodiscard]] inline Bytes bytes_of(std::string_view text) {
   return std::as_bytes(std::span(text));
 }
+/// How many bytes `parts` are together.
+[[nodiscard]] inline std::size_t size_of(std::span<const Bytes> parts) {
+  std::size_t size = 0;
+  for (const Bytes part : parts) {
+    size += part.size();
+  }
+  return size;
+}
 /// `bytes` as text, borrowed.
 [[nodiscard]] inline std::string_view text_of(Bytes bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};

@@ -11,17 +11,6 @@
 #include "mcap/error.h"
 
 namespace fastcycle::mcap {
-namespace {
-
-std::uint64_t size_of(std::span<const Bytes> parts) {
-  std::uint64_t size = 0;
-  for (const Bytes part : parts) {
-    size += part.size();
-  }
-  return size;
-}
-
-}  // namespace
 
 Writer::Writer(Sink& sink, WriterOptions options)
     : sink_(sink), options_(std::move(options)), chunk_(options_.chunk) {

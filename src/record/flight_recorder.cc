@@ -14,7 +14,7 @@
 namespace fastcycle::record {
 namespace {
 
-constexpr std::size_t kHoldMax = 1;           // It copies at once.
+constexpr std::size_t kFlightHoldMax = 1;     // It copies at once.
 constexpr std::int64_t kMarks = 4096;         // At most so many for the time before a trigger.
 constexpr std::size_t kTriggersInWords = 64;  // Of one dump.
 constexpr std::uint64_t kRepeats = 4;         // Latched messages, while the ring is written once.
@@ -51,7 +51,7 @@ FlightRecorder::~FlightRecorder() {
 }
 
 void FlightRecorder::tap(detail::Topics& topics) {
-  streams_.tap(topics, options_.filter, options_.bytes, kHoldMax);
+  streams_.tap(topics, options_.filter, options_.bytes, kFlightHoldMax);
 }
 
 void FlightRecorder::open(const Explanation& explanation) {

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/printable.h"
 #include "component/component_core.h"
 #include "params/param_table.h"
 #include "params/param_value.h"
@@ -48,7 +49,7 @@ std::string type_of(const ParamSpec& spec) {
   return word() + (spec.is_vector ? "[]" : "");
 }
 
-const char* to_word(ParamOrigin origin) {
+const char* origin_word(ParamOrigin origin) {
   switch (origin) {
     case ParamOrigin::kFallback:
       return "default";
@@ -73,7 +74,7 @@ ListedParam listed(const std::string& component, const DeclaredParam& param) {
                      .names = spec.names,
                      .fallback = {},
                      .value = to_json(spec, param.committed),
-                     .origin = to_word(param.origin),
+                     .origin = origin_word(param.origin),
                      .place = param.origin == ParamOrigin::kChanged ? config::Place{} : param.place,
                      .is_tunable = spec.is_tunable,
                      .description = spec.description};
@@ -130,12 +131,6 @@ std::string range_text(const ListedParam& param) {
   return param.max.is_null() ? text : "≤ " + dumped(param.max);
 }
 
-/// One line, whatever the author wrote.
-std::string on_one_line(std::string text) {
-  std::ranges::replace_if(text, [](unsigned char c) { return c < 0x20; }, ' ');
-  return text;
-}
-
 Row row_of(const ListedParam& param) {
   std::string from = param.place.file;
   if (param.place.line > 0) {
@@ -149,7 +144,7 @@ Row row_of(const ListedParam& param) {
           shown(param.value),
           from.empty() ? param.origin : from,
           param.is_tunable ? "yes" : "no",
-          on_one_line(param.description)};
+          base::on_one_line(param.description)};
 }
 
 std::size_t width_of(std::string_view text) {

@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "base/printable.h"
 #include "component/words.h"
 #include "replay/replay.h"
 #include "report/callbacks.h"
@@ -445,13 +446,6 @@ ordered_json json_of(const TopicReport& topic) {
 constexpr std::size_t kColumns = 120;
 constexpr std::size_t kNameColumns = 24;
 
-/// `text` fit for one line of a terminal: what would move the cursor is a blank.
-std::string on_one_line(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, ' ');
-  return text;
-}
-
 /// How many columns a UTF-8 text takes: one a character.
 std::size_t width(std::string_view text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
@@ -511,7 +505,7 @@ std::string value_text(const ReportValue& value) {
         if constexpr (std::is_same_v<Value, bool>) {
           return it ? "true" : "false";
         } else if constexpr (std::is_same_v<Value, std::string>) {
-          return on_one_line(it);
+          return base::on_one_line(it);
         } else if constexpr (std::is_same_v<Value, double>) {
           std::array<char, 32> text{};
           std::snprintf(text.data(), text.size(), "%.6g", it);
@@ -608,7 +602,7 @@ std::string troubles_text(const RunReport& report) {
   std::string text;
   for (const ComponentReport& component : report.components) {
     for (const std::string& fault : component.fault_texts) {
-      text += wrapped("  fault of " + component.name + ": " + on_one_line(fault), "    ");
+      text += wrapped("  fault of " + component.name + ": " + base::on_one_line(fault), "    ");
     }
     if (component.faults > component.fault_texts.size()) {
       text += "  fault of " + component.name + ": " +
@@ -619,7 +613,7 @@ std::string troubles_text(const RunReport& report) {
               (component.restarts == 1 ? " time\n" : " times\n");
     }
     if (component.health != Health::kOk) {
-      const std::string reason = on_one_line(component.health_reason);
+      const std::string reason = base::on_one_line(component.health_reason);
       text += wrapped("  " + component.name + " says that it is " + to_word(component.health) +
                           (reason.empty() ? "" : ": " + reason),
                       "    ");
@@ -756,7 +750,7 @@ std::string modes_text(const ModesReport& modes) {
     if (!made.why.empty()) {
       line += ": " + made.why;
     }
-    text += wrapped(on_one_line(line), "      ");
+    text += wrapped(base::on_one_line(line), "      ");
   }
   if (modes.refused > 0) {
     text += fmt::format("  {} more were refused: too many waited\n", modes.refused);
@@ -883,7 +877,7 @@ std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
     if (!dump.problem.empty()) {
       line = "  a dump could not be written: " + dump.problem;
     }
-    text += wrapped(on_one_line(line), "      ");
+    text += wrapped(base::on_one_line(line), "      ");
   }
   if (flight_recorder.triggers_refused > 0) {
     text += fmt::format("  {} triggers more: no dump was written for them\n",
@@ -899,7 +893,7 @@ std::string results_text(const RunReport& report) {
   }
   std::string text = "RESULTS\n";
   for (const auto& [name, value] : report.results) {
-    const std::string shown = shortened(on_one_line(name), kColumns / 2);
+    const std::string shown = shortened(base::on_one_line(name), kColumns / 2);
     const std::string padding(columns - std::min(columns, width(shown)), ' ');
     text += wrapped("  " + shown + padding + "  " + value_text(value), "      ");
   }
