@@ -31,6 +31,8 @@ enum class ReadKind : std::uint8_t {
   kHeld,         ///< Of a key frame: a message that a view holds.
   kFrameNumber,  ///< Of a key frame: see `DeclaredStates::FrameNumber`.
   kFrameParams,  ///< Of a key frame: all params that were changed: a text.
+  kPublished,    ///< When the message before it was published, ns since 1970; not in the log else.
+  kMadeWith,     ///< Params that a new object began with before it was told of them: a text.
   kText,         ///< The next 1 to 8 bytes of the text before it; `place`: how many.
 };
 

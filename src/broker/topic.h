@@ -96,6 +96,11 @@ class Topic {
   std::optional<std::size_t> root;  ///< Which of these it is itself, if chains begin here.
   std::vector<ChainRule> ends;      ///< The chains that end here.
 
+  // Constant once observers listen.
+  /// A recording runs that does not have its messages: who receives them remembers when they were
+  /// published.
+  bool is_left_out = false;
+
   /// Whether its messages count for the origin of what timers publish. A latched message says how
   /// things are; its age is not the age of what follows from it.
   [[nodiscard]] bool ages() const noexcept { return options.ages && options.latched == 0; }

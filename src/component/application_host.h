@@ -38,6 +38,10 @@ class ApplicationHost : public ComponentHost {
   /// @errors  Values that do not fit go to `problems`, and are left out.
   virtual void put_recorded_params(detail::ComponentCore& component, std::uint64_t transaction,
                                    const std::string& text, config::Problems& problems) = 0;
+  /// The same, before `component` is made anew: the new object begins with them. `text` is that of
+  /// a read `kMadeWith`.
+  virtual void commit_recorded_params(detail::ComponentCore& component, const std::string& text,
+                                      config::Problems& problems) = 0;
 
   void log(LogLevel level, std::string_view component, std::string_view text) {
     own_log().write(level, component, text);

@@ -51,7 +51,9 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
   problems = &its_problems;
   params = std::make_unique<config::ParamReader>(
       description.params, application.description().shared_params, its_problems);
-  param_table.begin();
+  if (param_table.begin()) {
+    publishing.learned(ReadKind::kMadeWith, param_table.begun_with());
+  }
   is_constructing = true;
   const std::size_t problems_before = its_problems.error_count();
   std::optional<std::string> thrown;

@@ -152,6 +152,10 @@ void SubscriptionSet::refresh_views() {
         held_.hold(view, *head.envelope);
       }
       actor_.publishing.learned(ReadKind::kTaken, lane->publisher, head.sequence, view.number);
+      if (view.topic.is_left_out) {
+        actor_.publishing.learned(ReadKind::kPublished, lane->publisher,
+                                  static_cast<std::uint64_t>(head.time_ns), view.number);
+      }
       // It may have come after the clock was read.
       now = std::max(now, base::from_ns(head.time_ns));
       view.insert(head.envelope);

@@ -241,6 +241,10 @@ class Application final : public ApplicationHost {
                            const std::string& text, config::Problems& problems) override {
     params_.take_recorded(component, transaction, text, problems);
   }
+  void commit_recorded_params(detail::ComponentCore& component, const std::string& text,
+                              config::Problems& problems) override {
+    params_.commit_recorded(component, text, problems);
+  }
   void change_params(detail::ComponentCore& component, std::vector<ParamChange> changes,
                      std::function<void(const ParamsResult&)> done) override {
     params_.make_later(component, std::move(changes), std::move(done));

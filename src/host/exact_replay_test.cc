@@ -7,9 +7,12 @@
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
+#include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -36,17 +39,26 @@ using Results = std::map<std::string, ExactReplayResult>;
 
 class ExactReplays : public testing::Test {
  protected:
-  /// Runs the application of `text` live for `time`, and records it.
-  void record(const std::string& text, Duration time) {
+  /// Runs the application of `text` live for `time`, and records it without the topics `left_out`.
+  /// `beside` is called meanwhile, on a thread of its own.
+  void record(const std::string& text, Duration time, const std::vector<std::string>& left_out = {},
+              const std::function<void(Application&)>& beside = nullptr) {
     config::Problems problems;
     Application application(describe_text(text, problems), ClockOptions{});
     config::RecordDescription recorded;
     recorded.file = file_;
+    recorded.except = left_out;
     application.record(recorded);
     application.build(classes_, problems, ConstructorFault::kFault);
     ASSERT_FALSE(problems.has_errors()) << config::to_string(problems.all().front());
     application.start();
+    std::thread others([&] {
+      if (beside) {
+        beside(application);
+      }
+    });
     application.run(time);
+    others.join();
     application.stop();
   }
 
@@ -141,8 +153,6 @@ TEST_F(ExactReplays, GoOnWithNewMessagesIfTheyAreToldTo) {
   expect_equal(replay(text, {.workers = 2, .input = ExactReplayOptions::Input::kNew}));
 }
 
-// ---- From the middle ----
-
 /// A number every 2 ms.
 class Numbers final : public Component {
  public:
@@ -162,6 +172,94 @@ class Numbers final : public Component {
   State<Int64Value> count_;
   Publisher<Int64Value> numbers_;
 };
+
+/// Says how old what it receives is, in a callback and in its view.
+class Ages final : public Component {
+ public:
+  explicit Ages(Context& context)
+      : Component(context),
+        latest_(context.create_latest<Int64Value>("numbers")),
+        ages_(context.create_publisher<Int64Value>("ages")) {
+    context.create_subscriber<Int64Value>("numbers", [this](const Sample<Int64Value>& number) {
+      say(now() - number.info().publish_time);
+    });
+  }
+
+  void serve() override {
+    if (latest_.get()) {
+      say(*latest_.age());
+    }
+  }
+
+ private:
+  void say(Duration age) {
+    auto message = ages_.loan();
+    message->set_value(age.count());
+    ages_.publish(std::move(message));
+  }
+
+  Latest<Int64Value> latest_;
+  Publisher<Int64Value> ages_;
+};
+
+TEST_F(ExactReplays, KnowWhenMessagesThatAreNotInTheLogWerePublished) {
+  classes_.with<Numbers>("numbers").with<Ages>("ages");
+  const std::string text = R"({"name": "left_out", "components": [
+      {"name": "numbers", "library": "numbers", "serve_period_ms": 2},
+      {"name": "ages", "library": "ages", "serve_period_ms": 3}]})";
+  record(text, 200ms, {"numbers", "numbers#*"});
+
+  const Results results = replay(text, {.workers = 2});
+
+  EXPECT_TRUE(results.at("ages").is_equal()) << in_words(results.at("ages"));
+  EXPECT_GT(results.at("ages").equal, 20);
+  EXPECT_GT(results.at("numbers").not_recorded, 10);
+}
+
+/// Fails as long as its factor is 1.
+class Renewed final : public Component {
+ public:
+  explicit Renewed(Context& context)
+      : Component(context),
+        factor_(context.param<std::int64_t>("factor", {.fallback = 1, .is_tunable = true})),
+        factors_(context.create_publisher<Int64Value>("factors")) {}
+
+  void serve() override {
+    auto message = factors_.loan();
+    message->set_value(factor_.get());
+    factors_.publish(std::move(message));
+    if (factor_.get() == 1) {
+      throw std::runtime_error("with this factor");
+    }
+  }
+
+ private:
+  Param<std::int64_t> factor_;
+  Publisher<Int64Value> factors_;
+};
+
+TEST_F(ExactReplays, GiveANewObjectTheParamsThatItBeganWith) {
+  classes_.with<Renewed>("renewed");
+  const std::string text = R"({"name": "renewing", "components": [
+      {"name": "renewed", "library": "renewed", "serve_period_ms": 2, "on_fault": "restart",
+       "restart": {"limit": 100, "back_off_ms": 10}}]})";
+  record(text, 200ms, {}, [](Application& application) {
+    // Beside restarts: some of these are made while there is no object that could take them over.
+    for (int i = 0; i < 40; ++i) {
+      std::this_thread::sleep_for(4ms);
+      const std::string factor = std::to_string(i % 3 == 2 ? 2 : 1);
+      EXPECT_TRUE(
+          application.change_params({{.param = "renewed.factor", .json = factor}}).has_changed());
+    }
+  });
+
+  const Results results = replay(text);
+
+  EXPECT_TRUE(results.at("renewed").is_equal()) << in_words(results.at("renewed"));
+  EXPECT_EQ(results.at("renewed").activations, results.at("renewed").recorded);
+}
+
+// ---- From the middle ----
 
 /// Adds up what it hears, and the last numbers that its view has; saves it when it is asked.
 class Sums final : public Component {

@@ -22,6 +22,8 @@ using detail::ParamSlot;
 
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 constexpr const char* kShared = "shared_params";
 constexpr std::size_t kMostFacts = 1000;
 constexpr std::size_t kMostOfALine = 380;  // A line of the log is cut at 400 bytes.
@@ -64,6 +66,30 @@ std::vector<std::string> component_names(const ApplicationHost& application) {
     names.push_back(component->name);
   }
   return names;
+}
+
+/// The values in a JSON object; those that do not fit go to `problems`.
+ParamValues values_of(const ComponentCore& component, const Json& json,
+                      config::Problems& problems) {
+  ParamValues values;
+  if (!json.is_object()) {
+    problems.add(
+        config::mistake({}, "the new values of params are no JSON object: " + json.dump()));
+    return values;
+  }
+  for (const auto& [name, value] : json.items()) {
+    const auto& all = component.param_table.all();
+    const auto param = std::ranges::find_if(
+        all, [&](const DeclaredParam& one) { return one.is_declared && one.spec().name == name; });
+    if (param == all.end()) {
+      problems.add(config::mistake({}, "there is no param " + config::in_quotes(name)));
+      continue;
+    }
+    if (auto data = read_param(param->spec(), config::parse_option(value.dump(), name), problems)) {
+      values.emplace_back(param->slot.get(), std::move(*data));
+    }
+  }
+  return values;
 }
 
 }  // namespace
@@ -224,7 +250,7 @@ void ParamChanges::commit(const Plan& plan, std::string_view asked_by) {
 
 /// As a log has it: a JSON object of the values by name.
 std::string ParamChanges::text_of(const Planned& planned) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  Json json = Json::object();
   for (const auto& [slot, data] : planned.values) {
     json[slot->spec.name] = to_json(slot->spec, data);
   }
@@ -234,34 +260,31 @@ std::string ParamChanges::text_of(const Planned& planned) {
 void ParamChanges::take_recorded(ComponentCore& component, std::uint64_t transaction,
                                  const std::string& text, config::Problems& problems) {
   const std::lock_guard lock(mutex_);
-  const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text, nullptr, false);
-  ParamValues values;
-  if (!json.is_object()) {
-    problems.add(config::mistake({}, "the new values of params are no JSON object: " + text));
-    return;
+  const ParamValues values = values_of(component, Json::parse(text, nullptr, false), problems);
+  if (transaction > component.param_table.committed()) {
+    component.param_table.commit(transaction, values);
   }
-  for (const auto& [name, value] : json.items()) {
-    const auto& all = component.param_table.all();
-    const auto param = std::ranges::find_if(
-        all, [&](const DeclaredParam& one) { return one.is_declared && one.spec().name == name; });
-    if (param == all.end()) {
-      problems.add(config::mistake({}, "there is no param " + config::in_quotes(name)));
-      continue;
-    }
-    if (auto data = read_param(param->spec(), config::parse_option(value.dump(), name), problems)) {
-      values.emplace_back(param->slot.get(), std::move(*data));
-    }
-  }
-  component.param_table.commit(transaction, values);
   component.post(
       detail::Cause::kParameter,
       [&component, transaction, values, text] { component.take_params(transaction, values, text); },
       nullptr, transaction);
 }
 
+void ParamChanges::commit_recorded(ComponentCore& component, const std::string& text,
+                                   config::Problems& problems) {
+  const std::lock_guard lock(mutex_);
+  const Json json = Json::parse(text, nullptr, false);
+  if (!json.is_array() || json.size() != 2 || !json[0].is_number_unsigned()) {
+    problems.add(config::mistake({}, "what a new object began with is no pair: " + text));
+    return;
+  }
+  component.param_table.commit(json[0].get<std::uint64_t>(),
+                               values_of(component, json[1], problems));
+}
+
 void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
   std::string line;
-  nlohmann::ordered_json changed = nlohmann::ordered_json::object();
+  Json changed = Json::object();
   const auto write = [&] {
     if (!line.empty()) {
       application_.log(LogLevel::kInfo, asked_by, "params: " + line);
@@ -288,7 +311,7 @@ void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
   write();
   const std::lock_guard lock(facts_mutex_);
   if (facts_.size() < kMostFacts) {
-    nlohmann::ordered_json fact = {
+    Json fact = {
         {"time_ns", base::to_ns(application_.clock().now())}, {"by", asked_by}, {"set", changed}};
     facts_["params." + std::to_string(transactions_)] =
         fact.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);

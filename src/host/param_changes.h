@@ -47,6 +47,10 @@ class ParamChanges {
   /// @errors  Values that do not fit go to `problems`, and are left out.
   void take_recorded(detail::ComponentCore& component, std::uint64_t transaction,
                      const std::string& text, config::Problems& problems);
+  /// The same, without that activation: the component's next object begins with it. `text` is what
+  /// `ParamTable::begun_with` said.
+  void commit_recorded(detail::ComponentCore& component, const std::string& text,
+                       config::Problems& problems);
 
   /// From now on nothing is changed any more, but what is being changed. Waits for nobody.
   void end() { is_ended_ = true; }

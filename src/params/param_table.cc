@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <typeinfo>
 
+#include <nlohmann/json.hpp>
+
 #include "params/param_value.h"
 
 namespace fastcycle::host {
@@ -13,8 +15,9 @@ namespace fastcycle::host {
 using detail::ParamData;
 using detail::ParamSlot;
 
-void ParamTable::begin() {
+bool ParamTable::begin() {
   const std::lock_guard lock(mutex_);
+  const bool is_more = committed_ > in_place_;
   in_place_ = committed_;
   for_object_.clear();
   for (const DeclaredParam& param : params_) {
@@ -22,6 +25,19 @@ void ParamTable::begin() {
   }
   is_declared_again_.assign(params_.size(), false);
   checks_of_object_.clear();
+  return is_more;
+}
+
+std::string ParamTable::begun_with() const {
+  nlohmann::ordered_json values = nlohmann::ordered_json::object();
+  for (std::size_t i = 0; i < for_object_.size(); ++i) {
+    if (!params_[i].spec().is_tunable) {
+      continue;
+    }
+    values[params_[i].spec().name] = to_json(params_[i].spec(), for_object_[i]);
+  }
+  return nlohmann::ordered_json{in_place_, std::move(values)}.dump(
+      -1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
 ParamSlot& ParamTable::declare(std::unique_ptr<ParamSlot> fresh, const config::Value* value,

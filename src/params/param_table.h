@@ -46,8 +46,12 @@ class ParamTable {
 
   // Where the component is constructed; take the mutex.
 
-  /// Before the constructor. One that is made anew gets what is committed now, as a whole.
-  void begin();
+  /// Before the constructor. One that is made anew gets what is committed now, as a whole. Returns
+  /// whether that is more than the component's activations have taken over.
+  [[nodiscard]] bool begin();
+  /// What the present object began with, for a log: a JSON array of the number of the last
+  /// transaction, and an object of all values by name.
+  [[nodiscard]] std::string begun_with() const;
   [[nodiscard]] detail::ParamSlot& declare(std::unique_ptr<detail::ParamSlot> fresh,
                                            const config::Value* value, bool is_shared,
                                            config::Problems& problems);
@@ -71,6 +75,8 @@ class ParamTable {
   [[nodiscard]] std::vector<std::string> objections(const ParamValues& values) const;
   /// @pre  `values` were checked.
   void commit(std::uint64_t transaction, const ParamValues& values);
+  /// Number of the last transaction.
+  [[nodiscard]] std::uint64_t committed() const { return committed_; }
 
  private:
   ParamMutex& mutex_;

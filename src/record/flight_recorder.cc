@@ -206,7 +206,8 @@ void FlightRecorder::keep_activations() {
     message.set_worker(static_cast<std::uint32_t>(worker));
     message.set_lost(lost);
     for (const detail::ActivationRecord& activation : records) {
-      add(message, activation, activations_.seen_in(activation));
+      add(message, activation, activations_.seen_in(activation),
+          streams_.leaves_out(activation.publisher));
     }
     activations_lost_ += lost;
     scratch_.clear();

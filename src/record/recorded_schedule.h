@@ -24,7 +24,9 @@ struct RecordedActivation {
   std::uint64_t key = 0;      ///< The message's sequence, or as `detail::ActivationRecord` has it.
   std::uint64_t skipped = 0;  ///< Ticks before this one.
   std::int64_t time_ns = 0;   ///< What `now()` was, ns since 1970.
-  std::int64_t late_ns = 0;   ///< Of a tick: how much later it came than it was due.
+  /// Of a tick: how much later it came than it was due. Of a message that the log does not have:
+  /// than it was published.
+  std::int64_t late_ns = 0;
   std::uint32_t publish_count = 0;
   std::vector<detail::ToldReads::Entry> reads = {};
   std::uint64_t reads_lost = 0;  ///< Until this activation, since the one before that says so.

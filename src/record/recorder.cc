@@ -247,7 +247,7 @@ void Recorder::take_activations() {
     log::Activations& activations = open.batch->activations_of(worker);
     activations.set_lost(activations.lost() + lost);
     for (const detail::ActivationRecord& record : records) {
-      add(activations, record, activations_.seen_in(record));
+      add(activations, record, activations_.seen_in(record), streams_.leaves_out(record.publisher));
     }
     if (activations.activations_size() >= kActivationsAtOnce) {
       hand_over(std::move(open.batch));

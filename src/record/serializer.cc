@@ -59,6 +59,8 @@ std::span<const mcap::Bytes> Serializer::serialize(const google::protobuf::Messa
   {
     google::protobuf::io::CodedOutputStream coded(&stream_);
     coded.EnableAliasing(true);
+    // The entries of a map in the order of their keys: the same message is the same bytes.
+    coded.SetSerializationDeterministic(true);
     message.SerializeWithCachedSizes(&coded);
   }
   parts_.clear();

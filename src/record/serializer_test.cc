@@ -4,6 +4,7 @@
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/struct.pb.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 
@@ -34,6 +35,22 @@ TEST(Serializer, GivesTheBytesThatProtobufGives) {
     many.add_message_type()->set_name("Message" + std::to_string(i));
   }
   EXPECT_EQ(joined(serializer.serialize(many)), many.SerializeAsString());
+}
+
+TEST(Serializer, OrdersTheEntriesOfMaps) {
+  // Entries lie where their object has them; what is written must not show it.
+  google::protobuf::Struct first;
+  google::protobuf::Struct second;
+  for (int i = 0; i < 100; ++i) {
+    (*first.mutable_fields())[std::to_string(i)].set_number_value(i);
+    (*second.mutable_fields())[std::to_string(99 - i)].set_number_value(99 - i);
+  }
+  Serializer serializer;
+  const std::string bytes = joined(serializer.serialize(first));
+  EXPECT_EQ(joined(serializer.serialize(second)), bytes);
+  google::protobuf::Struct again;
+  ASSERT_TRUE(again.ParseFromString(bytes));
+  EXPECT_EQ(again.fields_size(), 100);
 }
 
 TEST(Serializer, CopiesNoLargeField) {

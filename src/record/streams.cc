@@ -24,12 +24,13 @@ std::size_t how_many_fit(std::uint64_t message_bytes, std::uint64_t memory_bytes
   return std::clamp<std::uint64_t>(memory_bytes / 8 / message_bytes, std::min(min, max), max);
 }
 
-log::Activation to_message(const detail::ActivationRecord& record) {
+log::Activation to_message(const detail::ActivationRecord& record, bool is_left_out) {
   log::Activation message;
   if (record.subscription != detail::ActivationRecord::kNoSubscription) {
     message.set_subscription(record.subscription);
   }
-  if (record.cause == detail::Cause::kTick || record.cause == detail::Cause::kTimeout) {
+  if (record.cause == detail::Cause::kTick || record.cause == detail::Cause::kTimeout ||
+      is_left_out) {
     message.set_late_ns(record.time_ns - record.cause_ns);
   }
   message.set_component(record.component);
@@ -51,7 +52,14 @@ void Streams::tap(detail::Topics& topics, const mcap::TopicFilter& filter,
                   std::uint64_t memory_bytes, std::size_t hold_max) {
   constexpr std::size_t kDepthMax = 512;
   for (const auto& [name, topic] : topics.all()) {
-    if (topic->publishers.empty() || !filter.wants(name)) {
+    if (!filter.wants(name)) {
+      topic->is_left_out = true;
+      for (const auto& publisher : topic->publishers) {
+        left_out_.insert(publisher->id);
+      }
+      continue;
+    }
+    if (topic->publishers.empty()) {
       continue;
     }
     std::uint64_t message_bytes = 0;
@@ -135,8 +143,8 @@ void Streams::explain(mcap::Writer& writer, const Explanation& explanation, Time
 }
 
 void add(log::Activations& activations, const detail::ActivationRecord& record,
-         const SeenReads& seen) {
-  log::Activation& activation = *activations.add_activations() = to_message(record);
+         const SeenReads& seen, bool is_left_out) {
+  log::Activation& activation = *activations.add_activations() = to_message(record, is_left_out);
   for (const detail::Read& read : seen.reads) {
     if (read.kind == detail::ReadKind::kText) {
       if (activation.reads_size() > 0 && read.place <= sizeof(read.value)) {

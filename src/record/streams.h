@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -79,6 +80,10 @@ class Streams {
 
   [[nodiscard]] const std::vector<Stream>& all() const { return streams_; }
   [[nodiscard]] const std::vector<std::string>& topics() const { return topics_; }
+  /// Whether the messages of `publisher` are left out.
+  [[nodiscard]] bool leaves_out(PublisherId publisher) const {
+    return left_out_.contains(publisher);
+  }
 
   /// Writes what a file begins with.
   void explain(mcap::Writer& writer, const Explanation& explanation, Time now) const;
@@ -94,6 +99,7 @@ class Streams {
   std::vector<Stream> streams_;
   std::unordered_map<const detail::Lane*, std::size_t> index_of_lane_;
   std::vector<std::string> topics_;
+  std::unordered_set<PublisherId> left_out_;
   std::vector<mcap::Schema> schemas_;
   std::vector<mcap::Channel> channels_;
 };
@@ -169,9 +175,10 @@ class ActivationReader {
   std::vector<Reads> reads_;
 };
 
-/// Adds `record`, and what it saw, to what a log says of one worker.
+/// Adds `record`, and what it saw, to what a log says of one worker. `is_left_out`: the log does
+/// not have the message that caused it.
 void add(log::Activations& activations, const detail::ActivationRecord& record,
-         const SeenReads& seen = {});
+         const SeenReads& seen = {}, bool is_left_out = false);
 
 /// What a message record has no place for; nothing if that is as usual. `round` is in simulated
 /// time the place of the round, in its moment, that was served last.

@@ -435,6 +435,22 @@ std::vector<ExactReplay::Key> ExactReplay::inputs_of(const Player& player) {
   return inputs;
 }
 
+/// Those of messages that the log does not have.
+void ExactReplay::note_publish_times(const RecordedActivation& activation) {
+  for (std::size_t i = 1; i < activation.reads.size(); ++i) {
+    const detail::Read& read = activation.reads[i].read;
+    const detail::Read& before = activation.reads[i - 1].read;
+    if (read.kind == detail::ReadKind::kPublished && before.kind == detail::ReadKind::kTaken) {
+      entries_[{before.publisher, before.value}].published =
+          base::from_ns(static_cast<std::int64_t>(read.value));
+    }
+  }
+  if (is_caused_by_message(activation) && !recorded_publishers_.contains(activation.publisher)) {
+    entries_[{activation.publisher, activation.key}].published =
+        base::from_ns(activation.time_ns - activation.late_ns);
+  }
+}
+
 void ExactReplay::count_uses() {
   for (const auto& player : players_) {
     if (!player->is_wanted || player->next >= player->end) {
@@ -443,10 +459,14 @@ void ExactReplay::count_uses() {
     for (const Key& key : inputs_of(*player)) {
       ++entries_[key].uses;
     }
+    if (!player->is_beginning) {
+      note_publish_times(player->activation());
+    }
     for (std::size_t i = player->next + 1; i < player->end; ++i) {
       for (const Key& key : inputs_of(player->recorded->activations[i])) {
         ++entries_[key].uses;
       }
+      note_publish_times(player->recorded->activations[i]);
     }
   }
 }
@@ -652,6 +672,8 @@ void ExactReplay::stamp(Entry& entry) {
   entry.envelope = std::exchange(entry.unstamped, nullptr);
   if (entry.info) {
     entry.envelope->info = *entry.info;
+  } else if (entry.published) {
+    entry.envelope->info.publish_time = *entry.published;
   }
 }
 
@@ -965,6 +987,13 @@ void ExactReplay::call_message(Player& player, const RecordedActivation& activat
 void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activation) {
   ComponentCore& core = *player.core;
   const auto step = static_cast<LifeStep>(activation.key);
+  for (const detail::ToldReads::Entry& entry : activation.reads) {
+    if (entry.read.kind == detail::ReadKind::kMadeWith) {
+      config::Problems problems;
+      application_.commit_recorded_params(core, entry.text, problems);
+      note_params(player, activation, entry.text, problems);
+    }
+  }
   const auto repeat = [&](std::function<void()> body) {
     core.repeat(*player.ring,
                 {.cause = Cause::kMode, .body = std::move(body), .key = activation.key});
@@ -1040,6 +1069,15 @@ void ExactReplay::call_event(Player& player, const RecordedActivation& activatio
   }
 }
 
+/// Recorded values of params that the component does not accept.
+void ExactReplay::note_params(Player& player, const RecordedActivation& activation,
+                              const std::string& recorded, const config::Problems& problems) {
+  for (const config::Problem& problem : problems.all()) {
+    note(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
+         {.field = "params", .recorded = recorded, .now = config::to_string(problem)});
+  }
+}
+
 void ExactReplay::call_params(Player& player, const RecordedActivation& activation) {
   if ((activation.key & ComponentCore::kParamsAsked) == 0) {
     const auto told = std::ranges::find_if(activation.reads, [](const auto& entry) {
@@ -1048,10 +1086,7 @@ void ExactReplay::call_params(Player& player, const RecordedActivation& activati
     config::Problems problems;
     if (told != activation.reads.end()) {
       application_.put_recorded_params(*player.core, activation.key, told->text, problems);
-    }
-    for (const config::Problem& problem : problems.all()) {
-      note(player, {activation.number, cause_in_words(player, activation), activation.time_ns},
-           {.field = "params", .recorded = told->text, .now = config::to_string(problem)});
+      note_params(player, activation, told->text, problems);
     }
   }
   call_posted(player, activation, "a change of params");

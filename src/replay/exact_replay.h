@@ -157,7 +157,9 @@ class ExactReplay {
     /// A new message that is given to others once the recording says when it was published.
     detail::Envelope* unstamped = nullptr;
     std::optional<MessageInfo> info = {};  ///< As recorded, for that.
-    bool is_recorded = false;              ///< `recorded` waits to be compared.
+    /// Of one that the log does not have: what those who received it saw.
+    std::optional<Time> published = {};
+    bool is_recorded = false;  ///< `recorded` waits to be compared.
     std::string recorded = {};
     std::optional<Produced> produced = {};  ///< The same, from the other side.
   };
@@ -173,6 +175,7 @@ class ExactReplay {
   [[nodiscard]] std::string why_not(const Player& player) const;
   /// Executes also those who published what was not recorded and is needed.
   void add_sources();
+  void note_publish_times(const record::RecordedActivation& activation);
   /// Chooses key frames to begin at, where that is asked for or needed.
   void choose_frames();
   [[nodiscard]] static std::string find_gap(const record::RecordedSchedule::Component& recorded,
@@ -198,6 +201,8 @@ class ExactReplay {
   void call(Player& player, const record::RecordedActivation& activation);
   void call_lifecycle(Player& player, const record::RecordedActivation& activation);
   void call_event(Player& player, const record::RecordedActivation& activation);
+  void note_params(Player& player, const record::RecordedActivation& activation,
+                   const std::string& recorded, const config::Problems& problems);
   void call_params(Player& player, const record::RecordedActivation& activation);
   void call_message(Player& player, const record::RecordedActivation& activation);
   void call_posted(Player& player, const record::RecordedActivation& activation, const char* what);
