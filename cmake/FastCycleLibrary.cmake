@@ -51,6 +51,9 @@ function(fastcycle_library name)
     INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}"
     UNITY_BUILD "${FASTCYCLE_UNITY}" UNITY_BUILD_BATCH_SIZE 8)
   target_compile_options(fastcycle_${name} PRIVATE ${FASTCYCLE_WARNINGS} -fno-semantic-interposition)
+  if(FASTCYCLE_UNITY)   # What a file keeps for itself looks like something of a header there.
+    target_compile_options(fastcycle_${name} PRIVATE -Wno-subobject-linkage)
+  endif()
   target_include_directories(fastcycle_${name} PRIVATE
     ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(fastcycle_${name} PRIVATE
