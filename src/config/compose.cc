@@ -92,8 +92,8 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
   }
   std::erase_if(tree.members(), [](const auto& member) {
     // An empty one of these says that there is one.
-    constexpr std::array<std::string_view, 4> kOptional = {"record", "flight_recorder", "trace",
-                                                           "inspect"};
+    constexpr std::array<std::string_view, 5> kOptional = {"record", "flight_recorder", "trace",
+                                                           "inspect", "live"};
     return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number() &&
            std::ranges::find(kOptional, member.key) == kOptional.end();
   });
@@ -233,6 +233,10 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
         mistake(inspect->place(),
                 "an included file cannot say who may look at the run, only the one that is run"));
   }
+  if (const Value* live = part.find("live")) {
+    problems_.add(mistake(
+        live->place(), "an included file cannot say who is shown the run, only the one that is run"));
+  }
   if (const Value& modes = part["modes"]; modes.size() > 0) {
     problems_.add(
         mistake(modes.place(), "an included file cannot describe modes, only the one that is run"));
@@ -302,7 +306,7 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       merge(*tree.find(key), *own, problems_);
     }
   }
-  for (const std::string_view key : {"record", "flight_recorder", "trace", "inspect"}) {
+  for (const std::string_view key : {"record", "flight_recorder", "trace", "inspect", "live"}) {
     if (const Value* own = file.find(key)) {
       tree.set(key, *own);
     }
@@ -397,7 +401,8 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       apply_overlay_topics(tree, value);
     } else if (key == "shared_params" || key == "modes" || key == "restart") {
       merge(*tree.find(key), value, problems_);
-    } else if (key == "record" || key == "flight_recorder" || key == "trace" || key == "inspect") {
+    } else if (key == "record" || key == "flight_recorder" || key == "trace" || key == "inspect" ||
+               key == "live") {
       apply_overlay_optional(tree, key, value);
     } else if (key == "name" || key == "on_fault" || key == "log_level" || key == "library_path" ||
                key == "initial_mode" || key == "start_timeout_ms" || key == "callback_limit_ms" ||

@@ -367,6 +367,23 @@ std::optional<InspectDescription> describe_inspect(const Value& value) {
   return inspect;
 }
 
+std::optional<LiveDescription> describe_live(const Value& value) {
+  LiveDescription live;
+  live.place = value.place();
+  if (value.is_bool() && !value.as_bool()) {
+    return std::nullopt;
+  }
+  if (const Value* address = find_string(value, "address")) {
+    live.address = address->as_string();
+  }
+  if (const Value* port = value.find("port"); port != nullptr && port->is_number()) {
+    live.port = static_cast<std::uint16_t>(port->as_int());
+  }
+  read_texts(value, "publish", live.publish);
+  read_texts(value, "origins", live.origins);
+  return live;
+}
+
 }  // namespace
 
 ApplicationDescription describe(const Value& tree) {
@@ -423,6 +440,9 @@ ApplicationDescription describe(const Value& tree) {
   }
   if (const Value* inspect = tree.find("inspect")) {
     application.inspect = describe_inspect(*inspect);
+  }
+  if (const Value* live = tree.find("live")) {
+    application.live = describe_live(*live);
   }
   application.effective = tree;
   return application;

@@ -92,6 +92,16 @@ struct InspectDescription {
   Place place;
 };
 
+/// Where browsers and Foxglove are shown a run, and what more they may do than look.
+struct LiveDescription {
+  std::string address = "127.0.0.1";  ///< An IP address.
+  std::uint16_t port = 8765;          ///< 0: any that is free.
+  std::vector<std::string> publish;   ///< Patterns of topics that clients may publish on.
+  /// Pages of others that may ask: "https://app.foxglove.dev".
+  std::vector<std::string> origins;
+  Place place;
+};
+
 /// A pool of workers that serves components.
 struct ExecutorDescription {
   std::string name;
@@ -232,6 +242,7 @@ struct ApplicationDescription {
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
   std::optional<TraceDescription> trace;                     ///< None: nothing is traced.
   std::optional<InspectDescription> inspect;                 ///< None: nobody may look.
+  std::optional<LiveDescription> live;                       ///< None: nobody is shown it.
   OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
   std::chrono::nanoseconds status_period{1'000'000'000};     ///< Of "fastcycle/status".
   std::chrono::nanoseconds state_period{1'000'000'000};      ///< Of key frames; 0: none.

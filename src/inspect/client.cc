@@ -99,20 +99,26 @@ RunningApplication find_application(std::string_view name) {
 }
 
 Client::Client(const std::filesystem::path& socket, std::string_view who, milliseconds patience)
-    : socket_(connect_to(socket)) {
+    : Client(connect_to(socket), who, patience) {}
+
+Client::Client(int descriptor, std::string_view who, milliseconds patience) : socket_(descriptor) {
   try {
-    protocol::Request request;
-    request.mutable_hello()->set_version(kProtocolVersion);
-    request.mutable_hello()->set_client(std::string(who));
-    protocol::Answer answer = ask(std::move(request), patience);
-    if (!answer.has_welcome()) {
-      throw failure("what listens at " + socket.string() + " is no FastCycle application");
-    }
-    welcome_ = std::move(*answer.mutable_welcome());
+    greet(who, patience);
   } catch (...) {
     ::close(socket_);
     throw;
   }
+}
+
+void Client::greet(std::string_view who, milliseconds patience) {
+  protocol::Request request;
+  request.mutable_hello()->set_version(kProtocolVersion);
+  request.mutable_hello()->set_client(std::string(who));
+  protocol::Answer answer = ask(std::move(request), patience);
+  if (!answer.has_welcome()) {
+    throw failure("what listens there is no FastCycle application");
+  }
+  welcome_ = std::move(*answer.mutable_welcome());
 }
 
 Client::~Client() {
@@ -132,7 +138,17 @@ std::uint32_t Client::send(protocol::Request& request) {
   request.AppendToString(&bytes);
   std::size_t sent = 0;
   while (sent < bytes.size()) {
-    const ssize_t count = ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL);
+    const ssize_t count =
+        ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (count < 0 && errno == EAGAIN) {
+      // It reads no more while too much waits for us to read.
+      pollfd poll_socket{.fd = socket_, .events = POLLIN | POLLOUT, .revents = 0};
+      ::poll(&poll_socket, 1, -1);
+      if ((poll_socket.revents & POLLIN) != 0) {
+        receive();
+      }
+      continue;
+    }
     if (count < 0 && errno == EINTR) {
       continue;
     }
@@ -152,7 +168,6 @@ std::uint32_t Client::send(protocol::Request& request) {
 }
 
 std::optional<protocol::Answer> Client::read(milliseconds patience) {
-  constexpr std::size_t kPiece = std::size_t{256} << 10U;
   const auto end = Clock::now() + patience;
   for (;;) {
     const std::string_view rest = std::string_view(buffer_).substr(begin_);
@@ -184,16 +199,22 @@ std::optional<protocol::Answer> Client::read(milliseconds patience) {
     if (ready <= 0) {
       return std::nullopt;
     }
-    buffer_.erase(0, std::exchange(begin_, 0));
-    const std::size_t before = buffer_.size();
-    buffer_.resize(before + kPiece);
-    const ssize_t count = ::recv(socket_, buffer_.data() + before, kPiece, MSG_DONTWAIT);
-    const int error = errno;
-    buffer_.resize(before + static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
-    if (count == 0 || (count < 0 && error != EAGAIN && error != EINTR)) {
-      throw failure("the application has ended the connection");
-    }
+    receive();
   }
+}
+
+bool Client::receive() {
+  constexpr std::size_t kPiece = std::size_t{256} << 10U;
+  buffer_.erase(0, std::exchange(begin_, 0));
+  const std::size_t before = buffer_.size();
+  buffer_.resize(before + kPiece);
+  const ssize_t count = ::recv(socket_, buffer_.data() + before, kPiece, MSG_DONTWAIT);
+  const int error = errno;
+  buffer_.resize(before + static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+  if (count == 0 || (count < 0 && error != EAGAIN && error != EINTR)) {
+    throw failure("the application has ended the connection");
+  }
+  return count > 0;
 }
 
 protocol::Answer Client::await(std::uint32_t id, milliseconds patience) {
@@ -235,6 +256,15 @@ std::optional<protocol::Answer> Client::next(milliseconds patience) {
   if (answer && answer->has_error()) {
     throw ClientError(answer->error());
   }
+  return answer;
+}
+
+std::optional<protocol::Answer> Client::take(milliseconds patience) {
+  if (streamed_.empty()) {
+    return read(patience);
+  }
+  protocol::Answer answer = std::move(streamed_.front());
+  streamed_.pop_front();
   return answer;
 }
 

@@ -71,6 +71,8 @@ class Client {
   /// `who` is said to the application, for its log. `patience` is for its first answer.
   Client(const std::filesystem::path& socket, std::string_view who,
          std::chrono::milliseconds patience = kPatience);
+  /// The same over a connection that `Server::connect` gave, whose descriptor it takes over.
+  Client(int descriptor, std::string_view who, std::chrono::milliseconds patience = kPatience);
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
   ~Client();
@@ -91,13 +93,22 @@ class Client {
   /// Asks for the end of a stream; what is under way still comes, and then `ended`.
   void end(std::uint32_t stream);
 
+  /// For who asks for much at once: sends `request`, and returns its id, which the answers have.
+  /// `take` gives them, and those of streams, in the order in which they come; errors too. None
+  /// within `patience`: there is none yet.
+  std::uint32_t post(protocol::Request request) { return send(request); }
+  std::optional<protocol::Answer> take(std::chrono::milliseconds patience);
+
   /// For poll(2): readable when `next` has something, or had something before it was asked.
   [[nodiscard]] int descriptor() const { return socket_; }
   /// Whether `next` has an answer without waiting.
   [[nodiscard]] bool has_next() const { return !streamed_.empty(); }
 
  private:
+  void greet(std::string_view who, std::chrono::milliseconds patience);
   std::uint32_t send(protocol::Request& request);
+  /// Reads what is there into the buffer; false if there is nothing.
+  bool receive();
   /// Reads one answer; none after `patience`.
   std::optional<protocol::Answer> read(std::chrono::milliseconds patience);
   protocol::Answer await(std::uint32_t id, std::chrono::milliseconds patience);

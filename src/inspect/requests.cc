@@ -151,7 +151,7 @@ void Server::greet(Client& client, const protocol::Request& request) {
   answer.set_id(request.id());
   protocol::Welcome& welcome = *answer.mutable_welcome();
   welcome.set_version(kProtocolVersion);
-  welcome.set_application(socket_->name());
+  welcome.set_application(name());
   welcome.set_pid(::getpid());
   welcome.set_file(application_.description().file.string());
   welcome.set_framework(FASTCYCLE_VERSION);
@@ -166,7 +166,7 @@ void Server::greet(Client& client, const protocol::Request& request) {
 
 void Server::give_overview(const protocol::GetOverview& request, protocol::Answer& answer) {
   protocol::Overview& overview = *answer.mutable_overview();
-  overview.set_application(socket_->name());
+  overview.set_application(name());
   overview.set_pid(::getpid());
   fill_application(application_, overview);
   fill_executors(application_, overview);

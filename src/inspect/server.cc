@@ -1,6 +1,7 @@
 #include "inspect/server.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <exception>
 #include <stdexcept>
@@ -68,6 +69,9 @@ Server::~Server() {
     thread_.join();
   }
   clients_.clear();
+  for (const int descriptor : joining_) {
+    ::close(descriptor);
+  }
   for (const int descriptor : {wake_, reserve_}) {
     if (descriptor >= 0) {
       ::close(descriptor);
@@ -82,6 +86,10 @@ void Server::offer(std::string name, std::function<std::string()> make) {
 
 std::filesystem::path Server::file() const {
   return socket_ == nullptr ? std::filesystem::path() : socket_->file();
+}
+
+std::string Server::name() const {
+  return socket_ == nullptr ? application_.description().name : socket_->name();
 }
 
 void Server::tap(detail::Topics&) {
@@ -99,7 +107,9 @@ void Server::open(config::Problems& problems) {
     if (wake_ < 0) {
       throw std::runtime_error("no event descriptor can be made");
     }
-    socket_ = std::make_unique<SocketFile>(folder_, application_.description().name);
+    if (!folder_.empty()) {
+      socket_ = std::make_unique<SocketFile>(folder_, application_.description().name);
+    }
     reserve_ = ::eventfd(0, EFD_CLOEXEC);
   } catch (const std::exception& error) {
     problems.add(config::mistake(description_.place, std::string("inspect: ") + error.what()));
@@ -134,8 +144,10 @@ void Server::start(const host::ObserverView& view, std::vector<base::Refusal>& r
   if (voice_ != nullptr) {
     voice_->open();
   }
-  application_.log(LogLevel::kInfo, kName,
-                   fmt::format("tools may look at this run: {}", socket_->file().string()));
+  if (socket_ != nullptr) {
+    application_.log(LogLevel::kInfo, kName,
+                     fmt::format("tools may look at this run: {}", socket_->file().string()));
+  }
   thread_ =
       base::Thread(base::ThreadOptions{.name = kName, .cpus = {}}, [this] { serve(); }, refusals);
   is_running_ = true;
@@ -176,6 +188,7 @@ void Server::serve() {
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), kNice);
   while (!is_stopping_.load()) {
     wait();
+    accept_joining();
     give_made();
     give_log();
     if (voice_ != nullptr) {
@@ -193,7 +206,9 @@ void Server::wait() {
   std::vector<pollfd> polled;
   polled.push_back({.fd = wake_, .events = POLLIN, .revents = 0});
   const short accepting = may_accept() ? POLLIN : 0;
-  polled.push_back({.fd = socket_->descriptor(), .events = accepting, .revents = 0});
+  polled.push_back({.fd = socket_ == nullptr ? -1 : socket_->descriptor(),
+                    .events = accepting,
+                    .revents = 0});
   bool is_watching_time = false;
   bool is_busy = false;
   for (const auto& client : clients_) {
@@ -263,6 +278,30 @@ void Server::accept_all() {
       next_accept_ns_ = base::monotonic_ns() + kAcceptNs;  // No memory, for a while.
     }
     return;
+  }
+}
+
+int Server::connect() {
+  std::array<int, 2> ends{};
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends.data()) != 0) {
+    return -1;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    joining_.push_back(ends[0]);
+  }
+  wake();
+  return ends[1];
+}
+
+void Server::accept_joining() {
+  std::vector<int> joining;
+  {
+    const std::lock_guard lock(mutex_);
+    joining.swap(joining_);
+  }
+  for (const int descriptor : joining) {
+    accept_one(descriptor);
   }
 }
 

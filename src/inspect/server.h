@@ -54,11 +54,16 @@ class Server final : public host::Observer {
   /// More than this of requests that are not whole yet is not kept: who sent most is dropped.
   static constexpr std::size_t kMaxRequestsOfAll = std::size_t{64} << 20U;
 
-  /// A client that reads nothing for `patience` is dropped.
+  /// A client that reads nothing for `patience` is dropped. With an empty `folder` nobody finds it:
+  /// there is `connect` alone.
   Server(host::Application& application, config::InspectDescription description,
          std::filesystem::path folder = socket_folder(),
          std::chrono::nanoseconds patience = kPatience);
   ~Server() override;
+
+  /// A connection for who is in this process too: a descriptor for `inspect::Client`, which its
+  /// caller closes. -1 if none can be made. Safe once the application has started.
+  [[nodiscard]] int connect();
 
   /// `make` returns a JSON document that clients know as `name`. It is called on the server's
   /// thread while the application runs.
@@ -122,6 +127,7 @@ class Server final : public host::Observer {
   void bound_requests();
   void give_log();
   void give_made();
+  void accept_joining();
   void write(Client& client, std::int64_t now_ns);
   void drop(Client& client, const std::string& why);
   void forget_gone();
@@ -147,6 +153,8 @@ class Server final : public host::Observer {
   void begin_log(Client& client, const protocol::Request& request);
   void end_stream(Client& client, std::uint32_t id);
   void open_stream(Client& client, std::unique_ptr<Stream> stream, protocol::Answer started);
+  /// As its socket; without one as the application.
+  [[nodiscard]] std::string name() const;
   void need(bool is_allowed, const char* word, const char* what) const;
   [[nodiscard]] detail::Topic& topic_of(const std::string& name) const;
   [[nodiscard]] std::vector<std::string> documents() const;
@@ -184,6 +192,7 @@ class Server final : public host::Observer {
   std::deque<LogLine> log_;
   std::uint64_t lost_log_ = 0;
   std::vector<Made> made_;
+  std::vector<int> joining_;  ///< Our ends of `connect`.
 
   std::atomic<bool> is_log_wanted_{false};
   std::atomic<bool> is_stopping_{false};

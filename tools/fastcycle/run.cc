@@ -27,6 +27,8 @@
 #include "inspect/server.h"
 #include "inspect_options.h"
 #include "live/record.h"
+#include "live/server.h"
+#include "live_options.h"
 #include "loading/component_library.h"
 #include "loading/protection.h"
 #include "option_values.h"
@@ -61,6 +63,7 @@ struct RunOptions {
   RecordingOptions record;
   FlightOptions flight_recorder;
   InspectOptions inspect;
+  LiveOptions live;
   TracingOptions trace;
   ReplayingOptions replay;
   bool is_played = false;  ///< Simulated time at the pace of the wall, with keys.
@@ -275,6 +278,7 @@ int run_application(const config::ApplicationDescription& description,
   }
   host::WallPace pace(options.play_rate);
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
+  std::optional<live::Server> live_server;
   std::unique_ptr<trace::Tracer> tracer;
   if (const auto asked = options.trace.describe(description)) {
     tracer = std::make_unique<trace::Tracer>(*asked, inputs_of(options));
@@ -282,13 +286,20 @@ int run_application(const config::ApplicationDescription& description,
   EndBound end_bound(description, options.command, &TerminalModes::give_back);
   host::Application application(replay != nullptr ? replay->description() : description,
                                 clock_of(options));
-  if (const auto asked = options.inspect.describe(description)) {
-    inspection.emplace(application, *asked);
+  const auto shown = options.live.describe(description);
+  if (const auto asked = options.inspect.describe(description); asked || shown) {
+    // Without the first, no tool finds it: it is there for the live server alone.
+    inspection.emplace(application, asked.value_or(config::InspectDescription{}),
+                       asked ? inspect::socket_folder() : std::filesystem::path());
     application.add(*inspection);  // Before those who record what it publishes.
     if (!description.chains.empty()) {
       inspection->offer("chains",
                         [&application] { return to_json(application.chains().report()).dump(); });
     }
+  }
+  if (shown) {
+    live_server.emplace(application, *shown, [&inspection] { return inspection->connect(); });
+    application.add(*live_server);
   }
   if (const auto kept = options.flight_recorder.describe(description)) {
     application.keep_last(*kept);
@@ -347,6 +358,9 @@ int run_application(const config::ApplicationDescription& description,
       progress.print("keys: space pauses, . or s makes one step, + and - change the rate, q ends");
     }
     keys.emplace([&](char key) { obey(key, pace, application); });
+  }
+  if (live_server) {
+    progress.print("live: " + live_server->url());
   }
   const auto began = std::chrono::steady_clock::now();
   const std::string failure = carry_out(application, options, end_bound, progress);
@@ -433,6 +447,9 @@ int run(const RunOptions& options) {
   if (const std::string sentence = options.inspect.find_wrong(description); !sentence.empty()) {
     return wrong(sentence);
   }
+  if (const std::string sentence = options.live.find_wrong(); !sentence.empty()) {
+    return wrong(sentence);
+  }
   return run_application(description, tried, options, report_file);
 }
 
@@ -481,6 +498,7 @@ void add_options(CLI::App& line, RunOptions& options) {
                   "How much it holds: 256, unless the application says else")
       ->type_name("MB");
   options.inspect.add_to(line);
+  options.live.add_to(line);
   line.add_option("--trace", options.trace.file,
                   "Write what the components do into this file, for ui.perfetto.dev")
       ->type_name("FILE.pftrace");

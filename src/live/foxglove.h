@@ -1,0 +1,109 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+/// The words of the Foxglove WebSocket protocol: `foxglove.sdk.v1` and `foxglove.websocket.v1`.
+///
+/// Source: github.com/foxglove/ws-protocol, docs/spec.md; github.com/foxglove/foxglove-sdk. Texts
+/// are JSON objects whose "op" says what they are; binary frames begin with one byte that does, and
+/// their numbers are little endian.
+namespace fastcycle::live::foxglove {
+
+using Json = nlohmann::ordered_json;
+
+inline constexpr std::string_view kNewSubprotocol = "foxglove.sdk.v1";
+inline constexpr std::string_view kOldSubprotocol = "foxglove.websocket.v1";
+
+/// The one that is spoken with who offers `offered`, a list with commas; empty: none of it.
+[[nodiscard]] std::string_view choose_subprotocol(std::string_view offered);
+
+/// A topic.
+struct Channel {
+  std::uint32_t id = 0;
+  std::string topic;
+  std::string type;
+  std::string schema;  ///< A serialized `google.protobuf.FileDescriptorSet`.
+};
+
+/// A service.
+struct Service {
+  std::uint32_t id = 0;
+  std::string name;
+  std::string request_type;
+  std::string request_schema;
+  std::string reply_type;
+  std::string reply_schema;
+};
+
+enum class StatusLevel : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };
+
+/// Who publishes, subscribes and serves: names by topic or service.
+struct Graph {
+  std::map<std::string, std::set<std::string>> published;
+  std::map<std::string, std::set<std::string>> subscribed;
+  std::map<std::string, std::set<std::string>> services;
+
+  bool operator==(const Graph&) const = default;
+};
+
+// ---- What the server says ----
+
+[[nodiscard]] std::string server_info(const std::string& name, const std::string& session,
+                                      std::span<const std::string_view> capabilities,
+                                      const std::map<std::string, std::string>& metadata);
+[[nodiscard]] std::string advertise(std::span<const Channel> channels);
+[[nodiscard]] std::string advertise_services(std::span<const Service> services);
+[[nodiscard]] std::string status(StatusLevel level, std::string_view text,
+                                 std::string_view id = {});
+/// `id`: of the request that they answer; empty: of none.
+[[nodiscard]] std::string parameter_values(Json parameters, const std::string& id);
+[[nodiscard]] std::string service_failure(std::uint32_t service, std::uint32_t call,
+                                          std::string_view text);
+/// All of `graph`, and what of `before` is not in it.
+[[nodiscard]] std::string graph_update(const Graph& graph, const Graph& before);
+
+/// What goes before the payload of a message.
+[[nodiscard]] std::string message_head(std::uint32_t subscription, std::int64_t time_ns);
+[[nodiscard]] std::string time(std::int64_t time_ns);
+[[nodiscard]] std::string service_reply(std::uint32_t service, std::uint32_t call,
+                                        std::string_view payload);
+
+// ---- What a client says ----
+
+/// A message that a client publishes, or a service that it calls.
+struct ClientMessage {
+  std::uint32_t channel = 0;
+  std::string_view payload;
+};
+struct ClientCall {
+  std::uint32_t service = 0;
+  std::uint32_t call = 0;
+  std::string_view encoding;
+  std::string_view payload;
+};
+
+inline constexpr std::uint8_t kClientMessage = 1;
+inline constexpr std::uint8_t kClientCall = 2;
+
+/// The parts of a binary frame, borrowed; none if it is no such frame.
+[[nodiscard]] std::optional<ClientMessage> read_message(std::string_view frame);
+[[nodiscard]] std::optional<ClientCall> read_call(std::string_view frame);
+
+/// An unsigned number of 32 bits; none if `json` is something else.
+[[nodiscard]] std::optional<std::uint32_t> to_id(const Json& json);
+/// The member `name` as a text; empty if there is none.
+[[nodiscard]] std::string text_of(const Json& json, const char* name);
+
+[[nodiscard]] std::string to_base64(std::string_view bytes);
+
+}  // namespace fastcycle::live::foxglove

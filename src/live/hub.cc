@@ -1,0 +1,308 @@
+#include "live/hub.h"
+
+#include <algorithm>
+#include <random>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "live/session.h"
+
+namespace fastcycle::live {
+namespace {
+
+namespace protocol = inspect::protocol;
+using namespace std::chrono_literals;
+
+constexpr auto kOverviewPeriod = 1000ms;
+constexpr auto kTimePeriod = 50ms;
+constexpr auto kParamsPeriod = 1000ms;
+constexpr auto kLossesPeriod = 1000ms;
+
+std::string random_id() {
+  std::random_device device;
+  return fmt::format("{:08x}{:08x}", device(), device());
+}
+
+}  // namespace
+
+Hub::Hub(std::unique_ptr<inspect::Client> application, Options options)
+    : application_(std::move(application)),
+      options_(std::move(options)),
+      publishable_{.topics = options_.publish, .except = {}},
+      session_id_(random_id()) {
+  find_topics();
+  find_services();
+}
+
+Hub::~Hub() = default;
+
+void Hub::find_topics() {
+  protocol::Request request;
+  request.mutable_overview();
+  const protocol::Answer answer = application_->ask(std::move(request));
+  is_simulated_ = answer.overview().clock() == "simulated";
+  std::map<std::string, std::string> schemas;  // By type.
+  for (const protocol::Topic& topic : answer.overview().topics()) {
+    if (topic.type().empty()) {
+      continue;
+    }
+    std::string& schema = schemas[topic.type()];
+    if (schema.empty()) {
+      protocol::Request one;
+      one.mutable_topic()->set_topic(topic.name());
+      schema = application_->ask(std::move(one)).topic().schema();
+    }
+    const auto id = static_cast<std::uint32_t>(channels_.size() + 1);
+    channels_.push_back(
+        {.id = id, .topic = topic.name(), .type = topic.type(), .schema = schema});
+    feeds_[id] = {.topic = topic.name(), .latched = topic.latched(), .kept = {}, .subscribers = {}};
+  }
+  take_overview(answer.overview());
+}
+
+void Hub::find_services() {
+  if (!may("publish")) {
+    return;
+  }
+  protocol::Request request;
+  request.mutable_overview()->set_without_components(true);
+  const protocol::Answer answer = application_->ask(std::move(request));
+  for (const protocol::Service& service : answer.overview().services()) {
+    if (!service.feedback_type().empty()) {
+      continue;  // An action: what it gives back is more than one answer.
+    }
+    protocol::Request one;
+    one.mutable_topic()->set_topic(service.name());
+    const protocol::Service whole = application_->ask(std::move(one)).topic().service();
+    services_.push_back({.id = static_cast<std::uint32_t>(services_.size() + 1),
+                         .name = service.name(),
+                         .request_type = service.request_type(),
+                         .request_schema = whole.request_schema(),
+                         .reply_type = service.reply_type(),
+                         .reply_schema = whole.reply_schema()});
+  }
+}
+
+std::vector<std::string_view> Hub::capabilities() const {
+  std::vector<std::string_view> all = {"parameters", "parametersSubscribe", "connectionGraph"};
+  if (is_simulated_) {
+    all.emplace_back("time");
+  }
+  if (may("publish")) {
+    all.emplace_back("services");
+    if (!options_.publish.empty()) {
+      all.emplace_back("clientPublish");
+    }
+  }
+  return all;
+}
+
+std::unique_ptr<Session> Hub::open(std::function<void()> wake) {
+  auto session = std::make_unique<Session>(*this, options_.outbox, std::move(wake));
+  sessions_.insert(session.get());
+  const protocol::Welcome& welcome = application_->welcome();
+  session->say_text(foxglove::server_info(
+      "FastCycle " + welcome.application(), session_id_, capabilities(),
+      {{"application", welcome.application()}, {"framework", welcome.framework()}}));
+  session->say_text(foxglove::advertise(channels_));
+  if (!services_.empty()) {
+    session->say_text(foxglove::advertise_services(services_));
+  }
+  return session;
+}
+
+void Hub::close(Session& session) {
+  sessions_.erase(&session);
+  std::erase_if(asked_, [&](const auto& one) { return one.second.asker == &session; });
+}
+
+std::uint32_t Hub::post(protocol::Request request, const Session* asker, Take take) {
+  const std::uint32_t id = application_->post(std::move(request));
+  asked_[id] = {.asker = asker, .take = std::move(take)};
+  return id;
+}
+
+void Hub::ask(const Session& asker, protocol::Request request, Take take) {
+  post(std::move(request), &asker, std::move(take));
+}
+
+void Hub::read() {
+  while (const auto answer = application_->take(0ms)) {
+    take(*answer);
+  }
+}
+
+void Hub::take(const protocol::Answer& answer) {
+  if (answer.has_error() && answer.id() == 0) {
+    throw inspect::ClientError(answer.error());  // The application ends the connection.
+  }
+  if (const auto stream = channel_of_stream_.find(answer.id());
+      stream != channel_of_stream_.end()) {
+    Feed& feed = feeds_[stream->second];
+    if (answer.has_messages()) {
+      take_messages(feed, answer.messages());
+    } else if (answer.has_ended() || answer.has_error()) {
+      if (feed.stream == answer.id()) {
+        feed.stream = 0;
+      }
+      channel_of_stream_.erase(stream);
+    }
+    return;
+  }
+  const auto found = asked_.find(answer.id());
+  if (found != asked_.end()) {
+    const Take take = std::move(found->second.take);
+    asked_.erase(found);
+    take(answer);
+  }
+}
+
+void Hub::take_messages(Feed& feed, const protocol::Messages& messages) {
+  for (const protocol::Message& message : messages.messages()) {
+    const auto shared = std::make_shared<const SharedMessage>(
+        SharedMessage{.time_ns = message.publish_time_ns(), .payload = message.payload()});
+    if (feed.latched > 0) {
+      feed.kept.push_back(shared);
+      if (feed.kept.size() > feed.latched) {
+        feed.kept.pop_front();
+      }
+    }
+    for (const auto& [session, subscription] : feed.subscribers) {
+      session->give(subscription, shared);
+    }
+  }
+  if (messages.lost() > 0) {
+    for (const auto& [session, subscription] : feed.subscribers) {
+      session->has_lost(subscription, messages.lost());
+    }
+  }
+}
+
+void Hub::subscribe(Session& session, std::uint32_t subscription, std::uint32_t channel) {
+  Feed& feed = feeds_[channel];
+  feed.subscribers.emplace_back(&session, subscription);
+  if (feed.stream != 0) {
+    for (const auto& message : feed.kept) {
+      session.give(subscription, message);
+    }
+    return;
+  }
+  feed.kept.clear();
+  protocol::Request request;
+  request.mutable_stream()->set_topic(feed.topic);
+  request.mutable_stream()->set_content(protocol::Stream::CONTENT_FULL);
+  feed.stream = application_->post(std::move(request));
+  channel_of_stream_[feed.stream] = channel;
+}
+
+void Hub::unsubscribe(Session& session, std::uint32_t subscription, std::uint32_t channel) {
+  Feed& feed = feeds_[channel];
+  std::erase(feed.subscribers, std::pair(&session, subscription));
+  if (feed.subscribers.empty() && feed.stream != 0) {
+    application_->end(feed.stream);
+    feed.stream = 0;  // What is under way still comes, and goes to nobody.
+  }
+}
+
+const foxglove::Channel* Hub::find_channel(std::uint32_t id) const {
+  return id == 0 || id > channels_.size() ? nullptr : &channels_[id - 1];
+}
+
+const foxglove::Channel* Hub::find_channel(std::string_view topic) const {
+  const auto found = std::ranges::find(channels_, topic, &foxglove::Channel::topic);
+  return found == channels_.end() ? nullptr : &*found;
+}
+
+const foxglove::Service* Hub::find_service(std::uint32_t id) const {
+  return id == 0 || id > services_.size() ? nullptr : &services_[id - 1];
+}
+
+bool Hub::may(std::string_view word) const {
+  return std::ranges::find(application_->welcome().allow(), word) !=
+         application_->welcome().allow().end();
+}
+
+bool Hub::may_publish(const std::string& topic) const {
+  return may("publish") && !options_.publish.empty() && publishable_.wants(topic);
+}
+
+void Hub::take_overview(const protocol::Overview& overview) {
+  foxglove::Graph graph;
+  for (const protocol::Topic& topic : overview.topics()) {
+    for (const protocol::Publisher& publisher : topic.publishers()) {
+      graph.published[topic.name()].insert(publisher.component());
+    }
+    for (const protocol::Subscriber& subscriber : topic.subscribers()) {
+      if (subscriber.kind() != "tap") {
+        graph.subscribed[topic.name()].insert(subscriber.component());
+      }
+    }
+  }
+  for (const protocol::Service& service : overview.services()) {
+    graph.services[service.name()].insert(service.component());
+  }
+  if (graph == graph_) {
+    return;
+  }
+  for (Session* session : sessions_) {
+    if (session->wants_graph()) {
+      session->say_text(foxglove::graph_update(graph, graph_));
+    }
+  }
+  graph_ = std::move(graph);
+}
+
+void Hub::look(std::chrono::steady_clock::time_point now) {
+  const auto wants = [&](const auto& what) { return std::ranges::any_of(sessions_, what); };
+  const auto is_due = [&](auto& next, auto period) {
+    if (now < next) {
+      return false;
+    }
+    next = now + period;
+    return true;
+  };
+  if (!asks_overview_ && wants([](const Session* one) { return one->wants_graph(); }) &&
+      is_due(next_overview_, kOverviewPeriod)) {
+    asks_overview_ = true;
+    protocol::Request request;
+    request.mutable_overview()->set_without_components(true);
+    post(std::move(request), nullptr, [this](const protocol::Answer& answer) {
+      asks_overview_ = false;
+      if (answer.has_overview()) {
+        take_overview(answer.overview());
+      }
+    });
+  }
+  if (is_simulated_ && !asks_time_ && !sessions_.empty() && is_due(next_time_, kTimePeriod)) {
+    asks_time_ = true;
+    protocol::Request request;
+    request.mutable_overview()->set_without_components(true);
+    request.mutable_overview()->set_without_topics(true);
+    post(std::move(request), nullptr, [this](const protocol::Answer& answer) {
+      asks_time_ = false;
+      for (Session* session : sessions_) {
+        session->say_binary(foxglove::time(answer.overview().now_ns()));
+      }
+    });
+  }
+  if (!asks_params_ && wants([](const Session* one) { return one->wants_params(); }) &&
+      is_due(next_params_, kParamsPeriod)) {
+    asks_params_ = true;
+    protocol::Request request;
+    request.mutable_params();
+    post(std::move(request), nullptr, [this](const protocol::Answer& answer) {
+      asks_params_ = false;
+      for (Session* session : sessions_) {
+        session->take_params(answer.params());
+      }
+    });
+  }
+  if (is_due(next_losses_, kLossesPeriod)) {
+    for (Session* session : sessions_) {
+      session->tell_losses();
+    }
+  }
+}
+
+}  // namespace fastcycle::live

@@ -1,0 +1,117 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "inspect/client.h"
+#include "live/foxglove.h"
+#include "live/outbox.h"
+#include "mcap/topic_filter.h"
+
+namespace fastcycle::live {
+
+class Session;
+
+/// What the live server knows of an application, and what its clients share: channels, streams of
+/// messages, params, services, the graph.
+///
+/// All of it comes over one connection of `inspect`: a topic is looked at as long as a client has
+/// subscribed to it, and once for all of them.
+///
+/// @threads  Confined to the server's thread.
+/// @errors   `inspect::ClientError` when the application has ended.
+class Hub {
+ public:
+  struct Options {
+    std::vector<std::string> publish = {};  ///< Patterns of topics that clients may publish on.
+    Outbox::Options outbox = {};
+  };
+
+  /// Asks the application for its topics and services.
+  Hub(std::unique_ptr<inspect::Client> application, Options options);
+  Hub(const Hub&) = delete;
+  Hub& operator=(const Hub&) = delete;
+  ~Hub();
+
+  /// For poll(2); `read` takes what came, and gives it to the clients that wait for it.
+  [[nodiscard]] int descriptor() const { return application_->descriptor(); }
+  void read();
+  /// What is looked at from time to time: the graph, params, time, losses. At most each 50 ms.
+  void look(std::chrono::steady_clock::time_point now);
+
+  /// A client has connected: it is told what there is. `wake` is called whenever something waits in
+  /// its outbox.
+  [[nodiscard]] std::unique_ptr<Session> open(std::function<void()> wake);
+
+  // For sessions.
+
+  using Take = std::function<void(const inspect::protocol::Answer&)>;
+  /// Sends `request`; `take` is given its answer, an error too, unless `asker` is closed before.
+  void ask(const Session& asker, inspect::protocol::Request request, Take take);
+  [[nodiscard]] const foxglove::Channel* find_channel(std::uint32_t id) const;
+  [[nodiscard]] const foxglove::Channel* find_channel(std::string_view topic) const;
+  [[nodiscard]] const foxglove::Service* find_service(std::uint32_t id) const;
+  void subscribe(Session& session, std::uint32_t subscription, std::uint32_t channel);
+  void unsubscribe(Session& session, std::uint32_t subscription, std::uint32_t channel);
+  [[nodiscard]] bool may_publish(const std::string& topic) const;
+  [[nodiscard]] bool may(std::string_view word) const;
+  [[nodiscard]] const foxglove::Graph& graph() const { return graph_; }
+  /// The next `look` asks for params again.
+  void params_have_changed() { next_params_ = {}; }
+  void close(Session& session);
+
+  [[nodiscard]] const Options& options() const { return options_; }
+
+ private:
+  /// Messages of one topic on their way to all who subscribed to it.
+  struct Feed {
+    std::string topic;
+    std::uint32_t stream = 0;   ///< The request's id; 0: nobody looks.
+    std::size_t latched = 0;    ///< Messages that who comes later is given.
+    std::deque<std::shared_ptr<const SharedMessage>> kept;
+    std::vector<std::pair<Session*, std::uint32_t>> subscribers;
+  };
+
+  void find_topics();
+  void find_services();
+  void take(const inspect::protocol::Answer& answer);
+  void take_messages(Feed& feed, const inspect::protocol::Messages& messages);
+  void take_overview(const inspect::protocol::Overview& overview);
+  [[nodiscard]] std::vector<std::string_view> capabilities() const;
+  std::uint32_t post(inspect::protocol::Request request, const Session* asker, Take take);
+
+  const std::unique_ptr<inspect::Client> application_;
+  const Options options_;
+  const mcap::TopicFilter publishable_;
+  const std::string session_id_;
+  bool is_simulated_ = false;
+  std::vector<foxglove::Channel> channels_;  ///< Id less 1 is the place.
+  std::vector<foxglove::Service> services_;  ///< The same.
+  std::map<std::uint32_t, Feed> feeds_;      ///< By channel.
+  std::map<std::uint32_t, std::uint32_t> channel_of_stream_;
+  struct Asked {
+    const Session* asker;
+    Take take;
+  };
+  std::map<std::uint32_t, Asked> asked_;  ///< By request.
+  std::set<Session*> sessions_;
+  foxglove::Graph graph_;
+  std::chrono::steady_clock::time_point next_overview_{};
+  std::chrono::steady_clock::time_point next_time_{};
+  std::chrono::steady_clock::time_point next_params_{};
+  std::chrono::steady_clock::time_point next_losses_{};
+  bool asks_overview_ = false;
+  bool asks_time_ = false;
+  bool asks_params_ = false;
+};
+
+}  // namespace fastcycle::live

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace fastcycle::live {
+
+/// A message as all clients get it.
+struct SharedMessage {
+  std::int64_t time_ns = 0;  ///< When it was published.
+  std::string payload;       ///< Serialized.
+};
+
+/// One frame of a WebSocket.
+struct Frame {
+  bool is_text = false;
+  std::string head;                             ///< What goes before the message.
+  std::shared_ptr<const SharedMessage> message;  ///< May be null.
+
+  [[nodiscard]] std::size_t size() const {
+    return head.size() + (message == nullptr ? 0 : message->payload.size());
+  }
+};
+
+/// What waits for one client: bounded, and fair between its subscriptions.
+///
+/// Control frames go first, in their order. Messages go in turns, one of each subscription. Of a
+/// subscription whose messages are large only the newest waits. When more waits than may, the
+/// subscription of which most waits loses its oldest message; the last one of a subscription stays
+/// until four times as much waits.
+///
+/// @threads  Confined.
+class Outbox {
+ public:
+  struct Options {
+    std::size_t bytes = std::size_t{8} << 20U;         ///< Of messages that wait.
+    std::size_t large_bytes = std::size_t{128} << 10U;  ///< A message of this size is large.
+    std::size_t control_bytes = std::size_t{4} << 20U;  ///< Of control frames that wait.
+  };
+
+  /// What a client did not get.
+  struct Loss {
+    std::uint32_t subscription = 0;
+    std::uint64_t count = 0;
+  };
+
+  explicit Outbox(Options options) : options_(options) {}
+
+  void add(std::uint32_t subscription) { lanes_[subscription]; }
+  void remove(std::uint32_t subscription);
+  [[nodiscard]] bool has(std::uint32_t subscription) const {
+    return lanes_.contains(subscription);
+  }
+
+  void put_text(std::string text) { put({.is_text = true, .head = std::move(text), .message = {}}); }
+  void put_binary(std::string bytes) {
+    put({.is_text = false, .head = std::move(bytes), .message = {}});
+  }
+  /// A client that lets control frames pile up is to be dropped.
+  [[nodiscard]] bool is_overrun() const { return control_waiting_ > options_.control_bytes; }
+
+  /// Does nothing without that subscription.
+  void put(std::uint32_t subscription, std::shared_ptr<const SharedMessage> message);
+
+  /// The next frame; of a message its head is that of the protocol.
+  [[nodiscard]] std::optional<Frame> take();
+
+  /// Messages that were dropped since the last call.
+  [[nodiscard]] std::vector<Loss> take_losses();
+
+  /// Bytes that wait.
+  [[nodiscard]] std::size_t waiting() const { return waiting_ + control_waiting_; }
+
+ private:
+  struct Lane {
+    std::deque<std::shared_ptr<const SharedMessage>> messages;
+    std::size_t waiting = 0;
+    std::uint64_t lost = 0;
+  };
+
+  void put(Frame frame);
+  void drop_oldest(Lane& lane);
+  /// Of those with at least `count` messages the one of which most waits; null if there is none.
+  [[nodiscard]] Lane* largest(std::size_t count);
+
+  const Options options_;
+  std::deque<Frame> control_;
+  std::size_t control_waiting_ = 0;
+  std::map<std::uint32_t, Lane> lanes_;
+  std::uint32_t last_ = 0;  ///< The subscription whose turn it was.
+  std::size_t waiting_ = 0;
+};
+
+}  // namespace fastcycle::live

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/description.h"
+#include "host/application.h"
+#include "host/observer.h"
+
+namespace fastcycle::live {
+
+/// Shows a running application to browsers and to Foxglove, over WebSockets.
+///
+///     live::Server server(application, description, [&] { return inspection.connect(); });
+///     application.add(inspection);
+///     application.add(server);   // behind the inspection, which it asks
+///
+/// One thread of low priority does all of it. What a client may do is what the inspection allows.
+///
+/// @threads  As `Observer`. It has to live longer than the application.
+class Server final : public host::Observer {
+ public:
+  static constexpr std::size_t kMaxConnections = 64;
+  static constexpr std::size_t kMaxHeaderBytes = 8192;  ///< Of an HTTP request.
+
+  /// Gives a descriptor of a connection to the inspection, as `inspect::Server::connect`.
+  using Connect = std::function<int()>;
+
+  Server(host::Application& application, config::LiveDescription description, Connect connect);
+  ~Server() override;
+
+  void open(config::Problems& problems) override;
+  void start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) override;
+  void stop(const host::Application& application) override;
+
+  /// Where a browser finds it, the token included; empty before `open`.
+  [[nodiscard]] std::string url() const;
+  [[nodiscard]] std::uint16_t port() const;
+  [[nodiscard]] const std::string& token() const;
+
+ private:
+  class Net;  ///< All that is of the network's library.
+  const std::unique_ptr<Net> net_;
+};
+
+}  // namespace fastcycle::live

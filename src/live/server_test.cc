@@ -1,0 +1,459 @@
+// The live server as its clients see it: over sockets, with the Foxglove WebSocket protocol.
+#include "live/server.h"
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/wrappers.pb.h>
+#include <gtest/gtest.h>
+
+#include "fastcycle/fastcycle.h"
+#include "host/test_application.h"
+#include "inspect/server.h"
+#include "live/foxglove.h"
+
+namespace fastcycle::live {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using asio::ip::tcp;
+using foxglove::Json;
+using google::protobuf::Int64Value;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+using namespace std::chrono_literals;
+
+/// Counts, times its factor, and sends blobs.
+class Counter final : public Component {
+ public:
+  explicit Counter(Context& context)
+      : Component(context),
+        factor_(context.param<std::int64_t>("factor",
+                                            {.fallback = 1, .min = 1, .max = 9, .is_tunable = true})),
+        numbers_(context.create_publisher<Int64Value>("numbers")) {
+    context.create_service<Int64Value, Int64Value>(
+        "twice", [](const Int64Value& request, Int64Value& reply) {
+          reply.set_value(request.value() * 2);
+        });
+    context.create_subscriber<Int64Value>("wishes", [this](const Int64Value& wish) {
+      offset_ = wish.value();
+    });
+  }
+
+  void serve() override {
+    auto number = numbers_.loan();
+    number->set_value(++count_ * factor_.get() + offset_);
+    numbers_.publish(std::move(number));
+  }
+
+ private:
+  Param<std::int64_t> factor_;
+  Publisher<Int64Value> numbers_;
+  std::int64_t count_ = 0;
+  std::int64_t offset_ = 0;
+};
+
+/// A client that waits for what it is told.
+class Client {
+ public:
+  using Stream = websocket::stream<beast::tcp_stream>;
+
+  Client(std::uint16_t port, const std::string& target, std::string_view subprotocol,
+         const std::function<void(websocket::request_type&)>& change = nullptr)
+      : socket_(io_) {
+    beast::get_lowest_layer(socket_).connect(
+        tcp::endpoint(asio::ip::make_address("127.0.0.1"), port));
+    socket_.set_option(websocket::stream_base::decorator([&](websocket::request_type& request) {
+      request.set(http::field::sec_websocket_protocol, std::string(subprotocol));
+      if (change) {
+        change(request);
+      }
+    }));
+    boost::system::error_code error;
+    socket_.handshake(response_, fmt::format("127.0.0.1:{}", port), target, error);
+    is_open_ = !error;
+  }
+
+  [[nodiscard]] bool is_open() const { return is_open_; }
+  [[nodiscard]] const websocket::response_type& response() const { return response_; }
+
+  void say(const Json& json) {
+    socket_.text(true);
+    socket_.write(asio::buffer(json.dump()));
+  }
+  void say_raw(const std::string& bytes, bool is_text) {
+    socket_.text(is_text);
+    socket_.write(asio::buffer(bytes));
+  }
+
+  /// The next frame; false once the server has closed.
+  bool read() {
+    beast::flat_buffer buffer;
+    boost::system::error_code error;
+    beast::get_lowest_layer(socket_).expires_after(60s);
+    socket_.read(buffer, error);
+    frame = beast::buffers_to_string(buffer.data());
+    return !error;
+  }
+  /// The next text whose "op" this is.
+  Json await(std::string_view op) {
+    while (read()) {
+      if (!socket_.got_text()) {
+        continue;
+      }
+      Json json = Json::parse(frame);
+      if (json["op"] == op) {
+        return json;
+      }
+    }
+    ADD_FAILURE() << "no " << op << " came";
+    return Json::object();
+  }
+  /// The next binary frame that begins with `kind`.
+  std::string await_binary(char kind) {
+    while (read()) {
+      if (socket_.got_binary() && !frame.empty() && frame.front() == kind) {
+        return frame;
+      }
+    }
+    ADD_FAILURE() << "no binary frame " << static_cast<int>(kind) << " came";
+    return {};
+  }
+
+  std::string frame;
+
+ private:
+  asio::io_context io_;
+  Stream socket_;
+  websocket::response_type response_;
+  bool is_open_ = false;
+};
+
+std::uint64_t number_at(std::string_view frame, std::size_t at, std::size_t size) {
+  std::uint64_t number = 0;
+  for (std::size_t i = 0; i < size; ++i) {
+    number |= static_cast<std::uint64_t>(static_cast<unsigned char>(frame[at + i])) << (8 * i);
+  }
+  return number;
+}
+
+class LiveServer : public testing::Test {
+ protected:
+  static config::InspectDescription allow(const std::set<std::string>& words) {
+    config::InspectDescription allowed;
+    allowed.allows_params = words.contains("params");
+    allowed.allows_publish = words.contains("publish");
+    return allowed;
+  }
+
+  void run(config::InspectDescription allowed = {}, bool is_simulated = false) {
+    classes_.with<Counter>("counter");
+    config::Problems problems;
+    application_ = std::make_unique<host::Application>(
+        host::describe_text(R"({"name": "shown", "components": [
+          {"name": "counter", "library": "counter", "serve_period_ms": 2}]})",
+                            problems),
+        host::ClockOptions{.is_simulated = is_simulated, .workers = is_simulated ? 1U : 0U});
+    inspection_ =
+        std::make_unique<inspect::Server>(*application_, allowed, std::filesystem::path());
+    application_->add(*inspection_);
+    config::LiveDescription description;
+    description.port = 0;
+    description.publish = {"wishes"};
+    description.origins = {"https://app.foxglove.dev"};
+    server_ = std::make_unique<Server>(*application_, description,
+                                       [this] { return inspection_->connect(); });
+    application_->add(*server_);
+    application_->build(classes_, problems, host::ConstructorFault::kFault);
+    ASSERT_FALSE(problems.has_errors()) << config::to_string(problems.all().front());
+    application_->start();
+  }
+  void TearDown() override {
+    if (application_ != nullptr) {
+      application_->stop();
+    }
+    application_.reset();
+    server_.reset();
+    inspection_.reset();
+  }
+
+  Client connect(std::string_view subprotocol = foxglove::kNewSubprotocol) const {
+    return {server_->port(), "/?token=" + server_->token(), subprotocol};
+  }
+  /// The status of the answer to a plain or WebSocket request.
+  int status_of(const std::string& target,
+                const std::function<void(websocket::request_type&)>& change = nullptr) const {
+    Client client(server_->port(), target, foxglove::kNewSubprotocol, change);
+    return client.response().result_int();
+  }
+
+  static Json channel_of(const Json& advertise, std::string_view topic) {
+    for (const Json& channel : advertise["channels"]) {
+      if (channel["topic"] == topic) {
+        return channel;
+      }
+    }
+    ADD_FAILURE() << topic << " is not advertised: " << advertise.dump();
+    return Json::object();
+  }
+
+  host::TestClasses classes_;
+  std::unique_ptr<inspect::Server> inspection_;
+  std::unique_ptr<Server> server_;
+  std::unique_ptr<host::Application> application_;
+};
+
+TEST_F(LiveServer, SaysWhatThereIs) {
+  run();
+  for (const auto subprotocol : {foxglove::kNewSubprotocol, foxglove::kOldSubprotocol}) {
+    Client client = connect(subprotocol);
+    ASSERT_TRUE(client.is_open());
+    EXPECT_EQ(client.response()[http::field::sec_websocket_protocol], std::string(subprotocol));
+    const Json info = client.await("serverInfo");
+    EXPECT_EQ(info["name"], "FastCycle shown");
+    EXPECT_THAT(info["capabilities"], Contains("parameters"));
+    EXPECT_EQ(info["capabilities"].dump().find("services"), std::string::npos);
+    const Json numbers = channel_of(client.await("advertise"), "numbers");
+    EXPECT_EQ(numbers["encoding"], "protobuf");
+    EXPECT_EQ(numbers["schemaName"], "google.protobuf.Int64Value");
+    EXPECT_EQ(numbers["schemaEncoding"], "protobuf");
+    EXPECT_FALSE(numbers["schema"].get<std::string>().empty());
+  }
+}
+
+TEST_F(LiveServer, GivesMessagesInTheirOrder) {
+  run();
+  Client client = connect();
+  const Json channel = channel_of(client.await("advertise"), "numbers");
+  client.say({{"op", "subscribe"},
+              {"subscriptions", {{{"id", 77}, {"channelId", channel["id"]}}}}});
+
+  std::int64_t last = 0;
+  std::uint64_t last_ns = 0;
+  for (int i = 0; i < 50; ++i) {
+    const std::string frame = client.await_binary(1);
+    ASSERT_GT(frame.size(), 13);
+    EXPECT_EQ(number_at(frame, 1, 4), 77);
+    EXPECT_GT(number_at(frame, 5, 8), last_ns);
+    last_ns = number_at(frame, 5, 8);
+    Int64Value number;
+    ASSERT_TRUE(number.ParseFromString(frame.substr(13)));
+    if (last != 0) {
+      EXPECT_EQ(number.value(), last + 1);
+    }
+    last = number.value();
+  }
+  client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
+  client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("no such subscription"));
+}
+
+TEST_F(LiveServer, RefusesWhoHasNoBusinessHere) {
+  run();
+  const std::string right = "/?token=" + server_->token();
+  EXPECT_EQ(status_of(right), 101);
+  EXPECT_EQ(status_of("/"), 403);
+  EXPECT_EQ(status_of("/?token=00000000000000000000000000000000"), 403);
+  EXPECT_EQ(status_of(right,
+                      [](auto& request) { request.set(http::field::origin, "https://evil.example"); }),
+            403);
+  EXPECT_EQ(status_of(right,
+                      [](auto& request) {
+                        request.set(http::field::origin, "https://app.foxglove.dev");
+                      }),
+            101);
+  EXPECT_EQ(status_of(right, [](auto& request) { request.set(http::field::host, "evil.example"); }),
+            403);
+  EXPECT_EQ(status_of(right,
+                      [](auto& request) {
+                        request.set(http::field::sec_websocket_protocol, "chat");
+                      }),
+            400);
+  EXPECT_EQ(status_of(right,
+                      [](auto& request) { request.set("X-Long", std::string(100'000, 'x')); }),
+            431);
+}
+
+TEST_F(LiveServer, TellsAndChangesParams) {
+  run(allow({"params"}));
+  Client client = connect();
+  client.say({{"op", "getParameters"}, {"parameterNames", {"counter.factor"}}, {"id", "a"}});
+  Json values = client.await("parameterValues");
+  EXPECT_EQ(values["id"], "a");
+  EXPECT_EQ(values["parameters"], Json::parse(R"([{"name": "counter.factor", "value": 1}])"));
+
+  client.say({{"op", "subscribeParameterUpdates"}, {"parameterNames", {"counter.factor"}}});
+  client.say({{"op", "setParameters"},
+              {"parameters", {{{"name", "counter.factor"}, {"value", 3.0}}}},
+              {"id", "b"}});
+  for (;;) {
+    values = client.await("parameterValues");
+    ASSERT_FALSE(values.empty());
+    if (values["parameters"][0]["value"] == 3) {
+      break;
+    }
+  }
+  client.say({{"op", "setParameters"},
+              {"parameters", {{{"name", "counter.factor"}, {"value", 10}}}}});
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("counter.factor"));
+}
+
+TEST_F(LiveServer, ChangesNothingUnlessThatIsAllowed) {
+  run();
+  Client client = connect();
+  client.say({{"op", "setParameters"},
+              {"parameters", {{{"name", "counter.factor"}, {"value", 3}}}}});
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("may not be changed"));
+  client.say({{"op", "advertise"},
+              {"channels", {{{"id", 1}, {"topic", "wishes"}, {"encoding", "protobuf"}}}}});
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(),
+              HasSubstr("may not be published on"));
+}
+
+TEST_F(LiveServer, PublishesAndCallsWhereThatIsAllowed) {
+  run(allow({"publish"}));
+  Client client = connect();
+  const Json channel = channel_of(client.await("advertise"), "numbers");
+  const Json services = client.await("advertiseServices");
+  ASSERT_EQ(services["services"].size(), 1);
+  const Json& service = services["services"][0];
+  EXPECT_EQ(service["name"], "twice");
+  EXPECT_EQ(service["request"]["schemaName"], "google.protobuf.Int64Value");
+
+  Int64Value number;
+  number.set_value(21);
+  const std::string call = foxglove::service_reply(service["id"], 5, number.SerializeAsString());
+  client.say_raw("\x02" + call.substr(1), false);
+  const std::string reply = client.await_binary(3);
+  EXPECT_EQ(number_at(reply, 5, 4), 5);
+  ASSERT_TRUE(number.ParseFromString(reply.substr(13 + 8)));
+  EXPECT_EQ(number.value(), 42);
+
+  client.say({{"op", "advertise"},
+              {"channels", {{{"id", 9},
+                             {"topic", "wishes"},
+                             {"encoding", "protobuf"},
+                             {"schemaName", "google.protobuf.Int64Value"}}}}});
+  number.set_value(1'000'000);
+  std::string message("\x01\x09\0\0\0", 5);
+  message += number.SerializeAsString();
+  client.say_raw(message, false);
+  client.say({{"op", "subscribe"},
+              {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+  do {
+    ASSERT_TRUE(number.ParseFromString(client.await_binary(1).substr(13)));
+  } while (number.value() < 1'000'000);
+
+  client.say({{"op", "advertise"},
+              {"channels", {{{"id", 2}, {"topic", "numbers"}, {"encoding", "protobuf"}}}}});
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("numbers"));
+}
+
+TEST_F(LiveServer, ShowsWhoIsConnected) {
+  run();
+  Client client = connect();
+  client.say({{"op", "subscribeConnectionGraph"}});
+  const Json graph = client.await("connectionGraphUpdate");
+  EXPECT_THAT(graph["publishedTopics"],
+              Contains(Json::parse(R"({"name": "numbers", "publisherIds": ["counter"]})")));
+  EXPECT_THAT(graph["subscribedTopics"],
+              Contains(Json::parse(R"({"name": "wishes", "subscriberIds": ["counter"]})")));
+  EXPECT_THAT(graph["advertisedServices"],
+              Contains(Json::parse(R"({"name": "twice", "providerIds": ["counter"]})")));
+}
+
+TEST_F(LiveServer, GoesOnWhateverClientsSay) {
+  run(allow({"params", "publish"}));
+  Client client = connect();
+  for (const char* text :
+       {"", "{", "[]", "null", "7", R"({"op": 1})", R"({"op": "fly"})", R"({"op": "subscribe"})",
+        R"({"op": "subscribe", "subscriptions": 1})",
+        R"({"op": "subscribe", "subscriptions": [1, null, {}, {"id": -1, "channelId": 1}]})",
+        R"({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 4000000000}]})",
+        R"({"op": "unsubscribe", "subscriptionIds": ["a", 99]})",
+        R"({"op": "advertise", "channels": [{}, 1, {"id": 1}]})",
+        R"({"op": "unadvertise", "channelIds": [1, "x"]})",
+        R"({"op": "getParameters", "parameterNames": [1]})",
+        R"({"op": "setParameters", "parameters": [{"name": "counter.factor"}]})",
+        R"({"op": "setParameters", "parameters": [{"name": "nobody.nothing", "value": {"a": [1]}}]})",
+        R"({"op": "subscribeParameterUpdates", "parameterNames": {"a": 1}})"}) {
+    client.say_raw(text, true);
+  }
+  client.say_raw("[[[[" + std::string(100'000, '['), true);
+  for (const std::string& frame :
+       {std::string(), std::string("\x01"), std::string("\x01\x01\0\0\0", 5), std::string("\x02"),
+        std::string("\x02\x07\0\0\0\x01\0\0\0\x08\0\0\0protobuf", 21), std::string("\x63zzz")}) {
+    client.say_raw(frame, false);
+  }
+  client.say({{"op", "getParameters"}, {"parameterNames", {"counter.factor"}}, {"id", "end"}});
+  Json values;
+  do {
+    values = client.await("parameterValues");
+  } while (values.value("id", "end") != "end");
+  EXPECT_EQ(values["parameters"][0]["value"], 1);
+}
+
+TEST_F(LiveServer, GivesEachClientItsOwn) {
+  run();
+  Client reader = connect();
+  Client silent = connect();  // Subscribes, and never reads.
+  const Json channel = channel_of(reader.await("advertise"), "numbers");
+  for (Client* client : {&reader, &silent}) {
+    client->say({{"op", "subscribe"},
+                 {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+  }
+  {
+    Client gone = connect();
+    gone.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+  }
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_FALSE(reader.await_binary(1).empty());
+  }
+}
+
+TEST_F(LiveServer, ClosesWhenTheApplicationStops) {
+  run();
+  Client client = connect();
+  client.await("advertise");
+  application_->stop();
+  while (client.read()) {
+  }
+  SUCCEED();
+}
+
+TEST_F(LiveServer, WantsAnAddressThatOthersCannotReach) {
+  config::Problems problems;
+  host::Application application(
+      host::describe_text(R"({"name": "shown", "components": []})", problems), host::ClockOptions{});
+  for (const char* address : {"0.0.0.0", "192.168.0.1", "::", "example.com"}) {
+    config::LiveDescription description;
+    description.address = address;
+    Server server(application, description, [] { return -1; });
+    config::Problems found;
+    server.open(found);
+    EXPECT_TRUE(found.has_errors()) << address;
+  }
+}
+
+}  // namespace
+}  // namespace fastcycle::live

@@ -1,0 +1,374 @@
+#include "live/session.h"
+
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "inspect/inspect.pb.h"
+#include "live/hub.h"
+
+namespace fastcycle::live {
+namespace {
+
+namespace protocol = inspect::protocol;
+using foxglove::Json;
+using foxglove::StatusLevel;
+
+/// A list in `json`; an empty one if there is none.
+const Json& list_of(const Json& json, const char* name) {
+  static const Json kNone = Json::array();
+  const auto found = json.find(name);
+  return found != json.end() && found->is_array() ? *found : kNone;
+}
+
+std::string name_of(const protocol::Param& param) {
+  return param.component() + "." + param.name();
+}
+
+Json to_json(const protocol::Param& param) {
+  Json value = Json::parse(param.value_json(), nullptr, false);
+  Json json{{"name", name_of(param)}, {"value", value.is_discarded() ? Json() : std::move(value)}};
+  // Else 1 would be read as an integer.
+  if (param.type() == "number") {
+    json["type"] = "float64";
+  } else if (param.type() == "number[]") {
+    json["type"] = "float64_array";
+  }
+  return json;
+}
+
+/// `value` as the application reads it: clients say 3.0 for the integer 3.
+std::string to_value(const Json& value) {
+  if (value.is_number_float()) {
+    const auto number = value.get<double>();
+    if (std::floor(number) == number && std::abs(number) < 9e15) {
+      return std::to_string(static_cast<std::int64_t>(number));
+    }
+  }
+  return value.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+Session::Session(Hub& hub, Outbox::Options options, std::function<void()> wake)
+    : hub_(hub), wake_(std::move(wake)), outbox_(options) {}
+
+Session::~Session() {
+  for (const auto& [subscription, channel] : subscriptions_) {
+    try {
+      hub_.unsubscribe(*this, subscription, channel);
+    } catch (const inspect::ClientError&) {
+      // The application has ended, and its streams with it.
+    }
+  }
+  hub_.close(*this);
+}
+
+void Session::say_text(std::string text) {
+  outbox_.put_text(std::move(text));
+  wake_();
+}
+
+void Session::say_binary(std::string bytes) {
+  outbox_.put_binary(std::move(bytes));
+  wake_();
+}
+
+void Session::say_status(StatusLevel level, std::string_view text, std::string_view id) {
+  say_text(foxglove::status(level, text, id));
+}
+
+void Session::give(std::uint32_t subscription, std::shared_ptr<const SharedMessage> message) {
+  outbox_.put(subscription, std::move(message));
+  wake_();
+}
+
+void Session::has_lost(std::uint32_t subscription, std::uint64_t count) {
+  lost_[subscription] += count;
+}
+
+void Session::tell_losses() {
+  for (const Outbox::Loss& loss : outbox_.take_losses()) {
+    lost_[loss.subscription] += loss.count;
+  }
+  for (const auto& [subscription, count] : std::exchange(lost_, {})) {
+    const auto found = subscriptions_.find(subscription);
+    const foxglove::Channel* channel =
+        found == subscriptions_.end() ? nullptr : hub_.find_channel(found->second);
+    if (channel != nullptr) {
+      say_status(StatusLevel::kWarning,
+                 fmt::format("{}: {} messages were left out, since they came faster than this "
+                             "connection takes them",
+                             channel->topic, count),
+                 "lost " + channel->topic);
+    }
+  }
+}
+
+void Session::take_text(std::string_view text) {
+  const Json json = Json::parse(text, nullptr, false);
+  if (!json.is_object()) {
+    refuse("what came is no JSON object");
+    return;
+  }
+  const std::string op = foxglove::text_of(json, "op");
+  if (op == "subscribe") {
+    subscribe(json);
+  } else if (op == "unsubscribe") {
+    unsubscribe(json);
+  } else if (op == "advertise") {
+    advertise(json);
+  } else if (op == "unadvertise") {
+    unadvertise(json);
+  } else if (op == "getParameters") {
+    get_params(json);
+  } else if (op == "setParameters") {
+    set_params(json);
+  } else if (op == "subscribeParameterUpdates") {
+    subscribe_params(json, true);
+  } else if (op == "unsubscribeParameterUpdates") {
+    subscribe_params(json, false);
+  } else if (op == "subscribeConnectionGraph") {
+    wants_graph_ = true;
+    say_text(foxglove::graph_update(hub_.graph(), {}));
+  } else if (op == "unsubscribeConnectionGraph") {
+    wants_graph_ = false;
+  } else {
+    refuse(fmt::format("\"{}\" is no operation that this server offers", op.substr(0, 64)));
+  }
+}
+
+void Session::take_binary(std::string_view frame) {
+  const std::uint8_t op = frame.empty() ? 0 : static_cast<std::uint8_t>(frame.front());
+  if (op == foxglove::kClientMessage) {
+    if (const auto message = foxglove::read_message(frame)) {
+      publish(*message);
+      return;
+    }
+  } else if (op == foxglove::kClientCall) {
+    if (const auto one = foxglove::read_call(frame)) {
+      call(*one);
+      return;
+    }
+  }
+  refuse(fmt::format("a binary frame of {} bytes that begins with {} is none of this protocol",
+                     frame.size(), op));
+}
+
+void Session::subscribe(const Json& json) {
+  for (const Json& one : list_of(json, "subscriptions")) {
+    const auto id = one.is_object() && one.contains("id") ? foxglove::to_id(one["id"])
+                                                           : std::optional<std::uint32_t>();
+    const auto channel_id = one.is_object() && one.contains("channelId")
+                                ? foxglove::to_id(one["channelId"])
+                                : std::optional<std::uint32_t>();
+    if (!id || !channel_id) {
+      refuse("a subscription wants \"id\" and \"channelId\", both numbers of 32 bits");
+    } else if (hub_.find_channel(*channel_id) == nullptr) {
+      refuse(fmt::format("there is no channel {}", *channel_id));
+    } else if (subscriptions_.contains(*id)) {
+      refuse(fmt::format("there is a subscription {} already", *id));
+    } else if (subscriptions_.size() >= kMaxSubscriptions) {
+      refuse(fmt::format("a client has at most {} subscriptions", kMaxSubscriptions));
+    } else {
+      subscriptions_[*id] = *channel_id;
+      outbox_.add(*id);
+      hub_.subscribe(*this, *id, *channel_id);
+    }
+  }
+}
+
+void Session::unsubscribe(const Json& json) {
+  for (const Json& one : list_of(json, "subscriptionIds")) {
+    const auto id = foxglove::to_id(one);
+    const auto found = id ? subscriptions_.find(*id) : subscriptions_.end();
+    if (found == subscriptions_.end()) {
+      say_status(StatusLevel::kWarning, "there is no such subscription: " + one.dump().substr(0, 64));
+      continue;
+    }
+    hub_.unsubscribe(*this, found->first, found->second);
+    outbox_.remove(found->first);
+    lost_.erase(found->first);
+    subscriptions_.erase(found);
+  }
+}
+
+void Session::advertise(const Json& json) {
+  for (const Json& one : list_of(json, "channels")) {
+    const auto id = one.is_object() && one.contains("id") ? foxglove::to_id(one["id"])
+                                                           : std::optional<std::uint32_t>();
+    const std::string topic = one.is_object() ? foxglove::text_of(one, "topic") : std::string();
+    if (!id || topic.empty()) {
+      refuse("a channel wants \"id\", a number of 32 bits, and \"topic\"");
+    } else if (!hub_.may_publish(topic)) {
+      refuse(fmt::format("topic \"{}\" may not be published on: the application's \"live\" names "
+                         "topics for that in \"publish\", and its \"inspect\" allows it",
+                         topic));
+    } else if (const auto* channel = hub_.find_channel(topic); channel == nullptr) {
+      refuse(fmt::format("there is no topic \"{}\"", topic));
+    } else if (foxglove::text_of(one, "encoding") != "protobuf") {
+      refuse(fmt::format("topic \"{}\" wants the encoding protobuf, type {}", topic,
+                         channel->type));
+    } else if (own_channels_.size() >= kMaxChannels && !own_channels_.contains(*id)) {
+      refuse(fmt::format("a client has at most {} channels", kMaxChannels));
+    } else {
+      own_channels_[*id] = topic;
+    }
+  }
+}
+
+void Session::unadvertise(const Json& json) {
+  for (const Json& one : list_of(json, "channelIds")) {
+    if (const auto id = foxglove::to_id(one)) {
+      own_channels_.erase(*id);
+    }
+  }
+}
+
+void Session::publish(const foxglove::ClientMessage& message) {
+  const auto found = own_channels_.find(message.channel);
+  if (found == own_channels_.end()) {
+    refuse(fmt::format("channel {} was not advertised", message.channel));
+    return;
+  }
+  protocol::Request request;
+  request.mutable_publish()->set_topic(found->second);
+  request.mutable_publish()->set_message(std::string(message.payload));
+  hub_.ask(*this, std::move(request), [this, topic = found->second](const auto& answer) {
+    if (answer.has_error()) {
+      refuse(fmt::format("topic \"{}\": {}", topic, answer.error().text()));
+    }
+  });
+}
+
+void Session::call(const foxglove::ClientCall& call) {
+  const foxglove::Service* service = hub_.find_service(call.service);
+  const auto fail = [this, id = call.service, number = call.call](std::string_view text) {
+    say_text(foxglove::service_failure(id, number, text));
+  };
+  if (service == nullptr) {
+    fail(fmt::format("there is no service {}", call.service));
+    return;
+  }
+  if (call.encoding != "protobuf") {
+    fail(fmt::format("service \"{}\" wants the encoding protobuf, not \"{}\"", service->name,
+                     call.encoding.substr(0, 64)));
+    return;
+  }
+  protocol::Request request;
+  request.mutable_call_service()->set_service(service->name);
+  request.mutable_call_service()->set_request(std::string(call.payload));
+  hub_.ask(*this, std::move(request),
+           [this, fail, id = call.service, number = call.call](const protocol::Answer& answer) {
+             if (answer.has_error()) {
+               fail(answer.error().text());
+             } else if (answer.reply().status() != "ok") {
+               fail(answer.reply().status() + ": " + answer.reply().error());
+             } else {
+               say_binary(foxglove::service_reply(id, number, answer.reply().reply()));
+             }
+           });
+}
+
+void Session::get_params(const Json& json) {
+  std::set<std::string> names;
+  for (const Json& one : list_of(json, "parameterNames")) {
+    if (one.is_string()) {
+      names.insert(one.get<std::string>());
+    }
+  }
+  protocol::Request request;
+  request.mutable_params();
+  hub_.ask(*this, std::move(request),
+           [this, names, id = foxglove::text_of(json, "id")](const protocol::Answer& answer) {
+             Json values = Json::array();
+             for (const protocol::Param& param : answer.params().params()) {
+               if (names.empty() || names.contains(name_of(param))) {
+                 values.push_back(to_json(param));
+               }
+             }
+             say_text(foxglove::parameter_values(std::move(values), id));
+           });
+}
+
+void Session::set_params(const Json& json) {
+  if (!hub_.may("params")) {
+    refuse("params may not be changed: the application's \"inspect\" allows it with the word "
+           "\"params\"");
+    return;
+  }
+  protocol::Request request;
+  Json names = Json::array();
+  for (const Json& one : list_of(json, "parameters")) {
+    const std::string name = one.is_object() ? foxglove::text_of(one, "name") : std::string();
+    if (name.empty() || !one.contains("value")) {
+      refuse("a parameter wants \"name\" and \"value\"; none can be removed");
+      return;
+    }
+    auto& change = *request.mutable_change_params()->add_changes();
+    change.set_param(name);
+    change.set_value_json(to_value(one["value"]));
+    names.push_back(name);
+  }
+  if (names.empty()) {
+    return;
+  }
+  hub_.ask(*this, std::move(request),
+           [this, names, id = foxglove::text_of(json, "id")](const protocol::Answer& answer) {
+             if (answer.has_error()) {
+               refuse(answer.error().text());
+             }
+             for (const std::string& mistake : answer.params_changed().mistakes()) {
+               refuse(mistake);
+             }
+             hub_.params_have_changed();
+             if (!id.empty()) {
+               get_params({{"parameterNames", names}, {"id", id}});
+             }
+           });
+}
+
+void Session::subscribe_params(const Json& json, bool is_wanted) {
+  const Json& names = list_of(json, "parameterNames");
+  for (const Json& one : names) {
+    if (!one.is_string()) {
+      continue;
+    }
+    if (!is_wanted) {
+      params_.erase(one.get<std::string>());
+    } else if (params_.size() < kMaxParams) {
+      params_.insert(one.get<std::string>());
+    }
+  }
+  if (!is_wanted && names.empty()) {
+    params_.clear();
+  }
+  wants_params_ = is_wanted || !params_.empty();
+  told_params_.clear();
+  hub_.params_have_changed();
+}
+
+void Session::take_params(const protocol::Params& params) {
+  if (!wants_params_) {
+    return;
+  }
+  Json changed = Json::array();
+  for (const protocol::Param& param : params.params()) {
+    const std::string name = name_of(param);
+    if (!params_.empty() && !params_.contains(name)) {
+      continue;
+    }
+    std::string& told = told_params_[name];
+    if (told != param.value_json()) {
+      told = param.value_json();
+      changed.push_back(to_json(param));
+    }
+  }
+  if (!changed.empty()) {
+    say_text(foxglove::parameter_values(std::move(changed), {}));
+  }
+}
+
+}  // namespace fastcycle::live

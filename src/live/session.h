@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <string_view>
+
+#include "live/foxglove.h"
+#include "live/outbox.h"
+
+namespace fastcycle::inspect::protocol {
+class Params;
+}
+
+namespace fastcycle::live {
+
+class Hub;
+
+/// One client: what it has subscribed to, and what it asks for.
+///
+/// @threads  Confined to the server's thread.
+class Session {
+ public:
+  Session(Hub& hub, Outbox::Options options, std::function<void()> wake);
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+  ~Session();
+
+  /// What the client says. What cannot be done is told by `status`, and the client goes on.
+  void take_text(std::string_view text);
+  void take_binary(std::string_view frame);
+
+  [[nodiscard]] Outbox& outbox() { return outbox_; }
+
+  // By the hub.
+
+  void say_text(std::string text);
+  void say_binary(std::string bytes);
+  void say_status(foxglove::StatusLevel level, std::string_view text, std::string_view id = {});
+  void give(std::uint32_t subscription, std::shared_ptr<const SharedMessage> message);
+  /// `count` messages of a topic were lost before they came here.
+  void has_lost(std::uint32_t subscription, std::uint64_t count);
+  void tell_losses();
+  [[nodiscard]] bool wants_graph() const { return wants_graph_; }
+  [[nodiscard]] bool wants_params() const { return wants_params_; }
+  /// Tells what changed of the params that it has subscribed to.
+  void take_params(const inspect::protocol::Params& params);
+
+ private:
+  static constexpr std::size_t kMaxSubscriptions = 4096;
+  static constexpr std::size_t kMaxChannels = 256;
+  static constexpr std::size_t kMaxParams = 4096;
+
+  void subscribe(const foxglove::Json& json);
+  void unsubscribe(const foxglove::Json& json);
+  void advertise(const foxglove::Json& json);
+  void unadvertise(const foxglove::Json& json);
+  void get_params(const foxglove::Json& json);
+  void set_params(const foxglove::Json& json);
+  void subscribe_params(const foxglove::Json& json, bool is_wanted);
+  void publish(const foxglove::ClientMessage& message);
+  void call(const foxglove::ClientCall& call);
+  void refuse(std::string_view text) { say_status(foxglove::StatusLevel::kError, text); }
+
+  Hub& hub_;
+  const std::function<void()> wake_;
+  Outbox outbox_;
+  std::map<std::uint32_t, std::uint32_t> subscriptions_;  ///< To which channel.
+  std::map<std::uint32_t, std::uint64_t> lost_;           ///< By subscription, not told yet.
+  std::map<std::uint32_t, std::string> own_channels_;     ///< Their topics.
+  bool wants_graph_ = false;
+  bool wants_params_ = false;
+  std::set<std::string> params_;                    ///< Empty: all.
+  std::map<std::string, std::string> told_params_;  ///< Values as JSON.
+};
+
+}  // namespace fastcycle::live
