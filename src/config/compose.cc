@@ -234,8 +234,9 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
                 "an included file cannot say who may look at the run, only the one that is run"));
   }
   if (const Value* live = part.find("live")) {
-    problems_.add(mistake(
-        live->place(), "an included file cannot say who is shown the run, only the one that is run"));
+    problems_.add(
+        mistake(live->place(),
+                "an included file cannot say who is shown the run, only the one that is run"));
   }
   if (const Value& modes = part["modes"]; modes.size() > 0) {
     problems_.add(

@@ -206,9 +206,8 @@ void Server::wait() {
   std::vector<pollfd> polled;
   polled.push_back({.fd = wake_, .events = POLLIN, .revents = 0});
   const short accepting = may_accept() ? POLLIN : 0;
-  polled.push_back({.fd = socket_ == nullptr ? -1 : socket_->descriptor(),
-                    .events = accepting,
-                    .revents = 0});
+  polled.push_back(
+      {.fd = socket_ == nullptr ? -1 : socket_->descriptor(), .events = accepting, .revents = 0});
   bool is_watching_time = false;
   bool is_busy = false;
   for (const auto& client : clients_) {

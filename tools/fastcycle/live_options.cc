@@ -7,8 +7,8 @@
 namespace fastcycle::tool {
 namespace {
 
-/// An address and a port, each of which may be missing: "127.0.0.1:8765", "[::1]:0", ":9000", "9000",
-/// "127.0.0.1".
+/// An address and a port, each of which may be missing: "127.0.0.1:8765", "[::1]:0", ":9000",
+/// "9000", "127.0.0.1".
 struct Place {
   std::string address;
   std::optional<std::uint16_t> port;
@@ -60,8 +60,8 @@ void LiveOptions::add_to(CLI::App& line) {
 
 std::string LiveOptions::find_wrong() const {
   if (!read_place(at)) {
-    return "--live wants an address and a port of this machine, as 127.0.0.1:8765, and not \"" + at +
-           "\"";
+    return "--live wants an address and a port of this machine, as 127.0.0.1:8765, and not \"" +
+           at + "\"";
   }
   return {};
 }

@@ -27,7 +27,6 @@
 #include "inspect/server.h"
 #include "inspect_options.h"
 #include "live/record.h"
-#include "live/server.h"
 #include "live_options.h"
 #include "loading/component_library.h"
 #include "loading/protection.h"
@@ -43,6 +42,7 @@
 #include "terminal_modes.h"
 #include "trace/tracer.h"
 #include "tracing_options.h"
+#include "web/server.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -278,7 +278,7 @@ int run_application(const config::ApplicationDescription& description,
   }
   host::WallPace pace(options.play_rate);
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
-  std::optional<live::Server> live_server;
+  std::optional<web::Server> live_server;
   std::unique_ptr<trace::Tracer> tracer;
   if (const auto asked = options.trace.describe(description)) {
     tracer = std::make_unique<trace::Tracer>(*asked, inputs_of(options));

@@ -1,4 +1,4 @@
-#include "live/access.h"
+#include "web/access.h"
 
 #include <set>
 #include <string>
@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 namespace {
 
 using ::testing::HasSubstr;
@@ -97,4 +97,4 @@ TEST(Access, ComparesWholeSecrets) {
 }
 
 }  // namespace
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

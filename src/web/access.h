@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 
 /// What a request says of who sends it.
 struct Caller {
@@ -21,9 +21,9 @@ struct Access {
   std::vector<std::string> hosts;    ///< Names by which it may be called, beside IP addresses.
 };
 
-/// Why `caller` is refused; empty if it is not. A page of another site that a browser shows knows no
-/// token, but may have the browser send requests here: by the address (then its `Origin` is another
-/// one), or by a name of its own that leads here (then `Host` is that name).
+/// Why `caller` is refused; empty if it is not. A page of another site that a browser shows knows
+/// no token, but may have the browser send requests here: by the address (then its `Origin` is
+/// another one), or by a name of its own that leads here (then `Host` is that name).
 [[nodiscard]] std::string find_refusal(const Access& access, const Caller& caller);
 
 /// 128 random bits, as 32 hexadecimal digits.
@@ -35,4 +35,4 @@ struct Access {
 /// The value of `name` in the query of `target`; empty if there is none.
 [[nodiscard]] std::string_view query_value(std::string_view target, std::string_view name);
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

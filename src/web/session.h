@@ -3,30 +3,25 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <string_view>
 
-#include "live/foxglove.h"
-#include "live/outbox.h"
+#include "web/foxglove.h"
+#include "web/hub.h"
+#include "web/outbox.h"
 
-namespace fastcycle::inspect::protocol {
-class Params;
-}
-
-namespace fastcycle::live {
-
-class Hub;
+namespace fastcycle::web {
 
 /// One client: what it has subscribed to, and what it asks for.
 ///
 /// @threads  Confined to the server's thread.
-class Session {
+class Session final : public Listener {
  public:
-  Session(Hub& hub, Outbox::Options options, std::function<void()> wake);
-  Session(const Session&) = delete;
-  Session& operator=(const Session&) = delete;
-  ~Session();
+  /// The client is told what there is. `wake` is called whenever something waits in the outbox.
+  Session(Hub& hub, std::function<void()> wake);
+  ~Session() override;
 
   /// What the client says. What cannot be done is told by `status`, and the client goes on.
   void take_text(std::string_view text);
@@ -34,25 +29,26 @@ class Session {
 
   [[nodiscard]] Outbox& outbox() { return outbox_; }
 
-  // By the hub.
-
-  void say_text(std::string text);
-  void say_binary(std::string bytes);
-  void say_status(foxglove::StatusLevel level, std::string_view text, std::string_view id = {});
-  void give(std::uint32_t subscription, std::shared_ptr<const SharedMessage> message);
-  /// `count` messages of a topic were lost before they came here.
-  void has_lost(std::uint32_t subscription, std::uint64_t count);
-  void tell_losses();
-  [[nodiscard]] bool wants_graph() const { return wants_graph_; }
-  [[nodiscard]] bool wants_params() const { return wants_params_; }
+  void take_message(std::uint32_t subscription,
+                    std::shared_ptr<const SharedMessage> message) override;
+  void take_loss(std::uint32_t subscription, std::uint64_t count) override;
+  void take_time(std::int64_t now_ns) override;
+  [[nodiscard]] bool wants_graph() const override { return wants_graph_; }
+  void take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) override;
+  [[nodiscard]] bool wants_params() const override { return wants_params_; }
   /// Tells what changed of the params that it has subscribed to.
-  void take_params(const inspect::protocol::Params& params);
+  void take_params(const inspect::protocol::Params& params) override;
+  void tell_losses() override;
 
  private:
   static constexpr std::size_t kMaxSubscriptions = 4096;
   static constexpr std::size_t kMaxChannels = 256;
   static constexpr std::size_t kMaxParams = 4096;
 
+  void greet();
+  void say_text(std::string text);
+  void say_binary(std::string bytes);
+  void say_status(foxglove::StatusLevel level, std::string_view text, std::string_view id = {});
   void subscribe(const foxglove::Json& json);
   void unsubscribe(const foxglove::Json& json);
   void advertise(const foxglove::Json& json);
@@ -76,4 +72,4 @@ class Session {
   std::map<std::string, std::string> told_params_;  ///< Values as JSON.
 };
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

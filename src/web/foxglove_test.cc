@@ -1,10 +1,10 @@
-#include "live/foxglove.h"
+#include "web/foxglove.h"
 
 #include <string>
 
 #include <gtest/gtest.h>
 
-namespace fastcycle::live::foxglove {
+namespace fastcycle::web::foxglove {
 namespace {
 
 TEST(Foxglove, PrefersTheNewerSubprotocol) {
@@ -63,28 +63,25 @@ TEST(Foxglove, DoesNotReadFramesThatAreCutOff) {
 }
 
 TEST(Foxglove, TellsWhatOfTheGraphIsGone) {
-  const Graph before{.published = {{"a", {"x"}}, {"b", {"x"}}},
-                     .subscribed = {},
-                     .services = {{"s", {"x"}}}};
+  const Graph before{
+      .published = {{"a", {"x"}}, {"b", {"x"}}}, .subscribed = {}, .services = {{"s", {"x"}}}};
   const Graph now{.published = {{"a", {"x", "y"}}}, .subscribed = {{"a", {"z"}}}, .services = {}};
   const Json json = Json::parse(graph_update(now, before));
   EXPECT_EQ(json["op"], "connectionGraphUpdate");
-  EXPECT_EQ(json["publishedTopics"],
-            Json::parse(R"([{"name": "a", "publisherIds": ["x", "y"]}])"));
-  EXPECT_EQ(json["subscribedTopics"],
-            Json::parse(R"([{"name": "a", "subscriberIds": ["z"]}])"));
+  EXPECT_EQ(json["publishedTopics"], Json::parse(R"([{"name": "a", "publisherIds": ["x", "y"]}])"));
+  EXPECT_EQ(json["subscribedTopics"], Json::parse(R"([{"name": "a", "subscriberIds": ["z"]}])"));
   EXPECT_EQ(json["removedTopics"], Json::parse(R"(["b"])"));
   EXPECT_EQ(json["removedServices"], Json::parse(R"(["s"])"));
 }
 
 TEST(Foxglove, TakesOnlyNumbersOf32BitsForIds) {
-
   EXPECT_EQ(to_id(Json::parse("7")), 7U);
   EXPECT_EQ(to_id(Json::parse("4294967295")), 4294967295U);
-  for (const char* wrong : {"4294967296", "-1", "1.5", "\"1\"", "null", "[]", "18446744073709551616"}) {
+  for (const char* wrong :
+       {"4294967296", "-1", "1.5", "\"1\"", "null", "[]", "18446744073709551616"}) {
     EXPECT_FALSE(to_id(Json::parse(wrong))) << wrong;
   }
 }
 
 }  // namespace
-}  // namespace fastcycle::live::foxglove
+}  // namespace fastcycle::web::foxglove

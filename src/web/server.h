@@ -11,11 +11,11 @@
 #include "host/application.h"
 #include "host/observer.h"
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 
 /// Shows a running application to browsers and to Foxglove, over WebSockets.
 ///
-///     live::Server server(application, description, [&] { return inspection.connect(); });
+///     web::Server server(application, description, [&] { return inspection.connect(); });
 ///     application.add(inspection);
 ///     application.add(server);   // behind the inspection, which it asks
 ///
@@ -47,4 +47,4 @@ class Server final : public host::Observer {
   const std::unique_ptr<Net> net_;
 };
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

@@ -1,4 +1,4 @@
-#include "live/outbox.h"
+#include "web/outbox.h"
 
 #include <memory>
 #include <string>
@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 namespace {
 
 using ::testing::ElementsAre;
@@ -115,4 +115,4 @@ TEST(Outbox, SaysThatAClientDoesNotReadWhatItAskedFor) {
 }
 
 }  // namespace
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

@@ -1,11 +1,11 @@
-#include "live/outbox.h"
+#include "web/outbox.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "live/foxglove.h"
+#include "web/foxglove.h"
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 
 void Outbox::put(Frame frame) {
   control_waiting_ += frame.size();
@@ -73,9 +73,8 @@ std::optional<Frame> Outbox::take() {
     control_waiting_ -= frame.size();
     return frame;
   }
-  if (waiting_ == 0 && std::ranges::all_of(lanes_, [](const auto& one) {
-        return one.second.messages.empty();
-      })) {
+  if (waiting_ == 0 &&
+      std::ranges::all_of(lanes_, [](const auto& one) { return one.second.messages.empty(); })) {
     return std::nullopt;
   }
   auto next = lanes_.upper_bound(last_);
@@ -108,4 +107,4 @@ std::vector<Outbox::Loss> Outbox::take_losses() {
   return losses;
 }
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

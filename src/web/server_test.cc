@@ -1,5 +1,5 @@
 // The live server as its clients see it: over sockets, with the Foxglove WebSocket protocol.
-#include "live/server.h"
+#include "web/server.h"
 
 #include <chrono>
 #include <cstdint>
@@ -26,9 +26,9 @@
 #include "fastcycle/fastcycle.h"
 #include "host/test_application.h"
 #include "inspect/server.h"
-#include "live/foxglove.h"
+#include "web/foxglove.h"
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 namespace {
 
 namespace asio = boost::asio;
@@ -48,16 +48,14 @@ class Counter final : public Component {
  public:
   explicit Counter(Context& context)
       : Component(context),
-        factor_(context.param<std::int64_t>("factor",
-                                            {.fallback = 1, .min = 1, .max = 9, .is_tunable = true})),
+        factor_(context.param<std::int64_t>(
+            "factor", {.fallback = 1, .min = 1, .max = 9, .is_tunable = true})),
         numbers_(context.create_publisher<Int64Value>("numbers")) {
     context.create_service<Int64Value, Int64Value>(
-        "twice", [](const Int64Value& request, Int64Value& reply) {
-          reply.set_value(request.value() * 2);
-        });
-    context.create_subscriber<Int64Value>("wishes", [this](const Int64Value& wish) {
-      offset_ = wish.value();
-    });
+        "twice",
+        [](const Int64Value& request, Int64Value& reply) { reply.set_value(request.value() * 2); });
+    context.create_subscriber<Int64Value>(
+        "wishes", [this](const Int64Value& wish) { offset_ = wish.value(); });
   }
 
   void serve() override {
@@ -245,8 +243,8 @@ TEST_F(LiveServer, GivesMessagesInTheirOrder) {
   run();
   Client client = connect();
   const Json channel = channel_of(client.await("advertise"), "numbers");
-  client.say({{"op", "subscribe"},
-              {"subscriptions", {{{"id", 77}, {"channelId", channel["id"]}}}}});
+  client.say(
+      {{"op", "subscribe"}, {"subscriptions", {{{"id", 77}, {"channelId", channel["id"]}}}}});
 
   std::int64_t last = 0;
   std::uint64_t last_ns = 0;
@@ -265,7 +263,8 @@ TEST_F(LiveServer, GivesMessagesInTheirOrder) {
   }
   client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
   client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
-  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("no such subscription"));
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(),
+              HasSubstr("no such subscription"));
 }
 
 TEST_F(LiveServer, RefusesWhoHasNoBusinessHere) {
@@ -274,9 +273,10 @@ TEST_F(LiveServer, RefusesWhoHasNoBusinessHere) {
   EXPECT_EQ(status_of(right), 101);
   EXPECT_EQ(status_of("/"), 403);
   EXPECT_EQ(status_of("/?token=00000000000000000000000000000000"), 403);
-  EXPECT_EQ(status_of(right,
-                      [](auto& request) { request.set(http::field::origin, "https://evil.example"); }),
-            403);
+  EXPECT_EQ(
+      status_of(right,
+                [](auto& request) { request.set(http::field::origin, "https://evil.example"); }),
+      403);
   EXPECT_EQ(status_of(right,
                       [](auto& request) {
                         request.set(http::field::origin, "https://app.foxglove.dev");
@@ -284,14 +284,13 @@ TEST_F(LiveServer, RefusesWhoHasNoBusinessHere) {
             101);
   EXPECT_EQ(status_of(right, [](auto& request) { request.set(http::field::host, "evil.example"); }),
             403);
-  EXPECT_EQ(status_of(right,
-                      [](auto& request) {
-                        request.set(http::field::sec_websocket_protocol, "chat");
-                      }),
-            400);
-  EXPECT_EQ(status_of(right,
-                      [](auto& request) { request.set("X-Long", std::string(100'000, 'x')); }),
-            431);
+  EXPECT_EQ(
+      status_of(right,
+                [](auto& request) { request.set(http::field::sec_websocket_protocol, "chat"); }),
+      400);
+  EXPECT_EQ(
+      status_of(right, [](auto& request) { request.set("X-Long", std::string(100'000, 'x')); }),
+      431);
 }
 
 TEST_F(LiveServer, TellsAndChangesParams) {
@@ -313,17 +312,18 @@ TEST_F(LiveServer, TellsAndChangesParams) {
       break;
     }
   }
-  client.say({{"op", "setParameters"},
-              {"parameters", {{{"name", "counter.factor"}, {"value", 10}}}}});
+  client.say(
+      {{"op", "setParameters"}, {"parameters", {{{"name", "counter.factor"}, {"value", 10}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("counter.factor"));
 }
 
 TEST_F(LiveServer, ChangesNothingUnlessThatIsAllowed) {
   run();
   Client client = connect();
-  client.say({{"op", "setParameters"},
-              {"parameters", {{{"name", "counter.factor"}, {"value", 3}}}}});
-  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("may not be changed"));
+  client.say(
+      {{"op", "setParameters"}, {"parameters", {{{"name", "counter.factor"}, {"value", 3}}}}});
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(),
+              HasSubstr("may not be changed"));
   client.say({{"op", "advertise"},
               {"channels", {{{"id", 1}, {"topic", "wishes"}, {"encoding", "protobuf"}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(),
@@ -350,16 +350,16 @@ TEST_F(LiveServer, PublishesAndCallsWhereThatIsAllowed) {
   EXPECT_EQ(number.value(), 42);
 
   client.say({{"op", "advertise"},
-              {"channels", {{{"id", 9},
-                             {"topic", "wishes"},
-                             {"encoding", "protobuf"},
-                             {"schemaName", "google.protobuf.Int64Value"}}}}});
+              {"channels",
+               {{{"id", 9},
+                 {"topic", "wishes"},
+                 {"encoding", "protobuf"},
+                 {"schemaName", "google.protobuf.Int64Value"}}}}});
   number.set_value(1'000'000);
   std::string message("\x01\x09\0\0\0", 5);
   message += number.SerializeAsString();
   client.say_raw(message, false);
-  client.say({{"op", "subscribe"},
-              {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+  client.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
   do {
     ASSERT_TRUE(number.ParseFromString(client.await_binary(1).substr(13)));
   } while (number.value() < 1'000'000);
@@ -385,18 +385,19 @@ TEST_F(LiveServer, ShowsWhoIsConnected) {
 TEST_F(LiveServer, GoesOnWhateverClientsSay) {
   run(allow({"params", "publish"}));
   Client client = connect();
-  for (const char* text :
-       {"", "{", "[]", "null", "7", R"({"op": 1})", R"({"op": "fly"})", R"({"op": "subscribe"})",
-        R"({"op": "subscribe", "subscriptions": 1})",
-        R"({"op": "subscribe", "subscriptions": [1, null, {}, {"id": -1, "channelId": 1}]})",
-        R"({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 4000000000}]})",
-        R"({"op": "unsubscribe", "subscriptionIds": ["a", 99]})",
-        R"({"op": "advertise", "channels": [{}, 1, {"id": 1}]})",
-        R"({"op": "unadvertise", "channelIds": [1, "x"]})",
-        R"({"op": "getParameters", "parameterNames": [1]})",
-        R"({"op": "setParameters", "parameters": [{"name": "counter.factor"}]})",
-        R"({"op": "setParameters", "parameters": [{"name": "nobody.nothing", "value": {"a": [1]}}]})",
-        R"({"op": "subscribeParameterUpdates", "parameterNames": {"a": 1}})"}) {
+  for (
+      const char* text :
+      {"", "{", "[]", "null", "7", R"({"op": 1})", R"({"op": "fly"})", R"({"op": "subscribe"})",
+       R"({"op": "subscribe", "subscriptions": 1})",
+       R"({"op": "subscribe", "subscriptions": [1, null, {}, {"id": -1, "channelId": 1}]})",
+       R"({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 4000000000}]})",
+       R"({"op": "unsubscribe", "subscriptionIds": ["a", 99]})",
+       R"({"op": "advertise", "channels": [{}, 1, {"id": 1}]})",
+       R"({"op": "unadvertise", "channelIds": [1, "x"]})",
+       R"({"op": "getParameters", "parameterNames": [1]})",
+       R"({"op": "setParameters", "parameters": [{"name": "counter.factor"}]})",
+       R"({"op": "setParameters", "parameters": [{"name": "nobody.nothing", "value": {"a": [1]}}]})",
+       R"({"op": "subscribeParameterUpdates", "parameterNames": {"a": 1}})"}) {
     client.say_raw(text, true);
   }
   client.say_raw("[[[[" + std::string(100'000, '['), true);
@@ -419,8 +420,8 @@ TEST_F(LiveServer, GivesEachClientItsOwn) {
   Client silent = connect();  // Subscribes, and never reads.
   const Json channel = channel_of(reader.await("advertise"), "numbers");
   for (Client* client : {&reader, &silent}) {
-    client->say({{"op", "subscribe"},
-                 {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+    client->say(
+        {{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
   }
   {
     Client gone = connect();
@@ -444,7 +445,8 @@ TEST_F(LiveServer, ClosesWhenTheApplicationStops) {
 TEST_F(LiveServer, WantsAnAddressThatOthersCannotReach) {
   config::Problems problems;
   host::Application application(
-      host::describe_text(R"({"name": "shown", "components": []})", problems), host::ClockOptions{});
+      host::describe_text(R"({"name": "shown", "components": []})", problems),
+      host::ClockOptions{});
   for (const char* address : {"0.0.0.0", "192.168.0.1", "::", "example.com"}) {
     config::LiveDescription description;
     description.address = address;
@@ -456,4 +458,4 @@ TEST_F(LiveServer, WantsAnAddressThatOthersCannotReach) {
 }
 
 }  // namespace
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

@@ -1,4 +1,4 @@
-#include "live/hub.h"
+#include "web/hub.h"
 
 #include <algorithm>
 #include <random>
@@ -6,9 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "live/session.h"
-
-namespace fastcycle::live {
+namespace fastcycle::web {
 namespace {
 
 namespace protocol = inspect::protocol;
@@ -54,8 +52,7 @@ void Hub::find_topics() {
       schema = application_->ask(std::move(one)).topic().schema();
     }
     const auto id = static_cast<std::uint32_t>(channels_.size() + 1);
-    channels_.push_back(
-        {.id = id, .topic = topic.name(), .type = topic.type(), .schema = schema});
+    channels_.push_back({.id = id, .topic = topic.name(), .type = topic.type(), .schema = schema});
     feeds_[id] = {.topic = topic.name(), .latched = topic.latched(), .kept = {}, .subscribers = {}};
   }
   take_overview(answer.overview());
@@ -98,32 +95,17 @@ std::vector<std::string_view> Hub::capabilities() const {
   return all;
 }
 
-std::unique_ptr<Session> Hub::open(std::function<void()> wake) {
-  auto session = std::make_unique<Session>(*this, options_.outbox, std::move(wake));
-  sessions_.insert(session.get());
-  const protocol::Welcome& welcome = application_->welcome();
-  session->say_text(foxglove::server_info(
-      "FastCycle " + welcome.application(), session_id_, capabilities(),
-      {{"application", welcome.application()}, {"framework", welcome.framework()}}));
-  session->say_text(foxglove::advertise(channels_));
-  if (!services_.empty()) {
-    session->say_text(foxglove::advertise_services(services_));
-  }
-  return session;
+void Hub::remove(Listener& listener) {
+  listeners_.erase(&listener);
+  std::erase_if(asked_, [&](const auto& one) { return one.second.asker == &listener; });
 }
 
-void Hub::close(Session& session) {
-  sessions_.erase(&session);
-  std::erase_if(asked_, [&](const auto& one) { return one.second.asker == &session; });
-}
-
-std::uint32_t Hub::post(protocol::Request request, const Session* asker, Take take) {
+void Hub::post(protocol::Request request, const Listener* asker, Take take) {
   const std::uint32_t id = application_->post(std::move(request));
   asked_[id] = {.asker = asker, .take = std::move(take)};
-  return id;
 }
 
-void Hub::ask(const Session& asker, protocol::Request request, Take take) {
+void Hub::ask(const Listener& asker, protocol::Request request, Take take) {
   post(std::move(request), &asker, std::move(take));
 }
 
@@ -168,23 +150,23 @@ void Hub::take_messages(Feed& feed, const protocol::Messages& messages) {
         feed.kept.pop_front();
       }
     }
-    for (const auto& [session, subscription] : feed.subscribers) {
-      session->give(subscription, shared);
+    for (const auto& [listener, subscription] : feed.subscribers) {
+      listener->take_message(subscription, shared);
     }
   }
   if (messages.lost() > 0) {
-    for (const auto& [session, subscription] : feed.subscribers) {
-      session->has_lost(subscription, messages.lost());
+    for (const auto& [listener, subscription] : feed.subscribers) {
+      listener->take_loss(subscription, messages.lost());
     }
   }
 }
 
-void Hub::subscribe(Session& session, std::uint32_t subscription, std::uint32_t channel) {
+void Hub::subscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel) {
   Feed& feed = feeds_[channel];
-  feed.subscribers.emplace_back(&session, subscription);
+  feed.subscribers.emplace_back(&listener, subscription);
   if (feed.stream != 0) {
     for (const auto& message : feed.kept) {
-      session.give(subscription, message);
+      listener.take_message(subscription, message);
     }
     return;
   }
@@ -196,9 +178,9 @@ void Hub::subscribe(Session& session, std::uint32_t subscription, std::uint32_t 
   channel_of_stream_[feed.stream] = channel;
 }
 
-void Hub::unsubscribe(Session& session, std::uint32_t subscription, std::uint32_t channel) {
+void Hub::unsubscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel) {
   Feed& feed = feeds_[channel];
-  std::erase(feed.subscribers, std::pair(&session, subscription));
+  std::erase(feed.subscribers, std::pair(&listener, subscription));
   if (feed.subscribers.empty() && feed.stream != 0) {
     application_->end(feed.stream);
     feed.stream = 0;  // What is under way still comes, and goes to nobody.
@@ -245,16 +227,16 @@ void Hub::take_overview(const protocol::Overview& overview) {
   if (graph == graph_) {
     return;
   }
-  for (Session* session : sessions_) {
-    if (session->wants_graph()) {
-      session->say_text(foxglove::graph_update(graph, graph_));
+  for (Listener* listener : listeners_) {
+    if (listener->wants_graph()) {
+      listener->take_graph(graph, graph_);
     }
   }
   graph_ = std::move(graph);
 }
 
 void Hub::look(std::chrono::steady_clock::time_point now) {
-  const auto wants = [&](const auto& what) { return std::ranges::any_of(sessions_, what); };
+  const auto wants = [&](const auto& what) { return std::ranges::any_of(listeners_, what); };
   const auto is_due = [&](auto& next, auto period) {
     if (now < next) {
       return false;
@@ -262,7 +244,7 @@ void Hub::look(std::chrono::steady_clock::time_point now) {
     next = now + period;
     return true;
   };
-  if (!asks_overview_ && wants([](const Session* one) { return one->wants_graph(); }) &&
+  if (!asks_overview_ && wants([](const Listener* one) { return one->wants_graph(); }) &&
       is_due(next_overview_, kOverviewPeriod)) {
     asks_overview_ = true;
     protocol::Request request;
@@ -274,35 +256,35 @@ void Hub::look(std::chrono::steady_clock::time_point now) {
       }
     });
   }
-  if (is_simulated_ && !asks_time_ && !sessions_.empty() && is_due(next_time_, kTimePeriod)) {
+  if (is_simulated_ && !asks_time_ && !listeners_.empty() && is_due(next_time_, kTimePeriod)) {
     asks_time_ = true;
     protocol::Request request;
     request.mutable_overview()->set_without_components(true);
     request.mutable_overview()->set_without_topics(true);
     post(std::move(request), nullptr, [this](const protocol::Answer& answer) {
       asks_time_ = false;
-      for (Session* session : sessions_) {
-        session->say_binary(foxglove::time(answer.overview().now_ns()));
+      for (Listener* listener : listeners_) {
+        listener->take_time(answer.overview().now_ns());
       }
     });
   }
-  if (!asks_params_ && wants([](const Session* one) { return one->wants_params(); }) &&
+  if (!asks_params_ && wants([](const Listener* one) { return one->wants_params(); }) &&
       is_due(next_params_, kParamsPeriod)) {
     asks_params_ = true;
     protocol::Request request;
     request.mutable_params();
     post(std::move(request), nullptr, [this](const protocol::Answer& answer) {
       asks_params_ = false;
-      for (Session* session : sessions_) {
-        session->take_params(answer.params());
+      for (Listener* listener : listeners_) {
+        listener->take_params(answer.params());
       }
     });
   }
   if (is_due(next_losses_, kLossesPeriod)) {
-    for (Session* session : sessions_) {
-      session->tell_losses();
+    for (Listener* listener : listeners_) {
+      listener->tell_losses();
     }
   }
 }
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

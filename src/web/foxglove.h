@@ -17,7 +17,7 @@
 /// Source: github.com/foxglove/ws-protocol, docs/spec.md; github.com/foxglove/foxglove-sdk. Texts
 /// are JSON objects whose "op" says what they are; binary frames begin with one byte that does, and
 /// their numbers are little endian.
-namespace fastcycle::live::foxglove {
+namespace fastcycle::web::foxglove {
 
 using Json = nlohmann::ordered_json;
 
@@ -106,4 +106,4 @@ inline constexpr std::uint8_t kClientCall = 2;
 
 [[nodiscard]] std::string to_base64(std::string_view bytes);
 
-}  // namespace fastcycle::live::foxglove
+}  // namespace fastcycle::web::foxglove

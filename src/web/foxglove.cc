@@ -1,10 +1,10 @@
-#include "live/foxglove.h"
+#include "web/foxglove.h"
 
 #include <algorithm>
 #include <array>
 #include <limits>
 
-namespace fastcycle::live::foxglove {
+namespace fastcycle::web::foxglove {
 namespace {
 
 // The first byte of binary frames of the server.
@@ -144,10 +144,8 @@ std::string parameter_values(Json parameters, const std::string& id) {
 }
 
 std::string service_failure(std::uint32_t service, std::uint32_t call, std::string_view text) {
-  return dump({{"op", "serviceCallFailure"},
-               {"serviceId", service},
-               {"callId", call},
-               {"message", text}});
+  return dump(
+      {{"op", "serviceCallFailure"}, {"serviceId", service}, {"callId", call}, {"message", text}});
 }
 
 std::string graph_update(const Graph& graph, const Graph& before) {
@@ -237,4 +235,4 @@ std::string to_base64(std::string_view bytes) {
   return text;
 }
 
-}  // namespace fastcycle::live::foxglove
+}  // namespace fastcycle::web::foxglove

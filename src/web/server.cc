@@ -1,4 +1,4 @@
-#include "live/server.h"
+#include "web/server.h"
 
 #include <algorithm>
 #include <array>
@@ -26,12 +26,12 @@
 #include "base/printable.h"
 #include "base/thread.h"
 #include "inspect/client.h"
-#include "live/access.h"
-#include "live/foxglove.h"
-#include "live/hub.h"
-#include "live/session.h"
+#include "web/access.h"
+#include "web/foxglove.h"
+#include "web/hub.h"
+#include "web/session.h"
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 namespace {
 
 namespace asio = boost::asio;
@@ -45,23 +45,26 @@ using Clock = std::chrono::steady_clock;
 
 constexpr const char* kName = "live";
 constexpr int kNice = 10;
-constexpr auto kHeaderPatience = 5s;   // For a whole HTTP request.
-constexpr auto kIdlePatience = 30s;    // For a sign of life of a WebSocket.
+constexpr auto kHeaderPatience = 5s;  // For a whole HTTP request.
+constexpr auto kIdlePatience = 30s;   // For a sign of life of a WebSocket.
 constexpr auto kLookPeriod = 50ms;
-constexpr auto kAcceptPause = 100ms;   // While no connection can be accepted.
+constexpr auto kAcceptPause = 100ms;  // While no connection can be accepted.
 constexpr auto kFarewell = 200ms;
 constexpr std::size_t kMaxFrameBytes = std::size_t{1} << 20U;
 constexpr std::size_t kMaxPublishBytes = std::size_t{15} << 20U;  // Less than a request may have.
 constexpr int kSendBuffer = 1 << 20;
 
-std::string_view view_of(beast::string_view text) { return {text.data(), text.size()}; }
+std::string_view view_of(beast::string_view text) {
+  return {text.data(), text.size()};
+}
 
 }  // namespace
 
 class Server::Net {
  public:
   Net(host::Application& application, config::LiveDescription description, Connect connect)
-      : application_(application), description_(std::move(description)),
+      : application_(application),
+        description_(std::move(description)),
         connect_(std::move(connect)) {}
   ~Net() { end(); }
 
@@ -163,7 +166,8 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
   void take_request(error_code error) {
     if (error) {
       if (error == http::error::header_limit) {
-        answer(http::status::request_header_fields_too_large, "the request's header is too large\n");
+        answer(http::status::request_header_fields_too_large,
+               "the request's header is too large\n");
         net_.complain("a request with a header that is too large was refused");
       } else {
         leave();
@@ -172,19 +176,19 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
     }
     const auto& request = parser_.get();
     const auto header = [&](http::field field) { return view_of(request[field]); };
-    const std::string refusal = find_refusal(
-        net_.access_, {.target = view_of(request.target()),
-                       .host = header(http::field::host),
-                       .origin = header(http::field::origin),
-                       .authorization = header(http::field::authorization)});
+    const std::string refusal =
+        find_refusal(net_.access_, {.target = view_of(request.target()),
+                                    .host = header(http::field::host),
+                                    .origin = header(http::field::origin),
+                                    .authorization = header(http::field::authorization)});
     if (!refusal.empty()) {
       net_.complain("a connection was refused: " + base::printable(refusal));
       answer(http::status::forbidden, refusal + "\n");
       return;
     }
     if (!websocket::is_upgrade(request)) {
-      const bool is_root = view_of(request.target()).substr(0, 2) == "/?" ||
-                           view_of(request.target()) == "/";
+      const bool is_root =
+          view_of(request.target()).substr(0, 2) == "/?" || view_of(request.target()) == "/";
       answer(is_root ? http::status::ok : http::status::not_found,
              is_root ? fmt::format("FastCycle: Foxglove connects to ws://{}/?token={}\n",
                                    net_.authority(), net_.access_.token)
@@ -222,9 +226,9 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
   void upgrade(std::string_view subprotocol) {
     stream_.expires_never();  // The WebSocket has its own.
     ws_.emplace(std::move(stream_));
-    ws_->set_option(websocket::stream_base::timeout{
-        .handshake_timeout = kHeaderPatience, .idle_timeout = kIdlePatience,
-        .keep_alive_pings = true});
+    ws_->set_option(websocket::stream_base::timeout{.handshake_timeout = kHeaderPatience,
+                                                    .idle_timeout = kIdlePatience,
+                                                    .keep_alive_pings = true});
     ws_->set_option(websocket::stream_base::decorator(
         [name = std::string(subprotocol)](websocket::response_type& response) {
           response.set(http::field::sec_websocket_protocol, name);
@@ -238,13 +242,11 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
         return;
       }
       self->guarded([&] {
-        self->session_ = net_open(*self);
+        self->session_ =
+            std::make_unique<Session>(*self->net_.hub_, [it = self.get()] { it->want_write(); });
         self->read();
       });
     });
-  }
-  static std::unique_ptr<Session> net_open(Connection& self) {
-    return self.net_.hub_->open([&self] { self.want_write(); });
   }
 
   void read() {
@@ -329,9 +331,10 @@ void Server::Net::open(config::Problems& problems) {
     return;
   }
   if (!address.is_loopback()) {
-    wrong(fmt::format("{} can be reached from other machines, which want TLS: use 127.0.0.1, and a "
-                      "tunnel such as ssh -L",
-                      description_.address));
+    wrong(
+        fmt::format("{} can be reached from other machines, which want TLS: use 127.0.0.1, and a "
+                    "tunnel such as ssh -L",
+                    description_.address));
     return;
   }
   access_ = {.token = make_token(), .origins = description_.origins, .hosts = {}};
@@ -355,8 +358,8 @@ void Server::Net::open(config::Problems& problems) {
 }
 
 void Server::Net::start(std::vector<base::Refusal>& refusals) {
-  thread_ = base::Thread(base::ThreadOptions{.name = kName, .cpus = {}}, [this] { serve(); },
-                         refusals);
+  thread_ =
+      base::Thread(base::ThreadOptions{.name = kName, .cpus = {}}, [this] { serve(); }, refusals);
   is_running_ = true;
 }
 
@@ -475,27 +478,33 @@ void Server::Net::complain(const std::string& text) {
   }
 }
 
-Server::Server(host::Application& application, config::LiveDescription description,
-               Connect connect)
+Server::Server(host::Application& application, config::LiveDescription description, Connect connect)
     : net_(std::make_unique<Net>(application, std::move(description), std::move(connect))) {}
 
 Server::~Server() = default;
 
-void Server::open(config::Problems& problems) { net_->open(problems); }
+void Server::open(config::Problems& problems) {
+  net_->open(problems);
+}
 
 void Server::start(const host::ObserverView&, std::vector<base::Refusal>& refusals) {
   net_->start(refusals);
 }
 
-void Server::stop(const host::Application&) { net_->end(); }
-
-std::string Server::url() const {
-  return net_->port() == 0
-             ? std::string()
-             : fmt::format("http://{}/?token={}", net_->authority(), net_->token());
+void Server::stop(const host::Application&) {
+  net_->end();
 }
 
-std::uint16_t Server::port() const { return net_->port(); }
-const std::string& Server::token() const { return net_->token(); }
+std::string Server::url() const {
+  return net_->port() == 0 ? std::string()
+                           : fmt::format("http://{}/?token={}", net_->authority(), net_->token());
+}
 
-}  // namespace fastcycle::live
+std::uint16_t Server::port() const {
+  return net_->port();
+}
+const std::string& Server::token() const {
+  return net_->token();
+}
+
+}  // namespace fastcycle::web

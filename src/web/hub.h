@@ -13,13 +13,36 @@
 #include <vector>
 
 #include "inspect/client.h"
-#include "live/foxglove.h"
-#include "live/outbox.h"
 #include "mcap/topic_filter.h"
+#include "web/foxglove.h"
+#include "web/outbox.h"
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 
-class Session;
+/// Whom the hub tells what came.
+class Listener {
+ public:
+  Listener() = default;
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+  virtual ~Listener() = default;
+
+  /// A message of a topic that it has subscribed to.
+  virtual void take_message(std::uint32_t subscription,
+                            std::shared_ptr<const SharedMessage> message) = 0;
+  /// `count` messages of it were lost before they came here.
+  virtual void take_loss(std::uint32_t subscription, std::uint64_t count) = 0;
+  /// The application's time, in a simulation.
+  virtual void take_time(std::int64_t now_ns) = 0;
+
+  [[nodiscard]] virtual bool wants_graph() const = 0;
+  virtual void take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) = 0;
+  [[nodiscard]] virtual bool wants_params() const = 0;
+  virtual void take_params(const inspect::protocol::Params& params) = 0;
+
+  /// About once a second.
+  virtual void tell_losses() = 0;
+};
 
 /// What the live server knows of an application, and what its clients share: channels, streams of
 /// messages, params, services, the graph.
@@ -48,37 +71,43 @@ class Hub {
   /// What is looked at from time to time: the graph, params, time, losses. At most each 50 ms.
   void look(std::chrono::steady_clock::time_point now);
 
-  /// A client has connected: it is told what there is. `wake` is called whenever something waits in
-  /// its outbox.
-  [[nodiscard]] std::unique_ptr<Session> open(std::function<void()> wake);
+  // For listeners. Each that was added is removed before it ends.
 
-  // For sessions.
+  void add(Listener& listener) { listeners_.insert(&listener); }
+  void remove(Listener& listener);
 
   using Take = std::function<void(const inspect::protocol::Answer&)>;
   /// Sends `request`; `take` is given its answer, an error too, unless `asker` is closed before.
-  void ask(const Session& asker, inspect::protocol::Request request, Take take);
+  void ask(const Listener& asker, inspect::protocol::Request request, Take take);
   [[nodiscard]] const foxglove::Channel* find_channel(std::uint32_t id) const;
   [[nodiscard]] const foxglove::Channel* find_channel(std::string_view topic) const;
   [[nodiscard]] const foxglove::Service* find_service(std::uint32_t id) const;
-  void subscribe(Session& session, std::uint32_t subscription, std::uint32_t channel);
-  void unsubscribe(Session& session, std::uint32_t subscription, std::uint32_t channel);
+  void subscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel);
+  void unsubscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel);
   [[nodiscard]] bool may_publish(const std::string& topic) const;
   [[nodiscard]] bool may(std::string_view word) const;
   [[nodiscard]] const foxglove::Graph& graph() const { return graph_; }
   /// The next `look` asks for params again.
   void params_have_changed() { next_params_ = {}; }
-  void close(Session& session);
 
+  /// What clients are told that this server can do, and of whom.
+  [[nodiscard]] std::vector<std::string_view> capabilities() const;
+  [[nodiscard]] const inspect::protocol::Welcome& welcome() const {
+    return application_->welcome();
+  }
+  [[nodiscard]] const std::vector<foxglove::Channel>& channels() const { return channels_; }
+  [[nodiscard]] const std::vector<foxglove::Service>& services() const { return services_; }
+  [[nodiscard]] const std::string& session_id() const { return session_id_; }
   [[nodiscard]] const Options& options() const { return options_; }
 
  private:
   /// Messages of one topic on their way to all who subscribed to it.
   struct Feed {
     std::string topic;
-    std::uint32_t stream = 0;   ///< The request's id; 0: nobody looks.
-    std::size_t latched = 0;    ///< Messages that who comes later is given.
+    std::uint32_t stream = 0;  ///< The request's id; 0: nobody looks.
+    std::size_t latched = 0;   ///< Messages that who comes later is given.
     std::deque<std::shared_ptr<const SharedMessage>> kept;
-    std::vector<std::pair<Session*, std::uint32_t>> subscribers;
+    std::vector<std::pair<Listener*, std::uint32_t>> subscribers;
   };
 
   void find_topics();
@@ -86,8 +115,7 @@ class Hub {
   void take(const inspect::protocol::Answer& answer);
   void take_messages(Feed& feed, const inspect::protocol::Messages& messages);
   void take_overview(const inspect::protocol::Overview& overview);
-  [[nodiscard]] std::vector<std::string_view> capabilities() const;
-  std::uint32_t post(inspect::protocol::Request request, const Session* asker, Take take);
+  void post(inspect::protocol::Request request, const Listener* asker, Take take);
 
   const std::unique_ptr<inspect::Client> application_;
   const Options options_;
@@ -99,11 +127,11 @@ class Hub {
   std::map<std::uint32_t, Feed> feeds_;      ///< By channel.
   std::map<std::uint32_t, std::uint32_t> channel_of_stream_;
   struct Asked {
-    const Session* asker;
+    const Listener* asker;
     Take take;
   };
   std::map<std::uint32_t, Asked> asked_;  ///< By request.
-  std::set<Session*> sessions_;
+  std::set<Listener*> listeners_;
   foxglove::Graph graph_;
   std::chrono::steady_clock::time_point next_overview_{};
   std::chrono::steady_clock::time_point next_time_{};
@@ -114,4 +142,4 @@ class Hub {
   bool asks_params_ = false;
 };
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

@@ -1,4 +1,4 @@
-#include "live/access.h"
+#include "web/access.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <sys/random.h>
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 namespace {
 
 /// `host` without its port.
@@ -41,12 +41,13 @@ std::string find_refusal(const Access& access, const Caller& caller) {
   }
   if (!caller.origin.empty()) {
     const std::size_t scheme = caller.origin.find("://");
-    const bool is_own = scheme != std::string_view::npos &&
-                        caller.origin.substr(scheme + 3) == caller.host;
+    const bool is_own =
+        scheme != std::string_view::npos && caller.origin.substr(scheme + 3) == caller.host;
     if (!is_own && std::ranges::find(access.origins, caller.origin) == access.origins.end()) {
-      return fmt::format("pages of \"{}\" may not ask this server: \"origins\" of the application's "
-                         "\"live\" names those that may",
-                         caller.origin.substr(0, 128));
+      return fmt::format(
+          "pages of \"{}\" may not ask this server: \"origins\" of the application's "
+          "\"live\" names those that may",
+          caller.origin.substr(0, 128));
     }
   }
   constexpr std::string_view kBearer = "Bearer ";
@@ -97,4 +98,4 @@ std::string_view query_value(std::string_view target, std::string_view name) {
   return {};
 }
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 
 /// A message as all clients get it.
 struct SharedMessage {
@@ -20,7 +20,7 @@ struct SharedMessage {
 /// One frame of a WebSocket.
 struct Frame {
   bool is_text = false;
-  std::string head;                             ///< What goes before the message.
+  std::string head;                              ///< What goes before the message.
   std::shared_ptr<const SharedMessage> message;  ///< May be null.
 
   [[nodiscard]] std::size_t size() const {
@@ -39,7 +39,7 @@ struct Frame {
 class Outbox {
  public:
   struct Options {
-    std::size_t bytes = std::size_t{8} << 20U;         ///< Of messages that wait.
+    std::size_t bytes = std::size_t{8} << 20U;          ///< Of messages that wait.
     std::size_t large_bytes = std::size_t{128} << 10U;  ///< A message of this size is large.
     std::size_t control_bytes = std::size_t{4} << 20U;  ///< Of control frames that wait.
   };
@@ -54,11 +54,11 @@ class Outbox {
 
   void add(std::uint32_t subscription) { lanes_[subscription]; }
   void remove(std::uint32_t subscription);
-  [[nodiscard]] bool has(std::uint32_t subscription) const {
-    return lanes_.contains(subscription);
-  }
+  [[nodiscard]] bool has(std::uint32_t subscription) const { return lanes_.contains(subscription); }
 
-  void put_text(std::string text) { put({.is_text = true, .head = std::move(text), .message = {}}); }
+  void put_text(std::string text) {
+    put({.is_text = true, .head = std::move(text), .message = {}});
+  }
   void put_binary(std::string bytes) {
     put({.is_text = false, .head = std::move(bytes), .message = {}});
   }
@@ -97,4 +97,4 @@ class Outbox {
   std::size_t waiting_ = 0;
 };
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web

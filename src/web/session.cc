@@ -1,4 +1,4 @@
-#include "live/session.h"
+#include "web/session.h"
 
 #include <cmath>
 #include <memory>
@@ -7,9 +7,8 @@
 #include <fmt/format.h>
 
 #include "inspect/inspect.pb.h"
-#include "live/hub.h"
 
-namespace fastcycle::live {
+namespace fastcycle::web {
 namespace {
 
 namespace protocol = inspect::protocol;
@@ -52,8 +51,11 @@ std::string to_value(const Json& value) {
 
 }  // namespace
 
-Session::Session(Hub& hub, Outbox::Options options, std::function<void()> wake)
-    : hub_(hub), wake_(std::move(wake)), outbox_(options) {}
+Session::Session(Hub& hub, std::function<void()> wake)
+    : hub_(hub), wake_(std::move(wake)), outbox_(hub.options().outbox) {
+  hub_.add(*this);
+  greet();
+}
 
 Session::~Session() {
   for (const auto& [subscription, channel] : subscriptions_) {
@@ -63,7 +65,18 @@ Session::~Session() {
       // The application has ended, and its streams with it.
     }
   }
-  hub_.close(*this);
+  hub_.remove(*this);
+}
+
+void Session::greet() {
+  const protocol::Welcome& welcome = hub_.welcome();
+  say_text(foxglove::server_info(
+      "FastCycle " + welcome.application(), hub_.session_id(), hub_.capabilities(),
+      {{"application", welcome.application()}, {"framework", welcome.framework()}}));
+  say_text(foxglove::advertise(hub_.channels()));
+  if (!hub_.services().empty()) {
+    say_text(foxglove::advertise_services(hub_.services()));
+  }
 }
 
 void Session::say_text(std::string text) {
@@ -80,13 +93,22 @@ void Session::say_status(StatusLevel level, std::string_view text, std::string_v
   say_text(foxglove::status(level, text, id));
 }
 
-void Session::give(std::uint32_t subscription, std::shared_ptr<const SharedMessage> message) {
+void Session::take_message(std::uint32_t subscription,
+                           std::shared_ptr<const SharedMessage> message) {
   outbox_.put(subscription, std::move(message));
   wake_();
 }
 
-void Session::has_lost(std::uint32_t subscription, std::uint64_t count) {
+void Session::take_loss(std::uint32_t subscription, std::uint64_t count) {
   lost_[subscription] += count;
+}
+
+void Session::take_time(std::int64_t now_ns) {
+  say_binary(foxglove::time(now_ns));
+}
+
+void Session::take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) {
+  say_text(foxglove::graph_update(graph, before));
 }
 
 void Session::tell_losses() {
@@ -160,7 +182,7 @@ void Session::take_binary(std::string_view frame) {
 void Session::subscribe(const Json& json) {
   for (const Json& one : list_of(json, "subscriptions")) {
     const auto id = one.is_object() && one.contains("id") ? foxglove::to_id(one["id"])
-                                                           : std::optional<std::uint32_t>();
+                                                          : std::optional<std::uint32_t>();
     const auto channel_id = one.is_object() && one.contains("channelId")
                                 ? foxglove::to_id(one["channelId"])
                                 : std::optional<std::uint32_t>();
@@ -185,7 +207,8 @@ void Session::unsubscribe(const Json& json) {
     const auto id = foxglove::to_id(one);
     const auto found = id ? subscriptions_.find(*id) : subscriptions_.end();
     if (found == subscriptions_.end()) {
-      say_status(StatusLevel::kWarning, "there is no such subscription: " + one.dump().substr(0, 64));
+      say_status(StatusLevel::kWarning,
+                 "there is no such subscription: " + one.dump().substr(0, 64));
       continue;
     }
     hub_.unsubscribe(*this, found->first, found->second);
@@ -198,19 +221,20 @@ void Session::unsubscribe(const Json& json) {
 void Session::advertise(const Json& json) {
   for (const Json& one : list_of(json, "channels")) {
     const auto id = one.is_object() && one.contains("id") ? foxglove::to_id(one["id"])
-                                                           : std::optional<std::uint32_t>();
+                                                          : std::optional<std::uint32_t>();
     const std::string topic = one.is_object() ? foxglove::text_of(one, "topic") : std::string();
     if (!id || topic.empty()) {
       refuse("a channel wants \"id\", a number of 32 bits, and \"topic\"");
     } else if (!hub_.may_publish(topic)) {
-      refuse(fmt::format("topic \"{}\" may not be published on: the application's \"live\" names "
-                         "topics for that in \"publish\", and its \"inspect\" allows it",
-                         topic));
+      refuse(
+          fmt::format("topic \"{}\" may not be published on: the application's \"live\" names "
+                      "topics for that in \"publish\", and its \"inspect\" allows it",
+                      topic));
     } else if (const auto* channel = hub_.find_channel(topic); channel == nullptr) {
       refuse(fmt::format("there is no topic \"{}\"", topic));
     } else if (foxglove::text_of(one, "encoding") != "protobuf") {
-      refuse(fmt::format("topic \"{}\" wants the encoding protobuf, type {}", topic,
-                         channel->type));
+      refuse(
+          fmt::format("topic \"{}\" wants the encoding protobuf, type {}", topic, channel->type));
     } else if (own_channels_.size() >= kMaxChannels && !own_channels_.contains(*id)) {
       refuse(fmt::format("a client has at most {} channels", kMaxChannels));
     } else {
@@ -295,8 +319,9 @@ void Session::get_params(const Json& json) {
 
 void Session::set_params(const Json& json) {
   if (!hub_.may("params")) {
-    refuse("params may not be changed: the application's \"inspect\" allows it with the word "
-           "\"params\"");
+    refuse(
+        "params may not be changed: the application's \"inspect\" allows it with the word "
+        "\"params\"");
     return;
   }
   protocol::Request request;
@@ -371,4 +396,4 @@ void Session::take_params(const protocol::Params& params) {
   }
 }
 
-}  // namespace fastcycle::live
+}  // namespace fastcycle::web
