@@ -376,9 +376,7 @@ std::optional<LiveDescription> describe_live(const Value& value) {
   if (const Value* address = find_string(value, "address")) {
     live.address = address->as_string();
   }
-  if (const Value* port = value.find("port"); port != nullptr && port->is_number()) {
-    live.port = static_cast<std::uint16_t>(port->as_int());
-  }
+  read_integer(value, "port", live.port);
   read_texts(value, "publish", live.publish);
   read_texts(value, "origins", live.origins);
   return live;
