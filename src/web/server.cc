@@ -125,6 +125,14 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
                             });
   }
 
+  /// The network's thread is over.
+  void abandon() {
+    is_closed_ = true;
+    session_.reset();
+    error_code ignored;
+    socket().close(ignored);
+  }
+
   /// Says goodbye; nothing more is read.
   void close() {
     if (is_closed_) {
@@ -155,13 +163,10 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
 
   /// The connection is forgotten.
   void leave() {
-    is_closed_ = true;
-    session_.reset();
-    error_code ignored;
-    beast::get_lowest_layer(*ws_or_stream()).socket().close(ignored);
+    abandon();
     net_.connections_.erase(this->shared_from_this());
   }
-  beast::tcp_stream* ws_or_stream() { return ws_ ? &ws_->next_layer() : &stream_; }
+  tcp::socket& socket() { return ws_ ? beast::get_lowest_layer(*ws_).socket() : stream_.socket(); }
 
   void take_request(error_code error) {
     if (error) {
@@ -395,6 +400,10 @@ void Server::Net::serve() {
     is_over_ = true;
   }
   io_.run();
+  // Of those that have not said goodbye, unfinished work may keep more than the set does.
+  for (const auto& connection : connections_) {
+    connection->abandon();
+  }
   connections_.clear();
   hub_.reset();
 }
