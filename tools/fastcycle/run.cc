@@ -498,7 +498,6 @@ void add_options(CLI::App& line, RunOptions& options) {
                   "How much it holds: 256, unless the application says else")
       ->type_name("MB");
   options.inspect.add_to(line);
-  options.live.add_to(line);
   line.add_option("--trace", options.trace.file,
                   "Write what the components do into this file, for ui.perfetto.dev")
       ->type_name("FILE.pftrace");
@@ -536,6 +535,7 @@ Command add_run(CLI::App& program) {
                         kEnds));
   const auto options = std::make_shared<RunOptions>();
   add_options(*line, *options);
+  options->live.add_to(*line);
   add_clock_options(*line, *options);
   line->add_option("--record", options->record.file, "Record all topics into an MCAP file")
       ->type_name("FILE.mcap");
@@ -576,6 +576,7 @@ Command add_play(CLI::App& program) {
       ->required()
       ->type_name("FILE.mcap");
   add_options(*line, *options);
+  options->live.add_to(*line);
   line->get_option("application")->required(false);  // The last of the files: see `play`.
   line->add_option("--rate", options->play_rate, "Let time run this many times as fast")
       ->type_name("X");
