@@ -1,6 +1,7 @@
 #include "record/serializer.h"
 
 #include <string>
+#include <string_view>
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
@@ -8,6 +9,7 @@
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
 
+#include "fastcycle/version.h"
 #include "record/descriptor_set.h"
 
 namespace fastcycle::record {
@@ -38,6 +40,11 @@ TEST(Serializer, GivesTheBytesThatProtobufGives) {
 }
 
 TEST(Serializer, OrdersTheEntriesOfMaps) {
+  // In a program for the thread sanitizer protobuf's headers lay out maps in another way than the
+  // system's library (map_field.h): no map of its types can be touched.
+  if (std::string_view(FASTCYCLE_SANITIZER) == "thread") {
+    GTEST_SKIP() << "the system's protobuf has other maps than the thread sanitizer's";
+  }
   // Entries lie where their object has them; what is written must not show it.
   google::protobuf::Struct first;
   google::protobuf::Struct second;

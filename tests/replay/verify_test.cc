@@ -248,7 +248,8 @@ TEST_F(Verify, ADumpOfTheFlightRecorderBeginsWithDeclaredState) {
   EXPECT_GT(tally["began_after_activation"], 200);
   EXPECT_GT(tally["outputs"], 20);
   EXPECT_EQ(tally["outputs"], tally["equal"]);
-  EXPECT_EQ(tally["not_recorded"], 0);
+  // The dump may end within its last activation, which publishes two messages at most.
+  EXPECT_LE(tally["not_recorded"], 2) << tally.dump();
   EXPECT_FALSE(components()["counter"]["executed"]);
   EXPECT_THAT(components()["counter"]["why"].get<std::string>(), HasSubstr("it declares none"));
 }
