@@ -84,6 +84,25 @@ HistogramSummary LogHistogram<kSubBits>::summary() const noexcept {
   return summary;
 }
 
+template <unsigned kSubBits>
+HistogramBuckets LogHistogram<kSubBits>::buckets() const noexcept {
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  HistogramBuckets buckets;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < HistogramBuckets::kBounds; ++i) {
+    for (const std::size_t end = bucket_of(HistogramBuckets::bound_ns(i)); next < end; ++next) {
+      buckets.count += counts_[next].load(kRelaxed);
+    }
+    buckets.below[i] = buckets.count;
+  }
+  for (; next < kBuckets; ++next) {
+    buckets.count += counts_[next].load(kRelaxed);
+  }
+  buckets.count += halved_.load(kRelaxed);
+  buckets.sum_ns = sum_.load(kRelaxed);
+  return buckets;
+}
+
 template class LogHistogram<4>;
 template class LogHistogram<3>;
 

@@ -26,14 +26,29 @@ struct HistogramSummary {
   double max = 0;
 };
 
+/// How many of the values were below each of some bounds: powers of two, from 1.024 µs to 2.15 s.
+struct HistogramBuckets {
+  static constexpr unsigned kFirstBits = 10;
+  static constexpr std::size_t kBounds = 22;
+  /// The bound of `below[i]`, in nanoseconds.
+  static constexpr std::uint64_t bound_ns(std::size_t i) {
+    return std::uint64_t{1} << (kFirstBits + i);
+  }
+
+  std::array<std::uint64_t, kBounds> below{};
+  std::uint64_t count = 0;  ///< All of them,
+  double sum_ns = 0;        ///< and their sum.
+};
+
 /// Durations in nanoseconds, in buckets that grow with the value: each at most 1/2^kSubBits of its
 /// value wide, or 4 ns, from 0 to 4.3 s; what is longer counts in the last one. Count, mean,
 /// deviation and maximum are exact. A bucket counts to 2^32; when one is full all are halved, so
 /// that in percentiles what was before weighs half from then on: after more than an hour of a
 /// million a second.
 ///
-/// @threads  `record` by one thread at a time; `summary` by any thread, and exact when nothing is
-///           being recorded.
+/// @threads  `record` by one thread at a time; `summary` and `buckets` by any thread, and exact
+/// when
+///           nothing is being recorded.
 /// @realtime No lock, no allocation; a handful of additions. Where FASTCYCLE_STATISTICS is OFF,
 ///           nothing at all.
 template <unsigned kSubBits>
@@ -58,6 +73,7 @@ class LogHistogram {
 
   [[nodiscard]] std::uint64_t count() const noexcept;
   [[nodiscard]] HistogramSummary summary() const noexcept;
+  [[nodiscard]] HistogramBuckets buckets() const noexcept;
 
  private:
   static constexpr unsigned kStepBits = 2;  ///< What is shorter than 4 ns is not told apart.

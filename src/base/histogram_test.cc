@@ -137,6 +137,25 @@ TYPED_TEST(Histograms, MergedIsAsIfAllHadBeenRecordedInOne) {
   EXPECT_NEAR(first.summary().mean, both.summary().mean, 1.0);
 }
 
+TYPED_TEST(Histograms, CountWhatIsBelowEachBound) {
+  TypeParam histogram;
+  histogram.record(0);
+  histogram.record(1023);
+  histogram.record(1024);
+  histogram.record(2'000'000'000);
+  histogram.record(9'000'000'000);
+
+  const HistogramBuckets buckets = histogram.buckets();
+
+  EXPECT_EQ(HistogramBuckets::bound_ns(0), 1024U);
+  EXPECT_EQ(buckets.below.front(), 2U);
+  EXPECT_EQ(buckets.below[1], 3U);
+  EXPECT_EQ(buckets.below[buckets.below.size() - 2], 3U);
+  EXPECT_EQ(buckets.below.back(), 4U);
+  EXPECT_EQ(buckets.count, 5U);
+  EXPECT_EQ(buckets.sum_ns, 11'000'002'047.0);
+}
+
 static_assert(sizeof(CoarseHistogram) <= 960, "there are two for each subscription");
 
 }  // namespace

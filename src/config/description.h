@@ -99,6 +99,10 @@ struct LiveDescription {
   std::vector<std::string> publish;   ///< Patterns of topics that clients may publish on.
   /// Pages of others that may ask: "https://app.foxglove.dev".
   std::vector<std::string> origins;
+  std::string token_file;   ///< Has the token; empty: each run makes one.
+  std::string certificate;  ///< A file in PEM, for TLS; empty: made by the run where TLS is wanted.
+  std::string key;          ///< The file with its private key.
+  bool tls = false;         ///< TLS on the own machine too.
   Place place;
 };
 

@@ -21,7 +21,10 @@
 namespace fastcycle::inspect {
 namespace {
 
-void fill(const base::HistogramSummary& summary, protocol::Histogram& said) {
+template <unsigned kSubBits>
+void fill(const base::LogHistogram<kSubBits>& histogram, bool with_buckets,
+          protocol::Histogram& said) {
+  const base::HistogramSummary summary = histogram.summary();
   said.set_count(summary.count);
   said.set_mean_ns(summary.mean);
   said.set_sd_ns(summary.standard_deviation);
@@ -29,6 +32,18 @@ void fill(const base::HistogramSummary& summary, protocol::Histogram& said) {
   said.set_p99_ns(summary.p99);
   said.set_p999_ns(summary.p999);
   said.set_max_ns(summary.max);
+  if (with_buckets) {
+    // What was recorded since the summary was made is in both.
+    const base::HistogramBuckets buckets = histogram.buckets();
+    said.set_count(buckets.count);
+    said.set_mean_ns(buckets.count == 0 ? 0.0
+                                        : buckets.sum_ns / static_cast<double>(buckets.count));
+    for (std::size_t i = 0; i < buckets.below.size(); ++i) {
+      protocol::Histogram::Bucket& bucket = *said.add_buckets();
+      bucket.set_bound_ns(base::HistogramBuckets::bound_ns(i));
+      bucket.set_count(buckets.below[i]);
+    }
+  }
 }
 
 void fill(const detail::Ledger& ledger, protocol::Ledger& said) {
@@ -132,7 +147,8 @@ void fill_executors(const host::Application& application, protocol::Overview& ov
 }
 
 void fill_components(const host::Application& application,
-                     const std::vector<host::ComponentNews>& news, protocol::Overview& overview) {
+                     const std::vector<host::ComponentNews>& news, bool with_buckets,
+                     protocol::Overview& overview) {
   std::map<std::string, std::uint64_t> queued;
   for (const SeenTopic& seen : see_topics(application)) {
     for (const detail::Subscription* subscription : seen.subscriptions) {
@@ -155,13 +171,13 @@ void fill_components(const host::Application& application,
     said.set_activations(statistics.activations.get());
     said.set_faults(statistics.faults.get());
     said.set_overruns(statistics.overruns.get());
-    fill(statistics.callback.summary(), *said.mutable_callback());
-    fill(statistics.lateness.summary(), *said.mutable_lateness());
+    fill(statistics.callback, with_buckets, *said.mutable_callback());
+    fill(statistics.lateness, with_buckets, *said.mutable_lateness());
     for (const host::KnownCallback& callback : callbacks[core->name]) {
       protocol::Callback& its = *said.add_callbacks();
       its.set_name(callback.name);
       its.set_kind(callback.kind);
-      fill(callback.run_time->summary(), *its.mutable_time());
+      fill(*callback.run_time, false, *its.mutable_time());
     }
     said.set_busy_ns(static_cast<std::int64_t>(said.callback().mean_ns() *
                                                static_cast<double>(said.callback().count())));
@@ -200,7 +216,7 @@ std::vector<SeenTopic> see_topics(const host::Application& application) {
   return seen;
 }
 
-void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
+void fill_topic(const SeenTopic& seen, bool with_buckets, protocol::Topic& topic) {
   topic.set_name(seen.topic->name);
   topic.set_type(seen.type);
   topic.set_latched(seen.topic->options.latched);
@@ -226,7 +242,7 @@ void fill_topic(const SeenTopic& seen, protocol::Topic& topic) {
     said.set_overflow(subscription->overflow == Overflow::kDropOldest ? "drop_oldest"
                                                                       : "drop_newest");
     fill(subscription->ledger(), *said.mutable_ledger());
-    fill(subscription->latency.summary(), *said.mutable_latency());
+    fill(subscription->latency, with_buckets, *said.mutable_latency());
     for (const host::UnmatchedReport& unmatched : host::find_unmatched(*subscription)) {
       said.add_unmatched(unmatched.text);
     }

@@ -26,8 +26,10 @@ struct KnownService {
 void fill_application(const host::Application& application, protocol::Overview& overview);
 void fill_executors(const host::Application& application, protocol::Overview& overview);
 /// `news` is what each component said last of itself.
+/// `with_buckets`: those of the histograms too.
 void fill_components(const host::Application& application,
-                     const std::vector<host::ComponentNews>& news, protocol::Overview& overview);
+                     const std::vector<host::ComponentNews>& news, bool with_buckets,
+                     protocol::Overview& overview);
 
 /// What stands still while one looks: the topics hold their places as long as the application is.
 struct SeenTopic {
@@ -39,7 +41,7 @@ struct SeenTopic {
 
 /// The topics as they are now; the application's lock is held only for this.
 [[nodiscard]] std::vector<SeenTopic> see_topics(const host::Application& application);
-void fill_topic(const SeenTopic& seen, protocol::Topic& topic);
+void fill_topic(const SeenTopic& seen, bool with_buckets, protocol::Topic& topic);
 void fill_service(const KnownService& service, bool with_schemas, protocol::Service& said);
 
 }  // namespace fastcycle::inspect

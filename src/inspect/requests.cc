@@ -176,12 +176,12 @@ void Server::give_overview(const protocol::GetOverview& request, protocol::Answe
       const std::lock_guard lock(mutex_);
       news = news_;
     }
-    fill_components(application_, news, overview);
+    fill_components(application_, news, request.with_buckets(), overview);
   }
   if (!request.without_topics()) {
     for (const SeenTopic& seen : see_topics(application_)) {
       protocol::Topic& topic = *overview.add_topics();
-      fill_topic(seen, topic);
+      fill_topic(seen, request.with_buckets(), topic);
       topic.set_message_bytes(taps_.message_bytes(*seen.topic));
     }
     for (const KnownService& service : services_) {
@@ -206,7 +206,7 @@ void Server::give_topic(const protocol::GetTopic& request, protocol::Answer& ans
       continue;
     }
     protocol::Topic& topic = *answer.mutable_topic();
-    fill_topic(seen, topic);
+    fill_topic(seen, false, topic);
     topic.set_message_bytes(taps_.message_bytes(*seen.topic));
     if (const auto* instance = instance_of(seen)) {
       topic.set_schema(record::descriptor_set_of(*instance->GetDescriptor()));

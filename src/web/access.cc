@@ -75,6 +75,14 @@ std::string make_token() {
   return text;
 }
 
+bool is_token(std::string_view text) {
+  const auto is_allowed = [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '-' ||
+           c == '_';
+  };
+  return text.size() >= 32 && text.size() <= 256 && std::ranges::all_of(text, is_allowed);
+}
+
 bool is_same_secret(std::string_view a, std::string_view b) noexcept {
   std::size_t differences = a.size() ^ b.size();
   for (std::size_t i = 0; i < a.size(); ++i) {

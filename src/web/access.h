@@ -29,6 +29,9 @@ struct Access {
 /// 128 random bits, as 32 hexadecimal digits.
 [[nodiscard]] std::string make_token();
 
+/// Whether `text` may be a token: 32 to 256 letters, digits, - and _.
+[[nodiscard]] bool is_token(std::string_view text);
+
 /// Whether both are the same, in a time that tells nothing of where they differ.
 [[nodiscard]] bool is_same_secret(std::string_view a, std::string_view b) noexcept;
 

@@ -97,15 +97,19 @@ std::vector<std::string_view> Hub::capabilities() const {
 
 void Hub::remove(Listener& listener) {
   listeners_.erase(&listener);
-  std::erase_if(asked_, [&](const auto& one) { return one.second.asker == &listener; });
+  forget(listener);
 }
 
-void Hub::post(protocol::Request request, const Listener* asker, Take take) {
+void Hub::forget(const Asker& asker) {
+  std::erase_if(asked_, [&](const auto& one) { return one.second.asker == &asker; });
+}
+
+void Hub::post(protocol::Request request, const Asker* asker, Take take) {
   const std::uint32_t id = application_->post(std::move(request));
   asked_[id] = {.asker = asker, .take = std::move(take)};
 }
 
-void Hub::ask(const Listener& asker, protocol::Request request, Take take) {
+void Hub::ask(const Asker& asker, protocol::Request request, Take take) {
   post(std::move(request), &asker, std::move(take));
 }
 

@@ -19,14 +19,18 @@
 
 namespace fastcycle::web {
 
-/// Whom the hub tells what came.
-class Listener {
+/// Who asks the application by way of the hub.
+class Asker {
  public:
-  Listener() = default;
-  Listener(const Listener&) = delete;
-  Listener& operator=(const Listener&) = delete;
-  virtual ~Listener() = default;
+  Asker() = default;
+  Asker(const Asker&) = delete;
+  Asker& operator=(const Asker&) = delete;
+  virtual ~Asker() = default;
+};
 
+/// Whom the hub tells what came.
+class Listener : public Asker {
+ public:
   /// A message of a topic that it has subscribed to.
   virtual void take_message(std::uint32_t subscription,
                             std::shared_ptr<const SharedMessage> message) = 0;
@@ -75,10 +79,12 @@ class Hub {
 
   void add(Listener& listener) { listeners_.insert(&listener); }
   void remove(Listener& listener);
+  /// What `asker` has asked for and not been given is not given to it any more.
+  void forget(const Asker& asker);
 
   using Take = std::function<void(const inspect::protocol::Answer&)>;
-  /// Sends `request`; `take` is given its answer, an error too, unless `asker` is closed before.
-  void ask(const Listener& asker, inspect::protocol::Request request, Take take);
+  /// Sends `request`; `take` is given its answer, an error too, unless `asker` is forgotten before.
+  void ask(const Asker& asker, inspect::protocol::Request request, Take take);
   [[nodiscard]] const foxglove::Channel* find_channel(std::uint32_t id) const;
   [[nodiscard]] const foxglove::Channel* find_channel(std::string_view topic) const;
   [[nodiscard]] const foxglove::Service* find_service(std::uint32_t id) const;
@@ -87,6 +93,9 @@ class Hub {
   [[nodiscard]] bool may_publish(const std::string& topic) const;
   [[nodiscard]] bool may(std::string_view word) const;
   [[nodiscard]] const foxglove::Graph& graph() const { return graph_; }
+  /// Messages that clients were too slow for, all together.
+  void count_left_out(std::uint64_t count) { left_out_ += count; }
+  [[nodiscard]] std::uint64_t left_out() const { return left_out_; }
   /// The next `look` asks for params again.
   void params_have_changed() { next_params_ = {}; }
 
@@ -115,7 +124,7 @@ class Hub {
   void take(const inspect::protocol::Answer& answer);
   void take_messages(Feed& feed, const inspect::protocol::Messages& messages);
   void take_overview(const inspect::protocol::Overview& overview);
-  void post(inspect::protocol::Request request, const Listener* asker, Take take);
+  void post(inspect::protocol::Request request, const Asker* asker, Take take);
 
   const std::unique_ptr<inspect::Client> application_;
   const Options options_;
@@ -127,12 +136,13 @@ class Hub {
   std::map<std::uint32_t, Feed> feeds_;      ///< By channel.
   std::map<std::uint32_t, std::uint32_t> channel_of_stream_;
   struct Asked {
-    const Listener* asker;
+    const Asker* asker;
     Take take;
   };
   std::map<std::uint32_t, Asked> asked_;  ///< By request.
   std::set<Listener*> listeners_;
   foxglove::Graph graph_;
+  std::uint64_t left_out_ = 0;
   std::chrono::steady_clock::time_point next_overview_{};
   std::chrono::steady_clock::time_point next_time_{};
   std::chrono::steady_clock::time_point next_params_{};

@@ -4,8 +4,11 @@
 #include <array>
 #include <chrono>
 #include <exception>
+#include <fstream>
+#include <iterator>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <string_view>
 #include <utility>  // Asio needs it, and does not include it.
 
@@ -13,12 +16,16 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
+#include <boost/beast/ssl.hpp>
 #include <boost/beast/websocket.hpp>
+#include <boost/beast/websocket/ssl.hpp>
 #include <fmt/format.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -27,8 +34,10 @@
 #include "base/thread.h"
 #include "inspect/client.h"
 #include "web/access.h"
+#include "web/certificate.h"
 #include "web/foxglove.h"
 #include "web/hub.h"
+#include "web/pages.h"
 #include "web/session.h"
 
 namespace fastcycle::web {
@@ -45,8 +54,9 @@ using Clock = std::chrono::steady_clock;
 
 constexpr const char* kName = "live";
 constexpr int kNice = 10;
-constexpr auto kHeaderPatience = 5s;  // For a whole HTTP request.
-constexpr auto kIdlePatience = 30s;   // For a sign of life of a WebSocket.
+constexpr auto kHeaderPatience = 5s;   // For a whole HTTP request.
+constexpr auto kAnswerPatience = 30s;  // For the reader of an answer.
+constexpr auto kIdlePatience = 30s;    // For a sign of life of a WebSocket.
 constexpr auto kLookPeriod = 50ms;
 constexpr auto kAcceptPause = 100ms;  // While no connection can be accepted.
 constexpr auto kFarewell = 200ms;
@@ -58,14 +68,48 @@ std::string_view view_of(beast::string_view text) {
   return {text.data(), text.size()};
 }
 
+/// @errors  `std::runtime_error` that names the file.
+std::string read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (!file) {
+    throw std::runtime_error(path + ": cannot be read");
+  }
+  return text;
+}
+
+/// The token that a file has in its first line.
+///
+/// @errors  `std::runtime_error` that says what is wrong with the file.
+std::string read_token(const std::string& path) {
+  struct stat status{};
+  if (::stat(path.c_str(), &status) == 0 && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+    throw std::runtime_error(path + ": others may read it: chmod 600 " + path);
+  }
+  const std::string text = read_file(path);
+  std::string token = text.substr(0, text.find_first_of("\r\n"));
+  if (!is_token(token)) {
+    throw std::runtime_error(path + ": its first line has to be 32 to 256 letters, digits, - and " +
+                             "_, as `openssl rand -hex 16` prints them");
+  }
+  return token;
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : std::string();
+}
+
 }  // namespace
 
 class Server::Net {
  public:
-  Net(host::Application& application, config::LiveDescription description, Connect connect)
+  Net(host::Application& application, config::LiveDescription description, Connect connect,
+      std::string_view page)
       : application_(application),
         description_(std::move(description)),
-        connect_(std::move(connect)) {}
+        connect_(std::move(connect)),
+        page_(page) {}
   ~Net() { end(); }
 
   void open(config::Problems& problems);
@@ -74,14 +118,25 @@ class Server::Net {
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] const std::string& token() const { return access_.token; }
+  [[nodiscard]] const std::string& fingerprint() const { return fingerprint_; }
+  /// "http" or "ws", as it is called here.
+  [[nodiscard]] std::string scheme(std::string name) const {
+    return tls_ ? std::move(name) + "s" : name;
+  }
   [[nodiscard]] std::string authority() const {
-    const bool is_v6 = description_.address.find(':') != std::string::npos;
-    return is_v6 ? fmt::format("[{}]:{}", description_.address, port_)
-                 : fmt::format("{}:{}", description_.address, port_);
+    const bool is_v6 = name_.find(':') != std::string::npos;
+    return is_v6 ? fmt::format("[{}]:{}", name_, port_) : fmt::format("{}:{}", name_, port_);
   }
 
  private:
+  class AnyConnection;
+  template <typename Stream>
   class Connection;
+  using PlainStream = beast::tcp_stream;
+  using TlsStream = beast::ssl_stream<beast::tcp_stream>;
+
+  /// @errors  `std::exception` that says what is wrong.
+  void prepare_tls();
 
   void serve();
   void accept();
@@ -90,12 +145,18 @@ class Server::Net {
   /// The application has ended, or the run.
   void close_all();
   void complain(const std::string& text);
+  /// `complain`, of a connection that is refused.
+  void refuse(const std::string& text);
 
   host::Application& application_;
   const config::LiveDescription description_;
   const Connect connect_;
+  const std::string_view page_;
   Access access_;
+  std::string name_;  ///< The address, or the name of the machine.
   std::uint16_t port_ = 0;
+  std::optional<asio::ssl::context> tls_;
+  std::string fingerprint_;
 
   asio::io_context io_{1};
   tcp::acceptor acceptor_{io_};
@@ -103,38 +164,63 @@ class Server::Net {
   asio::steady_timer accept_timer_{io_};
   asio::posix::stream_descriptor news_{io_};  ///< A copy of the hub's.
   std::unique_ptr<Hub> hub_;
-  std::set<std::shared_ptr<Connection>> connections_;
+  std::set<std::shared_ptr<AnyConnection>> connections_;
+  std::uint64_t refused_ = 0;
   Clock::time_point next_complaint_{};
   bool is_over_ = false;
   base::Thread thread_;
   bool is_running_ = false;
 };
 
-/// One socket: an HTTP request, and then, if that asks for it, a WebSocket.
-class Server::Net::Connection : public std::enable_shared_from_this<Connection> {
+/// What the server needs to know of a connection, with TLS or without.
+class Server::Net::AnyConnection : public std::enable_shared_from_this<AnyConnection> {
  public:
-  Connection(Net& net, tcp::socket socket) : net_(net), stream_(std::move(socket)) {}
+  AnyConnection() = default;
+  AnyConnection(const AnyConnection&) = delete;
+  AnyConnection& operator=(const AnyConnection&) = delete;
+  virtual ~AnyConnection() = default;
 
-  void begin() {
-    parser_.header_limit(kMaxHeaderBytes);
-    parser_.body_limit(0);
-    stream_.expires_after(kHeaderPatience);
-    http::async_read_header(stream_, buffer_, parser_,
-                            [self = this->shared_from_this()](error_code error, std::size_t) {
-                              self->guarded([&] { self->take_request(error); });
-                            });
+  virtual void begin() = 0;
+  /// Says goodbye; nothing more is read.
+  virtual void close() = 0;
+  /// The network's thread is over.
+  virtual void abandon() = 0;
+};
+
+/// One socket: HTTP requests, and then, if one of them asks for it, a WebSocket.
+template <typename Stream>
+class Server::Net::Connection final : public AnyConnection {
+ public:
+  template <typename... Arguments>
+  explicit Connection(Net& net, Arguments&&... arguments)
+      : net_(net), stream_(std::forward<Arguments>(arguments)...) {}
+
+  void begin() override {
+    if constexpr (std::is_same_v<Stream, TlsStream>) {
+      lowest().expires_after(kHeaderPatience);
+      stream_.async_handshake(asio::ssl::stream_base::server,
+                              [self = this->self()](error_code error) {
+                                if (error) {
+                                  self->net_.refuse("a connection without TLS was refused");
+                                  self->leave();
+                                  return;
+                                }
+                                self->read_request();
+                              });
+    } else {
+      read_request();
+    }
   }
 
-  /// The network's thread is over.
-  void abandon() {
+  void abandon() override {
     is_closed_ = true;
     session_.reset();
+    pages_.reset();
     error_code ignored;
-    socket().close(ignored);
+    lowest().socket().close(ignored);
   }
 
-  /// Says goodbye; nothing more is read.
-  void close() {
+  void close() override {
     if (is_closed_) {
       return;
     }
@@ -144,10 +230,17 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
       return;
     }
     ws_->async_close(websocket::close_code::going_away,
-                     [self = this->shared_from_this()](error_code) { self->leave(); });
+                     [self = this->self()](error_code) { self->leave(); });
   }
 
  private:
+  std::shared_ptr<Connection> self() {
+    return std::static_pointer_cast<Connection>(this->shared_from_this());
+  }
+  beast::tcp_stream& lowest() {
+    return ws_ ? beast::get_lowest_layer(*ws_) : beast::get_lowest_layer(stream_);
+  }
+
   /// What the hub throws is the end of the application.
   template <typename Body>
   void guarded(const Body& body) {
@@ -166,70 +259,132 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
     abandon();
     net_.connections_.erase(this->shared_from_this());
   }
-  tcp::socket& socket() { return ws_ ? beast::get_lowest_layer(*ws_).socket() : stream_.socket(); }
 
-  void take_request(error_code error) {
-    if (error) {
-      if (error == http::error::header_limit) {
-        answer(http::status::request_header_fields_too_large,
-               "the request's header is too large\n");
-        net_.complain("a request with a header that is too large was refused");
-      } else {
-        leave();
-      }
+  void read_request() {
+    parser_.emplace();
+    parser_->header_limit(kMaxHeaderBytes);
+    parser_->body_limit(kMaxBodyBytes);
+    lowest().expires_after(kHeaderPatience);
+    http::async_read_header(stream_, buffer_, *parser_,
+                            [self = this->self()](error_code error, std::size_t) {
+                              self->guarded([&] { self->take_header(error); });
+                            });
+  }
+
+  void take_header(error_code error) {
+    if (error == http::error::header_limit) {
+      net_.refuse("a request with a header that is too large was refused");
+      answer(http::status::request_header_fields_too_large,
+             {.body = "the request's header is too large\n"});
       return;
     }
-    const auto& request = parser_.get();
+    if (error == http::error::body_limit) {
+      answer(http::status::payload_too_large,
+             {.body = fmt::format("a request may have {} bytes\n", kMaxBodyBytes)});
+      return;
+    }
+    if (error) {
+      leave();
+      return;
+    }
+    const auto& request = parser_->get();
     const auto header = [&](http::field field) { return view_of(request[field]); };
+    const std::string_view target = view_of(request.target());
     const std::string refusal =
-        find_refusal(net_.access_, {.target = view_of(request.target()),
+        find_refusal(net_.access_, {.target = target,
                                     .host = header(http::field::host),
                                     .origin = header(http::field::origin),
                                     .authorization = header(http::field::authorization)});
     if (!refusal.empty()) {
-      net_.complain("a connection was refused: " + base::printable(refusal));
-      answer(http::status::forbidden, refusal + "\n");
+      net_.refuse("a connection was refused: " + base::printable(refusal));
+      answer(http::status::forbidden, {.body = refusal + "\n"});
       return;
     }
-    if (!websocket::is_upgrade(request)) {
-      const bool is_root =
-          view_of(request.target()).substr(0, 2) == "/?" || view_of(request.target()) == "/";
-      answer(is_root ? http::status::ok : http::status::not_found,
-             is_root ? fmt::format("FastCycle: Foxglove connects to ws://{}/?token={}\n",
-                                   net_.authority(), net_.access_.token)
-                     : std::string("there is no such page\n"));
+    if (websocket::is_upgrade(request)) {
+      const std::string_view subprotocol =
+          foxglove::choose_subprotocol(header(http::field::sec_websocket_protocol));
+      if (subprotocol.empty()) {
+        answer(http::status::bad_request,
+               {.body = fmt::format("a WebSocket is offered for the subprotocols {} and {}\n",
+                                    foxglove::kNewSubprotocol, foxglove::kOldSubprotocol)});
+        return;
+      }
+      upgrade(subprotocol);
       return;
     }
-    const std::string_view subprotocol =
-        foxglove::choose_subprotocol(header(http::field::sec_websocket_protocol));
-    if (subprotocol.empty()) {
-      answer(http::status::bad_request,
-             fmt::format("a WebSocket is offered for the subprotocols {} and {}\n",
-                         foxglove::kNewSubprotocol, foxglove::kOldSubprotocol));
-      return;
-    }
-    upgrade(subprotocol);
+    http::async_read(stream_, buffer_, *parser_,
+                     [self = this->self()](error_code failed, std::size_t) {
+                       self->guarded([&] { self->take_request(failed); });
+                     });
   }
 
-  void answer(http::status status, std::string text) {
+  /// An HTTP request that may be answered.
+  void take_request(error_code error) {
+    if (error || is_closed_) {
+      leave();
+      return;
+    }
+    const auto& request = parser_->get();
+    is_kept_ = request.keep_alive();
+    const std::string_view target = view_of(request.target());
+    const std::string_view path = target.substr(0, target.find('?'));
+    const std::string_view method = view_of(request.method_string());
+    const std::string_view expected = path == "/ask" ? "POST" : "GET";
+    if (path != "/" && path != "/ask" && path != "/metrics") {
+      answer(http::status::not_found, {.body = "there is /, /metrics and, by POST, /ask\n"});
+    } else if (method != expected) {
+      answer(http::status::method_not_allowed,
+             {.body = fmt::format("{} takes {}\n", path, expected)});
+    } else if (path == "/ask") {
+      pages().ask(request.body());
+    } else if (path == "/metrics") {
+      pages().ask_metrics(
+          choose_format(view_of(request[http::field::accept])),
+          {.connections = net_.connections_.size(), .connections_refused = net_.refused_});
+    } else if (net_.page_.empty()) {
+      answer(http::status::ok,
+             {.body = fmt::format("FastCycle: Foxglove connects to {}://{}/?token={}\n",
+                                  net_.scheme("ws"), net_.authority(), net_.access_.token)});
+    } else {
+      answer(http::status::ok,
+             {.type = "text/html; charset=utf-8", .body = std::string(net_.page_)});
+    }
+  }
+
+  Pages& pages() {
+    lowest().expires_never();  // The application answers when it does.
+    return pages_.emplace(*net_.hub_, [this](Page page) {
+      answer(static_cast<http::status>(page.status), std::move(page));
+    });
+  }
+
+  void answer(http::status status, Page page) {
     response_ = {status, 11};
     response_.set(http::field::server, "FastCycle");
-    response_.set(http::field::content_type, "text/plain; charset=utf-8");
+    response_.set(http::field::content_type, page.type);
     response_.set(http::field::cache_control, "no-store");
+    response_.set("Referrer-Policy", "no-referrer");  // The address has the token.
     response_.set("X-Content-Type-Options", "nosniff");
-    response_.keep_alive(false);
-    response_.body() = std::move(text);
+    response_.set("X-Frame-Options", "DENY");
+    response_.keep_alive(is_kept_);
+    response_.body() = std::move(page.body);
     response_.prepare_payload();
-    http::async_write(stream_, response_,
-                      [self = this->shared_from_this()](error_code, std::size_t) {
-                        error_code ignored;
-                        self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
-                        self->leave();
-                      });
+    lowest().expires_after(kAnswerPatience);
+    http::async_write(stream_, response_, [self = this->self()](error_code error, std::size_t) {
+      self->response_.body().clear();
+      if (!error && self->is_kept_ && !self->is_closed_) {
+        self->is_kept_ = false;
+        self->read_request();
+        return;
+      }
+      error_code ignored;
+      self->lowest().socket().shutdown(tcp::socket::shutdown_send, ignored);
+      self->leave();
+    });
   }
 
   void upgrade(std::string_view subprotocol) {
-    stream_.expires_never();  // The WebSocket has its own.
+    lowest().expires_never();  // The WebSocket has its own.
     ws_.emplace(std::move(stream_));
     ws_->set_option(websocket::stream_base::timeout{.handshake_timeout = kHeaderPatience,
                                                     .idle_timeout = kIdlePatience,
@@ -241,7 +396,7 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
         }));
     ws_->read_message_max(net_.hub_->may("publish") ? kMaxPublishBytes : kMaxFrameBytes);
     ws_->auto_fragment(false);
-    ws_->async_accept(parser_.get(), [self = this->shared_from_this()](error_code error) {
+    ws_->async_accept(parser_->get(), [self = this->self()](error_code error) {
       if (error) {
         self->leave();
         return;
@@ -255,7 +410,7 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
   }
 
   void read() {
-    ws_->async_read(buffer_, [self = this->shared_from_this()](error_code error, std::size_t) {
+    ws_->async_read(buffer_, [self = this->self()](error_code error, std::size_t) {
       self->guarded([&] { self->take_frame(error); });
     });
   }
@@ -286,7 +441,7 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
       return;
     }
     is_writing_ = true;
-    asio::post(net_.io_, [self = this->shared_from_this()] { self->write(); });
+    asio::post(net_.io_, [self = this->self()] { self->write(); });
   }
 
   void write() {
@@ -303,7 +458,7 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
     const std::array<asio::const_buffer, 2> parts = {
         asio::buffer(frame_.head),
         frame_.message == nullptr ? asio::const_buffer() : asio::buffer(frame_.message->payload)};
-    ws_->async_write(parts, [self = this->shared_from_this()](error_code error, std::size_t) {
+    ws_->async_write(parts, [self = this->self()](error_code error, std::size_t) {
       self->frame_ = {};
       if (error) {
         self->leave();
@@ -314,11 +469,13 @@ class Server::Net::Connection : public std::enable_shared_from_this<Connection> 
   }
 
   Net& net_;
-  beast::tcp_stream stream_;
+  Stream stream_;
   beast::flat_buffer buffer_;
-  http::request_parser<http::empty_body> parser_;
+  std::optional<http::request_parser<http::string_body>> parser_;
   http::response<http::string_body> response_;
-  std::optional<websocket::stream<beast::tcp_stream>> ws_;
+  bool is_kept_ = false;  ///< Another request may come after the answer.
+  std::optional<Pages> pages_;
+  std::optional<websocket::stream<Stream>> ws_;
   std::unique_ptr<Session> session_;
   Frame frame_;  ///< Is being written.
   bool is_writing_ = false;
@@ -335,14 +492,23 @@ void Server::Net::open(config::Problems& problems) {
     wrong(fmt::format("\"{}\" is no IP address", description_.address));
     return;
   }
-  if (!address.is_loopback()) {
-    wrong(
-        fmt::format("{} can be reached from other machines, which want TLS: use 127.0.0.1, and a "
-                    "tunnel such as ssh -L",
-                    description_.address));
+  name_ = description_.address;
+  access_ = {.token = {}, .origins = description_.origins, .hosts = {}};
+  const bool is_reached = !address.is_loopback();
+  if (const std::string host = host_name(); is_reached && !host.empty()) {
+    access_.hosts = {host, host + ".local"};
+    name_ = address.is_unspecified() ? host : name_;
+  }
+  try {
+    access_.token =
+        description_.token_file.empty() ? make_token() : read_token(description_.token_file);
+    if (is_reached || description_.tls || !description_.certificate.empty()) {
+      prepare_tls();
+    }
+  } catch (const std::exception& failure) {
+    wrong(failure.what());
     return;
   }
-  access_ = {.token = make_token(), .origins = description_.origins, .hosts = {}};
   const tcp::endpoint endpoint(address, description_.port);
   acceptor_.open(endpoint.protocol(), error);
   if (!error) {
@@ -360,6 +526,37 @@ void Server::Net::open(config::Problems& problems) {
     return;
   }
   port_ = acceptor_.local_endpoint().port();
+}
+
+void Server::Net::prepare_tls() {
+  if (description_.certificate.empty() != description_.key.empty()) {
+    throw std::runtime_error("\"certificate\" and \"key\" belong together");
+  }
+  Certificate certificate;
+  if (description_.certificate.empty()) {
+    std::vector<std::string> names = {"localhost", "127.0.0.1"};
+    names.insert(names.end(), access_.hosts.begin(), access_.hosts.end());
+    if (std::ranges::find(names, description_.address) == names.end()) {
+      names.push_back(description_.address);
+    }
+    certificate = make_certificate(names);
+    fingerprint_ = fingerprint_of(certificate.chain);
+  } else {
+    certificate = {.chain = read_file(description_.certificate),
+                   .key = read_file(description_.key)};
+  }
+  tls_.emplace(asio::ssl::context::tls_server);
+  tls_->set_options(asio::ssl::context::no_tlsv1 | asio::ssl::context::no_tlsv1_1);
+  const auto need = [&](const error_code& error, const std::string& file) {
+    if (error) {
+      throw std::runtime_error(fmt::format("{}: {}", file, error.message()));
+    }
+  };
+  error_code error;
+  tls_->use_certificate_chain(asio::buffer(certificate.chain), error);
+  need(error, description_.certificate);
+  tls_->use_private_key(asio::buffer(certificate.key), asio::ssl::context::pem, error);
+  need(error, description_.key);
 }
 
 void Server::Net::start(std::vector<base::Refusal>& refusals) {
@@ -426,11 +623,16 @@ void Server::Net::accept() {
       error_code ignored;
       socket.set_option(tcp::no_delay(true), ignored);
       socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer), ignored);
-      const auto connection = std::make_shared<Connection>(*this, std::move(socket));
+      std::shared_ptr<AnyConnection> connection;
+      if (tls_) {
+        connection = std::make_shared<Connection<TlsStream>>(*this, std::move(socket), *tls_);
+      } else {
+        connection = std::make_shared<Connection<PlainStream>>(*this, std::move(socket));
+      }
       connections_.insert(connection);
       connection->begin();
     } else {
-      complain(fmt::format("a connection was refused: there are {} already", kMaxConnections));
+      refuse(fmt::format("a connection was refused: there are {} already", kMaxConnections));
     }
     accept();
   });
@@ -487,8 +689,14 @@ void Server::Net::complain(const std::string& text) {
   }
 }
 
-Server::Server(host::Application& application, config::LiveDescription description, Connect connect)
-    : net_(std::make_unique<Net>(application, std::move(description), std::move(connect))) {}
+void Server::Net::refuse(const std::string& text) {
+  ++refused_;
+  complain(text);
+}
+
+Server::Server(host::Application& application, config::LiveDescription description, Connect connect,
+               std::string_view page)
+    : net_(std::make_unique<Net>(application, std::move(description), std::move(connect), page)) {}
 
 Server::~Server() = default;
 
@@ -506,7 +714,8 @@ void Server::stop(const host::Application&) {
 
 std::string Server::url() const {
   return net_->port() == 0 ? std::string()
-                           : fmt::format("http://{}/?token={}", net_->authority(), net_->token());
+                           : fmt::format("{}://{}/?token={}", net_->scheme("http"),
+                                         net_->authority(), net_->token());
 }
 
 std::uint16_t Server::port() const {
@@ -514,6 +723,9 @@ std::uint16_t Server::port() const {
 }
 const std::string& Server::token() const {
   return net_->token();
+}
+const std::string& Server::fingerprint() const {
+  return net_->fingerprint();
 }
 
 }  // namespace fastcycle::web

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "config/description.h"
@@ -13,7 +14,7 @@
 
 namespace fastcycle::web {
 
-/// Shows a running application to browsers and to Foxglove, over WebSockets.
+/// Shows a running application to browsers, to Foxglove over WebSockets, and to Prometheus.
 ///
 ///     web::Server server(application, description, [&] { return inspection.connect(); });
 ///     application.add(inspection);
@@ -26,11 +27,14 @@ class Server final : public host::Observer {
  public:
   static constexpr std::size_t kMaxConnections = 64;
   static constexpr std::size_t kMaxHeaderBytes = 8192;  ///< Of an HTTP request.
+  static constexpr std::size_t kMaxBodyBytes = std::size_t{1} << 20U;
 
   /// Gives a descriptor of a connection to the inspection, as `inspect::Server::connect`.
   using Connect = std::function<int()>;
 
-  Server(host::Application& application, config::LiveDescription description, Connect connect);
+  /// `page`: HTML that browsers are given; empty: a line of text.
+  Server(host::Application& application, config::LiveDescription description, Connect connect,
+         std::string_view page = {});
   ~Server() override;
 
   void open(config::Problems& problems) override;
@@ -41,6 +45,8 @@ class Server final : public host::Observer {
   [[nodiscard]] std::string url() const;
   [[nodiscard]] std::uint16_t port() const;
   [[nodiscard]] const std::string& token() const;
+  /// The SHA-256 of the certificate that this run has made; empty if it has made none.
+  [[nodiscard]] const std::string& fingerprint() const;
 
  private:
   class Net;  ///< All that is of the network's library.

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <set>
@@ -14,17 +15,21 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/read.hpp>
 #include <boost/asio/read_until.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
+#include <boost/beast/ssl.hpp>
 #include <boost/beast/websocket.hpp>
+#include <boost/beast/websocket/ssl.hpp>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "fastcycle/fastcycle.h"
 #include "host/test_application.h"
@@ -43,6 +48,7 @@ using foxglove::Json;
 using google::protobuf::Int64Value;
 using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 using namespace std::chrono_literals;
 
 /// Counts, times its factor, and sends blobs.
@@ -162,7 +168,8 @@ class LiveServer : public testing::Test {
     return allowed;
   }
 
-  void run(config::InspectDescription allowed = {}, bool is_simulated = false) {
+  void run(config::InspectDescription allowed = {}, bool is_simulated = false,
+           config::LiveDescription description = {}) {
     classes_.with<Counter>("counter");
     config::Problems problems;
     application_ = std::make_unique<host::Application>(
@@ -173,12 +180,11 @@ class LiveServer : public testing::Test {
     inspection_ =
         std::make_unique<inspect::Server>(*application_, allowed, std::filesystem::path());
     application_->add(*inspection_);
-    config::LiveDescription description;
     description.port = 0;
     description.publish = {"wishes"};
     description.origins = {"https://app.foxglove.dev"};
-    server_ = std::make_unique<Server>(*application_, description,
-                                       [this] { return inspection_->connect(); });
+    server_ = std::make_unique<Server>(
+        *application_, description, [this] { return inspection_->connect(); }, "<p>a page</p>");
     application_->add(*server_);
     application_->build(classes_, problems, host::ConstructorFault::kFault);
     ASSERT_FALSE(problems.has_errors()) << config::to_string(problems.all().front());
@@ -221,6 +227,34 @@ class LiveServer : public testing::Test {
     std::string answer;
     asio::read_until(socket, asio::dynamic_buffer(answer), "\r\n", error);
     return answer.size() > 12 ? std::stoi(answer.substr(9, 3)) : 0;
+  }
+
+  using Response = http::response<http::string_body>;
+  /// The answer over `stream`, which is connected.
+  template <typename Stream>
+  Response ask(Stream& stream, http::verb verb, const std::string& target, std::string body = {},
+               const std::string& accept = {}) const {
+    http::request<http::string_body> request(verb, target, 11);
+    request.set(http::field::host, fmt::format("127.0.0.1:{}", server_->port()));
+    request.set(http::field::authorization, "Bearer " + server_->token());
+    request.set(http::field::accept, accept);
+    request.body() = std::move(body);
+    request.prepare_payload();
+    boost::system::error_code error;
+    http::write(stream, request, error);
+    beast::flat_buffer buffer;
+    http::response_parser<http::string_body> parser;
+    parser.body_limit(std::uint64_t{64} << 20U);
+    http::read(stream, buffer, parser, error);
+    EXPECT_FALSE(error) << error.message();
+    return parser.release();
+  }
+  Response ask(http::verb verb, const std::string& target, std::string body = {},
+               const std::string& accept = {}) const {
+    asio::io_context io;
+    tcp::socket socket(io);
+    socket.connect(tcp::endpoint(asio::ip::make_address("127.0.0.1"), server_->port()));
+    return ask(socket, verb, target, std::move(body), accept);
   }
 
   static Json channel_of(const Json& advertise, std::string_view topic) {
@@ -298,6 +332,116 @@ TEST_F(LiveServer, RefusesWhoHasNoBusinessHere) {
   EXPECT_EQ(status_of(right, {{"X-Long", std::string(20'000, 'x')}}), 431);
   EXPECT_EQ(status_of("/other?token=" + server_->token(), {{"Upgrade", "h2c"}}), 404);
   EXPECT_EQ(status_of(right, {{"Upgrade", "h2c"}}), 200);
+}
+
+TEST_F(LiveServer, GivesBrowsersItsPage) {
+  run();
+  const Response page = ask(http::verb::get, "/?token=" + server_->token());
+  EXPECT_EQ(page.result_int(), 200);
+  EXPECT_EQ(page.body(), "<p>a page</p>");
+  EXPECT_EQ(page[http::field::content_type], "text/html; charset=utf-8");
+  EXPECT_EQ(page["Referrer-Policy"], "no-referrer");
+  EXPECT_EQ(ask(http::verb::post, "/", "x").result_int(), 405);
+  EXPECT_EQ(ask(http::verb::get, "/ask").result_int(), 405);
+  EXPECT_EQ(ask(http::verb::get, "/etc/passwd").result_int(), 404);
+}
+
+TEST_F(LiveServer, AsksTheApplicationForThem) {
+  run(allow({"params"}));
+  asio::io_context io;
+  tcp::socket socket(io);
+  socket.connect(tcp::endpoint(asio::ip::make_address("127.0.0.1"), server_->port()));
+  // All over one connection.
+  const auto answer_to = [&](const std::string& body) {
+    const Response response = ask(socket, http::verb::post, "/ask", body);
+    EXPECT_EQ(response.result_int(), 200) << response.body();
+    return Json::parse(response.body());
+  };
+  const Json overview = answer_to(R"({"overview": {}})")["overview"];
+  EXPECT_EQ(overview["application"], "shown");
+  EXPECT_EQ(overview["allow"], Json::parse(R"(["params"])"));
+  EXPECT_EQ(overview["components"][0]["name"], "counter");
+  EXPECT_TRUE(overview["components"][0]["callback"]["buckets"].empty());
+  const Json change = answer_to(
+      R"({"change_params": {"changes": [{"param": "counter.factor", "value_json": "4"}]}})");
+  EXPECT_TRUE(change["params_changed"]["mistakes"].empty());
+  EXPECT_EQ(answer_to(R"({"params": {}})")["params"]["params"][0]["value_json"], "4");
+  const Json refused = answer_to(R"({"switch_mode": {"mode": "off"}})");
+  EXPECT_EQ(refused["error"]["kind"], "KIND_NOT_ALLOWED");
+  EXPECT_THAT(refused["error"]["hint"].get<std::string>(), HasSubstr("--inspect-allow"));
+}
+
+TEST_F(LiveServer, RefusesQuestionsThatAreNone) {
+  run();
+  for (const char* body : {"", "{", "[]", "{\"no\": 1}", R"({"stream": {"topic": "numbers"}})",
+                           R"({"hello": {"version": 1}})", R"({"record": {}})", "{}"}) {
+    EXPECT_EQ(ask(http::verb::post, "/ask", body).result_int(), 400) << body;
+  }
+  EXPECT_EQ(ask(http::verb::post, "/ask", std::string(2'000'000, ' ')).result_int(), 413);
+  EXPECT_EQ(ask(http::verb::post, "/ask", R"({"overview": {}})").result_int(), 200);
+}
+
+TEST_F(LiveServer, GivesMetrics) {
+  run();
+  EXPECT_EQ(status_of("/?token=wrong"), 403);
+  const Response text = ask(http::verb::get, "/metrics");
+  EXPECT_EQ(text[http::field::content_type], "text/plain; version=0.0.4; charset=utf-8");
+  EXPECT_THAT(text.body(),
+              HasSubstr("fastcycle_component_activations_total{component=\"counter\"}"));
+  EXPECT_THAT(text.body(), HasSubstr("le=\"+Inf\""));
+  EXPECT_THAT(text.body(), HasSubstr("fastcycle_live_connections_refused_total 1\n"));
+  const Response open = ask(http::verb::get, "/metrics", {}, "application/openmetrics-text");
+  EXPECT_TRUE(open.body().ends_with("# EOF\n"));
+}
+
+TEST_F(LiveServer, TakesItsTokenFromAFile) {
+  const std::filesystem::path file =
+      std::filesystem::temp_directory_path() / fmt::format("fastcycle_token_{}", ::getpid());
+  const std::string token(40, 'k');
+  std::ofstream(file) << token << "\nmore\n";
+  std::filesystem::permissions(file, std::filesystem::perms::owner_read);
+  config::LiveDescription description;
+  description.token_file = file.string();
+  run({}, false, description);
+  std::filesystem::remove(file);
+  EXPECT_EQ(server_->token(), token);
+  EXPECT_EQ(status_of("/?token=" + token), 101);
+}
+
+TEST_F(LiveServer, SpeaksTlsWhereItIsAskedFor) {
+  config::LiveDescription description;
+  description.tls = true;
+  run({}, false, description);
+  EXPECT_THAT(server_->url(), StartsWith("https://127.0.0.1:"));
+  EXPECT_EQ(server_->fingerprint().size(), 95U);
+  const tcp::endpoint there(asio::ip::make_address("127.0.0.1"), server_->port());
+  {
+    asio::io_context io;
+    tcp::socket plain(io);
+    plain.connect(there);
+    boost::system::error_code error;
+    asio::write(plain, asio::buffer(std::string("GET / HTTP/1.1\r\n\r\n")), error);
+    std::string answer;
+    asio::read(plain, asio::dynamic_buffer(answer), error);  // Until it is closed.
+    EXPECT_EQ(answer.find("HTTP"), std::string::npos);
+  }
+  asio::io_context io;
+  asio::ssl::context trust(asio::ssl::context::tls_client);
+  beast::ssl_stream<beast::tcp_stream> stream(io, trust);
+  beast::get_lowest_layer(stream).connect(there);
+  stream.handshake(asio::ssl::stream_base::client);
+  EXPECT_EQ(ask(stream, http::verb::post, "/ask", R"({"params": {}})").result_int(), 200);
+
+  websocket::stream<beast::ssl_stream<beast::tcp_stream>> socket(io, trust);
+  beast::get_lowest_layer(socket).connect(there);
+  socket.next_layer().handshake(asio::ssl::stream_base::client);
+  socket.set_option(websocket::stream_base::decorator([](websocket::request_type& request) {
+    request.set(http::field::sec_websocket_protocol, std::string(foxglove::kNewSubprotocol));
+  }));
+  socket.handshake(fmt::format("127.0.0.1:{}", server_->port()), "/?token=" + server_->token());
+  beast::flat_buffer buffer;
+  socket.read(buffer);
+  EXPECT_THAT(beast::buffers_to_string(buffer.data()), HasSubstr("serverInfo"));
 }
 
 TEST_F(LiveServer, TellsAndChangesParams) {
@@ -449,19 +593,58 @@ TEST_F(LiveServer, ClosesWhenTheApplicationStops) {
   SUCCEED();
 }
 
-TEST_F(LiveServer, WantsAnAddressThatOthersCannotReach) {
-  config::Problems problems;
-  host::Application application(
-      host::describe_text(R"({"name": "shown", "components": []})", problems),
-      host::ClockOptions{});
-  for (const char* address : {"0.0.0.0", "192.168.0.1", "::", "example.com"}) {
-    config::LiveDescription description;
-    description.address = address;
-    Server server(application, description, [] { return -1; });
-    config::Problems found;
-    server.open(found);
-    EXPECT_TRUE(found.has_errors()) << address;
+/// A server that was opened as described, and what was wrong with it.
+struct Opened {
+  explicit Opened(const config::LiveDescription& description)
+      : server(application, description, [] { return -1; }) {
+    server.open(problems);
   }
+  [[nodiscard]] std::string problem() const {
+    return problems.has_errors() ? config::to_string(problems.all().front()) : std::string();
+  }
+
+  config::Problems problems;
+  host::Application application{
+      host::describe_text(R"({"name": "shown", "components": [{"name": "one", "library": "one"}]})",
+                          problems),
+      host::ClockOptions{}};
+  Server server;
+};
+
+TEST(ALiveServer, HasTlsWhereOthersReachIt) {
+  config::LiveDescription description;
+  description.port = 0;
+  description.address = "0.0.0.0";
+  const Opened opened(description);
+  EXPECT_EQ(opened.problem(), "");
+  EXPECT_THAT(opened.server.url(), StartsWith("https://"));
+  EXPECT_EQ(opened.server.url().find("0.0.0.0"), std::string::npos);
+  EXPECT_NE(opened.server.fingerprint(), "");
+}
+
+TEST(ALiveServer, SaysWhatIsWrongWithItsDescription) {
+  const auto problem_of = [](const auto& change) {
+    config::LiveDescription description;
+    description.port = 0;
+    change(description);
+    return Opened(description).problem();
+  };
+  const std::string file =
+      (std::filesystem::temp_directory_path() / fmt::format("fastcycle_open_{}", ::getpid()))
+          .string();
+  std::ofstream(file) << "too short\n";
+  EXPECT_THAT(problem_of([](auto& live) { live.address = "example.com"; }),
+              HasSubstr("\"example.com\" is no IP address"));
+  EXPECT_THAT(problem_of([](auto& live) { live.token_file = "/no/such/file"; }),
+              HasSubstr("/no/such/file: cannot be read"));
+  std::filesystem::permissions(file, std::filesystem::perms(0644));
+  EXPECT_THAT(problem_of([&](auto& live) { live.token_file = file; }), HasSubstr("chmod 600"));
+  std::filesystem::permissions(file, std::filesystem::perms(0600));
+  EXPECT_THAT(problem_of([&](auto& live) { live.token_file = file; }), HasSubstr("32 to 256"));
+  EXPECT_THAT(problem_of([&](auto& live) { live.certificate = file; }),
+              HasSubstr("belong together"));
+  EXPECT_THAT(problem_of([&](auto& live) { live.certificate = live.key = file; }), HasSubstr(file));
+  std::filesystem::remove(file);
 }
 
 }  // namespace

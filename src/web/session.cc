@@ -116,6 +116,7 @@ void Session::tell_losses() {
     lost_[loss.subscription] += loss.count;
   }
   for (const auto& [subscription, count] : std::exchange(lost_, {})) {
+    hub_.count_left_out(count);
     const auto found = subscriptions_.find(subscription);
     const foxglove::Channel* channel =
         found == subscriptions_.end() ? nullptr : hub_.find_channel(found->second);

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fastcycle::web {
+
+/// A certificate and its private key, both in PEM.
+struct Certificate {
+  std::string chain;  ///< The certificate, and those that vouch for it.
+  std::string key;
+};
+
+/// A new one that vouches for itself, for `names`: IP addresses and names of hosts. Valid for 90
+/// days, elliptic curve P-256.
+///
+/// @errors  `std::runtime_error` if it cannot be made.
+[[nodiscard]] Certificate make_certificate(const std::vector<std::string>& names);
+
+/// The SHA-256 of the first certificate in `chain`, as browsers show it: "3A:0F:…".
+///
+/// @errors  `std::runtime_error` if there is none.
+[[nodiscard]] std::string fingerprint_of(std::string_view chain);
+
+}  // namespace fastcycle::web
