@@ -4,6 +4,7 @@
 #   libfastcycle-dev     development   headers, .proto files, what CMake and pkg-config find
 #   fastcycle            tools         the program, its pages and completion, the components that come with it
 #   fastcycle-examples   examples      the ADS with its data, and the examples
+#   python3-fastcycle    python        the Python package, if python3-dev and pybind11-dev are there
 #
 # `./dev packages` makes them.
 find_program(GZIP gzip REQUIRED)
@@ -14,7 +15,11 @@ set(package_of_library libfastcycle${abi})
 set(package_of_development libfastcycle-dev)
 set(package_of_tools fastcycle)
 set(package_of_examples fastcycle-examples)
+set(package_of_python python3-fastcycle)
 set(parts library development tools examples)
+if(TARGET fastcycle_python)
+  list(APPEND parts python)
+endif()
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_VERBATIM_VARIABLES ON)
@@ -80,6 +85,23 @@ ${about}
 This package has an automated driving system of twelve modules, with
 recorded traffic to drive through, one minute of a real drive, and a course
 of examples.")
+
+# The module is for one version of Python, which its name says.
+get_property(python_version GLOBAL PROPERTY FASTCYCLE_PYTHON_VERSION)
+get_property(next_python_version GLOBAL PROPERTY FASTCYCLE_NEXT_PYTHON_VERSION)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "libfastcycle${abi} ${same}, python3 (>= ${python_version}~), \
+python3 (<< ${next_python_version}~), python3-protobuf")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS "python3-numpy, python3-pandas")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "fastcycle, python3-matplotlib, python3-pytest")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
+    ${PROJECT_SOURCE_DIR}/cmake/debian/python/postinst ${PROJECT_SOURCE_DIR}/cmake/debian/python/prerm)
+set(CPACK_DEBIAN_PYTHON_DESCRIPTION "components of automated driving in one process (Python)
+${about}
+.
+This package has the Python package fastcycle: recordings as NumPy arrays and
+tables of pandas, connections to running applications, and tests of
+components.")
 
 # What Debian wants to be beside every package.
 string(TIMESTAMP FASTCYCLE_PACKAGE_DATE "%a, %d %b %Y %H:%M:%S +0000" UTC)   # SOURCE_DATE_EPOCH, if there is one.

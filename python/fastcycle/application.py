@@ -1,0 +1,449 @@
+"""Running applications, looked at and changed over their control socket."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fastcycle import _fastcycle
+from fastcycle.errors import ApplicationError, NotFoundError
+from fastcycle.messages import Message, MessageClasses, serialize
+
+_PATIENCE_S = 5.0
+_SLICE_MS = 100  # So often a wait looks whether Ctrl-C was pressed.
+_PACKAGE = "fastcycle.inspect.protocol"
+
+_classes = MessageClasses()
+
+
+def _protocol(name: str) -> Any:
+    """A class of the protocol, which messages/inspect/inspect.proto describes."""
+    return _classes.find(f"{_PACKAGE}.{name}", _fastcycle.protocol_schema())
+
+
+@dataclass(frozen=True)
+class RunningApplication:
+    """An application of this user that runs and may be looked at."""
+
+    name: str
+    pid: int
+    socket: str
+
+
+def running_applications() -> list[RunningApplication]:
+    """Those that there are now, by name."""
+    return [RunningApplication(*found) for found in _fastcycle.list_applications()]
+
+
+def connect(name: str | None = None) -> Application:
+    """Connects to the running application `name`, by default to the only one that there is.
+
+    The application has to run with `--inspect`. Raises ApplicationError, which names those that
+    there are.
+    """
+    return Application(RunningApplication(*_fastcycle.find_application(name or "")))
+
+
+class _Session:
+    """A connection on which requests are answered."""
+
+    def __init__(self, socket: str) -> None:
+        self._connection: _fastcycle.Connection | None = _fastcycle.Connection(
+            socket, "fastcycle for Python"
+        )
+        self._answer_class = _protocol("Answer")
+
+    def close(self) -> None:
+        self._connection = None
+
+    @property
+    def connection(self) -> _fastcycle.Connection:
+        if self._connection is None:
+            raise ValueError("the connection is closed")
+        return self._connection
+
+    def post(self, request: Any) -> int:
+        return self.connection.post(request.SerializeToString())
+
+    def take(self, deadline: float | None) -> Any:
+        """The next answer; None at `deadline`, of time.monotonic(). Raises what it has as error."""
+        while True:
+            left_ms = _SLICE_MS
+            if deadline is not None:
+                left_ms = min(left_ms, max(0, round((deadline - time.monotonic()) * 1000)))
+            data = self.connection.take(left_ms)
+            if data is not None:
+                answer = self._answer_class.FromString(data)
+                if answer.HasField("error"):
+                    error = answer.error
+                    raise ApplicationError(error.text, error.hint, error.kind)
+                return answer
+            if deadline is not None and time.monotonic() >= deadline:
+                return None
+
+    def ask(self, request: Any, patience_s: float = _PATIENCE_S) -> Any:
+        id_ = self.post(request)
+        deadline = time.monotonic() + patience_s
+        while (answer := self.take(deadline)) is not None:
+            if answer.id == id_:  # Others are late answers to what nobody waits for any more.
+                return answer
+        late = ApplicationError.KINDS.index("late")
+        raise ApplicationError(f"the application has not answered for {patience_s} s", kind=late)
+
+
+class Application:
+    """A connection to a running application.
+
+        with fastcycle.connect() as application:
+            print(application.params["limiter.limit_mps"])
+            application.params.set({"limiter.limit_mps": 20.0})
+            application.publish("control/speed", {"mps": 3.5})
+
+    What may be changed, the application says: `allow` has the words `params`, `publish` and
+    `lifecycle` of its `"inspect": {"allow": [...]}`. Everything else raises ApplicationError with
+    the hint that the application gives.
+
+    An application may be used by one thread at a time. Each subscription has a connection of its
+    own, and may be read by another thread.
+    """
+
+    def __init__(self, running: RunningApplication) -> None:
+        self._running = running
+        self._session = _Session(running.socket)
+        self._welcome = _protocol("Welcome").FromString(self._session.connection.welcome)
+        self._topics: dict[str, Any] = {}
+        self._services: dict[str, Any] = {}
+
+    def close(self) -> None:
+        """Ends the connection. Subscriptions have theirs, and go on."""
+        self._session.close()
+
+    def __enter__(self) -> Application:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<fastcycle.Application {self.name!r}, process {self.pid}>"
+
+    @property
+    def name(self) -> str:
+        """The application's name; of a second one of that name `drive-2`, as its socket."""
+        return self._running.name
+
+    @property
+    def pid(self) -> int:
+        return self._running.pid
+
+    @property
+    def allow(self) -> list[str]:
+        """What may be changed: `params`, `publish`, `lifecycle`."""
+        return list(self._welcome.allow)
+
+    def overview(self) -> Any:
+        """Components, executors, topics, services and modes: an `Overview` of inspect.proto."""
+        request = _protocol("Request")()
+        request.overview.SetInParent()
+        return self._session.ask(request).overview
+
+    @property
+    def topics(self) -> dict[str, Any]:
+        """The topics now, by name, each a `Topic` of inspect.proto: type, publishers, counts."""
+        return {topic.name: topic for topic in self.overview().topics if not topic.is_service}
+
+    @property
+    def services(self) -> dict[str, Any]:
+        """The services by name, each a `Service` of inspect.proto."""
+        return {service.name: service for service in self.overview().services}
+
+    @property
+    def params(self) -> Params:
+        """The parameters of all components."""
+        return Params(self._session)
+
+    def message_class(self, topic: str) -> Any:
+        """The protobuf class of a topic's messages."""
+        found = self._topic(topic)
+        return _classes.find(found.type, found.schema)
+
+    def subscribe(
+        self, topic: str, every: int = 1, max_rate_hz: float = 0.0, timeout: float | None = None
+    ) -> Subscription:
+        """The messages of a topic from now on, whole.
+
+        Args:
+            topic: The topic.
+            every: Only each so-manyth message of each publisher.
+            max_rate_hz: At most so many messages a second; 0: all.
+            timeout: How long to wait for each message, in seconds; then TimeoutError is raised.
+
+        The application does not wait for slow readers: `Subscription.lost` counts what was missed.
+        """
+        return Subscription(
+            _Session(self._running.socket),
+            topic,
+            self.message_class(topic),
+            {"every": every, "max_rate_hz": max_rate_hz},
+            timeout,
+        )
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publishes a message, given as a dict or as a protobuf message.
+
+        Needs `publish`. Fields that a dict does not have are left at their defaults. Raises
+        ValueError if a field or a value does not fit.
+        """
+        request = _protocol("Request")()
+        request.publish.topic = topic
+        request.publish.message = serialize(self.message_class(topic), message)
+        self._session.ask(request)
+
+    def call(self, service: str, request: Any = None, timeout: float = _PATIENCE_S) -> Any:
+        """Calls a service, and returns its reply, a protobuf message.
+
+        Args:
+            service: The service.
+            request: A dict or a protobuf message; by default one that says nothing.
+            timeout: How long the reply may take, in seconds; 60 at most.
+
+        Needs `publish`. Raises ApplicationError if the service answers with anything but `ok`.
+        """
+        found = self._service(service)
+        request_class = _classes.find(found.request_type, found.request_schema)
+        question = _protocol("Request")()
+        question.call_service.service = service
+        question.call_service.request = serialize(request_class, {} if request is None else request)
+        question.call_service.timeout_ms = max(1, round(timeout * 1000))
+        reply = self._session.ask(question, timeout + _PATIENCE_S).reply
+        if reply.status != "ok":
+            text = f"{service} answered: {reply.status}"
+            text += f": {reply.error}" if reply.error else ""
+            raise ApplicationError(text, kind=ApplicationError.KINDS.index("refused"))
+        return _classes.find(found.reply_type, found.reply_schema).FromString(reply.reply)
+
+    def _topic(self, name: str) -> Any:
+        if name not in self._topics:
+            answer = self._ask_for(name, "topic", lambda: self.topics)
+            if answer.HasField("service"):
+                raise _not_found(name, "topic", self.topics)
+            self._topics[name] = answer
+        return self._topics[name]
+
+    def _service(self, name: str) -> Any:
+        if name not in self._services:
+            answer = self._ask_for(name, "service", lambda: self.services)
+            if not answer.HasField("service"):
+                raise _not_found(name, "service", self.services)
+            self._services[name] = answer.service
+        return self._services[name]
+
+    def _ask_for(self, name: str, what: str, known: Any) -> Any:
+        request = _protocol("Request")()
+        request.topic.topic = name
+        try:
+            return self._session.ask(request).topic
+        except ApplicationError as error:
+            if error.kind != "not_found":
+                raise
+            raise _not_found(name, what, known()) from None
+
+
+def _not_found(name: str, what: str, known: Mapping[str, Any]) -> NotFoundError:
+    hint = _fastcycle.name_hint(name, list(known)) if known else "there is none"
+    return NotFoundError(f"no {what} {name!r}; {hint}")
+
+
+class Subscription(Iterator[Message]):
+    """Messages of a topic of a running application. Made by `Application.subscribe`.
+
+    Iteration ends when the application stops, or after `close`.
+
+    Attributes:
+        topic: The topic.
+        lost: Messages that were published and are not here, since they came faster than they were
+            read.
+    """
+
+    def __init__(
+        self,
+        session: _Session,
+        topic: str,
+        message_class: Any,
+        options: dict[str, Any],
+        timeout: float | None,
+    ) -> None:
+        self.topic = topic
+        self.lost = 0
+        self._session: _Session | None = session
+        self._class = message_class
+        self._timeout = timeout
+        self._publishers: dict[int, str] = {}
+        self._waiting: list[Any] = []
+        stream = {"topic": topic, "content": "CONTENT_FULL", **options}
+        self._learn(session.ask(_protocol("Request")(stream=stream)))
+
+    def close(self) -> None:
+        """Ends the subscription."""
+        if self._session is not None:
+            self._session.close()
+        self._session = None
+
+    def __enter__(self) -> Subscription:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __next__(self) -> Message:
+        while not self._waiting:
+            if self._session is None:
+                raise StopIteration
+            self._receive(self._session)
+        message = self._waiting.pop(0)
+        return Message(
+            topic=self.topic,
+            time=message.publish_time_ns,
+            sequence=message.sequence,
+            publisher=self._publishers.get(message.channel, ""),
+            message=self._class.FromString(message.payload),
+            publish_time=message.publish_time_ns,
+        )
+
+    def _receive(self, session: _Session) -> None:
+        deadline = None if self._timeout is None else time.monotonic() + self._timeout
+        answer = session.take(deadline)
+        if answer is None:
+            raise TimeoutError(f"no message on {self.topic!r} for {self._timeout} s")
+        if answer.HasField("messages"):
+            self.lost += answer.messages.lost
+            self._waiting += answer.messages.messages
+        elif answer.HasField("started"):
+            self._learn(answer)
+        elif answer.HasField("ended"):
+            self.close()
+
+    def _learn(self, answer: Any) -> None:
+        for channel in answer.started.channels:
+            self._publishers[channel.channel] = channel.component
+
+
+@dataclass(frozen=True)
+class Param:
+    """A parameter of a component.
+
+    Attributes:
+        name: `limiter.limit_mps`: the component, and the parameter of it.
+        value: Now.
+        type: `number`, `number[]`, `enum`, `message demo.Limits`, ...
+        unit: Of the value; may be empty.
+        default: None if it has none.
+        min: None if it has none.
+        max: None if it has none.
+        names: Of an enumeration.
+        origin: Where the value comes from: `default`, `file`, `shared`, `changed`.
+        is_tunable: Whether it may be changed while the application runs.
+        description: In words; may be empty.
+    """
+
+    name: str
+    value: Any
+    type: str
+    unit: str
+    default: Any
+    min: Any
+    max: Any
+    names: tuple[str, ...]
+    origin: str
+    is_tunable: bool
+    description: str
+
+
+class Params(Mapping[str, Any]):
+    """The parameters of a running application by name, `COMPONENT.PARAM`. Made by `Application`.
+
+    Each look asks the application.
+    """
+
+    def __init__(self, session: _Session) -> None:
+        self._session = session
+
+    def describe(self) -> dict[str, Param]:
+        """All parameters, with what is known of them."""
+        request = _protocol("Request")()
+        request.params.SetInParent()
+        return {
+            param.name: param for param in map(_param, self._session.ask(request).params.params)
+        }
+
+    def set(self, changes: Mapping[str, Any]) -> None:
+        """Changes parameters in one transaction: all of them, or none.
+
+        Needs `params`. `shared_params.NAME` changes a shared one. Raises ApplicationError with
+        every mistake, and NotFoundError if there is no such parameter.
+        """
+        known = self.describe()
+        request = _protocol("Request")()
+        request.change_params.SetInParent()
+        for name, value in changes.items():
+            if name not in known and not name.startswith("shared_params."):
+                raise _not_found(name, "parameter", known)
+            change = request.change_params.changes.add()
+            change.param = name
+            change.value_json = json.dumps(value)
+        mistakes = self._session.ask(request).params_changed.mistakes
+        if mistakes:
+            text = "nothing was changed: " + "; ".join(mistakes)
+            raise ApplicationError(text, kind=ApplicationError.KINDS.index("refused"))
+
+    def __getitem__(self, name: str) -> Any:
+        known = self.describe()
+        if name not in known:
+            raise _not_found(name, "parameter", known)
+        return known[name].value
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self.set({name: value})
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.describe()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.describe())
+
+    def __len__(self) -> int:
+        return len(self.describe())
+
+    def __repr__(self) -> str:
+        return f"<fastcycle.Params {dict(self)!r}>"
+
+    def keys(self) -> Any:
+        return self.describe().keys()
+
+    def values(self) -> Any:
+        return [param.value for param in self.describe().values()]
+
+    def items(self) -> Any:
+        return [(name, param.value) for name, param in self.describe().items()]
+
+
+def _param(param: Any) -> Param:
+    def parsed(text: str) -> Any:
+        return json.loads(text) if text else None
+
+    return Param(
+        name=f"{param.component}.{param.name}",
+        value=parsed(param.value_json),
+        type=param.type,
+        unit=param.unit,
+        default=parsed(param.default_json),
+        min=parsed(param.min_json),
+        max=parsed(param.max_json),
+        names=tuple(param.names),
+        origin=param.origin,
+        is_tunable=param.is_tunable,
+        description=param.description,
+    )

@@ -1,0 +1,183 @@
+"""Running applications, over their control sockets."""
+
+from __future__ import annotations
+
+import contextlib
+import pathlib
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+from applications import PROGRAM, write_application
+
+import fastcycle
+
+LIMIT_S = 60.0  # For whatever a test waits for; it comes in far less.
+
+COMPONENTS = [
+    {"name": "sensor", "library": "live_parts", "class": "Sensor", "serve_period_ms": 5},
+    {"name": "filter", "library": "live_parts", "class": "Filter"},
+    {"name": "display", "library": "live_parts", "class": "Display"},
+]
+
+
+@contextlib.contextmanager
+def running(folder: pathlib.Path, name: str, *allow: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Runs an application until the block ends."""
+    app = write_application(
+        folder, {"name": name, "inspect": {"allow": list(allow)}, "components": COMPONENTS}
+    )
+    with open(folder / f"{name}.log", "wb") as output:
+        process = subprocess.Popen(
+            [PROGRAM, "run", app, "--quiet"], cwd=folder, stdout=output, stderr=output
+        )
+        try:
+            limit = time.monotonic() + LIMIT_S
+            while name not in [one.name for one in fastcycle.running_applications()]:
+                assert process.poll() is None, (folder / f"{name}.log").read_text()
+                assert time.monotonic() < limit, "the application does not appear"
+                time.sleep(0.01)
+            yield process
+        finally:
+            process.terminate()
+            process.wait(LIMIT_S)
+
+
+@pytest.fixture
+def folder(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Path:
+    """A folder that holds the sockets too, so that a test meets its own applications alone."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def application(folder: pathlib.Path) -> Iterator[fastcycle.Application]:
+    with running(folder, "watched", "params", "publish"), fastcycle.connect() as application:
+        yield application
+
+
+def test_says_what_runs(folder: pathlib.Path) -> None:
+    assert fastcycle.running_applications() == []
+    text = "fastcycle run app.json --inspect"
+    with pytest.raises(fastcycle.ApplicationError, match=text) as raised:
+        fastcycle.connect()
+    assert raised.value.kind == "not_found"
+    with running(folder, "one") as process, running(folder, "two"):
+        with pytest.raises(fastcycle.ApplicationError, match="one, two"):
+            fastcycle.connect()
+        with pytest.raises(fastcycle.ApplicationError, match='"three"'):
+            fastcycle.connect("three")
+        with fastcycle.connect("one") as application:
+            assert (application.name, application.pid) == ("one", process.pid)
+            assert application.allow == []
+
+
+def test_gives_an_overview(application: fastcycle.Application) -> None:
+    overview = application.overview()
+    assert [one.name for one in overview.components] == ["sensor", "filter", "display"]
+    assert application.topics["sensor/readings"].type == "live.Reading"
+    assert application.services["double"].request_type == "live.Question"
+
+
+def test_subscribes(application: fastcycle.Application) -> None:
+    with application.subscribe("sensor/readings", timeout=LIMIT_S) as readings:
+        first, second = next(readings), next(readings)
+    assert second.sequence > first.sequence
+    assert second.time > first.time
+    assert first.publisher == "sensor"
+    assert first.message.text == "reading"
+    assert len(first.message.image) == 1000  # Nothing is cut.
+    assert list(first.message.ranges) == list(range(100))
+    assert list(readings) == []
+    with pytest.raises(fastcycle.NotFoundError, match='did you mean "sensor/readings"'):
+        application.subscribe("sensor/reading")
+    with application.subscribe("orders", timeout=0.01) as orders:
+        with pytest.raises(TimeoutError, match="orders"):
+            next(orders)
+
+
+def test_publishes(application: fastcycle.Application) -> None:
+    with application.subscribe("orders", timeout=LIMIT_S) as orders:
+        application.publish("orders", {"value": 7, "text": "from a dict"})
+        assert (order := next(orders)).message.text == "from a dict"
+        message = application.message_class("orders")(value=8)
+        application.publish("orders", message)
+        assert next(orders).message == message
+    assert order.publisher == "fastcycle/inspect"
+    with pytest.raises(ValueError, match='"vaule".*live.Reading has: value, text'):
+        application.publish("orders", {"vaule": 7})
+    with pytest.raises(ValueError):
+        application.publish("orders", {"value": "seven"})
+    with pytest.raises(TypeError, match="live.Reading is needed"):
+        application.publish("orders", application.overview())
+
+
+def test_changes_params(application: fastcycle.Application) -> None:
+    params = application.params
+    assert params["filter.gain"] == 2
+    assert "filter.gain" in params and "filter.gian" not in params
+    assert params.get("filter.gian") is None
+    described = params.describe()["filter.limit"]
+    assert (described.unit, described.min, described.max) == ("m/s", 0.0, None)
+    assert described.is_tunable and described.description == "What is kept below"
+    params.set({"filter.gain": 3, "filter.limit": 20.5})
+    assert (params["filter.gain"], params["filter.limit"]) == (3, 20.5)
+    params["filter.gain"] = 4
+    assert params["filter.gain"] == 4
+    with pytest.raises(fastcycle.ApplicationError, match="filter.gain"):
+        params.set({"filter.limit": 1.0, "filter.gain": 1000})
+    assert params["filter.limit"] == 20.5  # All, or none.
+    with pytest.raises(fastcycle.NotFoundError, match='did you mean "filter.gain"'):
+        params.set({"filter.gian": 3})
+
+
+def test_calls_services(application: fastcycle.Application) -> None:
+    assert application.call("double", {"value": 21}).doubled == 42
+    assert application.call("double").doubled == 0
+    with pytest.raises(fastcycle.NotFoundError, match="double"):
+        application.call("doubel")
+    with pytest.raises(ValueError, match="live.Question has: value"):
+        application.call("double", {"number": 1})
+
+
+def test_is_told_what_is_not_allowed(folder: pathlib.Path) -> None:
+    with running(folder, "closed"), fastcycle.connect() as application:
+        for change in (
+            lambda: application.publish("orders", {"value": 7}),
+            lambda: application.params.set({"filter.gain": 3}),
+            lambda: application.call("double", {"value": 1}),
+        ):
+            with pytest.raises(fastcycle.ApplicationError) as raised:
+                change()
+            assert raised.value.kind == "not_allowed"
+            assert raised.value.hint
+
+
+def test_ends_with_the_application(folder: pathlib.Path) -> None:
+    with running(folder, "brief") as process, fastcycle.connect() as application:
+        readings = application.subscribe("sensor/readings", timeout=LIMIT_S)
+        next(readings)
+        process.terminate()
+        with contextlib.suppress(fastcycle.ApplicationError):
+            for _ in readings:
+                pass
+        process.wait(LIMIT_S)
+        with pytest.raises(fastcycle.ApplicationError, match="ended the connection"):
+            application.overview()
+
+
+def test_lets_other_threads_run_while_it_waits(application: fastcycle.Application) -> None:
+    heard = threading.Event()
+
+    def wait_for_order(orders: fastcycle.application.Subscription) -> None:
+        next(orders)
+        heard.set()
+
+    with application.subscribe("orders", timeout=LIMIT_S) as orders:
+        thread = threading.Thread(target=wait_for_order, args=(orders,))
+        thread.start()
+        application.publish("orders", {"value": 1})
+        assert heard.wait(LIMIT_S)
+        thread.join()
