@@ -23,6 +23,9 @@ class Connection {
   static constexpr std::size_t kMaxWaiting = std::size_t{32} << 20U;
   /// With more than this, no more is asked for: neither requests are read, nor streams written.
   static constexpr std::size_t kEnoughWaiting = std::size_t{1} << 20U;
+  /// With more than this, a connection within this process gets no messages: it may ask for all
+  /// topics at once, and one large message must not cost it those of the others.
+  static constexpr std::size_t kEnoughWithin = std::size_t{16} << 20U;
 
   /// Takes over `descriptor`, which does not block.
   Connection(int descriptor, std::uint64_t its_number, uid_t its_uid, pid_t its_pid)
@@ -55,7 +58,8 @@ class Connection {
   const pid_t pid;
   std::int64_t came_ns = 0;
   bool is_greeted = false;
-  std::string client;  ///< Who it says that it is.
+  bool is_within = false;  ///< The client is of this process.
+  std::string client;      ///< Who it says that it is.
 
  private:
   const int descriptor_;

@@ -268,7 +268,7 @@ void Server::accept_all() {
     const int descriptor =
         ::accept4(socket_->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (descriptor >= 0) {
-      accept_one(descriptor);
+      accept_one(descriptor, false);
       continue;
     }
     if (errno == EMFILE || errno == ENFILE) {
@@ -300,7 +300,7 @@ void Server::accept_joining() {
     joining.swap(joining_);
   }
   for (const int descriptor : joining) {
-    accept_one(descriptor);
+    accept_one(descriptor, true);
   }
 }
 
@@ -324,7 +324,7 @@ void Server::refuse_without_descriptor() {
   next_accept_ns_ = base::monotonic_ns() + kAcceptNs;
 }
 
-void Server::accept_one(int descriptor) {
+void Server::accept_one(int descriptor, bool is_within) {
   ucred peer{};
   socklen_t size = sizeof(peer);
   if (::getsockopt(descriptor, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 ||
@@ -342,6 +342,7 @@ void Server::accept_one(int descriptor) {
   clients_.push_back(std::make_unique<Client>(
       std::make_unique<Connection>(descriptor, ++numbers_, peer.uid, peer.pid)));
   clients_.back()->connection->came_ns = base::monotonic_ns();
+  clients_.back()->connection->is_within = is_within;
 }
 
 void Server::refuse(int descriptor, protocol::Error::Kind kind, const std::string& text) {
@@ -407,9 +408,10 @@ void Server::look() {
   for (const auto& client : clients_) {
     const std::size_t waiting = client->connection->waiting();
     all.left -= std::min(all.left, waiting);
+    const std::size_t enough =
+        client->connection->is_within ? Connection::kEnoughWithin : Connection::kEnoughWaiting;
     // Who reads slowly gets less, not later.
-    client->room.left =
-        waiting < Connection::kEnoughWaiting ? Connection::kMaxWaiting - waiting : 0;
+    client->room.left = waiting < enough ? Connection::kMaxWaiting - waiting : 0;
     for (const auto& stream : client->streams) {
       stream->allow(client->room, all);
     }

@@ -113,7 +113,7 @@ class Server final : public host::Observer {
   void serve();
   void wait();
   void accept_all();
-  void accept_one(int descriptor);
+  void accept_one(int descriptor, bool is_within);
   void refuse_without_descriptor();
   [[nodiscard]] bool may_accept() const;
   void refuse(int descriptor, protocol::Error::Kind kind, const std::string& text);

@@ -224,13 +224,15 @@ class Server::Net::Connection final : public AnyConnection {
     if (is_closed_) {
       return;
     }
-    is_closed_ = true;
     if (session_ == nullptr) {
+      is_closed_ = true;
       leave();
       return;
     }
-    ws_->async_close(websocket::close_code::going_away,
-                     [self = this->self()](error_code) { self->leave(); });
+    if (!std::exchange(is_ending_, true)) {
+      session_->tell_losses();
+      want_write();  // What waits is written before.
+    }
   }
 
  private:
@@ -420,6 +422,9 @@ class Server::Net::Connection final : public AnyConnection {
       leave();
       return;
     }
+    if (is_ending_) {
+      return;
+    }
     const std::string_view frame(static_cast<const char*>(buffer_.data().data()), buffer_.size());
     if (ws_->got_text()) {
       session_->take_text(frame);
@@ -451,6 +456,10 @@ class Server::Net::Connection final : public AnyConnection {
     }
     if (!frame) {
       is_writing_ = false;
+      if (is_ending_ && !std::exchange(is_closed_, true)) {
+        ws_->async_close(websocket::close_code::going_away,
+                         [self = this->self()](error_code) { self->leave(); });
+      }
       return;
     }
     frame_ = std::move(*frame);
@@ -479,6 +488,8 @@ class Server::Net::Connection final : public AnyConnection {
   std::unique_ptr<Session> session_;
   Frame frame_;  ///< Is being written.
   bool is_writing_ = false;
+  bool is_ending_ =
+      false;  ///< Nothing is read any more; what waits is written, and then it closes.
   bool is_closed_ = false;
 };
 

@@ -121,11 +121,12 @@ void Session::tell_losses() {
     const foxglove::Channel* channel =
         found == subscriptions_.end() ? nullptr : hub_.find_channel(found->second);
     if (channel != nullptr) {
-      say_status(StatusLevel::kWarning,
-                 fmt::format("{}: {} messages were left out, since they came faster than this "
-                             "connection takes them",
-                             channel->topic, count),
-                 "lost " + channel->topic);
+      say_status(
+          StatusLevel::kWarning,
+          fmt::format("{}: {} left out, since they came faster than this connection takes them",
+                      channel->topic,
+                      count == 1 ? "1 message was" : fmt::format("{} messages were", count)),
+          "lost " + channel->topic);
     }
   }
 }

@@ -1,12 +1,11 @@
 #!/bin/sh
-# install.sh FOLDER: puts npm's readers, in the versions of package-lock.json, and read_log.mjs into
-# FOLDER. Ends with 77 and says why if there is no npm or no network: then what needs them is skipped.
+# install.sh FOLDER: puts npm's packages, in the versions of package-lock.json, and what uses them into FOLDER. Ends with 77 and says why if there is no npm or no network: then what needs them is skipped.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 folder=$1
 command -v node >/dev/null && command -v npm >/dev/null || { echo "npm: not there (./dev setup)"; exit 77; }
 mkdir -p "$folder"
-cp "$here/read_log.mjs" "$here/package.json" "$folder/"
+cp "$here/live_client.mjs" "$here/read_log.mjs" "$here/package.json" "$folder/"
 if cmp -s "$here/package-lock.json" "$folder/installed-lock.json"; then
   exit 0
 fi

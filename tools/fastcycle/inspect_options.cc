@@ -10,23 +10,21 @@ void InspectOptions::add_to(CLI::App& line) {
       ->type_name("WORD");
 }
 
-std::string InspectOptions::find_wrong(const config::ApplicationDescription& application) const {
+std::string InspectOptions::find_wrong(const config::ApplicationDescription& application,
+                                       bool is_live) const {
   for (const std::string& word : allow) {
     if (word != "params" && word != "publish" && word != "lifecycle") {
       return "--inspect-allow wants params, publish or lifecycle, not \"" + word + "\"";
     }
   }
-  if (!allow.empty() && !is_asked && !application.inspect) {
-    return "--inspect-allow says what --inspect lets tools change, which is missing";
+  if (!allow.empty() && !is_wanted(application) && !is_live) {
+    return "--inspect-allow says what --inspect or --live lets others change, and neither is there";
   }
   return {};
 }
 
-std::optional<config::InspectDescription> InspectOptions::describe(
+config::InspectDescription InspectOptions::describe(
     const config::ApplicationDescription& application) const {
-  if (!is_asked && !application.inspect) {
-    return std::nullopt;
-  }
   config::InspectDescription description =
       application.inspect.value_or(config::InspectDescription{});
   if (!application.inspect) {

@@ -31,6 +31,7 @@
 #include "loading/component_library.h"
 #include "loading/protection.h"
 #include "option_values.h"
+#include "page.h"
 #include "print.h"
 #include "progress_line.h"
 #include "recording_options.h"
@@ -287,10 +288,10 @@ int run_application(const config::ApplicationDescription& description,
   host::Application application(replay != nullptr ? replay->description() : description,
                                 clock_of(options));
   const auto shown = options.live.describe(description);
-  if (const auto asked = options.inspect.describe(description); asked || shown) {
-    // Without the first, no tool finds it: it is there for the live server alone.
-    inspection.emplace(application, asked.value_or(config::InspectDescription{}),
-                       asked ? inspect::socket_folder() : std::filesystem::path());
+  if (const bool is_wanted = options.inspect.is_wanted(description); is_wanted || shown) {
+    // Without a folder no tool finds it: it is there for the live server alone.
+    inspection.emplace(application, options.inspect.describe(description),
+                       is_wanted ? inspect::socket_folder() : std::filesystem::path());
     application.add(*inspection);  // Before those who record what it publishes.
     if (!description.chains.empty()) {
       inspection->offer("chains",
@@ -298,7 +299,8 @@ int run_application(const config::ApplicationDescription& description,
     }
   }
   if (shown) {
-    live_server.emplace(application, *shown, [&inspection] { return inspection->connect(); });
+    live_server.emplace(
+        application, *shown, [&inspection] { return inspection->connect(); }, live_page_html());
     application.add(*live_server);
   }
   if (const auto kept = options.flight_recorder.describe(description)) {
@@ -361,6 +363,9 @@ int run_application(const config::ApplicationDescription& description,
   }
   if (live_server) {
     progress.print("live: " + live_server->url());
+    if (!live_server->fingerprint().empty()) {
+      progress.print("live: SHA-256 of its certificate: " + live_server->fingerprint());
+    }
   }
   const auto began = std::chrono::steady_clock::now();
   const std::string failure = carry_out(application, options, end_bound, progress);
@@ -444,7 +449,9 @@ int run(const RunOptions& options) {
       !sentence.empty()) {
     return wrong(sentence);
   }
-  if (const std::string sentence = options.inspect.find_wrong(description); !sentence.empty()) {
+  const bool is_live = options.live.describe(description).has_value();
+  if (const std::string sentence = options.inspect.find_wrong(description, is_live);
+      !sentence.empty()) {
     return wrong(sentence);
   }
   if (const std::string sentence = options.live.find_wrong(); !sentence.empty()) {

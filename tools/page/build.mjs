@@ -1,4 +1,4 @@
-// build.mjs NODE_MODULES OUTPUT.cc: makes the page of this folder one file of HTML, and of that and of its view a
+// build.mjs NODE_MODULES OUTPUT.cc: makes each page of this folder one file of HTML, and of these and of their view a
 // source of the program. Needs no network.
 import { readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -23,17 +23,35 @@ function bundle(file) {
   return built.outputFiles[0].text;
 }
 
-// A function, so that no "$" of the code is taken for a reference.
-const page = readFileSync(join(here, "page.html"), "utf8")
-  .replace("%STYLE%", () => bundle("page.css"))
-  .replace("%CODE%", () => bundle("main.js"));
-const view = readFileSync(join(here, "ads.json"), "utf8");
+const read = (file) => readFileSync(join(here, file), "utf8");
 
-for (const placeholder of ["%TITLE%", "%DATA%"]) {
-  if (page.split(placeholder).length !== 2) {
+// The text with each of the placeholders, which it must have once, replaced.
+function filled(text, values) {
+  for (const [placeholder, value] of Object.entries(values)) {
+    expectOnce(text, placeholder);
+    text = text.replace(placeholder, () => value);  // A function, so that no "$" of it is taken for a reference.
+  }
+  return text;
+}
+
+function expectOnce(text, placeholder) {
+  if (text.split(placeholder).length !== 2) {
     throw new Error(`the page must have ${placeholder} once`);
   }
 }
+
+// So that it may stand in a page, as JSON without comments.
+function viewJson(text) {
+  return JSON.stringify(JSON.parse(text.replace(/^\s*\/\/.*$/gm, ""))).replaceAll("<", "\\u003c");
+}
+
+const view = read("ads.json");
+const page = filled(read("page.html"), { "%STYLE%": bundle("page.css"), "%CODE%": bundle("main.js") });
+for (const placeholder of ["%TITLE%", "%DATA%"]) {
+  expectOnce(page, placeholder);
+}
+const live = filled(read("live/live.html"), {
+  "%STYLE%": bundle("live/live.css"), "%VIEW%": viewJson(view), "%CODE%": bundle("live/main.js") });
 
 // In pieces: a compiler need not take long literals.
 function literal(text) {
@@ -50,6 +68,11 @@ namespace fastcycle::tool {
 std::string_view page_html() {
   return
 ${literal(page)};
+}
+
+std::string_view live_page_html() {
+  return
+${literal(live)};
 }
 
 std::string_view page_view() {

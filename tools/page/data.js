@@ -1,4 +1,4 @@
-// What the log had: layers, each with its messages in the order of their times.
+// What a log had, or a run says: layers, each with its messages in the order of their times.
 
 function decodeBase64(text) {
   return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -21,22 +21,15 @@ function named(names, values, offset) {
   return result;
 }
 
-// Messages become objects when they are looked at for the first time.
-class Layer {
-  constructor({ topic, names, messages }) {
+// Messages in the order of their times: when each was published, and when what it tells of was measured.
+class Timeline {
+  constructor(topic, published, taken) {
     this.topic = topic;
-    this.names = names;
-    this.values = messages;
-    this.objects = new Array(messages.length);
-    const at = names.indexOf("time");
-    this.published = messages.map((message) => message[0]);
-    this.taken = at < 0 ? this.published : messages.map((message) => message[at + 1] ?? message[0]);
+    this.published = published;
+    this.taken = taken;
   }
   get count() {
-    return this.values.length;
-  }
-  get(index) {
-    return (this.objects[index] ??= { published: this.published[index], ...named(this.names, this.values[index], 1) });
+    return this.published.length;
   }
   // The last one that is not after `time`; none before the first.
   lastPublished(time) {
@@ -54,9 +47,62 @@ class Layer {
     const part = span > 0 ? Math.min(1, Math.max(0, (time - this.taken[index]) / span)) : 0;
     return { a: this.get(index), b: this.get(next), part, age: time - this.taken[index] };
   }
+}
+
+// Of a log: messages become objects when they are looked at for the first time.
+class Layer extends Timeline {
+  constructor({ topic, names, messages }) {
+    const at = names.indexOf("time");
+    const published = messages.map((message) => message[0]);
+    super(topic, published, at < 0 ? published : messages.map((message) => message[at + 1] ?? message[0]));
+    this.names = names;
+    this.values = messages;
+    this.objects = new Array(messages.length);
+  }
+  get(index) {
+    return (this.objects[index] ??= { published: this.published[index], ...named(this.names, this.values[index], 1) });
+  }
   column(name) {
     const at = this.names.findIndex((one) => one === name || one[0] === name);
     return at < 0 ? null : this.values.map((message) => message[at + 1]);
+  }
+}
+
+// Of a run: it grows at its end, and forgets at its beginning. The last message stays, however old it is.
+export class GrowingLayer extends Timeline {
+  constructor(topic) {
+    super(topic, [], []);
+    this.objects = [];
+  }
+  // `object` is one, or a function that makes it.
+  add(published, taken, object) {
+    // Mostly at the end; but latched messages come again after a gap in the connection.
+    const before = lastNotAfter(this.published, published);
+    const isThere = before >= 0 && this.published[before] === published;
+    const at = isThere ? before : before + 1;
+    // In order, for who searches.
+    const ordered = Math.max(taken, this.taken[at - 1] ?? taken);
+    [[this.published, published], [this.taken, ordered], [this.objects, object]].forEach(([list, value]) =>
+      list.splice(at, isThere ? 1 : 0, value));
+  }
+  get(index) {
+    const object = this.objects[index];
+    if (typeof object !== "function") {
+      return object;
+    }
+    return (this.objects[index] = { published: this.published[index], ...object() });
+  }
+  // What was published before `time`. Many at once: each is a move of all that stays.
+  forget(time) {
+    const gone = Math.min(lastNotAfter(this.published, time), this.count - 1);
+    if (gone > 32 && gone > this.count / 8) {
+      for (const list of [this.published, this.taken, this.objects]) {
+        list.splice(0, gone);
+      }
+    }
+  }
+  clear() {
+    this.published.length = this.taken.length = this.objects.length = 0;
   }
 }
 
@@ -114,7 +160,7 @@ export class Drive {
   // All of a layer, in their order.
   messagesOf(name) {
     const layer = this.layers[name];
-    return layer ? layer.values.map((_, i) => layer.get(i)) : [];
+    return layer ? layer.published.map((_, i) => layer.get(i)) : [];
   }
 
   // Where the vehicle was; the first and the last place hold before and after. null where no place is known.
@@ -183,15 +229,16 @@ export class Drive {
     if (index < 0 || time - layer.taken[index] > 0.5) {
       return null;
     }
-    if (this.sweep?.index !== index) {
-      this.sweep = { index, points: this.#placed(layer.get(index)) };
+    const sweep = layer.get(index);
+    if (this.sweep?.of !== sweep) {
+      this.sweep = { of: sweep, points: this.#placed(sweep) };
     }
     return this.sweep.points;
   }
 
   #placed(sweep) {
-    const bytes = decodeBase64(sweep.points ?? "");
-    const view = new DataView(bytes.buffer);
+    const bytes = typeof sweep.points === "string" ? decodeBase64(sweep.points) : sweep.points ?? new Uint8Array();
+    const view = new DataView(bytes.buffer, bytes.byteOffset);
     const size = 8;
     const count = Math.floor(bytes.length / size);
     const placed = new Float32Array(3 * count);

@@ -1,13 +1,14 @@
 // The page: what is played, and what one can do with it.
-import { Drive, fixed, inWords, lastNotAfter } from "./data.js";
+import { SceneControls, Theme, buildLayers, element, listenToButtons, listenToKeys, logRow, showReadout,
+         showState } from "./controls.js";
+import { Drive, inWords, lastNotAfter } from "./data.js";
 import { Plots } from "./plots.js";
-import { LAYERS, Scene, isUnknown } from "./scene.js";
-
-const element = (id) => document.getElementById(id);
+import { Scene, isUnknown } from "./scene.js";
 
 const drive = new Drive(JSON.parse(element("data").textContent));
 element("data").remove();
 const scene = new Scene(element("canvas"), drive);
+const controls = new SceneControls(scene, draw);
 const plots = new Plots(element("plots"), drive, (time) => seek(time));
 const changes = drive.stateChanges();
 const MOST_LINES = 12;
@@ -19,6 +20,10 @@ let isPlaying = false;
 let lastFrame = null;
 let frames = 0;
 let isDirty = true;
+
+function draw() {
+  isDirty = true;
+}
 
 // ---- Time ----
 
@@ -66,45 +71,15 @@ function show() {
   plots.show(time);
   element("slider").value = time;
   element("time").textContent = `${time.toFixed(2)} / ${drive.duration.toFixed(2)} s`;
-  showState();
-  showReadout();
+  showState(drive, time);
+  showEvent();
+  showReadout(drive, scene, time);
   showLog();
 }
 
-function showState() {
-  const state = drive.layers.state?.lastPublished(time);
-  const badge = element("state");
-  badge.hidden = !state;
-  const plan = drive.layers.plan?.lastPublished(time);
-  const planReason = plan?.reason ? `plan: ${plan.reason}` : "";
-  element("reason").textContent = [state?.reason, planReason].filter(Boolean).join(" · ");
-  element("reason").title = element("reason").textContent;
-  if (state) {
-    badge.textContent = inWords(state.state);
-    badge.style.background = `var(--${drive.meaningOf(state.state)})`;
-  }
+function showEvent() {
   const now = changes.findLastIndex((change) => change.time <= time);
   [...element("events").children].forEach((item, i) => item.firstChild.classList.toggle("now", i === now));
-}
-
-function showReadout() {
-  const ego = drive.egoAt(time);
-  const plan = drive.layers.plan?.lastPublished(time);
-  const lines = [];
-  if (ego) {
-    const motion = [[ego.speed, "m/s"], [ego.acceleration, "m/s²"]].filter(([value]) => Number.isFinite(value));
-    lines.push(...motion.length ? [motion.map(([value, unit]) => `${fixed(value, 1)} ${unit}`).join("  ")] : []);
-    if (ego.quality && ego.quality !== "GOOD") {
-      lines.push(`position ${inWords(ego.quality)}`);
-    }
-  }
-  if (plan?.kind) {
-    lines.push(`plan ${inWords(plan.kind)}`);
-  }
-  if (drive.layers.objects) {
-    lines.push(`${scene.objects.length} objects` + (scene.unknown.length > 0 ? `, ${scene.unknown.length} unknown` : ""));
-  }
-  element("readout").textContent = lines.join("\n");
 }
 
 // The last lines of the log that were written until then.
@@ -116,36 +91,17 @@ function showLog() {
   shownLine = last;
   const rows = [];
   for (let i = Math.max(0, last - MOST_LINES + 1); i <= last; ++i) {
-    const { published, level, component, text, lost } = drive.layers.log.get(i);
-    const word = String(level).replace("LOG_LEVEL_", "").toLowerCase();
-    const row = document.createElement("tr");
-    row.className = word;
-    const words = [`${published.toFixed(2)} s`, word, component, lost > 0 ? `(${lost} lines are missing) ${text}` : text];
-    row.append(...words.map((one) => Object.assign(document.createElement("td"), { textContent: one })));
-    rows.push(row);
+    rows.push(logRow(drive.layers.log.get(i)));
   }
   element("log").replaceChildren(...rows);
 }
 
 // ---- What is there once ----
 
-function buildLayers() {
-  const has = (name) => name === "new" ? drive.other : name === "unknown"
+function hasLayer(name) {
+  return name === "new" ? drive.other : name === "unknown"
     ? drive.messagesOf("objects").some(({ objects }) => objects.some(isUnknown))
     : drive.layers[{ minimal_risk: "plan", velocity: "objects" }[name] ?? name];
-  for (const [name, text, color] of LAYERS) {
-    if (!has(name)) continue;
-    const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true, id: `show_${name}` });
-    box.addEventListener("change", () => {
-      scene.shown[name] = box.checked;
-      isDirty = true;
-    });
-    const sign = document.createElement("i");
-    sign.style.background = `var(${color})`;
-    label.append(box, sign, text);
-    element("layers").append(label);
-  }
 }
 
 function buildEvents() {
@@ -207,100 +163,11 @@ function buildDifferences() {
   element("differences").replaceChildren(table.rows.length ? table : "none");
 }
 
-function setTheme(theme) {
-  document.documentElement.dataset.theme = theme;
-  scene.readColors();
-  plots.build(scene.color);
-  isDirty = true;
-}
-
-function toggleTheme() {
-  setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
-}
-
 // ---- What one can do ----
 
-function setFollow(follows) {
-  scene.camera.follows = follows;
-  element("follow").setAttribute("aria-pressed", follows);
-  isDirty = true;
-}
-
-function setTurn(turns) {
-  scene.camera.turns = turns;
-  element("turn").setAttribute("aria-pressed", turns);
-  isDirty = true;
-}
-
-function zoom(factor, ...place) {
-  scene.zoom(factor, ...place);
-  isDirty = true;
-}
-
-function listenToPointers() {
-  const canvas = element("canvas");
-  const pointers = new Map();
-  const place = (event) => {
-    const box = canvas.getBoundingClientRect();
-    return [event.clientX - box.left, event.clientY - box.top];
-  };
-  const middle = () => {
-    const [[ax, ay], [bx, by] = [ax, ay]] = [...pointers.values()];
-    return { x: (ax + bx) / 2, y: (ay + by) / 2, reach: Math.hypot(ax - bx, ay - by) };
-  };
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, place(event));
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!pointers.has(event.pointerId)) {
-      showHint(...place(event));
-      return;
-    }
-    const before = middle();
-    pointers.set(event.pointerId, place(event));
-    const after = middle();
-    if (before.x !== after.x || before.y !== after.y) {
-      scene.pan(before.x, before.y, after.x, after.y);
-      setFollow(false);
-    }
-    if (before.reach > 0 && after.reach > 0) {
-      zoom(after.reach / before.reach, after.x, after.y);
-    }
-  });
-  for (const name of ["pointerup", "pointercancel"]) {
-    canvas.addEventListener(name, (event) => {
-      pointers.delete(event.pointerId);
-      showHint(...place(event));
-    });
-  }
-  canvas.addEventListener("pointerleave", () => (element("hint").hidden = true));
-  canvas.addEventListener("dblclick", () => setFollow(true));
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    zoom(Math.exp(-event.deltaY / 500), ...place(event));
-  }, { passive: false });
-}
-
-function showHint(x, y) {
-  const object = scene.objectAt(x, y);
-  const hint = element("hint");
-  hint.hidden = !object;
-  if (object) {
-    hint.textContent = [
-      `${inWords(object.kind ?? "object")} ${object.id ?? ""}`,
-      Number.isFinite(object.speed) && `${fixed(object.speed, 1)} m/s`,
-      Number.isFinite(object.length) && Number.isFinite(object.width)
-        && `${fixed(object.length, 1)} × ${fixed(object.width, 1)} m`,
-      object.unseen > 0 && `unseen for ${fixed(object.unseen, 1)} s`,
-    ].filter(Boolean).join("\n");
-    hint.style.left = `${Math.min(x + 12, scene.width - 110)}px`;
-    hint.style.top = `${Math.min(y + 12, scene.height - 70)}px`;
-  }
-}
-
-function listenToKeys() {
+function listen() {
   const keys = {
+    ...controls.keys,
     " ": () => setPlaying(!isPlaying),
     ArrowLeft: (event) => seek(time - (event.shiftKey ? 1 : 0.1)),
     ArrowRight: (event) => seek(time + (event.shiftKey ? 1 : 0.1)),
@@ -308,54 +175,31 @@ function listenToKeys() {
     ArrowDown: () => changeRate(-1),
     Home: () => seek(0),
     End: () => seek(drive.duration),
-    "+": () => zoom(1.25),
-    "=": () => zoom(1.25),
-    "-": () => zoom(0.8),
-    f: () => setFollow(!scene.camera.follows),
-    h: () => setTurn(!scene.camera.turns),
-    t: toggleTheme,
+    t: () => theme.toggle(),
   };
-  document.addEventListener("keydown", (event) => {
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    const isOwn = event.target.matches?.("select, button, input[type=checkbox]")
-      && (key === " " || event.target.matches("select"));
-    if (event.ctrlKey || event.altKey || event.metaKey || isOwn || !keys[key]) {
-      return;
-    }
-    event.preventDefault();
-    keys[key](event);
-  });
-}
-
-function listenToButtons() {
-  const actions = {
-    play: () => setPlaying(!isPlaying),
-    begin: () => seek(0),
+  listenToKeys(keys);
+  listenToButtons({
+    ...controls.buttons,
+    play: keys[" "],
+    begin: keys.Home,
     back: () => seek(time - 0.1),
     forward: () => seek(time + 0.1),
-    zoom_in: () => zoom(1.25),
-    zoom_out: () => zoom(0.8),
-    follow: () => setFollow(!scene.camera.follows),
-    turn: () => setTurn(!scene.camera.turns),
-    theme: toggleTheme,
-  };
-  for (const [id, action] of Object.entries(actions)) {
-    element(id).addEventListener("click", action);
-  }
+    theme: keys.t,
+  });
   element("slider").max = drive.duration;
   element("slider").addEventListener("input", () => seek(Number(element("slider").value)));
 }
 
 element("title").textContent = document.title;
-buildLayers();
+buildLayers(scene, hasLayer, draw);
 buildEvents();
 buildDifferences();
-listenToPointers();
-listenToKeys();
-listenToButtons();
-const prefersDark = matchMedia("(prefers-color-scheme: dark)");
-setTheme(prefersDark.matches ? "dark" : "light");
-prefersDark.addEventListener("change", () => setTheme(prefersDark.matches ? "dark" : "light"));
+listen();
+const theme = new Theme(() => {
+  scene.readColors();
+  plots.build(scene.color);
+  isDirty = true;
+});
 new ResizeObserver(() => {
   scene.resize();
   plots.resize();

@@ -6,6 +6,10 @@ std::string_view page_html() {
   return {};
 }
 
+std::string_view live_page_html() {
+  return {};
+}
+
 std::string_view page_view() {
   return {};
 }

@@ -8,7 +8,11 @@ namespace fastcycle::tool {
 /// Empty if it could not be made when the program was built.
 [[nodiscard]] std::string_view page_html();
 
-/// Which topics and fields it shows, if nothing else is asked for: tools/page/ads.json.
+/// The page that shows a run, of tools/page/live: HTML that needs nothing but the server that gives
+/// it (docs/reference/live_page.md). Empty if it could not be made when the program was built.
+[[nodiscard]] std::string_view live_page_html();
+
+/// Which topics and fields they show, if nothing else is asked for: tools/page/ads.json.
 [[nodiscard]] std::string_view page_view();
 
 }  // namespace fastcycle::tool

@@ -1,23 +1,10 @@
 // Curves over the time of the drive.
 import uPlot from "uplot";
 
+import { axesOf, drawTime, rangeOf } from "./curves.js";
 import { distance, fixed, lastNotAfter } from "./data.js";
 
 const HEIGHT = 130;
-
-// Of the axis of values: never narrower than twenty steps of the last digit, so that a curve that does
-// not change is a line in the middle.
-function rangeOf(digits) {
-  const least = 10 ** (1 - digits);
-  return (_, low, high) => {
-    if (low === null) {
-      return [0, least];
-    }
-    const middle = (low + high) / 2;
-    return high - low < least ? [middle - least, middle + least]
-                              : uPlot.rangeNum(low, high, 0.1, true);
-  };
-}
 
 // Where the last value is that there is, not behind `index`.
 function lastThere(values, index) {
@@ -120,8 +107,6 @@ export class Plots {
     const place = document.createElement("div");
     place.className = "plot";
     this.box.append(place);
-    const axis = { stroke: color("--soft"), grid: { stroke: color("--line"), width: 1 },
-                   ticks: { stroke: color("--line"), width: 1, size: 4 }, font: "10px system-ui" };
     const options = {
       title: `${title}, ${unit}`,
       width: this.box.clientWidth || 300,
@@ -130,7 +115,7 @@ export class Plots {
       legend: { live: true },
       scales: { x: { time: false, range: [0, this.drive.duration] },
                 y: { range: rangeOf(digits) } },
-      axes: [{ ...axis, size: 24, values: (_, times) => times.map((time) => `${time} s`) }, { ...axis, size: 42, space: 24 }],
+      axes: axesOf(color),
       series: [
         { label: "time", value: (_, time) => (time === null || time === undefined ? "" : `${time.toFixed(2)} s`) },
         ...series.map(([label, stroke, , dash]) => ({
@@ -138,25 +123,12 @@ export class Plots {
           value: (_, value) => (value === null || value === undefined ? "" : fixed(value, digits)),
         })),
       ],
-      hooks: { draw: [(plot) => this.#drawNow(plot, color("--text"))] },
+      hooks: { draw: [(plot) => drawTime(plot, this.time, color("--text"))] },
     };
     const plot = new uPlot(options, data, place);
     plot.over.addEventListener("click", (event) => {
       this.seek(plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x"));
     });
     return plot;
-  }
-
-  #drawNow(plot, color) {
-    const x = Math.round(plot.valToPos(this.time, "x", true));
-    const { ctx, bbox } = plot;
-    ctx.save();
-    ctx.strokeStyle = color;
-    ctx.lineWidth = devicePixelRatio;
-    ctx.beginPath();
-    ctx.moveTo(x, bbox.top);
-    ctx.lineTo(x, bbox.top + bbox.height);
-    ctx.stroke();
-    ctx.restore();
   }
 }
