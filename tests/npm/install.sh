@@ -1,5 +1,6 @@
 #!/bin/sh
-# install.sh FOLDER: puts npm's packages, in the versions of package-lock.json, and what uses them into FOLDER. Ends with 77 and says why if there is no npm or no network: then what needs them is skipped.
+# install.sh FOLDER: puts npm's packages, in the versions of package-lock.json, and what uses them into
+# FOLDER. Ends with 77 and says why if there is no npm or no network: then what needs them is skipped.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 folder=$1
