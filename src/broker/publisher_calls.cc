@@ -10,17 +10,6 @@
 #include "fastcycle/publisher.h"
 
 namespace fastcycle::detail {
-namespace {
-
-/// What `find()` gives. An external publisher is asked by threads of its own; an activation that
-/// asks it is to be told the same again.
-template <typename Find>
-std::uint64_t learn_if_activated(const PublisherCore& publisher, ReadKind kind, const Find& find) {
-  return publisher.owner.is_active_here() ? publisher.owner.learn(kind, publisher.id, find)
-                                          : static_cast<std::uint64_t>(find());
-}
-
-}  // namespace
 
 Envelope* take_loan(PublisherCore& publisher, bool cleared) {
   if (!is_in_activation_of(publisher.owner)) [[unlikely]] {
@@ -56,13 +45,11 @@ std::size_t ask_credits(PublisherCore& publisher) {
 }
 
 std::size_t ask_external_credits(PublisherCore& publisher) {
-  return learn_if_activated(publisher, ReadKind::kCredits,
-                            [&] { return publisher.ask_external_credits(); });
+  return publisher.ask_external_credits();
 }
 
 bool wait_for_credit(PublisherCore& publisher, const std::stop_token& stop) {
-  return learn_if_activated(publisher, ReadKind::kCredits,
-                            [&] { return publisher.wait_for_credit(stop); }) != 0;
+  return publisher.wait_for_credit(stop);
 }
 
 std::size_t count_subscribers(const PublisherCore& publisher) {
@@ -75,15 +62,12 @@ std::size_t count_subscribers(const PublisherCore& publisher) {
 }
 
 std::size_t count_external_subscribers(PublisherCore& publisher) {
-  return learn_if_activated(publisher, ReadKind::kSubscribers, [&] {
-    const std::lock_guard lock(publisher.mutex());
-    return publisher.count_subscribers();
-  });
+  const std::lock_guard lock(publisher.mutex());
+  return publisher.count_subscribers();
 }
 
 Time now_of(const PublisherCore& publisher) noexcept {
-  const PublishingComponent& owner = publisher.owner;
-  return owner.is_active_here() ? owner.now : owner.clock->now();
+  return publisher.owner.clock->now();
 }
 
 void used_spent_loan(const PublisherCore& publisher) noexcept {
