@@ -532,8 +532,10 @@ void Server::Net::open(config::Problems& problems) {
     acceptor_.listen(128, error);
   }
   if (error) {
-    wrong(fmt::format("nothing can listen at {}:{}: {}", description_.address, description_.port,
-                      error.message()));
+    wrong(fmt::format(
+        "nothing can listen at {}:{}: {}{}", description_.address, description_.port,
+        error.message(),
+        error == boost::system::errc::address_in_use ? "; port 0 takes one that is free" : ""));
     return;
   }
   port_ = acceptor_.local_endpoint().port();
@@ -558,16 +560,17 @@ void Server::Net::prepare_tls() {
   }
   tls_.emplace(asio::ssl::context::tls_server);
   tls_->set_options(asio::ssl::context::no_tlsv1 | asio::ssl::context::no_tlsv1_1);
-  const auto need = [&](const error_code& error, const std::string& file) {
+  const auto need = [&](const error_code& error, const std::string& file, const char* expected) {
     if (error) {
-      throw std::runtime_error(fmt::format("{}: {}", file, error.message()));
+      throw std::runtime_error(
+          fmt::format("{}: expected {} in PEM; OpenSSL says: {}", file, expected, error.message()));
     }
   };
   error_code error;
   tls_->use_certificate_chain(asio::buffer(certificate.chain), error);
-  need(error, description_.certificate);
+  need(error, description_.certificate, "a certificate");
   tls_->use_private_key(asio::buffer(certificate.key), asio::ssl::context::pem, error);
-  need(error, description_.key);
+  need(error, description_.key, "the private key of the certificate");
 }
 
 void Server::Net::start(std::vector<base::Refusal>& refusals) {
