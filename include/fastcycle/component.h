@@ -125,10 +125,12 @@ template <typename T>
 concept Observable = std::same_as<T, std::string> || Message<T> || std::is_trivially_copyable_v<T>;
 
 /// What the recorded activation observed under this name, where it is executed again; else none.
+/// Throws what that threw, as a `std::runtime_error`.
 [[nodiscard]] std::optional<std::string> take_observed(ComponentCore& core, std::string_view name);
-/// Whether what it observes is kept.
-[[nodiscard]] bool keeps_observed(const ComponentCore& core) noexcept;
+/// Keeps it if the run is recorded.
 void keep_observed(ComponentCore& core, std::string_view name, std::string_view bytes);
+/// The same of the exception that is being handled.
+void keep_failed_observation(ComponentCore& core, std::string_view name);
 
 template <Observable T>
 std::string to_observed(const T& value) {
@@ -488,7 +490,10 @@ class Component {
   /// this name; where that run is executed again, it is given from there and `f` is not called.
   ///
   /// The result is a string, a protobuf message, or of a type that `memcpy` may copy. A log keeps
-  /// at most some 2 KB for one activation: what is larger is counted as lost.
+  /// at most some 2 KB for one activation: what is larger is counted as lost. An exception of `f`
+  /// is kept by its text, and thrown again as a `std::runtime_error`.
+  ///
+  /// @errors  Not in a constructor, which no recorded run has: that ends the process with a message.
   template <std::invocable F>
     requires detail::Observable<std::invoke_result_t<F&>>
   auto observe(std::string_view name, F f) {
@@ -496,11 +501,14 @@ class Component {
     if (const auto bytes = detail::take_observed(context_.core(), name)) {
       return detail::from_observed<T>(*bytes);
     }
-    T value = f();
-    if (detail::keeps_observed(context_.core())) {
+    try {
+      T value = f();
       detail::keep_observed(context_.core(), name, detail::to_observed(value));
+      return value;
+    } catch (...) {
+      detail::keep_failed_observation(context_.core(), name);
+      throw;
     }
-    return value;
   }
 
   /// Puts a result of the run into the final table and the report (`results`).

@@ -10,10 +10,24 @@
 #include "fastcycle/publisher.h"
 
 namespace fastcycle::detail {
+namespace {
+
+/// What `find()` gives. An external publisher is asked by threads of its own; an activation that
+/// asks it is to be told the same again.
+template <typename Find>
+std::uint64_t learn_if_activated(const PublisherCore& publisher, ReadKind kind, const Find& find) {
+  return publisher.owner.is_active_here() ? publisher.owner.learn(kind, publisher.id, find)
+                                          : static_cast<std::uint64_t>(find());
+}
+
+}  // namespace
 
 Envelope* take_loan(PublisherCore& publisher, bool cleared) {
   if (!is_in_activation_of(publisher.owner)) [[unlikely]] {
     called_outside(publisher.owner, "loan() for", publisher.topic.name, kPublishFromThreads);
+  }
+  if (publisher.owner.told != nullptr) [[unlikely]] {
+    publisher.check_told_loan();
   }
   return publisher.loan(cleared);
 }
@@ -45,11 +59,13 @@ std::size_t ask_credits(PublisherCore& publisher) {
 }
 
 std::size_t ask_external_credits(PublisherCore& publisher) {
-  return publisher.ask_external_credits();
+  return learn_if_activated(publisher, ReadKind::kCredits,
+                            [&] { return publisher.ask_external_credits(); });
 }
 
 bool wait_for_credit(PublisherCore& publisher, const std::stop_token& stop) {
-  return publisher.wait_for_credit(stop);
+  return learn_if_activated(publisher, ReadKind::kCredits,
+                            [&] { return publisher.wait_for_credit(stop); }) != 0;
 }
 
 std::size_t count_subscribers(const PublisherCore& publisher) {
@@ -62,12 +78,15 @@ std::size_t count_subscribers(const PublisherCore& publisher) {
 }
 
 std::size_t count_external_subscribers(PublisherCore& publisher) {
-  const std::lock_guard lock(publisher.mutex());
-  return publisher.count_subscribers();
+  return learn_if_activated(publisher, ReadKind::kSubscribers, [&] {
+    const std::lock_guard lock(publisher.mutex());
+    return publisher.count_subscribers();
+  });
 }
 
 Time now_of(const PublisherCore& publisher) noexcept {
-  return publisher.owner.clock->now();
+  const PublishingComponent& owner = publisher.owner;
+  return owner.is_active_here() ? owner.now : owner.clock->now();
 }
 
 void used_spent_loan(const PublisherCore& publisher) noexcept {

@@ -104,12 +104,25 @@ void PublisherCore::tell_holders_apart(std::size_t count) {
 }
 
 void PublisherCore::check_loans() const {
-  if (loans_ >= shares_.limit() + kLoansBeyondPool) {
-    throw std::length_error(
-        fmt::format("component \"{}\" holds {} loans of \"{}\" that it has neither published nor "
-                    "let go of, and its pool may have {} messages: publish each loan, or let it go "
-                    "out of scope",
-                    owner.name, loans_, topic.name, shares_.limit()));
+  if (loans_ < shares_.limit() + kLoansBeyondPool || owner.told != nullptr) {
+    return;
+  }
+  const std::string why =
+      fmt::format("component \"{}\" holds {} loans of \"{}\" that it has neither published nor let "
+                  "go of, and its pool may have {} messages: publish each loan, or let it go out "
+                  "of scope",
+                  owner.name, loans_, topic.name, shares_.limit());
+  owner.refused(loan_in_words(), why);
+  throw std::length_error(why);
+}
+
+std::string PublisherCore::loan_in_words() const {
+  return fmt::format("loan {} of {}", loans_ + 1, topic.name);
+}
+
+void PublisherCore::check_told_loan() const {
+  if (const auto why = owner.told_refusal(loan_in_words())) {
+    throw std::length_error(*why);
   }
 }
 

@@ -151,8 +151,13 @@ class PublisherCore {
     return first_publish_ns_.load(std::memory_order_relaxed);
   }
 
+  /// Refuses the next loan if it was refused when this activation was recorded.
+  void check_told_loan() const;
+
  private:
   void check_loans() const;
+  /// Tells the next loan from the others of an activation.
+  [[nodiscard]] std::string loan_in_words() const;
   [[nodiscard]] Envelope* take_from(Pool& pool, Envelope*& scratch);
   void prepare() const noexcept;
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;

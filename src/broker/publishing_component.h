@@ -1,6 +1,8 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -49,9 +51,10 @@ struct PublishingComponent {
   const base::Clock* clock = nullptr;
   Stage* stage = nullptr;         ///< In simulated time; null when live.
   bool has_subscribers = false;   ///< Then its messages inherit their origin.
-  bool is_in_activation = false;  ///< Only then it may publish,
-  const void* thread = nullptr;   ///< and only on the thread of its activation,
-  bool is_muted = false;          ///< unless it is muted: then nobody receives it.
+  /// The thread of its activation; null: it is in none. Only there it may publish. Also read by its
+  /// own threads, which ask whether they are the one.
+  std::atomic<const void*> active_thread{nullptr};
+  bool is_muted = false;  ///< Then nobody receives what it publishes.
   Time now{};                     ///< The activation's time.
   Duration simulated_cost{0};     ///< In simulated time: how much later it publishes.
   /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
@@ -102,15 +105,31 @@ struct PublishingComponent {
     return value;
   }
 
+  /// A limit that others have a part in refused `call`, which tells it from the other calls of this
+  /// activation.
+  void refused(std::string_view call, std::string_view why) const {
+    if (is_active_here()) {
+      learned(ReadKind::kRefused, std::string(call) + '\0' + std::string(why));
+    }
+  }
+  /// Why `call` was refused when this activation was recorded; none if it was not.
+  [[nodiscard]] std::optional<std::string> told_refusal(std::string_view call) const {
+    return told == nullptr ? std::nullopt : told->take_text(ReadKind::kRefused, call);
+  }
+
   /// An activation begins on the calling thread.
   void enter() noexcept {
-    is_in_activation = true;
-    thread = __builtin_thread_pointer();
+    active_thread.store(__builtin_thread_pointer(), std::memory_order_relaxed);
   }
-  void leave() noexcept { is_in_activation = false; }
-  /// Whether the calling thread is in an activation of this component.
+  void leave() noexcept { active_thread.store(nullptr, std::memory_order_relaxed); }
+  /// For what is done on the component's behalf, maybe by a thread that waits with it.
+  [[nodiscard]] bool is_in_activation() const noexcept {
+    return active_thread.load(std::memory_order_relaxed) != nullptr;
+  }
+  /// Whether the calling thread is in an activation of this component. Safe: a thread finds itself
+  /// there only if it stored that.
   [[nodiscard]] bool is_active_here() const noexcept {
-    return is_in_activation && thread == __builtin_thread_pointer();
+    return active_thread.load(std::memory_order_relaxed) == __builtin_thread_pointer();
   }
 };
 

@@ -79,6 +79,18 @@ const ToldReads::Entry* ToldReads::take(ReadKind kind, PublisherId about, std::u
   return nullptr;
 }
 
+std::optional<std::string> ToldReads::take_text(ReadKind kind, std::string_view name) {
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    const Entry& entry = entries_[i];
+    if (!is_taken_[i] && entry.read.kind == kind && entry.text.size() > name.size() &&
+        entry.text.starts_with(name) && entry.text[name.size()] == '\0') {
+      is_taken_[i] = true;
+      return entry.text.substr(name.size() + 1);
+    }
+  }
+  return std::nullopt;
+}
+
 bool ToldReads::has(ReadKind kind) const noexcept {
   return std::ranges::any_of(entries_,
                              [kind](const Entry& entry) { return entry.read.kind == kind; });

@@ -33,7 +33,9 @@ enum class ReadKind : std::uint8_t {
   kFrameParams,  ///< Of a key frame: all params that were changed: a text.
   kPublished,    ///< When the message before it was published, ns since 1970; not in the log else.
   kMadeWith,     ///< Params that a new object began with before it was told of them: a text.
-  kText,         ///< The next 1 to 8 bytes of the text before it; `place`: how many.
+  kRefused,      ///< A call that a limit refused: a text, what call and why.
+  kThrew,        ///< What a thread of its own threw: a text.
+  kText = 255,   ///< The next 1 to 8 bytes of the text before it; `place`: how many.
 };
 
 /// One thing that an activation learned, and that follows neither from its cause nor from what the
@@ -103,6 +105,9 @@ class ToldReads {
   /// The first of this kind, about this publisher or place, that was not given yet. None if there
   /// is none: the activation asks for something that it did not ask for when it was recorded.
   [[nodiscard]] const Entry* take(ReadKind kind, PublisherId about = 0, std::uint32_t place = 0);
+  /// What follows `name` and a zero byte in the first text of this kind that begins so and was not
+  /// given yet; none if there is none, which an activation may well ask for.
+  [[nodiscard]] std::optional<std::string> take_text(ReadKind kind, std::string_view name);
   /// Whether there is one of this kind, given or not.
   [[nodiscard]] bool has(ReadKind kind) const noexcept;
   /// Whether it was asked for something that was not recorded.

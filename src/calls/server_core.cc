@@ -165,7 +165,7 @@ void ServerCore::answer(const Ticket& ticket, CallStatus status, std::string_vie
     return;
   }
   Owed& owed = owed_[ticket.index];
-  const bool is_quiet = !core.publishing.is_in_activation || std::uncaught_exceptions() > 0;
+  const bool is_quiet = !core.publishing.is_in_activation() || std::uncaught_exceptions() > 0;
   if (status == CallStatus::kUnanswered && is_quiet) {
     drop(owed);
     return;
@@ -195,7 +195,7 @@ void ServerCore::drop(Owed& owed) {
   owed.is_dropped = true;
   core.post(
       Cause::kFault, [this] { answer_dropped(); },
-      core.publishing.is_in_activation ? &core : nullptr);
+      core.publishing.is_in_activation() ? &core : nullptr);
 }
 
 void ServerCore::answer_dropped() {

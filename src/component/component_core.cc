@@ -416,7 +416,7 @@ void ComponentCore::on_fault(std::string_view thrown) {
 
 void ComponentCore::end_calls(std::string_view what) {
   serving = {};
-  if (!publishing.is_in_activation) {
+  if (!publishing.is_in_activation()) {
     return;  // It never ran.
   }
   for (const auto& client : clients) {

@@ -149,8 +149,17 @@ Subscription& create_subscription(ComponentCore& core, std::string_view topic,
   }
   assert_in_activation(core, "create_subscriber() for", topic,
                        "subscribe in the constructor or in a callback");
-  return core.application.wiring().subscribe_late(
-      core, name, default_instance, core.subscriber_options(topic, options), std::move(callback));
+  const std::string call = "subscribe " + name;
+  if (const auto why = core.publishing.told_refusal(call)) {
+    throw std::runtime_error(*why);
+  }
+  try {
+    return core.application.wiring().subscribe_late(
+        core, name, default_instance, core.subscriber_options(topic, options), std::move(callback));
+  } catch (const std::runtime_error& refusal) {  // Others subscribe it as another type.
+    core.publishing.refused(call, refusal.what());
+    throw;
+  }
 }
 
 void end_subscription(Subscription& subscription) noexcept {
@@ -227,27 +236,55 @@ void reset_timer(TimerCore& timer) noexcept {
   timer.actor.arm(timer, timer.actor.publishing.now + timer.options.period);
 }
 
+namespace {
+
+constexpr char kGave = '\0';
+constexpr char kThrew = '\1';
+
+void keep(ComponentCore& core, std::string_view name, char how, std::string_view what) {
+  if (core.publishing.reads != nullptr && is_in_activation_of(core.publishing)) {
+    std::string text(name);
+    text += how;
+    text += what;
+    core.publishing.learned(ReadKind::kObserved, text);
+  }
+}
+
+}  // namespace
+
 std::optional<std::string> take_observed(ComponentCore& core, std::string_view name) {
+  // A thread of its own or offloaded work may observe what it likes: it is an input.
+  if (core.is_constructing && !is_in_activation_of(core.publishing)) [[unlikely]] {
+    broke_contract(core.publishing,
+                   fmt::format("observe() of \"{}\" in the constructor", name),
+                   "observe in start(), which a recorded run has, and its constructor it has not");
+  }
   if (core.publishing.told == nullptr || !is_in_activation_of(core.publishing)) {
     return std::nullopt;
   }
   const ToldReads::Entry* entry = core.publishing.told->take(ReadKind::kObserved);
-  if (entry == nullptr || entry->text.size() <= name.size() || !entry->text.starts_with(name) ||
-      entry->text[name.size()] != '\0') {
+  if (entry == nullptr || entry->text.size() <= name.size() || !entry->text.starts_with(name)) {
     return std::nullopt;
   }
-  return entry->text.substr(name.size() + 1);
-}
-
-bool keeps_observed(const ComponentCore& core) noexcept {
-  return core.publishing.reads != nullptr && is_in_activation_of(core.publishing);
+  std::string what = entry->text.substr(name.size() + 1);
+  if (entry->text[name.size()] == kThrew) {
+    throw std::runtime_error(what);
+  }
+  return what;
 }
 
 void keep_observed(ComponentCore& core, std::string_view name, std::string_view bytes) {
-  std::string text(name);
-  text += '\0';
-  text += bytes;
-  core.publishing.learned(ReadKind::kObserved, text);
+  keep(core, name, kGave, bytes);
+}
+
+void keep_failed_observation(ComponentCore& core, std::string_view name) {
+  try {
+    throw;
+  } catch (const std::exception& exception) {
+    keep(core, name, kThrew, exception.what());
+  } catch (...) {
+    keep(core, name, kThrew, "something that is no std::exception");
+  }
 }
 
 void cancel_timer(TimerCore& timer) noexcept {
@@ -273,8 +310,9 @@ void Context::create_thread(std::string name, std::function<void(std::stop_token
 
 namespace {
 
-/// Has `job` done by a worker of the executor of this name.
-void submit(ComponentCore& core, std::string_view executor, std::function<void()> job) {
+/// Has `job`, the component's job `number`, done by a worker of the executor of this name.
+void submit(ComponentCore& core, std::string_view executor, std::uint64_t number,
+            std::function<void()> job) {
   const std::vector<std::string> known = host::executor_names(core.application.description());
   const auto found = std::ranges::find(known, executor);
   if (found == known.end()) {
@@ -282,11 +320,17 @@ void submit(ComponentCore& core, std::string_view executor, std::function<void()
     throw std::runtime_error("there is no executor \"" + std::string(executor) +
                              "\" to offload work to" + (hint.empty() ? "" : "; " + hint));
   }
+  const std::string call = "offload " + std::to_string(number);
+  if (const auto why = core.publishing.told_refusal(call)) {
+    throw std::runtime_error(*why);
+  }
   if (!core.application.time().submit(static_cast<std::size_t>(found - known.begin()), core,
                                       std::move(job))) {
-    throw std::runtime_error("executor \"" + *found + "\" has " +
-                             std::to_string(detail::Executor::kMaxJobs) +
-                             " jobs waiting and takes no more");
+    const std::string why = "executor \"" + *found + "\" has " +
+                            std::to_string(detail::Executor::kMaxJobs) +
+                            " jobs waiting and takes no more";
+    core.publishing.refused(call, why);
+    throw std::runtime_error(why);
   }
 }
 
@@ -319,8 +363,9 @@ void Context::offload(std::string_view executor, std::function<void()> work,
                       std::function<void()> done) {
   detail::assert_in_activation(core_, "offload() to", executor, "offload work in a callback");
   ComponentCore& core = core_;
-  submit(core, executor,
-         [&core, object = core.restart_count, key = ++core.jobs_made, work = std::move(work),
+  const std::uint64_t key = ++core.jobs_made;
+  submit(core, executor, key,
+         [&core, object = core.restart_count, key, work = std::move(work),
           done = std::move(done)] {
            struct Job {  // Who waits for the end sees it.
              ComponentCore& core;

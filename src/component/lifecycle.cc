@@ -172,6 +172,7 @@ void Lifecycle::run_thread(OwnThread& its) {
   its.component.post(
       Cause::kFault,
       [&component = its.component, object = its.object, what] {
+        component.publishing.learned(detail::ReadKind::kThrew, what);
         component.take_fault_of_thread(object, what);
       },
       nullptr, ComponentCore::fault_key_of_thread(its.object));

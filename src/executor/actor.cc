@@ -45,16 +45,28 @@ void Actor::post(Cause cause, std::function<void()> body, Actor* from, std::uint
 }
 
 void Actor::post_own(Cause cause, std::function<void()> body) {
+  const std::uint64_t activation = running_activation.number.load(std::memory_order_relaxed);
+  if (std::exchange(posted_own_in_, activation) != activation) {
+    posted_own_ = 0;
+  }
+  const auto call = [count = ++posted_own_] { return fmt::format("own answer {}", count); };
   if (clock.is_simulated()) {
+    if (publishing.told != nullptr) {
+      if (const auto why = publishing.told_refusal(call())) {
+        throw std::runtime_error(*why);
+      }
+    }
     post(cause, std::move(body), this);
     return;
   }
   const std::int64_t posted_ns = base::to_ns(publishing.now);
   if (!controls_.post_own({.cause = cause, .body = std::move(body), .posted_ns = posted_ns})) {
-    throw std::runtime_error(fmt::format(
+    const std::string why = fmt::format(
         "component \"{}\" has {} answers to itself waiting, and no more may: a callback "
         "that calls again and again must wait for a reply between its calls",
-        name, ControlQueue::kMaxOwn));
+        name, ControlQueue::kMaxOwn);
+    publishing.refused(call(), why);
+    throw std::runtime_error(why);
   }
 }
 
@@ -433,7 +445,7 @@ CallbackSubscription& Actor::subscribe_again(Topic& topic, const SubscriberOptio
 
 TimerCore& Actor::add_watch(Watch& its_watch) {
   return timers_.add_watch(
-      *this, its_watch, publishing.is_in_activation ? base::to_ns(publishing.now) : base::kNever);
+      *this, its_watch, publishing.is_in_activation() ? base::to_ns(publishing.now) : base::kNever);
 }
 
 void Actor::watch(CallbackSubscription& subscription) {

@@ -248,6 +248,8 @@ class Actor : public ActorBase {
   ActorCredits credits_{*this, stage_};
   TimerSet timers_{clock};
   ControlQueue controls_;
+  std::uint64_t posted_own_in_ = 0;  ///< The activation in which
+  std::uint64_t posted_own_ = 0;     ///< so many were posted by the component itself.
   HeldOrigins held_{publishing};
   Suspension suspension_;
   DueTime due_time_;

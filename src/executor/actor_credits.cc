@@ -24,7 +24,7 @@ void ActorCredits::finish() {
 
 void ActorCredits::end(const Subscription& subscription) noexcept {
   for (auto& credit : subscription.credits()) {
-    if (actor_.clock.is_simulated() && actor_.publishing.is_in_activation) {
+    if (actor_.clock.is_simulated() && actor_.publishing.is_in_activation()) {
       stage_.put([credit = std::move(credit)] { credit->end(); });
     } else {
       credit->end();

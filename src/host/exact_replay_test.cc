@@ -3,6 +3,7 @@
 #include "replay/exact_replay.h"
 
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <cstdint>
 #include <cstdlib>
@@ -12,7 +13,9 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -32,6 +35,7 @@ namespace fastcycle::host {
 namespace {
 
 using google::protobuf::Int64Value;
+using google::protobuf::StringValue;
 using ::testing::HasSubstr;
 using namespace std::chrono_literals;
 
@@ -257,6 +261,142 @@ TEST_F(ExactReplays, GiveANewObjectTheParamsThatItBeganWith) {
 
   EXPECT_TRUE(results.at("renewed").is_equal()) << in_words(results.at("renewed"));
   EXPECT_EQ(results.at("renewed").activations, results.at("renewed").recorded);
+}
+
+/// Runs into each limit that depends on others, and says what it was told.
+class Limited final : public Component {
+ public:
+  explicit Limited(Context& context)
+      : Component(context),
+        told_(context.create_publisher<StringValue>("told")),
+        kept_(context.create_publisher<Int64Value>("kept")) {}
+
+  void serve() override {
+    if (++turn_ > 3) {
+      return;
+    }
+    const int observed = observe("first try", [] { return 7; });
+    tell(std::to_string(observed) + " " + what_throws([this] {
+      static_cast<void>(observe("device", []() -> int {
+        throw std::system_error(ENODEV, std::generic_category(), std::to_string(next_line()));
+      }));
+    }));
+    std::size_t jobs = 0;
+    tell(what_throws([this, &jobs] {
+      for (;; ++jobs) {
+        context().offload("slow", [] { std::this_thread::sleep_for(1ms); }, [] {});
+      }
+    }));
+    tell(std::to_string(jobs) + " jobs");
+    std::vector<Loan<Int64Value>> loans;
+    tell(what_throws([this, &loans] {
+      for (;;) {
+        loans.push_back(kept_.loan());
+      }
+    }));
+    tell(std::to_string(loans.size()) + " loans");
+  }
+
+ private:
+  /// Something that another run does not know.
+  static int next_line() {
+    static int lines = 0;
+    return ++lines;
+  }
+  static std::string what_throws(const std::function<void()>& call) {
+    try {
+      call();
+    } catch (const std::exception& exception) {
+      return exception.what();
+    }
+    return "nothing";
+  }
+  void tell(const std::string& what) {
+    auto message = told_.loan();
+    message->set_value(what);
+    told_.publish(std::move(message));
+  }
+
+  Publisher<StringValue> told_;
+  Publisher<Int64Value> kept_;
+  int turn_ = 0;
+};
+
+TEST_F(ExactReplays, RefuseWhatLimitsRefused) {
+  classes_.with<Limited>("limited");
+  const std::string text = R"({"name": "limits",
+      "executors": [{"name": "main"}, {"name": "slow"}],
+      "components": [
+        {"name": "limited", "library": "limited", "executor": "main", "serve_period_ms": 2}]})";
+  record(text, 100ms);
+
+  const Results results = replay(text);
+
+  EXPECT_TRUE(results.at("limited").is_equal()) << in_words(results.at("limited"));
+  EXPECT_EQ(results.at("limited").equal, 15);
+  EXPECT_EQ(results.at("limited").activations, results.at("limited").recorded);
+}
+
+/// A client whose thread throws while it owes an answer: the text reaches who asked.
+class Fragile final : public Component {
+ public:
+  explicit Fragile(Context& context) : Component(context) {
+    context.create_service<Int64Value, Int64Value>(
+        "ask", [this](const Int64Value&, Responder<Int64Value> responder) {
+          owed_.push_back(std::move(responder));
+          was_asked_.store(true);
+        });
+    context.create_thread("device", [this](const std::stop_token& stop) {
+      while (!was_asked_.load() && !stop.stop_requested()) {
+        std::this_thread::sleep_for(1ms);
+      }
+      if (was_asked_.load()) {
+        throw std::runtime_error("the device is gone");
+      }
+    });
+  }
+
+ private:
+  std::vector<Responder<Int64Value>> owed_;
+  std::atomic<bool> was_asked_{false};
+};
+
+/// Asks once, and publishes what it is told.
+class Asks final : public Component {
+ public:
+  explicit Asks(Context& context)
+      : Component(context),
+        told_(context.create_publisher<StringValue>("told")),
+        client_(context.create_client<Int64Value, Int64Value>("ask")) {}
+
+  void serve() override {
+    if (!std::exchange(has_asked_, true)) {
+      client_.call(client_.loan(), [this](const Reply<Int64Value>& reply) {
+        auto message = told_.loan();
+        message->set_value(std::string(reply.error()));
+        told_.publish(std::move(message));
+      });
+    }
+  }
+
+ private:
+  Publisher<StringValue> told_;
+  Client<Int64Value, Int64Value> client_;
+  bool has_asked_ = false;
+};
+
+TEST_F(ExactReplays, KnowWhatAThreadThrew) {
+  classes_.with<Fragile>("fragile").with<Asks>("asks");
+  const std::string text = R"({"name": "threads", "components": [
+      {"name": "fragile", "library": "fragile", "on_fault": "continue"},
+      {"name": "asks", "library": "asks", "serve_period_ms": 2}]})";
+  record(text, 200ms);
+
+  const Results results = replay(text);
+
+  EXPECT_TRUE(results.at("asks").is_equal()) << in_words(results.at("asks"));
+  EXPECT_TRUE(results.at("fragile").is_equal()) << in_words(results.at("fragile"));
+  EXPECT_GT(results.at("fragile").outputs, 0);
 }
 
 // ---- From the middle ----

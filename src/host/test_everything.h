@@ -340,7 +340,8 @@ class Supervisor final : public Diarist {
 class Device final : public Diarist {
  public:
   explicit Device(Context& context)
-      : Diarist(context), read_(context.create_external_publisher<Int64Value>("device")) {
+      : Diarist(context),
+        read_(context.create_external_publisher<Int64Value>("device", {.credits = 16})) {
     context.create_thread("device", [this](const std::stop_token& stop) {
       for (std::int64_t i = 1; i <= 200 && !stop.stop_requested(); ++i) {
         auto out = read_.loan();
@@ -352,7 +353,10 @@ class Device final : public Diarist {
     context.create_subscriber<Int64Value>("device", [this](const Sample<Int64Value>& read) {
       if (read->value() % 16 == 0) {
         note("read " + std::to_string(read->value()) + " " +
-             std::to_string((now() - read.info().publish_time).count()));
+             std::to_string((now() - read.info().publish_time).count()) + " " +
+             std::to_string((read_.now() - now()).count()) + " credits " +
+             std::to_string(read_.credits()) + " listeners " +
+             std::to_string(read_.subscriber_count()));
       }
     });
   }

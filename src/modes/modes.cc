@@ -143,7 +143,7 @@ Modes::Request Modes::request(std::string_view mode, std::string_view why,
 }
 
 void Modes::ask(std::string_view mode, std::string_view why, ComponentCore* by) {
-  if (by != nullptr && by->publishing.is_in_activation) {
+  if (by != nullptr && by->publishing.is_in_activation()) {
     ask_in_turn(mode, why, *by);
     return;
   }

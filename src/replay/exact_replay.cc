@@ -930,14 +930,7 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
       return;
     case Cause::kFault:
       if ((activation.key & ComponentCore::kThreadFault) != 0) {
-        core.repeat(*player.ring, {.cause = Cause::kFault,
-                                   .body =
-                                       [&] {
-                                         core.take_fault_of_thread(
-                                             activation.key & ~ComponentCore::kThreadFault,
-                                             "one of its threads threw");
-                                       },
-                                   .key = activation.key});
+        call_fault_of_thread(player, activation);
       } else {
         call_posted(player, activation, "a fault");
       }
@@ -948,6 +941,18 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
     case Cause::kRequest:
       return;
   }
+}
+
+void ExactReplay::call_fault_of_thread(Player& player, const RecordedActivation& activation) {
+  std::string what = "one of its threads threw";  // Logs of before do not say what.
+  for (const detail::ToldReads::Entry& entry : activation.reads) {
+    what = entry.read.kind == detail::ReadKind::kThrew ? entry.text : what;
+  }
+  const std::uint64_t object = activation.key & ~ComponentCore::kThreadFault;
+  player.core->repeat(*player.ring,
+                      {.cause = Cause::kFault,
+                       .body = [&] { player.core->take_fault_of_thread(object, what); },
+                       .key = activation.key});
 }
 
 void ExactReplay::call_posted(Player& player, const RecordedActivation& activation,

@@ -205,6 +205,7 @@ class ExactReplay {
                    const std::string& recorded, const config::Problems& problems);
   void call_params(Player& player, const record::RecordedActivation& activation);
   void call_message(Player& player, const record::RecordedActivation& activation);
+  void call_fault_of_thread(Player& player, const record::RecordedActivation& activation);
   void call_posted(Player& player, const record::RecordedActivation& activation, const char* what);
   void show_views(Player& player, const record::RecordedActivation& activation,
                   detail::ReadKind kind);
