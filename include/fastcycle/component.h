@@ -493,7 +493,8 @@ class Component {
   /// at most some 2 KB for one activation: what is larger is counted as lost. An exception of `f`
   /// is kept by its text, and thrown again as a `std::runtime_error`.
   ///
-  /// @errors  Not in a constructor, which no recorded run has: that ends the process with a message.
+  /// @errors  Not in a constructor, which no recorded run has: that ends the process with a
+  /// message.
   template <std::invocable F>
     requires detail::Observable<std::invoke_result_t<F&>>
   auto observe(std::string_view name, F f) {

@@ -107,11 +107,11 @@ void PublisherCore::check_loans() const {
   if (loans_ < shares_.limit() + kLoansBeyondPool || owner.told != nullptr) {
     return;
   }
-  const std::string why =
-      fmt::format("component \"{}\" holds {} loans of \"{}\" that it has neither published nor let "
-                  "go of, and its pool may have {} messages: publish each loan, or let it go out "
-                  "of scope",
-                  owner.name, loans_, topic.name, shares_.limit());
+  const std::string why = fmt::format(
+      "component \"{}\" holds {} loans of \"{}\" that it has neither published nor let "
+      "go of, and its pool may have {} messages: publish each loan, or let it go out "
+      "of scope",
+      owner.name, loans_, topic.name, shares_.limit());
   owner.refused(loan_in_words(), why);
   throw std::length_error(why);
 }

@@ -49,14 +49,14 @@ class KeyFrames {
 struct PublishingComponent {
   std::string name;
   const base::Clock* clock = nullptr;
-  Stage* stage = nullptr;         ///< In simulated time; null when live.
-  bool has_subscribers = false;   ///< Then its messages inherit their origin.
+  Stage* stage = nullptr;        ///< In simulated time; null when live.
+  bool has_subscribers = false;  ///< Then its messages inherit their origin.
   /// The thread of its activation; null: it is in none. Only there it may publish. Also read by its
   /// own threads, which ask whether they are the one.
   std::atomic<const void*> active_thread{nullptr};
-  bool is_muted = false;  ///< Then nobody receives what it publishes.
-  Time now{};                     ///< The activation's time.
-  Duration simulated_cost{0};     ///< In simulated time: how much later it publishes.
+  bool is_muted = false;       ///< Then nobody receives what it publishes.
+  Time now{};                  ///< The activation's time.
+  Duration simulated_cost{0};  ///< In simulated time: how much later it publishes.
   /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
   /// something is published.
   const Origin* origin = &kNoOrigin;

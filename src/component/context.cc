@@ -255,8 +255,7 @@ void keep(ComponentCore& core, std::string_view name, char how, std::string_view
 std::optional<std::string> take_observed(ComponentCore& core, std::string_view name) {
   // A thread of its own or offloaded work may observe what it likes: it is an input.
   if (core.is_constructing && !is_in_activation_of(core.publishing)) [[unlikely]] {
-    broke_contract(core.publishing,
-                   fmt::format("observe() of \"{}\" in the constructor", name),
+    broke_contract(core.publishing, fmt::format("observe() of \"{}\" in the constructor", name),
                    "observe in start(), which a recorded run has, and its constructor it has not");
   }
   if (core.publishing.told == nullptr || !is_in_activation_of(core.publishing)) {
@@ -365,8 +364,7 @@ void Context::offload(std::string_view executor, std::function<void()> work,
   ComponentCore& core = core_;
   const std::uint64_t key = ++core.jobs_made;
   submit(core, executor, key,
-         [&core, object = core.restart_count, key, work = std::move(work),
-          done = std::move(done)] {
+         [&core, object = core.restart_count, key, work = std::move(work), done = std::move(done)] {
            struct Job {  // Who waits for the end sees it.
              ComponentCore& core;
              explicit Job(ComponentCore& its_core) : core(its_core) { core.jobs.fetch_add(1); }

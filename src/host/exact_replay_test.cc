@@ -277,10 +277,10 @@ class Limited final : public Component {
     }
     const int observed = observe("first try", [] { return 7; });
     tell(std::to_string(observed) + " " + what_throws([this] {
-      static_cast<void>(observe("device", []() -> int {
-        throw std::system_error(ENODEV, std::generic_category(), std::to_string(next_line()));
-      }));
-    }));
+           static_cast<void>(observe("device", []() -> int {
+             throw std::system_error(ENODEV, std::generic_category(), std::to_string(next_line()));
+           }));
+         }));
     std::size_t jobs = 0;
     tell(what_throws([this, &jobs] {
       for (;; ++jobs) {

@@ -107,6 +107,14 @@ void Server::answer(Client& client, const protocol::Request& request) {
     case What::kCallService:
       call_service(client, request);
       return;
+    case What::kPlayback:
+      if (playback_ == nullptr) {
+        throw Refusal(protocol::Error::KIND_REFUSED, "no recording is played into this run",
+                      "fastcycle view LOG shows a recording, and can go to any time of it");
+      }
+      playback_->obey(request.playback());
+      *answer.mutable_playback() = playback_->state();
+      break;
     case What::kGraph:
       answer.mutable_graph()->set_dot(graph_);
       break;
@@ -187,6 +195,9 @@ void Server::give_overview(const protocol::GetOverview& request, protocol::Answe
     for (const KnownService& service : services_) {
       fill_service(service, false, *overview.add_services());
     }
+  }
+  if (playback_ != nullptr) {
+    *overview.mutable_playback() = playback_->state();
   }
   overview.set_clients(clients_.size());
   overview.set_clients_dropped(dropped_clients_);

@@ -24,6 +24,7 @@
 #include "inspect/connection.h"
 #include "inspect/inspect.pb.h"
 #include "inspect/overview.h"
+#include "inspect/playback_control.h"
 #include "inspect/socket_file.h"
 #include "inspect/stream.h"
 #include "inspect/taps.h"
@@ -68,6 +69,9 @@ class Server final : public host::Observer {
   /// `make` returns a JSON document that clients know as `name`. It is called on the server's
   /// thread while the application runs.
   void offer(std::string name, std::function<std::string()> make);
+
+  /// Lets clients steer `playback`, which lives as long as this. Before the application starts.
+  void offer(PlaybackControl& playback) { playback_ = &playback; }
 
   void tap(detail::Topics& topics) override;
   void open(config::Problems& problems) override;
@@ -164,6 +168,7 @@ class Server final : public host::Observer {
   const config::InspectDescription description_;
   const std::filesystem::path folder_;
   const std::int64_t patience_ns_;
+  PlaybackControl* playback_ = nullptr;  ///< None: nothing is played.
   std::unique_ptr<SocketFile> socket_;
   int wake_ = -1;
   /// Given up for a moment to tell who connects that the process has no descriptor left.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 
 namespace fastcycle::web::foxglove {
@@ -11,6 +12,7 @@ namespace {
 constexpr char kMessageData = 1;
 constexpr char kTime = 2;
 constexpr char kServiceReply = 3;
+constexpr char kPlaybackState = 5;
 
 void append_u32(std::string& out, std::uint32_t number) {
   for (unsigned shift = 0; shift < 32; shift += 8) {
@@ -25,16 +27,22 @@ void append_u64(std::string& out, std::uint64_t number) {
 }
 
 /// Takes a number off the beginning of `bytes`.
-std::optional<std::uint32_t> take_u32(std::string_view& bytes) {
-  if (bytes.size() < 4) {
+template <typename Number>
+std::optional<Number> take(std::string_view& bytes) {
+  if (bytes.size() < sizeof(Number)) {
     return std::nullopt;
   }
-  std::uint32_t number = 0;
-  for (unsigned i = 0; i < 4; ++i) {
-    number |= static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[i])) << (8 * i);
+  Number number = 0;
+  for (unsigned i = 0; i < sizeof(Number); ++i) {
+    number = static_cast<Number>(number | static_cast<Number>(static_cast<unsigned char>(bytes[i]))
+                                              << (8 * i));
   }
-  bytes.remove_prefix(4);
+  bytes.remove_prefix(sizeof(Number));
   return number;
+}
+
+std::optional<std::uint32_t> take_u32(std::string_view& bytes) {
+  return take<std::uint32_t>(bytes);
 }
 
 std::string dump(const Json& json) {
@@ -87,13 +95,20 @@ std::string_view choose_subprotocol(std::string_view offered) {
 
 std::string server_info(const std::string& name, const std::string& session,
                         std::span<const std::string_view> capabilities,
-                        const std::map<std::string, std::string>& metadata) {
-  return dump({{"op", "serverInfo"},
-               {"name", name},
-               {"capabilities", capabilities},
-               {"supportedEncodings", {"protobuf"}},
-               {"metadata", metadata},
-               {"sessionId", session}});
+                        const std::map<std::string, std::string>& metadata,
+                        const std::optional<TimeRange>& data) {
+  Json info{{"op", "serverInfo"},           {"name", name},
+            {"capabilities", capabilities}, {"supportedEncodings", {"protobuf"}},
+            {"metadata", metadata},         {"sessionId", session}};
+  if (data) {
+    constexpr std::int64_t kSecond = 1'000'000'000;
+    const auto time = [](std::int64_t ns) {
+      return Json{{"sec", ns / kSecond}, {"nsec", ns % kSecond}};
+    };
+    info["dataStartTime"] = time(data->begin_ns);
+    info["dataEndTime"] = time(data->end_ns);
+  }
+  return dump(info);
 }
 
 std::string advertise(std::span<const Channel> channels) {
@@ -179,6 +194,34 @@ std::string service_reply(std::uint32_t service, std::uint32_t call, std::string
   frame += kEncoding;
   frame += payload;
   return frame;
+}
+
+std::string playback_state(const PlaybackState& state) {
+  std::string frame(1, kPlaybackState);
+  frame.push_back(static_cast<char>(state.status));
+  append_u64(frame, static_cast<std::uint64_t>(state.now_ns));
+  append_u32(frame, std::bit_cast<std::uint32_t>(state.speed));
+  frame.push_back(state.did_seek ? 1 : 0);
+  append_u32(frame, static_cast<std::uint32_t>(state.request.size()));
+  frame += state.request;
+  return frame;
+}
+
+std::optional<ClientPlayback> read_playback(std::string_view frame) {
+  frame.remove_prefix(std::min<std::size_t>(frame.size(), 1));
+  const auto command = take<std::uint8_t>(frame);
+  const auto speed = take<std::uint32_t>(frame);
+  const auto has_seek = take<std::uint8_t>(frame);
+  const auto seek_ns = take<std::uint64_t>(frame);
+  const auto length = take_u32(frame);
+  if (!command || *command > 1 || !speed || !has_seek || !seek_ns || !length ||
+      frame.size() != *length) {
+    return std::nullopt;
+  }
+  return ClientPlayback{.is_pause = *command == 1,
+                        .speed = std::bit_cast<float>(*speed),
+                        .seek_ns = *has_seek != 0 ? seek_ns : std::nullopt,
+                        .request = frame};
 }
 
 std::optional<ClientMessage> read_message(std::string_view frame) {

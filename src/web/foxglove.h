@@ -58,9 +58,16 @@ struct Graph {
 
 // ---- What the server says ----
 
+/// The first time of a recording that is played, and the last one.
+struct TimeRange {
+  std::int64_t begin_ns = 0;
+  std::int64_t end_ns = 0;
+};
+
 [[nodiscard]] std::string server_info(const std::string& name, const std::string& session,
                                       std::span<const std::string_view> capabilities,
-                                      const std::map<std::string, std::string>& metadata);
+                                      const std::map<std::string, std::string>& metadata,
+                                      const std::optional<TimeRange>& data = {});
 [[nodiscard]] std::string advertise(std::span<const Channel> channels);
 [[nodiscard]] std::string advertise_services(std::span<const Service> services);
 [[nodiscard]] std::string status(StatusLevel level, std::string_view text,
@@ -78,12 +85,29 @@ struct Graph {
 [[nodiscard]] std::string service_reply(std::uint32_t service, std::uint32_t call,
                                         std::string_view payload);
 
+/// How a recording is played.
+struct PlaybackState {
+  enum class Status : std::uint8_t { kPlaying = 0, kPaused = 1, kBuffering = 2, kEnded = 3 };
+  Status status{};
+  std::int64_t now_ns = 0;
+  float speed = 1;
+  bool did_seek = false;
+  std::string request;  ///< Which it answers; empty: none.
+};
+[[nodiscard]] std::string playback_state(const PlaybackState& state);
+
 // ---- What a client says ----
 
-/// A message that a client publishes, or a service that it calls.
+/// A message that a client publishes, a service that it calls, how it wants a recording played.
 struct ClientMessage {
   std::uint32_t channel = 0;
   std::string_view payload;
+};
+struct ClientPlayback {
+  bool is_pause = false;
+  float speed = 1;
+  std::optional<std::uint64_t> seek_ns = {};
+  std::string_view request;
 };
 struct ClientCall {
   std::uint32_t service = 0;
@@ -94,10 +118,12 @@ struct ClientCall {
 
 inline constexpr std::uint8_t kClientMessage = 1;
 inline constexpr std::uint8_t kClientCall = 2;
+inline constexpr std::uint8_t kClientPlayback = 3;
 
 /// The parts of a binary frame, borrowed; none if it is no such frame.
 [[nodiscard]] std::optional<ClientMessage> read_message(std::string_view frame);
 [[nodiscard]] std::optional<ClientCall> read_call(std::string_view frame);
+[[nodiscard]] std::optional<ClientPlayback> read_playback(std::string_view frame);
 
 /// An unsigned number of 32 bits; none if `json` is something else.
 [[nodiscard]] std::optional<std::uint32_t> to_id(const Json& json);

@@ -40,6 +40,9 @@ void Hub::find_topics() {
   request.mutable_overview();
   const protocol::Answer answer = application_->ask(std::move(request));
   is_simulated_ = answer.overview().clock() == "simulated";
+  if (answer.overview().has_playback()) {
+    playback_ = answer.overview().playback();
+  }
   std::map<std::string, std::string> schemas;  // By type.
   for (const protocol::Topic& topic : answer.overview().topics()) {
     if (topic.type().empty()) {
@@ -85,6 +88,9 @@ std::vector<std::string_view> Hub::capabilities() const {
   std::vector<std::string_view> all = {"parameters", "parametersSubscribe", "connectionGraph"};
   if (is_simulated_) {
     all.emplace_back("time");
+  }
+  if (playback_) {
+    all.emplace_back("playbackControl");
   }
   if (may("publish")) {
     all.emplace_back("services");
@@ -135,6 +141,9 @@ void Hub::take(const protocol::Answer& answer) {
       channel_of_stream_.erase(stream);
     }
     return;
+  }
+  if (answer.has_playback()) {
+    take_playback(answer.playback());  // Who asked for it is not alone.
   }
   const auto found = asked_.find(answer.id());
   if (found != asked_.end()) {
@@ -239,6 +248,16 @@ void Hub::take_overview(const protocol::Overview& overview) {
   graph_ = std::move(graph);
 }
 
+void Hub::take_playback(const protocol::Playback& playback) {
+  const protocol::Playback before = std::exchange(playback_, playback).value_or(playback);
+  const bool did_seek = before.seeks() != playback.seeks();
+  if (did_seek || before.status() != playback.status() || before.speed() != playback.speed()) {
+    for (Listener* listener : listeners_) {
+      listener->take_playback(playback, did_seek);
+    }
+  }
+}
+
 void Hub::look(std::chrono::steady_clock::time_point now) {
   const auto wants = [&](const auto& what) { return std::ranges::any_of(listeners_, what); };
   const auto is_due = [&](auto& next, auto period) {
@@ -267,6 +286,9 @@ void Hub::look(std::chrono::steady_clock::time_point now) {
     request.mutable_overview()->set_without_topics(true);
     post(std::move(request), nullptr, [this](const protocol::Answer& answer) {
       asks_time_ = false;
+      if (answer.overview().has_playback()) {
+        take_playback(answer.overview().playback());
+      }
       for (Listener* listener : listeners_) {
         listener->take_time(answer.overview().now_ns());
       }

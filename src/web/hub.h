@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -38,6 +39,8 @@ class Listener : public Asker {
   virtual void take_loss(std::uint32_t subscription, std::uint64_t count) = 0;
   /// The application's time, in a simulation.
   virtual void take_time(std::int64_t now_ns) = 0;
+  /// How a recording is played is not as it was; messages of another time may follow.
+  virtual void take_playback(const inspect::protocol::Playback& playback, bool did_seek) = 0;
 
   [[nodiscard]] virtual bool wants_graph() const = 0;
   virtual void take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) = 0;
@@ -93,6 +96,10 @@ class Hub {
   [[nodiscard]] bool may_publish(const std::string& topic) const;
   [[nodiscard]] bool may(std::string_view word) const;
   [[nodiscard]] const foxglove::Graph& graph() const { return graph_; }
+  /// How a recording is played, as it was last heard; none if none is.
+  [[nodiscard]] const std::optional<inspect::protocol::Playback>& playback() const {
+    return playback_;
+  }
   /// Messages that clients were too slow for, all together.
   void count_left_out(std::uint64_t count) { left_out_ += count; }
   [[nodiscard]] std::uint64_t left_out() const { return left_out_; }
@@ -124,6 +131,7 @@ class Hub {
   void take(const inspect::protocol::Answer& answer);
   void take_messages(Feed& feed, const inspect::protocol::Messages& messages);
   void take_overview(const inspect::protocol::Overview& overview);
+  void take_playback(const inspect::protocol::Playback& playback);
   void post(inspect::protocol::Request request, const Asker* asker, Take take);
 
   const std::unique_ptr<inspect::Client> application_;
@@ -142,6 +150,7 @@ class Hub {
   std::map<std::uint32_t, Asked> asked_;  ///< By request.
   std::set<Listener*> listeners_;
   foxglove::Graph graph_;
+  std::optional<inspect::protocol::Playback> playback_;
   std::uint64_t left_out_ = 0;
   std::chrono::steady_clock::time_point next_overview_{};
   std::chrono::steady_clock::time_point next_time_{};

@@ -104,9 +104,8 @@ std::string host_name() {
 
 class Server::Net {
  public:
-  Net(host::Application& application, config::LiveDescription description, Connect connect,
-      std::string_view page)
-      : application_(application),
+  Net(config::LiveDescription description, Connect connect, std::string_view page, Log log)
+      : log_(std::move(log)),
         description_(std::move(description)),
         connect_(std::move(connect)),
         page_(page) {}
@@ -148,7 +147,7 @@ class Server::Net {
   /// `complain`, of a connection that is refused.
   void refuse(const std::string& text);
 
-  host::Application& application_;
+  const Log log_;
   const config::LiveDescription description_;
   const Connect connect_;
   const std::string_view page_;
@@ -607,7 +606,7 @@ void Server::Net::serve() {
     wait_for_news();
     wait_to_look();
   } catch (const std::exception& error) {
-    application_.log(LogLevel::kError, kName, std::string("nothing is shown: ") + error.what());
+    log_(LogLevel::kError, std::string("nothing is shown: ") + error.what());
     is_over_ = true;
   }
   io_.run();
@@ -699,7 +698,7 @@ void Server::Net::complain(const std::string& text) {
   const auto now = Clock::now();
   if (now >= next_complaint_) {
     next_complaint_ = now + 1s;
-    application_.log(LogLevel::kWarning, kName, text);
+    log_(LogLevel::kWarning, text);
   }
 }
 
@@ -708,9 +707,16 @@ void Server::Net::refuse(const std::string& text) {
   complain(text);
 }
 
+Server::Server(config::LiveDescription description, Connect connect, std::string_view page, Log log)
+    : net_(std::make_unique<Net>(std::move(description), std::move(connect), page,
+                                 std::move(log))) {}
+
 Server::Server(host::Application& application, config::LiveDescription description, Connect connect,
                std::string_view page)
-    : net_(std::make_unique<Net>(application, std::move(description), std::move(connect), page)) {}
+    : Server(std::move(description), std::move(connect), page,
+             [&application](LogLevel level, const std::string& text) {
+               application.log(level, kName, text);
+             }) {}
 
 Server::~Server() = default;
 
@@ -719,10 +725,18 @@ void Server::open(config::Problems& problems) {
 }
 
 void Server::start(const host::ObserverView&, std::vector<base::Refusal>& refusals) {
-  net_->start(refusals);
+  start(refusals);
 }
 
 void Server::stop(const host::Application&) {
+  stop();
+}
+
+void Server::start(std::vector<base::Refusal>& refusals) {
+  net_->start(refusals);
+}
+
+void Server::stop() {
   net_->end();
 }
 

@@ -14,7 +14,8 @@
 
 namespace fastcycle::web {
 
-/// Shows a running application to browsers, to Foxglove over WebSockets, and to Prometheus.
+/// Shows a running application, or a recording that is played, to browsers, to Foxglove over
+/// WebSockets, and to Prometheus.
 ///
 ///     web::Server server(application, description, [&] { return inspection.connect(); });
 ///     application.add(inspection);
@@ -32,7 +33,12 @@ class Server final : public host::Observer {
   /// Gives a descriptor of a connection to the inspection, as `inspect::Server::connect`.
   using Connect = std::function<int()>;
 
-  /// `page`: HTML that browsers are given; empty: a line of text.
+  using Log = std::function<void(LogLevel level, const std::string& text)>;
+
+  /// Of whatever answers at the other end of `connect`. `page`: HTML that browsers are given;
+  /// empty: a line of text. `log` is called on the server's thread.
+  Server(config::LiveDescription description, Connect connect, std::string_view page, Log log);
+  /// Of an application; what goes wrong is in its log.
   Server(host::Application& application, config::LiveDescription description, Connect connect,
          std::string_view page = {});
   ~Server() override;
@@ -40,6 +46,11 @@ class Server final : public host::Observer {
   void open(config::Problems& problems) override;
   void start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void stop(const host::Application& application) override;
+
+  // Where there is no application: `open`, and then these.
+
+  void start(std::vector<base::Refusal>& refusals);
+  void stop();
 
   /// Where a browser finds it, the token included; empty before `open`.
   [[nodiscard]] std::string url() const;

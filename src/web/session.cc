@@ -38,6 +38,32 @@ Json to_json(const protocol::Param& param) {
   return json;
 }
 
+std::map<std::string, std::string> metadata_of(const Hub& hub) {
+  std::map<std::string, std::string> metadata{{"application", hub.welcome().application()},
+                                              {"framework", hub.welcome().framework()}};
+  if (hub.playback()) {
+    metadata["playback"] = hub.playback()->can_seek() ? "any time" : "forward";
+  }
+  return metadata;
+}
+
+foxglove::PlaybackState to_state(const protocol::Playback& playback) {
+  using Status = foxglove::PlaybackState::Status;
+  foxglove::PlaybackState state{
+      .now_ns = playback.now_ns(), .speed = static_cast<float>(playback.speed()), .request = {}};
+  switch (playback.status()) {
+    case protocol::Playback::STATUS_PAUSED:
+      state.status = Status::kPaused;
+      break;
+    case protocol::Playback::STATUS_ENDED:
+      state.status = Status::kEnded;
+      break;
+    default:
+      state.status = Status::kPlaying;
+  }
+  return state;
+}
+
 /// `value` as the application reads it: clients say 3.0 for the integer 3.
 std::string to_value(const Json& value) {
   if (value.is_number_float()) {
@@ -70,12 +96,18 @@ Session::~Session() {
 
 void Session::greet() {
   const protocol::Welcome& welcome = hub_.welcome();
-  say_text(foxglove::server_info(
-      "FastCycle " + welcome.application(), hub_.session_id(), hub_.capabilities(),
-      {{"application", welcome.application()}, {"framework", welcome.framework()}}));
+  say_text(foxglove::server_info("FastCycle " + welcome.application(), hub_.session_id(),
+                                 hub_.capabilities(), metadata_of(hub_),
+                                 hub_.playback()
+                                     ? std::optional(foxglove::TimeRange{
+                                           hub_.playback()->begin_ns(), hub_.playback()->end_ns()})
+                                     : std::nullopt));
   say_text(foxglove::advertise(hub_.channels()));
   if (!hub_.services().empty()) {
     say_text(foxglove::advertise_services(hub_.services()));
+  }
+  if (hub_.playback()) {
+    take_playback(*hub_.playback(), false);
   }
 }
 
@@ -105,6 +137,12 @@ void Session::take_loss(std::uint32_t subscription, std::uint64_t count) {
 
 void Session::take_time(std::int64_t now_ns) {
   say_binary(foxglove::time(now_ns));
+}
+
+void Session::take_playback(const protocol::Playback& playback, bool did_seek) {
+  foxglove::PlaybackState state = to_state(playback);
+  state.did_seek = did_seek;
+  say_binary(foxglove::playback_state(state));
 }
 
 void Session::take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) {
@@ -174,6 +212,11 @@ void Session::take_binary(std::string_view frame) {
   } else if (op == foxglove::kClientCall) {
     if (const auto one = foxglove::read_call(frame)) {
       call(*one);
+      return;
+    }
+  } else if (op == foxglove::kClientPlayback) {
+    if (const auto playback = foxglove::read_playback(frame)) {
+      control(*playback);
       return;
     }
   }
@@ -295,6 +338,31 @@ void Session::call(const foxglove::ClientCall& call) {
              } else {
                say_binary(foxglove::service_reply(id, number, answer.reply().reply()));
              }
+           });
+}
+
+void Session::control(const foxglove::ClientPlayback& playback) {
+  protocol::Request request;
+  protocol::ControlPlayback& control = *request.mutable_playback();
+  control.set_command(playback.is_pause ? protocol::ControlPlayback::COMMAND_PAUSE
+                                        : protocol::ControlPlayback::COMMAND_PLAY);
+  control.set_speed(double{playback.speed});
+  if (playback.seek_ns) {
+    control.set_has_seek(true);
+    control.set_seek_ns(static_cast<std::int64_t>(*playback.seek_ns));
+  }
+  hub_.ask(*this, std::move(request),
+           [this, id = std::string(playback.request)](const protocol::Answer& answer) {
+             if (answer.has_error()) {
+               refuse(answer.error().text());
+               if (!hub_.playback()) {
+                 return;
+               }
+             }
+             foxglove::PlaybackState state =
+                 to_state(answer.has_playback() ? answer.playback() : *hub_.playback());
+             state.request = id;
+             say_binary(foxglove::playback_state(state));
            });
 }
 

@@ -33,6 +33,7 @@ class Session final : public Listener {
                     std::shared_ptr<const SharedMessage> message) override;
   void take_loss(std::uint32_t subscription, std::uint64_t count) override;
   void take_time(std::int64_t now_ns) override;
+  void take_playback(const inspect::protocol::Playback& playback, bool did_seek) override;
   [[nodiscard]] bool wants_graph() const override { return wants_graph_; }
   void take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) override;
   [[nodiscard]] bool wants_params() const override { return wants_params_; }
@@ -58,6 +59,7 @@ class Session final : public Listener {
   void subscribe_params(const foxglove::Json& json, bool is_wanted);
   void publish(const foxglove::ClientMessage& message);
   void call(const foxglove::ClientCall& call);
+  void control(const foxglove::ClientPlayback& playback);
   void refuse(std::string_view text) { say_status(foxglove::StatusLevel::kError, text); }
 
   Hub& hub_;

@@ -1,6 +1,7 @@
 // live_client.mjs FASTCYCLE ADS.json [SECONDS]: npm's Foxglove client connects to a live run of the ADS, and what it
 // gets is compared with the recording of that run, as npm's reader of MCAP reads it. Both subprotocols are tried at once:
-// the client knows the older one; for the newer one it is told that it has it. Ends with 1 and says what is wrong.
+// the client knows the older one; for the newer one it is told that it has it. Then the recording is shown by
+// `fastcycle view`, played, and moved to other times. Ends with 1 and says what is wrong.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { createHash } from "node:crypto";
@@ -20,6 +21,9 @@ import WebSocket from "ws";
 const { FoxgloveClient } = createRequire(import.meta.url)("@foxglove/ws-protocol");
 
 const PATIENCE_MS = 120_000;
+const PLAYBACK_STATE = 5;
+const PLAYING = 0;
+const ENDED = 3;
 const [fastcycle, application] = process.argv.slice(2, 4).map((path) => resolve(path));
 const seconds = Number(process.argv[4] ?? 8);
 const folder = mkdtempSync(join(tmpdir(), "fastcycle_live_"));
@@ -55,16 +59,30 @@ class Watcher {
   params = new Map();
   replies = new Map();  // By call.
   statuses = [];
+  states = [];  // Of playback.
   times = 0;
   undecoded = 0;
 
   constructor(url, subprotocol) {
     const address = url.replace("http", "ws");
     const isNew = subprotocol === "foxglove.sdk.v1";
-    this.client = new FoxgloveClient({
-      ws: new (isNew ? NewWebSocket : WebSocket)(address, [subprotocol]),
+    this.socket = new (isNew ? NewWebSocket : WebSocket)(address, [subprotocol]);
+    this.client = new FoxgloveClient({ ws: this.socket });
+    // The client knows nothing of playback.
+    this.client.on("error", (error) =>
+      /opcode/i.test(String(error)) || this.statuses.push({ level: 2, message: String(error) }));
+    this.socket.on("message", (data, isBinary) => {
+      const bytes = Buffer.from(data);
+      if (isBinary && bytes[0] === PLAYBACK_STATE) {
+        const state = {
+          status: bytes[1], time: bytes.readBigUInt64LE(2), speed: bytes.readFloatLE(10), didSeek: bytes[14] === 1,
+          request: bytes.toString("utf8", 19, 19 + bytes.readUInt32LE(15)) };
+        this.states.push(state);
+        if (state.didSeek) {
+          this.messages.forEach((messages) => (messages.length = 0));
+        }
+      }
     });
-    this.client.on("error", (error) => this.statuses.push({ level: 2, message: String(error) }));
     this.client.on("serverInfo", (info) => (this.info = info));
     this.client.on("status", (status) => this.statuses.push(status));
     this.client.on("time", () => ++this.times);
@@ -100,6 +118,49 @@ class Watcher {
       this.subscriptions.set(this.client.subscribe(channel.id), channel);
     }
   }
+}
+
+// Plays or pauses, and goes to a time if one is given; waits for the state that answers it.
+async function control(watcher, request, { pauses = false, speed = 1, seek = null }) {
+  const frame = Buffer.alloc(19 + request.length);
+  frame[0] = 3;
+  frame[1] = pauses ? 1 : 0;
+  frame.writeFloatLE(speed, 2);
+  frame[6] = seek === null ? 0 : 1;
+  frame.writeBigUInt64LE(seek ?? 0n, 7);
+  frame.writeUInt32LE(request.length, 15);
+  frame.write(request, 19);
+  watcher.socket.send(frame);
+  return until(`the answer to ${request}`, () => watcher.states.find((state) => state.request === request));
+}
+
+// How many messages came, all of them as they are recorded and in that order, and how many did not.
+function compare(watcher, log) {
+  assert.equal(watcher.undecoded, 0, "messages that the schema does not decode");
+  const excused = watcher.statuses.map(({ message }) => message);
+  let compared = 0;
+  let missing = 0;
+  for (const [topic, got] of watcher.messages) {
+    const recorded = log.get(topic);
+    if (!recorded || got.length === 0) {
+      continue;
+    }
+    const at = new Map(recorded.map(([time, bytes], i) => [`${time} ${bytes}`, i]));
+    let last = -1;
+    let lost = 0;
+    for (const [time, bytes] of got) {
+      const place = at.get(`${time} ${bytes}`);
+      assert.ok(place !== undefined, `${topic}: a message of ${time} is not in the recording, or is another one`);
+      assert.ok(place > last, `${topic}: a message came twice or in another order`);
+      lost += last < 0 ? 0 : place - last - 1;
+      last = place;
+      ++compared;
+    }
+    assert.ok(lost === 0 || excused.some((text) => text.startsWith(`${topic}: `)),
+              `${topic}: ${lost} messages did not come, and no status says so`);
+    missing += lost;
+  }
+  return { compared, missing };
 }
 
 // ---- The recording, by npm's reader ----
@@ -168,30 +229,7 @@ try {
   const log = await readLog(join(folder, "live.mcap"));
 
   for (const watcher of watchers) {
-    assert.equal(watcher.undecoded, 0, "messages that the schema does not decode");
-    const excused = watcher.statuses.map(({ message }) => message);
-    let compared = 0;
-    let missing = 0;
-    for (const [topic, got] of watcher.messages) {
-      const recorded = log.get(topic);
-      if (!recorded || got.length === 0) {
-        continue;
-      }
-      const at = new Map(recorded.map(([time, bytes], i) => [`${time} ${bytes}`, i]));
-      let last = -1;
-      let lost = 0;
-      for (const [time, bytes] of got) {
-        const place = at.get(`${time} ${bytes}`);
-        assert.ok(place !== undefined, `${topic}: a message of ${time} is not in the recording, or is another one`);
-        assert.ok(place > last, `${topic}: a message came twice or in another order`);
-        lost += last < 0 ? 0 : place - last - 1;
-        last = place;
-        ++compared;
-      }
-      assert.ok(lost === 0 || excused.some((text) => text.startsWith(`${topic}: `)),
-                `${topic}: ${lost} messages did not come, and no status says so`);
-      missing += lost;
-    }
+    const { compared, missing } = compare(watcher, log);
     assert.ok(compared > 100, `only ${compared} messages came`);
     console.log(`${watcher.client === first.client ? "foxglove.websocket.v1" : "foxglove.sdk.v1"}: ` +
                 `${watcher.channels.size} channels, ${compared} messages equal, ${missing} left out and told`);
@@ -200,5 +238,49 @@ try {
   console.error(lines.join("\n"));
   run.kill();
   throw error;
+}
+
+// ---- The recording, played ----
+
+const log = await readLog(join(folder, "live.mcap"));
+const viewer = spawn(fastcycle, ["view", "live.mcap", "--live", "127.0.0.1:0", "--paused"],
+                     { cwd: folder, stdio: ["ignore", "pipe", "inherit"] });
+try {
+  let address = "";
+  createInterface({ input: viewer.stdout }).on("line", (line) => (address ||= line.match(/(http:\S+)/)?.[1] ?? ""));
+  await until("the address of the viewer", () => address);
+  const watcher = new Watcher(address, "foxglove.sdk.v1");
+  await until("the list of channels", () => watcher.channels.size > 10);
+  assert.ok(watcher.info.capabilities.includes("playbackControl") && watcher.info.capabilities.includes("time"));
+  const nanoseconds = ({ sec, nsec }) => BigInt(sec) * 1_000_000_000n + BigInt(nsec);
+  const [begin, end] = [watcher.info.dataStartTime, watcher.info.dataEndTime].map(nanoseconds);
+  watcher.subscribeToAll();
+
+  const started = await control(watcher, "play", { speed: 4 });
+  assert.deepEqual([started.status, started.speed], [PLAYING, 4]);
+  const ended = await until("the end", () => watcher.states.find(({ status }) => status === ENDED));
+  assert.equal(ended.time, end);
+  await new Promise((ready) => setTimeout(ready, 1500));  // Until it was told what did not come.
+  const all = compare(watcher, log);
+  assert.ok(watcher.messages.get("localization/ego").length > 100);
+
+  // The last message of each topic before that time, and nothing else, behind the news that it is another time.
+  for (const part of [2n, 4n, 3n]) {
+    const seek = begin + (end - begin) / part;
+    const state = await control(watcher, `seek ${part}`, { pauses: true, seek });
+    assert.equal(state.time, seek);
+    assert.ok(watcher.states.some(({ didSeek, time }) => didSeek && time === seek));
+    for (const topic of ["localization/ego", "planning/plan", "map/tile"]) {
+      const before = log.get(topic).filter(([time]) => time <= seek).at(-1);
+      const got = await until(`${topic} at ${seek}`, () => watcher.messages.get(topic)[0]);
+      assert.deepEqual(got, before, topic);
+      assert.equal(watcher.messages.get(topic).length, 1, topic);
+    }
+  }
+  console.log(`view: ${all.compared} messages equal, ${all.missing} left out and told`);
+} finally {
+  const over = new Promise((done) => viewer.on("exit", done));
+  viewer.kill("SIGINT");
+  assert.equal(await over, 0, "how the viewer ended");
 }
 process.exit(0);

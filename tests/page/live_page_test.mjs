@@ -44,8 +44,11 @@ writeFileSync(join(folder, "more.json"), JSON.stringify({
   ] }));
 
 // The address of a new run, when it is there. Slow, so that the drive takes as long as the tests.
-function start(...words) {
-  const run = spawn(fastcycle, ["run", application, "--overlay", "more.json", "--rate", "0.2", "--live", "127.0.0.1:0", ...words],
+const start = (...words) =>
+  launch("run", application, "--overlay", "more.json", "--rate", "0.2", "--live", "127.0.0.1:0", ...words);
+
+function launch(...words) {
+  const run = spawn(fastcycle, words,
                     { cwd: folder, env: { ...process.env, XDG_RUNTIME_DIR: join(folder, "sockets") }, stdio: ["ignore", "pipe", "pipe"] });
   runs.add(run);
   return new Promise((done, fail) => {
@@ -53,7 +56,7 @@ function start(...words) {
     const late = setTimeout(() => fail(new Error(`no address after ${BOUND_MS} ms:\n${text}`)), BOUND_MS);
     const read = (bytes) => {
       text += bytes;
-      const found = /live: (http:\/\/\S+)/.exec(text);
+      const found = /(http:\/\/\S+)/.exec(text);
       if (found) {
         clearTimeout(late);
         done({ run, address: found[1] });
@@ -468,6 +471,40 @@ test("what the run does not allow cannot be pressed", async (page, open) => {
   assert.deepEqual(await paleTexts(other), []);
   await other.close();
   await end(second);
+});
+
+test("a recording is played, and moved to any time", async (_, open) => {
+  const run = spawn(fastcycle, ["run", application, "--clock", "simulated", "--for", "6s", "--quiet",
+                                "--set", "logging.file=to_view.mcap"], { cwd: folder, stdio: "ignore" });
+  assert.equal(await new Promise((done) => run.on("exit", done)), 0);
+  const viewer = await launch("view", "to_view.mcap", "--live", "127.0.0.1:0", "--paused", "--start", "2s");
+  const other = await open(viewer.address);
+  const at = (time) => other.waitForFunction((expected) => Math.abs(window.fastcycle.state().time - expected) < 1e-6, time);
+  await at(2);
+  assert.equal(await other.textContent("#connection"), "recording");
+  assert.equal(await other.textContent("#play"), "play");
+  await shows(other, "--object", 50);
+  assert.equal(await other.locator("#tab_params").isVisible(), false);
+  await picture(other, "view");
+
+  await other.keyboard.press("ArrowRight");
+  await at(2.1);
+  await other.keyboard.press("Shift+ArrowLeft");
+  await at(1.1);
+  await other.fill("#slider", "4.5");
+  await at(4.5);
+  await shows(other, "--object", 50);
+  await other.keyboard.press("Home");
+  await at(0);
+  await other.selectOption("#rate", "4");
+  await other.click("#play");
+  await other.waitForFunction(() => window.fastcycle.state().time > 2);
+  await other.keyboard.press("End");
+  await other.waitForFunction(() => document.querySelector("#play").textContent === "play");
+  assert.match(await other.textContent("#time"), /^(6\.\d\d) of \1 s$/);
+  assert.deepEqual(await paleTexts(other), []);
+  await other.close();
+  await end(viewer);
 });
 
 // ---- The browser ----

@@ -45,6 +45,7 @@ Command add_split(CLI::App& program);
 Command add_recover(CLI::App& program);
 Command add_doctor(CLI::App& program);
 Command add_render(CLI::App& program);
+Command add_view(CLI::App& program);
 Command add_verify(CLI::App& program);
 Command add_compare(CLI::App& program);
 Command add_debug(CLI::App& program);

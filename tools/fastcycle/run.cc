@@ -24,6 +24,7 @@
 #include "host/pace.h"
 #include "host/prepare_replay.h"
 #include "host/recording.h"
+#include "inspect/refusal.h"
 #include "inspect/server.h"
 #include "inspect_options.h"
 #include "live/record.h"
@@ -160,6 +161,46 @@ void obey(char key, host::WallPace& pace, host::Application& application) {
   }
 }
 
+/// Lets browsers and Foxglove pause what is played, and set its rate.
+class PlayControl final : public inspect::PlaybackControl {
+ public:
+  PlayControl(host::WallPace& pace, const host::Application& application,
+              const host::Replay& replay)
+      : pace_(pace), application_(application), replay_(replay) {}
+
+  void obey(const inspect::protocol::ControlPlayback& control) override {
+    using Control = inspect::protocol::ControlPlayback;
+    if (control.has_seek()) {
+      throw inspect::Refusal(inspect::protocol::Error::KIND_REFUSED,
+                             "the recording is played into components, which cannot go to "
+                             "another time",
+                             "fastcycle view LOG shows a recording, and can");
+    }
+    if (control.speed() > 0) {
+      pace_.set_rate(std::clamp(control.speed(), kMinRate, kMaxRate));
+    }
+    if (control.command() != Control::COMMAND_NONE) {
+      pace_.set_paused(control.command() == Control::COMMAND_PAUSE);
+    }
+  }
+
+  [[nodiscard]] inspect::protocol::Playback state() const override {
+    using Playback = inspect::protocol::Playback;
+    Playback playback;
+    playback.set_status(pace_.is_paused() ? Playback::STATUS_PAUSED : Playback::STATUS_PLAYING);
+    playback.set_now_ns(base::to_ns(application_.clock().now()));
+    playback.set_speed(pace_.rate());
+    playback.set_begin_ns(base::to_ns(replay_.begin()));
+    playback.set_end_ns(base::to_ns(replay_.begin() + replay_.length()));
+    return playback;
+  }
+
+ private:
+  host::WallPace& pace_;
+  const host::Application& application_;
+  const host::Replay& replay_;
+};
+
 /// "   paused", "   2 times as fast"
 std::string text_of(const host::WallPace& pace) {
   if (pace.is_paused()) {
@@ -278,6 +319,7 @@ int run_application(const config::ApplicationDescription& description,
     classes = replay.get();
   }
   host::WallPace pace(options.play_rate);
+  std::optional<PlayControl> play_control;    // Outlives who asks it.
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
   std::optional<web::Server> live_server;
   std::unique_ptr<trace::Tracer> tracer;
@@ -293,6 +335,9 @@ int run_application(const config::ApplicationDescription& description,
     inspection.emplace(application, options.inspect.describe(description),
                        is_wanted ? inspect::socket_folder() : std::filesystem::path());
     application.add(*inspection);  // Before those who record what it publishes.
+    if (options.is_played && replay != nullptr) {
+      inspection->offer(play_control.emplace(pace, application, *replay));
+    }
     if (!description.chains.empty()) {
       inspection->offer("chains",
                         [&application] { return to_json(application.chains().report()).dump(); });

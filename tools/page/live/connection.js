@@ -4,6 +4,8 @@
 const SUBPROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 const MESSAGE_DATA = 1;
 const TIME = 2;
+const PLAYBACK_STATE = 5;
+const CONTROL_PLAYBACK = 3;  // Of the client.
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 10_000;
 
@@ -17,7 +19,8 @@ export class Connection {
   #wait = FIRST_WAIT_MS;
   #socket = null;
 
-  // `listener` has opened(info, isAnother), closed(why, waitMs), channels(), time(ns), status(level, text), graph(json).
+  // `listener` has opened(info, isAnother), closed(why, waitMs), channels(), time(ns), status(level, text), graph(json),
+  // playback({ status, now, speed, didSeek, request }).
   constructor(listener) {
     this.listener = listener;
     this.token = new URLSearchParams(location.search).get("token") ?? "";
@@ -155,7 +158,30 @@ export class Connection {
       this.#subscriptions.get(topic)?.listeners.forEach((take) => take(time, payload));
     } else if (view.getUint8(0) === TIME) {
       this.listener.time(view.getBigUint64(1, true));
+    } else if (view.getUint8(0) === PLAYBACK_STATE) {
+      this.listener.playback({
+        status: view.getUint8(1), now: view.getBigUint64(2, true), speed: view.getFloat32(10, true),
+        didSeek: view.getUint8(14) !== 0,
+        request: new TextDecoder().decode(new Uint8Array(buffer, 19, view.getUint32(15, true))) });
     }
+  }
+
+  // Steers a recording that is played; `seek` is a time in nanoseconds, or null. False: there is no connection.
+  control({ pauses, speed, seek, request }) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) {
+      return false;
+    }
+    const name = new TextEncoder().encode(request);
+    const frame = new DataView(new ArrayBuffer(19 + name.length));
+    frame.setUint8(0, CONTROL_PLAYBACK);
+    frame.setUint8(1, pauses ? 1 : 0);
+    frame.setFloat32(2, speed, true);
+    frame.setUint8(6, seek === null ? 0 : 1);
+    frame.setBigUint64(7, seek ?? 0n, true);
+    frame.setUint32(15, name.length, true);
+    new Uint8Array(frame.buffer).set(name, 19);
+    this.#socket.send(frame.buffer);
+    return true;
   }
 
   // The answer to a request of messages/inspect/inspect.proto: what it has under `expected`.

@@ -58,6 +58,11 @@ export class LiveDrive {
     this.messages = 0;
   }
 
+  // A recording was moved to another time: what was drawn may be of a time behind it.
+  forget() {
+    Object.values(this.drive.layers).forEach((layer) => layer.clear());
+  }
+
   #begin(name, { topic, fields, most_hz }, channel) {
     let type;
     let pick;
@@ -118,6 +123,10 @@ export class Clock {
     // Latched messages are older than what came first.
     this.newest = Math.max(this.newest, time);
     return time;
+  }
+  // Times count from `ns` on.
+  begin(ns) {
+    this.#zero = ns;
   }
   get isSet() {
     return this.#zero !== null;

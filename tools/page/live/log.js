@@ -52,6 +52,12 @@ export class Log {
     this.#show();
   }
 
+  // A recording was moved to another time.
+  forget() {
+    this.lines = [];
+    this.#show();
+  }
+
   // Called again and again.
   tick() {
     if (this.#isDirty && this.isShown) {

@@ -11,6 +11,7 @@ import { Log } from "./log.js";
 import { MessageTypes } from "./messages.js";
 import { Overview } from "./overview.js";
 import { Params } from "./params.js";
+import { Playback } from "./playback.js";
 import { LivePlots } from "./plots.js";
 import { say } from "./rows.js";
 import { Tabs } from "./tabs.js";
@@ -26,7 +27,10 @@ element("view").remove();
 
 const types = new MessageTypes();
 const clock = new Clock();
-const connection = new Connection({ opened, closed, channels, status, time: () => {}, graph });
+const connection = new Connection({
+  opened, closed, channels, status, graph, time: (ns) => playback.tick(ns),
+  playback: (state) => { playback.take(state); showButtons(); draw(); } });
+const playback = new Playback(connection, clock, moved);
 const shown = { points: false };  // Of the scene's layers; the lidar is most of what there is to send.
 const live = new LiveDrive(view, connection, types, clock, (layer) => shown[layer] ?? true);
 const scene = new Scene(element("canvas"), live.drive);
@@ -65,7 +69,9 @@ function opened(info, isAnother) {
   }
   document.title = info.name;
   say(element("title"), info.metadata?.application ?? info.name);
-  say(element("connection"), "live");
+  playback.opened(info);
+  say(element("connection"), playback.isThere ? "recording" : "live");
+  if (playback.isThere && !["topics", "log"].includes(tabs.shown)) tabs.show("topics");
   element("connection").dataset.meaning = "good";
   say(element("notice"), "");
   overview.start();
@@ -149,7 +155,20 @@ function oldest() {
   return Math.max(0, clock.newest - KEPT_S);
 }
 
+// A recording was moved to another time.
+function moved(to) {
+  live.forget();
+  plots.clear();
+  log.forget();
+  time = to;
+  draw();
+}
+
 function seek(to) {
+  if (playback.isThere) {
+    playback.seek(to);
+    return;
+  }
   isLive = to >= clock.newest;
   time = Math.min(clock.newest, Math.max(oldest(), to));
   showButtons();
@@ -161,19 +180,29 @@ function goLive() {
 }
 
 function setPlaying(plays) {
+  if (playback.isThere) {
+    playback.play(plays);
+    showButtons();
+    return;
+  }
   isPlaying = plays;
   isLive = plays && time >= clock.newest - JUMP_S;
   showButtons();
 }
 
+function plays() {
+  return playback.isThere ? playback.isPlaying : isPlaying;
+}
+
 function showButtons() {
-  say(element("play"), isPlaying ? "pause" : "play");
+  say(element("play"), plays() ? "pause" : "play");
   element("live").setAttribute("aria-pressed", isLive);
 }
 
 function changeRate(by) {
   const rate = element("rate");
   rate.selectedIndex = Math.min(rate.options.length - 1, Math.max(0, rate.selectedIndex + by));
+  rate.dispatchEvent(new Event("change"));
 }
 
 // How fast the run's time passes, beside that of the machine: as over the last half second or more.
@@ -185,7 +214,9 @@ function measurePace(now) {
 }
 
 function pass(seconds) {
-  if (isLive) {
+  if (playback.isThere && !playback.isPlaying) {
+    time = clock.newest;
+  } else if (isLive) {
     // Evenly, and never far from what has come.
     const target = clock.newest - BEHIND_S;
     const ahead = time + seconds * pace.rate;
@@ -224,6 +255,10 @@ function frame(now) {
 }
 
 function showTime() {
+  if (playback.isThere) {
+    playback.showTime(time);
+    return;
+  }
   const slider = element("slider");
   const behind = clock.newest - time;
   slider.min = -Math.min(KEPT_S, clock.newest);
@@ -264,13 +299,13 @@ function setWide(wide) {
 
 const keys = {
   ...controls.keys,
-  " ": () => setPlaying(!isPlaying),
+  " ": () => setPlaying(!plays()),
   ArrowLeft: (event) => pausedAt(time - (event.shiftKey ? 1 : 0.1)),
   ArrowRight: (event) => pausedAt(time + (event.shiftKey ? 1 : 0.1)),
   ArrowUp: () => changeRate(1),
   ArrowDown: () => changeRate(-1),
-  Home: () => pausedAt(oldest()),
-  End: goLive,
+  Home: () => (playback.isThere ? playback.seek(0) : pausedAt(oldest())),
+  End: () => (playback.isThere ? playback.seek(playback.length) : goLive()),
   l: goLive,
   w: () => setWide(!isWide),
   t: () => theme.toggle(),
@@ -278,6 +313,11 @@ const keys = {
 
 // Somebody who steps looks at one time.
 function pausedAt(to) {
+  if (playback.isThere) {
+    playback.seek(to, false);
+    showButtons();
+    return;
+  }
   isPlaying = false;
   seek(to);
   isLive = false;
@@ -296,6 +336,10 @@ listenToButtons({
 });
 element("slider").addEventListener("input", () => {
   const value = Number(element("slider").value);
+  if (playback.isThere) {
+    playback.seek(value);
+    return;
+  }
   (value >= 0 ? goLive() : pausedAt(clock.newest + value));
 });
 const theme = new Theme(() => {
@@ -316,7 +360,7 @@ requestAnimationFrame(frame);
 
 // For tests, and for whoever opens the browser's console.
 window.fastcycle = {
-  live, scene, plots, overview, connection, clock, seek, pausedAt, goLive, graph: graphView,
+  live, scene, plots, overview, connection, clock, playback, seek, pausedAt, goLive, graph: graphView,
   state: () => ({ time, isLive, isPlaying, frames, firstPicture, newest: clock.newest, messages: live.messages,
                   objects: scene.objects.length, camera: { ...scene.camera }, isConnected: connection.isOpen,
                   subscribed: connection.subscribed() }),

@@ -6,15 +6,17 @@ export class Tabs {
   constructor(changed) {
     this.changed = changed;
     this.tabs = [...element("tabs").querySelectorAll("[role=tab]")];
-    this.tabs.forEach((tab, i) => {
+    this.tabs.forEach((tab) => {
       tab.addEventListener("click", () => this.show(this.nameOf(tab)));
       tab.addEventListener("keydown", (event) => {
-        const last = this.tabs.length - 1;
-        const next = { ArrowRight: i === last ? 0 : i + 1, ArrowLeft: i === 0 ? last : i - 1, Home: 0, End: last }[event.key];
+        const there = this.tabs.filter((one) => one.offsetParent !== null);  // Some have no use for a recording.
+        const at = there.indexOf(tab);
+        const last = there.length - 1;
+        const next = { ArrowRight: at === last ? 0 : at + 1, ArrowLeft: at === 0 ? last : at - 1, Home: 0, End: last }[event.key];
         if (next !== undefined) {
           event.preventDefault();
-          this.show(this.nameOf(this.tabs[next]));
-          this.tabs[next].focus();
+          this.show(this.nameOf(there[next]));
+          there[next].focus();
         }
       });
     });
