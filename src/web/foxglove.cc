@@ -98,7 +98,7 @@ std::string server_info(const std::string& name, const std::string& session,
                         const std::map<std::string, std::string>& metadata,
                         const std::optional<TimeRange>& data) {
   Json info{{"op", "serverInfo"},           {"name", name},
-            {"capabilities", capabilities}, {"supportedEncodings", {"protobuf"}},
+            {"capabilities", capabilities}, {"supportedEncodings", {kProtobuf, kJson}},
             {"metadata", metadata},         {"sessionId", session}};
   if (data) {
     constexpr std::int64_t kSecond = 1'000'000'000;
@@ -116,19 +116,19 @@ std::string advertise(std::span<const Channel> channels) {
   for (const Channel& channel : channels) {
     list.push_back({{"id", channel.id},
                     {"topic", channel.topic},
-                    {"encoding", "protobuf"},
+                    {"encoding", kProtobuf},
                     {"schemaName", channel.type},
                     {"schema", to_base64(channel.schema)},
-                    {"schemaEncoding", "protobuf"}});
+                    {"schemaEncoding", kProtobuf}});
   }
   return dump({{"op", "advertise"}, {"channels", std::move(list)}});
 }
 
 std::string advertise_services(std::span<const Service> services) {
   const auto side = [](const std::string& type, const std::string& schema) {
-    return Json{{"encoding", "protobuf"},
+    return Json{{"encoding", kProtobuf},
                 {"schemaName", type},
-                {"schemaEncoding", "protobuf"},
+                {"schemaEncoding", kProtobuf},
                 {"schema", to_base64(schema)}};
   };
   Json list = Json::array();
@@ -185,13 +185,13 @@ std::string time(std::int64_t time_ns) {
   return frame;
 }
 
-std::string service_reply(std::uint32_t service, std::uint32_t call, std::string_view payload) {
-  constexpr std::string_view kEncoding = "protobuf";
+std::string service_reply(std::uint32_t service, std::uint32_t call, std::string_view encoding,
+                          std::string_view payload) {
   std::string frame(1, kServiceReply);
   append_u32(frame, service);
   append_u32(frame, call);
-  append_u32(frame, static_cast<std::uint32_t>(kEncoding.size()));
-  frame += kEncoding;
+  append_u32(frame, static_cast<std::uint32_t>(encoding.size()));
+  frame += encoding;
   frame += payload;
   return frame;
 }

@@ -24,6 +24,10 @@ using Json = nlohmann::ordered_json;
 inline constexpr std::string_view kNewSubprotocol = "foxglove.sdk.v1";
 inline constexpr std::string_view kOldSubprotocol = "foxglove.websocket.v1";
 
+/// Encodings of messages: those of the server are protobuf, clients may send protobuf's JSON too.
+inline constexpr std::string_view kProtobuf = "protobuf";
+inline constexpr std::string_view kJson = "json";
+
 /// The one that is spoken with who offers `offered`, a list with commas; empty: none of it.
 [[nodiscard]] std::string_view choose_subprotocol(std::string_view offered);
 
@@ -83,7 +87,7 @@ struct TimeRange {
 [[nodiscard]] std::string message_head(std::uint32_t subscription, std::int64_t time_ns);
 [[nodiscard]] std::string time(std::int64_t time_ns);
 [[nodiscard]] std::string service_reply(std::uint32_t service, std::uint32_t call,
-                                        std::string_view payload);
+                                        std::string_view encoding, std::string_view payload);
 
 /// How a recording is played.
 struct PlaybackState {

@@ -32,7 +32,7 @@ TEST(Foxglove, WritesHeadsOfMessages) {
   EXPECT_EQ(message_head(0x01020304, 0x1112131415161718),
             std::string("\x01\x04\x03\x02\x01\x18\x17\x16\x15\x14\x13\x12\x11", 13));
   EXPECT_EQ(time(5), std::string("\x02\x05\0\0\0\0\0\0\0", 9));
-  EXPECT_EQ(service_reply(1, 2, "xy"),
+  EXPECT_EQ(service_reply(1, 2, kProtobuf, "xy"),
             std::string("\x03\x01\0\0\0\x02\0\0\0\x08\0\0\0", 13) + "protobuf" + "xy");
 }
 
@@ -48,6 +48,28 @@ TEST(Foxglove, ReadsFramesOfClients) {
   EXPECT_EQ(read->call, 2);
   EXPECT_EQ(read->encoding, "enc");
   EXPECT_EQ(read->payload, "xy");
+}
+
+TEST(Foxglove, KnowsHowARecordingIsPlayed) {
+  EXPECT_EQ(
+      playback_state({.status = PlaybackState::Status::kPaused,
+                      .now_ns = 0x1112131415161718,
+                      .speed = 2,
+                      .did_seek = true,
+                      .request = "ab"}),
+      std::string("\x05\x01\x18\x17\x16\x15\x14\x13\x12\x11\0\0\0\x40\x01\x02\0\0\0", 19) + "ab");
+  const std::string frame =
+      std::string("\x03\x01\0\0\0\x3f\x01\x07\0\0\0\0\0\0\0\x03\0\0\0", 19) + "abc";
+  const auto read = read_playback(frame);
+  ASSERT_TRUE(read);
+  EXPECT_TRUE(read->is_pause);
+  EXPECT_EQ(read->speed, 0.5F);
+  EXPECT_EQ(read->seek_ns, 7U);
+  EXPECT_EQ(read->request, "abc");
+  for (std::size_t size = 0; size < frame.size(); ++size) {
+    EXPECT_FALSE(read_playback(std::string_view(frame).substr(0, size))) << size;
+  }
+  EXPECT_FALSE(read_playback(frame + "d"));
 }
 
 TEST(Foxglove, DoesNotReadFramesThatAreCutOff) {

@@ -213,6 +213,15 @@ const foxglove::Service* Hub::find_service(std::uint32_t id) const {
   return id == 0 || id > services_.size() ? nullptr : &services_[id - 1];
 }
 
+const archive::MessageType& Hub::type_of(const std::string& name, const std::string& schema) {
+  std::unique_ptr<archive::MessageType>& type = types_[name];
+  if (type == nullptr) {
+    type = std::make_unique<archive::MessageType>(
+        mcap::Schema{.id = 1, .name = name, .encoding = "protobuf", .data = schema});
+  }
+  return *type;
+}
+
 bool Hub::may(std::string_view word) const {
   return std::ranges::find(application_->welcome().allow(), word) !=
          application_->welcome().allow().end();

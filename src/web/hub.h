@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "archive/message_type.h"
 #include "inspect/client.h"
 #include "mcap/topic_filter.h"
 #include "web/foxglove.h"
@@ -93,6 +94,11 @@ class Hub {
   [[nodiscard]] const foxglove::Service* find_service(std::uint32_t id) const;
   void subscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel);
   void unsubscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel);
+  /// The message type `name`, which `schema`, a serialized `FileDescriptorSet`, describes.
+  ///
+  /// @errors  `std::runtime_error` that says what of the schema is wrong.
+  [[nodiscard]] const archive::MessageType& type_of(const std::string& name,
+                                                    const std::string& schema);
   [[nodiscard]] bool may_publish(const std::string& topic) const;
   [[nodiscard]] bool may(std::string_view word) const;
   [[nodiscard]] const foxglove::Graph& graph() const { return graph_; }
@@ -147,7 +153,8 @@ class Hub {
     const Asker* asker;
     Take take;
   };
-  std::map<std::uint32_t, Asked> asked_;  ///< By request.
+  std::map<std::uint32_t, Asked> asked_;                                ///< By request.
+  std::map<std::string, std::unique_ptr<archive::MessageType>> types_;  ///< Asked for so far.
   std::set<Listener*> listeners_;
   foxglove::Graph graph_;
   std::optional<inspect::protocol::Playback> playback_;

@@ -47,6 +47,7 @@ using asio::ip::tcp;
 using foxglove::Json;
 using google::protobuf::Int64Value;
 using ::testing::Contains;
+using ::testing::Eq;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 using namespace std::chrono_literals;
@@ -493,7 +494,8 @@ TEST_F(LiveServer, PublishesAndCallsWhereThatIsAllowed) {
 
   Int64Value number;
   number.set_value(21);
-  const std::string call = foxglove::service_reply(service["id"], 5, number.SerializeAsString());
+  const std::string call =
+      foxglove::service_reply(service["id"], 5, foxglove::kProtobuf, number.SerializeAsString());
   client.say_raw("\x02" + call.substr(1), false);
   const std::string reply = client.await_binary(3);
   EXPECT_EQ(number_at(reply, 5, 4), 5);
@@ -518,6 +520,42 @@ TEST_F(LiveServer, PublishesAndCallsWhereThatIsAllowed) {
   client.say({{"op", "advertise"},
               {"channels", {{{"id", 2}, {"topic", "numbers"}, {"encoding", "protobuf"}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("numbers"));
+}
+
+TEST_F(LiveServer, TakesJsonOfClients) {
+  run(allow({"publish"}));
+  Client client = connect();
+  EXPECT_THAT(client.await("serverInfo")["supportedEncodings"], Contains("json"));
+  const Json channel = channel_of(client.await("advertise"), "numbers");
+  const Json service = client.await("advertiseServices")["services"][0];
+
+  // Int64Value is a text in protobuf's JSON.
+  const auto call = [&](std::uint32_t number, const std::string& text) {
+    client.say_raw("\x02" + foxglove::service_reply(service["id"], number, "json", text).substr(1),
+                   false);
+  };
+  call(6, "\"21\"");
+  EXPECT_THAT(client.await_binary(3).substr(9), Eq(std::string("\4\0\0\0json\"42\"", 12)));
+  call(7, "{\"value\": 21");
+  EXPECT_EQ(client.await("serviceCallFailure")["callId"], 7);
+
+  const auto say = [&](const std::string& text) {
+    client.say_raw(std::string("\x01\x09\0\0\0", 5) + text, false);
+  };
+  client.say({{"op", "advertise"},
+              {"channels", {{{"id", 9}, {"topic", "wishes"}, {"encoding", "json"}}}}});
+  say("[1, 2]");
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("\"wishes\": "));
+  say("\"1000000\"");
+  client.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+  Int64Value number;
+  do {
+    ASSERT_TRUE(number.ParseFromString(client.await_binary(1).substr(13)));
+  } while (number.value() < 1'000'000);
+
+  client.say({{"op", "advertise"},
+              {"channels", {{{"id", 10}, {"topic", "wishes"}, {"encoding", "cdr"}}}}});
+  EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("protobuf or json"));
 }
 
 TEST_F(LiveServer, ShowsWhoIsConnected) {

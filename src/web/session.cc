@@ -2,9 +2,11 @@
 
 #include <cmath>
 #include <memory>
+#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
 
 #include "inspect/inspect.pb.h"
 
@@ -62,6 +64,29 @@ foxglove::PlaybackState to_state(const protocol::Playback& playback) {
       state.status = Status::kPlaying;
   }
   return state;
+}
+
+bool is_known(std::string_view encoding) {
+  return encoding == foxglove::kProtobuf || encoding == foxglove::kJson;
+}
+
+/// What protobuf's JSON says, as a serialized message.
+///
+/// @errors  `std::runtime_error` that says what is wrong with it.
+std::string to_bytes(std::string_view json, const archive::MessageType& type) {
+  return type.parse_json(json)->SerializeAsString();
+}
+
+std::string to_json(std::string_view bytes, const archive::MessageType& type) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.always_print_primitive_fields = true;
+  options.preserve_proto_field_names = true;
+  std::string json;
+  const auto message = type.parse(mcap::bytes_of(bytes));
+  if (!google::protobuf::util::MessageToJsonString(*message, &json, options).ok()) {
+    throw std::runtime_error("the answer cannot be told as JSON: it is one of protobuf only");
+  }
+  return json;
 }
 
 /// `value` as the application reads it: clients say 3.0 for the integer 3.
@@ -277,13 +302,14 @@ void Session::advertise(const Json& json) {
                       topic));
     } else if (const auto* channel = hub_.find_channel(topic); channel == nullptr) {
       refuse(fmt::format("there is no topic \"{}\"", topic));
-    } else if (foxglove::text_of(one, "encoding") != "protobuf") {
-      refuse(
-          fmt::format("topic \"{}\" wants the encoding protobuf, type {}", topic, channel->type));
+    } else if (const std::string encoding = foxglove::text_of(one, "encoding");
+               !is_known(encoding)) {
+      refuse(fmt::format("topic \"{}\" wants the encoding protobuf or json, type {}, not \"{}\"",
+                         topic, channel->type, encoding.substr(0, 64)));
     } else if (own_channels_.size() >= kMaxChannels && !own_channels_.contains(*id)) {
       refuse(fmt::format("a client has at most {} channels", kMaxChannels));
     } else {
-      own_channels_[*id] = topic;
+      own_channels_[*id] = {.topic = topic, .is_json = encoding == foxglove::kJson};
     }
   }
 }
@@ -302,10 +328,19 @@ void Session::publish(const foxglove::ClientMessage& message) {
     refuse(fmt::format("channel {} was not advertised", message.channel));
     return;
   }
+  const auto& [topic, is_json] = found->second;
   protocol::Request request;
-  request.mutable_publish()->set_topic(found->second);
-  request.mutable_publish()->set_message(std::string(message.payload));
-  hub_.ask(*this, std::move(request), [this, topic = found->second](const auto& answer) {
+  request.mutable_publish()->set_topic(topic);
+  try {
+    const foxglove::Channel& channel = *hub_.find_channel(topic);
+    request.mutable_publish()->set_message(
+        is_json ? to_bytes(message.payload, hub_.type_of(channel.type, channel.schema))
+                : std::string(message.payload));
+  } catch (const std::runtime_error& error) {
+    refuse(fmt::format("topic \"{}\": {}", topic, error.what()));
+    return;
+  }
+  hub_.ask(*this, std::move(request), [this, topic = topic](const auto& answer) {
     if (answer.has_error()) {
       refuse(fmt::format("topic \"{}\": {}", topic, answer.error().text()));
     }
@@ -321,24 +356,44 @@ void Session::call(const foxglove::ClientCall& call) {
     fail(fmt::format("there is no service {}", call.service));
     return;
   }
-  if (call.encoding != "protobuf") {
-    fail(fmt::format("service \"{}\" wants the encoding protobuf, not \"{}\"", service->name,
-                     call.encoding.substr(0, 64)));
+  if (!is_known(call.encoding)) {
+    fail(fmt::format("service \"{}\" wants the encoding protobuf or json, not \"{}\"",
+                     service->name, call.encoding.substr(0, 64)));
     return;
   }
+  const bool is_json = call.encoding == foxglove::kJson;
   protocol::Request request;
   request.mutable_call_service()->set_service(service->name);
-  request.mutable_call_service()->set_request(std::string(call.payload));
-  hub_.ask(*this, std::move(request),
-           [this, fail, id = call.service, number = call.call](const protocol::Answer& answer) {
-             if (answer.has_error()) {
-               fail(answer.error().text());
-             } else if (answer.reply().status() != "ok") {
-               fail(answer.reply().status() + ": " + answer.reply().error());
-             } else {
-               say_binary(foxglove::service_reply(id, number, answer.reply().reply()));
-             }
-           });
+  try {
+    request.mutable_call_service()->set_request(
+        is_json
+            ? to_bytes(call.payload, hub_.type_of(service->request_type, service->request_schema))
+            : std::string(call.payload));
+  } catch (const std::runtime_error& error) {
+    fail(error.what());
+    return;
+  }
+  hub_.ask(
+      *this, std::move(request),
+      [this, fail, is_json, id = call.service, number = call.call](const protocol::Answer& answer) {
+        if (answer.has_error()) {
+          fail(answer.error().text());
+        } else if (answer.reply().status() != "ok") {
+          fail(answer.reply().status() + ": " + answer.reply().error());
+        } else if (is_json) {
+          const foxglove::Service& its = *hub_.find_service(id);
+          try {
+            say_binary(foxglove::service_reply(
+                id, number, foxglove::kJson,
+                to_json(answer.reply().reply(), hub_.type_of(its.reply_type, its.reply_schema))));
+          } catch (const std::runtime_error& error) {
+            fail(error.what());
+          }
+        } else {
+          say_binary(
+              foxglove::service_reply(id, number, foxglove::kProtobuf, answer.reply().reply()));
+        }
+      });
 }
 
 void Session::control(const foxglove::ClientPlayback& playback) {

@@ -67,7 +67,11 @@ class Session final : public Listener {
   Outbox outbox_;
   std::map<std::uint32_t, std::uint32_t> subscriptions_;  ///< To which channel.
   std::map<std::uint32_t, std::uint64_t> lost_;           ///< By subscription, not told yet.
-  std::map<std::uint32_t, std::string> own_channels_;     ///< Their topics.
+  struct OwnChannel {
+    std::string topic;
+    bool is_json = false;
+  };
+  std::map<std::uint32_t, OwnChannel> own_channels_;
   bool wants_graph_ = false;
   bool wants_params_ = false;
   std::set<std::string> params_;                    ///< Empty: all.

@@ -43,7 +43,7 @@ export class Topics {
     this.rows.show(names, (row, name) => {
       const one = this.overview.topics.get(name);
       say(row.rate, one ? rate(one.hz) : "");
-      say(row.drops, one ? `${one.dropped} dropped` : "");
+      say(row.drops, !one ? "" : one.subscribers?.length || one.dropped ? `${one.dropped} dropped` : `${one.published} messages`);
       row.drops.classList.toggle("bad", one?.dropsHz > 0);
     });
     say(element("topics_problem"), names.length === 0 ? "No topic has this in its name." : this.overview.problem);
