@@ -262,12 +262,20 @@ Time time_of(std::int64_t ns) {
   return Time(Duration(ns));
 }
 
+/// The workers of a bench may be in Python, which they need to end.
+struct DeleteWithoutGil {
+  void operator()(Bench* bench) const {
+    const py::gil_scoped_release others_run;
+    delete bench;
+  }
+};
+
 void bind_bench(py::module_& module) {
   module.def("schema_of_type",
              [](const std::string& type) { return py::bytes(schema_of_type(type)); });
 
   using Release = py::call_guard<py::gil_scoped_release>;
-  py::class_<Bench>(module, "Bench")
+  py::class_<Bench, std::unique_ptr<Bench, DeleteWithoutGil>>(module, "Bench")
       .def(py::init<std::vector<std::filesystem::path>>())
       .def("add", &Bench::add)
       .def("configure", &Bench::configure)
