@@ -206,6 +206,13 @@ void bind_logs(py::module_& module) {
              return py::make_tuple(schema.name, py::bytes(schema.data));
            })
       .def("fields_of", &fields_of)
+      .def(
+          "most_elements",
+          [](const std::shared_ptr<const Recording>& recording, const std::string& topic,
+             const std::string& path, std::uint64_t begin_ns, std::optional<std::uint64_t> end_ns) {
+            const py::gil_scoped_release others_run;
+            return most_elements(recording, query_of({topic}, begin_ns, end_ns), path);
+          })
       .def("table", [](const std::shared_ptr<Recording>& recording, const std::string& topic,
                        const std::vector<std::string>& fields, std::uint64_t begin_ns,
                        std::optional<std::uint64_t> end_ns) {
