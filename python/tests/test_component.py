@@ -162,13 +162,11 @@ def test_gets_no_more_messages_than_its_share_when_it_keeps_all(bench: Bench, ad
         ECHO
         + """
             self.images = []
+            context.timer(1.0, self.images.clear)
 
         def on_reading(self, reading):
             self.images.append(reading.image)
             self.report("heard", len(self.images))
-            self.report("last", reading.value)
-            if reading.text == "let go":
-                self.images = []
 """,
     )
     bench.configure(topics={"in": {"pool_max": 40}})
@@ -180,6 +178,10 @@ def test_gets_no_more_messages_than_its_share_when_it_keeps_all(bench: Bench, ad
     heard = bench.results("it")["heard"]
     assert heard < 200
     assert len(others.take()) == 200
+    bench.advance(1.0)  # It lets go of all of them.
+    for value in range(5):
+        readings.publish({"value": value, "image": b"x"})
+    assert bench.results("it")["heard"] == 5
 
 
 def test_lets_messages_go_when_its_callback_ends(bench: Bench, add: Add) -> None:
@@ -243,6 +245,44 @@ def test_has_parts_enumerations_and_repeated_messages(bench: Bench, add: Add) ->
     assert [(p.x_m, p.y_m) for p in built.nominal.points] == [(1.0, 2.0), (10.0, 11.0)]
     assert [p.x_m for p in built.minimal_risk.points] == [7.0, 20.0]
     assert len(copied.nominal.points) == 2 and copied.kind == 2
+
+
+def test_has_maps_and_one_of_several_fields(bench: Bench, add: Add) -> None:
+    add(
+        """
+    class Maps(Component):
+        def __init__(self, context):
+            self.out = context.publisher("out", "fastcycle.inspect.protocol.Started")
+            self.requests = context.publisher("requests", "fastcycle.inspect.protocol.Request")
+            context.subscribe("in", "fastcycle.inspect.protocol.Started", self.on_started)
+
+        def on_started(self, started):
+            self.report("facts", str(started.facts))
+            self.report("schemas", str([bytes(schema) for schema in started.schemas]))
+            self.out.publish(facts={"x": "1"} | started.facts, schemas=[b"s", started.schemas[0]])
+            request = self.requests.loan()
+            request.hello.client = "me"
+            hello = request.hello
+            request.overview.with_buckets = True
+            self.report("has", f"{request.HasField('hello')} {request.HasField('overview')}")
+            self.requests.publish(request)
+"""
+    )
+    started = bench.input("in", "fastcycle.inspect.protocol.Started")
+    out = bench.output("out", "fastcycle.inspect.protocol.Started")
+    requests = bench.output("requests", "fastcycle.inspect.protocol.Request")
+    bench.start()
+    started.publish({"facts": {"b": "2", "a": "1"}, "schemas": [b"one", b"two"]})
+    assert bench.faults("it") == []
+    assert bench.results("it") == {
+        "facts": "{'a': '1', 'b': '2'}",
+        "schemas": "[b'one', b'two']",
+        "has": "False True",
+    }
+    (made,) = out.take()
+    assert dict(made.facts) == {"x": "1", "a": "1", "b": "2"}
+    assert list(made.schemas) == [b"s", b"one"]
+    assert requests.take()[0].WhichOneof("what") == "overview"
 
 
 MISUSES = {
@@ -525,6 +565,58 @@ def test_is_found_when_it_does_not_repeat(tmp_path: pathlib.Path) -> None:
     )
     assert ended.returncode == 3
     assert '"walked", message 1\n    value: recorded' in ended.stdout
+
+
+def test_serves_several_components_at_once(tmp_path: pathlib.Path) -> None:
+    write_code(
+        tmp_path / "it.py",
+        """
+    import numpy
+    class Worker(Component):
+        def __init__(self, context):
+            self.out = context.publisher(context.component_name + "/out", "live.Reading")
+            context.subscribe("sensor/readings", "live.Reading", self.on_reading, keep=4)
+            for other in ("one", "two", "three"):
+                context.subscribe(f"{other}/out", "live.Reading", self.on_other)
+            self.kept, self.heard = [], 0
+
+        def on_reading(self, reading):
+            self.kept = self.kept[-3:] + [reading.ranges]
+            loan = self.out.loan()
+            loan.ranges = numpy.sin(sum(self.kept))
+            self.out.publish(loan)
+            if self.heard > 20 and self.context.component_name == "two":
+                raise RuntimeError("to be made anew")
+
+        def on_other(self, other):
+            self.heard += len(other.ranges) == 100
+            self.report("heard", self.heard)
+    """,
+    )
+    parts: list[dict[str, Any]] = [
+        {"name": "sensor", "library": "live_parts", "class": "Sensor", "serve_period_ms": 2}
+    ]
+    for name, executor in (("one", "a"), ("two", "b"), ("three", "b")):
+        part = {"library": "python_component", "params": {"python": {"file": "it.py"}}}
+        restart = {"limit": 1000, "back_off_ms": 0}
+        parts.append(
+            part | {"name": name, "executor": executor, "on_fault": "restart", "restart": restart}
+        )
+    executors = [{"name": "a"}, {"name": "b", "threads": 2}]
+    app = write_application(
+        tmp_path, {"name": "several", "executors": executors, "components": parts}
+    )
+    run_to_end("run", app, "--for", "100ms", "--report", "live.json", folder=tmp_path)
+    simulated = ["--clock", "simulated", "--workers", "4", "--for", "1s"]
+    run_to_end("run", app, *simulated, "--report", "simulated.json", folder=tmp_path)
+    for name in ("one", "two", "three"):
+        live, its = (
+            json.loads((tmp_path / f"{run}.json").read_text())["components"][name]
+            for run in ("live", "simulated")
+        )
+        assert live["state"] == its["state"] == "stopped"
+        assert its["activations"] > 1000
+        assert (its["faults"] > 0) == (name == "two"), its
 
 
 def test_says_before_the_start_what_is_wrong(tmp_path: pathlib.Path) -> None:
