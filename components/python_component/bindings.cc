@@ -381,8 +381,8 @@ void make_bindings() {
 
   py::class_<Publisher>(module, "Publisher")
       .def("loan", &Publisher::loan)
-      .def("publish", &Publisher::publish, py::arg("message") = py::none(), py::kw_only(),
-           py::arg("taken") = py::none())
+      .def("publish", &Publisher::publish, py::arg("message") = py::none(), py::pos_only(),
+           py::kw_only(), py::arg("taken") = py::none())
       .def_property_readonly("subscriber_count", &Publisher::subscriber_count);
   py::class_<Latest>(module, "Latest").def("get", &Latest::get);
   py::class_<PyTimer>(module, "Timer")

@@ -222,15 +222,20 @@ void PythonComponent::make_object(const Path& file, const std::string& module_na
 template <typename F>
 void PythonComponent::run(F body) {
   const Gil gil;
+  struct LetGo {
+    Objects& objects;
+    ~LetGo() { objects.lent.clear(); }
+  };
   std::string what;
-  try {
-    body();
-    objects_->lent.clear();
-    return;
-  } catch (py::error_already_set& error) {
-    what = in_words(error);
+  {
+    const LetGo let_go{*objects_};
+    try {
+      body();
+      return;
+    } catch (py::error_already_set& error) {
+      what = in_words(error);
+    }
   }
-  objects_->lent.clear();
   throw std::runtime_error(what);
 }
 

@@ -184,6 +184,20 @@ def test_gets_no_more_messages_than_its_share_when_it_keeps_all(bench: Bench, ad
     assert bench.results("it")["heard"] == 5
 
 
+def test_reads_what_is_empty(bench: Bench, add: Add) -> None:
+    add(
+        ECHO
+        + """
+        def on_reading(self, reading):
+            self.report("is", f"{reading.ranges.shape} {bytes(reading.image)} '{reading.text}'")
+"""
+    )
+    readings = bench.input("in", "live.Reading")
+    bench.start()
+    readings.publish({})
+    assert bench.results("it") == {"is": "(0,) b'' ''"}
+
+
 def test_lets_messages_go_when_its_callback_ends(bench: Bench, add: Add) -> None:
     add(
         ECHO
@@ -469,7 +483,7 @@ MISTAKES = {
         r"its constructor threw: ZeroDivisionError: division by zero \(it.py:\d+ in __init__"
     ),
     "class A(Component):\n        def __init__(self, context):\n"
-    "            context.publisher('out', 'live.Raeding')": r'found "live.Raeding", which no library',
+    "            context.publisher('out', 'live.Raeding')": r'found "live.Raeding", which no li',
     "class A(Component):\n        def __init__(self, context):\n"
     "            context.param('x', {})": r'param "x": expected the type bool, int, float, str',
     "class A(Component):\n        def __init__(self, context):\n"
@@ -539,7 +553,12 @@ def walk(folder: pathlib.Path, clock_value: str) -> None:
             "name": "walk",
             "executors": [{"name": "python"}],
             "components": [
-                {"name": "sensor", "library": "live_parts", "class": "Sensor", "serve_period_ms": 5},
+                {
+                    "name": "sensor",
+                    "library": "live_parts",
+                    "class": "Sensor",
+                    "serve_period_ms": 5,
+                },
                 {
                     "name": "walker",
                     "library": "python_component",
@@ -625,7 +644,9 @@ def test_says_before_the_start_what_is_wrong(tmp_path: pathlib.Path) -> None:
     other = {"name": "display", "library": "live_parts", "class": "Display"}
     app = write_application(tmp_path, {"name": "wrong", "components": [part, other]})
     for command in ("run", "check"):
-        ended = subprocess.run([PROGRAM, command, app], cwd=tmp_path, capture_output=True, text=True)
+        ended = subprocess.run(
+            [PROGRAM, command, app], cwd=tmp_path, capture_output=True, text=True
+        )
         assert ended.returncode == 2
         out = ended.stdout + ended.stderr
         assert "/components/0/params/python/file: " in out and "it.py:2: SyntaxError" in out

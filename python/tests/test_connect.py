@@ -236,7 +236,8 @@ def test_changes_the_life_of_components(folder: pathlib.Path) -> None:
 def test_reads_the_log(application: fastcycle.Application) -> None:
     with application.log(level="warning", component="sensor", timeout=LIMIT_S) as lines:
         line = next(lines)
-        assert (line.level, line.component, line.text) == ("warning", "sensor", "fifty more readings")
+        assert (line.level, line.component) == ("warning", "sensor")
+        assert line.text == "fifty more readings"
         assert line.time > 0 and lines.lost == 0
     assert list(lines) == []
     with application.log(level="error", timeout=0.01) as lines:
