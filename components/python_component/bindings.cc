@@ -362,7 +362,7 @@ struct PyContext {
   }
 
   static py::tuple info(const py::object& message) {
-    const MessageInfo& info = info_of(message);
+    const MessageInfo& info = message_info(message);
     return py::make_tuple(info.sequence, nanoseconds(info.publish_time),
                           nanoseconds(info.origin.taken), info.publisher);
   }

@@ -954,7 +954,7 @@ HandedMessage hand_over(const py::handle& message, const detail::PublisherCore& 
   return {Handed::kLoan, std::exchange(shared.envelope, nullptr), detail::kNobody};
 }
 
-const MessageInfo& info_of(const py::handle& message) {
+const MessageInfo& message_info(const py::handle& message) {
   const MessageObject* const object = as_message(message);
   if (object == nullptr || is_loan(*object->shared)) {
     fail(PyExc_TypeError,

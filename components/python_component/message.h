@@ -74,7 +74,7 @@ struct HandedMessage {
 /// What is known of a received message.
 ///
 /// @errors  pybind11::error_already_set if it is none.
-[[nodiscard]] const MessageInfo& info_of(const pybind11::handle& message);
+[[nodiscard]] const MessageInfo& message_info(const pybind11::handle& message);
 
 /// Writes `value` (a dict by field, or a message of the same type) into the loan `message`.
 ///
