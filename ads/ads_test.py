@@ -165,6 +165,14 @@ class Drives:
     def long_ten_seeds(self):
         self.noise_and_dropouts_do_no_harm(seeds=range(1, 11))
 
+    def a_module_in_python_takes_part_and_changes_nothing(self):
+        without = self.drive("3_1")
+        with_it = self.drive("3_1", "--overlay", HERE / "comfort.json")
+        assert with_it.rows == without.rows
+        felt_mps2 = with_it.results["largest_mps2"]
+        assert 0 < felt_mps2 <= math.hypot(-FASTEST_BRAKING_MPS2, LATERAL_MAX_MPS2), with_it.results
+        assert with_it.report["components"]["comfort"]["faults"] == 0, with_it.report["components"]["comfort"]
+
     def long_live(self):
         for scenario in ("23_1", "3_1", "4_1"):
             self.drive(scenario, clock="live").expect_goal()

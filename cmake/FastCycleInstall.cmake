@@ -26,7 +26,7 @@ install(FILES ${PROJECT_BINARY_DIR}/for_install/FastCycleConfig.cmake
 
 if(EXISTS ${PROJECT_SOURCE_DIR}/examples)
   install(DIRECTORY examples DESTINATION ${FASTCYCLE_SHARE_DIR} COMPONENT examples
-          PATTERN "*.py" EXCLUDE PATTERN "__pycache__" EXCLUDE)
+          PATTERN "check_example.py" EXCLUDE PATTERN "__pycache__" EXCLUDE)
 endif()
 
 fastcycle_run_path(to_prefix ${FASTCYCLE_LIBRARY_DIR}/pkgconfig .)

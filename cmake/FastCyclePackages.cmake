@@ -4,7 +4,7 @@
 #   libfastcycle-dev     development   headers, .proto files, what CMake and pkg-config find
 #   fastcycle            tools         the program, its pages and completion, the components that come with it
 #   fastcycle-examples   examples      the ADS with its data, and the examples
-#   python3-fastcycle    python        the Python package, if python3-dev and pybind11-dev are there
+#   python3-fastcycle    python        the Python package and components in Python, if python3-dev and pybind11-dev are there
 #
 # `./dev packages` makes them.
 find_program(GZIP gzip REQUIRED)
@@ -79,6 +79,7 @@ the recorder as a component.")
 
 set(CPACK_DEBIAN_EXAMPLES_PACKAGE_SECTION misc)
 set(CPACK_DEBIAN_EXAMPLES_PACKAGE_DEPENDS "libfastcycle${abi} ${same}, fastcycle ${same}")
+set(CPACK_DEBIAN_EXAMPLES_PACKAGE_SUGGESTS "python3-fastcycle")
 set(CPACK_DEBIAN_EXAMPLES_DESCRIPTION "components of automated driving in one process (examples)
 ${about}
 .
@@ -101,7 +102,8 @@ ${about}
 .
 This package has the Python package fastcycle: recordings as NumPy arrays and
 tables of pandas, connections to running applications, and tests of
-components.")
+components; and the library that runs components which are written in
+Python.")
 
 # What Debian wants to be beside every package.
 string(TIMESTAMP FASTCYCLE_PACKAGE_DATE "%a, %d %b %Y %H:%M:%S +0000" UTC)   # SOURCE_DATE_EPOCH, if there is one.

@@ -165,6 +165,66 @@ class Application:
         """The parameters of all components."""
         return Params(self._session)
 
+    @property
+    def mode(self) -> str:
+        """The mode that the application is in; empty if it has none."""
+        return self._brief_overview().mode
+
+    @property
+    def modes(self) -> list[str]:
+        """The modes that there are, in the order of the application file."""
+        return list(self._brief_overview().modes)
+
+    def switch_mode(self, mode: str, why: str = "") -> None:
+        """Switches to a mode. `why` is told in the report.
+
+        Needs `lifecycle`. The switch is under way when this returns. Raises NotFoundError if there
+        is no such mode.
+        """
+        request = _protocol("Request")()
+        request.switch_mode.mode = mode
+        request.switch_mode.why = why
+        self._ask_to_change(request, mode, "mode", lambda: dict.fromkeys(self.modes))
+
+    @property
+    def components(self) -> dict[str, Any]:
+        """The components by name, each a `Component` of inspect.proto: state, health, faults."""
+        request = _protocol("Request")()
+        request.overview.without_topics = True
+        found = self._session.ask(request).overview.components
+        return {component.name: component for component in found}
+
+    def restart(self, component: str) -> None:
+        """Makes a component anew, as after a fault, but in order: it is stopped first.
+
+        Needs `lifecycle`, as `deactivate` and `activate` do. Raises ApplicationError if it is in no
+        state for that, NotFoundError if there is no such component.
+        """
+        self._change_life(component, "ACTION_RESTART")
+
+    def deactivate(self, component: str) -> None:
+        """Ends the callbacks of a component, until it is activated again."""
+        self._change_life(component, "ACTION_STOP")
+
+    def activate(self, component: str) -> None:
+        """Activates a component that was deactivated."""
+        self._change_life(component, "ACTION_START")
+
+    def log(
+        self, level: str = "debug", component: str = "", timeout: float | None = None
+    ) -> LogLines:
+        """The lines of the log from now on.
+
+        Args:
+            level: Lines of at least this level: `debug`, `info`, `warning` or `error`. Those below
+                the component's own level are not written.
+            component: Only those of this one; by default all, and the application's own.
+            timeout: How long to wait for each line, in seconds; then TimeoutError is raised.
+        """
+        return LogLines(
+            _Session(self._running.socket), {"level": level, "component": component}, timeout
+        )
+
     def message_class(self, topic: str) -> Any:
         """The protobuf class of a topic's messages."""
         found = self._topic(topic)
@@ -224,6 +284,24 @@ class Application:
             text += f": {reply.error}" if reply.error else ""
             raise ApplicationError(text, kind=ApplicationError.KINDS.index("refused"))
         return _classes.find(found.reply_type, found.reply_schema).FromString(reply.reply)
+
+    def _brief_overview(self) -> Any:
+        request = _protocol("Request")()
+        request.overview.without_topics = True
+        request.overview.without_components = True
+        return self._session.ask(request).overview
+
+    def _change_life(self, component: str, action: str) -> None:
+        request = _protocol("Request")(lifecycle={"component": component, "action": action})
+        self._ask_to_change(request, component, "component", lambda: self.components)
+
+    def _ask_to_change(self, request: Any, name: str, what: str, known: Any) -> None:
+        try:
+            self._session.ask(request)
+        except ApplicationError as error:
+            if error.kind != "not_found":
+                raise
+            raise _not_found(name, what, known()) from None
 
     def _topic(self, name: str) -> Any:
         if name not in self._topics:
@@ -329,6 +407,68 @@ class Subscription(Iterator[Message]):
     def _learn(self, answer: Any) -> None:
         for channel in answer.started.channels:
             self._publishers[channel.channel] = channel.component
+
+
+@dataclass(frozen=True)
+class LogLine:
+    """A line of an application's log.
+
+    Attributes:
+        time: By the application's clock, in nanoseconds.
+        level: `debug`, `info`, `warning` or `error`.
+        component: Who says it; empty: the application itself.
+        text: What it says.
+    """
+
+    time: int
+    level: str
+    component: str
+    text: str
+
+
+class LogLines(Iterator[LogLine]):
+    """Lines of the log of a running application. Made by `Application.log`.
+
+    Iteration ends when the application stops, or after `close`.
+
+    Attributes:
+        lost: Lines that are not here, since they came faster than they were read.
+    """
+
+    def __init__(self, session: _Session, options: dict[str, str], timeout: float | None) -> None:
+        self.lost = 0
+        self._session: _Session | None = session
+        self._timeout = timeout
+        self._waiting: list[Any] = []
+        session.ask(_protocol("Request")(stream_log=options))
+
+    def close(self) -> None:
+        """Ends the stream."""
+        if self._session is not None:
+            self._session.close()
+        self._session = None
+
+    def __enter__(self) -> LogLines:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __next__(self) -> LogLine:
+        while not self._waiting:
+            if self._session is None:
+                raise StopIteration
+            deadline = None if self._timeout is None else time.monotonic() + self._timeout
+            answer = self._session.take(deadline)
+            if answer is None:
+                raise TimeoutError(f"no line of the log for {self._timeout} s")
+            if answer.HasField("log"):
+                self.lost += answer.log.lost
+                self._waiting += answer.log.lines
+            elif answer.HasField("ended"):
+                self.close()
+        line = self._waiting.pop(0)
+        return LogLine(line.time_ns, line.level, line.component, line.text)
 
 
 @dataclass(frozen=True)

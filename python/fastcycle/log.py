@@ -24,6 +24,8 @@ Path = Union[str, "os.PathLike[str]"]
 Time = Union[int, datetime.datetime]
 
 TIME = "log_time_ns"
+_ALL = "[:]"  # Behind a repeated field: each of its elements.
+_MOST_ELEMENTS = 4096
 
 
 @dataclass(frozen=True)
@@ -212,7 +214,8 @@ class Log:
         Args:
             topic: The topic.
             fields: Which fields, by default `fields(topic)`; `objects[0]` is an element of a
-                repeated field.
+                repeated field, `covariance[:]` and `objects[:].x_m` are all of them: an array with
+                two dimensions, in which a column is an element.
             start, end: As in `messages`.
 
         Returns the arrays by the names of their fields, and the times of the messages as
@@ -223,8 +226,23 @@ class Log:
 
         Raises NotFoundError if there is no such topic or field.
         """
+        import numpy
+
         arrays, _ = self._arrays(topic, fields, start, end)
-        return arrays
+        whole = {}
+        for path in arrays if fields is None else [TIME, *fields]:
+            if _ALL not in path:
+                whole[path] = arrays[path]
+                continue
+            parts = [arrays[part] for part in self._elements(topic, path, start, end)]
+            whole[path] = (
+                numpy.ma.stack(parts, axis=1)
+                if any(isinstance(part, numpy.ma.MaskedArray) for part in parts)
+                else numpy.stack(parts, axis=1)
+                if parts
+                else numpy.empty((len(arrays[TIME]), 0))
+            )
+        return whole
 
     def frame(
         self,
@@ -236,7 +254,8 @@ class Log:
         """Fields of a topic's messages as a table of pandas, with one row for each message.
 
         The arguments are those of `arrays`. The index is the time of the messages, UTC.
-        Enumerations are categories with their names; integers and booleans of which some are
+        `covariance[:]` is a column for each element. Enumerations are categories with their names;
+        integers and booleans of which some are
         missing have pandas' types that know missing values.
         """
         import numpy
@@ -256,6 +275,18 @@ class Log:
                 columns[path] = values
         return pandas.DataFrame(columns, index=index)
 
+    def _elements(
+        self, topic: str, path: str, start: Time | None, end: Time | None
+    ) -> list[str]:
+        """`ranges[0]`, `ranges[1]`, ... for `ranges[:]`: as many as a message has at most."""
+        count = self._recording.most_elements(topic, path, *_range(start, end))
+        if count > _MOST_ELEMENTS:
+            raise ValueError(
+                f"{path!r} of {topic!r} has {count} elements in a message, more than the "
+                f"{_MOST_ELEMENTS} that may be columns: read them from messages()"
+            )
+        return [path.replace(_ALL, f"[{index}]") for index in range(count)]
+
     def _arrays(
         self,
         topic: str,
@@ -268,7 +299,10 @@ class Log:
 
         if isinstance(fields, str):
             raise TypeError(f"fields is a list: [{fields!r}]")
-        paths = list(dict.fromkeys(self.fields(topic) if fields is None else fields))
+        paths = []
+        for path in self.fields(topic) if fields is None else fields:
+            paths += self._elements(topic, path, start, end) if _ALL in path else [path]
+        paths = list(dict.fromkeys(paths))
         if TIME in paths:
             raise ValueError(f"{TIME!r} is the time of the messages, which is there anyway")
         times, columns = self._recording.table(topic, paths, *_range(start, end))

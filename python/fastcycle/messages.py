@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,6 +81,17 @@ def _imports_first(files: Any) -> list[Any]:
     return ordered
 
 
+def _in_json(value: Any) -> Any:
+    """A dict as JSON has it: bytes are in base64 there."""
+    if isinstance(value, dict):
+        return {key: _in_json(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_in_json(item) for item in value]
+    if isinstance(value, (bytes, bytearray, memoryview)):
+        return base64.b64encode(value).decode()
+    return value
+
+
 def serialize(message_class: type[ProtobufMessage], content: Any) -> bytes:
     """The bytes of `content`, a dict or a message, as one of `message_class`.
 
@@ -93,7 +105,7 @@ def serialize(message_class: type[ProtobufMessage], content: Any) -> bytes:
         return content.SerializeToString()
     message = message_class()
     try:
-        json_format.ParseDict(content, message)
+        json_format.ParseDict(_in_json(content), message)
     except json_format.ParseError as error:
         fields = ", ".join(field.name for field in message_class.DESCRIPTOR.fields)
         what = str(error).splitlines()[0].rstrip(".")  # What follows lists the fields once more.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Union
 
@@ -98,6 +98,36 @@ class Bench:
     def output(self, topic: str, type: str) -> Output:
         """A topic that the test listens to; every message is kept until it is taken."""
         return Output(self._bench, _guarded(self._bench.add_output, topic, type), type)
+
+    def client(self, service: str, request: str, reply: str) -> Client:
+        """A service that the test calls, with the full names of its message types."""
+        name = _guarded(self._bench.add_client, service, request, reply)
+        return Client(self._bench, name, request, reply)
+
+    def service(
+        self, service: str, request: str, reply: str, handler: Callable[[Any], Any] | None = None
+    ) -> Service:
+        """A service that the test gives.
+
+        Args:
+            service: Its name.
+            request: The full name of the message type of requests.
+            reply: That of replies.
+            handler: Called with each request; returns the reply, a dict or a protobuf message. What
+                it raises is the reason for which the request is rejected. Without it requests wait
+                for `Service.take`.
+        """
+
+        def handle(data: bytes) -> bytes | str:
+            try:
+                return serialize(_class_of(reply), handler(_class_of(request).FromString(data)))
+            except Exception as error:
+                return f"{type(error).__name__}: {error}"
+
+        name = _guarded(
+            self._bench.add_service, service, request, reply, None if handler is None else handle
+        )
+        return Service(self._bench, name, request, reply)
 
     def start(self) -> None:
         """Constructs, connects and starts everything. Raises BenchError with every mistake."""
@@ -199,6 +229,122 @@ class Output:
             Received(message_class.FromString(data), time, sequence, taken)
             for data, time, sequence, taken in _guarded(self._bench.take, self._name)
         ]
+
+
+class Client:
+    """Where a test calls a service. Made by `Bench.client`, and valid as long as its bench."""
+
+    def __init__(self, bench: _fastcycle.Bench, name: str, request: str, reply: str) -> None:
+        self._bench = bench
+        self._name = name
+        self._request = request
+        self._reply = reply
+
+    def call(self, request: Any = None, deadline: float | None = None) -> Answer:
+        """Calls now, and serves what follows from it; the answer may come later.
+
+        Args:
+            request: A dict or a protobuf message; by default one that says nothing.
+            deadline: How long the answer may take, in seconds of the bench.
+        """
+        data = serialize(_class_of(self._request), {} if request is None else request)
+        deadline_ns = None if deadline is None else round(deadline * 1e9)
+        number = _guarded(self._bench.call, self._name, data, deadline_ns)
+        return Answer(self._bench, self._name, number, self._reply)
+
+
+class Answer:
+    """What became of a call of a test. Made by `Client.call`."""
+
+    def __init__(self, bench: _fastcycle.Bench, name: str, number: int, type: str) -> None:
+        self._bench = bench
+        self._name = name
+        self._number = number
+        self._type = type
+
+    def _get(self) -> tuple[str, str, bytes] | None:
+        return _guarded(self._bench.answer_of, self._name, self._number)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the answer is there."""
+        return self._get() is not None
+
+    @property
+    def status(self) -> str:
+        """`open` as long as there is none; `ok`, `late`, `rejected`, `absent`, ..."""
+        found = self._get()
+        return "open" if found is None else found[0]
+
+    @property
+    def error(self) -> str:
+        """In words; empty if all is well."""
+        found = self._get()
+        return "" if found is None else found[1]
+
+    @property
+    def reply(self) -> Any:
+        """The reply, a protobuf message. Raises BenchError if the status is not `ok`."""
+        found = self._get()
+        if found is None or found[0] != "ok":
+            raise BenchError(f"there is no reply: {self.status}: {self.error}".rstrip(": "))
+        return _class_of(self._type).FromString(found[2])
+
+    def cancel(self) -> None:
+        """Cancels the call, and serves what follows from it."""
+        _guarded(self._bench.cancel, self._name, self._number)
+
+
+class Service:
+    """A service that a test gives. Made by `Bench.service`, and valid as long as its bench."""
+
+    def __init__(self, bench: _fastcycle.Bench, name: str, request: str, reply: str) -> None:
+        self._bench = bench
+        self._name = name
+        self._request = request
+        self._reply = reply
+
+    def take(self) -> list[Request]:
+        """The requests since the last call, oldest first."""
+        return [
+            Request(
+                self._bench,
+                self._name,
+                number,
+                _class_of(self._request).FromString(data),
+                self._reply,
+            )
+            for number, data in _guarded(self._bench.take_requests, self._name)
+        ]
+
+
+class Request:
+    """A request that waits for the test's answer. Made by `Service.take`.
+
+    Attributes:
+        message: The request, a protobuf message.
+    """
+
+    def __init__(
+        self, bench: _fastcycle.Bench, name: str, number: int, message: Any, type: str
+    ) -> None:
+        self._bench = bench
+        self._name = name
+        self._number = number
+        self._type = type
+        self.message = message
+
+    def answer(self, reply: Any = None) -> None:
+        """Answers with a dict or a protobuf message, and serves what follows from it.
+
+        Does nothing if nobody waits any more.
+        """
+        data = serialize(_class_of(self._type), {} if reply is None else reply)
+        _guarded(self._bench.answer, self._name, self._number, data)
+
+    def reject(self, reason: str) -> None:
+        """The caller gets `rejected` with this reason."""
+        _guarded(self._bench.reject, self._name, self._number, reason)
 
 
 def _class_of(type: str) -> Any:

@@ -1,5 +1,8 @@
 #include "bench.h"
 
+#include <algorithm>
+#include <array>
+#include <map>
 #include <set>
 #include <stdexcept>
 #include <string_view>
@@ -11,9 +14,8 @@
 #include <nlohmann/json.hpp>
 
 #include "component/component_core.h"
-#include "config/describe.h"
-#include "config/parse.h"
-#include "host/application.h"
+#include "fastcycle/service.h"
+#include "host/build_for_bench.h"
 #include "loading/component_library.h"
 #include "not_found.h"
 
@@ -50,6 +52,14 @@ void add_file(const pb::FileDescriptor& file, std::set<const pb::FileDescriptor*
     add_file(*file.dependency(i), added, set);
   }
   file.CopyTo(set.add_file());
+}
+
+std::unique_ptr<pb::Message> parsed_as(const pb::Message& type, const std::string& bytes) {
+  std::unique_ptr<pb::Message> message(type.New());
+  if (!message->ParseFromString(bytes)) {
+    throw std::runtime_error("bytes that are no " + message->GetTypeName());
+  }
+  return message;
 }
 
 // ---- The components of the bench itself ----
@@ -95,10 +105,113 @@ class Output final : public Component {
   std::vector<Bench::Received> received;
 };
 
+/// Calls a service for a test.
+class Asker final : public Component {
+ public:
+  explicit Asker(Context& context)
+      : Component(context),
+        request_(instance_of(context.param<std::string>("request").get())),
+        client_(detail::create_client(
+            context.core(), context.param<std::string>("service").get(), request_,
+            instance_of(context.param<std::string>("reply").get()), nullptr, kMostOpen)) {}
+
+  [[nodiscard]] const pb::Message& type() const { return request_; }
+
+  void call(const pb::Message& request, std::optional<Duration> deadline, std::size_t index) {
+    detail::PublisherCore& publisher = detail::request_publisher(client_);
+    detail::Envelope* const loan = detail::take_loan(publisher, true);
+    loan->own->CopyFrom(request);
+    const CallOptions options{.deadline = deadline};
+    numbers.push_back(detail::call(
+        client_, loan, options,
+        [this, index](CallStatus status, std::string_view error, detail::Envelope* reply) {
+          answers.at(index) = {
+              .status = to_word(status),
+              .error = std::string(error),
+              .reply = reply == nullptr ? std::string() : reply->payload->SerializeAsString()};
+        },
+        {}));
+  }
+
+  void cancel(std::size_t index) { detail::cancel_call(client_, numbers.at(index)); }
+
+  std::vector<std::optional<Bench::Answer>> answers;
+  std::vector<std::uint64_t> numbers;  ///< By which the client knows the calls.
+
+ private:
+  static constexpr std::size_t kMostOpen = 256;
+
+  const pb::Message& request_;
+  detail::ClientCore& client_;
+};
+
+/// Answers requests as a test says.
+class Server final : public Component {
+ public:
+  explicit Server(Context& context)
+      : Component(context), reply_(instance_of(context.param<std::string>("reply").get())) {
+    detail::create_server(
+        context.core(), context.param<std::string>("service").get(),
+        {.request = instance_of(context.param<std::string>("request").get()),
+         .reply = reply_,
+         .depth = kMostOwed,
+         .defers = true,
+         .callback = [this](detail::Envelope&, const pb::Message& request, detail::Ticket ticket) {
+           on_request(request, ticket);
+         }});
+  }
+
+  [[nodiscard]] const pb::Message& type() const { return reply_; }
+
+  void answer(std::size_t index, const pb::Message& reply) {
+    const detail::Ticket ticket = tickets.at(index);
+    if (!detail::is_owed(ticket)) {
+      return;
+    }
+    detail::PublisherCore& publisher = detail::reply_publisher(ticket);
+    detail::Envelope* const loan = detail::take_loan(publisher, true);
+    loan->own->CopyFrom(reply);
+    detail::answer(ticket, CallStatus::kOk, {}, loan, &publisher);
+  }
+
+  void reject(std::size_t index, const std::string& reason) {
+    detail::answer(tickets.at(index), CallStatus::kRejected, reason, nullptr, nullptr);
+  }
+
+  Bench::Handler handler;                                  ///< Or none: requests are taken.
+  std::vector<detail::Ticket> tickets;                     ///< Of all requests.
+  std::vector<std::pair<std::size_t, std::string>> asked;  ///< Not taken yet, by their places.
+
+ private:
+  static constexpr std::size_t kMostOwed = 256;
+
+  void on_request(const pb::Message& request, detail::Ticket ticket) {
+    tickets.push_back(ticket);
+    const std::size_t index = tickets.size() - 1;
+    if (!handler) {
+      asked.emplace_back(index, request.SerializeAsString());
+      return;
+    }
+    const Bench::Handled handled = handler(request.SerializeAsString());
+    if (!handled.reply) {
+      reject(index, handled.reason);
+      return;
+    }
+    answer(index, *parsed_as(reply_, *handled.reply));
+  }
+
+  const pb::Message& reply_;
+};
+
 constexpr ComponentClass kInput{"Input", &detail::create_component<Input>,
                                 &detail::destroy_component<Input>};
 constexpr ComponentClass kOutput{"Output", &detail::create_component<Output>,
                                  &detail::destroy_component<Output>};
+constexpr ComponentClass kAsker{"Asker", &detail::create_component<Asker>,
+                                &detail::destroy_component<Asker>};
+constexpr ComponentClass kServer{"Server", &detail::create_component<Server>,
+                                 &detail::destroy_component<Server>};
+constexpr std::array kOwnClasses{&kInput, &kOutput, &kAsker, &kServer};
 
 /// Those of the bench, and those of libraries.
 class Classes final : public host::ComponentClasses {
@@ -110,7 +223,8 @@ class Classes final : public host::ComponentClasses {
     if (component.library != kOwnLibrary) {
       return loader_.find(component, problems);
     }
-    return component.class_name == kInput.name ? &kInput : &kOutput;
+    return *std::ranges::find(kOwnClasses, component.class_name,
+                              [](const ComponentClass* one) { return std::string(one->name); });
   }
 
  private:
@@ -123,17 +237,6 @@ json parsed(const std::string& text, const char* of) {
     throw std::runtime_error(fmt::format("{} is no JSON object: {}", of, text));
   }
   return result;
-}
-
-void throw_if_wrong(const config::Problems& problems) {
-  if (!problems.has_errors()) {
-    return;
-  }
-  std::string text;
-  for (const config::Problem& problem : problems.all()) {
-    text += (text.empty() ? "" : "\n") + config::to_string(problem);
-  }
-  throw std::runtime_error(text);
 }
 
 std::vector<std::filesystem::path> with_installed(std::vector<std::filesystem::path> folders) {
@@ -149,6 +252,7 @@ struct Bench::State {
 
   json application = {{"name", "bench"}, {"components", json::array()}};
   json own = json::array();  ///< Components of the bench, behind those that bring their types.
+  std::map<std::string, Handler> handlers;  ///< Of its services, until it is started.
   Classes classes;
   std::unique_ptr<host::Application> running;
 
@@ -177,15 +281,16 @@ struct Bench::State {
     return static_cast<T&>(*found);
   }
 
-  std::string add_own(const char* class_name, const std::string& topic, const std::string& type) {
+  std::string add_own(const char* class_name, json params) {
     if (running != nullptr) {
-      throw std::runtime_error("inputs and outputs are added before the bench is started");
+      throw std::runtime_error(
+          "inputs, outputs, clients and services are added before the bench is started");
     }
     std::string name = fmt::format("bench_{}_{}", class_name, own.size() + 1);
     own.push_back({{"name", name},
                    {"library", kOwnLibrary},
                    {"class", class_name},
-                   {"params", {{"topic", topic}, {"type", type}}}});
+                   {"params", std::move(params)}});
     return name;
   }
 
@@ -216,11 +321,25 @@ void Bench::configure(const std::string& application) {
 }
 
 std::string Bench::add_input(const std::string& topic, const std::string& type) {
-  return state_->add_own(kInput.name, topic, type);
+  return state_->add_own(kInput.name, {{"topic", topic}, {"type", type}});
 }
 
 std::string Bench::add_output(const std::string& topic, const std::string& type) {
-  return state_->add_own(kOutput.name, topic, type);
+  return state_->add_own(kOutput.name, {{"topic", topic}, {"type", type}});
+}
+
+std::string Bench::add_client(const std::string& service, const std::string& request,
+                              const std::string& reply) {
+  return state_->add_own(kAsker.name,
+                         {{"service", service}, {"request", request}, {"reply", reply}});
+}
+
+std::string Bench::add_service(const std::string& service, const std::string& request,
+                               const std::string& reply, Handler handler) {
+  std::string name =
+      state_->add_own(kServer.name, {{"service", service}, {"request", request}, {"reply", reply}});
+  state_->handlers[name] = std::move(handler);
+  return name;
 }
 
 void Bench::start() {
@@ -231,19 +350,10 @@ void Bench::start() {
   for (const json& component : state_->own) {
     application["components"].push_back(component);
   }
-  config::Problems problems;
-  const auto source = std::make_shared<config::Source>(config::Source{"bench", {}, false});
-  const auto tree = config::parse(application.dump(), source, problems);
-  throw_if_wrong(problems);
-  config::ApplicationDescription description = config::describe(*tree);
-  config::check_sense(description, problems);
-  throw_if_wrong(problems);
-  auto running = std::make_unique<host::Application>(
-      std::move(description), host::ClockOptions{.is_simulated = true, .workers = 1});
-  running->own_topics_are_free = true;
-  running->build(state_->classes, problems, host::ConstructorFault::kMistake);
-  throw_if_wrong(problems);
-  state_->running = std::move(running);
+  state_->running = host::build_for_bench(application.dump(), state_->classes);
+  for (auto& [name, handler] : state_->handlers) {
+    state_->own_component<Server>(name).handler = std::move(handler);
+  }
   state_->running->start();
   state_->running->settle();
 }
@@ -267,16 +377,48 @@ Time Bench::now() const {
 void Bench::publish(const std::string& input, const std::string& message,
                     std::optional<Time> taken) {
   auto& component = state_->own_component<Input>(input);
-  const std::unique_ptr<pb::Message> content(component.type().New());
-  if (!content->ParseFromString(message)) {
-    throw std::runtime_error("bytes that are no " + content->GetTypeName());
-  }
+  const auto content = parsed_as(component.type(), message);
   state_->post(input, detail::Cause::kExternal,
                [&] { component.publish(*content, {.taken_at = taken}); });
 }
 
 std::vector<Bench::Received> Bench::take(const std::string& output) {
   return std::exchange(state_->own_component<Output>(output).received, {});
+}
+
+std::size_t Bench::call(const std::string& client, const std::string& request,
+                        std::optional<Duration> deadline) {
+  auto& component = state_->own_component<Asker>(client);
+  const auto content = parsed_as(component.type(), request);
+  const std::size_t index = component.answers.size();
+  component.answers.emplace_back();
+  state_->post(client, detail::Cause::kExternal,
+               [&] { component.call(*content, deadline, index); });
+  return index;
+}
+
+std::optional<Bench::Answer> Bench::answer_of(const std::string& client, std::size_t call) const {
+  return state_->own_component<Asker>(client).answers.at(call);
+}
+
+void Bench::cancel(const std::string& client, std::size_t call) {
+  auto& component = state_->own_component<Asker>(client);
+  state_->post(client, detail::Cause::kExternal, [&] { component.cancel(call); });
+}
+
+std::vector<std::pair<std::size_t, std::string>> Bench::take_requests(const std::string& service) {
+  return std::exchange(state_->own_component<Server>(service).asked, {});
+}
+
+void Bench::answer(const std::string& service, std::size_t request, const std::string& reply) {
+  auto& component = state_->own_component<Server>(service);
+  const auto content = parsed_as(component.type(), reply);
+  state_->post(service, detail::Cause::kExternal, [&] { component.answer(request, *content); });
+}
+
+void Bench::reject(const std::string& service, std::size_t request, const std::string& reason) {
+  auto& component = state_->own_component<Server>(service);
+  state_->post(service, detail::Cause::kExternal, [&] { component.reject(request, reason); });
 }
 
 ParamsResult Bench::change_params(const std::vector<ParamChange>& changes) {

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,6 +29,20 @@ class Bench {
     std::int64_t taken_ns = 0;
   };
 
+  /// How a call ended; `reply` is empty without one.
+  struct Answer {
+    std::string status;
+    std::string error;
+    std::string reply;
+  };
+  /// What a test makes of a request: a reply, or why there is none.
+  struct Handled {
+    std::optional<std::string> reply;
+    std::string reason;
+  };
+  /// Called on the thread that serves the component.
+  using Handler = std::function<Handled(const std::string& request)>;
+
   /// `folders` is where component libraries are looked for first.
   explicit Bench(std::vector<std::filesystem::path> folders);
   Bench(const Bench&) = delete;
@@ -42,6 +58,12 @@ class Bench {
   std::string add_input(const std::string& topic, const std::string& type);
   std::string add_output(const std::string& topic, const std::string& type);
 
+  /// The same that call a service, and give one. Without a handler requests wait to be taken.
+  std::string add_client(const std::string& service, const std::string& request,
+                         const std::string& reply);
+  std::string add_service(const std::string& service, const std::string& request,
+                          const std::string& reply, Handler handler);
+
   void start();
   [[nodiscard]] bool is_started() const;
   void advance(Duration span);
@@ -50,6 +72,15 @@ class Bench {
 
   void publish(const std::string& input, const std::string& message, std::optional<Time> taken);
   std::vector<Received> take(const std::string& output);
+
+  /// Calls are numbered from 0; so are requests.
+  std::size_t call(const std::string& client, const std::string& request,
+                   std::optional<Duration> deadline);
+  [[nodiscard]] std::optional<Answer> answer_of(const std::string& client, std::size_t call) const;
+  void cancel(const std::string& client, std::size_t call);
+  std::vector<std::pair<std::size_t, std::string>> take_requests(const std::string& service);
+  void answer(const std::string& service, std::size_t request, const std::string& reply);
+  void reject(const std::string& service, std::size_t request, const std::string& reason);
 
   ParamsResult change_params(const std::vector<ParamChange>& changes);
   void switch_mode(const std::string& mode);

@@ -105,6 +105,7 @@ struct ColumnReader::Node {
     std::vector<Leaf> leaves = {};
     std::vector<std::pair<int, std::unique_ptr<Node>>> nodes = {};  ///< By index, of a message.
     int seen = 0;  ///< Elements in this row so far.
+    int most = 0;  ///< Elements in a row before, at most.
   };
 
   std::vector<Entry> entries;
@@ -130,6 +131,7 @@ struct ColumnReader::Node {
 
   void reset() {
     for (Entry& entry : entries) {
+      entry.most = std::max(entry.most, entry.seen);
       entry.seen = 0;
       for (Leaf& leaf : entry.leaves) {
         leaf.is_there = false;
@@ -330,8 +332,32 @@ void ColumnReader::add(mcap::Bytes message) {
   });
 }
 
-Table read_table(const std::shared_ptr<const Recording>& recording, const mcap::MessageQuery& query,
-                 const std::vector<std::string>& paths) {
+std::size_t ColumnReader::most_elements(const std::string& path) const {
+  const Node* node = root_.get();
+  for (const Step& step : find_field(type_, path)) {
+    const auto entry = std::ranges::find(node->entries, step.field, &Node::Entry::field);
+    if (step.index == 0) {
+      return static_cast<std::size_t>(std::max(entry->most, entry->seen));
+    }
+    const auto next =
+        std::ranges::find(entry->nodes, step.index, [](const auto& one) { return one.first; });
+    node = next == entry->nodes.end() ? node : next->second.get();
+  }
+  return 0;
+}
+
+namespace {
+
+constexpr std::string_view kAll = "[:]";
+
+struct ReadTopic {
+  std::unique_ptr<archive::MessageType> type;
+  std::unique_ptr<ColumnReader> reader;  ///< Needs the type.
+};
+
+/// Gives each message of a topic to a reader of `paths`.
+ReadTopic read(const std::shared_ptr<const Recording>& recording, const mcap::MessageQuery& query,
+               const std::vector<std::string>& paths, std::vector<std::int64_t>& log_times_ns) {
   const std::string& topic = query.topics.at(0);
   const std::string place = fmt::format("{}: {}: ", recording->name(), mcap::shown(topic));
   const mcap::Schema& schema = recording->schema_of(topic);
@@ -350,7 +376,6 @@ Table read_table(const std::shared_ptr<const Recording>& recording, const mcap::
                        .expected = "one that can be read",
                        .found = error.what()});
   }
-  Table table;
   Cursor cursor(recording, query);
   while (const mcap::StoredMessage* const message = cursor.next()) {
     try {
@@ -362,10 +387,31 @@ Table read_table(const std::shared_ptr<const Recording>& recording, const mcap::
            .expected = "a message of its type",
            .found = error.what()});
     }
-    table.log_times_ns.push_back(static_cast<std::int64_t>(message->log_time_ns));
+    log_times_ns.push_back(static_cast<std::int64_t>(message->log_time_ns));
   }
-  table.columns = reader->take_columns();
+  return {std::move(type), std::move(reader)};
+}
+
+}  // namespace
+
+Table read_table(const std::shared_ptr<const Recording>& recording, const mcap::MessageQuery& query,
+                 const std::vector<std::string>& paths) {
+  Table table;
+  table.columns = read(recording, query, paths, table.log_times_ns).reader->take_columns();
   return table;
+}
+
+std::size_t most_elements(const std::shared_ptr<const Recording>& recording,
+                          const mcap::MessageQuery& query, const std::string& path) {
+  std::string first = path;
+  const std::size_t at = first.find(kAll);
+  if (at == std::string::npos || first.find(kAll, at + 1) != std::string::npos) {
+    throw std::invalid_argument(fmt::format("{}: expected one [:], found {}", mcap::shown(path),
+                                            at == std::string::npos ? "none" : "several"));
+  }
+  first.replace(at, kAll.size(), "[0]");
+  std::vector<std::int64_t> ignored;
+  return read(recording, query, {first}, ignored).reader->most_elements(first);
 }
 
 }  // namespace fastcycle::python

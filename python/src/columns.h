@@ -55,6 +55,10 @@ class ColumnReader {
   /// Adds a row. @errors  `std::runtime_error` if `message` is none of the type.
   void add(mcap::Bytes message);
 
+  /// How many elements the repeated field had at most in a row, whose element 0 is in `path`:
+  /// `objects[0].x_m`. @pre  `path` is one of those that are read, and has one such element.
+  [[nodiscard]] std::size_t most_elements(const std::string& path) const;
+
   /// The columns, which are the caller's; no row is added afterwards.
   [[nodiscard]] std::vector<Column> take_columns() { return std::move(columns_); }
 
@@ -72,6 +76,12 @@ struct Table {
   std::vector<std::int64_t> log_times_ns;
   std::vector<Column> columns;
 };
+
+/// How many elements the repeated field of `path`, written as `objects[:].x_m`, has at most.
+///
+/// @errors  As `read_table`.
+[[nodiscard]] std::size_t most_elements(const std::shared_ptr<const Recording>& recording,
+                                        const mcap::MessageQuery& query, const std::string& path);
 
 /// @errors  `NotFound`, `std::invalid_argument`, `mcap::Error`, all with file, topic and field.
 [[nodiscard]] Table read_table(const std::shared_ptr<const Recording>& recording,

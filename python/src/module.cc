@@ -206,6 +206,13 @@ void bind_logs(py::module_& module) {
              return py::make_tuple(schema.name, py::bytes(schema.data));
            })
       .def("fields_of", &fields_of)
+      .def(
+          "most_elements",
+          [](const std::shared_ptr<const Recording>& recording, const std::string& topic,
+             const std::string& path, std::uint64_t begin_ns, std::optional<std::uint64_t> end_ns) {
+            const py::gil_scoped_release others_run;
+            return most_elements(recording, query_of({topic}, begin_ns, end_ns), path);
+          })
       .def("table", [](const std::shared_ptr<Recording>& recording, const std::string& topic,
                        const std::vector<std::string>& fields, std::uint64_t begin_ns,
                        std::optional<std::uint64_t> end_ns) {
@@ -262,12 +269,41 @@ Time time_of(std::int64_t ns) {
   return Time(Duration(ns));
 }
 
+/// The workers of a bench may be in Python, which they need to end.
+struct DeleteWithoutGil {
+  void operator()(Bench* bench) const {
+    const py::gil_scoped_release others_run;
+    delete bench;
+  }
+};
+
+/// `handler` is none, or gives for the bytes of a request those of the reply, or a str with the
+/// reason why there is none.
+std::string add_service(Bench& bench, const std::string& service, const std::string& request,
+                        const std::string& reply, const py::object& handler) {
+  if (handler.is_none()) {
+    return bench.add_service(service, request, reply, {});
+  }
+  // Whoever lets go of it last need not have the GIL.
+  const std::shared_ptr<py::object> kept(new py::object(handler), [](py::object* object) {
+    const py::gil_scoped_acquire gil;
+    delete object;
+  });
+  return bench.add_service(service, request, reply, [kept](const std::string& bytes) {
+    const py::gil_scoped_acquire gil;
+    const py::object handled = (*kept)(py::bytes(bytes));
+    return py::isinstance<py::bytes>(handled)
+               ? Bench::Handled{handled.cast<std::string>(), {}}
+               : Bench::Handled{std::nullopt, handled.cast<std::string>()};
+  });
+}
+
 void bind_bench(py::module_& module) {
   module.def("schema_of_type",
              [](const std::string& type) { return py::bytes(schema_of_type(type)); });
 
   using Release = py::call_guard<py::gil_scoped_release>;
-  py::class_<Bench>(module, "Bench")
+  py::class_<Bench, std::unique_ptr<Bench, DeleteWithoutGil>>(module, "Bench")
       .def(py::init<std::vector<std::filesystem::path>>())
       .def("add", &Bench::add)
       .def("configure", &Bench::configure)
@@ -295,6 +331,34 @@ void bind_bench(py::module_& module) {
              }
              return result;
            })
+      .def("add_client", &Bench::add_client)
+      .def("add_service", &add_service)
+      .def("call",
+           [](Bench& bench, const std::string& client, const std::string& request,
+              std::optional<std::int64_t> deadline_ns) {
+             const py::gil_scoped_release others_run;
+             return bench.call(client, request,
+                               deadline_ns ? std::optional(Duration(*deadline_ns)) : std::nullopt);
+           })
+      .def("answer_of",
+           [](const Bench& bench, const std::string& client, std::size_t call) -> py::object {
+             const auto answer = bench.answer_of(client, call);
+             if (!answer) {
+               return py::none();
+             }
+             return py::make_tuple(answer->status, answer->error, py::bytes(answer->reply));
+           })
+      .def("cancel", &Bench::cancel, Release())
+      .def("take_requests",
+           [](Bench& bench, const std::string& service) {
+             py::list result;
+             for (const auto& [index, request] : bench.take_requests(service)) {
+               result.append(py::make_tuple(index, py::bytes(request)));
+             }
+             return result;
+           })
+      .def("answer", &Bench::answer, Release())
+      .def("reject", &Bench::reject, Release())
       .def("change_params",
            [](Bench& bench, const std::vector<std::pair<std::string, std::string>>& pairs) {
              const py::gil_scoped_release others_run;

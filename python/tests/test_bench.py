@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -93,3 +94,71 @@ def test_names_the_type_that_there_is_not(bench: Bench) -> None:
     bench.input("sensor/readings", "live.Raeding")
     with pytest.raises(BenchError, match="live.Raeding"):
         bench.start()
+
+
+def test_calls_a_service(bench: Bench) -> None:
+    bench.add("filter", "live_parts", "Filter")
+    double = bench.client("double", "live.Question", "live.Reply")
+    nobody = bench.client("nobody", "live.Question", "live.Reply")
+    bench.start()
+    answer = double.call({"value": 21})
+    assert (answer.is_done, answer.status, answer.reply.doubled) == (True, "ok", 42)
+    assert double.call().reply.doubled == 0
+    absent = nobody.call({"value": 1})
+    assert absent.status == "absent" and "nobody" in absent.error
+    with pytest.raises(BenchError, match="there is no reply: absent"):
+        absent.reply
+
+
+def test_waits_for_an_answer_that_comes_later(bench: Bench) -> None:
+    bench.add("router", "examples/router")
+    routes = bench.client("plan_route", "example.RouteRequest", "example.Route")
+    bench.start()
+    answer = routes.call({"goal": "abc"})
+    assert answer.status == "open" and not answer.is_done
+    bench.advance(0.3)
+    assert answer.reply.length_m == 3000.0
+    assert "needs a goal" in routes.call().error
+    late = routes.call({"goal": "abcdefgh"}, deadline=0.5)
+    bench.advance(0.5)
+    assert late.status == "late"
+    cancelled = routes.call({"goal": "abc"})
+    cancelled.cancel()
+    assert cancelled.status == "cancelled"
+
+
+def test_gives_a_service(bench: Bench) -> None:
+    asked = []
+
+    def plan(request: Any) -> dict[str, float]:
+        asked.append(request.goal)
+        return {"length_m": 1 / len(request.goal)}
+
+    bench.add("passenger", "examples/passenger", serve_period_ms=1000)
+    bench.service("plan_route", "example.RouteRequest", "example.Route", plan)
+    logs = bench.output("fastcycle/log", "fastcycle.status.LogLine")
+    bench.start()
+    bench.advance(3.0)
+    assert asked == ["garage", "", "supermarket"]
+    texts = [line.text for line in logs.take()]
+    assert any("to the garage it is 0.1666" in text for text in texts), texts
+    assert any("ZeroDivisionError: division by zero" in text for text in texts)
+
+
+def test_answers_requests_when_it_likes(bench: Bench) -> None:
+    bench.add("passenger", "examples/passenger", serve_period_ms=1000)
+    service = bench.service("plan_route", "example.RouteRequest", "example.Route")
+    logs = bench.output("fastcycle/log", "fastcycle.status.LogLine")
+    bench.start()
+    bench.advance(1.5)
+    (request,) = service.take()
+    assert request.message.goal == "garage" and service.take() == []
+    bench.advance(0.2)
+    request.answer({"length_m": 12.0})
+    bench.advance(0.5)
+    (second,) = service.take()
+    second.reject("no such place")
+    second.answer()  # Nobody waits for it any more.
+    texts = [line.text for line in logs.take()]
+    assert any("to the garage it is 12 m" in text for text in texts), texts
+    assert any("no such place" in text for text in texts)

@@ -7,7 +7,8 @@ import pathlib
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from applications import PROGRAM, write_application
@@ -24,11 +25,12 @@ COMPONENTS = [
 
 
 @contextlib.contextmanager
-def running(folder: pathlib.Path, name: str, *allow: str) -> Iterator[subprocess.Popen[bytes]]:
+def running(
+    folder: pathlib.Path, name: str, *allow: str, **more: Any
+) -> Iterator[subprocess.Popen[bytes]]:
     """Runs an application until the block ends."""
-    app = write_application(
-        folder, {"name": name, "inspect": {"allow": list(allow)}, "components": COMPONENTS}
-    )
+    application = {"name": name, "inspect": {"allow": list(allow)}, "components": COMPONENTS}
+    app = write_application(folder, application | more)
     with open(folder / f"{name}.log", "wb") as output:
         process = subprocess.Popen(
             [PROGRAM, "run", app, "--quiet"], cwd=folder, stdout=output, stderr=output
@@ -181,3 +183,65 @@ def test_lets_other_threads_run_while_it_waits(application: fastcycle.Applicatio
         application.publish("orders", {"value": 1})
         assert heard.wait(LIMIT_S)
         thread.join()
+
+
+MODES = {
+    "initial_mode": "all",
+    "modes": {
+        "all": {"components": ["sensor", "filter", "display"]},
+        "blind": {"components": ["filter"]},
+    },
+}
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    limit = time.monotonic() + LIMIT_S
+    while not holds():
+        assert time.monotonic() < limit, "it does not come"
+        time.sleep(0.01)
+
+
+def test_switches_modes(folder: pathlib.Path) -> None:
+    with running(folder, "moded", "lifecycle", **MODES), fastcycle.connect() as application:
+        assert application.modes == ["all", "blind"]
+        assert application.mode == "all"
+        application.switch_mode("blind", "a test")
+        wait_until(lambda: application.mode == "blind")
+        wait_until(lambda: application.components["sensor"].state == "standby")
+        with pytest.raises(fastcycle.NotFoundError, match="no mode 'blnd'; did you mean \"blind\""):
+            application.switch_mode("blnd")
+
+
+def test_changes_the_life_of_components(folder: pathlib.Path) -> None:
+    with running(folder, "alive", "lifecycle"), fastcycle.connect() as application:
+        assert application.components["display"].state == "active"
+        application.deactivate("display")
+        wait_until(lambda: application.components["display"].state == "standby")
+        with pytest.raises(fastcycle.ApplicationError, match="standby"):
+            application.deactivate("display")
+        application.activate("display")
+        wait_until(lambda: application.components["display"].state == "active")
+        before = application.components["filter"].activations
+        application.restart("filter")
+        wait_until(lambda: application.components["filter"].activations > before + 10)
+        assert application.components["filter"].state == "active"
+        with pytest.raises(fastcycle.NotFoundError, match="did you mean"):
+            application.restart("fliter")
+    with running(folder, "closed"), fastcycle.connect() as application:
+        with pytest.raises(fastcycle.ApplicationError) as raised:
+            application.restart("filter")
+        assert raised.value.kind == "not_allowed"
+
+
+def test_reads_the_log(application: fastcycle.Application) -> None:
+    with application.log(level="warning", component="sensor", timeout=LIMIT_S) as lines:
+        line = next(lines)
+        assert (line.level, line.component) == ("warning", "sensor")
+        assert line.text == "fifty more readings"
+        assert line.time > 0 and lines.lost == 0
+    assert list(lines) == []
+    with application.log(level="error", timeout=0.01) as lines:
+        with pytest.raises(TimeoutError, match="no line"):
+            next(lines)
+    with pytest.raises(fastcycle.ApplicationError):
+        application.log(level="loud")

@@ -135,6 +135,30 @@ def test_makes_frames(tmp_path: pathlib.Path) -> None:
         assert "header.taken_ns" in log.fields("all") and "ranges" not in log.fields("all")
 
 
+def test_makes_columns_of_all_elements(tmp_path: pathlib.Path) -> None:
+    messages = [
+        Everything(ranges=[1, 2, 3], things=[{"x_m": 7.0}]),
+        Everything(),
+        Everything(ranges=[4]),
+    ]
+    with log_of(tmp_path, *messages) as log:
+        arrays = log.arrays("all", ["a_int32", "ranges[:]", "things[:].x_m"])
+        assert list(arrays) == ["log_time_ns", "a_int32", "ranges[:]", "things[:].x_m"]
+        nan = numpy.nan
+        assert arrays["ranges[:]"].tolist() == [[1, 2, 3], [None] * 3, [4, None, None]]
+        numpy.testing.assert_array_equal(arrays["things[:].x_m"], [[7.0], [nan], [nan]])
+        frame = log.frame("all", ["ranges[:]"], start=2000)
+        assert list(frame.columns) == ["ranges[0]"]  # As many as there are in that time.
+        assert log.arrays("all", ["ranges[:]"], end=1000)["ranges[:]"].shape == (0, 0)
+        with pytest.raises(ValueError, match=r"expected one \[:\], found several"):
+            log.arrays("all", ["things[:].x_m[:]"])
+        with pytest.raises(fastcycle.NotFoundError, match="no elements"):
+            log.arrays("all", ["a_int32[:]"])
+    with log_of(tmp_path, Everything(ranges=range(5000))) as log:
+        with pytest.raises(ValueError, match="5000 elements in a message, more than the 4096"):
+            log.frame("all", ["ranges[:]"])
+
+
 @pytest.mark.parametrize(
     ("field", "text"),
     [

@@ -5,9 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "config/describe.h"
-#include "config/parse.h"
-#include "host/application.h"
+#include "host/build_for_bench.h"
 
 namespace fastcycle::testing {
 namespace {
@@ -33,17 +31,6 @@ class GivenClasses final : public host::ComponentClasses {
 
   std::map<std::string, ComponentClass> classes;
 };
-
-void throw_if_wrong(const config::Problems& problems) {
-  if (!problems.has_errors()) {
-    return;
-  }
-  std::string text;
-  for (const config::Problem& problem : problems.all()) {
-    text += (text.empty() ? "" : "\n") + config::to_string(problem);
-  }
-  throw std::runtime_error(text);
-}
 
 }  // namespace
 
@@ -88,18 +75,7 @@ void Bench::configure(std::string_view application) {
 }
 
 void Bench::start() {
-  config::Problems problems;
-  const auto source = std::make_shared<config::Source>(config::Source{"bench", {}, false});
-  const auto tree = config::parse(state_->application.dump(), source, problems);
-  throw_if_wrong(problems);
-  config::ApplicationDescription description = config::describe(*tree);
-  config::check_sense(description, problems);
-  throw_if_wrong(problems);
-  state_->running = std::make_unique<host::Application>(
-      std::move(description), host::ClockOptions{.is_simulated = true, .workers = 1});
-  state_->running->own_topics_are_free = true;
-  state_->running->build(state_->classes, problems, host::ConstructorFault::kMistake);
-  throw_if_wrong(problems);
+  state_->running = host::build_for_bench(state_->application.dump(), state_->classes);
   for (const auto& step : state_->steps) {
     step();
   }

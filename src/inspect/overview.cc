@@ -1,18 +1,15 @@
 #include "inspect/overview.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <map>
 #include <thread>
-
-#include <time.h>
-#include <unistd.h>
 
 #include "base/clock.h"
 #include "calls/server_core.h"
 #include "component/component_core.h"
 #include "component/service_topics.h"
 #include "component/words.h"
+#include "inspect/process_usage.h"
 #include "inspect/voice.h"
 #include "record/descriptor_set.h"
 #include "report/callbacks.h"
@@ -60,24 +57,6 @@ void fill(const detail::Ledger& ledger, protocol::Ledger& said) {
   }
 }
 
-/// Of this process, as the kernel counts it; 0 if it does not say.
-std::int64_t rss_kib() {
-  long pages = 0;
-  if (std::FILE* file = std::fopen("/proc/self/statm", "re")) {
-    if (std::fscanf(file, "%*d %ld", &pages) != 1) {
-      pages = 0;
-    }
-    std::fclose(file);
-  }
-  return pages * (::sysconf(_SC_PAGESIZE) / 1024);
-}
-
-std::int64_t cpu_ns() {
-  timespec time{};
-  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-}
-
 }  // namespace
 
 std::vector<KnownService> find_services(const host::Application& application) {
@@ -118,8 +97,19 @@ void fill_application(const host::Application& application, protocol::Overview& 
     overview.add_modes(mode.name);
   }
   overview.set_end(host::to_word(application.end_reason()));
-  overview.set_cpu_ns(cpu_ns());
-  overview.set_rss_kib(rss_kib());
+  const ProcessUsage usage = process_usage();
+  overview.set_cpu_ns(usage.cpu_ns);
+  overview.set_rss_kib(usage.resident_bytes / 1024);
+  overview.set_virtual_kib(usage.virtual_bytes / 1024);
+  overview.set_open_files(usage.open_files);
+  overview.set_max_files(usage.max_files);
+  overview.set_process_start_ns(usage.start_ns);
+  for (const auto& [name, threads] : usage.threads) {
+    protocol::Thread& said = *overview.add_threads();
+    said.set_name(name);
+    said.set_cpu_ns(threads.cpu_ns);
+    said.set_count(threads.count);
+  }
   overview.set_cpus(std::max(1U, std::thread::hardware_concurrency()));
 }
 

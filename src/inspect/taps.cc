@@ -14,7 +14,7 @@ constexpr std::size_t kMinDepth = 2;       // Of who only wants to see the newes
 constexpr std::size_t kMinDepthOfAll = 4;  // 40 ms at 100 Hz.
 constexpr std::uint64_t kBytes = std::uint64_t{1} << 20U;
 constexpr std::uint64_t kBytesOfAll = std::uint64_t{16} << 20U;
-constexpr const char* kName = "inspect";
+constexpr const char* kTapName = "inspect";
 
 class Nobody final : public detail::ReadyQueue {
  public:
@@ -27,7 +27,7 @@ class Nobody final : public detail::ReadyQueue {
 
 struct Tap::Reception {
   Reception(detail::Topic& topic, std::size_t depth, bool with_latched)
-      : subscription(topic, inbox, kName, detail::Subscription::Kind::kTap,
+      : subscription(topic, inbox, kTapName, detail::Subscription::Kind::kTap,
                      SubscriberOptions{
                          .depth = depth,
                          .overflow = Overflow::kDropOldest,

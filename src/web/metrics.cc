@@ -132,6 +132,26 @@ void write_process(const protocol::Overview& overview, const ServedCounts& serve
   to.add({}, static_cast<double>(overview.cpu_ns()) * kNanosecond);
   to.begin_gauge("process_resident_memory_bytes", "bytes", "Resident memory of the process.");
   to.add({}, overview.rss_kib() * 1024);
+  to.begin_gauge("process_virtual_memory_bytes", "bytes", "Address space of the process.");
+  to.add({}, overview.virtual_kib() * 1024);
+  to.begin_gauge("process_open_fds", "", "Open file descriptors of the process.");
+  to.add({}, overview.open_files());
+  if (overview.max_files() > 0) {
+    to.begin_gauge("process_max_fds", "", "File descriptors that the process may have open.");
+    to.add({}, overview.max_files());
+  }
+  to.begin_gauge("process_start_time_seconds", "seconds",
+                 "When the process began, in seconds since 1970.");
+  to.add({}, static_cast<double>(overview.process_start_ns()) * kNanosecond);
+  to.begin_counter("fastcycle_thread_cpu_seconds", "seconds",
+                   "CPU time of the threads of this name that there are now.");
+  for (const protocol::Thread& thread : overview.threads()) {
+    to.add({{"thread", thread.name()}}, static_cast<double>(thread.cpu_ns()) * kNanosecond);
+  }
+  to.begin_gauge("fastcycle_threads", "", "Threads of this name.");
+  for (const protocol::Thread& thread : overview.threads()) {
+    to.add({{"thread", thread.name()}}, thread.count());
+  }
   to.begin_gauge("fastcycle_time_seconds", "seconds",
                  "The time of the application; in a live run seconds since 1970.");
   to.add({}, static_cast<double>(overview.now_ns()) * kNanosecond);

@@ -18,6 +18,14 @@ protocol::Overview make_overview() {
   protocol::Overview overview;
   overview.set_application("drive \"one\"");
   overview.set_cpu_ns(1'500'000'000);
+  overview.set_virtual_kib(3);
+  overview.set_open_files(7);
+  overview.set_max_files(1024);
+  overview.set_process_start_ns(1'500'000'000);
+  protocol::Thread& thread = *overview.add_threads();
+  thread.set_name("control-0");
+  thread.set_cpu_ns(250'000'000);
+  thread.set_count(1);
   overview.set_mode("nominal");
   overview.add_modes("nominal");
   overview.add_modes("degraded");
@@ -56,6 +64,12 @@ TEST(Metrics, SayWhatTheApplicationSays) {
 
   EXPECT_THAT(text, HasSubstr("# TYPE process_cpu_seconds_total counter\n"
                               "process_cpu_seconds_total 1.5\n"));
+  EXPECT_THAT(text, HasSubstr("process_virtual_memory_bytes 3072\n"));
+  EXPECT_THAT(text, HasSubstr("process_open_fds 7\n"));
+  EXPECT_THAT(text, HasSubstr("process_max_fds 1024\n"));
+  EXPECT_THAT(text, HasSubstr("process_start_time_seconds 1.5\n"));
+  EXPECT_THAT(text, HasSubstr("fastcycle_thread_cpu_seconds_total{thread=\"control-0\"} 0.25\n"));
+  EXPECT_THAT(text, HasSubstr("fastcycle_threads{thread=\"control-0\"} 1\n"));
   EXPECT_THAT(text, HasSubstr("application=\"drive \\\"one\\\"\""));
   EXPECT_THAT(text, HasSubstr("fastcycle_mode{mode=\"degraded\"} 0\n"));
   EXPECT_THAT(text,
@@ -73,6 +87,7 @@ TEST(Metrics, SayWhatTheApplicationSays) {
   EXPECT_THAT(text, HasSubstr("fastcycle_live_connections_refused_total 3\n"));
   EXPECT_THAT(text, Not(HasSubstr("# EOF")));
   EXPECT_THAT(to_metrics({}, nullptr, {}, {}), Not(HasSubstr("fastcycle_chain")));
+  EXPECT_THAT(to_metrics({}, nullptr, {}, {}), Not(HasSubstr("process_max_fds")));
 }
 
 TEST(Metrics, HaveTheWordsOfOpenMetricsForWhoAsksForThese) {

@@ -1,0 +1,18 @@
+"""Says loudly what it hears."""
+
+from fastcycle.component import Component
+
+
+class Crier(Component):
+    def __init__(self, context):
+        self.mark = context.param("mark", "!", description="Behind each cry")
+        self.cries = context.publisher("cry", "example.Text")
+        context.subscribe("hello", "example.Text", self.on_hello)
+        self.heard = 0
+
+    def on_hello(self, message):
+        self.heard += 1
+        self.cries.publish(text=message.text.upper() + self.mark.get())
+
+    def stop(self):
+        self.report("cried", self.heard)
