@@ -1,7 +1,6 @@
 // DDS by Eclipse Cyclone DDS.
 #include <algorithm>
 #include <atomic>
-#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
@@ -13,13 +12,11 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <net/if.h>
-#include <sys/ioctl.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
+#include "dds_gateway/bell.h"
 #include "dds_gateway/cyclone_types.h"
 #include "dds_gateway/engine.h"
+#include "dds_gateway/interface.h"
 
 namespace fastcycle::dds_gateway {
 namespace {
@@ -48,25 +45,6 @@ Guid guid_of(dds_entity_t entity) {
   return result;
 }
 
-/// Whether an interface can send to many at once; refuses one that is not there.
-bool is_multicast(const std::string& interface) {
-  ifreq request{};
-  if (interface.size() >= sizeof request.ifr_name) {
-    throw EngineError(
-        fmt::format("expected the name of a network interface, found \"{}\"", interface));
-  }
-  std::copy(interface.begin(), interface.end(), request.ifr_name);
-  const int socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  const bool is_there = socket >= 0 && ioctl(socket, SIOCGIFFLAGS, &request) == 0;
-  if (socket >= 0) {
-    close(socket);
-  }
-  if (!is_there) {
-    throw EngineError(fmt::format("there is no network interface \"{}\"", interface));
-  }
-  return (static_cast<unsigned>(request.ifr_flags) & IFF_MULTICAST) != 0;
-}
-
 std::string configuration(const ParticipantOptions& options) {
   std::string text;
   if (const char* const users = std::getenv("CYCLONEDDS_URI")) {
@@ -75,7 +53,7 @@ std::string configuration(const ParticipantOptions& options) {
   if (options.interface.empty()) {
     return text;
   }
-  const bool can_reach_many = is_multicast(options.interface);
+  const bool can_reach_many = find_interface(options.interface).is_multicast;
   if (!text.empty()) {
     text += ',';
   }
@@ -155,28 +133,6 @@ QosPointer qos_of(const Endpoint& endpoint) {
   }
   return qos;
 }
-
-/// What wakes whom serves.
-class Bell {
- public:
-  void ring() {
-    {
-      const std::lock_guard lock(mutex_);
-      has_rung_ = true;
-    }
-    rung_.notify_one();
-  }
-  void wait(std::chrono::milliseconds timeout) {
-    std::unique_lock lock(mutex_);
-    rung_.wait_for(lock, timeout, [this] { return has_rung_; });
-    has_rung_ = false;
-  }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable rung_;
-  bool has_rung_ = false;
-};
 
 class CycloneWriter final : public Writer {
  public:

@@ -20,7 +20,8 @@ using namespace std::chrono_literals;
 
 constexpr std::chrono::milliseconds kServe = 1s;  // At most so long nobody looks at discovery.
 constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that are remembered.
-constexpr double kDomainMax = 232;                // More have no ports.
+constexpr std::size_t kTroublesMax = 1024;
+constexpr double kDomainMax = 232;  // More have no ports.
 
 const Engine& find_engine(std::string_view name) {
   const auto all = engines();
@@ -194,6 +195,7 @@ void Gateway::add_clock(Duration period) {
 }
 
 void Gateway::start() {
+  report("trouble", std::string());
   participant_ = find_engine(settings_.engine).create(settings_.participant);
   wall_to_ours_ = now().time_since_epoch() - std::chrono::system_clock::now().time_since_epoch();
   for (const auto& crossing : crossings_) {
@@ -262,7 +264,7 @@ void Gateway::stop() {
     tell("refused", counters.refused, false);
     tell("unsent", counters.unsent, false);
     if (crossing->reader != nullptr) {
-      tell("lost", crossing->reader->lost(), false);
+      tell("lost", crossing->reader->lost(), true);
     }
     crossing->reader.reset();
     crossing->writer.reset();
@@ -270,6 +272,7 @@ void Gateway::stop() {
   graph_writer_.reset();
   graph_reader_.reset();
   participant_.reset();
+  tell_health();
 }
 
 void Gateway::run(const std::stop_token& stop) {
@@ -296,6 +299,7 @@ void Gateway::look_at(const Discovery& discovery) {
   }
   if (discovery.is_gone) {
     seen_.erase(discovery.guid);
+    set_trouble(text_of(discovery.guid), "");
     return;
   }
   const Endpoint& other = discovery.endpoint;
@@ -336,8 +340,7 @@ void Gateway::look_at(const Discovery& discovery) {
       continue;
     }
     log().warning("{}", trouble);
-    const std::lock_guard lock(mutex_);
-    trouble_ = std::move(trouble);
+    set_trouble(text_of(discovery.guid), std::move(trouble));
   }
 }
 
@@ -427,8 +430,17 @@ void Gateway::refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter,
     throw std::runtime_error(what);
   }
   if (crossing.settings.on_error == OnError::kDegrade) {
-    const std::lock_guard lock(mutex_);
-    trouble_ = what;
+    set_trouble(crossing.settings.ros, what);
+  }
+}
+
+/// Nothing is trouble that is over.
+void Gateway::set_trouble(const std::string& whose, std::string what) {
+  const std::lock_guard lock(mutex_);
+  if (what.empty()) {
+    troubles_.erase(whose);
+  } else if (troubles_.size() < kTroublesMax || troubles_.contains(whose)) {
+    troubles_[whose] = std::move(what);
   }
 }
 
@@ -436,10 +448,16 @@ void Gateway::tell_health() {
   std::string trouble;
   {
     const std::lock_guard lock(mutex_);
-    trouble = trouble_;
+    if (!troubles_.empty()) {
+      trouble = troubles_.begin()->second;
+    }
+    if (troubles_.size() > 1) {
+      trouble += fmt::format(" (and {} more)", troubles_.size() - 1);
+    }
   }
   if (trouble != told_) {
     health(trouble.empty() ? Health::kOk : Health::kDegraded, trouble);
+    report("trouble", trouble);
     told_ = std::move(trouble);
   }
 }

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <stop_token>
@@ -68,6 +69,7 @@ class Gateway final : public Component {
   void receive(Crossing& crossing, std::span<const std::byte> message, const SampleInfo& info);
   void send(Crossing& crossing, const MessageInfo& info, const google::protobuf::Message& message);
   void refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter, const std::string& why);
+  void set_trouble(const std::string& whose, std::string what);
   void tell_health();
   [[nodiscard]] static bool may_pass(Crossing& crossing, Time now);
 
@@ -91,8 +93,8 @@ class Gateway final : public Component {
 
   std::atomic<std::uint64_t> peers_{0};
   std::mutex mutex_;
-  std::string trouble_;  // Guarded by it: the newest thing that its health should tell.
-  std::string told_;     // The component's own.
+  std::map<std::string, std::string> troubles_;  // Guarded by it: what its health tells, by whom.
+  std::string told_;                             // The component's own.
 };
 
 }  // namespace fastcycle::dds_gateway

@@ -97,15 +97,18 @@ int run(const std::vector<std::string>& args) {
     in.topic = args.at(4);
     in.is_reader = true;
     const std::unique_ptr<Writer> writer = participant->create_writer(out);
+    std::size_t count = 0;
     const std::unique_ptr<Reader> reader = participant->create_reader(
         in, [&](std::span<const std::byte> message, const SampleInfo& /*info*/) {
           Buffer answer = buffer_of(message);
           writer->write(answer);
+          ++count;
         });
     announce(*participant, *graph, reader.get(), writer.get());
     fmt::print("ready\n");
     std::fflush(stdout);
     serve(*participant);
+    fmt::print(stderr, "peer: {} came and went back, {} lost\n", count, reader->lost());
     return 0;
   }
   const Endpoint out{.topic = args.at(4),

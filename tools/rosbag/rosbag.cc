@@ -161,7 +161,11 @@ class Conversion {
       stream.type->to_message(message.data, *stream.message);
     } catch (const ros2::CdrError& error) {
       if (stream.topic.unreadable++ == 0) {
-        stream.topic.mistake = fmt::format("message {}: {}", stream.topic.messages, error.what());
+        std::string_view what = error.what();  // It begins with the type, which is said already.
+        if (const std::string& type = stream.type->definition().name; what.starts_with(type)) {
+          what.remove_prefix(std::min(type.size() + 2, what.size()));
+        }
+        stream.topic.mistake = fmt::format("message {}: {}", stream.topic.messages, what);
       }
       return;
     }
