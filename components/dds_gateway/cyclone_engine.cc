@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,6 +18,8 @@
 #include "dds_gateway/cyclone_types.h"
 #include "dds_gateway/engine.h"
 #include "dds_gateway/interface.h"
+#include "dds_gateway/request_header.h"
+#include "ros2/error.h"
 
 namespace fastcycle::dds_gateway {
 namespace {
@@ -162,6 +165,16 @@ class CycloneWriter final : public Writer {
     ddsi_serdata* const raw = make_raw_message(type_, std::move(message));
     check(dds_writecdr(writer_, raw), name_);
   }
+  Identity write_request(ros2::Buffer& message, const Guid& /*replies*/) override {
+    const Identity request{.asker = asker_of(client_), .number = ++requests_};
+    ros2::Buffer whole = with_request_header(message.bytes(), request);
+    write(whole);
+    return request;
+  }
+  void write_reply(ros2::Buffer& message, const Identity& request) override {
+    ros2::Buffer whole = with_request_header(message.bytes(), request);
+    write(whole);
+  }
   [[nodiscard]] Guid guid() const override { return guid_of(writer_); }
   [[nodiscard]] std::size_t matched() const override {
     dds_publication_matched_status_t status{};
@@ -174,6 +187,8 @@ class CycloneWriter final : public Writer {
   dds_entity_t writer_ = 0;
   const ddsi_sertype* type_ = nullptr;
   std::string name_;
+  const std::uint64_t client_ = std::random_device()() * 0x1'0000'0001ULL ^ std::random_device()();
+  std::int64_t requests_ = 0;
 };
 
 /// Takes messages on the thread that received them, so that each one is either given or counted,
@@ -182,7 +197,10 @@ class CycloneReader final : public Reader {
  public:
   CycloneReader(dds_entity_t participant, const Endpoint& endpoint, OnMessage on_message,
                 std::shared_ptr<Bell> bell)
-      : bell_(std::move(bell)), on_message_(std::move(on_message)), depth_(endpoint.qos.depth) {
+      : bell_(std::move(bell)),
+        on_message_(std::move(on_message)),
+        depth_(endpoint.qos.depth),
+        is_of_service_(endpoint.role != Role::kTopic) {
     ddsi_sertype* type = make_raw_type(endpoint.type.c_str());
     topic_ = dds_create_topic_sertype(participant, endpoint.topic.c_str(), &type, nullptr, nullptr,
                                       nullptr);
@@ -220,7 +238,7 @@ class CycloneReader final : public Reader {
       all.swap(waiting_);
     }
     for (const Waiting& waiting : all) {
-      on_message_(bytes_of(waiting.message), waiting.info);
+      give(waiting);
       ddsi_serdata_unref(waiting.message);
     }
   }
@@ -243,6 +261,21 @@ class CycloneReader final : public Reader {
     SampleInfo info;
   };
 
+  void give(const Waiting& waiting) {
+    const auto bytes = bytes_of(waiting.message);
+    if (!is_of_service_) {
+      on_message_(bytes, waiting.info);
+      return;
+    }
+    SampleInfo info = waiting.info;
+    try {
+      const ros2::Buffer message = without_request_header(bytes, info.request);
+      on_message_(message.bytes(), info);
+    } catch (const ros2::CdrError&) {
+      on_message_({}, info);  // Which is no message of any type.
+    }
+  }
+
   void take() {
     const dds_entity_t reader = entity_.load();
     if (reader <= 0) {
@@ -258,9 +291,10 @@ class CycloneReader final : public Reader {
           ddsi_serdata_unref(messages[i]);
           continue;
         }
-        waiting_.push_back(
-            {.message = messages[i],
-             .info = {.sent = std::chrono::nanoseconds(infos[i].source_timestamp), .writer = {}}});
+        waiting_.push_back({.message = messages[i],
+                            .info = {.sent = std::chrono::nanoseconds(infos[i].source_timestamp),
+                                     .writer = {},
+                                     .request = {}}});
       }
       while (waiting_.size() > depth_) {
         ddsi_serdata_unref(waiting_.front().message);
@@ -274,6 +308,7 @@ class CycloneReader final : public Reader {
   std::shared_ptr<Bell> bell_;
   OnMessage on_message_;
   const std::size_t depth_;
+  const bool is_of_service_;
   dds_entity_t topic_ = 0;
   dds_entity_t reader_ = 0;
   std::atomic<dds_entity_t> entity_{0};
@@ -352,6 +387,18 @@ class CycloneParticipant final : public Participant {
     return reader;
   }
   [[nodiscard]] Guid guid() const override { return guid_; }
+  // A server sends a reply only when it has found a reader that has the same id as the writer of
+  // the request.
+  [[nodiscard]] std::string service_user_data(bool is_client) override {
+    std::string text = is_client ? "clientid= " : "serviceid= ";
+    Guid id = guid_;
+    id[12] = static_cast<std::uint8_t>(++services_ >> 8U);
+    id[13] = static_cast<std::uint8_t>(services_);
+    for (std::size_t i = 0; i < id.size(); ++i) {
+      text += fmt::format("{}{:x}", i == 0 ? "" : ".", id[i]);
+    }
+    return text + ";";
+  }
 
   void serve(std::chrono::milliseconds timeout) override {
     bell_->wait(timeout);
@@ -435,6 +482,7 @@ class CycloneParticipant final : public Participant {
   const std::uint32_t domain_;
   std::shared_ptr<Bell> bell_;
   dds_entity_t participant_ = 0;
+  unsigned services_ = 0;
   Guid guid_{};
   dds_entity_t participants_ = 0;
   dds_entity_t writers_ = 0;

@@ -40,6 +40,17 @@ struct Qos {
 /// values; none if it does.
 [[nodiscard]] std::optional<std::string> mismatch(const Qos& reader, const Qos& writer);
 
+/// Which request of a service it is: who asks, and the number that it gave it.
+struct Identity {
+  Guid asker{};
+  std::int64_t number = 0;
+
+  friend bool operator==(const Identity&, const Identity&) = default;
+};
+
+/// What an endpoint is for.
+enum class Role : std::uint8_t { kTopic, kRequests, kReplies };
+
 /// One end of a topic.
 struct Endpoint {
   std::string topic;      ///< `rt/points`
@@ -47,6 +58,7 @@ struct Endpoint {
   std::string user_data;  ///< `typehash=RIHS01_...;`
   Qos qos;
   bool is_reader = false;
+  Role role = Role::kTopic;
 };
 
 /// What was seen of others.
@@ -64,6 +76,7 @@ struct Discovery {
 struct SampleInfo {
   std::chrono::nanoseconds sent{};  ///< By the clock of the wall of its writer, since 1970.
   Guid writer{};                    ///< All zero where the engine does not say.
+  Identity request;                 ///< Of a request and of a reply.
 };
 
 /// How a participant comes to its network.
@@ -88,6 +101,14 @@ class Writer {
   ///
   /// @errors  `EngineError`
   virtual void write(ros2::Buffer& message) = 0;
+  /// Sends a request whose reply comes to the reader `replies`, and says which one it is.
+  ///
+  /// @errors  `EngineError`
+  virtual Identity write_request(ros2::Buffer& message, const Guid& replies) = 0;
+  /// Sends the reply to a request.
+  ///
+  /// @errors  `EngineError`
+  virtual void write_reply(ros2::Buffer& message, const Identity& request) = 0;
   [[nodiscard]] virtual Guid guid() const = 0;
   /// Readers that it has found.
   [[nodiscard]] virtual std::size_t matched() const = 0;
@@ -129,6 +150,9 @@ class Participant {
   [[nodiscard]] virtual std::unique_ptr<Reader> create_reader(const Endpoint& endpoint,
                                                               OnMessage on_message) = 0;
   [[nodiscard]] virtual Guid guid() const = 0;
+  /// What the endpoints of a service say of themselves besides the hash of their type, as nodes
+  /// with this engine do.
+  [[nodiscard]] virtual std::string service_user_data(bool is_client) = 0;
 
   /// Waits until something came, or `wake` was called, or `timeout` is over, and calls back with
   /// all messages of all readers that are there. All readers are made before the first call.

@@ -53,6 +53,27 @@ Guid guid_of(const rtps::GUID_t& from) {
   return guid;
 }
 
+rtps::GUID_t to_guid(const Guid& from) {
+  rtps::GUID_t guid;
+  std::copy_n(from.begin(), 12, guid.guidPrefix.value);
+  std::copy_n(from.begin() + 12, 4, guid.entityId.value);
+  return guid;
+}
+
+/// Which request a sample is, or answers. A request is numbered by its writer; the reader of the
+/// replies is who asks, if it says so.
+Identity identity_of(const fdds::SampleInfo& info, Role role) {
+  const rtps::SampleIdentity& related = info.related_sample_identity;
+  const bool has_related = related.writer_guid() != rtps::GUID_t::unknown();
+  if (role == Role::kRequests) {
+    return {
+        .asker = guid_of(has_related ? related.writer_guid() : info.sample_identity.writer_guid()),
+        .number = static_cast<std::int64_t>(info.sample_identity.sequence_number().to64long())};
+  }
+  return {.asker = guid_of(related.writer_guid()),
+          .number = static_cast<std::int64_t>(related.sequence_number().to64long())};
+}
+
 std::string text_of(const fdds::UserDataQosPolicy& data) {
   std::string text(data.begin(), data.end());
   while (!text.empty() && text.back() == '\0') {
@@ -166,6 +187,26 @@ class FastWriter final : public Writer {
       throw EngineError(fmt::format("Fast DDS: {}: the message was not taken", name_));
     }
   }
+  Identity write_request(ros2::Buffer& message, const Guid& replies) override {
+    rtps::WriteParams params;
+    params.related_sample_identity().writer_guid(to_guid(replies));
+    if (!writer_->write(&message, params)) {
+      throw EngineError(fmt::format("Fast DDS: {}: the request was not taken", name_));
+    }
+    return {
+        .asker = replies,
+        .number = static_cast<std::int64_t>(params.sample_identity().sequence_number().to64long())};
+  }
+  void write_reply(ros2::Buffer& message, const Identity& request) override {
+    rtps::WriteParams params;
+    params.related_sample_identity().writer_guid(to_guid(request.asker));
+    const auto number = static_cast<std::uint64_t>(request.number);
+    params.related_sample_identity().sequence_number(rtps::SequenceNumber_t(
+        static_cast<std::int32_t>(number >> 32U), static_cast<std::uint32_t>(number)));
+    if (!writer_->write(&message, params)) {
+      throw EngineError(fmt::format("Fast DDS: {}: the reply was not taken", name_));
+    }
+  }
   [[nodiscard]] Guid guid() const override { return guid_of(writer_->guid()); }
   [[nodiscard]] std::size_t matched() const override {
     fdds::PublicationMatchedStatus status;
@@ -190,7 +231,8 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
         name_(endpoint.topic),
         bell_(std::move(bell)),
         on_message_(std::move(on_message)),
-        depth_(endpoint.qos.depth) {
+        depth_(endpoint.qos.depth),
+        role_(endpoint.role) {
     fdds::Topic* const topic = topics.open(endpoint);
     fdds::DataReaderQos qos;
     put_qos(endpoint, qos);
@@ -236,9 +278,11 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
         continue;
       }
       const std::lock_guard lock(mutex_);
-      waiting_.push_back({.message = std::exchange(message, ros2::Buffer()),
-                          .info = {.sent = std::chrono::nanoseconds(info.source_timestamp.to_ns()),
-                                   .writer = guid_of(writer)}});
+      waiting_.push_back(
+          {.message = std::exchange(message, ros2::Buffer()),
+           .info = {.sent = std::chrono::nanoseconds(info.source_timestamp.to_ns()),
+                    .writer = guid_of(writer),
+                    .request = role_ == Role::kTopic ? Identity() : identity_of(info, role_)}});
       while (waiting_.size() > depth_) {
         waiting_.pop_front();
         overflowed_.fetch_add(1);
@@ -256,6 +300,7 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
   std::shared_ptr<Bell> bell_;
   OnMessage on_message_;
   const std::size_t depth_;
+  const Role role_;
   fdds::DataReader* reader_ = nullptr;
   std::atomic<std::uint64_t> overflowed_{0};
   std::atomic<std::uint64_t> lost_{0};
@@ -400,6 +445,7 @@ class FastParticipant final : public Participant {
     return reader;
   }
   [[nodiscard]] Guid guid() const override { return guid_of(participant_->guid()); }
+  [[nodiscard]] std::string service_user_data(bool /*is_client*/) override { return {}; }
 
   void serve(std::chrono::milliseconds timeout) override {
     bell_->wait(timeout);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <exception>
 #include <stdexcept>
 #include <utility>
@@ -22,6 +23,14 @@ constexpr std::chrono::milliseconds kServe = 1s;  // At most so long nobody look
 constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that are remembered.
 constexpr std::size_t kTroublesMax = 1024;
 constexpr double kDomainMax = 232;  // More have no ports.
+
+constexpr std::size_t kArrivalsMax = 1024;  // Requests and replies that may wait.
+
+/// What stands before the bytes of a request or a reply on their way within the gateway.
+struct ArrivalHead {
+  std::uint64_t service = 0;
+  Identity request;
+};
 
 const Engine& find_engine(std::string_view name) {
   const auto all = engines();
@@ -111,6 +120,11 @@ Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(c
           .param<google::protobuf::ListValue>("topics", {.fallback = google::protobuf::ListValue()})
           .get();
 
+  const auto services = context
+                            .param<google::protobuf::ListValue>(
+                                "services", {.fallback = google::protobuf::ListValue()})
+                            .get();
+
   (void)find_engine(settings_.engine);
   if (const auto mistake = ros2::mistake_of_ros_name(settings_.node)) {
     throw std::invalid_argument(fmt::format("/params/node: {}", *mistake));
@@ -136,6 +150,7 @@ Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(c
   if (!mistakes.empty()) {
     throw std::invalid_argument(mistakes);
   }
+  add_services(services_of(services));
   if (settings_.clock_period > 0ns) {
     add_clock(settings_.clock_period);
   }
@@ -194,12 +209,45 @@ void Gateway::add_clock(Duration period) {
   });
 }
 
+void Gateway::add_services(const std::vector<ServiceSettings>& services) {
+  if (services.empty()) {
+    return;
+  }
+  for (const ServiceSettings& service : services) {
+    services_.push_back(std::make_unique<ServiceCrossing>(
+        context(), service, types_,
+        [this](const std::string& what) { log().throttle(10s).warning("{}", what); }));
+  }
+  const std::string topic = context().component_name() + "/service_arrivals";
+  arrivals_ = context().create_external_publisher<google::protobuf::BytesValue>(topic);
+  SubscriberOptions options;
+  options.depth = kArrivalsMax;
+  context().create_subscriber<google::protobuf::BytesValue>(
+      topic, options, [this](const google::protobuf::BytesValue& arrival) {
+        const auto bytes = std::as_bytes(std::span(arrival.value()));
+        ArrivalHead head;
+        std::memcpy(&head, bytes.data(), sizeof head);
+        services_.at(head.service)->take(head.request, bytes.subspan(sizeof head));
+      });
+}
+
 void Gateway::start() {
   report("trouble", std::string());
   participant_ = find_engine(settings_.engine).create(settings_.participant);
   wall_to_ours_ = now().time_since_epoch() - std::chrono::system_clock::now().time_since_epoch();
   for (const auto& crossing : crossings_) {
     open(*crossing);
+  }
+  for (std::size_t i = 0; i < services_.size(); ++i) {
+    services_[i]->open(
+        *participant_, [this, i](const Identity& request, std::span<const std::byte> message) {
+          const ArrivalHead head{.service = i, .request = request};
+          auto arrival = arrivals_->loan();
+          std::string& bytes = *arrival->mutable_value();
+          bytes.assign(reinterpret_cast<const char*>(&head), sizeof head);
+          bytes.append(reinterpret_cast<const char*>(message.data()), message.size());
+          arrivals_->publish(std::move(arrival));
+        });
   }
   graph_reader_ = participant_->create_reader(
       graph_endpoint(true), [this](std::span<const std::byte> message, const SampleInfo&) {
@@ -241,6 +289,10 @@ void Gateway::announce() {
       node.writers.push_back(crossing->writer->guid());
     }
   }
+  for (const auto& service : services_) {
+    node.readers.push_back(service->reader());
+    node.writers.push_back(service->writer());
+  }
   graph_writer_ = participant_->create_writer(graph_endpoint(false));
   ros2::Buffer message;
   write_graph(participant_->guid(), {node}, message);
@@ -268,6 +320,13 @@ void Gateway::stop() {
     }
     crossing->reader.reset();
     crossing->writer.reset();
+  }
+  for (const auto& service : services_) {
+    const std::string& name = service->settings().ros;
+    report(name + " asked", static_cast<std::int64_t>(service->asked));
+    report(name + " answered", static_cast<std::int64_t>(service->answered));
+    report(name + " failed", static_cast<std::int64_t>(service->failed));
+    service->close();
   }
   graph_writer_.reset();
   graph_reader_.reset();

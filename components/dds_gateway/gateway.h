@@ -5,12 +5,16 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
 
+#include <google/protobuf/wrappers.pb.h>
+
 #include "dds_gateway/engine.h"
 #include "dds_gateway/ros_graph.h"
+#include "dds_gateway/services.h"
 #include "dds_gateway/settings.h"
 #include "fastcycle/fastcycle.h"
 #include "ros2_types/known_types.h"
@@ -61,6 +65,7 @@ class Gateway final : public Component {
   static Settings settings_of(Context& context);
   void add(TopicSettings settings);
   void add_clock(Duration period);
+  void add_services(const std::vector<ServiceSettings>& services);
   void open(Crossing& crossing);
   void announce();
   void run(const std::stop_token& stop);
@@ -76,6 +81,9 @@ class Gateway final : public Component {
   const Settings settings_;
   ros2::KnownTypes types_;
   std::vector<std::unique_ptr<Crossing>> crossings_;
+  std::vector<std::unique_ptr<ServiceCrossing>> services_;
+  /// What came for services, on its way from the thread to the component's activations.
+  std::optional<ExternalPublisher<google::protobuf::BytesValue>> arrivals_;
 
   // Made by start, and gone after stop.
   std::unique_ptr<Participant> participant_;

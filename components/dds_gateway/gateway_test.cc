@@ -412,6 +412,66 @@ TEST_P(GatewayTest, WhoComesLateGetsWhatIsKept) {
   EXPECT_THAT(came, ::testing::ElementsAre("second"));
 }
 
+class ServiceTest : public ::testing::TestWithParam<const char*> {};
+
+// Two gateways of one application: what one asks, the other answers, by DDS.
+TEST_P(ServiceTest, RequestsGoOneWayAndRepliesTheOther) {
+  testing::Bench bench;
+  const auto add = [&](const char* name, const char* service, const char* direction) {
+    bench.add<Gateway>(
+        name,
+        fmt::format(R"({{"params": {{"engine": "{}", "domain": {}, "interface": "lo", "node": "{}",
+            "services": [{{"service": "{}", "direction": "{}", "ros": "/set_bool",
+                           "type": "std_srvs/srv/SetBool"}}]}}}})",
+                    GetParam(), domain_of_test(), name, service, direction));
+  };
+  add("server", "set", "in");
+  add("client", "set_there", "out");
+  bench.service<basic::Flag, basic::Outcome>(
+      "set", [](const basic::Flag& flag, basic::Outcome& outcome) {
+        outcome.set_success(flag.data());
+        outcome.set_message(flag.data() ? "it is set" : "it is not set");
+      });
+  auto client = bench.client<basic::Flag, basic::Outcome>("set_there");
+  bench.start();
+  basic::Flag flag;
+  flag.set_data(true);
+  int answered = 0;
+
+  const auto end = std::chrono::steady_clock::now() + 60s;
+  while (answered < 100 && std::chrono::steady_clock::now() < end) {
+    const auto answer = client.call(flag);
+    while (!answer.is_done() && std::chrono::steady_clock::now() < end) {
+      bench.advance(1ms);
+      std::this_thread::sleep_for(1ms);
+    }
+    if (answer.ok()) {
+      EXPECT_EQ(answer->success(), flag.data());
+      EXPECT_EQ(answer->message(), flag.data() ? "it is set" : "it is not set");
+      flag.set_data(!flag.data());
+      ++answered;
+    } else if (answer.is_done()) {
+      EXPECT_THAT(answer.error(), HasSubstr("no node of ROS 2 serves /set_bool"));
+      bench.advance(1ms);
+      std::this_thread::sleep_for(1ms);
+    }
+  }
+  bench.stop();
+
+  EXPECT_EQ(answered, 100);
+  EXPECT_EQ(std::get<std::int64_t>(bench.result("server", "/set_bool answered")), 100);
+  EXPECT_EQ(std::get<std::int64_t>(bench.result("client", "/set_bool answered")), 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, ServiceTest, ::testing::ValuesIn([] {
+                           std::vector<const char*> all;
+                           for (const Engine& engine : engines()) {
+                             all.push_back(engine.name);
+                           }
+                           return all;
+                         }()),
+                         [](const auto& engine) { return std::string(engine.param); });
+
 TEST(Gateway, MistakesOfItsParamsAreToldBeforeItStarts) {
   testing::Bench bench;
   bench.add<Gateway>("gateway", R"({"params": {"topics": [

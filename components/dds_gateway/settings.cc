@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <set>
+#include <span>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -22,24 +23,27 @@ using google::protobuf::Struct;
 using google::protobuf::Value;
 
 constexpr std::size_t kDepthMax = 100'000;
-constexpr std::array<std::string_view, 11> kKeys = {
+constexpr std::array<std::string_view, 7> kServiceKeys = {"service", "direction", "ros",  "type",
+                                                          "request", "reply",     "depth"};
+constexpr std::array<std::string_view, 11> kTopicKeys = {
     "topic",      "direction", "ros",           "type",       "message", "reliability",
     "durability", "depth",     "rate_limit_hz", "age_max_ms", "on_error"};
 
 /// Reads one entry, and keeps its mistakes.
 class Entry {
  public:
-  Entry(const Value& value, int index, std::vector<std::string>& mistakes)
-      : place_(fmt::format("/params/topics/{}", index)), mistakes_(mistakes) {
+  Entry(const Value& value, std::string place, std::span<const std::string_view> keys,
+        std::vector<std::string>& mistakes)
+      : place_(std::move(place)), mistakes_(mistakes) {
     if (!value.has_struct_value()) {
       fail("", "an object", shown(&value));
       return;
     }
     entry_ = &value.struct_value();
     for (const auto& [key, unused] : entry_->fields()) {
-      if (std::ranges::find(kKeys, key) == kKeys.end()) {
+      if (std::ranges::find(keys, key) == keys.end()) {
         mistakes_.push_back(fmt::format("{}/{}: there is no such key; there are {}", place_, key,
-                                        fmt::join(kKeys, ", ")));
+                                        fmt::join(keys, ", ")));
       }
     }
   }
@@ -83,6 +87,21 @@ class Entry {
     return value->number_value();
   }
 
+  /// With the slash that it may have been written without.
+  std::string ros_name() {
+    std::string name = text("ros", true);
+    if (name.empty()) {
+      return name;
+    }
+    if (ros2::mistake_of_ros_name(name)) {
+      fail("ros",
+           "parts of letters, digits and _ with / between them, none of which begins with a digit",
+           fmt::format("\"{}\"", name));
+      return {};
+    }
+    return name.starts_with('/') ? name : fmt::format("/{}", name);
+  }
+
   void fail(std::string_view key, std::string_view expected, std::string_view found) {
     mistakes_.push_back(fmt::format("{}{}{}: expected {}, found {}", place_, key.empty() ? "" : "/",
                                     key, expected, found));
@@ -114,7 +133,6 @@ TopicSettings read(Entry& entry) {
   TopicSettings topic;
   topic.topic = entry.text("topic", true);
   topic.is_in = entry.choice("direction", {"in", "out"}, {}) == 0;
-  topic.ros = entry.text("ros", true);
   topic.type = ros2::full_type_name(entry.text("type", true));
   topic.message = entry.text("message", false);
   topic.qos.is_reliable = entry.choice("reliability", {"reliable", "best_effort"}, 0) == 0;
@@ -127,27 +145,43 @@ TopicSettings read(Entry& entry) {
     topic.age_max = std::chrono::nanoseconds(std::llround(age_max_ms * 1e6));
   }
   topic.on_error = static_cast<OnError>(entry.choice("on_error", {"count", "degrade", "stop"}, 0));
-  if (!topic.ros.empty()) {
-    if (const auto mistake = ros2::mistake_of_ros_name(topic.ros)) {
-      entry.fail("ros",
-                 mistake->substr(mistake->find("expected ") + 9,
-                                 mistake->rfind(", found") - mistake->find("expected ") - 9),
-                 fmt::format("\"{}\"", topic.ros));
-    } else if (!topic.ros.starts_with('/')) {
-      topic.ros.insert(0, "/");
-    }
-  }
+  topic.ros = entry.ros_name();
   return topic;
 }
 
 }  // namespace
+
+std::vector<ServiceSettings> services_of(const google::protobuf::ListValue& services) {
+  std::vector<ServiceSettings> all;
+  std::vector<std::string> mistakes;
+  std::set<std::string> seen;
+  for (int i = 0; i < services.values_size(); ++i) {
+    Entry entry(services.values(i), fmt::format("/params/services/{}", i), kServiceKeys, mistakes);
+    ServiceSettings service;
+    service.service = entry.text("service", true);
+    service.is_in = entry.choice("direction", {"in", "out"}, {}) == 0;
+    service.ros = entry.ros_name();
+    service.type = entry.text("type", true);
+    service.request = entry.text("request", false);
+    service.reply = entry.text("reply", false);
+    service.depth = static_cast<std::size_t>(entry.number("depth", 10, 1, kDepthMax));
+    if (!service.ros.empty() && !seen.insert(service.ros).second) {
+      entry.fail("ros", "a service that no other entry has", fmt::format("\"{}\"", service.ros));
+    }
+    all.push_back(std::move(service));
+  }
+  if (!mistakes.empty()) {
+    throw std::invalid_argument(fmt::format("{}", fmt::join(mistakes, "\n")));
+  }
+  return all;
+}
 
 std::vector<TopicSettings> topics_of(const google::protobuf::ListValue& topics) {
   std::vector<TopicSettings> all;
   std::vector<std::string> mistakes;
   std::set<std::pair<std::string, bool>> seen;
   for (int i = 0; i < topics.values_size(); ++i) {
-    Entry entry(topics.values(i), i, mistakes);
+    Entry entry(topics.values(i), fmt::format("/params/topics/{}", i), kTopicKeys, mistakes);
     TopicSettings topic = read(entry);
     if (!topic.ros.empty() && !seen.emplace(topic.ros, topic.is_in).second) {
       entry.fail("ros", "a topic that no other entry has in this direction",

@@ -32,6 +32,22 @@ struct TopicSettings {
   OnError on_error = OnError::kCount;
 };
 
+/// One service that crosses.
+struct ServiceSettings {
+  std::string service;  ///< Of FastCycle: `brake/release`
+  bool is_in = true;    ///< ROS 2 asks, this application answers; else the other way.
+  std::string ros;      ///< `/release_brake`
+  std::string type;     ///< `std_srvs/srv/SetBool`
+  std::string request;  ///< `basic.Flag`; empty: what the mapping says.
+  std::string reply;
+  std::size_t depth = 10;  ///< Requests that may be open.
+};
+
+/// What the params say under "services".
+///
+/// @errors  As `topics_of`.
+[[nodiscard]] std::vector<ServiceSettings> services_of(const google::protobuf::ListValue& services);
+
 /// What the params say under "topics".
 ///
 /// @errors  std::invalid_argument with all mistakes, each with its place in the params.

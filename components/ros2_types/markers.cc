@@ -457,7 +457,7 @@ class Markers {
 
   Marker& begin(Type type, const auto& shape) {
     Marker& marker = all_.emplace_back(next_);
-    ++next_.id;
+    next_.id = static_cast<std::int32_t>(static_cast<std::uint32_t>(next_.id) + 1);
     marker.type = type;
     marker.position = point_of(shape.pose().position());
     const foxglove::Quaternion& turn = shape.pose().orientation();

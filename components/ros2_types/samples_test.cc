@@ -124,7 +124,9 @@ const std::set<std::string> kWhole = {"std_msgs/msg/String",
                                       "geometry_msgs/msg/TwistStamped",
                                       "geometry_msgs/msg/TransformStamped",
                                       "tf2_msgs/msg/TFMessage",
-                                      "diagnostic_msgs/msg/DiagnosticArray"};
+                                      "diagnostic_msgs/msg/DiagnosticArray",
+                                      "std_srvs/srv/SetBool_Request",
+                                      "std_srvs/srv/SetBool_Response"};
 
 TEST(Samples, ComeBackFromOurMessages) {
   KnownTypes types;
@@ -156,7 +158,7 @@ TEST(Samples, ComeBackFromOurMessages) {
       EXPECT_TRUE(is_same(written.bytes(), bytes, sample, file["data_end"].get<std::size_t>()));
     }
   });
-  EXPECT_EQ(mapped.size(), 21U);
+  EXPECT_EQ(mapped.size(), 23U);
 }
 
 }  // namespace

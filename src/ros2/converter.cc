@@ -35,7 +35,7 @@ class Compiler {
            fmt::format("the conversion \"{}\" is for whole messages", mapping.conversion));
     }
     Steps steps = fields_of(ros, ours, mapping, path);
-    if (steps.steps.empty()) {
+    if (steps.steps.empty() && !is_empty(ros)) {
       fail(ros, ours, "no field has the same name in both, and there is no mapping");
     }
     return steps;
@@ -64,13 +64,17 @@ class Compiler {
     bool has_any = false;
     add_fields(scope, ros, "", path, ByName{.way = {}, .type = &ours}, steps, has_any);
     check_rules(scope);
-    if (!has_any) {
+    if (!has_any && !is_empty(ros)) {
       steps.steps.clear();
     }
     return steps;
   }
 
  private:
+  static bool is_empty(const Definition& ros) {
+    return ros.fields.size() == 1 && ros.fields.front().name == kEmptyField;
+  }
+
   /// Where fields of the same name are looked for; null: nowhere.
   struct ByName {
     Way way;
@@ -187,7 +191,9 @@ class Compiler {
         add_one(scope, field, whole_path, {.way = by_name.way, .to = same, .key = ""}, {}, steps);
         has_any = true;
       } else {
-        unmapped_.push_back(whole_path);
+        if (!is_empty(ros)) {
+          unmapped_.push_back(whole_path);
+        }
         steps.steps.push_back(make_skip(field, whole_path, {}));
       }
     }

@@ -352,7 +352,7 @@ Definition Definitions::parse(const std::string& name, std::string_view text, st
   if (definition.fields.empty()) {
     // What a type without fields has on the wire.
     Field field;
-    field.name = "structure_needs_at_least_one_member";
+    field.name = kEmptyField;
     field.kind = Kind::kUint8;
     definition.fields.push_back(std::move(field));
   }

@@ -59,6 +59,9 @@ struct Definition {
   std::size_t least_bytes = 0;  ///< What a message takes at least; never 0.
 };
 
+/// The one field of a type that has none.
+inline constexpr std::string_view kEmptyField = "structure_needs_at_least_one_member";
+
 /// Bytes of a number; 0 of what is none.
 [[nodiscard]] std::size_t size_of(Kind kind);
 /// What one element takes at least.
