@@ -293,7 +293,7 @@ class CycloneReader final : public Reader {
         }
         waiting_.push_back({.message = messages[i],
                             .info = {.sent = std::chrono::nanoseconds(infos[i].source_timestamp),
-                                     .writer = {},
+                                     .writer = asker_of(infos[i].publication_handle),
                                      .request = {}}});
       }
       while (waiting_.size() > depth_) {

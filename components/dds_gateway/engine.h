@@ -75,7 +75,7 @@ struct Discovery {
 /// What came with a message.
 struct SampleInfo {
   std::chrono::nanoseconds sent{};  ///< By the clock of the wall of its writer, since 1970.
-  Guid writer{};                    ///< All zero where the engine does not say.
+  Guid writer{};                    ///< Or another number that this one alone has here.
   Identity request;                 ///< Of a request and of a reply.
 };
 

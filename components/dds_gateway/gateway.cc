@@ -11,6 +11,7 @@
 
 #include "basic/basic.pb.h"
 #include "broker/publisher_core.h"
+#include "dds_gateway/envelope.h"
 #include "ros2/names.h"
 #include "ros2/type_hash.h"
 
@@ -77,7 +78,9 @@ std::string text_of(const Guid& guid) {
 /// One topic that crosses, with both of its ends.
 struct Gateway::Crossing {
   TopicSettings settings;
-  const ros2::Converter* converter = nullptr;
+  const ros2::Converter* converter = nullptr;  // Null for messages as they are.
+  const google::protobuf::Message* prototype = nullptr;
+  std::map<Guid, std::uint64_t> sequences;  // Of the newest message of each writer.
   Endpoint endpoint;
   Counters counters;
   Time last_passed{};  // Confined to who passes messages: the thread, or the activations.
@@ -162,14 +165,31 @@ Gateway::~Gateway() noexcept(false) = default;
 
 void Gateway::add(TopicSettings settings) {
   auto crossing = std::make_unique<Crossing>();
-  crossing->converter = &types_.find(settings.type, settings.message);
+  if (settings.is_as_it_is) {
+    settings.type = kEnvelopeType;
+    const google::protobuf::Descriptor* const descriptor = ros2::find_message(settings.message);
+    if (descriptor == nullptr) {
+      throw ros2::MappingError(
+          fmt::format("there is no message {} in this process; a component that uses it brings it "
+                      "along",
+                      settings.message));
+    }
+    crossing->prototype =
+        google::protobuf::MessageFactory::generated_factory()->GetPrototype(descriptor);
+  } else {
+    crossing->converter = &types_.find(settings.type, settings.message);
+    crossing->prototype = &crossing->converter->prototype();
+  }
+  const google::protobuf::Message& message = *crossing->prototype;
   crossing->endpoint = {
-      .topic = ros2::dds_topic(settings.ros),
+      .topic = settings.is_as_it_is ? settings.ros : ros2::dds_topic(settings.ros),
       .type = ros2::dds_type(settings.type),
-      .user_data = ros2::type_user_data(ros2::type_hash(crossing->converter->definition())),
+      .user_data = ros2::type_user_data(ros2::type_hash(types_.definitions().find(settings.type))),
       .qos = settings.qos,
       .is_reader = settings.is_in};
-  const google::protobuf::Message& message = crossing->converter->prototype();
+  if (settings.is_as_it_is) {
+    crossing->endpoint.user_data += envelope_user_data(*message.GetDescriptor());
+  }
   if (settings.is_in) {
     crossing->publisher =
         &detail::create_publisher(context().core(), settings.topic, message, nullptr, true);
@@ -315,6 +335,7 @@ void Gateway::stop() {
     tell("own", counters.own, false);
     tell("refused", counters.refused, false);
     tell("unsent", counters.unsent, false);
+    tell("missing", counters.missing, crossing->settings.is_as_it_is && crossing->settings.is_in);
     if (crossing->reader != nullptr) {
       tell("lost", crossing->reader->lost(), true);
     }
@@ -393,6 +414,14 @@ void Gateway::look_at(const Discovery& discovery) {
           crossing->settings.ros, who, crossing->settings.type, hash,
           ros2::value_of(ours.user_data, "typehash"));
     }
+    const std::string_view theirs = ros2::value_of(other.user_data, "schema");
+    const std::string_view here = ros2::value_of(ours.user_data, "schema");
+    if (trouble.empty() && !theirs.empty() && theirs != here) {
+      trouble = fmt::format("{}: {} has another version of {} ({}): schema {} there, {} here",
+                            crossing->settings.ros, who, crossing->settings.message,
+                            ros2::value_of(other.user_data, "message"), theirs.substr(0, 16),
+                            here.substr(0, 16));
+    }
     if (trouble.empty()) {
       log().info("{}: found {} of {}", crossing->settings.ros,
                  other.is_reader ? "a reader" : "a writer", who);
@@ -424,20 +453,31 @@ void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
   const Time now = detail::now_of(publisher);
   detail::Envelope* loan = nullptr;
   try {
-    const auto stamp = stamp_of(crossing.converter->definition(), message);
+    Time taken;
+    if (crossing.settings.is_as_it_is) {
+      loan = detail::take_external_loan(publisher, false);
+      const EnvelopeHead head = read_envelope(message, *loan->own);
+      count_missing(crossing, info.writer, head.sequence);
+      taken = head.taken;
+    } else {
+      const auto stamp = stamp_of(crossing.converter->definition(), message);
+      taken =
+          Time(std::chrono::duration_cast<Duration>(stamp ? *stamp : info.sent + wall_to_ours_));
+    }
     // What others stamp by another clock cannot have been measured later than now.
-    const Time taken = std::min(
-        now,
-        Time(std::chrono::duration_cast<Duration>(stamp ? *stamp : info.sent + wall_to_ours_)));
-    if (crossing.settings.age_max && now - taken > *crossing.settings.age_max) {
-      counters.expired.fetch_add(1);
+    taken = std::min(now, taken);
+    const bool is_expired = crossing.settings.age_max && now - taken > *crossing.settings.age_max;
+    if (is_expired || !may_pass(crossing, now)) {
+      counters.expired.fetch_add(is_expired ? 1 : 0);
+      if (loan != nullptr) {
+        detail::return_external_loan(publisher, loan);
+      }
       return;
     }
-    if (!may_pass(crossing, now)) {
-      return;
+    if (loan == nullptr) {
+      loan = detail::take_external_loan(publisher, false);
+      crossing.converter->to_message(message, *loan->own);
     }
-    loan = detail::take_external_loan(publisher, false);
-    crossing.converter->to_message(message, *loan->own);
     detail::publish_external(publisher, std::exchange(loan, nullptr), taken);
     counters.went.fetch_add(1);
   } catch (const ros2::CdrError& error) {
@@ -446,6 +486,22 @@ void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
     }
     refuse(crossing, counters.refused, error.what());
   }
+}
+
+/// Messages that their publisher numbered and that did not come.
+void Gateway::count_missing(Crossing& crossing, const Guid& writer, std::uint64_t sequence) {
+  constexpr std::size_t kWritersMax = 1024;
+  const auto known = crossing.sequences.find(writer);
+  if (known == crossing.sequences.end()) {
+    if (crossing.sequences.size() < kWritersMax) {
+      crossing.sequences[writer] = sequence;
+    }
+    return;
+  }
+  if (sequence > known->second + 1) {
+    crossing.counters.missing.fetch_add(sequence - known->second - 1);
+  }
+  known->second = sequence;
 }
 
 void Gateway::send(Crossing& crossing, const MessageInfo& info,
@@ -470,7 +526,11 @@ void Gateway::send(Crossing& crossing, const MessageInfo& info,
   }
   try {
     ros2::Buffer serialized;
-    crossing.converter->to_ros(message, serialized);
+    if (crossing.settings.is_as_it_is) {
+      write_envelope(message, info, serialized);
+    } else {
+      crossing.converter->to_ros(message, serialized);
+    }
     crossing.writer->write(serialized);
     counters.went.fetch_add(1);
   } catch (const ros2::CdrError& error) {

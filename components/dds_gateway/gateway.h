@@ -31,6 +31,7 @@ struct Counters {
   std::atomic<std::uint64_t> expired{0};  ///< Not, since they were too old.
   std::atomic<std::uint64_t> own{0};      ///< Not, since the gateway itself had published them.
   std::atomic<std::uint64_t> refused{0};  ///< Not, since they could not be converted.
+  std::atomic<std::uint64_t> missing{0};  ///< Numbered by another application, and never came.
   std::atomic<std::uint64_t> unsent{0};   ///< Not, since the network did not take them.
 };
 
@@ -76,6 +77,7 @@ class Gateway final : public Component {
   void refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter, const std::string& why);
   void set_trouble(const std::string& whose, std::string what);
   void tell_health();
+  static void count_missing(Crossing& crossing, const Guid& writer, std::uint64_t sequence);
   [[nodiscard]] static bool may_pass(Crossing& crossing, Time now);
 
   const Settings settings_;

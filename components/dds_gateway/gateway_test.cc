@@ -463,6 +463,46 @@ TEST_P(ServiceTest, RequestsGoOneWayAndRepliesTheOther) {
   EXPECT_EQ(std::get<std::int64_t>(bench.result("client", "/set_bool answered")), 100);
 }
 
+// Two gateways, as in two processes: what one sends as it is, the other publishes.
+TEST_P(ServiceTest, MessagesCrossAsTheyAreWithTheirTimes) {
+  testing::Bench bench;
+  const auto add = [&](const char* name, const char* topic, const char* direction) {
+    bench.add<Gateway>(
+        name, fmt::format(R"({{"remap": {{"cloud": "{}"}}, "params": {{"engine": "{}", "domain": {},
+            "interface": "lo", "node": "{}", "topics": [{{"topic": "cloud", "direction": "{}",
+            "message": "foxglove.PointCloud", "depth": 1000}}]}}}})",
+                          topic, GetParam(), domain_of_test(), name, direction));
+  };
+  add("sender", "cloud_there", "out");
+  add("receiver", "cloud_here", "in");
+  auto there = bench.input<foxglove::PointCloud>("cloud_there");
+  auto here = bench.output<foxglove::PointCloud>("cloud_here");
+  bench.start();
+  foxglove::PointCloud cloud;
+  cloud.set_data(std::string(100'000, 'x'));
+  cloud.set_frame_id("lidar");
+
+  std::vector<testing::Bench::Received<foxglove::PointCloud>> came;
+  const auto end = std::chrono::steady_clock::now() + 60s;
+  while (came.size() < 100 && std::chrono::steady_clock::now() < end) {
+    there.publish(cloud, {.taken_at = bench.now() - 25ms});
+    bench.advance(10ms);
+    std::this_thread::sleep_for(1ms);
+    for (auto& one : here.take_with_info()) {
+      came.push_back(std::move(one));
+    }
+  }
+  const Time last = bench.now();
+  bench.stop();
+
+  ASSERT_GE(came.size(), 100U);
+  EXPECT_EQ(came.back().message.data(), cloud.data());
+  EXPECT_EQ(came.back().message.frame_id(), "lidar");
+  // Sent at a multiple of 10 ms, and measured 25 ms before.
+  EXPECT_EQ((last - came.back().info.origin.taken - 25ms) % 10ms, 0ms);
+  EXPECT_EQ(std::get<std::int64_t>(bench.result("receiver", "fastcycle/cloud missing")), 0);
+}
+
 INSTANTIATE_TEST_SUITE_P(Engines, ServiceTest, ::testing::ValuesIn([] {
                            std::vector<const char*> all;
                            for (const Engine& engine : engines()) {

@@ -48,6 +48,8 @@ class Entry {
     }
   }
 
+  [[nodiscard]] bool has(const char* key) const { return find(key) != nullptr; }
+
   std::string text(const char* key, bool is_needed) {
     const Value* const value = find(key);
     if (value == nullptr ? is_needed
@@ -133,8 +135,15 @@ TopicSettings read(Entry& entry) {
   TopicSettings topic;
   topic.topic = entry.text("topic", true);
   topic.is_in = entry.choice("direction", {"in", "out"}, {}) == 0;
-  topic.type = ros2::full_type_name(entry.text("type", true));
-  topic.message = entry.text("message", false);
+  topic.is_as_it_is = !entry.has("ros") && !entry.has("type");
+  if (topic.is_as_it_is) {
+    topic.ros = "fastcycle/" + topic.topic;
+    topic.message = entry.text("message", true);
+  } else {
+    topic.ros = entry.ros_name();
+    topic.type = ros2::full_type_name(entry.text("type", true));
+    topic.message = entry.text("message", false);
+  }
   topic.qos.is_reliable = entry.choice("reliability", {"reliable", "best_effort"}, 0) == 0;
   topic.qos.is_transient_local =
       entry.choice("durability", {"volatile", "transient_local"}, 0) == 1;
@@ -145,7 +154,6 @@ TopicSettings read(Entry& entry) {
     topic.age_max = std::chrono::nanoseconds(std::llround(age_max_ms * 1e6));
   }
   topic.on_error = static_cast<OnError>(entry.choice("on_error", {"count", "degrade", "stop"}, 0));
-  topic.ros = entry.ros_name();
   return topic;
 }
 

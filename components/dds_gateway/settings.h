@@ -21,11 +21,12 @@ enum class OnError : std::uint8_t {
 
 /// One topic that crosses.
 struct TopicSettings {
-  std::string topic;    ///< Of FastCycle: `lidar/cloud`
-  bool is_in = true;    ///< From DDS to FastCycle; else the other way.
-  std::string ros;      ///< `/points`
-  std::string type;     ///< `sensor_msgs/msg/PointCloud2`
-  std::string message;  ///< `foxglove.PointCloud`; empty: what the mapping says.
+  bool is_as_it_is = false;  ///< To and from another FastCycle; else ROS 2.
+  std::string topic;         ///< Of FastCycle: `lidar/cloud`
+  bool is_in = true;         ///< From DDS to FastCycle; else the other way.
+  std::string ros;           ///< `/points`
+  std::string type;          ///< `sensor_msgs/msg/PointCloud2`
+  std::string message;       ///< `foxglove.PointCloud`; empty: what the mapping says.
   Qos qos;
   double rate_limit_hz = 0.0;  ///< 0: none.
   std::optional<std::chrono::nanoseconds> age_max;
