@@ -226,9 +226,6 @@ class CycloneReader final : public Reader {
     (void)dds_set_listener(reader_, nullptr);
     dds_delete(reader_);
     dds_delete(topic_);
-    for (const Waiting& waiting : waiting_) {
-      ddsi_serdata_unref(waiting.message);
-    }
   }
 
   void serve() {
@@ -239,7 +236,6 @@ class CycloneReader final : public Reader {
     }
     for (const Waiting& waiting : all) {
       give(waiting);
-      ddsi_serdata_unref(waiting.message);
     }
   }
 
@@ -256,13 +252,16 @@ class CycloneReader final : public Reader {
   }
 
  private:
+  struct Unref {
+    void operator()(ddsi_serdata* message) const { ddsi_serdata_unref(message); }
+  };
   struct Waiting {
-    ddsi_serdata* message = nullptr;
+    std::unique_ptr<ddsi_serdata, Unref> message;
     SampleInfo info;
   };
 
   void give(const Waiting& waiting) {
-    const auto bytes = bytes_of(waiting.message);
+    const auto bytes = bytes_of(waiting.message.get());
     if (!is_of_service_) {
       on_message_(bytes, waiting.info);
       return;
@@ -291,13 +290,12 @@ class CycloneReader final : public Reader {
           ddsi_serdata_unref(messages[i]);
           continue;
         }
-        waiting_.push_back({.message = messages[i],
+        waiting_.push_back({.message = std::unique_ptr<ddsi_serdata, Unref>(messages[i]),
                             .info = {.sent = std::chrono::nanoseconds(infos[i].source_timestamp),
                                      .writer = asker_of(infos[i].publication_handle),
                                      .request = {}}});
       }
       while (waiting_.size() > depth_) {
-        ddsi_serdata_unref(waiting_.front().message);
         waiting_.pop_front();
         overflowed_.fetch_add(1);
       }

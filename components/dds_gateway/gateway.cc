@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "base/printable.h"
 #include "basic/basic.pb.h"
 #include "broker/publisher_core.h"
 #include "dds_gateway/envelope.h"
@@ -161,7 +162,9 @@ Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(c
   context.create_timer({.period = 1s, .phase = {}}, [this] { tell_health(); });
 }
 
-Gateway::~Gateway() noexcept(false) = default;
+Gateway::~Gateway() noexcept(false) {
+  close();
+}
 
 void Gateway::add(TopicSettings settings) {
   auto crossing = std::make_unique<Crossing>();
@@ -339,20 +342,29 @@ void Gateway::stop() {
     if (crossing->reader != nullptr) {
       tell("lost", crossing->reader->lost(), true);
     }
-    crossing->reader.reset();
-    crossing->writer.reset();
   }
   for (const auto& service : services_) {
     const std::string& name = service->settings().ros;
     report(name + " asked", static_cast<std::int64_t>(service->asked));
     report(name + " answered", static_cast<std::int64_t>(service->answered));
     report(name + " failed", static_cast<std::int64_t>(service->failed));
+  }
+  close();
+  tell_health();
+}
+
+/// Readers and writers end before their participant; also after a fault, when nobody calls `stop`.
+void Gateway::close() {
+  for (const auto& crossing : crossings_) {
+    crossing->reader.reset();
+    crossing->writer.reset();
+  }
+  for (const auto& service : services_) {
     service->close();
   }
   graph_writer_.reset();
   graph_reader_.reset();
   participant_.reset();
-  tell_health();
 }
 
 void Gateway::run(const std::stop_token& stop) {
@@ -422,6 +434,9 @@ void Gateway::look_at(const Discovery& discovery) {
                             ros2::value_of(other.user_data, "message"), theirs.substr(0, 16),
                             here.substr(0, 16));
     }
+    // Others choose their names, which may be no text at all.
+    who = base::printable(who);
+    trouble = base::printable(trouble);
     if (trouble.empty()) {
       log().info("{}: found {} of {}", crossing->settings.ros,
                  other.is_reader ? "a reader" : "a writer", who);

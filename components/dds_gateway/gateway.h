@@ -69,6 +69,7 @@ class Gateway final : public Component {
   void add_services(const std::vector<ServiceSettings>& services);
   void open(Crossing& crossing);
   void announce();
+  void close();
   void run(const std::stop_token& stop);
   void take_discoveries();
   void look_at(const Discovery& discovery);
