@@ -1,6 +1,6 @@
 #include "dds_gateway/request_header.h"
 
-#include <cstring>
+#include <algorithm>
 #include <fstream>
 #include <string>
 #include <vector>
