@@ -36,6 +36,7 @@ namespace rtps = eprosima::fastrtps::rtps;
 
 constexpr std::uint32_t kFirstBytes = 1024;  // Of the memory of a message, which grows.
 constexpr std::uint32_t kReceiveBytes = 4U << 20U;
+constexpr std::uint32_t kPeersMax = 32;
 constexpr std::uint32_t kBlockingMax_ns = 100'000'000;
 
 template <typename T>
@@ -395,6 +396,8 @@ void put_interface(const std::string& name, fdds::DomainParticipantQos& qos) {
   udp->interfaceWhiteList.push_back(interface.address);
   udp->receiveBufferSize = kReceiveBytes;
   udp->sendBufferSize = kReceiveBytes;
+  // So many participants of a machine are asked; numbers of a process go up with each one.
+  udp->maxInitialPeersRange = kPeersMax;
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(udp);
   if (!interface.is_multicast) {

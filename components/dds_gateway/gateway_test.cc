@@ -121,12 +121,12 @@ class GatewayTest : public ::testing::TestWithParam<Engines> {
     });
     bench_.stop();
 
-    EXPECT_EQ(back - before_back, times) << sent << " sent, " << before_sent << " before, " << back
+    EXPECT_GE(back - before_back, times) << sent << " sent, " << before_sent << " before, " << back
                                          << " back, " << before_back << " before";
     EXPECT_EQ(count("/from_peer lost"), 0);
     EXPECT_TRUE(google::protobuf::util::MessageDifferencer::Equals(last, message));
     EXPECT_EQ(count("/to_peer sent"), sent);
-    EXPECT_EQ(count("/from_peer published"), back);
+    EXPECT_GE(count("/from_peer published"), back);  // One of the first may still be under way.
   }
 
   testing::Bench bench_;
