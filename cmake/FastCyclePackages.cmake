@@ -4,6 +4,7 @@
 #   libfastcycle-dev     development   headers, .proto files, what CMake and pkg-config find
 #   fastcycle            tools         the program, its pages and completion, the components that come with it
 #   fastcycle-examples   examples      the ADS with its data, and the examples
+#   fastcycle-dds        dds           the gateway to DDS and ROS 2, if a DDS was there
 #   python3-fastcycle    python        the Python package and components in Python, if python3-dev and pybind11-dev are there
 #
 # `./dev packages` makes them.
@@ -15,8 +16,12 @@ set(package_of_library libfastcycle${abi})
 set(package_of_development libfastcycle-dev)
 set(package_of_tools fastcycle)
 set(package_of_examples fastcycle-examples)
+set(package_of_dds fastcycle-dds)
 set(package_of_python python3-fastcycle)
 set(parts library development tools examples)
+if(TARGET dds_gateway)
+  list(APPEND parts dds)
+endif()
 if(TARGET fastcycle_python)
   list(APPEND parts python)
 endif()
@@ -86,6 +91,14 @@ ${about}
 This package has an automated driving system of twelve modules, with
 recorded traffic to drive through, one minute of a real drive, and a course
 of examples.")
+
+set(CPACK_DEBIAN_DDS_PACKAGE_SECTION net)
+set(CPACK_DEBIAN_DDS_PACKAGE_DEPENDS "libfastcycle${abi} ${same}, fastcycle ${same}")
+set(CPACK_DEBIAN_DDS_DESCRIPTION "components of automated driving in one process (DDS)
+${about}
+.
+This package has the component dds_gateway, which lets topics of an
+application cross to ROS 2 nodes and back, by DDS.")
 
 # The module is for one version of Python, which its name says.
 get_property(python_version GLOBAL PROPERTY FASTCYCLE_PYTHON_VERSION)

@@ -24,6 +24,7 @@ CODE = re.compile(r"(```.*?```|`[^`\n]*`)", flags=re.S)
 GUIDES = ["first_component", "parameters", "life_cycle", "quality_of_service", "choosing_queues", "kept_messages",
           "synchronized_inputs", "services_and_actions", "back_pressure", "modes", "supervision", "transforms",
           "writing_a_driver", "real_time", "latency_chains", "finding_a_latency", "debugging", "looking_inside", "from_ros2",
+          "beside_ros2",
           "from_cyberrt"]
 
 

@@ -351,13 +351,24 @@ struct PyContext {
   }
 
   py::object take_observed(const std::string& name) const {
+    if (core().is_constructing) {
+      throw std::runtime_error(
+          "observe() in the constructor: observe in start(), which a "
+          "recorded run has, and its constructor it has not");
+    }
     const auto found = detail::take_observed(core(), name);
     return found ? py::object(py::str(*found)) : py::object(py::none());
   }
 
   void keep_observed(const std::string& name, const std::string& text) const {
-    if (detail::keeps_observed(core())) {
-      detail::keep_observed(core(), name, text);
+    detail::keep_observed(core(), name, text);
+  }
+
+  void keep_failed_observation(const std::string& name, const std::string& what) const {
+    try {
+      throw std::runtime_error(what);
+    } catch (const std::runtime_error&) {
+      detail::keep_failed_observation(core(), name);
     }
   }
 
@@ -436,7 +447,8 @@ void make_bindings() {
            [](const PyContext&, const py::object& message) { return PyContext::info(message); })
       .def("random_bits", [](const PyContext& context) { return context.owner->random()(); })
       .def("take_observed", &PyContext::take_observed)
-      .def("keep_observed", &PyContext::keep_observed);
+      .def("keep_observed", &PyContext::keep_observed)
+      .def("keep_failed_observation", &PyContext::keep_failed_observation);
   py::module_::import("sys").attr("modules")["fastcycle._component"] = module;
   made = new py::module_(std::move(module));  // As long as the interpreter.
 }

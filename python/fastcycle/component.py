@@ -140,10 +140,15 @@ class Component:
 
         Where the run is recorded, the log has it; where that run is executed again, it is taken
         from there and nothing is called. It has to be of what JSON has: numbers, str, bool, None,
-        and lists and dicts of them.
+        and lists and dicts of them. Of an exception the text is kept, and raised again as a
+        RuntimeError. Not in __init__, which no recorded run has.
         """
         known = self.context.take_observed(name)
         if known is None:
-            known = json.dumps(call())
+            try:
+                known = json.dumps(call())
+            except Exception as error:
+                self.context.keep_failed_observation(name, str(error))
+                raise
             self.context.keep_observed(name, known)
         return json.loads(known)

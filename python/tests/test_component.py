@@ -539,6 +539,10 @@ WALKER = """
 
         def step(self):
             clock = self.observe("clock", __import__("time").monotonic)
+            try:
+                self.observe("device", lambda: {}[__import__("time").monotonic_ns()])
+            except (KeyError, RuntimeError) as error:
+                self.names.add(str(error))
             self.out.publish(value=clock_value, ranges=[self.place, clock, self.now()],
                              text=" ".join(self.names))
 """

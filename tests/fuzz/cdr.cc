@@ -2,8 +2,6 @@
 // `CdrError` is a mistake of ours, and so is a message that is much larger than what it was made
 // of.
 
-#include "rosbag/cdr.h"
-
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -11,17 +9,20 @@
 #include <string>
 
 #include "fastcycle/assert.h"
-#include "rosbag/ros_types.h"
+#include "ros2/error.h"
+#include "ros2_types/known_types.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace fastcycle::rosbag;
+  using namespace fastcycle::ros2;
   if (size == 0) {
     return 0;
   }
-  const RosType& type = ros_types()[data[0] % ros_types().size()];
-  const std::unique_ptr<google::protobuf::Message> message(type.prototype->New());
+  static KnownTypes types;
+  const Mapping& mapping = types.mappings().all()[data[0] % types.mappings().all().size()];
+  const Converter& type = types.find(mapping.ros, mapping.message);
+  const std::unique_ptr<google::protobuf::Message> message(type.prototype().New());
   try {
-    type.convert(std::as_bytes(std::span(data, size)).subspan(1), *message);
+    type.to_message(std::as_bytes(std::span(data, size)).subspan(1), *message);
   } catch (const CdrError&) {
     return 0;
   }

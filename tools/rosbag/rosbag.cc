@@ -16,8 +16,9 @@
 #include "mcap/reader.h"
 #include "mcap/writer.h"
 #include "record/descriptor_set.h"
-#include "rosbag/cdr.h"
-#include "rosbag/ros_types.h"
+#include "ros2/converter.h"
+#include "ros2/error.h"
+#include "ros2_types/known_types.h"
 
 namespace fastcycle::rosbag {
 namespace {
@@ -50,7 +51,7 @@ void refuse_other_bags(const mcap::Source& source) {
 /// One channel of the bag.
 struct Stream {
   Topic topic;
-  const RosType* type = nullptr;  ///< Null: copied as it is.
+  const ros2::Converter* type = nullptr;  ///< Null: copied as it is.
   std::unique_ptr<google::protobuf::Message> message = {};
 };
 
@@ -107,12 +108,12 @@ class Conversion {
     stream.topic.name = channel.topic;
     stream.topic.type = schema == nullptr ? "" : schema->name;
     if (is_of_ros(channel) && schema != nullptr) {
-      stream.type = find_ros_type(schema->name);
+      stream.type = types_.try_find(schema->name);
     }
     mcap::Channel out = channel;
     if (stream.type != nullptr) {
       stream.topic.is_converted = true;
-      stream.message.reset(stream.type->prototype->New());
+      stream.message.reset(stream.type->prototype().New());
       if (out.topic.size() > 1 && out.topic.starts_with('/')) {
         out.topic.erase(0, 1);
       }
@@ -126,7 +127,7 @@ class Conversion {
   }
 
   /// The number of the schema that says what our messages look like.
-  std::uint16_t schema_of(const RosType& type) {
+  std::uint16_t schema_of(const ros2::Converter& type) {
     const auto [place, is_new] = schemas_.try_emplace(&type);
     if (is_new) {
       const auto& taken = reader_.definitions().schemas();
@@ -139,7 +140,7 @@ class Conversion {
                            .expected = "a number that no schema has",
                            .found = "all 65535 taken"});
       }
-      const google::protobuf::Descriptor& descriptor = *type.prototype->GetDescriptor();
+      const google::protobuf::Descriptor& descriptor = *type.prototype().GetDescriptor();
       place->second = next_schema_++;
       writer_.add({.id = place->second,
                    .name = descriptor.full_name(),
@@ -156,12 +157,15 @@ class Conversion {
       write(message, message.data);
       return;
     }
-    stream.message->Clear();
     try {
-      stream.type->convert(message.data, *stream.message);
-    } catch (const CdrError& error) {
+      stream.type->to_message(message.data, *stream.message);
+    } catch (const ros2::CdrError& error) {
       if (stream.topic.unreadable++ == 0) {
-        stream.topic.mistake = fmt::format("message {}: {}", stream.topic.messages, error.what());
+        std::string_view what = error.what();  // It begins with the type, which is said already.
+        if (const std::string& type = stream.type->definition().name; what.starts_with(type)) {
+          what.remove_prefix(std::min(type.size() + 2, what.size()));
+        }
+        stream.topic.mistake = fmt::format("message {}: {}", stream.topic.messages, what);
       }
       return;
     }
@@ -208,8 +212,9 @@ class Conversion {
   const mcap::Source& source_;
   const mcap::Reader reader_;
   mcap::Writer writer_;
+  ros2::KnownTypes types_;
   std::map<std::uint16_t, Stream> streams_;  // By channel.
-  std::map<const RosType*, std::uint16_t> schemas_;
+  std::map<const ros2::Converter*, std::uint16_t> schemas_;
   std::uint16_t next_schema_ = 1;
   std::uint64_t written_ = 0;
   std::string serialized_;

@@ -228,13 +228,13 @@ class Convert(unittest.TestCase):
                          [("map", "odom"), ("odom", "base_link")])
 
     def test_unknown_types_are_copied_and_named(self):
-        done = self.convert([("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 5, b"\0\1\0\0anything"),
+        done = self.convert([("/diagnostics", "demo_msgs/msg/Unknown", 5, b"\0\1\0\0anything"),
                              ("/pose", "geometry_msgs/msg/PoseStamped", 6, bytes(pose().data))])
 
-        self.assertIn("/diagnostics: diagnostic_msgs/msg/DiagnosticArray is not known here; copied as they are: 1 ",
+        self.assertIn("/diagnostics: demo_msgs/msg/Unknown is not known here; copied as they are: 1 ",
                       done.stderr)
         found = {name: topic["types"][0] for name, topic in self.info()["files"][0]["topics"].items()}
-        self.assertEqual(found["/diagnostics"], "diagnostic_msgs/msg/DiagnosticArray")
+        self.assertEqual(found["/diagnostics"], "demo_msgs/msg/Unknown")
         self.assertIn(b"\0\1\0\0anything", self.uncompressed())
 
     def uncompressed(self):

@@ -1,0 +1,497 @@
+// DDS by Eclipse Cyclone DDS.
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <cstring>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "dds_gateway/bell.h"
+#include "dds_gateway/cyclone_types.h"
+#include "dds_gateway/engine.h"
+#include "dds_gateway/interface.h"
+#include "dds_gateway/request_header.h"
+#include "ros2/error.h"
+
+namespace fastcycle::dds_gateway {
+namespace {
+
+constexpr dds_duration_t kBlockingMax = DDS_MSECS(100);
+constexpr std::size_t kTakenAtOnce = 16;
+
+/// What is negative is a mistake.
+dds_return_t check(dds_return_t code, std::string_view what) {
+  if (code < 0) {
+    throw EngineError(fmt::format("Cyclone DDS: {}: {}", what, dds_strretcode(-code)));
+  }
+  return code;
+}
+
+struct QosDeleter {
+  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
+};
+using QosPointer = std::unique_ptr<dds_qos_t, QosDeleter>;
+
+Guid guid_of(dds_entity_t entity) {
+  dds_guid_t guid{};
+  (void)dds_get_guid(entity, &guid);
+  Guid result;
+  std::copy_n(guid.v, result.size(), result.begin());
+  return result;
+}
+
+std::string configuration(const ParticipantOptions& options) {
+  std::string text;
+  if (const char* const users = std::getenv("CYCLONEDDS_URI")) {
+    text = users;
+  }
+  if (options.interface.empty()) {
+    return text;
+  }
+  const bool can_reach_many = find_interface(options.interface).is_multicast;
+  if (!text.empty()) {
+    text += ',';
+  }
+  text += fmt::format(
+      "<Domain Id=\"any\"><General><Interfaces><NetworkInterface name=\"{}\"/></Interfaces>"
+      "<AllowMulticast>{}</AllowMulticast></General>",
+      options.interface, can_reach_many ? "true" : "false");
+  if (!can_reach_many) {
+    // Others on this machine are asked one by one.
+    text +=
+        "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
+        "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+        "<Peers><Peer address=\"localhost\"/></Peers></Discovery>";
+  }
+  return text + "</Domain>";
+}
+
+/// The domains of this process: Cyclone DDS has one of each number, with one configuration, and it
+/// ends with the last participant of ours. Deleting it ends its threads, which may not outlive this
+/// library.
+class Domains {
+ public:
+  void open(const ParticipantOptions& options) {
+    const std::lock_guard lock(mutex_);
+    Domain& domain = domains_[options.domain];
+    if (domain.participants == 0) {
+      const std::string text = configuration(options);
+      domain.entity = dds_create_domain(options.domain, text.c_str());
+      if (domain.entity == DDS_RETCODE_PRECONDITION_NOT_MET) {
+        domain.entity = 0;  // Somebody else's.
+      } else if (domain.entity < 0) {
+        const dds_return_t code = std::exchange(domain.entity, 0);
+        check(code, fmt::format("domain {}", options.domain));
+      }
+    }
+    ++domain.participants;
+  }
+  void close(std::uint32_t number) {
+    const std::lock_guard lock(mutex_);
+    Domain& domain = domains_[number];
+    if (--domain.participants == 0 && domain.entity > 0) {
+      dds_delete(std::exchange(domain.entity, 0));
+    }
+  }
+
+ private:
+  struct Domain {
+    dds_entity_t entity = 0;
+    int participants = 0;
+  };
+  std::mutex mutex_;
+  std::map<std::uint32_t, Domain> domains_;
+};
+
+Domains& domains() {
+  static Domains all;
+  return all;
+}
+
+QosPointer qos_of(const Endpoint& endpoint) {
+  QosPointer qos(dds_create_qos());
+  dds_qset_reliability(
+      qos.get(), endpoint.qos.is_reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
+      kBlockingMax);
+  dds_qset_durability(qos.get(), endpoint.qos.is_transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL
+                                                                 : DDS_DURABILITY_VOLATILE);
+  const auto depth = static_cast<std::int32_t>(endpoint.qos.depth);
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
+  if (endpoint.qos.is_transient_local && !endpoint.is_reader) {
+    dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, depth, DDS_LENGTH_UNLIMITED,
+                                DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
+  }
+  dds_qset_ignorelocal(qos.get(), DDS_IGNORELOCAL_PARTICIPANT);
+  dds_qset_writer_data_lifecycle(qos.get(), false);
+  if (!endpoint.user_data.empty()) {
+    dds_qset_userdata(qos.get(), endpoint.user_data.data(), endpoint.user_data.size());
+  }
+  return qos;
+}
+
+class CycloneWriter final : public Writer {
+ public:
+  CycloneWriter(dds_entity_t participant, const Endpoint& endpoint) {
+    ddsi_sertype* type = make_raw_type(endpoint.type.c_str());
+    topic_ = dds_create_topic_sertype(participant, endpoint.topic.c_str(), &type, nullptr, nullptr,
+                                      nullptr);
+    if (topic_ < 0) {
+      ddsi_sertype_unref(type);
+      check(topic_, endpoint.topic);
+    }
+    type_ = type;
+    const QosPointer qos = qos_of(endpoint);
+    writer_ = dds_create_writer(participant, topic_, qos.get(), nullptr);
+    if (writer_ < 0) {
+      dds_delete(topic_);
+      check(writer_, endpoint.topic);
+    }
+    name_ = endpoint.topic;
+  }
+  ~CycloneWriter() override {
+    dds_delete(writer_);
+    dds_delete(topic_);
+  }
+
+  void write(ros2::Buffer& message) override {
+    ddsi_serdata* const raw = make_raw_message(type_, std::move(message));
+    check(dds_writecdr(writer_, raw), name_);
+  }
+  Identity write_request(ros2::Buffer& message, const Guid& /*replies*/) override {
+    const Identity request{.asker = asker_of(client_), .number = ++requests_};
+    ros2::Buffer whole = with_request_header(message.bytes(), request);
+    write(whole);
+    return request;
+  }
+  void write_reply(ros2::Buffer& message, const Identity& request) override {
+    ros2::Buffer whole = with_request_header(message.bytes(), request);
+    write(whole);
+  }
+  [[nodiscard]] Guid guid() const override { return guid_of(writer_); }
+  [[nodiscard]] std::size_t matched() const override {
+    dds_publication_matched_status_t status{};
+    (void)dds_get_publication_matched_status(writer_, &status);
+    return status.current_count;
+  }
+
+ private:
+  dds_entity_t topic_ = 0;
+  dds_entity_t writer_ = 0;
+  const ddsi_sertype* type_ = nullptr;
+  std::string name_;
+  const std::uint64_t client_ = std::random_device()() * 0x1'0000'0001ULL ^ std::random_device()();
+  std::int64_t requests_ = 0;
+};
+
+/// Takes messages on the thread that received them, so that each one is either given or counted,
+/// and keeps at most the newest `depth`.
+class CycloneReader final : public Reader {
+ public:
+  CycloneReader(dds_entity_t participant, const Endpoint& endpoint, OnMessage on_message,
+                std::shared_ptr<Bell> bell)
+      : bell_(std::move(bell)),
+        on_message_(std::move(on_message)),
+        depth_(endpoint.qos.depth),
+        is_of_service_(endpoint.role != Role::kTopic) {
+    ddsi_sertype* type = make_raw_type(endpoint.type.c_str());
+    topic_ = dds_create_topic_sertype(participant, endpoint.topic.c_str(), &type, nullptr, nullptr,
+                                      nullptr);
+    if (topic_ < 0) {
+      ddsi_sertype_unref(type);
+      check(topic_, endpoint.topic);
+    }
+    const QosPointer qos = qos_of(endpoint);
+    dds_listener_t* const listener = dds_create_listener(this);
+    dds_lset_data_available(listener, [](dds_entity_t /*entity*/, void* self) {
+      static_cast<CycloneReader*>(self)->take();
+    });
+    reader_ = dds_create_reader(participant, topic_, qos.get(), listener);
+    dds_delete_listener(listener);
+    if (reader_ < 0) {
+      dds_delete(topic_);
+      check(reader_, endpoint.topic);
+    }
+    entity_.store(reader_);
+    take();  // What came before the number was known.
+  }
+  ~CycloneReader() override {
+    (void)dds_set_listener(reader_, nullptr);
+    dds_delete(reader_);
+    dds_delete(topic_);
+  }
+
+  void serve() {
+    std::deque<Waiting> all;
+    {
+      const std::lock_guard lock(mutex_);
+      all.swap(waiting_);
+    }
+    for (const Waiting& waiting : all) {
+      give(waiting);
+    }
+  }
+
+  [[nodiscard]] Guid guid() const override { return guid_of(reader_); }
+  [[nodiscard]] std::size_t matched() const override {
+    dds_subscription_matched_status_t status{};
+    (void)dds_get_subscription_matched_status(reader_, &status);
+    return status.current_count;
+  }
+  [[nodiscard]] std::uint64_t lost() const override {
+    dds_sample_lost_status_t status{};
+    (void)dds_get_sample_lost_status(reader_, &status);
+    return overflowed_.load() + status.total_count;
+  }
+
+ private:
+  struct Unref {
+    void operator()(ddsi_serdata* message) const { ddsi_serdata_unref(message); }
+  };
+  struct Waiting {
+    std::unique_ptr<ddsi_serdata, Unref> message;
+    SampleInfo info;
+  };
+
+  void give(const Waiting& waiting) {
+    const auto bytes = bytes_of(waiting.message.get());
+    if (!is_of_service_) {
+      on_message_(bytes, waiting.info);
+      return;
+    }
+    SampleInfo info = waiting.info;
+    try {
+      const ros2::Buffer message = without_request_header(bytes, info.request);
+      on_message_(message.bytes(), info);
+    } catch (const ros2::CdrError&) {
+      on_message_({}, info);  // Which is no message of any type.
+    }
+  }
+
+  void take() {
+    const dds_entity_t reader = entity_.load();
+    if (reader <= 0) {
+      return;
+    }
+    ddsi_serdata* messages[kTakenAtOnce];
+    dds_sample_info_t infos[kTakenAtOnce];
+    dds_return_t count = 0;
+    while ((count = dds_takecdr(reader, messages, kTakenAtOnce, infos, DDS_ANY_STATE)) > 0) {
+      const std::lock_guard lock(mutex_);
+      for (dds_return_t i = 0; i < count; ++i) {
+        if (!infos[i].valid_data) {
+          ddsi_serdata_unref(messages[i]);
+          continue;
+        }
+        waiting_.push_back({.message = std::unique_ptr<ddsi_serdata, Unref>(messages[i]),
+                            .info = {.sent = std::chrono::nanoseconds(infos[i].source_timestamp),
+                                     .writer = asker_of(infos[i].publication_handle),
+                                     .request = {}}});
+      }
+      while (waiting_.size() > depth_) {
+        waiting_.pop_front();
+        overflowed_.fetch_add(1);
+      }
+    }
+    bell_->ring();
+  }
+
+  std::shared_ptr<Bell> bell_;
+  OnMessage on_message_;
+  const std::size_t depth_;
+  const bool is_of_service_;
+  dds_entity_t topic_ = 0;
+  dds_entity_t reader_ = 0;
+  std::atomic<dds_entity_t> entity_{0};
+  std::atomic<std::uint64_t> overflowed_{0};
+  std::mutex mutex_;
+  std::deque<Waiting> waiting_;  // Guarded by it.
+};
+
+Qos qos_from(const dds_qos_t* from) {
+  Qos qos{.is_reliable = false, .is_transient_local = false, .depth = 1};
+  dds_reliability_kind_t reliability = DDS_RELIABILITY_BEST_EFFORT;
+  dds_duration_t blocking = 0;
+  if (dds_qget_reliability(from, &reliability, &blocking)) {
+    qos.is_reliable = reliability == DDS_RELIABILITY_RELIABLE;
+  }
+  dds_durability_kind_t durability = DDS_DURABILITY_VOLATILE;
+  if (dds_qget_durability(from, &durability)) {
+    qos.is_transient_local = durability != DDS_DURABILITY_VOLATILE;
+  }
+  dds_history_kind_t history = DDS_HISTORY_KEEP_LAST;
+  std::int32_t depth = 1;
+  if (dds_qget_history(from, &history, &depth)) {
+    qos.depth = static_cast<std::size_t>(std::max(0, depth));
+  }
+  return qos;
+}
+
+std::string user_data_of(const dds_qos_t* qos) {
+  void* data = nullptr;
+  std::size_t size = 0;
+  if (qos == nullptr || !dds_qget_userdata(qos, &data, &size) || data == nullptr) {
+    return {};
+  }
+  std::string text(static_cast<const char*>(data), size);
+  dds_free(data);
+  while (!text.empty() && text.back() == '\0') {
+    text.pop_back();
+  }
+  return text;
+}
+
+class CycloneParticipant final : public Participant {
+ public:
+  explicit CycloneParticipant(const ParticipantOptions& options)
+      : domain_(options.domain), bell_(std::make_shared<Bell>()) {
+    if (!options.security.empty()) {
+      throw EngineError("security is not supported yet");
+    }
+    domains().open(options);
+    try {
+      const QosPointer qos(dds_create_qos());
+      if (!options.user_data.empty()) {
+        dds_qset_userdata(qos.get(), options.user_data.data(), options.user_data.size());
+      }
+      participant_ = check(dds_create_participant(options.domain, qos.get(), nullptr),
+                           fmt::format("participant of domain {}", options.domain));
+      guid_ = guid_of(participant_);
+      participants_ = watch(DDS_BUILTIN_TOPIC_DCPSPARTICIPANT);
+      writers_ = watch(DDS_BUILTIN_TOPIC_DCPSPUBLICATION);
+      readers_ = watch(DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION);
+    } catch (...) {
+      close();
+      throw;
+    }
+  }
+  ~CycloneParticipant() override { close(); }
+
+  [[nodiscard]] std::unique_ptr<Writer> create_writer(const Endpoint& endpoint) override {
+    return std::make_unique<CycloneWriter>(participant_, endpoint);
+  }
+  [[nodiscard]] std::unique_ptr<Reader> create_reader(const Endpoint& endpoint,
+                                                      OnMessage on_message) override {
+    auto reader =
+        std::make_unique<CycloneReader>(participant_, endpoint, std::move(on_message), bell_);
+    served_.push_back(reader.get());
+    return reader;
+  }
+  [[nodiscard]] Guid guid() const override { return guid_; }
+  // A server sends a reply only when it has found a reader that has the same id as the writer of
+  // the request.
+  [[nodiscard]] std::string service_user_data(bool is_client) override {
+    std::string text = is_client ? "clientid= " : "serviceid= ";
+    Guid id = guid_;
+    id[12] = static_cast<std::uint8_t>(++services_ >> 8U);
+    id[13] = static_cast<std::uint8_t>(services_);
+    for (std::size_t i = 0; i < id.size(); ++i) {
+      text += fmt::format("{}{:x}", i == 0 ? "" : ".", id[i]);
+    }
+    return text + ";";
+  }
+
+  void serve(std::chrono::milliseconds timeout) override {
+    bell_->wait(timeout);
+    for (CycloneReader* const reader : served_) {
+      reader->serve();
+    }
+  }
+  void wake() override { bell_->ring(); }
+
+  [[nodiscard]] std::vector<Discovery> discoveries() override {
+    std::vector<Discovery> all;
+    take<dds_builtintopic_participant_t>(
+        participants_, [&](const dds_builtintopic_participant_t& seen, bool is_gone) {
+          Discovery discovery;
+          discovery.is_gone = is_gone;
+          std::copy_n(seen.key.v, discovery.guid.size(), discovery.guid.begin());
+          if (discovery.guid != guid_) {
+            discovery.endpoint.user_data = is_gone ? "" : user_data_of(seen.qos);
+            all.push_back(std::move(discovery));
+          }
+        });
+    for (const bool is_reader : {false, true}) {
+      take<dds_builtintopic_endpoint_t>(
+          is_reader ? readers_ : writers_,
+          [&](const dds_builtintopic_endpoint_t& seen, bool is_gone) {
+            Discovery discovery;
+            discovery.kind = Discovery::Kind::kEndpoint;
+            discovery.is_gone = is_gone;
+            discovery.endpoint.is_reader = is_reader;
+            std::copy_n(seen.key.v, discovery.guid.size(), discovery.guid.begin());
+            if (!is_gone) {
+              std::copy_n(seen.participant_key.v, discovery.participant.size(),
+                          discovery.participant.begin());
+              discovery.endpoint.topic = seen.topic_name == nullptr ? "" : seen.topic_name;
+              discovery.endpoint.type = seen.type_name == nullptr ? "" : seen.type_name;
+              discovery.endpoint.user_data = user_data_of(seen.qos);
+              if (seen.qos != nullptr) {
+                discovery.endpoint.qos = qos_from(seen.qos);
+              }
+            }
+            // What its own participant has begins with the same twelve bytes.
+            if (!std::equal(guid_.begin(), guid_.begin() + 12, discovery.guid.begin())) {
+              all.push_back(std::move(discovery));
+            }
+          });
+    }
+    return all;
+  }
+
+ private:
+  dds_entity_t watch(dds_entity_t topic) {
+    dds_listener_t* const listener = dds_create_listener(bell_.get());
+    dds_lset_data_available(
+        listener, [](dds_entity_t /*entity*/, void* bell) { static_cast<Bell*>(bell)->ring(); });
+    const dds_entity_t reader = dds_create_reader(participant_, topic, nullptr, listener);
+    dds_delete_listener(listener);
+    return check(reader, "discovery");
+  }
+
+  template <typename T, typename F>
+  static void take(dds_entity_t reader, F f) {
+    void* samples[kTakenAtOnce] = {};
+    dds_sample_info_t infos[kTakenAtOnce];
+    dds_return_t count = 0;
+    while ((count = dds_take(reader, samples, infos, kTakenAtOnce, kTakenAtOnce)) > 0) {
+      for (dds_return_t i = 0; i < count; ++i) {
+        f(*static_cast<const T*>(samples[i]),
+          infos[i].instance_state != DDS_IST_ALIVE || !infos[i].valid_data);
+      }
+      (void)dds_return_loan(reader, samples, count);
+    }
+  }
+
+  void close() {
+    if (participant_ > 0) {
+      dds_delete(participant_);
+    }
+    domains().close(domain_);
+  }
+
+  const std::uint32_t domain_;
+  std::shared_ptr<Bell> bell_;
+  dds_entity_t participant_ = 0;
+  unsigned services_ = 0;
+  Guid guid_{};
+  dds_entity_t participants_ = 0;
+  dds_entity_t writers_ = 0;
+  dds_entity_t readers_ = 0;
+  std::vector<CycloneReader*> served_;
+};
+
+}  // namespace
+
+std::unique_ptr<Participant> create_cyclone(const ParticipantOptions& options) {
+  return std::make_unique<CycloneParticipant>(options);
+}
+
+}  // namespace fastcycle::dds_gateway

@@ -1,0 +1,478 @@
+// DDS by eProsima Fast DDS.
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <deque>
+#include <limits>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fmt/format.h>
+
+#include "dds_gateway/bell.h"
+#include "dds_gateway/engine.h"
+#include "dds_gateway/interface.h"
+
+namespace fastcycle::dds_gateway {
+namespace {
+
+namespace fdds = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastrtps::rtps;
+
+constexpr std::uint32_t kFirstBytes = 1024;  // Of the memory of a message, which grows.
+constexpr std::uint32_t kReceiveBytes = 4U << 20U;
+constexpr std::uint32_t kPeersMax = 32;
+constexpr std::uint32_t kBlockingMax_ns = 100'000'000;
+
+template <typename T>
+T* check(T* made, std::string_view what) {
+  if (made == nullptr) {
+    throw EngineError(fmt::format("Fast DDS: {}: it could not be made", what));
+  }
+  return made;
+}
+
+Guid guid_of(const rtps::GUID_t& from) {
+  Guid guid;
+  std::copy_n(from.guidPrefix.value, 12, guid.begin());
+  std::copy_n(from.entityId.value, 4, guid.begin() + 12);
+  return guid;
+}
+
+rtps::GUID_t to_guid(const Guid& from) {
+  rtps::GUID_t guid;
+  std::copy_n(from.begin(), 12, guid.guidPrefix.value);
+  std::copy_n(from.begin() + 12, 4, guid.entityId.value);
+  return guid;
+}
+
+/// Which request a sample is, or answers. A request is numbered by its writer; the reader of the
+/// replies is who asks, if it says so.
+Identity identity_of(const fdds::SampleInfo& info, Role role) {
+  const rtps::SampleIdentity& related = info.related_sample_identity;
+  const bool has_related = related.writer_guid() != rtps::GUID_t::unknown();
+  if (role == Role::kRequests) {
+    return {
+        .asker = guid_of(has_related ? related.writer_guid() : info.sample_identity.writer_guid()),
+        .number = static_cast<std::int64_t>(info.sample_identity.sequence_number().to64long())};
+  }
+  return {.asker = guid_of(related.writer_guid()),
+          .number = static_cast<std::int64_t>(related.sequence_number().to64long())};
+}
+
+std::string text_of(const fdds::UserDataQosPolicy& data) {
+  std::string text(data.begin(), data.end());
+  while (!text.empty() && text.back() == '\0') {
+    text.pop_back();
+  }
+  return text;
+}
+
+/// A type of which only the name is known: its messages are the bytes that they are sent as.
+class RawType final : public fdds::TopicDataType {
+ public:
+  explicit RawType(const std::string& name) {
+    setName(name.c_str());
+    m_typeSize = kFirstBytes;
+    m_isGetKeyDefined = false;
+  }
+
+  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
+    const auto& bytes = *static_cast<ros2::Buffer*>(data);
+    if (bytes.size() > payload->max_size) {
+      return false;
+    }
+    std::memcpy(payload->data, bytes.data(), bytes.size());
+    payload->length = static_cast<std::uint32_t>(bytes.size());
+    payload->encapsulation = CDR_LE;
+    return true;
+  }
+  bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
+    auto& bytes = *static_cast<ros2::Buffer*>(data);
+    bytes.clear();
+    std::memcpy(bytes.grow(payload->length), payload->data, payload->length);
+    return true;
+  }
+  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
+    return [data] { return static_cast<std::uint32_t>(static_cast<ros2::Buffer*>(data)->size()); };
+  }
+  void* createData() override { return new ros2::Buffer; }
+  void deleteData(void* data) override { delete static_cast<ros2::Buffer*>(data); }
+  bool getKey(void* /*data*/, rtps::InstanceHandle_t* /*handle*/, bool /*is_md5*/) override {
+    return false;
+  }
+};
+
+template <typename T>
+void put_qos(const Endpoint& endpoint, T& qos) {
+  qos.reliability().kind =
+      endpoint.qos.is_reliable ? fdds::RELIABLE_RELIABILITY_QOS : fdds::BEST_EFFORT_RELIABILITY_QOS;
+  qos.reliability().max_blocking_time = eprosima::fastrtps::Duration_t(0, kBlockingMax_ns);
+  qos.durability().kind = endpoint.qos.is_transient_local ? fdds::TRANSIENT_LOCAL_DURABILITY_QOS
+                                                          : fdds::VOLATILE_DURABILITY_QOS;
+  qos.history().kind = fdds::KEEP_LAST_HISTORY_QOS;
+  qos.history().depth = static_cast<std::int32_t>(endpoint.qos.depth);
+  // The depth alone says how many.
+  qos.resource_limits().max_samples = 0;
+  qos.resource_limits().max_instances = 0;
+  qos.resource_limits().max_samples_per_instance = 0;
+  qos.resource_limits().allocated_samples = 0;
+  qos.endpoint().history_memory_policy = rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
+  qos.user_data().data_vec({endpoint.user_data.begin(), endpoint.user_data.end()});
+}
+
+/// A topic may have a reader and a writer, and is one for both.
+class Topics {
+ public:
+  explicit Topics(fdds::DomainParticipant& participant) : participant_(participant) {}
+
+  fdds::Topic* open(const Endpoint& endpoint) {
+    Known& known = known_[endpoint.topic];
+    if (known.topic == nullptr) {
+      fdds::TypeSupport type(new RawType(endpoint.type));
+      (void)type.register_type(&participant_);
+      known.topic =
+          check(participant_.create_topic(endpoint.topic, endpoint.type, fdds::TOPIC_QOS_DEFAULT),
+                endpoint.topic);
+    }
+    ++known.users;
+    return known.topic;
+  }
+  void close(const std::string& name) {
+    Known& known = known_[name];
+    if (--known.users == 0) {
+      (void)participant_.delete_topic(std::exchange(known.topic, nullptr));
+    }
+  }
+
+ private:
+  struct Known {
+    fdds::Topic* topic = nullptr;
+    int users = 0;
+  };
+  fdds::DomainParticipant& participant_;
+  std::map<std::string, Known> known_;
+};
+
+class FastWriter final : public Writer {
+ public:
+  FastWriter(Topics& topics, fdds::Publisher& publisher, const Endpoint& endpoint)
+      : topics_(topics), publisher_(publisher), name_(endpoint.topic) {
+    fdds::Topic* const topic = topics.open(endpoint);
+    fdds::DataWriterQos qos;
+    put_qos(endpoint, qos);
+    writer_ = check(publisher.create_datawriter(topic, qos), endpoint.topic);
+  }
+  ~FastWriter() override {
+    (void)publisher_.delete_datawriter(writer_);
+    topics_.close(name_);
+  }
+
+  void write(ros2::Buffer& message) override {
+    if (!writer_->write(&message)) {
+      throw EngineError(fmt::format("Fast DDS: {}: the message was not taken", name_));
+    }
+  }
+  Identity write_request(ros2::Buffer& message, const Guid& replies) override {
+    rtps::WriteParams params;
+    params.related_sample_identity().writer_guid(to_guid(replies));
+    if (!writer_->write(&message, params)) {
+      throw EngineError(fmt::format("Fast DDS: {}: the request was not taken", name_));
+    }
+    return {
+        .asker = replies,
+        .number = static_cast<std::int64_t>(params.sample_identity().sequence_number().to64long())};
+  }
+  void write_reply(ros2::Buffer& message, const Identity& request) override {
+    rtps::WriteParams params;
+    params.related_sample_identity().writer_guid(to_guid(request.asker));
+    const auto number = static_cast<std::uint64_t>(request.number);
+    params.related_sample_identity().sequence_number(rtps::SequenceNumber_t(
+        static_cast<std::int32_t>(number >> 32U), static_cast<std::uint32_t>(number)));
+    if (!writer_->write(&message, params)) {
+      throw EngineError(fmt::format("Fast DDS: {}: the reply was not taken", name_));
+    }
+  }
+  [[nodiscard]] Guid guid() const override { return guid_of(writer_->guid()); }
+  [[nodiscard]] std::size_t matched() const override {
+    fdds::PublicationMatchedStatus status;
+    (void)writer_->get_publication_matched_status(status);
+    return static_cast<std::size_t>(std::max(0, status.current_count));
+  }
+
+ private:
+  Topics& topics_;
+  fdds::Publisher& publisher_;
+  std::string name_;
+  fdds::DataWriter* writer_ = nullptr;
+};
+
+/// Takes messages on the thread that received them, as that of Cyclone DDS does.
+class FastReader final : public Reader, private fdds::DataReaderListener {
+ public:
+  FastReader(Topics& topics, fdds::Subscriber& subscriber, const Endpoint& endpoint,
+             OnMessage on_message, std::shared_ptr<Bell> bell)
+      : topics_(topics),
+        subscriber_(subscriber),
+        name_(endpoint.topic),
+        bell_(std::move(bell)),
+        on_message_(std::move(on_message)),
+        depth_(endpoint.qos.depth),
+        role_(endpoint.role) {
+    fdds::Topic* const topic = topics.open(endpoint);
+    fdds::DataReaderQos qos;
+    put_qos(endpoint, qos);
+    reader_ = check(subscriber.create_datareader(topic, qos, this), endpoint.topic);
+  }
+  ~FastReader() override {
+    (void)reader_->set_listener(nullptr);
+    (void)subscriber_.delete_datareader(reader_);
+    topics_.close(name_);
+  }
+
+  void serve() {
+    std::deque<Waiting> all;
+    {
+      const std::lock_guard lock(mutex_);
+      all.swap(waiting_);
+    }
+    for (const Waiting& waiting : all) {
+      on_message_(waiting.message.bytes(), waiting.info);
+    }
+  }
+
+  [[nodiscard]] Guid guid() const override { return guid_of(reader_->guid()); }
+  [[nodiscard]] std::size_t matched() const override {
+    fdds::SubscriptionMatchedStatus status;
+    (void)reader_->get_subscription_matched_status(status);
+    return static_cast<std::size_t>(std::max(0, status.current_count));
+  }
+  [[nodiscard]] std::uint64_t lost() const override { return overflowed_.load() + lost_.load(); }
+
+ private:
+  struct Waiting {
+    ros2::Buffer message;
+    SampleInfo info;
+  };
+
+  void on_data_available(fdds::DataReader* reader) override {
+    fdds::SampleInfo info;
+    ros2::Buffer message;
+    while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK) {
+      const rtps::GUID_t& writer = info.sample_identity.writer_guid();
+      if (!info.valid_data || writer.guidPrefix == reader->guid().guidPrefix) {
+        continue;
+      }
+      const std::lock_guard lock(mutex_);
+      waiting_.push_back(
+          {.message = std::exchange(message, ros2::Buffer()),
+           .info = {.sent = std::chrono::nanoseconds(info.source_timestamp.to_ns()),
+                    .writer = guid_of(writer),
+                    .request = role_ == Role::kTopic ? Identity() : identity_of(info, role_)}});
+      while (waiting_.size() > depth_) {
+        waiting_.pop_front();
+        overflowed_.fetch_add(1);
+      }
+    }
+    bell_->ring();
+  }
+  void on_sample_lost(fdds::DataReader* /*reader*/, const fdds::SampleLostStatus& status) override {
+    lost_.store(static_cast<std::uint64_t>(std::max(0, status.total_count)));
+  }
+
+  Topics& topics_;
+  fdds::Subscriber& subscriber_;
+  std::string name_;
+  std::shared_ptr<Bell> bell_;
+  OnMessage on_message_;
+  const std::size_t depth_;
+  const Role role_;
+  fdds::DataReader* reader_ = nullptr;
+  std::atomic<std::uint64_t> overflowed_{0};
+  std::atomic<std::uint64_t> lost_{0};
+  std::mutex mutex_;
+  std::deque<Waiting> waiting_;  // Guarded by it.
+};
+
+/// Keeps what was discovered until it is asked for.
+class Discoveries final : public fdds::DomainParticipantListener {
+ public:
+  explicit Discoveries(std::shared_ptr<Bell> bell) : bell_(std::move(bell)) {}
+
+  std::vector<Discovery> take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(all_, {});
+  }
+
+  void on_participant_discovery(fdds::DomainParticipant* /*participant*/,
+                                rtps::ParticipantDiscoveryInfo&& info) override {
+    using Status = rtps::ParticipantDiscoveryInfo;
+    if (info.status == Status::CHANGED_QOS_PARTICIPANT) {
+      return;
+    }
+    Discovery discovery;
+    discovery.is_gone = info.status != Status::DISCOVERED_PARTICIPANT;
+    discovery.guid = guid_of(info.info.m_guid);
+    discovery.endpoint.user_data = text_of(info.info.m_userData);
+    add(std::move(discovery));
+  }
+  void on_subscriber_discovery(fdds::DomainParticipant* participant,
+                               rtps::ReaderDiscoveryInfo&& info) override {
+    if (info.status != rtps::ReaderDiscoveryInfo::CHANGED_QOS_READER) {
+      add_endpoint(*participant, info.info, true,
+                   info.status == rtps::ReaderDiscoveryInfo::REMOVED_READER);
+    }
+  }
+  void on_publisher_discovery(fdds::DomainParticipant* participant,
+                              rtps::WriterDiscoveryInfo&& info) override {
+    if (info.status != rtps::WriterDiscoveryInfo::CHANGED_QOS_WRITER) {
+      add_endpoint(*participant, info.info, false,
+                   info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER);
+    }
+  }
+
+ private:
+  static constexpr std::size_t kMax = 100'000;  // Of what nobody has asked for yet.
+
+  template <typename T>
+  void add_endpoint(const fdds::DomainParticipant& participant, const T& seen, bool is_reader,
+                    bool is_gone) {
+    if (seen.guid().guidPrefix == participant.guid().guidPrefix) {
+      return;
+    }
+    Discovery discovery;
+    discovery.kind = Discovery::Kind::kEndpoint;
+    discovery.is_gone = is_gone;
+    discovery.guid = guid_of(seen.guid());
+    rtps::GUID_t owner = seen.guid();
+    owner.entityId = rtps::c_EntityId_RTPSParticipant;
+    discovery.participant = guid_of(owner);
+    discovery.endpoint = {
+        .topic = seen.topicName().to_string(),
+        .type = seen.typeName().to_string(),
+        .user_data = text_of(seen.m_qos.m_userData),
+        .qos = {.is_reliable = seen.m_qos.m_reliability.kind == fdds::RELIABLE_RELIABILITY_QOS,
+                .is_transient_local = seen.m_qos.m_durability.kind != fdds::VOLATILE_DURABILITY_QOS,
+                .depth = 0},
+        .is_reader = is_reader};
+    add(std::move(discovery));
+  }
+  void add(Discovery discovery) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (all_.size() < kMax) {
+        all_.push_back(std::move(discovery));
+      }
+    }
+    bell_->ring();
+  }
+
+  std::shared_ptr<Bell> bell_;
+  std::mutex mutex_;
+  std::vector<Discovery> all_;  // Guarded by it.
+};
+
+void put_interface(const std::string& name, fdds::DomainParticipantQos& qos) {
+  const Interface interface = find_interface(name);
+  if (interface.address.empty()) {
+    throw EngineError(fmt::format("the network interface \"{}\" has no IPv4 address", name));
+  }
+  const auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  udp->interfaceWhiteList.push_back(interface.address);
+  udp->receiveBufferSize = kReceiveBytes;
+  udp->sendBufferSize = kReceiveBytes;
+  // So many participants of a machine are asked; numbers of a process go up with each one.
+  udp->maxInitialPeersRange = kPeersMax;
+  qos.transport().use_builtin_transports = false;
+  qos.transport().user_transports.push_back(udp);
+  if (!interface.is_multicast) {
+    // Others on this machine are asked one by one.
+    rtps::Locator_t peer;
+    rtps::IPLocator::setIPv4(peer, interface.address);
+    qos.wire_protocol().builtin.initialPeersList.push_back(peer);
+    qos.wire_protocol().builtin.metatrafficUnicastLocatorList.push_back(peer);
+    qos.wire_protocol().default_unicast_locator_list.push_back(peer);
+  }
+}
+
+class FastParticipant final : public Participant {
+ public:
+  explicit FastParticipant(const ParticipantOptions& options)
+      : bell_(std::make_shared<Bell>()), discoveries_(bell_) {
+    if (!options.security.empty()) {
+      throw EngineError("security is not supported yet");
+    }
+    fdds::DomainParticipantQos qos;
+    qos.name("fastcycle");
+    qos.user_data().data_vec({options.user_data.begin(), options.user_data.end()});
+    if (!options.interface.empty()) {
+      put_interface(options.interface, qos);
+    }
+    participant_ = check(fdds::DomainParticipantFactory::get_instance()->create_participant(
+                             options.domain, qos, &discoveries_, fdds::StatusMask::none()),
+                         fmt::format("participant of domain {}", options.domain));
+    topics_.emplace(*participant_);
+    publisher_ = check(participant_->create_publisher(fdds::PUBLISHER_QOS_DEFAULT), "publisher");
+    subscriber_ =
+        check(participant_->create_subscriber(fdds::SUBSCRIBER_QOS_DEFAULT), "subscriber");
+  }
+  ~FastParticipant() override {
+    (void)participant_->set_listener(nullptr);
+    (void)participant_->delete_contained_entities();
+    (void)fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  }
+
+  [[nodiscard]] std::unique_ptr<Writer> create_writer(const Endpoint& endpoint) override {
+    return std::make_unique<FastWriter>(*topics_, *publisher_, endpoint);
+  }
+  [[nodiscard]] std::unique_ptr<Reader> create_reader(const Endpoint& endpoint,
+                                                      OnMessage on_message) override {
+    auto reader = std::make_unique<FastReader>(*topics_, *subscriber_, endpoint,
+                                               std::move(on_message), bell_);
+    served_.push_back(reader.get());
+    return reader;
+  }
+  [[nodiscard]] Guid guid() const override { return guid_of(participant_->guid()); }
+  [[nodiscard]] std::string service_user_data(bool /*is_client*/) override { return {}; }
+
+  void serve(std::chrono::milliseconds timeout) override {
+    bell_->wait(timeout);
+    for (FastReader* const reader : served_) {
+      reader->serve();
+    }
+  }
+  void wake() override { bell_->ring(); }
+  [[nodiscard]] std::vector<Discovery> discoveries() override { return discoveries_.take(); }
+
+ private:
+  std::shared_ptr<Bell> bell_;
+  Discoveries discoveries_;
+  fdds::DomainParticipant* participant_ = nullptr;
+  std::optional<Topics> topics_;
+  fdds::Publisher* publisher_ = nullptr;
+  fdds::Subscriber* subscriber_ = nullptr;
+  std::vector<FastReader*> served_;
+};
+
+}  // namespace
+
+std::unique_ptr<Participant> create_fast(const ParticipantOptions& options) {
+  return std::make_unique<FastParticipant>(options);
+}
+
+}  // namespace fastcycle::dds_gateway

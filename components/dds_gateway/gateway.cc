@@ -1,0 +1,599 @@
+#include "dds_gateway/gateway.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "base/printable.h"
+#include "basic/basic.pb.h"
+#include "broker/publisher_core.h"
+#include "dds_gateway/envelope.h"
+#include "ros2/names.h"
+#include "ros2/type_hash.h"
+
+namespace fastcycle::dds_gateway {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::chrono::milliseconds kServe = 1s;  // At most so long nobody looks at discovery.
+constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that are remembered.
+constexpr std::size_t kTroublesMax = 1024;
+constexpr double kDomainMax = 232;  // More have no ports.
+
+constexpr std::size_t kArrivalsMax = 1024;  // Requests and replies that may wait.
+
+/// What stands before the bytes of a request or a reply on their way within the gateway.
+struct ArrivalHead {
+  std::uint64_t service = 0;
+  Identity request;
+};
+
+const Engine& find_engine(std::string_view name) {
+  const auto all = engines();
+  const auto found = std::ranges::find_if(
+      all, [&](const Engine& engine) { return name.empty() || engine.name == name; });
+  if (found == all.end()) {
+    std::string known;
+    for (const Engine& engine : all) {
+      known += fmt::format("{}\"{}\"", known.empty() ? "" : ", ", engine.name);
+    }
+    throw std::invalid_argument(fmt::format("/params/engine: expected one of {}, found \"{}\"",
+                                            known.empty() ? "none" : known, name));
+  }
+  return *found;
+}
+
+/// When a message of ROS was measured, if it begins with a header that says so.
+std::optional<std::chrono::nanoseconds> stamp_of(const ros2::Definition& type,
+                                                 std::span<const std::byte> message) {
+  if (type.fields.empty() || type.fields.front().shape != ros2::Shape::kOne ||
+      type.fields.front().message == nullptr ||
+      type.fields.front().message->name != "std_msgs/msg/Header") {
+    return {};
+  }
+  ros2::CdrReader in(message, type.name);
+  const std::chrono::seconds seconds(in.number<std::int32_t>("header.stamp.sec"));
+  const std::chrono::nanoseconds rest(in.number<std::uint32_t>("header.stamp.nanosec"));
+  if (seconds <= 0s) {
+    return {};
+  }
+  return seconds + rest;
+}
+
+std::string text_of(const Guid& guid) {
+  std::string text;
+  for (const std::uint8_t byte : guid) {
+    text += fmt::format("{:02x}", byte);
+  }
+  return text;
+}
+
+}  // namespace
+
+/// One topic that crosses, with both of its ends.
+struct Gateway::Crossing {
+  TopicSettings settings;
+  const ros2::Converter* converter = nullptr;  // Null for messages as they are.
+  const google::protobuf::Message* prototype = nullptr;
+  std::map<Guid, std::uint64_t> sequences;  // Of the newest message of each writer.
+  Endpoint endpoint;
+  Counters counters;
+  Time last_passed{};  // Confined to who passes messages: the thread, or the activations.
+
+  // From DDS.
+  detail::PublisherCore* publisher = nullptr;
+  std::unique_ptr<Reader> reader;
+
+  // To DDS.
+  std::unique_ptr<Writer> writer;
+};
+
+Gateway::Settings Gateway::settings_of(Context& context) {
+  Settings settings;
+  settings.participant.domain = static_cast<std::uint32_t>(
+      context
+          .param<std::int64_t>(
+              "domain", {.fallback = 0, .min = 0, .max = static_cast<std::int64_t>(kDomainMax)})
+          .get());
+  settings.participant.interface =
+      context.param<std::string>("interface", {.fallback = std::string()}).get();
+  settings.participant.user_data = "enclave=/;";
+  settings.engine = context.param<std::string>("engine", {.fallback = std::string()}).get();
+  settings.node =
+      context.param<std::string>("node", {.fallback = std::string("fastcycle_gateway")}).get();
+  settings.clock_period = std::chrono::milliseconds(
+      context
+          .param<std::int64_t>("clock_period_ms",
+                               {.fallback = 0, .min = 0, .max = 10'000, .unit = "ms"})
+          .get());
+  return settings;
+}
+
+Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(context)) {
+  using Paths = std::vector<Path>;
+  const Paths folders = context.param<Paths>("definitions", {.fallback = Paths{}}).get();
+  const Paths mappings = context.param<Paths>("mappings", {.fallback = Paths{}}).get();
+  const auto topics =
+      context
+          .param<google::protobuf::ListValue>("topics", {.fallback = google::protobuf::ListValue()})
+          .get();
+
+  const auto services = context
+                            .param<google::protobuf::ListValue>(
+                                "services", {.fallback = google::protobuf::ListValue()})
+                            .get();
+
+  (void)find_engine(settings_.engine);
+  if (const auto mistake = ros2::mistake_of_ros_name(settings_.node)) {
+    throw std::invalid_argument(fmt::format("/params/node: {}", *mistake));
+  }
+  for (const Path& folder : folders) {
+    types_.definitions().add_folder(folder);
+  }
+  types_.definitions().add_installed();
+  for (const Path& file : mappings) {
+    types_.add_mappings(file);
+  }
+  std::string mistakes;
+  int index = 0;
+  for (TopicSettings& topic : topics_of(topics)) {
+    try {
+      add(std::move(topic));
+    } catch (const std::runtime_error& error) {
+      mistakes +=
+          fmt::format("{}/params/topics/{}: {}", mistakes.empty() ? "" : "\n", index, error.what());
+    }
+    ++index;
+  }
+  if (!mistakes.empty()) {
+    throw std::invalid_argument(mistakes);
+  }
+  add_services(services_of(services));
+  if (settings_.clock_period > 0ns) {
+    add_clock(settings_.clock_period);
+  }
+  context.create_thread("dds_gateway", [this](const std::stop_token& stop) { run(stop); });
+  context.create_timer({.period = 1s, .phase = {}}, [this] { tell_health(); });
+}
+
+Gateway::~Gateway() noexcept(false) {
+  close();
+}
+
+void Gateway::add(TopicSettings settings) {
+  auto crossing = std::make_unique<Crossing>();
+  if (settings.is_as_it_is) {
+    settings.type = kEnvelopeType;
+    const google::protobuf::Descriptor* const descriptor = ros2::find_message(settings.message);
+    if (descriptor == nullptr) {
+      throw ros2::MappingError(
+          fmt::format("there is no message {} in this process; a component that uses it brings it "
+                      "along",
+                      settings.message));
+    }
+    crossing->prototype =
+        google::protobuf::MessageFactory::generated_factory()->GetPrototype(descriptor);
+  } else {
+    crossing->converter = &types_.find(settings.type, settings.message);
+    crossing->prototype = &crossing->converter->prototype();
+  }
+  const google::protobuf::Message& message = *crossing->prototype;
+  crossing->endpoint = {
+      .topic = settings.is_as_it_is ? settings.ros : ros2::dds_topic(settings.ros),
+      .type = ros2::dds_type(settings.type),
+      .user_data = ros2::type_user_data(ros2::type_hash(types_.definitions().find(settings.type))),
+      .qos = settings.qos,
+      .is_reader = settings.is_in};
+  if (settings.is_as_it_is) {
+    crossing->endpoint.user_data += envelope_user_data(*message.GetDescriptor());
+  }
+  if (settings.is_in) {
+    crossing->publisher =
+        &detail::create_publisher(context().core(), settings.topic, message, nullptr, true);
+  } else {
+    SubscriberOptions options;
+    options.depth = settings.qos.depth;
+    Crossing& its = *crossing;
+    detail::create_subscription(
+        context().core(), settings.topic, message, options,
+        [this, &its](detail::Envelope& envelope, const google::protobuf::Message& payload) {
+          send(its, envelope.info, payload);
+        });
+  }
+  crossing->settings = std::move(settings);
+  crossings_.push_back(std::move(crossing));
+}
+
+/// The application's time on /clock, for nodes with `use_sim_time`.
+void Gateway::add_clock(Duration period) {
+  auto crossing = std::make_unique<Crossing>();
+  crossing->settings.ros = "/clock";
+  crossing->settings.is_in = false;
+  crossing->settings.qos = {.is_reliable = true, .is_transient_local = false, .depth = 1};
+  crossing->converter = &types_.find("rosgraph_msgs/msg/Clock");
+  crossing->endpoint = {
+      .topic = "rt/clock",
+      .type = ros2::dds_type("rosgraph_msgs/msg/Clock"),
+      .user_data = ros2::type_user_data(ros2::type_hash(crossing->converter->definition())),
+      .qos = crossing->settings.qos,
+      .is_reader = false};
+  Crossing& clock = *crossing;
+  crossings_.push_back(std::move(crossing));
+  context().create_timer({.period = period, .phase = {}}, [this, &clock] {
+    basic::Clock time;
+    time.set_time_ns(now().time_since_epoch().count());
+    send(clock, {.sequence = 0, .publish_time = now(), .publisher = 0, .origin = {}}, time);
+  });
+}
+
+void Gateway::add_services(const std::vector<ServiceSettings>& services) {
+  if (services.empty()) {
+    return;
+  }
+  for (const ServiceSettings& service : services) {
+    services_.push_back(std::make_unique<ServiceCrossing>(
+        context(), service, types_,
+        [this](const std::string& what) { log().throttle(10s).warning("{}", what); }));
+  }
+  const std::string topic = context().component_name() + "/service_arrivals";
+  arrivals_ = context().create_external_publisher<google::protobuf::BytesValue>(topic);
+  SubscriberOptions options;
+  options.depth = kArrivalsMax;
+  context().create_subscriber<google::protobuf::BytesValue>(
+      topic, options, [this](const google::protobuf::BytesValue& arrival) {
+        const auto bytes = std::as_bytes(std::span(arrival.value()));
+        ArrivalHead head;
+        std::memcpy(&head, bytes.data(), sizeof head);
+        services_.at(head.service)->take(head.request, bytes.subspan(sizeof head));
+      });
+}
+
+void Gateway::start() {
+  report("trouble", std::string());
+  participant_ = find_engine(settings_.engine).create(settings_.participant);
+  wall_to_ours_ = now().time_since_epoch() - std::chrono::system_clock::now().time_since_epoch();
+  for (const auto& crossing : crossings_) {
+    open(*crossing);
+  }
+  for (std::size_t i = 0; i < services_.size(); ++i) {
+    services_[i]->open(
+        *participant_, [this, i](const Identity& request, std::span<const std::byte> message) {
+          const ArrivalHead head{.service = i, .request = request};
+          auto arrival = arrivals_->loan();
+          std::string& bytes = *arrival->mutable_value();
+          bytes.assign(reinterpret_cast<const char*>(&head), sizeof head);
+          bytes.append(reinterpret_cast<const char*>(message.data()), message.size());
+          arrivals_->publish(std::move(arrival));
+        });
+  }
+  graph_reader_ = participant_->create_reader(
+      graph_endpoint(true), [this](std::span<const std::byte> message, const SampleInfo&) {
+        try {
+          graph_.take(message);
+        } catch (const ros2::CdrError& error) {
+          log().throttle(10s).warning("ros_discovery_info: {}", error.what());
+        }
+      });
+  announce();
+}
+
+void Gateway::open(Crossing& crossing) {
+  if (crossing.endpoint.is_reader) {
+    crossing.reader = participant_->create_reader(
+        crossing.endpoint,
+        [this, &crossing](std::span<const std::byte> message, const SampleInfo& info) {
+          receive(crossing, message, info);
+        });
+  } else {
+    crossing.writer = participant_->create_writer(crossing.endpoint);
+  }
+}
+
+void Gateway::announce() {
+  NodeEntities node;
+  const std::size_t slash = settings_.node.rfind('/');
+  node.name = settings_.node.substr(slash == std::string::npos ? 0 : slash + 1);
+  if (slash != std::string::npos && slash > 0) {
+    node.name_space = settings_.node.substr(0, slash);
+    if (!node.name_space.starts_with('/')) {
+      node.name_space.insert(0, "/");
+    }
+  }
+  for (const auto& crossing : crossings_) {
+    if (crossing->reader != nullptr) {
+      node.readers.push_back(crossing->reader->guid());
+    } else {
+      node.writers.push_back(crossing->writer->guid());
+    }
+  }
+  for (const auto& service : services_) {
+    node.readers.push_back(service->reader());
+    node.writers.push_back(service->writer());
+  }
+  graph_writer_ = participant_->create_writer(graph_endpoint(false));
+  ros2::Buffer message;
+  write_graph(participant_->guid(), {node}, message);
+  graph_writer_->write(message);
+}
+
+void Gateway::stop() {
+  for (const auto& crossing : crossings_) {
+    const Counters& counters = crossing->counters;
+    const std::string& name = crossing->settings.ros;
+    const auto tell = [&](const char* what, std::uint64_t count, bool is_always) {
+      if (is_always || count > 0) {
+        report(fmt::format("{} {}", name, what), static_cast<std::int64_t>(count));
+      }
+    };
+    tell(crossing->settings.is_in ? "received" : "taken", counters.came, true);
+    tell(crossing->settings.is_in ? "published" : "sent", counters.went, true);
+    tell("limited", counters.limited, false);
+    tell("expired", counters.expired, false);
+    tell("own", counters.own, false);
+    tell("refused", counters.refused, false);
+    tell("unsent", counters.unsent, false);
+    tell("missing", counters.missing, crossing->settings.is_as_it_is && crossing->settings.is_in);
+    if (crossing->reader != nullptr) {
+      tell("lost", crossing->reader->lost(), true);
+    }
+  }
+  for (const auto& service : services_) {
+    const std::string& name = service->settings().ros;
+    report(name + " asked", static_cast<std::int64_t>(service->asked));
+    report(name + " answered", static_cast<std::int64_t>(service->answered));
+    report(name + " failed", static_cast<std::int64_t>(service->failed));
+  }
+  close();
+  tell_health();
+}
+
+/// Readers and writers end before their participant; also after a fault, when nobody calls `stop`.
+void Gateway::close() {
+  for (const auto& crossing : crossings_) {
+    crossing->reader.reset();
+    crossing->writer.reset();
+  }
+  for (const auto& service : services_) {
+    service->close();
+  }
+  graph_writer_.reset();
+  graph_reader_.reset();
+  participant_.reset();
+}
+
+void Gateway::run(const std::stop_token& stop) {
+  const std::stop_callback wake(stop, [this] { participant_->wake(); });
+  while (!stop.stop_requested()) {
+    participant_->serve(kServe);
+    take_discoveries();
+  }
+}
+
+void Gateway::take_discoveries() {
+  for (const Discovery& discovery : participant_->discoveries()) {
+    look_at(discovery);
+  }
+}
+
+void Gateway::look_at(const Discovery& discovery) {
+  if (discovery.kind == Discovery::Kind::kParticipant) {
+    if (discovery.is_gone) {
+      graph_.forget(discovery.guid);
+    }
+    peers_.fetch_add(discovery.is_gone ? std::uint64_t(-1) : 1);
+    return;
+  }
+  if (discovery.is_gone) {
+    seen_.erase(discovery.guid);
+    set_trouble(text_of(discovery.guid), "");
+    return;
+  }
+  const Endpoint& other = discovery.endpoint;
+  const bool is_new = !seen_.contains(discovery.guid) && seen_.size() < kSeenMax;
+  if (!is_new) {
+    return;
+  }
+  for (const auto& crossing : crossings_) {
+    const Endpoint& ours = crossing->endpoint;
+    if (ours.topic != other.topic || ours.is_reader == other.is_reader) {
+      continue;
+    }
+    seen_[discovery.guid] = {.endpoint = other, .participant = discovery.participant};
+    std::string who = graph_.node_of(discovery.guid);
+    if (who.empty()) {
+      who = fmt::format("a participant {}", text_of(discovery.participant).substr(0, 24));
+    }
+    std::string trouble;
+    const std::string_view hash = ros2::value_of(other.user_data, "typehash");
+    if (other.type != ours.type) {
+      trouble =
+          fmt::format("{}: {} has it with type {}, here it is {}", crossing->settings.ros, who,
+                      ros2::ros_type(other.type).value_or(other.type), crossing->settings.type);
+    } else if (const auto why =
+                   ours.is_reader ? mismatch(ours.qos, other.qos) : mismatch(other.qos, ours.qos)) {
+      trouble =
+          fmt::format("{}: no message passes between the gateway and {}: {} (here {}, there {})",
+                      crossing->settings.ros, who, *why, to_text(ours.qos), to_text(other.qos));
+    } else if (!hash.empty() && hash != ros2::value_of(ours.user_data, "typehash")) {
+      trouble = fmt::format(
+          "{}: {} has another version of {}: there {}, here {}; messages may be misread",
+          crossing->settings.ros, who, crossing->settings.type, hash,
+          ros2::value_of(ours.user_data, "typehash"));
+    }
+    const std::string_view theirs = ros2::value_of(other.user_data, "schema");
+    const std::string_view here = ros2::value_of(ours.user_data, "schema");
+    if (trouble.empty() && !theirs.empty() && theirs != here) {
+      trouble = fmt::format("{}: {} has another version of {} ({}): schema {} there, {} here",
+                            crossing->settings.ros, who, crossing->settings.message,
+                            ros2::value_of(other.user_data, "message"), theirs.substr(0, 16),
+                            here.substr(0, 16));
+    }
+    // Others choose their names, which may be no text at all.
+    who = base::printable(who);
+    trouble = base::printable(trouble);
+    if (trouble.empty()) {
+      log().info("{}: found {} of {}", crossing->settings.ros,
+                 other.is_reader ? "a reader" : "a writer", who);
+      continue;
+    }
+    log().warning("{}", trouble);
+    set_trouble(text_of(discovery.guid), std::move(trouble));
+  }
+}
+
+bool Gateway::may_pass(Crossing& crossing, Time now) {
+  if (crossing.settings.rate_limit_hz > 0.0) {
+    const auto period =
+        std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / crossing.settings.rate_limit_hz));
+    if (crossing.last_passed != Time{} && now - crossing.last_passed < period) {
+      crossing.counters.limited.fetch_add(1);
+      return false;
+    }
+    crossing.last_passed = now;
+  }
+  return true;
+}
+
+void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
+                      const SampleInfo& info) {
+  Counters& counters = crossing.counters;
+  counters.came.fetch_add(1);
+  detail::PublisherCore& publisher = *crossing.publisher;
+  const Time now = detail::now_of(publisher);
+  detail::Envelope* loan = nullptr;
+  try {
+    Time taken;
+    if (crossing.settings.is_as_it_is) {
+      loan = detail::take_external_loan(publisher, false);
+      const EnvelopeHead head = read_envelope(message, *loan->own);
+      count_missing(crossing, info.writer, head.sequence);
+      taken = head.taken;
+    } else {
+      const auto stamp = stamp_of(crossing.converter->definition(), message);
+      taken =
+          Time(std::chrono::duration_cast<Duration>(stamp ? *stamp : info.sent + wall_to_ours_));
+    }
+    // What others stamp by another clock cannot have been measured later than now.
+    taken = std::min(now, taken);
+    const bool is_expired = crossing.settings.age_max && now - taken > *crossing.settings.age_max;
+    if (is_expired || !may_pass(crossing, now)) {
+      counters.expired.fetch_add(is_expired ? 1 : 0);
+      if (loan != nullptr) {
+        detail::return_external_loan(publisher, loan);
+      }
+      return;
+    }
+    if (loan == nullptr) {
+      loan = detail::take_external_loan(publisher, false);
+      crossing.converter->to_message(message, *loan->own);
+    }
+    detail::publish_external(publisher, std::exchange(loan, nullptr), taken);
+    counters.went.fetch_add(1);
+  } catch (const ros2::CdrError& error) {
+    if (loan != nullptr) {
+      detail::return_external_loan(publisher, loan);
+    }
+    refuse(crossing, counters.refused, error.what());
+  }
+}
+
+/// Messages that their publisher numbered and that did not come.
+void Gateway::count_missing(Crossing& crossing, const Guid& writer, std::uint64_t sequence) {
+  constexpr std::size_t kWritersMax = 1024;
+  const auto known = crossing.sequences.find(writer);
+  if (known == crossing.sequences.end()) {
+    if (crossing.sequences.size() < kWritersMax) {
+      crossing.sequences[writer] = sequence;
+    }
+    return;
+  }
+  if (sequence > known->second + 1) {
+    crossing.counters.missing.fetch_add(sequence - known->second - 1);
+  }
+  known->second = sequence;
+}
+
+void Gateway::send(Crossing& crossing, const MessageInfo& info,
+                   const google::protobuf::Message& message) {
+  Counters& counters = crossing.counters;
+  counters.came.fetch_add(1);
+  const bool is_own = std::ranges::any_of(crossings_, [&](const auto& other) {
+    return other->publisher != nullptr && info.publisher != 0 &&
+           other->publisher->id == info.publisher;
+  });
+  if (is_own) {
+    counters.own.fetch_add(1);
+    return;
+  }
+  const Time taken = info.origin.root != 0 ? info.origin.taken : info.publish_time;
+  if (crossing.settings.age_max && now() - taken > *crossing.settings.age_max) {
+    counters.expired.fetch_add(1);
+    return;
+  }
+  if (!may_pass(crossing, now())) {
+    return;
+  }
+  try {
+    ros2::Buffer serialized;
+    if (crossing.settings.is_as_it_is) {
+      write_envelope(message, info, serialized);
+    } else {
+      crossing.converter->to_ros(message, serialized);
+    }
+    crossing.writer->write(serialized);
+    counters.went.fetch_add(1);
+  } catch (const ros2::CdrError& error) {
+    refuse(crossing, counters.refused, error.what());
+  } catch (const EngineError& error) {
+    refuse(crossing, counters.unsent, error.what());
+  }
+}
+
+void Gateway::refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter,
+                     const std::string& why) {
+  counter.fetch_add(1);
+  const std::string what = fmt::format("{}: {}", crossing.settings.ros, why);
+  log().throttle(10s).warning("{}", what);
+  if (crossing.settings.on_error == OnError::kStop) {
+    throw std::runtime_error(what);
+  }
+  if (crossing.settings.on_error == OnError::kDegrade) {
+    set_trouble(crossing.settings.ros, what);
+  }
+}
+
+/// Nothing is trouble that is over.
+void Gateway::set_trouble(const std::string& whose, std::string what) {
+  const std::lock_guard lock(mutex_);
+  if (what.empty()) {
+    troubles_.erase(whose);
+  } else if (troubles_.size() < kTroublesMax || troubles_.contains(whose)) {
+    troubles_[whose] = std::move(what);
+  }
+}
+
+void Gateway::tell_health() {
+  std::string trouble;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!troubles_.empty()) {
+      trouble = troubles_.begin()->second;
+    }
+    if (troubles_.size() > 1) {
+      trouble += fmt::format(" (and {} more)", troubles_.size() - 1);
+    }
+  }
+  if (trouble != told_) {
+    health(trouble.empty() ? Health::kOk : Health::kDegraded, trouble);
+    report("trouble", trouble);
+    told_ = std::move(trouble);
+  }
+}
+
+}  // namespace fastcycle::dds_gateway

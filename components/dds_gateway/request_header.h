@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "dds_gateway/engine.h"
+#include "ros2/buffer.h"
+
+namespace fastcycle::dds_gateway {
+
+/// What ROS 2's middleware over Cyclone DDS puts between the encapsulation and the message of a
+/// request or reply: a number of the client and the number of its request, 8 bytes each.
+inline constexpr std::size_t kRequestHeaderBytes = 16;
+
+/// The number of a client, which has the first eight bytes of a `Guid`.
+[[nodiscard]] Guid asker_of(std::uint64_t client);
+
+/// `message` with the header in it.
+[[nodiscard]] ros2::Buffer with_request_header(std::span<const std::byte> message,
+                                               const Identity& request);
+/// `message` without the header, which says which request it is.
+///
+/// @errors  `ros2::CdrError`
+[[nodiscard]] ros2::Buffer without_request_header(std::span<const std::byte> message,
+                                                  Identity& request);
+
+}  // namespace fastcycle::dds_gateway

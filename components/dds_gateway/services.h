@@ -1,0 +1,67 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dds_gateway/engine.h"
+#include "dds_gateway/settings.h"
+#include "fastcycle/fastcycle.h"
+#include "fastcycle/service.h"
+#include "ros2_types/known_types.h"
+
+namespace fastcycle::dds_gateway {
+
+/// One service that crosses: asked by nodes of ROS 2 and answered in this application, or the other
+/// way.
+///
+/// @threads  Confined to the component, but for the `Arrival`s that it makes, and for its counters.
+class ServiceCrossing {
+ public:
+  /// Called on the participant's thread with what came; `take` is given the same in an activation.
+  using Arrival = std::function<void(const Identity&, std::span<const std::byte>)>;
+  /// Called with what should be told.
+  using Tell = std::function<void(const std::string&)>;
+
+  /// Declares its client or its server.
+  ///
+  /// @errors  As `KnownTypes::find`.
+  ServiceCrossing(Context& context, ServiceSettings settings, ros2::KnownTypes& types, Tell tell);
+
+  void open(Participant& participant, Arrival arrival);
+  void close();
+  /// A request of ROS 2, or the reply to one of ours. In an activation.
+  void take(const Identity& request, std::span<const std::byte> message);
+
+  [[nodiscard]] const ServiceSettings& settings() const { return settings_; }
+  [[nodiscard]] Guid reader() const { return reader_->guid(); }
+  [[nodiscard]] Guid writer() const { return writer_->guid(); }
+
+  std::uint64_t asked = 0;     ///< Requests that came to the gateway, from either side.
+  std::uint64_t answered = 0;  ///< Replies that went to who asked.
+  std::uint64_t failed = 0;    ///< Requests that got an error, and those that are no message.
+
+ private:
+  void ask_here(const Identity& request, std::span<const std::byte> message);
+  void ask_there(const google::protobuf::Message& request, const detail::Ticket& ticket);
+  void answer_here(const Identity& request, std::span<const std::byte> message);
+  void fail(const std::string& why);
+
+  const ServiceSettings settings_;
+  const Tell tell_;
+  const ros2::Converter& request_;
+  const ros2::Converter& reply_;
+
+  detail::ClientCore* client_ = nullptr;            // Of a service that is answered here.
+  std::map<std::int64_t, detail::Ticket> waiting_;  // By the numbers of the requests; else.
+  Guid asker_{};                                    // Who we are in requests.
+
+  std::unique_ptr<Reader> reader_;
+  std::unique_ptr<Writer> writer_;
+};
+
+}  // namespace fastcycle::dds_gateway

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <sys/types.h>
+
+namespace fastcycle::dds_gateway {
+
+/// Puts this process into a network of its own, with loopback alone, where the system allows it: no
+/// packet of a test leaves it. Called before there are threads.
+void enter_own_network();
+
+/// A number of a domain that no other test of this machine uses now, where they share a network.
+[[nodiscard]] unsigned domain_of_test();
+
+/// Another process in the network; ends with this object.
+class Peer {
+ public:
+  /// `args` are those of peer.cc behind the interface; returns once it is ready.
+  Peer(const std::string& engine, const std::vector<std::string>& args);
+  Peer(const Peer&) = delete;
+  Peer& operator=(const Peer&) = delete;
+  ~Peer();
+
+ private:
+  pid_t process_ = 0;
+  int input_ = -1;
+};
+
+}  // namespace fastcycle::dds_gateway

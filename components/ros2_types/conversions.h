@@ -1,0 +1,14 @@
+#pragma once
+
+#include "ros2/converter.h"
+
+namespace fastcycle::ros2 {
+
+/// What mappings.json names under "conversion".
+[[nodiscard]] const Conversions& shipped_conversions();
+
+/// Markers and scenes, which markers.cc has.
+void markers_to_scene(CdrReader& in, google::protobuf::Message& out);
+void scene_to_markers(const google::protobuf::Message& in, CdrWriter& out);
+
+}  // namespace fastcycle::ros2

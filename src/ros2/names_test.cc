@@ -1,0 +1,36 @@
+#include "ros2/names.h"
+
+#include <gtest/gtest.h>
+
+namespace fastcycle::ros2 {
+namespace {
+
+TEST(Names, OfTopicsServicesAndTypesAreThoseOfRos) {
+  EXPECT_EQ(dds_topic("/a/b"), "rt/a/b");
+  EXPECT_EQ(dds_topic("a"), "rt/a");
+  EXPECT_EQ(dds_request_topic("/s"), "rq/sRequest");
+  EXPECT_EQ(dds_reply_topic("/s"), "rr/sReply");
+  EXPECT_EQ(ros_topic("rt/a/b"), "/a/b");
+  EXPECT_EQ(ros_topic("rq/sRequest"), std::nullopt);
+  EXPECT_EQ(dds_type("std_srvs/srv/SetBool_Request"), "std_srvs::srv::dds_::SetBool_Request_");
+  EXPECT_EQ(ros_type("std_msgs::msg::dds_::String_"), "std_msgs/msg/String");
+  EXPECT_EQ(ros_type("String"), std::nullopt);
+}
+
+TEST(Names, OfWhatIsNoneAreTold) {
+  EXPECT_EQ(mistake_of_ros_name("/lidar/points_2"), std::nullopt);
+  EXPECT_TRUE(mistake_of_ros_name("/lidar//points"));
+  EXPECT_TRUE(mistake_of_ros_name("/2points"));
+  EXPECT_TRUE(mistake_of_ros_name("points/"));
+  EXPECT_TRUE(mistake_of_ros_name(""));
+}
+
+TEST(Names, UserDataHasItsValues) {
+  EXPECT_EQ(value_of("enclave=/;", "enclave"), "/");
+  EXPECT_EQ(value_of("clientid= 1.2;typehash=RIHS01_ab;", "typehash"), "RIHS01_ab");
+  EXPECT_EQ(value_of("typehash", "typehash"), "");
+  EXPECT_EQ(value_of("", "typehash"), "");
+}
+
+}  // namespace
+}  // namespace fastcycle::ros2
