@@ -56,6 +56,14 @@ void Outbox::put(std::uint32_t subscription, std::shared_ptr<const SharedMessage
   }
 }
 
+void Outbox::forget_messages() {
+  for (auto& [subscription, lane] : lanes_) {
+    lane.messages.clear();
+    lane.waiting = 0;
+  }
+  waiting_ = 0;
+}
+
 Outbox::Lane* Outbox::largest(std::size_t count) {
   Lane* found = nullptr;
   for (auto& [subscription, lane] : lanes_) {

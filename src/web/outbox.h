@@ -68,6 +68,9 @@ class Outbox {
   /// Does nothing without that subscription.
   void put(std::uint32_t subscription, std::shared_ptr<const SharedMessage> message);
 
+  /// Messages that wait are of no use any more: they are not lost either.
+  void forget_messages();
+
   /// The next frame; of a message its head is that of the protocol.
   [[nodiscard]] std::optional<Frame> take();
 

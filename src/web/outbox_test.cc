@@ -41,6 +41,22 @@ TEST(Outbox, GivesTurnsToItsSubscriptions) {
   EXPECT_EQ(outbox.waiting(), 0);
 }
 
+TEST(Outbox, ForgetsMessagesWithoutLosingThem) {
+  Outbox outbox({.large_bytes = 100});
+  outbox.add(1);
+  outbox.add(2);
+  outbox.put(1, message(10, 'a'));
+  outbox.put(2, message(100, 'b'));
+  outbox.put_text("t");
+
+  outbox.forget_messages();
+  outbox.put(1, message(10, 'c'));
+
+  EXPECT_EQ(outbox.waiting(), 11);
+  EXPECT_EQ(letters_of(outbox), "tc");
+  EXPECT_THAT(outbox.take_losses(), SizeIs(0));
+}
+
 TEST(Outbox, KeepsOnlyTheNewestOfLargeMessages) {
   Outbox outbox({.large_bytes = 100});
   outbox.add(1);

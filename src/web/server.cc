@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <exception>
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
 #include <utility>  // Asio needs it, and does not include it.
 
 #include <boost/asio/io_context.hpp>
@@ -70,12 +72,13 @@ std::string_view view_of(beast::string_view text) {
 
 /// @errors  `std::runtime_error` that names the file.
 std::string read_file(const std::string& path) {
+  errno = 0;
   std::ifstream file(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (!file) {
-    throw std::runtime_error(path + ": cannot be read");
+  std::ostringstream text;
+  if (!file || !(text << file.rdbuf())) {
+    throw std::runtime_error(path + ": cannot be read: " + std::generic_category().message(errno));
   }
-  return text;
+  return std::move(text).str();
 }
 
 /// The token that a file has in its first line.

@@ -674,7 +674,7 @@ TEST(ALiveServer, SaysWhatIsWrongWithItsDescription) {
   EXPECT_THAT(problem_of([](auto& live) { live.address = "example.com"; }),
               HasSubstr("\"example.com\" is no IP address"));
   EXPECT_THAT(problem_of([](auto& live) { live.token_file = "/no/such/file"; }),
-              HasSubstr("/no/such/file: cannot be read"));
+              HasSubstr("/no/such/file: cannot be read: No such file or directory"));
   std::filesystem::permissions(file, std::filesystem::perms(0644));
   EXPECT_THAT(problem_of([&](auto& live) { live.token_file = file; }), HasSubstr("chmod 600"));
   std::filesystem::permissions(file, std::filesystem::perms(0600));

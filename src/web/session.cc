@@ -167,6 +167,9 @@ void Session::take_time(std::int64_t now_ns) {
 void Session::take_playback(const protocol::Playback& playback, bool did_seek) {
   foxglove::PlaybackState state = to_state(playback);
   state.did_seek = did_seek;
+  if (did_seek) {
+    outbox_.forget_messages();  // Control frames go first: these would come behind the news.
+  }
   say_binary(foxglove::playback_state(state));
 }
 

@@ -1,10 +1,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -119,6 +121,18 @@ std::vector<std::string> words_for_gdb(const DebugOptions& options, std::uint64_
   return words;
 }
 
+/// Whether `execvp` would find this program.
+bool is_there(const std::string& program) {
+  const char* const folders = std::getenv("PATH");
+  std::istringstream rest(folders == nullptr ? "/bin:/usr/bin" : folders);
+  for (std::string folder; std::getline(rest, folder, ':');) {
+    if (::access(((folder.empty() ? "." : folder) + "/" + program).c_str(), X_OK) == 0) {
+      return true;
+    }
+  }
+  return false;
+}
+
 int debug(DebugOptions& options) {
   if (const std::string wrong = options.replaying.find_wrong(); !wrong.empty()) {
     return print_mistake("debug", wrong);
@@ -129,6 +143,9 @@ int debug(DebugOptions& options) {
   }
   if ((options.activation == 0) == options.at.empty()) {
     return print_mistake("debug", "wants --activation N, or --at TIME");
+  }
+  if (!is_there("gdb")) {
+    return print_mistake("debug", "gdb is not installed; apt install gdb");
   }
   std::optional<std::uint64_t> activation;
   try {
@@ -152,9 +169,7 @@ int debug(DebugOptions& options) {
              *activation, components.front());
   }
   execvp(arguments.front(), arguments.data());
-  return print_mistake(
-      "debug", errno == ENOENT ? "gdb is not installed; apt install gdb"
-                               : std::string("gdb cannot be started: ") + std::strerror(errno));
+  return print_mistake("debug", std::string("gdb cannot be started: ") + std::strerror(errno));
 }
 
 }  // namespace
