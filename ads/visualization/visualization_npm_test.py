@@ -45,13 +45,23 @@ FIELDS = {
         "timestamp": (1, TIME), "frame_id": (2, "string"), "id": (3, "string"),
         "lifetime": (4, "google.protobuf.Duration"), "frame_locked": (5, "bool"),
         "metadata": (6, "repeated foxglove.KeyValuePair"), "arrows": (7, "repeated foxglove.ArrowPrimitive"),
-        "cubes": (8, "repeated foxglove.CubePrimitive"), "lines": (11, "repeated foxglove.LinePrimitive"),
+        "cubes": (8, "repeated foxglove.CubePrimitive"), "spheres": (9, "repeated foxglove.SpherePrimitive"),
+        "cylinders": (10, "repeated foxglove.CylinderPrimitive"), "lines": (11, "repeated foxglove.LinePrimitive"),
+        "triangles": (12, "repeated foxglove.TriangleListPrimitive"),
         "texts": (13, "repeated foxglove.TextPrimitive")},
     "foxglove.ArrowPrimitive": {
         "pose": (1, "foxglove.Pose"), "shaft_length": (2, "double"), "shaft_diameter": (3, "double"),
         "head_length": (4, "double"), "head_diameter": (5, "double"), "color": (6, "foxglove.Color")},
     "foxglove.CubePrimitive": {
         "pose": (1, "foxglove.Pose"), "size": (2, "foxglove.Vector3"), "color": (3, "foxglove.Color")},
+    "foxglove.SpherePrimitive": {
+        "pose": (1, "foxglove.Pose"), "size": (2, "foxglove.Vector3"), "color": (3, "foxglove.Color")},
+    "foxglove.CylinderPrimitive": {
+        "pose": (1, "foxglove.Pose"), "size": (2, "foxglove.Vector3"), "bottom_scale": (3, "double"),
+        "top_scale": (4, "double"), "color": (5, "foxglove.Color")},
+    "foxglove.TriangleListPrimitive": {
+        "pose": (1, "foxglove.Pose"), "points": (2, "repeated foxglove.Point3"), "color": (3, "foxglove.Color"),
+        "colors": (4, "repeated foxglove.Color"), "indices": (5, "repeated fixed32")},
     "foxglove.LinePrimitive": {
         "type": (1, "foxglove.LinePrimitive.Type"), "pose": (2, "foxglove.Pose"), "thickness": (3, "double"),
         "scale_invariant": (4, "bool"), "points": (5, "repeated foxglove.Point3"),
