@@ -101,6 +101,16 @@ class Domains {
         const dds_return_t code = std::exchange(domain.entity, 0);
         check(code, fmt::format("domain {}", options.domain));
       }
+      domain.security = options.security;
+    } else if (domain.security != options.security) {
+      // Cyclone DDS would give the second one the permissions of the first.
+      const auto name = [](const std::string& security) {
+        return security.empty() ? std::string("none") : fmt::format("\"{}\"", security);
+      };
+      throw EngineError(
+          fmt::format("domain {}: expected the security that this process has there already, {}, "
+                      "found {}; Cyclone DDS has one for each domain",
+                      options.domain, name(domain.security), name(options.security)));
     }
     ++domain.participants;
   }
@@ -116,6 +126,7 @@ class Domains {
   struct Domain {
     dds_entity_t entity = 0;
     int participants = 0;
+    std::string security = {};  // Of all of them.
   };
   std::mutex mutex_;
   std::map<std::uint32_t, Domain> domains_;

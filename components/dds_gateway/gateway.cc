@@ -280,6 +280,11 @@ void Gateway::add_services(const std::vector<ServiceSettings>& services) {
 
 void Gateway::start() {
   report("trouble", std::string());
+  if (const std::string& folder = settings_.participant.security;
+      !folder.empty() && dds_security::has_open_key(folder)) {
+    log().warning("{}: others than its owner can read this private key; expected mode 0600",
+                  dds_security::enclave_in(folder).key.string());
+  }
   participant_ = find_engine(settings_.engine).create(settings_.participant);
   wall_to_ours_ = now().time_since_epoch() - std::chrono::system_clock::now().time_since_epoch();
   for (const auto& crossing : crossings_) {

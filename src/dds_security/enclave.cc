@@ -209,6 +209,12 @@ std::vector<std::string> mistakes_of_enclave(const fs::path& folder) {
   return mistakes;
 }
 
+bool has_open_key(const fs::path& folder) {
+  struct stat state{};
+  return ::stat(enclave_in(folder).key.c_str(), &state) == 0 &&
+         (state.st_mode & (S_IRGRP | S_IROTH)) != 0;
+}
+
 std::string name_of_enclave(const fs::path& folder) {
   Mistakes mistakes;
   const X509Ptr certificate =

@@ -25,6 +25,9 @@ struct Enclave {
 /// nothing is.
 [[nodiscard]] std::vector<std::string> mistakes_of_enclave(const std::filesystem::path& folder);
 
+/// Whether others than its owner can read its private key.
+[[nodiscard]] bool has_open_key(const std::filesystem::path& folder);
+
 /// The name in its certificate: `/gateway`; empty if it cannot be read.
 [[nodiscard]] std::string name_of_enclave(const std::filesystem::path& folder);
 

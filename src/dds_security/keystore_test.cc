@@ -89,6 +89,9 @@ TEST_F(Keystore, PrivateKeysAreForTheirOwnerAlone) {
   EXPECT_EQ(mode_of(keystore_ / "private"), 0700U);
   EXPECT_EQ(mode_of(keystore_ / "private/ca.key.pem"), 0600U);
   EXPECT_EQ(mode_of(enclave / "key.pem"), 0600U);
+  EXPECT_FALSE(has_open_key(enclave));
+  fs::permissions(enclave / "key.pem", fs::perms::others_read, fs::perm_options::add);
+  EXPECT_TRUE(has_open_key(enclave));
 }
 
 TEST_F(Keystore, PermissionsNameTheTopicsInTheirDirectionAndDenyAllElse) {
