@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -19,6 +20,7 @@
 #include "dds_gateway/engine.h"
 #include "dds_gateway/interface.h"
 #include "dds_gateway/request_header.h"
+#include "dds_security/enclave.h"
 #include "ros2/error.h"
 
 namespace fastcycle::dds_gateway {
@@ -33,6 +35,14 @@ dds_return_t check(dds_return_t code, std::string_view what) {
     throw EngineError(fmt::format("Cyclone DDS: {}: {}", what, dds_strretcode(-code)));
   }
   return code;
+}
+
+/// The same for one end of a topic.
+void check(dds_return_t code, const Endpoint& endpoint) {
+  if (code == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY) {
+    throw EngineError(refusal_of_security(endpoint));
+  }
+  check(code, endpoint.topic);
 }
 
 struct QosDeleter {
@@ -91,6 +101,16 @@ class Domains {
         const dds_return_t code = std::exchange(domain.entity, 0);
         check(code, fmt::format("domain {}", options.domain));
       }
+      domain.security = options.security;
+    } else if (domain.security != options.security) {
+      // Cyclone DDS would give the second one the permissions of the first.
+      const auto name = [](const std::string& security) {
+        return security.empty() ? std::string("none") : fmt::format("\"{}\"", security);
+      };
+      throw EngineError(
+          fmt::format("domain {}: expected the security that this process has there already, {}, "
+                      "found {}; Cyclone DDS has one for each domain",
+                      options.domain, name(domain.security), name(options.security)));
     }
     ++domain.participants;
   }
@@ -106,6 +126,7 @@ class Domains {
   struct Domain {
     dds_entity_t entity = 0;
     int participants = 0;
+    std::string security = {};  // Of all of them.
   };
   std::mutex mutex_;
   std::map<std::uint32_t, Domain> domains_;
@@ -137,6 +158,31 @@ QosPointer qos_of(const Endpoint& endpoint) {
   return qos;
 }
 
+void put_security(const std::string& folder, dds_qos_t& qos) {
+  const dds_security::Enclave enclave = dds_security::enclave_in(folder);
+  const auto put = [&](const char* name, const std::string& value) {
+    dds_qset_prop(&qos, name, value.c_str());
+  };
+  const auto put_file = [&](const char* name, const std::filesystem::path& file) {
+    put(name, "file:" + file.string());
+  };
+  put("dds.sec.auth.library.path", "dds_security_auth");
+  put("dds.sec.auth.library.init", "init_authentication");
+  put("dds.sec.auth.library.finalize", "finalize_authentication");
+  put("dds.sec.access.library.path", "dds_security_ac");
+  put("dds.sec.access.library.init", "init_access_control");
+  put("dds.sec.access.library.finalize", "finalize_access_control");
+  put("dds.sec.crypto.library.path", "dds_security_crypto");
+  put("dds.sec.crypto.library.init", "init_crypto");
+  put("dds.sec.crypto.library.finalize", "finalize_crypto");
+  put_file("dds.sec.auth.identity_ca", enclave.identity_ca);
+  put_file("dds.sec.auth.identity_certificate", enclave.certificate);
+  put_file("dds.sec.auth.private_key", enclave.key);
+  put_file("dds.sec.access.permissions_ca", enclave.permissions_ca);
+  put_file("dds.sec.access.governance", enclave.governance);
+  put_file("dds.sec.access.permissions", enclave.permissions);
+}
+
 class CycloneWriter final : public Writer {
  public:
   CycloneWriter(dds_entity_t participant, const Endpoint& endpoint) {
@@ -145,14 +191,14 @@ class CycloneWriter final : public Writer {
                                       nullptr);
     if (topic_ < 0) {
       ddsi_sertype_unref(type);
-      check(topic_, endpoint.topic);
+      check(topic_, endpoint);
     }
     type_ = type;
     const QosPointer qos = qos_of(endpoint);
     writer_ = dds_create_writer(participant, topic_, qos.get(), nullptr);
     if (writer_ < 0) {
       dds_delete(topic_);
-      check(writer_, endpoint.topic);
+      check(writer_, endpoint);
     }
     name_ = endpoint.topic;
   }
@@ -206,7 +252,7 @@ class CycloneReader final : public Reader {
                                       nullptr);
     if (topic_ < 0) {
       ddsi_sertype_unref(type);
-      check(topic_, endpoint.topic);
+      check(topic_, endpoint);
     }
     const QosPointer qos = qos_of(endpoint);
     dds_listener_t* const listener = dds_create_listener(this);
@@ -217,7 +263,7 @@ class CycloneReader final : public Reader {
     dds_delete_listener(listener);
     if (reader_ < 0) {
       dds_delete(topic_);
-      check(reader_, endpoint.topic);
+      check(reader_, endpoint);
     }
     entity_.store(reader_);
     take();  // What came before the number was known.
@@ -352,12 +398,12 @@ class CycloneParticipant final : public Participant {
  public:
   explicit CycloneParticipant(const ParticipantOptions& options)
       : domain_(options.domain), bell_(std::make_shared<Bell>()) {
-    if (!options.security.empty()) {
-      throw EngineError("security is not supported yet");
-    }
     domains().open(options);
     try {
       const QosPointer qos(dds_create_qos());
+      if (!options.security.empty()) {
+        put_security(options.security, *qos);
+      }
       if (!options.user_data.empty()) {
         dds_qset_userdata(qos.get(), options.user_data.data(), options.user_data.size());
       }

@@ -23,6 +23,14 @@ std::span<const Engine> engines() {
   return kEngines;
 }
 
+std::string refusal_of_security(const Endpoint& endpoint) {
+  return fmt::format(
+      "{}: security refuses to {} it: expected <topic>{}</topic> under <{}> in the permissions of "
+      "this participant (permissions.p7s), for its domain",
+      endpoint.topic, endpoint.is_reader ? "read" : "write", endpoint.topic,
+      endpoint.is_reader ? "subscribe" : "publish");
+}
+
 std::string to_text(const Qos& qos) {
   return fmt::format("{}, {}", qos.is_reliable ? "reliable" : "best effort",
                      qos.is_transient_local ? "transient local" : "volatile");

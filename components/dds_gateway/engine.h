@@ -84,8 +84,11 @@ struct ParticipantOptions {
   std::uint32_t domain = 0;
   std::string interface;  ///< `lo`; empty: the engine chooses.
   std::string user_data;  ///< `enclave=/;`
-  std::string security;   ///< A folder that `fastcycle security init` made; empty: none.
+  std::string security;   ///< The folder of an enclave (`dds_security/enclave.h`); empty: none.
 };
+
+/// That the permissions of this participant do not allow what `endpoint` is for.
+[[nodiscard]] std::string refusal_of_security(const Endpoint& endpoint);
 
 /// Sends serialized messages.
 ///

@@ -13,6 +13,8 @@
 #include "basic/basic.pb.h"
 #include "broker/publisher_core.h"
 #include "dds_gateway/envelope.h"
+#include "dds_security/documents.h"
+#include "dds_security/enclave.h"
 #include "ros2/names.h"
 #include "ros2/type_hash.h"
 
@@ -47,6 +49,21 @@ const Engine& find_engine(std::string_view name) {
                                             known.empty() ? "none" : known, name));
   }
   return *found;
+}
+
+void refuse_wrong_enclave(const ParticipantOptions& options) {
+  const std::string& folder = options.security;
+  std::string text;
+  if (options.domain > dds_security::kDomainMax) {
+    text = fmt::format("/params/domain: expected a number from 0 to {} with security, found {}",
+                       dds_security::kDomainMax, options.domain);
+  }
+  for (const std::string& mistake : dds_security::mistakes_of_enclave(folder)) {
+    text += fmt::format("{}/params/security: {}", text.empty() ? "" : "\n", mistake);
+  }
+  if (!text.empty()) {
+    throw std::invalid_argument(text);
+  }
 }
 
 /// When a message of ROS was measured, if it begins with a header that says so.
@@ -103,7 +120,11 @@ Gateway::Settings Gateway::settings_of(Context& context) {
           .get());
   settings.participant.interface =
       context.param<std::string>("interface", {.fallback = std::string()}).get();
-  settings.participant.user_data = "enclave=/;";
+  settings.participant.security = context.param<Path>("security", {.fallback = Path()}).get();
+  const std::string enclave = settings.participant.security.empty()
+                                  ? "/"
+                                  : dds_security::name_of_enclave(settings.participant.security);
+  settings.participant.user_data = fmt::format("enclave={};", enclave);
   settings.engine = context.param<std::string>("engine", {.fallback = std::string()}).get();
   settings.node =
       context.param<std::string>("node", {.fallback = std::string("fastcycle_gateway")}).get();
@@ -130,6 +151,9 @@ Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(c
                             .get();
 
   (void)find_engine(settings_.engine);
+  if (!settings_.participant.security.empty()) {
+    refuse_wrong_enclave(settings_.participant);
+  }
   if (const auto mistake = ros2::mistake_of_ros_name(settings_.node)) {
     throw std::invalid_argument(fmt::format("/params/node: {}", *mistake));
   }
@@ -256,6 +280,11 @@ void Gateway::add_services(const std::vector<ServiceSettings>& services) {
 
 void Gateway::start() {
   report("trouble", std::string());
+  if (const std::string& folder = settings_.participant.security;
+      !folder.empty() && dds_security::has_open_key(folder)) {
+    log().warning("{}: others than its owner can read this private key; expected mode 0600",
+                  dds_security::enclave_in(folder).key.string());
+  }
   participant_ = find_engine(settings_.engine).create(settings_.participant);
   wall_to_ours_ = now().time_since_epoch() - std::chrono::system_clock::now().time_since_epoch();
   for (const auto& crossing : crossings_) {

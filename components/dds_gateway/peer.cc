@@ -1,10 +1,12 @@
 // Another process in the network of a test, with an engine of its own and nothing of FastCycle's:
 // it sends back what it gets, or counts it.
 //
-//     dds_gateway_peer ENGINE DOMAIN INTERFACE echo IN OUT TYPE RELIABILITY DURABILITY [DEPTH]
-//     dds_gateway_peer ENGINE DOMAIN INTERFACE send OUT TYPE RELIABILITY DURABILITY COUNT FILE
+//     dds_gateway_peer ENGINE DOMAIN INTERFACE [secured ENCLAVE] echo IN OUT TYPE RELIABILITY
+//     DURABILITY [DEPTH] dds_gateway_peer ENGINE DOMAIN INTERFACE [secured ENCLAVE] send OUT TYPE
+//     RELIABILITY DURABILITY COUNT FILE
 //
-// IN, OUT and TYPE are names of DDS. `echo` answers until its standard input ends. `send` waits
+// IN, OUT and TYPE are names of DDS. `echo` answers until its standard input ends, and then says on
+// its standard output what came, and how many readers and writers it has found. `send` waits
 // until a reader was found, sends the bytes of FILE COUNT times, and then waits for the end of its
 // standard input.
 #include <atomic>
@@ -73,7 +75,12 @@ void announce(Participant& participant, Writer& graph, const Reader* reader, con
   graph.write(message);
 }
 
-int run(const std::vector<std::string>& args) {
+int run(std::vector<std::string> args) {
+  std::string security;
+  if (args.at(3) == "secured") {
+    security = args.at(4);
+    args.erase(args.begin() + 3, args.begin() + 5);
+  }
   const Engine* engine = nullptr;
   for (const Engine& one : engines()) {
     engine = args.at(0) == one.name ? &one : engine;
@@ -85,7 +92,7 @@ int run(const std::vector<std::string>& args) {
       engine->create({.domain = static_cast<std::uint32_t>(std::stoul(args.at(1))),
                       .interface = args.at(2),
                       .user_data = "enclave=/;",
-                      .security = {}});
+                      .security = security});
   const std::unique_ptr<Writer> graph = participant->create_writer(graph_endpoint(false));
   if (args.at(3) == "echo") {
     const std::size_t depth = args.size() > 9 ? std::stoul(args.at(9)) : 1000;
@@ -108,7 +115,8 @@ int run(const std::vector<std::string>& args) {
     fmt::print("ready\n");
     std::fflush(stdout);
     serve(*participant);
-    fmt::print(stderr, "peer: {} came and went back, {} lost\n", count, reader->lost());
+    fmt::print("{} came, {} lost, {} writers and {} readers found\n", count, reader->lost(),
+               reader->matched(), writer->matched());
     return 0;
   }
   const Endpoint out{.topic = args.at(4),

@@ -107,7 +107,8 @@ void ServiceCrossing::ask_there(const google::protobuf::Message& request,
     fail(why);
     detail::answer(ticket, CallStatus::kRejected, why, nullptr, nullptr);
   };
-  if (writer_ == nullptr || writer_->matched() == 0) {
+  // Both ends: a reply that finds no reader is gone.
+  if (writer_ == nullptr || writer_->matched() == 0 || reader_->matched() == 0) {
     refuse(fmt::format("no node of ROS 2 serves {}", settings_.ros));
     return;
   }

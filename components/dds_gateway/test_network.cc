@@ -3,6 +3,8 @@
 #include <array>
 #include <cstring>
 #include <stdexcept>
+#include <string>
+#include <utility>
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -69,19 +71,38 @@ Peer::Peer(const std::string& engine, const std::vector<std::string>& args) {
   close(input[0]);
   close(output[1]);
   input_ = input[1];
+  output_ = output[0];
   char byte = 0;
-  const bool is_ready = code == 0 && read(output[0], &byte, 1) == 1;
-  close(output[0]);
+  bool is_ready = false;
+  while (!is_ready && code == 0 && read(output_, &byte, 1) == 1) {
+    is_ready = byte == '\n';
+  }
   if (!is_ready) {
+    close(input_);
+    close(output_);
     throw std::runtime_error("the peer did not start");
   }
 }
 
 Peer::~Peer() {
+  (void)end();
+}
+
+std::string Peer::end() {
+  std::string said;
+  if (process_ <= 0) {
+    return said;
+  }
   close(input_);
+  char byte = 0;
+  while (read(output_, &byte, 1) == 1) {
+    said += byte;
+  }
+  close(output_);
   int status = 0;
-  waitpid(process_, &status, 0);
+  waitpid(std::exchange(process_, 0), &status, 0);
   EXPECT_EQ(status, 0) << "the peer failed";
+  return said;
 }
 
 }  // namespace fastcycle::dds_gateway

@@ -23,9 +23,13 @@ class Peer {
   Peer& operator=(const Peer&) = delete;
   ~Peer();
 
+  /// Has it end, and returns what it says then.
+  std::string end();
+
  private:
   pid_t process_ = 0;
   int input_ = -1;
+  int output_ = -1;
 };
 
 }  // namespace fastcycle::dds_gateway

@@ -52,6 +52,7 @@ Command add_debug(CLI::App& program);
 Command add_version(CLI::App& program);
 Command add_manual(CLI::App& program);
 Command add_new(CLI::App& program);
+Command add_security(CLI::App& program);
 
 // On a running application.
 Command add_list(CLI::App& program);

@@ -1,0 +1,382 @@
+// Who may take part: one with a certificate, and who has none, another authority's, or no
+// permission.
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <cstdlib>
+#include <filesystem>
+#include <set>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <arpa/inet.h>
+#include <fastcycle/testing.h>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <linux/if_ether.h>
+#include <linux/if_packet.h>
+#include <net/if.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include "basic/basic.pb.h"
+#include "dds_gateway/gateway.h"
+#include "dds_gateway/test_network.h"
+#include "dds_security/keystore.h"
+
+namespace fastcycle::dds_gateway {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+constexpr const char* kStringThere = "std_msgs::msg::dds_::String_";
+constexpr const char* kSecret = "the-secret-that-nobody-else-may-read";
+constexpr int kEnough = 50;
+
+/// Hears all that goes over loopback, on a thread of its own.
+class Eavesdropper {
+ public:
+  Eavesdropper() : socket_(::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETH_P_ALL))) {
+    sockaddr_ll place{};
+    place.sll_family = AF_PACKET;
+    place.sll_protocol = htons(ETH_P_ALL);
+    place.sll_ifindex = static_cast<int>(if_nametoindex("lo"));
+    if (socket_ < 0 || bind(socket_, reinterpret_cast<sockaddr*>(&place), sizeof place) != 0) {
+      return;
+    }
+    const int bytes = 64 << 20;
+    (void)setsockopt(socket_, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes);
+    const timeval patience{.tv_sec = 0, .tv_usec = 50'000};
+    (void)setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    thread_ = std::jthread([this](const std::stop_token& stop) { listen(stop); });
+  }
+  Eavesdropper(const Eavesdropper&) = delete;
+  Eavesdropper& operator=(const Eavesdropper&) = delete;
+  ~Eavesdropper() {
+    end();
+    close(socket_);
+  }
+
+  [[nodiscard]] bool can_hear() const { return thread_.joinable(); }
+  /// After this the numbers stay.
+  void end() {
+    if (thread_.joinable()) {
+      thread_.request_stop();
+      thread_.join();
+      tpacket_stats statistics{};
+      socklen_t size = sizeof statistics;
+      (void)getsockopt(socket_, SOL_PACKET, PACKET_STATISTICS, &statistics, &size);
+      missed = statistics.tp_drops;
+    }
+  }
+
+  int packets = 0;
+  unsigned missed = 0;
+  int with_secret = 0;
+  int with_topic = 0;  // But for the permissions.
+
+ private:
+  /// To the last packet that is there.
+  void listen(const std::stop_token& stop) {
+    std::vector<char> packet(1 << 16);
+    while (true) {
+      const ssize_t count = recv(socket_, packet.data(), packet.size(), 0);
+      if (count <= 0) {
+        if (stop.stop_requested()) {
+          return;
+        }
+        continue;
+      }
+      ++packets;
+      const std::string_view text(packet.data(), static_cast<std::size_t>(count));
+      with_secret += text.find(kSecret) == std::string_view::npos ? 0 : 1;
+      // While they get to know each other, participants send their permissions as they are.
+      const bool is_handshake = text.find("<permissions>") != std::string_view::npos;
+      with_topic += is_handshake || text.find("rt/to_peer") == std::string_view::npos ? 0 : 1;
+    }
+  }
+
+  int socket_;
+  std::jthread thread_;
+};
+
+/// A gateway that sends on /to_peer and gets on /from_peer and /from_stranger, with a certificate;
+/// by each engine.
+class SecuredGateway : public ::testing::TestWithParam<const char*> {
+ protected:
+  SecuredGateway() {
+    std::string name = ::testing::TempDir() + "secured_XXXXXX";
+    folder_ = ::mkdtemp(name.data());
+    keystore_ = folder_ / "keys";
+    dds_security::make_keystore(keystore_, days_);
+    gateway_ = enclave("/gateway", {"rt/to_peer"}, {"rt/from_peer", "rt/from_stranger"});
+    peer_ = enclave("/peer", {"rt/from_peer"}, {"rt/to_peer"});
+  }
+  ~SecuredGateway() override { fs::remove_all(folder_); }
+
+  std::string enclave(const std::string& name, std::set<std::string> publish,
+                      std::set<std::string> subscribe) {
+    return enclave_of(keystore_, name, std::move(publish), std::move(subscribe));
+  }
+  std::string enclave_of(const fs::path& keystore, const std::string& name,
+                         std::set<std::string> publish, std::set<std::string> subscribe) const {
+    publish.insert("ros_discovery_info");
+    subscribe.insert("ros_discovery_info");
+    return dds_security::add_enclave(keystore, name,
+                                     {.domain = domain_of_test(),
+                                      .publish = std::move(publish),
+                                      .subscribe = std::move(subscribe)},
+                                     days_);
+  }
+
+  static std::vector<std::string> echo(const std::string& security, const std::string& out) {
+    std::vector<std::string> args = {"echo",       "rt/to_peer", out,
+                                     kStringThere, "reliable",   "volatile"};
+    if (!security.empty()) {
+      args.insert(args.begin(), {"secured", security});
+    }
+    return args;
+  }
+
+  void add_gateway(const std::string& security, const std::string& more = "") {
+    const auto topic = [](const char* name, const char* direction) {
+      return fmt::format(
+          R"({{"topic": "{0}", "direction": "{1}", "ros": "/{0}", "type": "std_msgs/msg/String",
+               "depth": 1000}})",
+          name, direction);
+    };
+    bench_.add<Gateway>(
+        "gateway", fmt::format(R"({{"params": {{"engine": "{}", "domain": {}, "interface": "lo",
+                                     "security": "{}", "topics": [{}, {}, {}{}]}}}})",
+                               GetParam(), domain_of_test(), security, topic("to_peer", "out"),
+                               topic("from_peer", "in"), topic("from_stranger", "in"), more));
+  }
+
+  /// Sends the secret until it has come back from the peer often enough.
+  void exchange() {
+    auto out = bench_.input<basic::Text>("to_peer");
+    auto in = bench_.output<basic::Text>("from_peer");
+    auto strange = bench_.output<basic::Text>("from_stranger");
+    basic::Text text;
+    text.set_data(kSecret);
+    bench_.start();
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (back_ < kEnough) {
+      ASSERT_LT(std::chrono::steady_clock::now(), end) << back_ << " came back";
+      out.publish(text);
+      bench_.advance(10ms);
+      std::this_thread::sleep_for(2ms);
+      for (const basic::Text& one : in.take()) {
+        EXPECT_EQ(one.data(), kSecret);
+        ++back_;
+      }
+      from_stranger_ += strange.take().size();
+    }
+  }
+
+  const dds_security::Days days_{10};
+  fs::path folder_;
+  fs::path keystore_;
+  std::string gateway_;
+  std::string peer_;
+  testing::Bench bench_;
+  int back_ = 0;
+  std::size_t from_stranger_ = 0;
+};
+
+TEST_P(SecuredGateway, ExchangesMessagesWithAPeerThatHasACertificate) {
+  Peer peer(GetParam(), echo(peer_, "rt/from_peer"));
+  add_gateway(gateway_);
+
+  exchange();
+
+  EXPECT_THAT(peer.end(), HasSubstr("1 writers and 1 readers found"));
+}
+
+// Two gateways of one application: what one asks, the other answers, by DDS.
+TEST_P(SecuredGateway, AsksAndAnswersServices) {
+  const std::set<std::string> both = {"rq/set_boolRequest", "rr/set_boolReply"};
+  const std::string security = enclave("/both", both, both);
+  const auto add = [&](const char* name, const char* service, const char* direction) {
+    bench_.add<Gateway>(
+        name, fmt::format(R"({{"params": {{"engine": "{}", "domain": {}, "interface": "lo",
+            "security": "{}", "node": "{}", "services": [{{"service": "{}", "direction": "{}",
+            "ros": "/set_bool", "type": "std_srvs/srv/SetBool"}}]}}}})",
+                          GetParam(), domain_of_test(), security, name, service, direction));
+  };
+  add("server", "set", "in");
+  add("client", "set_there", "out");
+  bench_.service<basic::Flag, basic::Outcome>(
+      "set",
+      [](const basic::Flag& flag, basic::Outcome& outcome) { outcome.set_success(flag.data()); });
+  auto asks = bench_.client<basic::Flag, basic::Outcome>("set_there");
+  bench_.start();
+  basic::Flag flag;
+  flag.set_data(true);
+  int answered = 0;
+
+  const auto end = std::chrono::steady_clock::now() + 60s;
+  while (answered < 10 && std::chrono::steady_clock::now() < end) {
+    // The first replies may go before the server knows who reads them.
+    const auto answer = asks.call(flag, {.deadline = 200ms});
+    while (!answer.is_done() && std::chrono::steady_clock::now() < end) {
+      bench_.advance(1ms);
+      std::this_thread::sleep_for(1ms);
+    }
+    if (answer.ok()) {
+      EXPECT_TRUE(answer->success());
+      ++answered;
+    }
+    bench_.advance(1ms);
+    std::this_thread::sleep_for(1ms);
+  }
+  bench_.stop();
+
+  EXPECT_EQ(answered, 10);
+}
+
+TEST_P(SecuredGateway, IsNotFoundByAPeerWithoutACertificateThatGetsNothing) {
+  Peer stranger(GetParam(), echo("", "rt/from_stranger"));
+  const Peer peer(GetParam(), echo(peer_, "rt/from_peer"));
+  add_gateway(gateway_);
+
+  exchange();
+
+  EXPECT_EQ(stranger.end(), "0 came, 0 lost, 0 writers and 0 readers found\n");
+  EXPECT_EQ(from_stranger_, 0U);
+}
+
+TEST_P(SecuredGateway, IsNotFoundByAPeerOfAnotherAuthorityThatGetsNothing) {
+  const fs::path strange = folder_ / "strange";
+  dds_security::make_keystore(strange, days_);
+  const std::string forged = enclave_of(strange, "/peer", {"rt/from_stranger"}, {"rt/to_peer"});
+  Peer stranger(GetParam(), echo(forged, "rt/from_stranger"));
+  const Peer peer(GetParam(), echo(peer_, "rt/from_peer"));
+  add_gateway(gateway_);
+
+  exchange();
+
+  EXPECT_EQ(stranger.end(), "0 came, 0 lost, 0 writers and 0 readers found\n");
+  EXPECT_EQ(from_stranger_, 0U);
+}
+
+// What the two tests before could not show if nothing reached a stranger anyway.
+TEST_P(SecuredGateway, IsFoundByAnybodyWithoutSecurity) {
+  Peer stranger(GetParam(), echo("", "rt/from_stranger"));
+  const Peer peer(GetParam(), echo("", "rt/from_peer"));
+  add_gateway("");
+
+  exchange();
+
+  EXPECT_THAT(stranger.end(), HasSubstr("1 writers and 1 readers found"));
+  EXPECT_GT(from_stranger_, 0U);
+}
+
+TEST_P(SecuredGateway, IsReadByNobodyOnTheWay) {
+  Eavesdropper eavesdropper;
+  if (!eavesdropper.can_hear()) {
+    GTEST_SKIP() << "needs a network of its own";
+  }
+  const Peer peer(GetParam(), echo(peer_, "rt/from_peer"));
+  add_gateway(gateway_);
+
+  exchange();
+  eavesdropper.end();
+
+  EXPECT_GT(eavesdropper.packets, kEnough);
+  EXPECT_EQ(eavesdropper.missed, 0U);
+  EXPECT_EQ(eavesdropper.with_secret, 0);
+  EXPECT_EQ(eavesdropper.with_topic, 0);
+}
+
+TEST_P(SecuredGateway, IsReadOnTheWayWithoutSecurity) {
+  Eavesdropper eavesdropper;
+  if (!eavesdropper.can_hear()) {
+    GTEST_SKIP() << "needs a network of its own";
+  }
+  const Peer peer(GetParam(), echo("", "rt/from_peer"));
+  add_gateway("");
+
+  exchange();
+  eavesdropper.end();
+
+  EXPECT_GE(eavesdropper.with_secret, kEnough);
+  EXPECT_GT(eavesdropper.with_topic, 0);
+}
+
+TEST_P(SecuredGateway, IsRefusedATopicThatItsPermissionsDoNotName) {
+  const auto all = engines();
+  const auto engine = std::ranges::find_if(
+      all, [](const Engine& one) { return std::string_view(one.name) == GetParam(); });
+  const auto participant = engine->create({.domain = domain_of_test(),
+                                           .interface = "lo",
+                                           .user_data = "enclave=/gateway;",
+                                           .security = gateway_});
+  Endpoint endpoint{.topic = "rt/brake", .type = kStringThere, .user_data = {}, .qos = {}};
+
+  EXPECT_THAT([&] { (void)participant->create_writer(endpoint); },
+              ThrowsMessage<EngineError>(
+                  AllOf(HasSubstr("rt/brake: security refuses to write it"),
+                        HasSubstr("expected <topic>rt/brake</topic> under <publish>"))));
+  endpoint.is_reader = true;
+  EXPECT_THAT([&] { (void)participant->create_reader(endpoint, nullptr); },
+              ThrowsMessage<EngineError>(
+                  AllOf(HasSubstr("rt/brake: security refuses to read it"),
+                        HasSubstr("expected <topic>rt/brake</topic> under <subscribe>"))));
+  endpoint.topic = "rt/to_peer";
+  endpoint.is_reader = false;
+  EXPECT_NO_THROW((void)participant->create_writer(endpoint));
+}
+
+TEST_P(SecuredGateway, RefusesAnEnclaveThatIsWrongBeforeItStarts) {
+  fs::remove(fs::path(gateway_) / "key.pem");
+  add_gateway(gateway_);
+
+  EXPECT_THAT([&] { bench_.start(); },
+              ThrowsMessage<std::exception>(
+                  AllOf(HasSubstr("/params/security: "),
+                        HasSubstr("key.pem: expected a private key in PEM, found no such file"))));
+}
+
+#ifdef FASTCYCLE_HAS_CYCLONE
+// Cyclone DDS gave the second one the permissions of the first.
+TEST_P(SecuredGateway, IsTheOnlySecurityThatItsProcessHasInADomainOfCyclone) {
+  if (std::string_view(GetParam()) != "cyclone") {
+    GTEST_SKIP() << "Fast DDS tells them apart";
+  }
+  ParticipantOptions options{
+      .domain = domain_of_test(), .interface = "lo", .user_data = {}, .security = gateway_};
+  const auto create = engines().front().create;
+  const auto first = create(options);
+
+  for (const std::string& other : {peer_, std::string()}) {
+    options.security = other;
+    EXPECT_THAT([&] { (void)create(options); },
+                ThrowsMessage<EngineError>(
+                    HasSubstr("expected the security that this process has there already, \"")));
+  }
+  options.security = gateway_;
+  EXPECT_NO_THROW((void)create(options));
+}
+#endif
+
+INSTANTIATE_TEST_SUITE_P(Engines, SecuredGateway, ::testing::ValuesIn([] {
+                           std::vector<const char*> all;
+                           for (const Engine& engine : engines()) {
+                             all.push_back(engine.name);
+                           }
+                           return all;
+                         }()),
+                         [](const auto& engine) { return std::string(engine.param); });
+
+}  // namespace
+}  // namespace fastcycle::dds_gateway
