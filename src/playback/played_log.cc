@@ -53,7 +53,8 @@ bool is_shown(const RecordedStream& stream) {
 }  // namespace
 
 PlayedLog::PlayedLog(const std::vector<std::filesystem::path>& files, Options options)
-    : name_(name_of(files)),
+    : on_problem_(std::move(options.on_problem)),
+      name_(name_of(files)),
       reader_(files),
       backwards_(files),
       begin_(reader_.begin()),
@@ -140,14 +141,18 @@ int PlayedLog::connect() {
   return ends[1];
 }
 
-std::vector<std::string> PlayedLog::notes() const {
-  const std::lock_guard lock(mutex_);
-  return notes_;
-}
-
-void PlayedLog::note_problem(const std::string& what) {
-  const std::lock_guard lock(mutex_);
-  notes_.push_back(what);
+void PlayedLog::take_problem(const std::string& what) {
+  move_to(sent_);
+  is_paused_ = true;
+  moment_ = {};
+  is_selected_ = is_broken_ = true;
+  for (const auto& client : clients_) {
+    for (Stream& stream : client->streams) {
+      stream.is_new = false;
+    }
+  }
+  has_new_ = false;
+  on_problem_(what);
 }
 
 // ------------------------------------------------------------------------------------ the thread
@@ -159,12 +164,7 @@ void PlayedLog::serve() {
     try {
       play();
     } catch (const std::exception& error) {
-      // What is behind the damaged place can be gone to.
-      note_problem(error.what());
-      move_to(sent_);
-      is_paused_ = true;
-      moment_ = {};
-      is_selected_ = true;
+      take_problem(error.what());
     }
     for (const auto& client : clients_) {
       client->is_over = client->is_over || !client->connection->write(base::monotonic_ns());
@@ -452,6 +452,7 @@ void PlayedLog::obey(const protocol::ControlPlayback& control) {
   }
   if (control.command() == protocol::ControlPlayback::COMMAND_PLAY) {
     is_paused_ = false;
+    is_selected_ = is_selected_ && !std::exchange(is_broken_, false);  // It is tried again.
   } else if (control.command() == protocol::ControlPlayback::COMMAND_PAUSE) {
     is_paused_ = true;
   }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -40,6 +41,8 @@ class PlayedLog {
     double speed = 1.0;              ///< Seconds of the recording in one.
     bool is_paused = false;          ///< Until somebody plays it.
     std::optional<Time> start = {};  ///< Where it begins; none: at its beginning.
+    /// Called on its thread with what cannot be read; then it is paused.
+    std::function<void(const std::string&)> on_problem = [](const std::string&) {};
   };
 
   static constexpr double kMinSpeed = 0.01;
@@ -62,8 +65,8 @@ class PlayedLog {
   [[nodiscard]] Time begin() const { return begin_; }
   [[nodiscard]] Time end() const { return end_; }
   /// What is to be known of the files: where one ends that was not closed, topics that are not
-  /// shown, what could not be read while it was played.
-  [[nodiscard]] std::vector<std::string> notes() const;
+  /// shown.
+  [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
 
  private:
   struct Topic {
@@ -111,8 +114,10 @@ class PlayedLog {
   void give_last();
   /// `is_last`: to those who are given the last messages, else to all others.
   void send(const record::RecordedMessage& message, bool is_last);
-  void note_problem(const std::string& what);
+  /// Something cannot be read: pauses, and goes on where it is told to.
+  void take_problem(const std::string& what);
 
+  const std::function<void(const std::string&)> on_problem_;
   std::string name_;
   record::RecordingReader reader_;
   record::RecordingReader backwards_;  ///< Looks for what came last.
@@ -131,12 +136,13 @@ class PlayedLog {
   std::int64_t anchor_ns_ = 0;                 ///< this time of CLOCK_MONOTONIC.
   Time sent_{};                                ///< All up to here was sent.
   bool has_begun_ = false;                     ///< Somebody looks, or did: before, time stands.
-  bool is_selected_ = false;                   ///< `reader_` gives the topics in use.
+  bool is_selected_ = false;                   ///< `reader_` gives the topics in use,
+  bool is_broken_ = false;                     ///< or something behind `sent_` cannot be read.
   bool has_new_ = false;                       ///< A stream has not been given the last messages.
   std::span<record::RecordedMessage> moment_;  ///< The next ones of `reader_`.
 
   int wake_ = -1;
-  mutable base::PriorityMutex mutex_;
+  base::PriorityMutex mutex_;
   std::vector<int> joining_;
   std::vector<std::string> notes_;
   std::atomic<bool> is_stopping_{false};

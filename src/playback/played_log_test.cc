@@ -1,8 +1,10 @@
 #include "playback/played_log.h"
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <optional>
 #include <string>
@@ -255,6 +257,35 @@ TEST_F(ARecording, GivesWhoComesWhileItPlaysTheLastMessageAndAllBehindIt) {
       of_second = message->second;
     }
   }
+}
+
+TEST_F(ARecording, TellsWhatCannotBeReadOnceAndGoesOnElsewhere) {
+  std::fstream file(file_, std::ios::in | std::ios::out | std::ios::binary);
+  // Within the messages, for the summary is at the end; longer than what stands between chunks.
+  file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(file_) / 3));
+  file << std::string(1500, 'x');
+  file.close();
+  std::atomic<int> problems{0};
+  play({.speed = 100, .on_problem = [&](const std::string&) { problems.fetch_add(1); }});
+  stream("numbers");
+  for (int i = 0; i < 1000 && problems.load() == 0; ++i) {
+    static_cast<void>(client_->next(10ms));
+  }
+  const Playback stopped = control(ControlPlayback::COMMAND_NONE);
+  EXPECT_EQ(stopped.status(), Playback::STATUS_PAUSED);
+  EXPECT_LT(stopped.now_ns(), kBegin + kNumbers * kStep);
+  static_cast<void>(client_->next(50ms));
+  EXPECT_EQ(problems.load(), 1);
+
+  static_cast<void>(control(ControlPlayback::COMMAND_PAUSE, kNumbers));
+  std::int64_t value = 0;
+  while (const auto message = next()) {
+    value = message->second;
+    if (value == kNumbers) {
+      break;
+    }
+  }
+  EXPECT_EQ(value, kNumbers);
 }
 
 TEST_F(ARecording, SaysWhatARecordingCannotDo) {

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "base/clock.h"
 #include "command.h"
 #include "config/problem.h"
@@ -59,14 +61,24 @@ std::optional<Time> start_of(const ViewOptions& options) {
     return std::nullopt;
   }
   const record::RecordingReader reader(options.files);
-  return reader.begin() + *parse_duration(options.start);
+  const Duration start = *parse_duration(options.start);
+  if (const Duration length = reader.end() - reader.begin(); start > length) {
+    throw std::runtime_error(
+        fmt::format("--start {} is behind the end of the recording, which is {:.3f} s long",
+                    options.start, static_cast<double>(length.count()) / 1e9));
+  }
+  return reader.begin() + start;
 }
 
 int show(const ViewOptions& options) {
   const sigset_t signals = block_stop_signals();
-  playback::PlayedLog log(
-      options.files,
-      {.speed = options.speed, .is_paused = options.is_paused, .start = start_of(options)});
+  playback::PlayedLog log(options.files, {.speed = options.speed,
+                                          .is_paused = options.is_paused,
+                                          .start = start_of(options),
+                                          .on_problem = [](const std::string& what) {
+                                            print_to(stderr, "fastcycle view: {}; paused there\n",
+                                                     what);
+                                          }});
   web::Server server(
       *options.live.describe({}), [&log] { return log.connect(); }, live_page_html(),
       [](LogLevel, const std::string& text) { print_to(stderr, "fastcycle view: {}\n", text); });
