@@ -257,10 +257,13 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
 
 Found Search::run() {
   nodes_.clear();
-  nodes_.push_back({.along_m = start_.along_m,
-                    .speed_mps = std::max(0.0, problem_.start.speed_mps),
-                    .acceleration_mps2 = problem_.start.acceleration_mps2,
-                    .goal_cost = problem_.goal ? kGoalMissMax : 0.0});
+  nodes_.push_back(
+      {.along_m = start_.along_m,
+       .speed_mps = std::max(0.0, problem_.start.speed_mps),
+       // A measured one may lie beyond all that anything can follow; of these, each has a next.
+       .acceleration_mps2 = std::clamp(problem_.start.acceleration_mps2,
+                                       kAccelerations_mps2.front(), kAccelerations_mps2.back()),
+       .goal_cost = problem_.goal ? kGoalMissMax : 0.0});
   std::size_t begin = 0;
   for (std::size_t layer = 0; layer < layers_; ++layer) {
     const std::size_t end = nodes_.size();

@@ -23,14 +23,14 @@ Goal goal_at(double x_m, double y_m) {
 }
 
 Found found_for(const std::vector<TrafficObject>& objects, const std::optional<Goal>& goal,
-                double speed_mps = 10.0) {
+                double speed_mps = 10.0, double acceleration_mps2 = 0.0) {
   const Vehicle vehicle;
   const Road road = straight_road();
   const Traffic traffic(objects, kSteps);
   const Problem problem{.vehicle = vehicle,
                         .road = road,
                         .traffic = traffic,
-                        .start = {.speed_mps = speed_mps},
+                        .start = {.speed_mps = speed_mps, .acceleration_mps2 = acceleration_mps2},
                         .goal = goal,
                         .slow_stretches = {},
                         .cruise_mps = speed_mps};
@@ -72,6 +72,22 @@ TEST(Search, StopsWhereAllLanesAreBlocked) {
       {car(40.0, 0.0, 0.0), car(40.0, kLane_m, 0.0), car(40.0, -kLane_m, 0.0)}, std::nullopt);
 
   EXPECT_LT(found.poses.back().x_m, 40.0 - 4.5);
+}
+
+TEST(Search, GoesOnFromAVehicleThatJustBrakedToAStop) {
+  for (const double acceleration_mps2 : {-4.0, -6.0, -8.0, -30.0}) {
+    const Found found = found_for({}, std::nullopt, 0.0, acceleration_mps2);
+
+    ASSERT_EQ(found.poses.size(), kSteps) << acceleration_mps2;
+    EXPECT_NEAR(found.poses.front().x_m, 0.0, 1e-9) << acceleration_mps2;
+  }
+}
+
+TEST(Search, GoesOnFromAnAccelerationThatNoVehicleHas) {
+  for (const double acceleration_mps2 : {-30.0, 30.0}) {
+    EXPECT_EQ(found_for({}, std::nullopt, 10.0, acceleration_mps2).poses.size(), kSteps)
+        << acceleration_mps2;
+  }
 }
 
 TEST(Search, MergesIntoAGapThatMoves) {

@@ -1,17 +1,24 @@
 #include "measure/floors.h"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <cerrno>
+#include <csignal>
 #include <cstddef>
+#include <cstring>
 #include <memory>
+#include <new>
+#include <system_error>
 #include <thread>
-#include <vector>
 
 #include <linux/futex.h>
 #include <pthread.h>
 #include <sched.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "measure/clock.h"
@@ -34,15 +41,22 @@ struct Message {
   void* data = nullptr;
 };
 
+/// Whether the two sides are of one process.
+enum class Sides : std::uint8_t { kThreads, kProcesses };
+
 /// Places for messages on their way, more than any stall needs at 1 kHz.
 class Slots {
  public:
+  explicit Slots(Sides sides = Sides::kThreads)
+      : wake_(sides == Sides::kThreads ? FUTEX_WAKE_PRIVATE : FUTEX_WAKE),
+        wait_(sides == Sides::kThreads ? FUTEX_WAIT_PRIVATE : FUTEX_WAIT) {}
+
   void put(const Message& message, Waiting waiting) noexcept {
     const std::uint32_t sent = sent_.load(std::memory_order_relaxed);
     messages_[sent % kCount] = message;
     sent_.store(sent + 1, std::memory_order_release);
     if (waiting == Waiting::kFutex) {
-      syscall(SYS_futex, &sent_, FUTEX_WAKE_PRIVATE, 1, nullptr, nullptr, 0);
+      syscall(SYS_futex, &sent_, wake_, 1, nullptr, nullptr, 0);
     }
     // Only after the message is on its way: what is full must not lose the next one.
     while (sent + 1 - taken_.load(std::memory_order_acquire) > kCount - 4) {
@@ -55,7 +69,7 @@ class Slots {
     const std::uint32_t taken = taken_.load(std::memory_order_relaxed);
     while (sent_.load(std::memory_order_acquire) == taken) {
       if (waiting == Waiting::kFutex) {
-        syscall(SYS_futex, &sent_, FUTEX_WAIT_PRIVATE, taken, nullptr, nullptr, 0);
+        syscall(SYS_futex, &sent_, wait_, taken, nullptr, nullptr, 0);
       } else {
         pause_briefly();
       }
@@ -67,34 +81,72 @@ class Slots {
  private:
   static constexpr std::uint32_t kCount = 1024;
 
+  const int wake_;
+  const int wait_;
   alignas(64) std::atomic<std::uint32_t> sent_{0};
   alignas(64) std::atomic<std::uint32_t> taken_{0};
   std::array<Message, kCount> messages_;
 };
 
+/// Zeroed memory that a process shares with those it forks.
+class SharedMemory {
+ public:
+  explicit SharedMemory(std::size_t size)
+      : size_(size),
+        begin_(mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
+    if (begin_ == MAP_FAILED) {
+      throw std::bad_alloc();
+    }
+  }
+  SharedMemory(const SharedMemory&) = delete;
+  SharedMemory& operator=(const SharedMemory&) = delete;
+  ~SharedMemory() { munmap(begin_, size_); }
+
+  [[nodiscard]] void* begin() const { return begin_; }
+
+ private:
+  std::size_t size_;
+  void* begin_;
+};
+
 /// A few payloads in turn, filled once, so that no page is new.
 class Payloads {
  public:
-  explicit Payloads(std::int64_t size) {
-    for (auto& data : data_) {
-      data.assign(static_cast<std::size_t>(size), 1);
-    }
+  explicit Payloads(std::int64_t size)
+      : size_(static_cast<std::size_t>(size)), memory_(std::max(kCount * size_, kCount)) {
+    std::memset(memory_.begin(), 1, kCount * size_);
   }
 
   /// A filled one, and when that began.
   [[nodiscard]] Message next(std::int64_t number) {
     const std::int64_t made_ns = now_ns();
-    auto& data = data_[static_cast<std::size_t>(number) % data_.size()];
-    fill(data.data(), data.size(), number);
-    return {.stamps = {.number = number, .made_ns = made_ns}, .data = data.data()};
+    auto* const data = static_cast<unsigned char*>(memory_.begin()) +
+                       static_cast<std::size_t>(number) % kCount * size_;
+    fill(data, size_, number);
+    return {.stamps = {.number = number, .made_ns = made_ns}, .data = data};
   }
 
  private:
-  std::array<std::vector<unsigned char>, 3> data_;
+  static constexpr std::size_t kCount = 3;
+
+  std::size_t size_;
+  SharedMemory memory_;
 };
 
 /// What the receiver sees last.
 constexpr Message kEnd{.stamps = {.number = -1}};
+
+/// The sender of messages that go one way.
+Usage send_all(const Plan& plan, Payloads& payloads, Slots& slots, Waiting waiting) {
+  set_up_thread(plan);
+  const Usage usage = each_interval(plan, [&](std::int64_t number, std::int64_t) {
+    Message message = payloads.next(number);
+    message.stamps.sent_ns = now_ns();
+    slots.put(message, waiting);
+  });
+  slots.put(kEnd, waiting);
+  return usage;
+}
 
 }  // namespace
 
@@ -134,17 +186,49 @@ Measured floor_latency(const Plan& plan, Waiting waiting) {
       result.samples.back().arrived_ns = arrived_ns;
     }
   });
-  std::thread sender([&] {
-    set_up_thread(plan);
-    result.usage = each_interval(plan, [&](std::int64_t number, std::int64_t) {
-      Message message = payloads.next(number);
-      message.stamps.sent_ns = now_ns();
-      slots->put(message, waiting);
-    });
-    slots->put(kEnd, waiting);
-  });
-  sender.join();
+  std::thread([&] { result.usage = send_all(plan, payloads, *slots, waiting); }).join();
   receiver.join();
+  return result;
+}
+
+Measured floor_processes(const Plan& plan, Waiting waiting) {
+  // What the receiver writes: its stamps, their number first.
+  const auto room = static_cast<std::size_t>(total(plan));
+  const SharedMemory taken(sizeof(std::size_t) + room * sizeof(Sample));
+  auto* const count = new (taken.begin()) std::size_t{0};
+  auto* const stamps =
+      static_cast<Sample*>(static_cast<void*>(static_cast<std::size_t*>(taken.begin()) + 1));
+  std::memset(static_cast<void*>(stamps), 1, room * sizeof(Sample));
+  const SharedMemory slots_memory(sizeof(Slots));
+  auto* const slots = new (slots_memory.begin()) Slots(Sides::kProcesses);
+  Payloads payloads(plan.size);
+
+  const pid_t parent = getpid();
+  const pid_t receiver = fork();
+  if (receiver < 0) {
+    throw std::system_error(errno, std::generic_category(), "bench: fork");
+  }
+  if (receiver == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (getppid() != parent) {
+      _exit(1);
+    }
+    set_up_thread(plan);
+    for (;;) {
+      const Message& message = slots->take(waiting);
+      const std::int64_t arrived_ns = now_ns();
+      if (message.stamps.number < 0 || *count == room) {
+        _exit(0);
+      }
+      stamps[*count] = message.stamps;
+      stamps[*count].arrived_ns = arrived_ns;
+      ++*count;
+    }
+  }
+  Measured result;
+  std::thread([&] { result.usage = send_all(plan, payloads, *slots, waiting); }).join();
+  waitpid(receiver, nullptr, 0);
+  result.samples.assign(stamps, stamps + *count);
   return result;
 }
 

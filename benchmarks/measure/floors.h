@@ -37,6 +37,12 @@ enum class Waiting : std::uint8_t { kFutex, kSpin };
 /// a futex, or spins, until it is there. No counts, no statistics, no choice.
 [[nodiscard]] Measured floor_latency(const Plan& plan, Waiting waiting);
 
+/// The same between two processes, which share ring and payloads. What was used is that of the
+/// sender's process.
+///
+/// @errors  std::system_error if there is no process to be had.
+[[nodiscard]] Measured floor_processes(const Plan& plan, Waiting waiting);
+
 /// There and back: the second thread answers with the same payload. `arrived_ns` is when the answer
 /// is back.
 [[nodiscard]] Measured floor_rtt(const Plan& plan, Waiting waiting);

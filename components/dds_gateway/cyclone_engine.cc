@@ -1,25 +1,31 @@
 // DDS by Eclipse Cyclone DDS.
 #include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <deque>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <random>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
+#include <dds/ddsrt/log.h>
 #include <fmt/format.h>
 
+#include "base/clock.h"
+#include "base/printable.h"
 #include "dds_gateway/bell.h"
 #include "dds_gateway/cyclone_types.h"
 #include "dds_gateway/engine.h"
 #include "dds_gateway/interface.h"
 #include "dds_gateway/request_header.h"
+#include "dds_gateway/waiting_messages.h"
 #include "dds_security/enclave.h"
 #include "ros2/error.h"
 
@@ -84,6 +90,44 @@ std::string configuration(const ParticipantOptions& options) {
   return text + "</Domain>";
 }
 
+/// Writes what Cyclone DDS has to say to standard error, as it does itself, but no more than some
+/// lines in a while: each packet that is none makes one, and anybody can send them.
+class LogLimit {
+ public:
+  void write(std::string_view line) {
+    const std::lock_guard lock(mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    if (now - begin_ >= kWhile) {
+      if (left_out_ > 0) {
+        (void)fmt::print(stderr, "Cyclone DDS: {} more lines like these\n", left_out_);
+      }
+      begin_ = now;
+      lines_ = 0;
+      left_out_ = 0;
+    }
+    if (lines_ < kLinesMax) {
+      ++lines_;
+      (void)fmt::print(stderr, "{}\n", base::printable(line));
+    } else {
+      ++left_out_;
+    }
+  }
+
+ private:
+  static constexpr std::chrono::seconds kWhile{10};
+  static constexpr int kLinesMax = 20;
+  std::mutex mutex_;
+  std::chrono::steady_clock::time_point begin_{};
+  int lines_ = 0;
+  std::uint64_t left_out_ = 0;
+};
+
+void write_log(void* limit, const dds_log_data_t* said) {
+  std::string_view line(said->message - said->hdrsize, said->size + said->hdrsize);
+  line.remove_suffix(line.ends_with('\n') ? 1 : 0);
+  static_cast<LogLimit*>(limit)->write(line);
+}
+
 /// The domains of this process: Cyclone DDS has one of each number, with one configuration, and it
 /// ends with the last participant of ours. Deleting it ends its threads, which may not outlive this
 /// library.
@@ -94,6 +138,7 @@ class Domains {
     Domain& domain = domains_[options.domain];
     if (domain.participants == 0) {
       const std::string text = configuration(options);
+      dds_set_log_sink(write_log, &log_);
       domain.entity = dds_create_domain(options.domain, text.c_str());
       if (domain.entity == DDS_RETCODE_PRECONDITION_NOT_MET) {
         domain.entity = 0;  // Somebody else's.
@@ -120,6 +165,10 @@ class Domains {
     if (--domain.participants == 0 && domain.entity > 0) {
       dds_delete(std::exchange(domain.entity, 0));
     }
+    if (std::ranges::all_of(domains_,
+                            [](const auto& one) { return one.second.participants == 0; })) {
+      dds_set_log_sink(nullptr, nullptr);  // This library may be gone before the next line.
+    }
   }
 
  private:
@@ -128,6 +177,7 @@ class Domains {
     int participants = 0;
     std::string security = {};  // Of all of them.
   };
+  LogLimit log_;
   std::mutex mutex_;
   std::map<std::uint32_t, Domain> domains_;
 };
@@ -243,10 +293,10 @@ class CycloneReader final : public Reader {
  public:
   CycloneReader(dds_entity_t participant, const Endpoint& endpoint, OnMessage on_message,
                 std::shared_ptr<Bell> bell)
-      : bell_(std::move(bell)),
-        on_message_(std::move(on_message)),
-        depth_(endpoint.qos.depth),
-        is_of_service_(endpoint.role != Role::kTopic) {
+      : on_message_(std::move(on_message)),
+        waiting_(endpoint.qos.depth, std::move(bell)),
+        is_of_service_(endpoint.role != Role::kTopic),
+        is_given_at_once_(endpoint.is_given_at_once) {
     ddsi_sertype* type = make_raw_type(endpoint.type.c_str());
     topic_ = dds_create_topic_sertype(participant, endpoint.topic.c_str(), &type, nullptr, nullptr,
                                       nullptr);
@@ -275,12 +325,12 @@ class CycloneReader final : public Reader {
   }
 
   void serve() {
-    std::deque<Waiting> all;
-    {
-      const std::lock_guard lock(mutex_);
-      all.swap(waiting_);
+    std::unique_lock order(at_once_, std::defer_lock);
+    if (is_given_at_once_) {
+      order.lock();
+      is_served_ = true;
     }
-    for (const Waiting& waiting : all) {
+    for (const Waiting& waiting : waiting_.take()) {
       give(waiting);
     }
   }
@@ -294,7 +344,7 @@ class CycloneReader final : public Reader {
   [[nodiscard]] std::uint64_t lost() const override {
     dds_sample_lost_status_t status{};
     (void)dds_get_sample_lost_status(reader_, &status);
-    return overflowed_.load() + status.total_count;
+    return waiting_.overflowed() + status.total_count;
   }
 
  private:
@@ -329,36 +379,45 @@ class CycloneReader final : public Reader {
     ddsi_serdata* messages[kTakenAtOnce];
     dds_sample_info_t infos[kTakenAtOnce];
     dds_return_t count = 0;
+    std::unique_lock order(at_once_, std::defer_lock);
+    bool is_at_once = false;
+    if (is_given_at_once_) {
+      order.lock();
+      is_at_once = is_served_;
+    }
     while ((count = dds_takecdr(reader, messages, kTakenAtOnce, infos, DDS_ANY_STATE)) > 0) {
-      const std::lock_guard lock(mutex_);
+      const std::chrono::nanoseconds came(base::monotonic_ns());
       for (dds_return_t i = 0; i < count; ++i) {
         if (!infos[i].valid_data) {
           ddsi_serdata_unref(messages[i]);
           continue;
         }
-        waiting_.push_back({.message = std::unique_ptr<ddsi_serdata, Unref>(messages[i]),
-                            .info = {.sent = std::chrono::nanoseconds(infos[i].source_timestamp),
-                                     .writer = asker_of(infos[i].publication_handle),
-                                     .request = {}}});
-      }
-      while (waiting_.size() > depth_) {
-        waiting_.pop_front();
-        overflowed_.fetch_add(1);
+        Waiting message{.message = std::unique_ptr<ddsi_serdata, Unref>(messages[i]),
+                        .info = {.sent = std::chrono::nanoseconds(infos[i].source_timestamp),
+                                 .came = came,
+                                 .writer = asker_of(infos[i].publication_handle),
+                                 .request = {}}};
+        if (is_at_once) {
+          give(message);
+        } else {
+          waiting_.add(std::move(message));
+        }
       }
     }
-    bell_->ring();
+    if (!is_at_once) {
+      waiting_.ring();
+    }
   }
 
-  std::shared_ptr<Bell> bell_;
   OnMessage on_message_;
-  const std::size_t depth_;
+  WaitingMessages<Waiting> waiting_;
   const bool is_of_service_;
+  const bool is_given_at_once_;
+  std::mutex at_once_;      // One message after the other.
+  bool is_served_ = false;  // Guarded by it.
   dds_entity_t topic_ = 0;
   dds_entity_t reader_ = 0;
   std::atomic<dds_entity_t> entity_{0};
-  std::atomic<std::uint64_t> overflowed_{0};
-  std::mutex mutex_;
-  std::deque<Waiting> waiting_;  // Guarded by it.
 };
 
 Qos qos_from(const dds_qos_t* from) {

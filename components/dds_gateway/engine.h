@@ -59,6 +59,10 @@ struct Endpoint {
   Qos qos;
   bool is_reader = false;
   Role role = Role::kTopic;
+  /// Of a reader: its callback comes on the thread of the engine that received the message, one at
+  /// a time, and not from `serve`, once that was called first. No thread has to be woken for it;
+  /// what it does, the engine waits for.
+  bool is_given_at_once = false;
 };
 
 /// What was seen of others.
@@ -75,6 +79,7 @@ struct Discovery {
 /// What came with a message.
 struct SampleInfo {
   std::chrono::nanoseconds sent{};  ///< By the clock of the wall of its writer, since 1970.
+  std::chrono::nanoseconds came{};  ///< By CLOCK_MONOTONIC here.
   Guid writer{};                    ///< Or another number that this one alone has here.
   Identity request;                 ///< Of a request and of a reply.
 };
@@ -120,7 +125,8 @@ class Writer {
 /// Called with a serialized message, which is borrowed for the call.
 using OnMessage = std::function<void(std::span<const std::byte>, const SampleInfo&)>;
 
-/// Receives serialized messages. Its callback comes on the participant's thread.
+/// Receives serialized messages. Its callback comes on the thread that serves the participant; or
+/// else, where `is_given_at_once`, on one of the engine, and may then throw nothing.
 ///
 /// @threads  Safe.
 class Reader {

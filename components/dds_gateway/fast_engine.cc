@@ -2,12 +2,14 @@
 #include <algorithm>
 #include <atomic>
 #include <cstring>
-#include <deque>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,9 +27,11 @@
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fmt/format.h>
 
+#include "base/clock.h"
 #include "dds_gateway/bell.h"
 #include "dds_gateway/engine.h"
 #include "dds_gateway/interface.h"
+#include "dds_gateway/waiting_messages.h"
 #include "dds_security/enclave.h"
 
 namespace fastcycle::dds_gateway {
@@ -85,6 +89,14 @@ std::string text_of(const fdds::UserDataQosPolicy& data) {
   return text;
 }
 
+/// A message as Fast DDS is given it, and as it gives it.
+struct RawSample {
+  std::span<const std::byte> sent = {};  ///< What is to be sent.
+  ros2::Buffer received = {};            ///< What came,
+  /// or who gets what came, where it lies.
+  const std::function<void(std::span<const std::byte>)>* at_once = nullptr;
+};
+
 /// A type of which only the name is known: its messages are the bytes that they are sent as.
 class RawType final : public fdds::TopicDataType {
  public:
@@ -95,7 +107,7 @@ class RawType final : public fdds::TopicDataType {
   }
 
   bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
-    const auto& bytes = *static_cast<ros2::Buffer*>(data);
+    const std::span<const std::byte> bytes = static_cast<RawSample*>(data)->sent;
     if (bytes.size() > payload->max_size) {
       return false;
     }
@@ -105,16 +117,22 @@ class RawType final : public fdds::TopicDataType {
     return true;
   }
   bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
-    auto& bytes = *static_cast<ros2::Buffer*>(data);
-    bytes.clear();
-    std::memcpy(bytes.grow(payload->length), payload->data, payload->length);
+    auto& sample = *static_cast<RawSample*>(data);
+    const std::span bytes(reinterpret_cast<const std::byte*>(payload->data), payload->length);
+    if (sample.at_once != nullptr) {
+      (*sample.at_once)(bytes);
+      return true;
+    }
+    sample.received.clear();
+    std::memcpy(sample.received.grow(bytes.size()), bytes.data(), bytes.size());
     return true;
   }
   std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
-    return [data] { return static_cast<std::uint32_t>(static_cast<ros2::Buffer*>(data)->size()); };
+    return
+        [data] { return static_cast<std::uint32_t>(static_cast<RawSample*>(data)->sent.size()); };
   }
-  void* createData() override { return new ros2::Buffer; }
-  void deleteData(void* data) override { delete static_cast<ros2::Buffer*>(data); }
+  void* createData() override { return new RawSample; }
+  void deleteData(void* data) override { delete static_cast<RawSample*>(data); }
   bool getKey(void* /*data*/, rtps::InstanceHandle_t* /*handle*/, bool /*is_md5*/) override {
     return false;
   }
@@ -200,14 +218,16 @@ class FastWriter final : public Writer {
   }
 
   void write(ros2::Buffer& message) override {
-    if (!writer_->write(&message)) {
+    RawSample sample{.sent = message.bytes()};
+    if (!writer_->write(&sample)) {
       throw EngineError(fmt::format("Fast DDS: {}: the message was not taken", name_));
     }
   }
   Identity write_request(ros2::Buffer& message, const Guid& replies) override {
     rtps::WriteParams params;
     params.related_sample_identity().writer_guid(to_guid(replies));
-    if (!writer_->write(&message, params)) {
+    RawSample sample{.sent = message.bytes()};
+    if (!writer_->write(&sample, params)) {
       throw EngineError(fmt::format("Fast DDS: {}: the request was not taken", name_));
     }
     return {
@@ -220,7 +240,8 @@ class FastWriter final : public Writer {
     const auto number = static_cast<std::uint64_t>(request.number);
     params.related_sample_identity().sequence_number(rtps::SequenceNumber_t(
         static_cast<std::int32_t>(number >> 32U), static_cast<std::uint32_t>(number)));
-    if (!writer_->write(&message, params)) {
+    RawSample sample{.sent = message.bytes()};
+    if (!writer_->write(&sample, params)) {
       throw EngineError(fmt::format("Fast DDS: {}: the reply was not taken", name_));
     }
   }
@@ -246,10 +267,10 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
       : topics_(topics),
         subscriber_(subscriber),
         name_(endpoint.topic),
-        bell_(std::move(bell)),
         on_message_(std::move(on_message)),
-        depth_(endpoint.qos.depth),
-        role_(endpoint.role) {
+        waiting_(endpoint.qos.depth, std::move(bell)),
+        role_(endpoint.role),
+        is_given_at_once_(endpoint.is_given_at_once) {
     fdds::Topic* const topic = topics.open(endpoint);
     fdds::DataReaderQos qos;
     put_qos(endpoint, qos);
@@ -262,12 +283,12 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
   }
 
   void serve() {
-    std::deque<Waiting> all;
-    {
-      const std::lock_guard lock(mutex_);
-      all.swap(waiting_);
+    std::unique_lock order(at_once_, std::defer_lock);
+    if (is_given_at_once_) {
+      order.lock();
+      is_served_ = true;
     }
-    for (const Waiting& waiting : all) {
+    for (const Waiting& waiting : waiting_.take()) {
       on_message_(waiting.message.bytes(), waiting.info);
     }
   }
@@ -278,7 +299,7 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
     (void)reader_->get_subscription_matched_status(status);
     return static_cast<std::size_t>(std::max(0, status.current_count));
   }
-  [[nodiscard]] std::uint64_t lost() const override { return overflowed_.load() + lost_.load(); }
+  [[nodiscard]] std::uint64_t lost() const override { return waiting_.overflowed() + lost_.load(); }
 
  private:
   struct Waiting {
@@ -287,25 +308,55 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
   };
 
   void on_data_available(fdds::DataReader* reader) override {
-    fdds::SampleInfo info;
-    ros2::Buffer message;
-    while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK) {
-      const rtps::GUID_t& writer = info.sample_identity.writer_guid();
-      if (!info.valid_data || writer.guidPrefix == reader->guid().guidPrefix) {
-        continue;
-      }
-      const std::lock_guard lock(mutex_);
-      waiting_.push_back(
-          {.message = std::exchange(message, ros2::Buffer()),
-           .info = {.sent = std::chrono::nanoseconds(info.source_timestamp.to_ns()),
-                    .writer = guid_of(writer),
-                    .request = role_ == Role::kTopic ? Identity() : identity_of(info, role_)}});
-      while (waiting_.size() > depth_) {
-        waiting_.pop_front();
-        overflowed_.fetch_add(1);
+    std::unique_lock order(at_once_, std::defer_lock);
+    if (is_given_at_once_) {
+      order.lock();
+      if (is_served_) {
+        give_all(*reader);
+        return;
       }
     }
-    bell_->ring();
+    fdds::SampleInfo info;
+    RawSample sample;
+    while (reader->take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+      if (is_for_us(*reader, info)) {
+        waiting_.add(
+            {.message = std::exchange(sample.received, ros2::Buffer()), .info = info_of(info)});
+      }
+    }
+    waiting_.ring();
+  }
+
+  /// Each message is read where Fast DDS has it, without a copy. What is known of it is only told
+  /// before it is taken, or after.
+  void give_all(fdds::DataReader& reader) {
+    fdds::SampleInfo info;
+    while (reader.get_first_untaken_info(&info) == ReturnCode_t::RETCODE_OK) {
+      const bool is_wanted = is_for_us(reader, info);
+      const std::function<void(std::span<const std::byte>)> give =
+          [&](std::span<const std::byte> bytes) {
+            if (is_wanted) {
+              on_message_(bytes, info_of(info));
+            }
+          };
+      RawSample sample;
+      sample.at_once = &give;
+      fdds::SampleInfo taken;
+      if (!(reader.take_next_sample(&sample, &taken) == ReturnCode_t::RETCODE_OK)) {
+        return;
+      }
+    }
+  }
+
+  static bool is_for_us(const fdds::DataReader& reader, const fdds::SampleInfo& info) {
+    return info.valid_data &&
+           info.sample_identity.writer_guid().guidPrefix != reader.guid().guidPrefix;
+  }
+  [[nodiscard]] SampleInfo info_of(const fdds::SampleInfo& info) const {
+    return {.sent = std::chrono::nanoseconds(info.source_timestamp.to_ns()),
+            .came = std::chrono::nanoseconds(base::monotonic_ns()),
+            .writer = guid_of(info.sample_identity.writer_guid()),
+            .request = role_ == Role::kTopic ? Identity() : identity_of(info, role_)};
   }
   void on_sample_lost(fdds::DataReader* /*reader*/, const fdds::SampleLostStatus& status) override {
     lost_.store(static_cast<std::uint64_t>(std::max(0, status.total_count)));
@@ -314,15 +365,14 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
   Topics& topics_;
   fdds::Subscriber& subscriber_;
   std::string name_;
-  std::shared_ptr<Bell> bell_;
   OnMessage on_message_;
-  const std::size_t depth_;
+  WaitingMessages<Waiting> waiting_;
   const Role role_;
+  const bool is_given_at_once_;
+  std::mutex at_once_;      // One message after the other.
+  bool is_served_ = false;  // Guarded by it.
   fdds::DataReader* reader_ = nullptr;
-  std::atomic<std::uint64_t> overflowed_{0};
   std::atomic<std::uint64_t> lost_{0};
-  std::mutex mutex_;
-  std::deque<Waiting> waiting_;  // Guarded by it.
 };
 
 /// Keeps what was discovered until it is asked for.

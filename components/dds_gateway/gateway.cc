@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 #include <exception>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -11,7 +13,8 @@
 
 #include "base/printable.h"
 #include "basic/basic.pb.h"
-#include "broker/publisher_core.h"
+#include "component/component_core.h"
+#include "component/component_host.h"
 #include "dds_gateway/envelope.h"
 #include "dds_security/documents.h"
 #include "dds_security/enclave.h"
@@ -28,11 +31,13 @@ constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that ar
 constexpr std::size_t kTroublesMax = 1024;
 constexpr double kDomainMax = 232;  // More have no ports.
 
+constexpr std::size_t kClocksToldMax = 1024;
+
 constexpr std::size_t kArrivalsMax = 1024;  // Requests and replies that may wait.
 
 /// What stands before the bytes of a request or a reply on their way within the gateway.
 struct ArrivalHead {
-  std::uint64_t service = 0;
+  std::uint64_t service = 0;  ///< Those of parameters come behind the others.
   Identity request;
 };
 
@@ -91,6 +96,11 @@ std::string text_of(const Guid& guid) {
   return text;
 }
 
+/// `/car/gateway`
+std::string full_name_of(const std::string& node) {
+  return node.starts_with('/') ? node : "/" + node;
+}
+
 }  // namespace
 
 /// One topic that crosses, with both of its ends.
@@ -98,7 +108,12 @@ struct Gateway::Crossing {
   TopicSettings settings;
   const ros2::Converter* converter = nullptr;  // Null for messages as they are.
   const google::protobuf::Message* prototype = nullptr;
-  std::map<Guid, std::uint64_t> sequences;  // Of the newest message of each writer.
+  // Between two applications: the number of what was sent last, of the newest message of each
+  // writer, and how many of theirs were lost since one was published.
+  std::uint64_t sent = 0;
+  std::map<Guid, std::uint64_t> numbers;
+  std::uint64_t lost = 0;
+  std::optional<TrailExchange> trails;
   Endpoint endpoint;
   Counters counters;
   Time last_passed{};  // Confined to who passes messages: the thread, or the activations.
@@ -133,10 +148,23 @@ Gateway::Settings Gateway::settings_of(Context& context) {
           .param<std::int64_t>("clock_period_ms",
                                {.fallback = 0, .min = 0, .max = 10'000, .unit = "ms"})
           .get());
+  const std::string clocks =
+      context.param<std::string>("clocks", {.fallback = std::string("round_trips")}).get();
+  if (clocks != "round_trips" && clocks != "system") {
+    throw std::invalid_argument(fmt::format(
+        "/params/clocks: expected \"round_trips\" or \"system\", found \"{}\"", clocks));
+  }
+  settings.clocks = clocks == "system" ? ClockSource::kSystem : ClockSource::kRoundTrips;
+  settings.clock_difference_max = std::chrono::nanoseconds(std::llround(
+      1e6 * context
+                .param<double>("clock_difference_max_ms",
+                               {.fallback = 10.0, .min = 0.0, .max = 1e9, .unit = "ms"})
+                .get()));
   return settings;
 }
 
-Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(context)) {
+Gateway::Gateway(Context& context)
+    : Component(context), settings_(settings_of(context)), clock_(context.core().clock) {
   using Paths = std::vector<Path>;
   const Paths folders = context.param<Paths>("definitions", {.fallback = Paths{}}).get();
   const Paths mappings = context.param<Paths>("mappings", {.fallback = Paths{}}).get();
@@ -149,6 +177,11 @@ Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(c
                             .param<google::protobuf::ListValue>(
                                 "services", {.fallback = google::protobuf::ListValue()})
                             .get();
+
+  const auto params = context
+                          .param<google::protobuf::ListValue>(
+                              "parameters", {.fallback = google::protobuf::ListValue()})
+                          .get();
 
   (void)find_engine(settings_.engine);
   if (!settings_.participant.security.empty()) {
@@ -179,11 +212,18 @@ Gateway::Gateway(Context& context) : Component(context), settings_(settings_of(c
     throw std::invalid_argument(mistakes);
   }
   add_services(services_of(services));
+  add_params(parameters_of(params));
+  if (!services_.empty() || params_ != nullptr) {
+    add_arrivals();
+  }
   if (settings_.clock_period > 0ns) {
     add_clock(settings_.clock_period);
   }
   context.create_thread("dds_gateway", [this](const std::stop_token& stop) { run(stop); });
-  context.create_timer({.period = 1s, .phase = {}}, [this] { tell_health(); });
+  context.create_timer({.period = 1s, .phase = {}}, [this] {
+    tell_clocks();
+    tell_health();
+  });
 }
 
 Gateway::~Gateway() noexcept(false) {
@@ -216,10 +256,15 @@ void Gateway::add(TopicSettings settings) {
       .is_reader = settings.is_in};
   if (settings.is_as_it_is) {
     crossing->endpoint.user_data += envelope_user_data(*message.GetDescriptor());
+    crossing->endpoint.is_given_at_once = settings.is_in;
+    crossing->trails.emplace(context().core().application.wiring().topics());
   }
   if (settings.is_in) {
     crossing->publisher =
         &detail::create_publisher(context().core(), settings.topic, message, nullptr, true);
+    if (settings.is_as_it_is) {
+      crossing->publisher->bring_trails();
+    }
   } else {
     SubscriberOptions options;
     options.depth = settings.qos.depth;
@@ -227,7 +272,7 @@ void Gateway::add(TopicSettings settings) {
     detail::create_subscription(
         context().core(), settings.topic, message, options,
         [this, &its](detail::Envelope& envelope, const google::protobuf::Message& payload) {
-          send(its, envelope.info, payload);
+          send(its, envelope.info, payload, envelope.trails);
         });
   }
   crossing->settings = std::move(settings);
@@ -257,14 +302,23 @@ void Gateway::add_clock(Duration period) {
 }
 
 void Gateway::add_services(const std::vector<ServiceSettings>& services) {
-  if (services.empty()) {
-    return;
-  }
   for (const ServiceSettings& service : services) {
     services_.push_back(std::make_unique<ServiceCrossing>(
         context(), service, types_,
         [this](const std::string& what) { log().throttle(10s).warning("{}", what); }));
   }
+}
+
+void Gateway::add_params(const std::vector<ParamSettings>& params) {
+  if (!params.empty()) {
+    params_ = std::make_unique<ParamServices>(
+        context(), full_node_name(), params, types_.definitions(),
+        [this](const std::string& what) { log().throttle(10s).warning("{}", what); });
+  }
+}
+
+/// The way of requests and replies from the participant's thread to the activations.
+void Gateway::add_arrivals() {
   const std::string topic = context().component_name() + "/service_arrivals";
   arrivals_ = context().create_external_publisher<google::protobuf::BytesValue>(topic);
   SubscriberOptions options;
@@ -274,32 +328,69 @@ void Gateway::add_services(const std::vector<ServiceSettings>& services) {
         const auto bytes = std::as_bytes(std::span(arrival.value()));
         ArrivalHead head;
         std::memcpy(&head, bytes.data(), sizeof head);
-        services_.at(head.service)->take(head.request, bytes.subspan(sizeof head));
+        const auto message = bytes.subspan(sizeof head);
+        if (head.service < services_.size()) {
+          services_[head.service]->take(head.request, message);
+        } else {
+          params_->take(head.service - services_.size(), head.request, message);
+        }
       });
 }
 
 void Gateway::start() {
   report("trouble", std::string());
+  if (params_ != nullptr) {
+    for (const std::string& param : params_->unknown()) {
+      log().warning("parameters: there is no param \"{}\" in this application", param);
+    }
+  }
   if (const std::string& folder = settings_.participant.security;
       !folder.empty() && dds_security::has_open_key(folder)) {
     log().warning("{}: others than its owner can read this private key; expected mode 0600",
                   dds_security::enclave_in(folder).key.string());
   }
+  // A recorded run that is executed again has no network: nothing is sent a second time.
+  (void)observe("network", [this] {
+    open_network();
+    return true;
+  });
+}
+
+void Gateway::open_network() {
   participant_ = find_engine(settings_.engine).create(settings_.participant);
   wall_to_ours_ = now().time_since_epoch() - std::chrono::system_clock::now().time_since_epoch();
+  const bool is_joined = std::ranges::any_of(
+      crossings_, [](const auto& crossing) { return crossing->settings.is_as_it_is; });
+  if (is_joined && !clock_.is_simulated()) {
+    clocks_ = std::make_unique<ClockExchange>(
+        *participant_, clock_, full_name_of(settings_.node),
+        ros2::type_user_data(ros2::type_hash(types_.definitions().find(kRoundTripType))),
+        settings_.clocks);
+  }
   for (const auto& crossing : crossings_) {
     open(*crossing);
   }
+  const auto arrive = [this](std::size_t service, const Identity& request,
+                             std::span<const std::byte> message) {
+    const ArrivalHead head{.service = service, .request = request};
+    auto arrival = arrivals_->loan();
+    std::string& bytes = *arrival->mutable_value();
+    bytes.assign(reinterpret_cast<const char*>(&head), sizeof head);
+    bytes.append(reinterpret_cast<const char*>(message.data()), message.size());
+    arrivals_->publish(std::move(arrival));
+  };
   for (std::size_t i = 0; i < services_.size(); ++i) {
-    services_[i]->open(
-        *participant_, [this, i](const Identity& request, std::span<const std::byte> message) {
-          const ArrivalHead head{.service = i, .request = request};
-          auto arrival = arrivals_->loan();
-          std::string& bytes = *arrival->mutable_value();
-          bytes.assign(reinterpret_cast<const char*>(&head), sizeof head);
-          bytes.append(reinterpret_cast<const char*>(message.data()), message.size());
-          arrivals_->publish(std::move(arrival));
-        });
+    services_[i]->open(*participant_,
+                       [arrive, i](const Identity& request, std::span<const std::byte> message) {
+                         arrive(i, request, message);
+                       });
+  }
+  if (params_ != nullptr) {
+    params_->open(*participant_,
+                  [arrive, behind = services_.size()](std::size_t service, const Identity& request,
+                                                      std::span<const std::byte> message) {
+                    arrive(behind + service, request, message);
+                  });
   }
   graph_reader_ = participant_->create_reader(
       graph_endpoint(true), [this](std::span<const std::byte> message, const SampleInfo&) {
@@ -317,22 +408,29 @@ void Gateway::open(Crossing& crossing) {
     crossing.reader = participant_->create_reader(
         crossing.endpoint,
         [this, &crossing](std::span<const std::byte> message, const SampleInfo& info) {
-          receive(crossing, message, info);
+          if (crossing.endpoint.is_given_at_once) {
+            receive_at_once(crossing, message, info);
+          } else {
+            receive(crossing, message, info);
+          }
         });
   } else {
     crossing.writer = participant_->create_writer(crossing.endpoint);
   }
 }
 
+/// `/car/gateway`
+std::string Gateway::full_node_name() const {
+  return full_name_of(settings_.node);
+}
+
 void Gateway::announce() {
   NodeEntities node;
-  const std::size_t slash = settings_.node.rfind('/');
-  node.name = settings_.node.substr(slash == std::string::npos ? 0 : slash + 1);
-  if (slash != std::string::npos && slash > 0) {
-    node.name_space = settings_.node.substr(0, slash);
-    if (!node.name_space.starts_with('/')) {
-      node.name_space.insert(0, "/");
-    }
+  const std::string full_name = full_name_of(settings_.node);
+  const std::size_t slash = full_name.rfind('/');
+  node.name = full_name.substr(slash + 1);
+  if (slash > 0) {
+    node.name_space = full_name.substr(0, slash);
   }
   for (const auto& crossing : crossings_) {
     if (crossing->reader != nullptr) {
@@ -341,9 +439,17 @@ void Gateway::announce() {
       node.writers.push_back(crossing->writer->guid());
     }
   }
+  if (clocks_ != nullptr) {
+    node.readers.push_back(clocks_->reader().guid());
+    node.writers.push_back(clocks_->writer().guid());
+  }
   for (const auto& service : services_) {
     node.readers.push_back(service->reader());
     node.writers.push_back(service->writer());
+  }
+  if (params_ != nullptr) {
+    std::ranges::copy(params_->readers(), std::back_inserter(node.readers));
+    std::ranges::copy(params_->writers(), std::back_inserter(node.writers));
   }
   graph_writer_ = participant_->create_writer(graph_endpoint(false));
   ros2::Buffer message;
@@ -368,6 +474,7 @@ void Gateway::stop() {
     tell("refused", counters.refused, false);
     tell("unsent", counters.unsent, false);
     tell("missing", counters.missing, crossing->settings.is_as_it_is && crossing->settings.is_in);
+    tell("undated", counters.undated, false);
     if (crossing->reader != nullptr) {
       tell("lost", crossing->reader->lost(), true);
     }
@@ -377,6 +484,12 @@ void Gateway::stop() {
     report(name + " asked", static_cast<std::int64_t>(service->asked));
     report(name + " answered", static_cast<std::int64_t>(service->answered));
     report(name + " failed", static_cast<std::int64_t>(service->failed));
+  }
+  tell_clocks();
+  if (params_ != nullptr) {
+    report("parameters asked", static_cast<std::int64_t>(params_->asked));
+    report("parameters answered", static_cast<std::int64_t>(params_->answered));
+    report("parameters failed", static_cast<std::int64_t>(params_->failed));
   }
   close();
   tell_health();
@@ -391,6 +504,10 @@ void Gateway::close() {
   for (const auto& service : services_) {
     service->close();
   }
+  clocks_.reset();
+  if (params_ != nullptr) {
+    params_->close();
+  }
   graph_writer_.reset();
   graph_reader_.reset();
   participant_.reset();
@@ -399,8 +516,20 @@ void Gateway::close() {
 void Gateway::run(const std::stop_token& stop) {
   const std::stop_callback wake(stop, [this] { participant_->wake(); });
   while (!stop.stop_requested()) {
-    participant_->serve(kServe);
+    participant_->serve(clocks_ == nullptr ? kServe : clocks_->ask());
     take_discoveries();
+    rethrow_fault();
+  }
+}
+
+void Gateway::rethrow_fault() {
+  std::exception_ptr fault;
+  {
+    const std::lock_guard lock(mutex_);
+    fault = std::exchange(fault_, nullptr);
+  }
+  if (fault != nullptr) {
+    std::rethrow_exception(fault);
   }
 }
 
@@ -489,6 +618,11 @@ bool Gateway::may_pass(Crossing& crossing, Time now) {
   return true;
 }
 
+/// What is older than the topic allows does not cross, and is counted.
+bool Gateway::is_expired(const Crossing& crossing, Time taken, Time now) const {
+  return crossing.settings.age_max && now - taken > *crossing.settings.age_max;
+}
+
 void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
                       const SampleInfo& info) {
   Counters& counters = crossing.counters;
@@ -497,31 +631,20 @@ void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
   const Time now = detail::now_of(publisher);
   detail::Envelope* loan = nullptr;
   try {
-    Time taken;
-    if (crossing.settings.is_as_it_is) {
-      loan = detail::take_external_loan(publisher, false);
-      const EnvelopeHead head = read_envelope(message, *loan->own);
-      count_missing(crossing, info.writer, head.sequence);
-      taken = head.taken;
-    } else {
-      const auto stamp = stamp_of(crossing.converter->definition(), message);
-      taken =
-          Time(std::chrono::duration_cast<Duration>(stamp ? *stamp : info.sent + wall_to_ours_));
-    }
+    const auto stamp = stamp_of(crossing.converter->definition(), message);
     // What others stamp by another clock cannot have been measured later than now.
-    taken = std::min(now, taken);
-    const bool is_expired = crossing.settings.age_max && now - taken > *crossing.settings.age_max;
-    if (is_expired || !may_pass(crossing, now)) {
-      counters.expired.fetch_add(is_expired ? 1 : 0);
-      if (loan != nullptr) {
-        detail::return_external_loan(publisher, loan);
-      }
+    const Time taken = std::min(
+        now,
+        Time(std::chrono::duration_cast<Duration>(stamp ? *stamp : info.sent + wall_to_ours_)));
+    if (is_expired(crossing, taken, now)) {
+      counters.expired.fetch_add(1);
       return;
     }
-    if (loan == nullptr) {
-      loan = detail::take_external_loan(publisher, false);
-      crossing.converter->to_message(message, *loan->own);
+    if (!may_pass(crossing, now)) {
+      return;
     }
+    loan = detail::take_external_loan(publisher, false);
+    crossing.converter->to_message(message, *loan->own);
     detail::publish_external(publisher, std::exchange(loan, nullptr), taken);
     counters.went.fetch_add(1);
   } catch (const ros2::CdrError& error) {
@@ -532,24 +655,84 @@ void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
   }
 }
 
-/// Messages that their publisher numbered and that did not come.
-void Gateway::count_missing(Crossing& crossing, const Guid& writer, std::uint64_t sequence) {
-  constexpr std::size_t kWritersMax = 1024;
-  const auto known = crossing.sequences.find(writer);
-  if (known == crossing.sequences.end()) {
-    if (crossing.sequences.size() < kWritersMax) {
-      crossing.sequences[writer] = sequence;
+/// On a thread of the engine, which no exception may leave: it becomes one of ours.
+void Gateway::receive_at_once(Crossing& crossing, std::span<const std::byte> message,
+                              const SampleInfo& info) noexcept {
+  try {
+    receive_as_it_is(crossing, message, info);
+  } catch (...) {
+    {
+      const std::lock_guard lock(mutex_);
+      fault_ = std::current_exception();
     }
-    return;
+    participant_->wake();
   }
-  if (sequence > known->second + 1) {
-    crossing.counters.missing.fetch_add(sequence - known->second - 1);
+}
+
+void Gateway::receive_as_it_is(Crossing& crossing, std::span<const std::byte> message,
+                               const SampleInfo& info) {
+  Counters& counters = crossing.counters;
+  counters.came.fetch_add(1);
+  detail::PublisherCore& publisher = *crossing.publisher;
+  detail::Envelope* loan = detail::take_external_loan(publisher, false);
+  try {
+    const EnvelopeHead head = read_envelope(message, *loan->own);
+    const Time now = detail::now_of(publisher);
+    crossing.lost += count_missing(crossing, info.writer, head.number);
+    detail::Arrival arrival = arrival_of(crossing, head, info);
+    const bool is_old = is_expired(crossing, arrival.origin.taken, now);
+    if (is_old || !may_pass(crossing, now)) {
+      counters.expired.fetch_add(is_old ? 1 : 0);
+      detail::return_external_loan(publisher, loan);
+      return;
+    }
+    arrival.lost = std::exchange(crossing.lost, 0);
+    publisher.publish_arrived(std::exchange(loan, nullptr), arrival);
+    counters.went.fetch_add(1);
+  } catch (const ros2::CdrError& error) {
+    if (loan != nullptr) {
+      detail::return_external_loan(publisher, loan);
+    }
+    refuse(crossing, counters.refused, error.what());
   }
-  known->second = sequence;
+}
+
+/// What `head` says, by our clock. As long as it is not known how far theirs is ahead, the way here
+/// is taken to last no time; in simulated time both are taken to be the same.
+detail::Arrival Gateway::arrival_of(Crossing& crossing, const EnvelopeHead& head,
+                                    const SampleInfo& info) {
+  const Time came = clock_.at_monotonic(info.came.count());
+  Duration later{0};
+  if (clocks_ != nullptr) {
+    const auto ahead = clocks_->ahead(head.clock);
+    crossing.counters.undated.fetch_add(ahead ? 0 : 1);
+    later = ahead ? -*ahead : came - head.published;
+  }
+  later = std::min(later, came - head.published);  // Nothing comes before it was published.
+  return {.published = head.published + later,
+          .origin = {.taken = std::min(came, head.taken + later), .root = head.root},
+          .came = came,
+          .trails = crossing.trails->from_envelope(head.trails, later)};
+}
+
+/// How many were sent before this one and did not come.
+std::uint64_t Gateway::count_missing(Crossing& crossing, const Guid& writer, std::uint64_t number) {
+  constexpr std::size_t kWritersMax = 1024;
+  const auto known = crossing.numbers.find(writer);
+  if (known == crossing.numbers.end()) {
+    if (crossing.numbers.size() < kWritersMax) {
+      crossing.numbers[writer] = number;
+    }
+    return 0;
+  }
+  const std::uint64_t missing = number > known->second ? number - known->second - 1 : 0;
+  crossing.counters.missing.fetch_add(missing);
+  known->second = number;
+  return missing;
 }
 
 void Gateway::send(Crossing& crossing, const MessageInfo& info,
-                   const google::protobuf::Message& message) {
+                   const google::protobuf::Message& message, const detail::Trail* trails) {
   Counters& counters = crossing.counters;
   counters.came.fetch_add(1);
   const bool is_own = std::ranges::any_of(crossings_, [&](const auto& other) {
@@ -561,7 +744,7 @@ void Gateway::send(Crossing& crossing, const MessageInfo& info,
     return;
   }
   const Time taken = info.origin.root != 0 ? info.origin.taken : info.publish_time;
-  if (crossing.settings.age_max && now() - taken > *crossing.settings.age_max) {
+  if (is_expired(crossing, taken, now())) {
     counters.expired.fetch_add(1);
     return;
   }
@@ -571,11 +754,21 @@ void Gateway::send(Crossing& crossing, const MessageInfo& info,
   try {
     ros2::Buffer serialized;
     if (crossing.settings.is_as_it_is) {
-      write_envelope(message, info, serialized);
+      write_envelope(message,
+                     {.clock = clocks_ == nullptr ? 0 : clocks_->id(),
+                      .number = ++crossing.sent,
+                      .sequence = info.sequence,
+                      .published = info.publish_time,
+                      .root = info.origin.root,
+                      .taken = taken,
+                      .trails = crossing.trails->to_envelope(trails)},
+                     serialized);
     } else {
       crossing.converter->to_ros(message, serialized);
     }
-    crossing.writer->write(serialized);
+    if (crossing.writer != nullptr) {
+      crossing.writer->write(serialized);
+    }
     counters.went.fetch_add(1);
   } catch (const ros2::CdrError& error) {
     refuse(crossing, counters.refused, error.what());
@@ -604,6 +797,52 @@ void Gateway::set_trouble(const std::string& whose, std::string what) {
     troubles_.erase(whose);
   } else if (troubles_.size() < kTroublesMax || troubles_.contains(whose)) {
     troubles_[whose] = std::move(what);
+  }
+}
+
+/// How far the clocks of others are ahead, in the results and, where it is too much, in the health.
+void Gateway::tell_clocks() {
+  if (clocks_ == nullptr) {
+    return;
+  }
+  const auto ms = [](Duration span) {
+    return std::chrono::duration<double, std::milli>(span).count();
+  };
+  for (const ClockPeer& peer : clocks_->peers()) {
+    const std::string node = base::printable(peer.node);
+    const auto known = told_clocks_.find(node);
+    if (known == told_clocks_.end() && told_clocks_.size() == kClocksToldMax) {
+      continue;
+    }
+    const std::string whose = fmt::format("the clock of {}", node);
+    const ClockDifference::Estimate& found = peer.estimate;
+    report(whose + " ahead_ms", ms(found.ahead));
+    report(whose + " bound_ms", ms(found.bound));
+    report(whose + " round_trip_ms", ms(found.round_trip));
+    std::string trouble;
+    if (settings_.clock_difference_max > 0ns &&
+        std::chrono::abs(found.ahead) - found.bound > settings_.clock_difference_max) {
+      trouble = fmt::format(
+          "{} is {:.3f} ms ahead of this one, ± {:.3f} ms: times that stand in messages are off "
+          "by that; PTP or NTP on both machines brings them together",
+          whose, ms(found.ahead), ms(found.bound));
+    } else if (settings_.clocks == ClockSource::kSystem &&
+               peer.system_apart > std::max<Duration>(settings_.clock_difference_max, 1ms)) {
+      trouble = fmt::format(
+          "the system clocks of {} and of this machine differ by at least {:.3f} ms: expected PTP "
+          "to hold them together, as \"clocks\": \"system\" says",
+          node, ms(peer.system_apart));
+    }
+    if (known == told_clocks_.end() || known->second != trouble.empty()) {
+      if (trouble.empty()) {
+        log().info("{} is {:.3f} ms ahead of this one, ± {:.3f} ms", whose, ms(found.ahead),
+                   ms(found.bound));
+      } else {
+        log().warning("{}", trouble);
+      }
+      told_clocks_[node] = trouble.empty();
+    }
+    set_trouble(whose, std::move(trouble));
   }
 }
 

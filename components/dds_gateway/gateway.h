@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <exception>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -12,10 +13,14 @@
 
 #include <google/protobuf/wrappers.pb.h>
 
+#include "broker/publisher_core.h"
+#include "dds_gateway/clock_exchange.h"
 #include "dds_gateway/engine.h"
+#include "dds_gateway/param_services.h"
 #include "dds_gateway/ros_graph.h"
 #include "dds_gateway/services.h"
 #include "dds_gateway/settings.h"
+#include "dds_gateway/trail_exchange.h"
 #include "fastcycle/fastcycle.h"
 #include "ros2_types/known_types.h"
 
@@ -31,8 +36,10 @@ struct Counters {
   std::atomic<std::uint64_t> expired{0};  ///< Not, since they were too old.
   std::atomic<std::uint64_t> own{0};      ///< Not, since the gateway itself had published them.
   std::atomic<std::uint64_t> refused{0};  ///< Not, since they could not be converted.
-  std::atomic<std::uint64_t> missing{0};  ///< Numbered by another application, and never came.
-  std::atomic<std::uint64_t> unsent{0};   ///< Not, since the network did not take them.
+  std::atomic<std::uint64_t> missing{0};  ///< Sent by another application, and never came.
+  /// Came before it was known how far the clock of who sent them is ahead.
+  std::atomic<std::uint64_t> undated{0};
+  std::atomic<std::uint64_t> unsent{0};  ///< Not, since the network did not take them.
 };
 
 /// Lets listed topics cross between this application and DDS, where ROS 2 nodes and other
@@ -61,37 +68,58 @@ class Gateway final : public Component {
     std::string node;
     ParticipantOptions participant;
     Duration clock_period{};
+    ClockSource clocks{};
+    Duration clock_difference_max{};  ///< 0: any is good.
   };
 
   static Settings settings_of(Context& context);
   void add(TopicSettings settings);
   void add_clock(Duration period);
   void add_services(const std::vector<ServiceSettings>& services);
+  void add_params(const std::vector<ParamSettings>& params);
+  void add_arrivals();
+  [[nodiscard]] std::string full_node_name() const;
+  void open_network();
   void open(Crossing& crossing);
   void announce();
   void close();
   void run(const std::stop_token& stop);
+  void rethrow_fault();
   void take_discoveries();
   void look_at(const Discovery& discovery);
   void receive(Crossing& crossing, std::span<const std::byte> message, const SampleInfo& info);
-  void send(Crossing& crossing, const MessageInfo& info, const google::protobuf::Message& message);
+  void receive_at_once(Crossing& crossing, std::span<const std::byte> message,
+                       const SampleInfo& info) noexcept;
+  void receive_as_it_is(Crossing& crossing, std::span<const std::byte> message,
+                        const SampleInfo& info);
+  [[nodiscard]] detail::Arrival arrival_of(Crossing& crossing, const EnvelopeHead& head,
+                                           const SampleInfo& info);
+  [[nodiscard]] bool is_expired(const Crossing& crossing, Time taken, Time now) const;
+  void send(Crossing& crossing, const MessageInfo& info, const google::protobuf::Message& message,
+            const detail::Trail* trails = nullptr);
   void refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter, const std::string& why);
   void set_trouble(const std::string& whose, std::string what);
   void tell_health();
-  static void count_missing(Crossing& crossing, const Guid& writer, std::uint64_t sequence);
+  void tell_clocks();
+  [[nodiscard]] static std::uint64_t count_missing(Crossing& crossing, const Guid& writer,
+                                                   std::uint64_t number);
   [[nodiscard]] static bool may_pass(Crossing& crossing, Time now);
 
   const Settings settings_;
+  const base::Clock& clock_;
   ros2::KnownTypes types_;
   std::vector<std::unique_ptr<Crossing>> crossings_;
   std::vector<std::unique_ptr<ServiceCrossing>> services_;
+  std::unique_ptr<ParamServices> params_;  // Null: no parameter is listed.
   /// What came for services, on its way from the thread to the component's activations.
   std::optional<ExternalPublisher<google::protobuf::BytesValue>> arrivals_;
 
-  // Made by start, and gone after stop.
+  // Made by start, and gone after stop. There are none where a recorded run is executed again.
   std::unique_ptr<Participant> participant_;
   std::unique_ptr<Writer> graph_writer_;
   std::unique_ptr<Reader> graph_reader_;
+  /// Null where nothing crosses as it is, and in simulated time.
+  std::unique_ptr<ClockExchange> clocks_;
   Duration wall_to_ours_{};  // From the clock of the wall to the application's.
 
   // The thread's own.
@@ -105,7 +133,9 @@ class Gateway final : public Component {
   std::atomic<std::uint64_t> peers_{0};
   std::mutex mutex_;
   std::map<std::string, std::string> troubles_;  // Guarded by it: what its health tells, by whom.
-  std::string told_;                             // The component's own.
+  std::string told_;                             // The component's own, as the next.
+  std::map<std::string, bool> told_clocks_;      // Whether a clock may differ as much as it does.
+  std::exception_ptr fault_;                     // Guarded by mutex_: of a thread of the engine.
 };
 
 }  // namespace fastcycle::dds_gateway

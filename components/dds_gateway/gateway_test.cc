@@ -14,6 +14,7 @@
 #include <google/protobuf/util/message_differencer.h>
 
 #include "basic/basic.pb.h"
+#include "dds_gateway/envelope.h"
 #include "dds_gateway/test_network.h"
 #include "foxglove/image.pb.h"
 #include "foxglove/location.pb.h"
@@ -501,6 +502,85 @@ TEST_P(ServiceTest, MessagesCrossAsTheyAreWithTheirTimes) {
   // Sent at a multiple of 10 ms, and measured 25 ms before.
   EXPECT_EQ((last - came.back().info.origin.taken - 25ms) % 10ms, 0ms);
   EXPECT_EQ(std::get<std::int64_t>(bench.result("receiver", "fastcycle/cloud missing")), 0);
+}
+
+// What it is made of was taken on the way to the first gateway, and judged behind the second one.
+TEST_P(ServiceTest, LatencyChainsGoOnBetweenTwoApplications) {
+  testing::Bench bench;
+  const auto add = [&](const char* name, const char* topic, const char* direction) {
+    bench.add<Gateway>(
+        name, fmt::format(R"({{"remap": {{"text": "{}"}}, "params": {{"engine": "{}", "domain": {},
+            "interface": "lo", "node": "{}", "topics": [{{"topic": "text", "direction": "{}",
+            "message": "basic.Text", "depth": 1000}}]}}}})",
+                          topic, GetParam(), domain_of_test(), name, direction));
+  };
+  add("sender", "text_there", "out");
+  add("receiver", "text_here", "in");
+  bench.configure(R"({"modes": {"nominal": {}, "degraded": {}}, "initial_mode": "nominal",
+                      "chains": [{"name": "across", "from": "text_there", "to": "text_here",
+                                  "deadline_ms": 3600000, "on_breach": "degrade",
+                                  "mode": "degraded"}]})");
+  auto there = bench.input<basic::Text>("text_there");
+  auto here = bench.output<basic::Text>("text_here");
+  bench.start();
+  const auto send = [&](Duration age, const auto& is_done) {
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (!is_done() && std::chrono::steady_clock::now() < end) {
+      there.publish({}, {.taken_at = bench.now() - age});
+      bench.advance(10ms);
+      std::this_thread::sleep_for(1ms);
+    }
+  };
+
+  std::size_t came = 0;
+  send(0s, [&] { return (came += here.take().size()) >= 10; });
+  EXPECT_GE(came, 10U);
+  EXPECT_EQ(bench.mode(), "nominal");
+  send(2h, [&] { return bench.mode() == "degraded"; });
+
+  EXPECT_EQ(bench.mode(), "degraded");
+}
+
+TEST_P(ServiceTest, WhatAnotherApplicationSentAndNeverCameIsCounted) {
+  testing::Bench bench;
+  bench.add<Gateway>("gateway",
+                     fmt::format(R"({{"params": {{"engine": "{}", "domain": {}, "interface": "lo",
+                      "topics": [{{"topic": "text", "direction": "in", "message": "basic.Text"}}]}}}})",
+                                 GetParam(), domain_of_test()));
+  auto texts = bench.output<basic::Text>("text");
+  bench.start();
+  const auto engine = std::ranges::find_if(
+      engines(), [](const Engine& one) { return one.name == std::string(GetParam()); });
+  const auto participant = engine->create(
+      {.domain = domain_of_test(), .interface = "lo", .user_data = "", .security = ""});
+  const auto writer = participant->create_writer({.topic = "fastcycle/text",
+                                                  .type = ros2::dds_type(kEnvelopeType),
+                                                  .user_data = "",
+                                                  .qos = {}});
+  std::size_t came = 0;
+  const auto send = [&](std::uint64_t number) {
+    ros2::Buffer bytes;
+    write_envelope(basic::Text(), {.number = number, .published = bench.now()}, bytes);
+    writer->write(bytes);
+  };
+  const auto wait_for = [&](std::size_t count, const auto& between) {
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (came < count && std::chrono::steady_clock::now() < end) {
+      between();
+      bench.advance(1ms);
+      std::this_thread::sleep_for(1ms);
+      came += texts.take().size();
+    }
+  };
+
+  wait_for(1, [&] { send(1); });  // Until both have found each other.
+  const std::size_t before = came;
+  send(2);
+  send(5);
+  wait_for(before + 2, [] {});
+  bench.stop();
+
+  EXPECT_EQ(std::get<std::int64_t>(bench.result("gateway", "fastcycle/text missing")), 2);
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, ServiceTest, ::testing::ValuesIn([] {

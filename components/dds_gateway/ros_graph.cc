@@ -23,6 +23,15 @@ void put(const std::vector<Guid>& guids, ros2::CdrWriter& out) {
   }
 }
 
+/// Nodes count too, since each has its names.
+std::size_t entities_of(const std::vector<NodeEntities>& nodes) {
+  std::size_t count = nodes.size();
+  for (const NodeEntities& node : nodes) {
+    count += node.readers.size() + node.writers.size();
+  }
+  return count;
+}
+
 Guid take_guid(ros2::CdrReader& in) {
   Guid guid;
   const auto bytes = in.raw("gid", guid.size(), 1);
@@ -79,13 +88,20 @@ std::vector<NodeEntities> read_graph(std::span<const std::byte> message, Guid& p
 void RosGraph::take(std::span<const std::byte> message) {
   Guid participant{};
   std::vector<NodeEntities> nodes = read_graph(message, participant);
-  if (nodes_.size() < kParticipantsMax || nodes_.contains(participant)) {
+  forget(participant);
+  const std::size_t count = entities_of(nodes);
+  if (nodes_.size() < kParticipantsMax && count <= kEntitiesMax - entities_) {
     nodes_[participant] = std::move(nodes);
+    entities_ += count;
   }
 }
 
 void RosGraph::forget(const Guid& participant) {
-  nodes_.erase(participant);
+  const auto found = nodes_.find(participant);
+  if (found != nodes_.end()) {
+    entities_ -= entities_of(found->second);
+    nodes_.erase(found);
+  }
 }
 
 std::string RosGraph::node_of(const Guid& endpoint) const {

@@ -36,7 +36,8 @@ void write_graph(const Guid& participant, const std::vector<NodeEntities>& nodes
 /// @threads  Confined.
 class RosGraph {
  public:
-  /// Takes what came on `ros_discovery_info`.
+  /// Takes what came on `ros_discovery_info`. What would be more than 65,536 readers and writers of
+  /// all nodes is left out: whoever is in the network may send such messages.
   ///
   /// @errors  `ros2::CdrError`
   void take(std::span<const std::byte> message);
@@ -47,7 +48,9 @@ class RosGraph {
 
  private:
   static constexpr std::size_t kParticipantsMax = 4096;
+  static constexpr std::size_t kEntitiesMax = 65'536;
   std::map<Guid, std::vector<NodeEntities>> nodes_;
+  std::size_t entities_ = 0;  // Of all of them.
 };
 
 }  // namespace fastcycle::dds_gateway

@@ -64,5 +64,25 @@ TEST(RosGraph, LengthsThatLieAreMistakes) {
               ThrowsMessage<ros2::CdrError>(HasSubstr("node_entities_info_seq: expected")));
 }
 
+TEST(RosGraph, KeepsNoMoreThanIsBoundedWhateverComes) {
+  RosGraph graph;
+  const auto take = [&](std::uint8_t participant, std::size_t readers) {
+    Guid guid{};
+    guid[0] = participant;
+    NodeEntities node;
+    node.name = fmt::format("node{}", participant);
+    node.readers.assign(readers, guid);
+    ros2::Buffer message;
+    write_graph(guid, {node}, message);
+    graph.take(message.bytes());
+    return graph.node_of(guid);
+  };
+
+  EXPECT_EQ(take(1, 60'000), "/node1");
+  EXPECT_EQ(take(2, 10'000), "");  // There is no room for it.
+  EXPECT_EQ(take(1, 10), "/node1");
+  EXPECT_EQ(take(2, 10'000), "/node2");
+}
+
 }  // namespace
 }  // namespace fastcycle::dds_gateway

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <set>
 #include <stop_token>
 #include <string>
@@ -85,6 +86,19 @@ class Eavesdropper {
   int with_topic = 0;  // But for the permissions.
 
  private:
+  /// Whether it names the topic, but for the permissions: while they get to know each other,
+  /// participants send these as they are, in several packets where they are long.
+  static bool names_topic(std::string_view text) {
+    constexpr std::string_view kInPermissions = "<topic>";
+    for (auto place = text.find("rt/to_peer"); place != std::string_view::npos;
+         place = text.find("rt/to_peer", place + 1)) {
+      if (!text.substr(0, place).ends_with(kInPermissions)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
   /// To the last packet that is there.
   void listen(const std::stop_token& stop) {
     std::vector<char> packet(1 << 16);
@@ -99,9 +113,7 @@ class Eavesdropper {
       ++packets;
       const std::string_view text(packet.data(), static_cast<std::size_t>(count));
       with_secret += text.find(kSecret) == std::string_view::npos ? 0 : 1;
-      // While they get to know each other, participants send their permissions as they are.
-      const bool is_handshake = text.find("<permissions>") != std::string_view::npos;
-      with_topic += is_handshake || text.find("rt/to_peer") == std::string_view::npos ? 0 : 1;
+      with_topic += names_topic(text) ? 1 : 0;
     }
   }
 
@@ -345,6 +357,111 @@ TEST_P(SecuredGateway, RefusesAnEnclaveThatIsWrongBeforeItStarts) {
               ThrowsMessage<std::exception>(
                   AllOf(HasSubstr("/params/security: "),
                         HasSubstr("key.pem: expected a private key in PEM, found no such file"))));
+}
+
+/// What `ros2 security create_keystore` and `create_enclave` make of their arguments, with openssl:
+/// one authority with the links that it has, a governance, and enclaves that may do everything
+/// under rt/, rq/ and rr/. $1 is the folder, $2 the domain, the others are the enclaves.
+constexpr const char* kKeystoreOfRos = R"sh(
+set -e
+keys=$1 domain=$2
+shift 2
+mkdir -p "$keys/public" "$keys/private" "$keys/enclaves"
+cd "$keys"
+curve='-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes'
+openssl req -x509 $curve -keyout private/ca.key.pem -out public/ca.cert.pem -days 3650 -sha256 \
+  -subj /CN=sros2CA -addext basicConstraints=critical,CA:true,pathlen:1 2>openssl.txt
+for part in identity permissions; do
+  ln -s ca.cert.pem public/${part}_ca.cert.pem
+  ln -s ca.key.pem private/${part}_ca.key.pem
+done
+sign() {
+  openssl smime -sign -text -in "$1.xml" -out "$1.p7s" -signer public/permissions_ca.cert.pem \
+    -inkey private/permissions_ca.key.pem
+}
+head='<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation'
+cat >enclaves/governance.xml <<END
+$head="http://www.omg.org/spec/DDS-SECURITY/20170901/omg_shared_ca_governance.xsd">
+  <domain_access_rules>
+    <domain_rule>
+      <domains><id>$domain</id></domains>
+      <allow_unauthenticated_participants>false</allow_unauthenticated_participants>
+      <enable_join_access_control>true</enable_join_access_control>
+      <discovery_protection_kind>ENCRYPT</discovery_protection_kind>
+      <liveliness_protection_kind>ENCRYPT</liveliness_protection_kind>
+      <rtps_protection_kind>SIGN</rtps_protection_kind>
+      <topic_access_rules>
+        <topic_rule>
+          <topic_expression>*</topic_expression>
+          <enable_discovery_protection>true</enable_discovery_protection>
+          <enable_liveliness_protection>true</enable_liveliness_protection>
+          <enable_read_access_control>true</enable_read_access_control>
+          <enable_write_access_control>true</enable_write_access_control>
+          <metadata_protection_kind>ENCRYPT</metadata_protection_kind>
+          <data_protection_kind>ENCRYPT</data_protection_kind>
+        </topic_rule>
+      </topic_access_rules>
+    </domain_rule>
+  </domain_access_rules>
+</dds>
+END
+sign enclaves/governance
+topics() {
+  for verb in publish subscribe; do
+    echo "<$verb><topics>"
+    for topic in "$@"; do echo "<topic>$topic</topic>"; done
+    echo "</topics></$verb>"
+  done
+}
+for name in "$@"; do
+  here=enclaves/$name
+  mkdir "$here"
+  ln -s ../../public/identity_ca.cert.pem "$here/identity_ca.cert.pem"
+  ln -s ../../public/permissions_ca.cert.pem "$here/permissions_ca.cert.pem"
+  ln -s ../governance.p7s "$here/governance.p7s"
+  openssl req $curve -keyout "$here/key.pem" -out request.pem -subj "/CN=\/$name" 2>openssl.txt
+  echo basicConstraints=CA:false >extensions.txt
+  openssl x509 -req -in request.pem -CA public/ca.cert.pem -CAkey private/ca.key.pem -CAcreateserial \
+    -out "$here/cert.pem" -days 3650 -sha256 -extfile extensions.txt 2>openssl.txt
+  rule="<allow_rule><domains><id>$domain</id></domains>"
+  cat >"$here/permissions.xml" <<END
+$head="http://www.omg.org/spec/DDS-SECURITY/20170901/omg_shared_ca_permissions.xsd">
+  <permissions>
+    <grant name="/$name">
+      <subject_name>CN=/$name</subject_name>
+      <validity><not_before>2020-05-01T00:00:00</not_before><not_after>2040-05-01T00:00:00</not_after></validity>
+      $rule $(topics 'rt/*' 'rq/*Request' 'rr/*Reply')</allow_rule>
+      $rule $(topics ros_discovery_info)</allow_rule>
+      <default>DENY</default>
+    </grant>
+  </permissions>
+</dds>
+END
+  sign "$here/permissions"
+done
+)sh";
+
+TEST_P(SecuredGateway, TakesAnEnclaveAsRos2SecurityMakesIt) {
+  if (std::system("openssl version >/dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "needs the program openssl";
+  }
+  const fs::path script = folder_ / "keystore_of_ros.sh";
+  std::ofstream(script) << kKeystoreOfRos;
+  const fs::path keys = folder_ / "keys_of_ros";
+  ASSERT_EQ(std::system(fmt::format("sh '{}' '{}' {} gateway talker", script.string(),
+                                    keys.string(), domain_of_test())
+                            .c_str()),
+            0);
+  Peer peer(GetParam(), echo(keys / "enclaves/talker", "rt/from_peer"));
+  const std::string other = enclave("/other", {"rt/from_stranger"}, {"rt/to_peer"});
+  Peer stranger(GetParam(), echo(other, "rt/from_stranger"));
+  add_gateway(keys / "enclaves/gateway");
+
+  exchange();
+
+  EXPECT_THAT(peer.end(), HasSubstr("1 writers and 1 readers found"));
+  EXPECT_EQ(stranger.end(), "0 came, 0 lost, 0 writers and 0 readers found\n");
 }
 
 #ifdef FASTCYCLE_HAS_CYCLONE

@@ -1,6 +1,7 @@
 #include "dds_gateway/services.h"
 
 #include <exception>
+#include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
@@ -12,7 +13,8 @@ namespace fastcycle::dds_gateway {
 
 ServiceCrossing::ServiceCrossing(Context& context, ServiceSettings settings,
                                  ros2::KnownTypes& types, Tell tell)
-    : settings_(std::move(settings)),
+    : core_(context.core()),
+      settings_(std::move(settings)),
       tell_(std::move(tell)),
       request_(types.find(settings_.type + "_Request", settings_.request)),
       reply_(types.find(settings_.type + "_Response", settings_.reply)) {
@@ -90,7 +92,9 @@ void ServiceCrossing::ask_here(const Identity& request, std::span<const std::byt
                  try {
                    ros2::Buffer serialized;
                    reply_.to_ros(*reply->payload, serialized);
-                   writer_->write_reply(serialized, request);
+                   if (writer_ != nullptr) {
+                     writer_->write_reply(serialized, request);
+                   }
                    ++answered;
                  } catch (const std::runtime_error& mistake) {
                    fail(mistake.what());
@@ -107,19 +111,40 @@ void ServiceCrossing::ask_there(const google::protobuf::Message& request,
     fail(why);
     detail::answer(ticket, CallStatus::kRejected, why, nullptr, nullptr);
   };
-  // Both ends: a reply that finds no reader is gone.
-  if (writer_ == nullptr || writer_->matched() == 0 || reader_->matched() == 0) {
-    refuse(fmt::format("no node of ROS 2 serves {}", settings_.ros));
-    return;
-  }
+  ros2::Buffer serialized;
   try {
-    ros2::Buffer serialized;
     request_.to_ros(request, serialized);
-    const Identity identity = writer_->write_request(serialized, reader_->guid());
-    asker_ = identity.asker;
-    waiting_[identity.number] = ticket;
   } catch (const std::runtime_error& mistake) {
     refuse(mistake.what());
+    return;
+  }
+  // Where a recorded run is executed again, the request has the number that it had then.
+  constexpr std::string_view kRequest = "request";
+  const auto then = detail::take_observed(core_, kRequest);
+  const Sent sent = then ? detail::from_observed<Sent>(*then) : send(serialized);
+  if (!then) {
+    detail::keep_observed(core_, kRequest, detail::to_observed(sent));
+  }
+  if (sent.what == Sent::What::kNobodyServes) {
+    refuse(fmt::format("no node of ROS 2 serves {}", settings_.ros));
+  } else if (sent.what == Sent::What::kNotTaken) {
+    refuse(fmt::format("the network did not take the request to {}", settings_.ros));
+  } else {
+    asker_ = sent.identity.asker;
+    waiting_[sent.identity.number] = ticket;
+  }
+}
+
+ServiceCrossing::Sent ServiceCrossing::send(ros2::Buffer& request) {
+  // Both ends: a reply that finds no reader is gone.
+  if (writer_ == nullptr || writer_->matched() == 0 || reader_->matched() == 0) {
+    return {.what = Sent::What::kNobodyServes, .identity = {}};
+  }
+  try {
+    return {.what = Sent::What::kGone,
+            .identity = writer_->write_request(request, reader_->guid())};
+  } catch (const EngineError&) {
+    return {.what = Sent::What::kNotTaken, .identity = {}};
   }
 }
 

@@ -47,10 +47,18 @@ class ServiceCrossing {
 
  private:
   void ask_here(const Identity& request, std::span<const std::byte> message);
+  /// What became of a request to ROS 2.
+  struct Sent {
+    enum class What : std::int64_t { kGone, kNobodyServes, kNotTaken } what = What::kGone;
+    Identity identity;
+  };
+
+  [[nodiscard]] Sent send(ros2::Buffer& request);
   void ask_there(const google::protobuf::Message& request, const detail::Ticket& ticket);
   void answer_here(const Identity& request, std::span<const std::byte> message);
   void fail(const std::string& why);
 
+  detail::ComponentCore& core_;
   const ServiceSettings settings_;
   const Tell tell_;
   const ros2::Converter& request_;

@@ -25,6 +25,7 @@ using google::protobuf::Value;
 constexpr std::size_t kDepthMax = 100'000;
 constexpr std::array<std::string_view, 7> kServiceKeys = {"service", "direction", "ros",  "type",
                                                           "request", "reply",     "depth"};
+constexpr std::array<std::string_view, 2> kParamKeys = {"param", "access"};
 constexpr std::array<std::string_view, 11> kTopicKeys = {
     "topic",      "direction", "ros",           "type",       "message", "reliability",
     "durability", "depth",     "rate_limit_hz", "age_max_ms", "on_error"};
@@ -177,6 +178,31 @@ std::vector<ServiceSettings> services_of(const google::protobuf::ListValue& serv
       entry.fail("ros", "a service that no other entry has", fmt::format("\"{}\"", service.ros));
     }
     all.push_back(std::move(service));
+  }
+  if (!mistakes.empty()) {
+    throw std::invalid_argument(fmt::format("{}", fmt::join(mistakes, "\n")));
+  }
+  return all;
+}
+
+std::vector<ParamSettings> parameters_of(const google::protobuf::ListValue& parameters) {
+  std::vector<ParamSettings> all;
+  std::vector<std::string> mistakes;
+  std::set<std::string> seen;
+  for (int i = 0; i < parameters.values_size(); ++i) {
+    Entry entry(parameters.values(i), fmt::format("/params/parameters/{}", i), kParamKeys,
+                mistakes);
+    ParamSettings settings;
+    settings.param = entry.text("param", true);
+    settings.may_change = entry.choice("access", {"read", "change"}, 0) == 1;
+    const std::size_t dot = settings.param.find('.');
+    if (!settings.param.empty() && (dot == 0 || dot >= settings.param.size() - 1)) {
+      entry.fail("param", "a component and its param, as limiter.limit_mps or limiter.*",
+                 fmt::format("\"{}\"", settings.param));
+    } else if (!settings.param.empty() && !seen.insert(settings.param).second) {
+      entry.fail("param", "a param that no other entry has", fmt::format("\"{}\"", settings.param));
+    }
+    all.push_back(std::move(settings));
   }
   if (!mistakes.empty()) {
     throw std::invalid_argument(fmt::format("{}", fmt::join(mistakes, "\n")));

@@ -44,6 +44,18 @@ struct ServiceSettings {
   std::size_t depth = 10;  ///< Requests that may be open.
 };
 
+/// A parameter, or all of a component, that tools of ROS 2 may see.
+struct ParamSettings {
+  std::string param;        ///< `limiter.limit_mps`, or `limiter.*`
+  bool may_change = false;  ///< And change, if it is tunable.
+};
+
+/// What the params say under "parameters".
+///
+/// @errors  As `topics_of`.
+[[nodiscard]] std::vector<ParamSettings> parameters_of(
+    const google::protobuf::ListValue& parameters);
+
 /// What the params say under "services".
 ///
 /// @errors  As `topics_of`.

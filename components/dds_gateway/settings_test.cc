@@ -50,5 +50,34 @@ TEST(Settings, AllMistakesAreToldAtOnce) {
                 HasSubstr("/params/topics/3/ros: expected a topic that no other entry has"))));
 }
 
+std::vector<ParamSettings> read_params_of(const std::string& json) {
+  google::protobuf::ListValue list;
+  EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(json, &list).ok());
+  return parameters_of(list);
+}
+
+TEST(Settings, ParametersAreReadAloneUnlessMoreIsSaid) {
+  const auto params =
+      read_params_of(R"([{"param": "limiter.*"}, {"param": "a/b.c.d", "access": "change"}])");
+
+  ASSERT_EQ(params.size(), 2U);
+  EXPECT_EQ(params[0].param, "limiter.*");
+  EXPECT_FALSE(params[0].may_change);
+  EXPECT_TRUE(params[1].may_change);
+}
+
+TEST(Settings, MistakesInParametersAreToldAtOnce) {
+  EXPECT_THAT(
+      [] {
+        (void)read_params_of(R"([{"param": "limiter", "access": "write"}, {"param": ".x"},
+                                 {"param": "a.b"}, {"param": "a.b"}])");
+      },
+      ThrowsMessage<std::invalid_argument>(AllOf(
+          HasSubstr("/params/parameters/0/access: expected read or change, found \"write\""),
+          HasSubstr("/params/parameters/0/param: expected a component and its param"),
+          HasSubstr("/params/parameters/1/param: expected a component and its param"),
+          HasSubstr("/params/parameters/3/param: expected a param that no other entry has"))));
+}
+
 }  // namespace
 }  // namespace fastcycle::dds_gateway

@@ -23,13 +23,16 @@ class Peer {
   Peer& operator=(const Peer&) = delete;
   ~Peer();
 
-  /// Has it end, and returns what it says then.
+  /// Whether it has said `text` since it was ready. Does not wait.
+  [[nodiscard]] bool has_said(const std::string& text);
+  /// Has it end, and returns what it has said since it was ready.
   std::string end();
 
  private:
   pid_t process_ = 0;
   int input_ = -1;
   int output_ = -1;
+  std::string said_;
 };
 
 }  // namespace fastcycle::dds_gateway

@@ -1,5 +1,6 @@
 #include "base/sleepers.h"
 
+#include <algorithm>
 #include <bit>
 #include <cerrno>
 #include <ctime>
@@ -25,6 +26,29 @@ bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns)
   const long result = syscall(SYS_futex, &word, FUTEX_WAIT_BITSET_PRIVATE, 0, limit, nullptr,
                               FUTEX_BITSET_MATCH_ANY);
   return result == 0 || errno != ETIMEDOUT;
+}
+
+/// The same, or until one of `words` shows something else. Returns false if the deadline passed or
+/// such a word changed.
+bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns,
+                     std::span<const WatchedWord> words) noexcept {
+  std::array<futex_waitv, Sleepers::kMaxWatched + 1> waited;
+  waited[0] = {.val = 0,
+               .uaddr = reinterpret_cast<std::uintptr_t>(&word),
+               .flags = FUTEX_32 | FUTEX_PRIVATE_FLAG,
+               .__reserved = 0};
+  unsigned count = 1;
+  for (const WatchedWord& watched : words.first(std::min(words.size(), Sleepers::kMaxWatched))) {
+    waited[count++] = {.val = watched.seen,
+                       .uaddr = reinterpret_cast<std::uintptr_t>(watched.word),
+                       .flags = FUTEX_32,
+                       .__reserved = 0};
+  }
+  const timespec deadline = to_timespec(deadline_ns);
+  const timespec* limit = deadline_ns != kNever ? &deadline : nullptr;
+  const long result = syscall(SYS_futex_waitv, waited.data(), count, 0, limit, CLOCK_MONOTONIC);
+  // EAGAIN: a word had changed before; which one, it does not say.
+  return result == 0 || (errno == EAGAIN && word.load(std::memory_order_acquire) != 0);
 }
 
 void wake_waiter(std::atomic<std::uint32_t>& word) noexcept {
@@ -95,6 +119,22 @@ void Sleepers::withdraw(unsigned index) noexcept {
   if (!take_off(index)) {
     consume(index);
   }
+}
+
+bool Sleepers::sleep(unsigned index, std::int64_t deadline_ns,
+                     std::span<const WatchedWord> words) noexcept {
+  auto& is_woken = slots_[index].is_woken;
+  while (is_woken.load(std::memory_order_acquire) == 0) {
+    if (!wait_while_zero(is_woken, deadline_ns, words)) {
+      if (take_off(index)) {
+        return false;
+      }
+      consume(index);
+      return true;
+    }
+  }
+  is_woken.store(0, std::memory_order_relaxed);
+  return true;
 }
 
 bool Sleepers::sleep(unsigned index, std::int64_t deadline_ns) noexcept {

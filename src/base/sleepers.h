@@ -2,9 +2,18 @@
 
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 
 namespace fastcycle::base {
+
+/// A word in memory that other processes write too, and what it showed: a sleeper returns when it
+/// shows something else and who changed it wakes it.
+struct WatchedWord {
+  const std::atomic<std::uint32_t>* word;
+  std::uint32_t seen;
+};
 
 /// The workers of one executor that sleep, and how one of them is woken (an eventcount).
 ///
@@ -45,6 +54,10 @@ class Sleepers {
   /// Sleeps until woken, or until CLOCK_MONOTONIC shows `deadline_ns` (`kNever`: no limit).
   /// Returns true if it was woken.
   bool sleep(unsigned index, std::int64_t deadline_ns) noexcept;
+  /// As `sleep`; also ends, and returns false, when one of `words` shows something else than what
+  /// was seen. Of more than `kMaxWatched` the rest is not watched.
+  bool sleep(unsigned index, std::int64_t deadline_ns, std::span<const WatchedWord> words) noexcept;
+  static constexpr std::size_t kMaxWatched = 127;
 
   /// Wakes one sleeper, if there is one: the one that leads only if there is no other.
   bool wake_one() noexcept;

@@ -1,6 +1,7 @@
 // From publish to inbox: publishers, lanes, inbox and ledger together, with a queue that only
 // notes.
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <functional>
@@ -89,14 +90,15 @@ class Broker : public ::testing::Test {
     MessageInfo last_info;
   };
 
-  PublisherCore& publisher(const std::string& component, TopicOptions options = {}) {
+  PublisherCore& publisher(const std::string& component, TopicOptions options = {},
+                           bool is_external = false) {
     topics_.set_options("t", options);
     owners_.push_back(std::make_unique<PublishingComponent>());
     owners_.back()->name = component;
     owners_.back()->clock = &clock_;
     owners_.back()->enter();
     return topics_.add_publisher("t", *owners_.back(), Int64Value::default_instance(), nullptr,
-                                 false);
+                                 is_external);
   }
 
   Receiver& receiver(SubscriberOptions options = {},
@@ -128,6 +130,95 @@ class Broker : public ::testing::Test {
   std::vector<std::unique_ptr<Receiver>> receivers_;
   Topics topics_;
 };
+
+/// Has `sender` publish what another application had published.
+void publish_arrived(PublisherCore& sender, std::int64_t value, const Arrival& arrival) {
+  Envelope* loan = take_external_loan(sender, true);
+  static_cast<Int64Value&>(*loan->own).set_value(value);
+  sender.publish_arrived(loan, arrival);
+}
+
+TEST_F(Broker, WhatAnotherApplicationPublishedKeepsItsTimeAndItsOrigin) {
+  PublisherCore& sender = publisher("gateway", {}, true);
+  Receiver& receiver = this->receiver();
+  connect();
+  sender.set_external_open(true);
+  const Time now = clock_.now();
+
+  publish_arrived(sender, 1,
+                  {.published = now - std::chrono::milliseconds(20),
+                   .origin = {.taken = now - std::chrono::milliseconds(50), .root = 77},
+                   .came = now});
+  publish_arrived(sender, 2,
+                  {.published = now - std::chrono::milliseconds(30),
+                   .origin = {.taken = now - std::chrono::milliseconds(60), .root = 0},
+                   .came = now});
+  publish_arrived(sender, 3, {.published = now + std::chrono::hours(1), .origin = {}, .came = now});
+
+  EXPECT_EQ(receiver.take(), 1);
+  EXPECT_EQ(receiver.last_info.sequence, 1U);
+  EXPECT_EQ(receiver.last_info.publish_time, now - std::chrono::milliseconds(20));
+  EXPECT_EQ(receiver.last_info.origin.taken, now - std::chrono::milliseconds(50));
+  EXPECT_EQ(receiver.last_info.origin.root, 77U);
+  EXPECT_EQ(receiver.take(), 2);
+  // Of one publisher it never goes back.
+  EXPECT_EQ(receiver.last_info.publish_time,
+            now - std::chrono::milliseconds(20) + std::chrono::nanoseconds(1));
+  EXPECT_EQ(receiver.last_info.origin.root, sender.id);
+  EXPECT_EQ(receiver.take(), 3);
+  EXPECT_LE(receiver.last_info.publish_time, clock_.now());
+}
+
+TEST_F(Broker, WhatWasLostOnALinkIsInTheLedgerOfEachSubscription) {
+  PublisherCore& sender = publisher("gateway", {}, true);
+  Receiver& first = this->receiver();
+  Receiver& second = this->receiver({}, Subscription::Kind::kLatest);
+  connect();
+  sender.set_external_open(true);
+  const Time now = clock_.now();
+
+  publish_arrived(sender, 1, {.published = now, .came = now});
+  publish_arrived(sender, 5, {.published = now, .came = now, .lost = 3});
+  (void)first.take_all();
+
+  for (const Receiver* const receiver : {&first, &second}) {
+    const Ledger ledger = receiver->subscription->ledger();
+    EXPECT_EQ(ledger.published, 5U);
+    EXPECT_EQ(dropped(*receiver, DropReason::kLink), 3U);
+    EXPECT_TRUE(ledger.adds_up());
+  }
+}
+
+TEST_F(Broker, ChainsGoOnFromAnotherApplication) {
+  topics_.set_chains({"elsewhere", "t"}, {});
+  PublisherCore& sender = publisher("gateway", {}, true);
+  Receiver& receiver = this->receiver();
+  connect();
+  sender.set_external_open(true);
+  const Time now = clock_.now();
+  std::array<Trail, 2> trails;
+  trails[0].begin(now - std::chrono::milliseconds(50), 7, now - std::chrono::milliseconds(40));
+
+  publish_arrived(sender, 1,
+                  {.published = now - std::chrono::milliseconds(40),
+                   .origin = {.taken = now - std::chrono::milliseconds(50), .root = 7},
+                   .came = now - std::chrono::milliseconds(10),
+                   .trails = trails});
+
+  Inbox::Head head;
+  ASSERT_TRUE(receiver.inbox.peek(head) && Inbox::pop(head));
+  const Trail* const came = head.head.envelope->trails;
+  ASSERT_EQ(came[0].hops().size(), 2U);
+  EXPECT_EQ(came[0].taken(), now - std::chrono::milliseconds(50));
+  EXPECT_EQ(came[0].hops()[0].publisher, 7U);
+  EXPECT_EQ(came[0].hops()[1].publisher, sender.id);
+  EXPECT_EQ(came[0].hops()[1].begin, now - std::chrono::milliseconds(10));
+  EXPECT_GE(came[0].hops()[1].published, now);
+  // The topic is itself where a chain begins, of which nothing is known from there.
+  ASSERT_EQ(came[1].hops().size(), 1U);
+  EXPECT_EQ(came[1].taken(), now - std::chrono::milliseconds(50));
+  release(head.head.envelope);
+}
 
 TEST_F(Broker, WhatIsPublishedAgainKeepsSequenceTimeAndOrigin) {
   PublisherCore& sender = publisher("driver");

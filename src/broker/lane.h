@@ -28,6 +28,8 @@ enum class DropReason : std::uint8_t {
   kUnmatched,     ///< A synchronizer found no partner for it.
   kExpired,       ///< It had waited longer than its lifespan.
   kStale,         ///< What it was made of was too old for a latency chain.
+  kProcess,       ///< It was lost between two processes.
+  kLink,          ///< Another application sent it, and it never came.
   kCount,
 };
 
@@ -74,6 +76,7 @@ class Lane {
     bool is_external = false;               ///< Fed by a thread that is not FastCycle's.
     bool ages = true;                       ///< Counts for the origin of what timers publish.
     bool is_judged = false;                 ///< Each message is looked at before it is delivered.
+    bool is_imported = false;               ///< Its publisher is in another process.
     std::uint16_t history = kWholeHistory;  ///< Latched messages that are given to it.
   };
 
@@ -259,7 +262,9 @@ class Lane {
   Counter overflowed;
   Counter dropped_by_pool;
   Counter dropped_after_close;
-  Counter dropped_outside;  ///< Published by an external thread before the start or after the stop.
+  /// Published by an external thread before the start or after the stop; of an imported lane, lost
+  /// between the processes.
+  Counter dropped_outside;
   std::atomic<bool> is_left_by_publisher{false};
   /// The receiver keeps more than its share of the pool, and gets no further message. The
   /// publisher's.

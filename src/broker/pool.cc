@@ -9,6 +9,8 @@
 
 #include <malloc.h>
 
+#include "base/shared_memory.h"
+
 namespace fastcycle::detail {
 namespace {
 
@@ -170,7 +172,8 @@ void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
 /// By whoever held it last.
 void Pool::poison(Envelope& envelope) noexcept {
   google::protobuf::Message* const message = std::exchange(envelope.own, nullptr);
-  if (poison_ == Poison::kFree) {
+  // What other processes read has a heap of its own, which writes into what is freed.
+  if (poison_ == Poison::kFree || base::shared_memory.has(message)) {
     delete message;
     return;
   }
@@ -242,7 +245,23 @@ void Pool::put_back(Envelope* envelope) noexcept {
   free_ = envelope;
 }
 
+void Pool::make_free_ones_anew() {
+  collect();
+  for (Envelope* list = free_; list != nullptr; list = list->next_list) {
+    for (Envelope* envelope = list; envelope != nullptr; envelope = envelope->next) {
+      if (envelope->own != nullptr) {
+        delete envelope->own;
+        envelope->own = make_message().release();
+      }
+    }
+  }
+}
+
 void Pool::give_back(Envelope* envelope) noexcept {
+  if (sink_ != nullptr) [[unlikely]] {
+    sink_->came_back(*envelope);
+    return;
+  }
   if (poison_of_returned_ != Poison::kOff && envelope->own != nullptr) [[unlikely]] {
     poison(*envelope);
   }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "broker/message_export.h"
 #include "broker/trail.h"
 #include "fastcycle/detail/envelope.h"
 
@@ -88,6 +89,12 @@ class Pool {
   /// Takes over what came back.
   void collect() noexcept;
 
+  /// From now on what is given back goes to `sink`, which owns the envelopes: for messages of
+  /// others. Before anything is taken.
+  void send_back_to(ReturnSink& sink) noexcept { sink_ = &sink; }
+  /// Makes the messages that are free anew, in the memory where the thread allocates now.
+  void make_free_ones_anew();
+
   /// Takes back what the owner did not publish after all.
   void put_back(Envelope* envelope) noexcept;
 
@@ -162,7 +169,8 @@ class Pool {
 
   alignas(64) std::atomic<Envelope*> returned_{nullptr};
   const Poison
-      poison_of_returned_;  ///< As `poison_`: who gives something back has this line anyway.
+      poison_of_returned_;      ///< As `poison_`: who gives something back has this line anyway.
+  ReturnSink* sink_ = nullptr;  ///< Constant once anything is taken.
   // After `close`: how many envelopes are still out, plus one while the owner counts.
   std::atomic<std::size_t> outstanding_{1};
 };

@@ -36,6 +36,8 @@ class PoolShares {
 
   void join(const Lane& lane) noexcept;
   void leave(const Lane& lane) noexcept;
+  /// Another process may hold so many.
+  void join_export(std::size_t capacity) noexcept { needed_ += capacity; }
   /// How many messages those that joined, and the owner, may hold.
   [[nodiscard]] std::size_t needed() const noexcept { return needed_; }
   /// How many messages the pool may have.

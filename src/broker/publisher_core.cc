@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "base/shared_memory.h"
 #include "broker/activation_check.h"
 #include "broker/topic.h"
 #include "broker/wake_list.h"
@@ -204,6 +205,14 @@ Envelope* PublisherCore::loan(bool is_cleared) {
   if (owner.stage == nullptr && (options.is_external || owner.publish_count == 0)) {
     pool_->collect();
   }
+  if (!exports_.empty()) [[unlikely]] {
+    base::enter_shared_scope();  // Until it is published, or returned.
+    if (options.is_external || owner.publish_count == 0) {
+      for (MessageExport* const to : exports_) {
+        to->collect();
+      }
+    }
+  }
   Envelope* envelope = take_from(*pool_, scratch_loans_);
   __builtin_prefetch(&envelope->info, 1);
   ++loans_;
@@ -214,6 +223,43 @@ Envelope* PublisherCore::loan(bool is_cleared) {
 }
 
 void PublisherCore::return_loan(Envelope* loan) noexcept {
+  if (!exports_.empty()) {
+    base::leave_shared_scope();
+  }
+  give_loan_back(loan);
+}
+
+void PublisherCore::add_export(MessageExport& to) {
+  exports_.push_back(&to);
+  // Those that it may hold, as a lane's.
+  base::enter_shared_scope();
+  pool_->make_free_ones_anew();
+  pool_->grow(to.capacity(), prototype_.get());
+  base::leave_shared_scope();
+  provided_ += to.capacity();
+  shares_.join_export(to.capacity());
+}
+
+/// Ends the loan's scope. What is published lies where others can read it.
+void PublisherCore::share(Envelope& loan) noexcept {
+  if (exports_.empty()) [[likely]] {
+    return;
+  }
+  loan.own = exports_.front()->share(loan.own);
+  base::leave_shared_scope();
+}
+
+/// A message of somebody else, who may end before those do that are given it: a copy, as a loan.
+Envelope* PublisherCore::copy_for_export(const Envelope& received) {
+  Envelope* const copy = loan(false);
+  copy->own->CopyFrom(*received.payload);
+  share(*copy);
+  --loans_;
+  copy->payload = copy->own;
+  return copy;
+}
+
+void PublisherCore::give_loan_back(Envelope* loan) noexcept {
   --loans_;
   if (loan->is_scratch) {
     loan->next = std::exchange(scratch_loans_, loan);
@@ -269,6 +315,28 @@ void PublisherCore::follow(Envelope& envelope, const Trail* cause,
   }
 }
 
+void PublisherCore::follow(Envelope& envelope, const Arrival& arrival, Time now) const noexcept {
+  for (std::size_t root = 0; root < root_count; ++root) {
+    Trail& trail = envelope.trails[root];
+    if (root < arrival.trails.size() && arrival.trails[root].is_known()) {
+      trail = arrival.trails[root];
+      // The last publish there may seem to be later, by as much as the clocks are known to differ.
+      const Time begin = std::clamp(trail.hops().back().published, arrival.came, now);
+      trail.add({.publisher = id, .begin = begin, .published = now});
+    } else if (topic.root == root) {
+      trail.begin(envelope.info.origin.taken, id, now);
+    } else {
+      trail.forget();
+    }
+  }
+}
+
+void PublisherCore::count_lost(std::uint64_t count) noexcept {
+  for (const Target& target : targets_) {
+    target.lane->subscription.lost_on_link.fetch_add(count, std::memory_order_relaxed);
+  }
+}
+
 Time PublisherCore::read_last_publish_time() noexcept {
   if (!options.is_external) {
     return last_publish_time_;
@@ -299,6 +367,7 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
     prepare();
   }
   --loans_;
+  share(*loan);
   loan->payload = loan->own;
   const bool is_simulated = owner.stage != nullptr;
   number(*loan, origin, is_simulated ? owner.now + owner.simulated_cost : owner.clock->now());
@@ -319,17 +388,22 @@ void PublisherCore::forward(Envelope* received, Holder holder) {
   if (owner.publish_count++ == 0) {
     prepare();
   }
-  if (forwards_->size() == 0) {
-    forwards_->grow(shares_.needed());
+  Envelope* envelope = nullptr;
+  if (!exports_.empty()) [[unlikely]] {
+    envelope = copy_for_export(*received);
+  } else {
+    if (forwards_->size() == 0) {
+      forwards_->grow(shares_.needed());
+    }
+    envelope = take_from(*forwards_, scratch_forwards_);
+    envelope->is_forwarded_again = received->foreign != nullptr;
+    Envelope* foreign = envelope->is_forwarded_again ? received->foreign : received;
+    retain(*foreign);
+    envelope->foreign = foreign;
+    foreign->pool->count_forwarded(
+        *envelope, envelope->is_forwarded_again ? received->foreign_holder : holder);
+    envelope->payload = foreign->payload;
   }
-  Envelope* envelope = take_from(*forwards_, scratch_forwards_);
-  envelope->is_forwarded_again = received->foreign != nullptr;
-  Envelope* foreign = envelope->is_forwarded_again ? received->foreign : received;
-  retain(*foreign);
-  envelope->foreign = foreign;
-  foreign->pool->count_forwarded(*envelope,
-                                 envelope->is_forwarded_again ? received->foreign_holder : holder);
-  envelope->payload = foreign->payload;
   Origin origin = *owner.origin;
   const bool is_forwarded_alone = origin.root == 0;  // Nothing that was delivered led here.
   if (is_forwarded_alone) {
@@ -351,6 +425,7 @@ void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
     return_loan(loan);
     return;
   }
+  share(*loan);
   loan->payload = loan->own;
   number(*loan, {.taken = taken_at, .root = id}, owner.clock->now());
   if (root_count != 0) [[unlikely]] {
@@ -364,9 +439,39 @@ void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
   }
 }
 
+void PublisherCore::publish_arrived(Envelope* loan, const Arrival& arrival) {
+  const std::lock_guard lock(mutex_);
+  if (is_external_muted_) {
+    muted_.add();
+    return_loan(loan);
+    return;
+  }
+  if (arrival.lost > 0) {
+    count_lost(arrival.lost);
+  }
+  loan->payload = loan->own;
+  Origin origin = arrival.origin;
+  if (origin.root == 0) {
+    origin.root = id;
+  }
+  const Time now = owner.clock->now();
+  const bool is_simulated = owner.stage != nullptr;
+  number(*loan, origin, is_simulated ? now : std::min(now, arrival.published));
+  if (root_count != 0) [[unlikely]] {
+    follow(*loan, arrival, now);
+  }
+  if (is_open_) {
+    --loans_;
+    send(loan, external_stage_);
+  } else {
+    drop_outside(loan);
+  }
+}
+
 void PublisherCore::publish_again(Envelope* loan, const MessageInfo& info) {
   const std::lock_guard lock(mutex_);
   published_.add();
+  share(*loan);
   loan->payload = loan->own;
   loan->info = info;
   loan->info.publisher = id;
@@ -396,7 +501,26 @@ void PublisherCore::drop_outside(Envelope* loan) noexcept {
     target.lane->published.add();
     target.lane->dropped_outside.add();
   }
-  return_loan(loan);
+  give_loan_back(loan);
+}
+
+void PublisherCore::publish_imported(Envelope* envelope) noexcept {
+  const std::uint64_t sequence = envelope->info.sequence;
+  const std::uint64_t last = published_.get();
+  if (sequence > last + 1) {
+    for (const Target& target : targets_) {
+      target.lane->published.add(sequence - last - 1);
+      target.lane->dropped_outside.add(sequence - last - 1);
+    }
+  }
+  published_.set(sequence);
+  handed_over_ = sequence;
+  last_publish_time_.store(std::max(last_publish_time(), envelope->info.publish_time),
+                           std::memory_order_relaxed);
+  if (first_publish_ns_.load(std::memory_order_relaxed) == 0) {
+    first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
+  }
+  put_into_lanes(envelope);
 }
 
 void PublisherCore::drop_muted(Envelope* loan) noexcept {
@@ -450,7 +574,8 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   const Pool& pool = *envelope->pool;
   const std::size_t held_back =
       shares_.must_look(pool) ? shares_.find_held_back(targets_, pool) : 0;
-  const std::size_t count = targets_.size() - held_back + (options.latched > 0 ? 1 : 0);
+  const std::size_t count =
+      targets_.size() - held_back + (options.latched > 0 ? 1 : 0) + exports_.size();
   if (count == 0) {
     for (const Target& target : targets_) {
       shares_.hold_back(*target.lane, pool);
@@ -484,6 +609,9 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
     }
   }
   wakes.wake_all();
+  for (MessageExport* const to : exports_) {
+    to->put(*envelope);
+  }
 }
 
 void PublisherCore::keep_latched(Envelope* envelope) noexcept {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "base/priority_mutex.h"
 #include "broker/credits.h"
 #include "broker/inbox.h"
+#include "broker/message_export.h"
 #include "broker/pool.h"
 #include "broker/pool_shares.h"
 #include "broker/publishing_component.h"
@@ -21,6 +23,15 @@
 namespace fastcycle::detail {
 
 class Topic;
+
+/// What came with a message that another application had published, in the time of this one.
+struct Arrival {
+  Time published{};
+  Origin origin{};
+  Time came{};                         ///< To this application.
+  std::span<const Trail> trails = {};  ///< One for each root of this application, or none.
+  std::uint64_t lost = 0;              ///< Those sent right before it that never came.
+};
 
 /// One component's end of a topic: numbers its messages and puts them into the lanes.
 ///
@@ -59,6 +70,13 @@ class PublisherCore {
 
   /// From now on what is published reaches `lane` too; latched messages go first.
   void connect(const std::shared_ptr<Lane>& lane, Inbox& inbox);
+  /// From now on what is published goes to another process too: messages lie where that can read
+  /// them. Before anything is published, or as `publish`.
+  void add_export(MessageExport& to);
+  /// Of an import: puts a message of the publisher that this stands for, with all that is known of
+  /// it, into the lanes. What is missing between its sequence and that of the message before is
+  /// counted as lost on the way. Under the mutex.
+  void publish_imported(Envelope* envelope) noexcept;
   /// `lane` is closed and gets nothing more.
   void disconnect(const Lane& lane) noexcept;
   /// From now on there is room for one more lane, and messages for all that it may hold: when it is
@@ -71,6 +89,11 @@ class PublisherCore {
   /// `holder` is the subscription that received it.
   void forward(Envelope* received, Holder holder);
   void publish_external(Envelope* loan, Time taken_at);
+  /// Publishes what another application had published: with its publish time, which is raised where
+  /// this publisher's messages would go back in time, with its origin, and with the ways that it
+  /// came. What was lost before it is `dropped{link}` of each subscription. For an external
+  /// publisher.
+  void publish_arrived(Envelope* loan, const Arrival& arrival);
   /// Publishes what was published once before, with sequence, publish time and origin of then; an
   /// origin without a root is of this publisher. For an external publisher, from a thread that is
   /// in no activation; in simulated time from the one that runs it, between rounds.
@@ -108,6 +131,11 @@ class PublisherCore {
   /// An external publisher's lock; the others need none.
   [[nodiscard]] base::PriorityMutex& mutex() noexcept { return mutex_; }
 
+  /// What it publishes comes from another application, where latency chains may begin. Before
+  /// anything is connected.
+  void bring_trails() noexcept { brings_trails_ = true; }
+  [[nodiscard]] bool brings_trails() const noexcept { return brings_trails_; }
+
   /// Where an external publisher's messages go in simulated time.
   void set_external_stage(Stage* stage) noexcept { external_stage_ = stage; }
 
@@ -115,6 +143,9 @@ class PublisherCore {
   void set_external_open(bool is_open) noexcept { is_open_ = is_open; }
   /// What an external publisher publishes while it is muted reaches nobody, and counts for nobody.
   void set_external_muted(bool is_muted) noexcept;
+
+  /// It stands for a publisher in another process. Constant once anything is connected.
+  bool is_imported = false;
 
   // Constant after construction.
   Topic& topic;
@@ -162,10 +193,16 @@ class PublisherCore {
   void prepare() const noexcept;
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
   void follow(Envelope& envelope, const Trail* cause, const Trail* held) const noexcept;
+  /// As `follow`, for what another application had published.
+  void follow(Envelope& envelope, const Arrival& arrival, Time now) const noexcept;
+  void count_lost(std::uint64_t count) noexcept;
   void send(Envelope* envelope, Stage* stage) noexcept;
   /// As `deliver`, when a simulated round is over.
   void hand_over(Envelope* envelope) noexcept;
   void put_into_lanes(Envelope* envelope) noexcept;
+  void give_loan_back(Envelope* loan) noexcept;
+  void share(Envelope& loan) noexcept;
+  [[nodiscard]] Envelope* copy_for_export(const Envelope& received);
   void drop_scratch(Envelope* scratch) noexcept;
   void drop_muted(Envelope* loan) noexcept;
   void drop_outside(Envelope* loan) noexcept;
@@ -188,6 +225,7 @@ class PublisherCore {
   Envelope* scratch_forwards_ = nullptr;
 
   std::vector<Target> targets_;
+  std::vector<MessageExport*> exports_;  ///< To other processes; most publishers have none.
   std::vector<Envelope*> latched_;
   std::atomic<Time> last_publish_time_{};
   Counter published_;
@@ -203,6 +241,7 @@ class PublisherCore {
   Stage* external_stage_ = nullptr;
   bool is_open_ = false;
   bool is_external_muted_ = false;
+  bool brings_trails_ = false;
   base::PriorityMutex mutex_;
 };
 

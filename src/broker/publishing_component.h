@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/clock.h"
+#include "base/shared_memory.h"
 #include "broker/read_ring.h"
 #include "broker/trail.h"
 #include "fastcycle/detail/envelope.h"
@@ -121,7 +122,11 @@ struct PublishingComponent {
   void enter() noexcept {
     active_thread.store(__builtin_thread_pointer(), std::memory_order_relaxed);
   }
-  void leave() noexcept { active_thread.store(nullptr, std::memory_order_relaxed); }
+  void leave() noexcept {
+    active_thread.store(nullptr, std::memory_order_relaxed);
+    base::shared_scopes =
+        0;  // A loan that outlives the activation keeps its memory, not the scope.
+  }
   /// For what is done on the component's behalf, maybe by a thread that waits with it.
   [[nodiscard]] bool is_in_activation() const noexcept {
     return active_thread.load(std::memory_order_relaxed) != nullptr;

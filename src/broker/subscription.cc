@@ -38,6 +38,10 @@ const char* to_word(DropReason reason) noexcept {
       return "expired";
     case DropReason::kStale:
       return "stale";
+    case DropReason::kProcess:
+      return "process";
+    case DropReason::kLink:
+      return "link";
     case DropReason::kCount:
       break;
   }
@@ -76,7 +80,7 @@ void Subscription::set_history(const SubscriberOptions& options) noexcept {
 }
 
 std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, std::string_view from,
-                                             bool is_external, bool ages,
+                                             bool is_external, bool ages, bool is_imported,
                                              std::shared_ptr<LaneCredit> credit) {
   const std::lock_guard lock(mutex_);
   auto lane = std::make_shared<Lane>(
@@ -87,6 +91,7 @@ std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, std::string_
                     .is_external = is_external,
                     .ages = ages,
                     .is_judged = chain_end != nullptr || is_judged_by_quality(),
+                    .is_imported = is_imported,
                     .history = history},
       std::move(credit));
   // Lanes that both ends have left only count from now on.
@@ -141,7 +146,8 @@ void Subscription::add_to(Ledger& ledger, const Lane& lane) const noexcept {
   const bool is_view = kind == Kind::kLatest || kind == Kind::kHistory;
   drop(is_view ? DropReason::kSuperseded : DropReason::kOverflow, lane.overflowed.get());
   drop(DropReason::kPool, lane.dropped_by_pool.get());
-  drop(DropReason::kShutdown, lane.dropped_outside.get());
+  drop(lane.options.is_imported ? DropReason::kProcess : DropReason::kShutdown,
+       lane.dropped_outside.get());
   drop(lane.close_reason.load(), lane.drained.get() + lane.dropped_after_close.get());
   ledger.queued += lane.queued();
 }
@@ -169,6 +175,9 @@ Ledger Subscription::ledger() const {
     const bool is_put_aside = add_decided(decided);  // First: what it counts, the lanes count too.
     ledger = retired_;
     ledger.dropped[static_cast<std::size_t>(DropReason::kInactive)] += inactive.get();
+    const std::uint64_t lost = lost_on_link.load(std::memory_order_relaxed);
+    ledger.published += lost;
+    ledger.dropped[static_cast<std::size_t>(DropReason::kLink)] += lost;
     for (const auto& lane : lanes_) {
       add_to(ledger, *lane);
     }

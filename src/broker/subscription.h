@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -59,8 +60,10 @@ class Subscription {
   virtual ~Subscription();
 
   /// Makes the lane for one more publisher, of the component `from`, known to both ends.
+  /// `is_imported`: that publishes in another process.
   std::shared_ptr<Lane> add_lane(PublisherId publisher, std::string_view from, bool is_external,
-                                 bool ages, std::shared_ptr<LaneCredit> credit = nullptr);
+                                 bool ages, bool is_imported = false,
+                                 std::shared_ptr<LaneCredit> credit = nullptr);
 
   /// How many of a topic's latched messages it asks for, from now on.
   void set_history(const SubscriberOptions& options) noexcept;
@@ -103,6 +106,10 @@ class Subscription {
 
   /// What came while the receiving component was not active. Written by its worker.
   Counter inactive;
+
+  /// What another application sent, and what never came to the publisher here. Written by external
+  /// publishers.
+  std::atomic<std::uint64_t> lost_on_link{0};
 
   /// From publish to callback, in nanoseconds. Written by the receiving component's worker.
   base::CoarseHistogram latency;

@@ -126,6 +126,7 @@ PublisherCore& Topics::add_publisher(const std::string& name, PublishingComponen
                              .pool_max = topic.options.pool_max,
                              .latched = topic.options.latched,
                              .lifespan = topic.options.lifespan}));
+  names_.learn(topic.publishers.back()->id, owner.name, name);
   return *topic.publishers.back();
 }
 
@@ -135,6 +136,7 @@ std::shared_ptr<Lane> Topics::make_lane(const PublisherCore& publisher,
   return subscription.add_lane(
       publisher.id, publisher.owner.name, publisher.options.is_external,
       publisher.topic.ages() && subscription.kind != Subscription::Kind::kSynchronized,
+      publisher.is_imported,
       subscription.is_called() && publisher.credits() != nullptr
           ? std::make_shared<LaneCredit>(publisher.credits())
           : nullptr);

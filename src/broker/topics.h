@@ -11,6 +11,7 @@
 
 #include "broker/chain_end.h"
 #include "broker/publisher_core.h"
+#include "broker/publisher_names.h"
 #include "broker/subscription.h"
 #include "broker/topic.h"
 
@@ -77,6 +78,14 @@ class Topics {
   }
   [[nodiscard]] Topic* find(const std::string& name) const;
 
+  /// The topics where latency chains begin, in the order of a message's trails; constant once
+  /// anything is declared.
+  [[nodiscard]] const std::vector<std::string>& roots() const noexcept { return roots_; }
+
+  /// Of all publishers that were ever here, and of those of other applications. Safe.
+  [[nodiscard]] PublisherNames& names() noexcept { return names_; }
+  [[nodiscard]] const PublisherNames& names() const noexcept { return names_; }
+
  private:
   void add_chains(Topic& topic) const;
 
@@ -85,6 +94,7 @@ class Topics {
   std::map<std::string, std::vector<ChainRule>> ends_;
   std::map<std::string, TopicOptions> default_options_;
   std::vector<TopicConflict> type_conflicts_;
+  PublisherNames names_;
   bool is_connected_ = false;
   OverflowWatch* overflow_watch_ = nullptr;
   PoolWatch* pool_watch_ = nullptr;

@@ -9,6 +9,8 @@
 
 namespace fastcycle::host {
 
+class Peers;
+
 /// Answers what the parts of an application ask of the whole, beside what its components ask: the
 /// life cycle, the modes, the chains, the changes of parameters.
 ///
@@ -20,8 +22,12 @@ class ApplicationHost : public ComponentHost {
   [[nodiscard]] virtual bool is_built() const = 0;
   /// Whether a recording is published in the place of components.
   [[nodiscard]] virtual bool is_replay() const = 0;
-  /// Whether `component` does not run: a recording is published in its place, or nothing is.
+  /// Whether `component` does not run here: a recording is published in its place, or nothing is,
+  /// or it runs in another process.
   [[nodiscard]] virtual bool is_replayed(const std::string& component) const = 0;
+
+  /// The application's other processes; null where it has only this one.
+  [[nodiscard]] virtual Peers* peers() const = 0;
 
   [[nodiscard]] virtual const base::Clock& clock() const = 0;
   /// The lines that a component does not write itself.

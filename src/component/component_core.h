@@ -200,7 +200,8 @@ class ComponentCore final : public Actor {
   // Declarations.
   bool is_constructing = false;
   Declared declared;
-  Declared redeclared;  ///< How far a restarted constructor got, by its sizes.
+  Declared redeclared;       ///< How far a restarted constructor got, by its sizes.
+  bool is_recorder = false;  ///< It records all that is published.
   bool is_redeclaring = false;
   std::set<std::string, std::less<>> topics_in_code;
   std::vector<NamedThread> threads;       ///< Not changed while one of them runs.

@@ -11,6 +11,7 @@
 #include "broker/topics.h"
 #include "config/description.h"
 #include "executor/actor.h"
+#include "fastcycle/param_list.h"
 #include "fastcycle/params.h"
 #include "params/param_table.h"
 
@@ -116,6 +117,8 @@ class ComponentHost {
   /// For `component`; `done` is called in another activation of it.
   virtual void change_params(detail::ComponentCore& component, std::vector<ParamChange> changes,
                              std::function<void(const ParamsResult&)> done) = 0;
+  /// What others see of the params of all components.
+  [[nodiscard]] virtual std::vector<ParamInfo> list_params() const = 0;
   /// Asks the flight recorder for a dump; false if there is none.
   virtual bool dump(std::string_view reason, std::string_view component,
                     std::string_view detail) noexcept = 0;
@@ -133,6 +136,8 @@ class ComponentHost {
   virtual void chain_breached(detail::ComponentCore& sink, std::size_t chain) = 0;
   /// Ends the run: a component failed whose policy says so.
   virtual void end_by_fault() = 0;
+  /// Whether `component` runs in another process of the application. Any thread.
+  [[nodiscard]] virtual bool runs_elsewhere(const std::string& component) const = 0;
 
   // Within a constructor.
 

@@ -19,6 +19,8 @@
 #include "component/time_driver.h"
 #include "config/nearest.h"
 #include "config/params.h"
+#include "fastcycle/param_list.h"
+#include "params/param_info.h"
 
 namespace fastcycle {
 
@@ -405,6 +407,20 @@ void Context::change_params(std::vector<ParamChange> changes,
                                changes.empty() ? std::string_view() : changes.front().param,
                                "change params in a callback");
   core_.application.change_params(core_, std::move(changes), std::move(done));
+}
+
+std::vector<ParamInfo> list_params(Context& context) {
+  constexpr std::string_view kName = "params of the application";
+  detail::ComponentCore& core = context.core();
+  detail::assert_in_activation(core, "list_params() of", context.application_name(),
+                               "list params in a callback");
+  const auto then = detail::take_observed(core, kName);
+  if (then) {
+    return host::infos_of(*then);
+  }
+  std::vector<ParamInfo> infos = core.application.list_params();
+  detail::keep_observed(core, kName, host::to_text(infos));
+  return infos;
 }
 
 Source Context::create_source() {

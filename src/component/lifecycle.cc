@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "component/peers.h"
 #include "component/policy.h"
 #include "component/service_topics.h"
 #include "component/steps.h"
@@ -46,20 +47,36 @@ std::string callback_for(const Wiring& wiring, PublisherId publisher) {
 
 bool Lifecycle::start(std::int64_t deadline_ns) {
   const auto& components = host_.components();
-  for (const std::size_t next : order_) {
+  Peers* const peers = host_.peers();
+  const std::size_t places = peers != nullptr ? peers->place_count() : order_.size();
+  for (std::size_t place = 0; place < places; ++place) {
     if (host_.is_to_end()) {
       return false;
     }
     time_.begin_part(part_++);
-    start_component(*components[next], deadline_ns);
+    if (place >= order_.size()) {
+      time_.follow_call();
+      continue;
+    }
+    ComponentCore& component = *components[order_[place]];
+    if (peers != nullptr) {
+      peers->reach_start(place);
+      if (!peers->runs_here(component.name)) {
+        peers->await_start(component, place, [this] { return host_.is_to_end(); });
+        time_.follow_call();
+        continue;
+      }
+    }
+    start_component(component, deadline_ns);
   }
-  time_.begin_run(static_cast<std::uint32_t>(components.size()));
+  time_.begin_run(static_cast<std::uint32_t>(places));
   return true;
 }
 
 void Lifecycle::start_component(ComponentCore& component, std::int64_t deadline_ns) {
   using Stage = ComponentCore::Start::Stage;
   if (component.state != ComponentCore::State::kConstructed) {
+    time_.follow_call();
     return;
   }
   ComponentCore::Start& its = component.first_start;
@@ -276,9 +293,15 @@ void Lifecycle::stop_threads() {
 
 void Lifecycle::stop_timers() {
   part_ = kStopPart;
-  for (const std::size_t next : order_) {
+  const Peers* const peers = host_.peers();
+  const std::size_t places = peers != nullptr ? peers->place_count() : order_.size();
+  for (std::size_t place = 0; place < places; ++place) {
     time_.begin_part(part_++);
-    ComponentCore& core = *host_.components()[next];
+    if (place >= order_.size()) {
+      time_.follow_call();
+      continue;
+    }
+    ComponentCore& core = *host_.components()[order_[place]];
     asked_.push_back({core, time_.call(core, LifeStep::kEndTimers, [&core] {
                         core.cancel_timers();
                         core.cancel_alarm();
@@ -301,9 +324,26 @@ bool Lifecycle::is_pending(const ComponentCore& component) const {
 }
 
 void Lifecycle::stop_components() {
-  for (auto next = order_.rbegin(); next != order_.rend(); ++next) {
+  Peers* const peers = host_.peers();
+  const auto follow = [this] {
+    time_.follow_call();  // Of `stop`,
+    time_.follow_call();  // and of the end of its subscriptions.
+  };
+  for (std::size_t place = peers != nullptr ? peers->place_count() : order_.size(); place-- > 0;) {
     time_.begin_part(part_++);
-    ComponentCore& core = *host_.components()[*next];
+    if (place >= order_.size()) {
+      follow();
+      continue;
+    }
+    ComponentCore& core = *host_.components()[order_[place]];
+    if (peers != nullptr) {
+      peers->reach_stop(place);
+      if (!peers->runs_here(core.name)) {
+        peers->await_stop(core, place);
+        follow();
+        continue;
+      }
+    }
     const bool is_held_up = is_pending(core);
     asked_.push_back({core, time_.call(core, LifeStep::kStop, [&core] { core.call_stop(); })});
     asked_.push_back({core, time_.call(core, LifeStep::kClose,

@@ -564,7 +564,7 @@ TEST(ManySynchronizedApplications, CallTheSetsThatTheRuleSays) {
     const std::size_t depth = 1 + random() % 6;
     std::vector<Stream> streams(topics);
     int moment = 0;
-    for (const detail::Arrival& arrival : detail::random_streams(random, topics)) {
+    for (const detail::TestArrival& arrival : detail::random_streams(random, topics)) {
       // Some arrive at one moment, in one round.
       moment += random() % 4 == 0 ? 0 : 1;
       auto& stream = streams[arrival.topic];
@@ -580,7 +580,7 @@ TEST(ManySynchronizedApplications, CallTheSetsThatTheRuleSays) {
 
     const Outcome outcome = run(text, topics, 1);
 
-    std::vector<detail::Arrival> arrivals;
+    std::vector<detail::TestArrival> arrivals;
     for (const Arrived& arrived : outcome.arrived) {
       arrivals.push_back({arrived.topic, static_cast<int>(arrived.taken_ns / 1000)});
     }

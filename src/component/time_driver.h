@@ -12,6 +12,7 @@
 #include "config/description.h"
 #include "executor/executor.h"
 #include "executor/life_step.h"
+#include "executor/round_peers.h"
 #include "executor/simulation.h"
 
 namespace fastcycle::host {
@@ -66,6 +67,8 @@ class TimeDriver {
   virtual void set_feed([[maybe_unused]] detail::Feed& feed) {}
   /// In simulated time: how fast that goes.
   virtual void set_pace([[maybe_unused]] WallPace& pace) {}
+  /// In simulated time: the other processes that share it.
+  virtual void set_peers([[maybe_unused]] detail::RoundPeers& peers) {}
   /// In simulated time: calls `action` when a round is over, with its place in its moment.
   virtual void after_round([[maybe_unused]] std::function<void(std::uint32_t step)> action) {}
   /// Whether some thread is to run with a priority of real time.
@@ -87,6 +90,9 @@ class TimeDriver {
   /// follows from a fault. In simulated time it is over when this returns.
   [[nodiscard]] virtual ControlCall call(detail::Actor& actor, detail::LifeStep step,
                                          std::function<void()> body) = 0;
+  /// In the place of `call` where another process calls its component: in simulated time of several
+  /// processes, serves what follows from that.
+  virtual void follow_call() {}
 
   /// How a run ended.
   enum class End : std::uint8_t {

@@ -52,6 +52,15 @@ detail::CallbackSubscription& Wiring::subscribe_late(
     throw std::runtime_error("topic \"" + name + "\" has the type " + known->type + ", not " +
                              type);
   }
+  if (known != nullptr) {
+    for (const auto& publisher : known->publishers) {
+      const std::string& owner = component_of(*publisher).name;
+      if (component.application.runs_elsewhere(owner)) {
+        throw std::runtime_error("topic \"" + name + "\" comes from \"" + owner +
+                                 "\", which runs in another process: subscribe in the constructor");
+      }
+    }
+  }
   detail::Topic& topic = topics_.get(name, component.name, default_instance);
   auto& subscription = component.subscribe_again(topic, options, std::move(callback));
   for (const auto& publisher : topic.publishers) {

@@ -43,7 +43,10 @@ LoadOptions options_of(const std::filesystem::path& folder) {
     if (words[i] == "--overlay") {
       options.overlays.push_back(folder / words[i + 1]);
     } else {
-      (words[i] == "--set" ? options.sets : options.variables).push_back(words[i + 1]);
+      (words[i] == "--set"       ? options.sets
+       : words[i] == "--isolate" ? options.isolated
+                                 : options.variables)
+          .push_back(words[i + 1]);
     }
   }
   return options;

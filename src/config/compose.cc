@@ -5,9 +5,12 @@
 #include <memory>
 #include <string_view>
 #include <system_error>
+#include <unordered_set>
 #include <utility>
 
+#include "base/pattern.h"
 #include "base/utf8.h"
+#include "config/main_process.h"
 #include "config/merge.h"
 #include "config/nearest.h"
 #include "config/parse.h"
@@ -36,7 +39,7 @@ Value empty_tree(const Value& file) {
       tree.set(key, *time);
     }
   }
-  for (const std::string_view key : {"library_path", "executors", "chains"}) {
+  for (const std::string_view key : {"library_path", "executors", "processes", "chains"}) {
     tree.set(key, Value(Value::Array{}, file.origin()));
   }
   for (const std::string_view key : {"topics", "shared_params", "modes", "restart"}) {
@@ -89,6 +92,9 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
   }
   for (const std::string& set : options.sets) {
     apply_set(tree, set);
+  }
+  for (const std::string& pattern : options.isolated) {
+    isolate(tree, pattern);
   }
   std::erase_if(tree.members(), [](const auto& member) {
     // An empty one of these says that there is one.
@@ -186,7 +192,7 @@ bool Composer::may_include(const Value& name, const std::vector<std::string>& st
 }
 
 void Composer::add_part(Value& tree, const Value& part, const Value* name_space) {
-  for (const std::string_view key : {"library_path", "executors"}) {
+  for (const std::string_view key : {"library_path", "executors", "processes"}) {
     for (const Value& item : part[key].items()) {
       tree.find(key)->items().push_back(item);
     }
@@ -286,7 +292,7 @@ void Composer::add_topic(Value& tree, const std::string& name, const Value& topi
 }
 
 void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
-  for (const std::string_view key : {"library_path", "executors", "chains"}) {
+  for (const std::string_view key : {"library_path", "executors", "processes", "chains"}) {
     if (const Value* list = find_array(file, key)) {
       auto& items = tree.find(key)->items();
       items.insert(items.end(), list->items().begin(), list->items().end());
@@ -394,7 +400,7 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
       for (const Value& component : value.items()) {
         apply_overlay_component(tree, component, variables);
       }
-    } else if (key == "executors" || key == "chains") {
+    } else if (key == "executors" || key == "processes" || key == "chains") {
       for (const Value& one : value.items()) {
         apply_overlay_by_name(*tree.find(key), one);
       }
@@ -522,6 +528,46 @@ void Composer::apply_set(Value& tree, const std::string& set) {
     path.resize(last == std::string::npos ? 0 : last);
   }
   merge(*component, value, problems_);
+}
+
+// Those that have a process already stay there.
+void Composer::isolate(Value& tree, const std::string& pattern) {
+  const Place place{"--isolate " + pattern, 0, ""};
+  const auto source = std::make_shared<const Source>(Source{place.file, {}, false});
+  const bool is_all = pattern == "all";
+  std::unordered_set<std::string> taken = {std::string(kMainProcess)};
+  for (const Value& component : tree["components"].items()) {
+    taken.insert(text_of(component, "process"));
+  }
+  bool is_anyone = is_all;
+  for (Value& component : tree.find("components")->items()) {
+    const std::string name = full_name(component);
+    if (name.empty() || !(is_all || base::matches(pattern, name))) {
+      continue;
+    }
+    is_anyone = true;
+    if (const Value* process = component.find("process")) {
+      if (name == pattern && text_of(component, "process") != name) {
+        Problem problem =
+            mistake(place, "the component " + in_quotes(name) +
+                               " stays in the process that it names, " + shown(*process));
+        problem.warning = true;
+        problems_.add(std::move(problem));
+      }
+    } else if (taken.contains(name)) {
+      problems_.add(
+          mistake(place,
+                  "the component " + in_quotes(name) +
+                      " cannot have a process of its own name: there is one, with other components",
+                  "name another by its key \"process\""));
+    } else {
+      component.set("process", Value(name, {source, 0, ""}));
+    }
+  }
+  if (!is_anyone) {
+    problems_.add(mistake(place, "there is no component " + in_quotes(pattern),
+                          nearest_component(tree, pattern)));
+  }
 }
 
 }  // namespace fastcycle::config

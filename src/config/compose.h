@@ -56,6 +56,7 @@ class Composer {
   void apply_overlay_by_name(Value& list, const Value& over);
   void apply_overlay_topics(Value& tree, const Value& topics);
   void apply_set(Value& tree, const std::string& set);
+  void isolate(Value& tree, const std::string& pattern);
 
   /// The component of the tree with the full name `name`; null if there is none.
   Value* find_component(Value& tree, const std::string& name);

@@ -351,6 +351,86 @@ TEST_F(ComposeTest, SetsGoBeforeOverlaysAndWorkWithoutParams) {
   EXPECT_NE(text_of(problems).find("null deletes \"y\""), std::string::npos);
 }
 
+TEST_F(ComposeTest, ProcessesComeFromIncludesAndAreMergedByTheirName) {
+  folder.write("app.json", R"({"include": [{"file": "lidar.json", "namespace": "front"}],
+      "processes": [{"name": "planning"}], "components":
+      [{"name": "planner", "library": "p", "process": "planning"}]})");
+  folder.write("lidar.json", R"({"processes": [{"name": "sensing", "cpus": [0], "memory_mb": 64}],
+      "components": [{"name": "lidar", "library": "l", "file": "parts/lidar.json"}]})");
+  folder.write("parts/lidar.json", R"({"process": "sensing"})");
+  const auto overlay = folder.write("car.json", R"({
+      "processes": [{"name": "sensing", "cpus": null, "sandbox": {"read": ["maps"]}},
+                    {"name": "control", "on_exit": "restart"}],
+      "components": [{"name": "planner", "process": null}]})");
+
+  const Value tree = compose({.file = {}, .overlays = {overlay}});
+
+  EXPECT_EQ(tree["processes"].to_text(),
+            R"([{"name":"sensing","memory_mb":64,"sandbox":{"read":["maps"]}},)"
+            R"({"name":"planning"},{"name":"control","on_exit":"restart"}])");
+  EXPECT_EQ(tree["components"][0]["process"].as_string(), "sensing")
+      << "processes are in no namespace";
+  EXPECT_EQ(tree["components"][1].find("process"), nullptr);
+  EXPECT_EQ(tree["processes"][0]["sandbox"]["read"][0].as_path(), folder / "maps");
+  EXPECT_FALSE(problems.has_errors()) << text_of(problems);
+
+  const auto none = folder.write("none.json", R"({"processes": null})");
+  EXPECT_EQ(compose({.file = {}, .overlays = {overlay, none}}).find("processes"), nullptr);
+}
+
+TEST_F(ComposeTest, IsolatedComponentsGetAProcessOfTheirNameUnlessTheyHaveOne) {
+  folder.write("app.json", R"({"components": [
+      {"name": "lidar", "library": "l", "namespace": "front"},
+      {"name": "lidar", "library": "l", "namespace": "rear/left"},
+      {"name": "true", "library": "l"},
+      {"name": "planner", "library": "p", "process": "planning"},
+      {"name": "driver", "library": "p", "process": "main"},
+      {"name": "control", "library": "c"}]})");
+  const auto processes = [&](std::vector<std::string> isolated) {
+    std::string text;
+    const Value tree = compose({.file = {}, .isolated = std::move(isolated)});
+    for (const Value& component : tree["components"].items()) {
+      const Value* process = component.find("process");
+      text += (process == nullptr ? "-" : process->as_string()) + ' ';
+    }
+    return text;
+  };
+
+  EXPECT_EQ(processes({}), "- - - planning main - ");
+  EXPECT_EQ(processes({"control", "true"}), "- - true planning main control ");
+  EXPECT_EQ(processes({"front/lidar"}), "front/lidar - - planning main - ");
+  EXPECT_EQ(processes({"**/lidar"}), "front/lidar rear/left/lidar - planning main - ");
+  EXPECT_EQ(processes({"control", "all"}),
+            "front/lidar rear/left/lidar true planning main control ");
+  EXPECT_EQ(text_of(problems), "");
+  EXPECT_EQ(
+      to_string(compose({.file = {}, .isolated = {"c*"}})["components"][5]["process"].place()),
+      "--isolate c*");
+}
+
+TEST_F(ComposeTest, AnIsolatedComponentGetsTheProcessThatIsDescribedForIt) {
+  folder.write("app.json", R"({"processes": [{"name": "lidar", "on_exit": "restart"}],
+      "components": [{"name": "lidar", "library": "l"}]})");
+
+  const ApplicationDescription app = describe(compose({.file = {}, .isolated = {"lidar"}}));
+
+  ASSERT_EQ(app.processes.size(), 1U);
+  EXPECT_EQ(app.processes[0].on_exit, OnExit::kRestart);
+  EXPECT_EQ(app.components[0].process, "lidar");
+  EXPECT_EQ(text_of(problems), "");
+}
+
+TEST_F(ComposeTest, AComponentThatIsNamedToBeIsolatedAndStaysIsAWarning) {
+  folder.write("app.json", R"({"components": [
+      {"name": "lidar", "library": "l", "process": "sensing"}]})");
+
+  (void)compose({.file = {}, .isolated = {"all", "l*", "lidar"}});
+
+  EXPECT_EQ(text_of(problems),
+            "--isolate lidar: warning: the component \"lidar\" stays in the process that it names, "
+            "\"sensing\"\n");
+}
+
 TEST_F(ComposeTest, SetsWithAThousandDotsAreRefused) {
   write_limiter("");
   std::string name = "limiter";

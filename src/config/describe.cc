@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/log_level.h"
+#include "config/main_process.h"
 #include "config/merge.h"
 
 namespace fastcycle::config {
@@ -85,6 +86,16 @@ std::optional<std::chrono::nanoseconds> find_s(const Value& object, std::string_
   return find_time(object, key, std::chrono::seconds(1));
 }
 
+void read_cpus(const Value& object, std::vector<int>& result) {
+  if (const Value* cpus = find_array(object, "cpus")) {
+    for (const Value& cpu : cpus->items()) {
+      if (cpu.type() == Value::Type::kInt && std::in_range<int>(cpu.as_int64())) {
+        result.push_back(static_cast<int>(cpu.as_int64()));
+      }
+    }
+  }
+}
+
 /// Where and how threads run: an executor's workers, or a component's own thread.
 template <typename Description>
 void read_scheduling(const Value& value, Description& description) {
@@ -92,13 +103,7 @@ void read_scheduling(const Value& value, Description& description) {
   description.policy =
       find_word(value, "policy", std::array{Policy::kOther, Policy::kFifo, Policy::kRr})
           .value_or(Policy::kOther);
-  if (const Value* cpus = find_array(value, "cpus")) {
-    for (const Value& cpu : cpus->items()) {
-      if (cpu.type() == Value::Type::kInt && std::in_range<int>(cpu.as_int64())) {
-        description.cpus.push_back(static_cast<int>(cpu.as_int64()));
-      }
-    }
-  }
+  read_cpus(value, description.cpus);
 }
 
 ExecutorDescription describe_executor(const Value& value) {
@@ -202,8 +207,9 @@ HangDescription describe_hang(const Value& object, HangDescription defaults) {
   defaults.callback_limit = find_ms(object, "callback_limit_ms").value_or(defaults.callback_limit);
   defaults.lifecycle_limit =
       find_ms(object, "lifecycle_limit_ms").value_or(defaults.lifecycle_limit);
-  defaults.on_hang = find_word(object, "on_hang", std::array{OnHang::kTell, OnHang::kStop})
-                         .value_or(defaults.on_hang);
+  defaults.on_hang =
+      find_word(object, "on_hang", std::array{OnHang::kTell, OnHang::kStop, OnHang::kEndProcess})
+          .value_or(defaults.on_hang);
   return defaults;
 }
 
@@ -222,6 +228,10 @@ ComponentDescription describe_component(const Value& value, const ComponentDefau
   component.library = text_of(value, "library");
   component.class_name = text_of(value, "class");
   component.executor = text_of(value, "executor");
+  component.process = text_of(value, "process");
+  if (component.process == kMainProcess) {
+    component.process.clear();
+  }
   component.serve_period = find_ms(value, "serve_period_ms");
   component.serve_phase = find_ms(value, "serve_phase_ms").value_or(std::chrono::nanoseconds{0});
   component.simulated_cost =
@@ -272,6 +282,64 @@ void read_mb(const Value& object, std::string_view key, std::uint64_t& result) {
   if (value != nullptr && value->is_number() && value->as_double() >= 0 &&
       value->as_double() <= kMaxMb) {
     result = static_cast<std::uint64_t>(std::llround(value->as_double() * 1e6));
+  }
+}
+
+void read_paths(const Value& object, std::string_view key,
+                std::vector<std::filesystem::path>& result) {
+  if (const Value* paths = find_array(object, key)) {
+    for (const Value& path : paths->items()) {
+      if (path.is_string()) {
+        result.push_back(path.as_path());
+      }
+    }
+  }
+}
+
+ProcessDescription describe_process(const Value& value) {
+  ProcessDescription process;
+  process.name = text_of(value, "name");
+  process.place = value.place();
+  process.on_exit =
+      find_word(value, "on_exit", std::array{OnExit::kStop, OnExit::kRestart, OnExit::kContinue})
+          .value_or(process.on_exit);
+  process.restart = describe_restart(value, {});
+  process.heartbeat = find_ms(value, "heartbeat_ms").value_or(process.heartbeat);
+  read_mb(value, "memory_mb", process.memory_bytes);
+  read_cpus(value, process.cpus);
+  if (const Value* sandbox = find_object(value, "sandbox")) {
+    process.sandbox = Sandbox::kStrict;
+    read_paths(*sandbox, "read", process.readable);
+    read_paths(*sandbox, "write", process.writable);
+  } else {
+    process.sandbox = find_word(value, "sandbox", std::array{Sandbox::kNone, Sandbox::kStrict})
+                          .value_or(process.sandbox);
+  }
+  process.user = text_of(value, "user");
+  read_bool(value, "trusted", process.is_trusted);
+  return process;
+}
+
+/// Those that the tree describes and a component is in, then those that a component is in only.
+void add_processes(const Value& tree, ApplicationDescription& application) {
+  std::unordered_set<std::string> missing;
+  for (const ComponentDescription& component : application.components) {
+    missing.insert(component.process);
+  }
+  missing.erase("");
+  for (ProcessDescription& process : described_processes(tree)) {
+    if (missing.erase(process.name) > 0) {
+      application.processes.push_back(std::move(process));
+    }
+  }
+  for (const Value& component : tree.find("components")->items()) {
+    const std::string name = text_of(component, "process");
+    if (missing.erase(name) > 0) {
+      ProcessDescription process;
+      process.name = name;
+      process.place = component["process"].place();
+      application.processes.push_back(std::move(process));
+    }
   }
 }
 
@@ -395,6 +463,16 @@ std::optional<LiveDescription> describe_live(const Value& value) {
 
 }  // namespace
 
+std::vector<ProcessDescription> described_processes(const Value& tree) {
+  std::vector<ProcessDescription> result;
+  if (const Value* processes = find_array(tree, "processes")) {
+    for (const Value& process : processes->items()) {
+      result.push_back(describe_process(process));
+    }
+  }
+  return result;
+}
+
 ApplicationDescription describe(const Value& tree) {
   ApplicationDescription application;
   application.name = text_of(tree, "name");
@@ -424,6 +502,7 @@ ApplicationDescription describe(const Value& tree) {
     for (const Value& component : components->items()) {
       application.components.push_back(describe_component(component, defaults));
     }
+    add_processes(tree, application);
   }
   if (const Value* modes = find_object(tree, "modes")) {
     for (const auto& [name, mode] : modes->members()) {

@@ -83,7 +83,15 @@ std::string_view to_string(OnFault on_fault) {
 }
 
 std::string_view to_string(OnHang on_hang) {
-  return on_hang == OnHang::kStop ? "stop" : "tell";
+  switch (on_hang) {
+    case OnHang::kTell:
+      return "tell";
+    case OnHang::kStop:
+      return "stop";
+    case OnHang::kEndProcess:
+      return "end_process";
+  }
+  return "";
 }
 
 std::string_view to_string(Policy policy) {
@@ -132,6 +140,22 @@ std::string_view to_string(OnBreach on_breach) {
       return "degrade";
   }
   return "";
+}
+
+std::string_view to_string(OnExit on_exit) {
+  switch (on_exit) {
+    case OnExit::kStop:
+      return "stop";
+    case OnExit::kRestart:
+      return "restart";
+    case OnExit::kContinue:
+      return "continue";
+  }
+  return "";
+}
+
+std::string_view to_string(Sandbox sandbox) {
+  return sandbox == Sandbox::kStrict ? "strict" : "none";
 }
 
 std::string_view to_string(Overflow overflow) {

@@ -25,8 +25,9 @@ enum class OnFault : std::uint8_t {
 
 /// What happens when a call of a component does not return.
 enum class OnHang : std::uint8_t {
-  kTell,  ///< It is told, and the run goes on.
-  kStop,  ///< The application stops, exit code 1.
+  kTell,        ///< It is told, and the run goes on.
+  kStop,        ///< The application stops, exit code 1.
+  kEndProcess,  ///< Its process is ended, and what follows is what that process's `on_exit` says.
 };
 
 /// The kernel's scheduling policy of an executor's workers.
@@ -118,6 +119,19 @@ struct ExecutorDescription {
   Place place;
 };
 
+/// What happens when a process of the application ends without being asked to.
+enum class OnExit : std::uint8_t {
+  kStop,      ///< The application stops, exit code 1.
+  kRestart,   ///< The process is made anew, with all its components.
+  kContinue,  ///< The others go on without it.
+};
+
+/// What the code of a process may ask of the kernel.
+enum class Sandbox : std::uint8_t {
+  kNone,    ///< Whatever its user may.
+  kStrict,  ///< What computing needs: no network, no programs, no files but those that it names.
+};
+
 /// Where and how a thread that a component makes runs.
 struct ThreadDescription {
   std::vector<int> cpus;  ///< CPUs that it may run on; empty: all.
@@ -167,6 +181,23 @@ struct RestartDescription {
   std::chrono::nanoseconds back_off_max{5'000'000'000};  ///< up to this.
 };
 
+/// A process of its own for some components of an application.
+struct ProcessDescription {
+  std::string name;
+  OnExit on_exit = OnExit::kStop;
+  RestartDescription restart;  ///< With `OnExit::kRestart`.
+  /// Without a sign of life for so long it is ended; 0: never.
+  std::chrono::nanoseconds heartbeat{0};
+  std::uint64_t memory_bytes = 0;  ///< Private memory that it may have; 0: no limit.
+  std::vector<int> cpus;           ///< CPUs that its threads may run on; empty: all.
+  Sandbox sandbox = Sandbox::kNone;
+  std::vector<std::filesystem::path> readable;  ///< In a sandbox: files and folders to read,
+  std::vector<std::filesystem::path> writable;  ///< and those to write as well.
+  std::string user;        ///< The user that it runs as; empty: the one who started the run.
+  bool is_trusted = true;  ///< Others read its messages in its memory; else they get copies.
+  Place place;
+};
+
 /// How long the calls of a component may take by the machine's clock before that is told.
 struct HangDescription {
   std::chrono::nanoseconds callback_limit{750'000'000};     ///< Of a callback; 0: none.
@@ -211,6 +242,7 @@ struct ComponentDescription {
   std::string library;     ///< `speed_limiter` for the file `libspeed_limiter.so`.
   std::string class_name;  ///< Which class of the library; empty: its only one. `"class"`.
   std::string executor;    ///< Empty: the one of all who name none.
+  std::string process;     ///< One of the application's `processes`; empty: the main process.
   std::optional<std::chrono::nanoseconds> serve_period;  ///< None: `serve()` is never called.
   std::chrono::nanoseconds serve_phase{0};
   std::chrono::nanoseconds simulated_cost{0};  ///< In simulated time, of each of its turns.
@@ -236,6 +268,9 @@ struct ApplicationDescription {
   std::vector<std::filesystem::path> library_path;  ///< Folders to look for libraries in, first one
                                                     ///< first.
   std::vector<ExecutorDescription> executors;
+  /// All that components name, the main process left out: in the order of the file, then of the
+  /// components that name one which is not described.
+  std::vector<ProcessDescription> processes;
   std::vector<TopicDescription> topics;
   std::vector<ComponentDescription> components;  ///< Included ones first, then in file order.
   std::vector<ModeDescription> modes;            ///< In file order.
@@ -278,5 +313,7 @@ struct ApplicationDescription {
 [[nodiscard]] std::string_view to_string(Overflow overflow);
 [[nodiscard]] std::string_view to_string(Compression compression);
 [[nodiscard]] std::string_view to_string(OnBreach on_breach);
+[[nodiscard]] std::string_view to_string(OnExit on_exit);
+[[nodiscard]] std::string_view to_string(Sandbox sandbox);
 
 }  // namespace fastcycle::config

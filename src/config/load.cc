@@ -2,6 +2,7 @@
 
 #include "config/compose.h"
 #include "config/describe.h"
+#include "config/machine.h"
 #include "config/schema.h"
 
 namespace fastcycle::config {
@@ -14,6 +15,9 @@ ApplicationDescription load(const LoadOptions& options, Problems& problems) {
   }
   ApplicationDescription application = describe(*tree);
   check_sense(application, problems);
+  if (!options.text) {  // It runs on this machine; one whose text is at hand ran somewhere.
+    check_machine(*tree, problems);
+  }
   return application;
 }
 

@@ -16,7 +16,10 @@ struct LoadOptions {
   std::vector<std::filesystem::path> overlays{};  ///< Merged in this order.
   std::vector<std::string> sets{};                ///< `component.param=value`, nested by more dots.
   std::vector<std::string> variables{};           ///< `name=value`.
-  std::filesystem::path schema_file{};            ///< Empty: the schema that was built in.
+  /// Components that get a process of their own, unless they name one: full names, patterns of them
+  /// (`base::matches`), or `all`.
+  std::vector<std::string> isolated{};
+  std::filesystem::path schema_file{};  ///< Empty: the schema that was built in.
 };
 
 }  // namespace fastcycle::config

@@ -19,6 +19,12 @@ constexpr std::string_view kApplication = R"({
     {"name": "control", "threads": 2, "cpus": [1, 2], "policy": "fifo", "priority": 80,
      "wait": "adaptive", "hand_over": true}
   ],
+  "processes": [
+    {"name": "sensing", "on_exit": "restart", "restart": {"limit": 5, "within_s": 2},
+     "memory_mb": 512, "cpus": [0], "user": "root", "trusted": false,
+     "sandbox": {"read": ["maps", "/"], "write": ["/tmp"]}},
+    {"name": "front/camera", "on_exit": "continue", "sandbox": "strict"}
+  ],
   "topics": {
     "planning/speed": {"latched": 1, "ages": false, "pool_max": 64, "keep": 3,
                        "multiple_publishers": true, "external": true},
@@ -27,18 +33,21 @@ constexpr std::string_view kApplication = R"({
   "shared_params": {"width_m": 2},
   "components": [
     {"name": "limiter", "library": "speed_limiter", "class": "demo::SpeedLimiter",
-     "namespace": "front", "executor": "control", "serve_period_ms": 0.5, "serve_phase_ms": 0.25,
+     "namespace": "front", "executor": "control", "process": "front/camera", "serve_period_ms": 0.5, "serve_phase_ms": 0.25,
      "simulated_cost_ms": 1.5,
      "params": {"limit_mps": 22.2}, "remap": {"goal": "mission/goal"}, "on_fault": "stop",
      "log_level": "debug",
      "subscribers": {"planning/speed": {"depth": 4, "overflow": "drop_newest"}},
      "publishers": {"control/speed": {"keep": 2}},
      "threads": {"device": {"cpus": [0, 3], "policy": "rr", "priority": 40}}},
-    {"name": "planner", "library": "planner"}
+    {"name": "planner", "library": "planner"},
+    {"name": "camera", "library": "camera", "process": "sensing"}
   ]
 })";
 
 struct LoadTest : testing::Test {
+  void SetUp() override { std::filesystem::create_directory(folder / "maps"); }
+
   ApplicationDescription load_text(std::string_view text) {
     return load({.file = folder.write("app.json", text)}, problems);
   }
@@ -79,13 +88,14 @@ TEST_F(LoadTest, EveryKeyArrives) {
 TEST_F(LoadTest, EveryKeyOfAComponentArrives) {
   const ApplicationDescription app = load_text(kApplication);
 
-  ASSERT_EQ(app.components.size(), 2U);
+  ASSERT_EQ(app.components.size(), 3U);
   const ComponentDescription& limiter = app.components[0];
   EXPECT_EQ(limiter.name, "front/limiter");
   EXPECT_EQ(limiter.name_space, "front");
   EXPECT_EQ(limiter.library, "speed_limiter");
   EXPECT_EQ(limiter.class_name, "demo::SpeedLimiter");
   EXPECT_EQ(limiter.executor, "control");
+  EXPECT_EQ(limiter.process, "front/camera");
   EXPECT_EQ(limiter.serve_period, std::chrono::microseconds(500));
   EXPECT_EQ(limiter.simulated_cost, std::chrono::microseconds(1500));
   EXPECT_EQ(limiter.serve_phase, std::chrono::microseconds(250));
@@ -98,6 +108,93 @@ TEST_F(LoadTest, EveryKeyOfAComponentArrives) {
   EXPECT_EQ(limiter.threads.at("device").cpus, (std::vector<int>{0, 3}));
   EXPECT_EQ(limiter.threads.at("device").policy, Policy::kRr);
   EXPECT_EQ(limiter.threads.at("device").priority, 40);
+}
+
+TEST_F(LoadTest, EveryKeyOfAProcessArrives) {
+  const ApplicationDescription app = load_text(kApplication);
+
+  EXPECT_EQ(text_of(problems), "");
+  ASSERT_EQ(app.processes.size(), 2U);
+  const ProcessDescription& sensing = app.processes[0];
+  EXPECT_EQ(sensing.name, "sensing");
+  EXPECT_EQ(sensing.on_exit, OnExit::kRestart);
+  EXPECT_EQ(sensing.restart.limit, 5U);
+  EXPECT_EQ(sensing.restart.within, std::chrono::seconds(2));
+  EXPECT_EQ(sensing.memory_bytes, 512'000'000U);
+  EXPECT_EQ(sensing.cpus, std::vector<int>{0});
+  EXPECT_EQ(sensing.user, "root");
+  EXPECT_FALSE(sensing.is_trusted);
+  EXPECT_EQ(sensing.sandbox, Sandbox::kStrict);
+  EXPECT_EQ(sensing.readable, (std::vector<std::filesystem::path>{folder / "maps", "/"}));
+  EXPECT_EQ(sensing.writable, std::vector<std::filesystem::path>{"/tmp"});
+  EXPECT_EQ(sensing.place.pointer, "/processes/0");
+  const ProcessDescription& camera = app.processes[1];
+  EXPECT_EQ(camera.name, "front/camera");
+  EXPECT_EQ(camera.on_exit, OnExit::kContinue);
+  EXPECT_EQ(camera.sandbox, Sandbox::kStrict);
+  EXPECT_EQ(camera.memory_bytes, 0U);
+  EXPECT_TRUE(camera.is_trusted);
+}
+
+TEST_F(LoadTest, ProcessesAreThoseThatComponentsAreIn) {
+  const ApplicationDescription app = load_text(R"({"name": "demo",
+      "processes": [{"name": "planning"}, {"name": "unused"}, {"name": "sensing", "cpus": [0]}],
+      "components": [{"name": "a", "library": "a", "process": "more"},
+                     {"name": "b", "library": "a", "process": "sensing"},
+                     {"name": "c", "library": "a", "process": "planning"},
+                     {"name": "d", "library": "a", "process": "more"},
+                     {"name": "e", "library": "a", "process": "main"},
+                     {"name": "f", "library": "a"}]})");
+
+  std::vector<std::string> names;
+  for (const ProcessDescription& process : app.processes) {
+    names.push_back(process.name);
+  }
+  EXPECT_EQ(names, (std::vector<std::string>{"planning", "sensing", "more"}));
+  EXPECT_EQ(app.processes[2].on_exit, OnExit::kStop);
+  EXPECT_EQ(app.processes[2].place.pointer, "/components/0/process");
+  EXPECT_EQ(app.components[4].process, "") << "the main process is not one of them";
+  EXPECT_EQ(app.components[5].process, "");
+  EXPECT_FALSE(problems.has_errors());
+  EXPECT_EQ(text_of(problems), (folder / "app.json").string() +
+                                   ":2: /processes/1: warning: no component is in the process "
+                                   "\"unused\"\n");
+}
+
+TEST_F(LoadTest, AProcessThatIsNearlyOneThatNobodyUsesIsAWarning) {
+  (void)load_text(R"({"name": "demo",
+      "processes": [{"name": "sensing", "cpus": [0]}, {"name": "camera_1"}],
+      "components": [{"name": "a", "library": "a", "process": "sensng"},
+                     {"name": "b", "library": "a", "process": "camera_1"},
+                     {"name": "c", "library": "a", "process": "camera_2"}]})");
+
+  EXPECT_FALSE(problems.has_errors());
+  EXPECT_NE(text_of(problems).find("/components/0/process: warning: the process \"sensng\" is not "
+                                   "described; did you mean \"sensing\"?"),
+            std::string::npos)
+      << text_of(problems);
+  EXPECT_EQ(text_of(problems).find("camera_2"), std::string::npos) << "one need not be described";
+}
+
+TEST_F(LoadTest, AnExecutorThatSpinsOnTheSameCpusInSeveralProcessesIsAWarning) {
+  const auto said_of = [this](const std::string& executor, const std::string& process) {
+    problems = Problems();
+    (void)load_text(R"({"name": "demo", "executors": [{"name": "fast", )" + executor + R"(}],
+        "components": [{"name": "a", "library": "a", "executor": "fast"},
+                       {"name": "b", "library": "a", "executor": "fast", "process": ")" +
+                    process + R"("}]})");
+    EXPECT_FALSE(problems.has_errors());
+    return text_of(problems);
+  };
+
+  const std::string said = said_of(R"("wait": "spin", "cpus": [0])", "sensing");
+  EXPECT_NE(said.find("/executors/0/wait: warning: the executor \"fast\" spins in 2 processes, "
+                      "which share its \"cpus\""),
+            std::string::npos)
+      << said;
+  EXPECT_EQ(said_of(R"("wait": "spin", "cpus": [0])", "main"), "");
+  EXPECT_EQ(said_of(R"("wait": "spin")", "sensing"), "");
+  EXPECT_EQ(said_of(R"("cpus": [0])", "sensing"), "");
 }
 
 TEST_F(LoadTest, WhatIsNotSaidHasItsDefault) {

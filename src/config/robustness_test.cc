@@ -18,13 +18,15 @@ constexpr std::string_view kGood = R"({
   "name": "demo", "variables": {"data": "maps", "port": 2368}, "library_path": ["lib"],
   "include": [{"file": "lidar.json", "namespace": "front", "variables": {"rate": 10}}],
   "executors": [{"name": "fast", "threads": 1, "cpus": [1], "policy": "fifo", "priority": 80}],
+  "processes": [{"name": "sensing", "cpus": [0], "memory_mb": 512, "on_exit": "restart",
+                 "restart": {"limit": 2}, "sandbox": {"read": ["p.json"]}, "trusted": true}],
   "topics": {"planning/speed": {"latched": 1, "ages": true, "pool_max": 64}},
   "shared_params": {"width_m": 2.0}, "on_fault": "stop", // A comment.
   "components": [
     {"name": "limiter", "library": "speed_limiter", "executor": "fast", "serve_period_ms": 10,
      "params": {"map": "${data}/town.osm", "limits": {"jerk": [1, -2, 3.5e3]}, "p": "${port}"},
      "subscribers": {"planning/speed": {"depth": 4, "overflow": "drop_oldest"}}},
-    {"name": "planner", "library": "p", "remap": {"goal": "/mission/goal"}, "file": "p.json"}
+    {"name": "planner", "library": "p", "process": "sensing", "remap": {"goal": "/mission/goal"}, "file": "p.json"}
   ]
 })";
 
@@ -121,7 +123,8 @@ struct Robustness : testing::Test {
   void load_text(const std::string& text) {
     const auto file = folder.write("app.json", text);
     Problems problems;
-    const auto tree = Composer(schema, problems).compose({.file = file, .sets = {"limiter.x=1"}});
+    const auto tree = Composer(schema, problems)
+                          .compose({.file = file, .sets = {"limiter.x=1"}, .isolated = {"all"}});
     if (!tree) {
       EXPECT_TRUE(problems.has_errors()) << text;
       return;

@@ -114,6 +114,18 @@ INSTANTIATE_TEST_SUITE_P(
                  return application_of(listed(
                      size, [](int i) { return component(i, R"(, "after": ["somebody_else"])"); }));
                }},
+        Scaled{"processes_that_no_component_is_in", 3000,
+               [](int size) {
+                 return R"({"name": "scale", "processes": [)" +
+                        listed(size, [](int i) { return R"({"name": )" + name_of(i) + "}"; }) +
+                        R"(], "components": [)" +
+                        listed(size,
+                               [](int i) {
+                                 return component(i,
+                                                  R"(, "process": "d)" + std::to_string(i) + '"');
+                               }) +
+                        "]}";
+               }},
         Scaled{"components_that_an_overlay_changes", 3000,
                [](int size) {
                  return application_of(listed(size, [](int i) { return component(i); }));

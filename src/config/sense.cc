@@ -3,10 +3,12 @@
 #include <set>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
 #include "config/describe.h"
+#include "config/main_process.h"
 #include "config/nearest.h"
 
 namespace fastcycle::config {
@@ -24,6 +26,9 @@ class Sense {
     for (const TopicDescription& topic : application.topics) {
       topics_.emplace(topic.name, &topic);
     }
+    for (const ProcessDescription& process : application.processes) {
+      processes_.emplace(process.name, &process);
+    }
   }
 
   void check() {
@@ -36,7 +41,9 @@ class Sense {
       check_cpus(executor);
       check_spin(executor);
       check_executor_is_used(executor);
+      check_executor_in_processes(executor);
     }
+    check_processes();
     for (const TopicDescription& topic : application_.topics) {
       check_pool(topic);
     }
@@ -77,7 +84,8 @@ class Sense {
 
   // Of those that are written at the same place, as in a file that is included twice, the first.
   void find_written() {
-    for (const auto section : {"executors", "components", "topics", "modes", "chains"}) {
+    for (const auto section :
+         {"executors", "processes", "components", "topics", "modes", "chains"}) {
       const Value* list = application_.effective.find(section);
       if (list == nullptr) {
         continue;
@@ -177,10 +185,73 @@ class Sense {
         application_.components,
         [&](const ComponentDescription& component) { return component.executor == executor.name; });
     if (!is_used && !executor.name.empty()) {
-      Problem problem =
-          mistake(executor.place, "no component uses the executor " + in_quotes(executor.name));
-      problem.warning = true;
-      problems_.add(std::move(problem));
+      warn(executor.place, "no component uses the executor " + in_quotes(executor.name));
+    }
+  }
+
+  void warn(const Place& place, std::string message, std::string hint = {}) {
+    Problem problem = mistake(place, std::move(message), std::move(hint));
+    problem.warning = true;
+    problems_.add(std::move(problem));
+  }
+
+  // An executor exists in each process that has a component of it, with all its workers.
+  void check_executor_in_processes(const ExecutorDescription& executor) {
+    std::set<std::string> names;
+    for (const ComponentDescription& component : application_.components) {
+      if (component.executor == executor.name && names.insert(component.process).second) {
+        check_cpus_in_process(executor, component.process);
+      }
+    }
+    if (names.size() > 1 && executor.wait == Wait::kSpin && !executor.cpus.empty()) {
+      warn(place_of(executor.place, "wait"),
+           "the executor " + in_quotes(executor.name) + " spins in " +
+               std::to_string(names.size()) + " processes, which share its \"cpus\"",
+           "give the components of each process an executor of their own");
+    }
+  }
+
+  void check_cpus_in_process(const ExecutorDescription& executor, const std::string& name) {
+    const auto process = processes_.find(name);
+    if (executor.cpus.empty() || process == processes_.end() || process->second->cpus.empty()) {
+      return;
+    }
+    const std::vector<int>& cpus = process->second->cpus;
+    const bool has_one = std::ranges::any_of(
+        executor.cpus, [&](int cpu) { return std::ranges::find(cpus, cpu) != cpus.end(); });
+    if (!has_one) {
+      add(executor.place, "cpus",
+          "none of the \"cpus\" of the executor " + in_quotes(executor.name) +
+              " is one of its process " + in_quotes(name));
+    }
+  }
+
+  void check_processes() {
+    const std::vector<ProcessDescription> described = described_processes(application_.effective);
+    check_names_are_used_once(described, "process");
+    std::unordered_set<std::string> names;
+    std::vector<std::string> unused;
+    for (const ProcessDescription& process : described) {
+      names.insert(process.name);
+      if (process.name == kMainProcess) {
+        add(process.place, "name",
+            "\"main\" is the process that was started, which is not described",
+            "name another, or leave it out");
+      } else if (!process.name.empty() && !processes_.contains(process.name)) {
+        warn(process.place, "no component is in the process " + in_quotes(process.name));
+        unused.push_back(process.name);
+      }
+    }
+    // One need not be described. But where one is that nobody uses, it may have been meant.
+    constexpr std::size_t kMaxCompared = 20;
+    unused.resize(std::min(unused.size(), kMaxCompared));
+    for (const ProcessDescription& process : application_.processes) {
+      const std::string meant =
+          names.contains(process.name) ? std::string() : nearest(process.name, unused);
+      if (!meant.empty()) {
+        warn(process.place, "the process " + in_quotes(process.name) + " is not described",
+             did_you_mean(meant));
+      }
     }
   }
 
@@ -426,6 +497,7 @@ class Sense {
   // By name; of several with one name the first.
   std::unordered_map<std::string, const ComponentDescription*> components_;
   std::unordered_map<std::string, const TopicDescription*> topics_;
+  std::unordered_map<std::string, const ProcessDescription*> processes_;
   // Filled by the first mistake that needs them.
   std::vector<std::string> component_names_;
   std::unordered_map<std::string, const Value*> written_;  ///< By place, as text.

@@ -1,10 +1,12 @@
 #include "estimate/system_of.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <map>
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include <sched.h>
 
@@ -85,14 +87,42 @@ class SystemBuilder {
     if (names.size() > system_.executors.size()) {
       system_.executors.push_back({.name = names.back(), .threads = std::min(system_.cpus, 64U)});
     }
+    executors_in_main_ = static_cast<std::ptrdiff_t>(system_.executors.size());
   }
 
-  [[nodiscard]] std::size_t executor_of(const ComponentCore& component) const {
-    const auto found =
-        std::ranges::find(system_.executors, component.description.executor, &Executor::name);
-    return found == system_.executors.end()
-               ? system_.executors.size() - 1
-               : static_cast<std::size_t>(found - system_.executors.begin());
+  std::size_t executor_of(const ComponentCore& component) {
+    const auto described = system_.executors.begin() + executors_in_main_;
+    const auto found = std::ranges::find(system_.executors.begin(), described,
+                                         component.description.executor, &Executor::name);
+    const auto place = static_cast<std::size_t>((found == described ? described - 1 : found) -
+                                                system_.executors.begin());
+    const std::string& process = component.description.process;
+    if (process.empty()) {
+      return place;
+    }
+    const auto [known, is_new] =
+        executors_in_processes_.emplace(std::pair(process, place), system_.executors.size());
+    if (is_new) {
+      system_.executors.push_back(in_process(system_.executors[place], process));
+    }
+    return known->second;
+  }
+
+  /// An executor exists in each process once, and runs where both may.
+  [[nodiscard]] Executor in_process(Executor executor, const std::string& process) const {
+    executor.name = process + '/' + executor.name;
+    const auto& all = application_.description().processes;
+    const auto its = std::ranges::find(all, process, &config::ProcessDescription::name);
+    if (its == all.end() || its->cpus.empty()) {
+      return executor;
+    }
+    if (executor.cpus.empty()) {
+      executor.cpus = its->cpus;
+    } else {
+      std::erase_if(executor.cpus,
+                    [&](int cpu) { return std::ranges::find(its->cpus, cpu) == its->cpus.end(); });
+    }
+    return executor;
   }
 
   void add_component(const ComponentCore& core) {
@@ -287,6 +317,9 @@ class SystemBuilder {
   const Timing& timing_;
   Problems& problems_;
   System system_;
+  std::ptrdiff_t executors_in_main_ = 0;  ///< Those of other processes come after these.
+  /// By process and place in the main process.
+  std::map<std::pair<std::string, std::size_t>, std::size_t> executors_in_processes_;
   std::map<std::string, std::size_t> topics_;
   std::map<std::string, std::vector<std::string>> keys_;  ///< Of callbacks, by component.
   std::set<std::string> is_said_;  ///< Component and callback: what it publishes was said.

@@ -1,6 +1,8 @@
 #include "estimate/system_of.h"
 
+#include <algorithm>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <google/protobuf/wrappers.pb.h>
@@ -127,6 +129,35 @@ TEST_F(ASystem, HasWhatCallsTheComponentsAndWhereTheyRun) {
   EXPECT_FALSE(system.sources[0].arrivals);
   ASSERT_EQ(system.chains.size(), 1U);
   EXPECT_EQ(system.chains[0].deadline, milliseconds(300));
+}
+
+TEST_F(ASystem, HasAnExecutorOnceInEachProcess) {
+  const auto application = host::make_application(
+      R"({"name": "a",
+          "executors": [{"name": "fast", "cpus": [1, 2]}, {"name": "slow", "threads": 2}],
+          "processes": [{"name": "sensing", "cpus": [2, 3]}],
+          "components": [
+            {"name": "lidar", "library": "lidar", "executor": "slow", "process": "sensing"},
+            {"name": "filter", "library": "filter", "executor": "fast", "process": "sensing"},
+            {"name": "control", "library": "control", "executor": "fast"},
+            {"name": "brakes", "library": "brakes", "executor": "fast", "process": "acting"}]})",
+      classes_, {.is_simulated = true, .workers = 1});
+
+  const System system = system_of(*application, {}, {.cpus = 4}, problems_);
+
+  const auto executor_of = [&](const std::string& name) {
+    const auto found = std::ranges::find(system.components, name, &Component::name);
+    return system.executors.at(found->executor);
+  };
+  EXPECT_EQ(executor_of("control").name, "fast");
+  EXPECT_EQ(executor_of("control").cpus, (std::vector<int>{1, 2}));
+  EXPECT_EQ(executor_of("filter").name, "sensing/fast");
+  EXPECT_EQ(executor_of("filter").cpus, std::vector<int>{2});
+  EXPECT_EQ(executor_of("lidar").name, "sensing/slow");
+  EXPECT_EQ(executor_of("lidar").threads, 2U);
+  EXPECT_EQ(executor_of("lidar").cpus, (std::vector<int>{2, 3}));
+  EXPECT_EQ(executor_of("brakes").name, "acting/fast");
+  EXPECT_EQ(executor_of("brakes").cpus, (std::vector<int>{1, 2}));
 }
 
 TEST_F(ASystem, TakesIntoAccountWhatTimingSays) {

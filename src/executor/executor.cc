@@ -1,6 +1,8 @@
 #include "executor/executor.h"
 
+#include <array>
 #include <bit>
+#include <span>
 #include <utility>
 
 #include <sched.h>
@@ -140,7 +142,8 @@ bool Executor::is_quiet() const noexcept {
       return false;
     }
   }
-  return job_count_.load() == 0 && busy_jobs_.load() == 0;
+  return job_count_.load() == 0 && busy_jobs_.load() == 0 &&
+         (foreign_ == nullptr || !foreign_->has_any());
 }
 
 void Executor::work(unsigned worker) {
@@ -151,6 +154,9 @@ void Executor::work(unsigned worker) {
     bool is_busy = run_ready(worker);
     is_busy |= run_job();
     is_busy |= fire_timers();
+    if (foreign_ != nullptr) [[unlikely]] {
+      is_busy |= foreign_->take();
+    }
     if (!is_busy) {
       idle(worker);
     }
@@ -282,7 +288,8 @@ bool Executor::spin_for_work(std::int64_t limit_ns) {
     std::int64_t now_ns = begin_ns;
     for (int i = 0; i < 16; ++i) {
       now_ns = base::monotonic_ns();
-      if ((looks_early && run_early(now_ns)) || has_work()) {
+      if ((looks_early && run_early(now_ns)) || has_work() ||
+          (foreign_ != nullptr && foreign_->has_any())) {
         return true;
       }
       pause_briefly();
@@ -299,6 +306,27 @@ bool Executor::spin_for_work(std::int64_t limit_ns) {
   }
 }
 
+/// Sleeps, unless there is work by now. @pre It was announced.
+void Executor::sleep(unsigned worker, std::int64_t deadline_ns) {
+  if (has_work()) {
+    sleepers_.withdraw(worker);
+  } else {
+    sleepers_.sleep(worker, deadline_ns);
+  }
+}
+
+/// The same, where messages of other processes are work too.
+void Executor::sleep_with_foreign(unsigned worker, std::int64_t deadline_ns) {
+  std::array<base::WatchedWord, base::Sleepers::kMaxWatched> words;
+  const std::size_t count = foreign_->announce(words);
+  if (has_work() || foreign_->has_any()) {
+    sleepers_.withdraw(worker);
+  } else {
+    sleepers_.sleep(worker, deadline_ns, std::span(words).first(count));
+  }
+  foreign_->withdraw();
+}
+
 void Executor::idle(unsigned worker) {
   if (options_.wait != WaitMode::kPark &&
       spin_for_work(options_.wait == WaitMode::kSpin ? base::kNever - 1 : kSpinNs)) {
@@ -309,10 +337,10 @@ void Executor::idle(unsigned worker) {
   // earlier timer a look whether it sleeps.
   const bool is_alone = options_.threads == 1;
   const std::int64_t deadline_ns = is_alone ? announce_deadline() : lead(worker);
-  if (has_work()) {
-    sleepers_.withdraw(worker);
+  if (foreign_ != nullptr) [[unlikely]] {
+    sleep_with_foreign(worker, deadline_ns);
   } else {
-    sleepers_.sleep(worker, deadline_ns);
+    sleep(worker, deadline_ns);
   }
   if (is_alone) {
     return;

@@ -12,6 +12,7 @@
 #include "base/sleepers.h"
 #include "base/thread.h"
 #include "executor/actor.h"
+#include "executor/foreign_inputs.h"
 
 namespace fastcycle::detail {
 
@@ -51,6 +52,10 @@ class Executor final : public ReadyQueue, public TimerWatch {
   /// Serves `actor` from now on; before `start`.
   void add(Actor& actor);
 
+  /// Its components get messages from other processes, by `inputs`, which has to live as long as
+  /// this. Before `start`.
+  void set_foreign_inputs(ForeignInputs& inputs) noexcept { foreign_ = &inputs; }
+
   /// Starts the workers; what the machine refused is added to `refusals`.
   void start(std::vector<base::Refusal>& refusals);
 
@@ -79,6 +84,8 @@ class Executor final : public ReadyQueue, public TimerWatch {
   bool run_job();
   bool fire_timers() noexcept;
   void idle(unsigned worker);
+  void sleep(unsigned worker, std::int64_t deadline_ns);
+  void sleep_with_foreign(unsigned worker, std::int64_t deadline_ns);
   [[nodiscard]] bool has_ready() const noexcept;
   [[nodiscard]] bool has_work() const noexcept;
   [[nodiscard]] bool spin_for_work(std::int64_t limit_ns);
@@ -91,6 +98,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
   const ExecutorOptions options_;
   std::vector<Actor*> actors_;
   std::vector<std::unique_ptr<ActivationRing>> rings_;
+  ForeignInputs* foreign_ = nullptr;  ///< Null: nothing comes from other processes.
 
   std::vector<std::atomic<std::uint64_t>> ready_;  ///< One bit a component.
   base::Sleepers sleepers_;

@@ -23,7 +23,7 @@ class Matching {
   Matching(std::size_t topics, const SynchronizerOptions& options)
       : topics_(topics), matcher_(topics, options) {}
 
-  void arrive(const Arrival& arrival) {
+  void arrive(const TestArrival& arrival) {
     Envelope* envelope = &envelopes()[count_];
     const bool is_complete = matcher_.add(arrival.topic, Time(Duration(arrival.time)), envelope);
     note_departed();
@@ -81,10 +81,10 @@ class Matching {
   Matched matched_;
 };
 
-Matched match(const std::vector<Arrival>& arrivals, std::size_t topics,
+Matched match(const std::vector<TestArrival>& arrivals, std::size_t topics,
               const SynchronizerOptions& options) {
   Matching matching(topics, options);
-  for (const Arrival& arrival : arrivals) {
+  for (const TestArrival& arrival : arrivals) {
     matching.arrive(arrival);
   }
   return matching.matched();
@@ -143,13 +143,13 @@ TEST(SetMatcher, WhatComesBeforeAnEarlierOneOfItsTopicComesTooLate) {
 }
 
 /// What departs, in words: "topic why partner difference", for each arrival that lets some go.
-std::string reasons(const std::vector<Arrival>& arrivals, std::size_t topics,
+std::string reasons(const std::vector<TestArrival>& arrivals, std::size_t topics,
                     const SynchronizerOptions& options) {
   SetMatcher matcher(topics, options);
   std::array<Envelope, 64> messages;
   std::string text;
   std::size_t next = 0;
-  for (const Arrival& arrival : arrivals) {
+  for (const TestArrival& arrival : arrivals) {
     static_cast<void>(matcher.add(arrival.topic, Time(Duration(arrival.time)), &messages[next++]));
     for (const SetMatcher::Departed& departed : matcher.departed()) {
       constexpr std::array<const char*, 5> kWords{"too_far", "depth", "overtaken", "late",
@@ -198,9 +198,9 @@ TEST(SetMatcher, LatestGivesEveryMessageOfTheFirstTopicTheNewestOfTheOthers) {
 
 // ---- Any streams ----
 
-std::string described(const std::vector<Arrival>& arrivals) {
+std::string described(const std::vector<TestArrival>& arrivals) {
   std::string text;
-  for (const Arrival& arrival : arrivals) {
+  for (const TestArrival& arrival : arrivals) {
     text += "{" + std::to_string(arrival.topic) + ", " + std::to_string(arrival.time) + "}, ";
   }
   return text;
@@ -219,10 +219,10 @@ TEST(ManySynchronizedStreams, AreMatchedAsTheRuleSays) {
     const int difference =
         policy == SyncPolicy::kApproximate ? 1 + static_cast<int>(random() % 15) : 0;
     const std::size_t depth = 1 + random() % 6;
-    const std::vector<Arrival> arrivals = random_streams(random, topics);
+    const std::vector<TestArrival> arrivals = random_streams(random, topics);
     Matching matching(topics,
                       {.policy = policy, .max_difference = Duration(difference), .depth = depth});
-    for (const Arrival& arrival : arrivals) {
+    for (const TestArrival& arrival : arrivals) {
       matching.arrive(arrival);
     }
 

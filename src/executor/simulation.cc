@@ -123,17 +123,50 @@ bool Simulation::has_fed_at(std::int64_t time_ns) const noexcept {
 /// which the next of it is due.
 bool Simulation::take_fed() {
   const Time now = clock_.now();
-  if (!has_fed_at(base::to_ns(now))) {
+  const bool is_fed_here = has_fed_at(base::to_ns(now));
+  const std::uint32_t step = peers_ != nullptr ? all_.fed_step
+                             : is_fed_here     ? feed_->next_step()
+                                               : RoundState::kNoStep;
+  if (step == RoundState::kNoStep) {
     return false;
   }
-  if (feed_->next_step() > step_) {
-    if (is_anyone_ready()) {
+  if (step > step_) {
+    if (peers_ != nullptr ? all_.is_ready : is_anyone_ready()) {
       return false;
     }
-    step_ = feed_->next_step();
+    step_ = step;
   }
-  feed_->put(now, step_);
+  if (is_fed_here && feed_->next_step() <= step_) {
+    feed_->put(now, step_);
+  }
   return true;
+}
+
+RoundState Simulation::state() {
+  const std::int64_t now_ns = base::to_ns(clock_.now());
+  RoundState state;
+  state.is_ready = is_anyone_ready();
+  state.is_computing = is_anyone_computing();
+  state.has_threads = foreign_threads_.load() != 0;
+  state.fed_step = has_fed_at(now_ns) ? feed_->next_step() : RoundState::kNoStep;
+  state.next_due_ns = next_due_ns();
+  state.next_unwatched_ns = next_due_ns(watcher_);
+  const std::lock_guard lock(mutex_);
+  state.is_held = holds_ != 0;
+  return state;
+}
+
+void Simulation::begin_round(std::optional<Time> limit) {
+  take_external();
+  if (peers_ == nullptr) {
+    return;
+  }
+  RoundState own = state();
+  own.is_advancing = limit.has_value();
+  own.limit_ns = limit ? base::to_ns(*limit) : base::kNever;
+  own.step = step_;
+  all_ = peers_->agree(own);
+  step_ = std::max(step_, all_.step);
 }
 
 bool Simulation::is_anyone_ready() const noexcept {
@@ -174,11 +207,11 @@ void Simulation::collect_round() {
   }
 }
 
+/// After `begin_round`; false if there is nothing to do in any process.
 bool Simulation::run_round() {
-  take_external();
   const bool is_fed = take_fed();
   collect_round();
-  if (round_.empty() && !is_fed) {
+  if (!is_fed && (peers_ != nullptr ? !all_.is_ready : round_.empty())) {
     return false;
   }
   for (const std::uint32_t first : std::exchange(first_, {})) {
@@ -206,6 +239,9 @@ bool Simulation::run_round() {
     }
   }
   run_jobs();
+  if (peers_ != nullptr) {
+    peers_->exchange();
+  }
   const std::uint32_t step = step_++;
   if (after_round) {
     after_round(step);
@@ -290,10 +326,20 @@ void Simulation::run_jobs() {
 
 void Simulation::run_now() {
   for (std::uint64_t rounds = 0; rounds < kMaxRoundsAtOnce; ++rounds) {
-    if (!run_round() && !end_computing()) {
+    begin_round();
+    if (run_round()) {
+      continue;
+    }
+    const bool has_ended = end_computing();
+    if (peers_ != nullptr ? !all_.is_computing : !has_ended) {
       return;
     }
   }
+}
+
+bool Simulation::is_anyone_computing() const noexcept {
+  return std::ranges::any_of(computing_until_ns_,
+                             [](std::int64_t until_ns) { return until_ns != base::kNever; });
 }
 
 bool Simulation::end_computing() noexcept {
@@ -367,14 +413,46 @@ void Simulation::advance(Time time) noexcept {
   }
 }
 
-Simulation::End Simulation::run_until(Time limit) {
+bool Simulation::advance_together(std::uint64_t seen, End& end) {
+  if (!all_.is_advancing) {
+    return false;  // Another one serves the present time only, and has not come as far as this one.
+  }
+  const Time limit = base::from_ns(all_.limit_ns);
+  const bool is_idle = limit == Time::max() && all_.next_unwatched_ns == base::kNever;
+  if (all_.is_held || (is_idle && all_.has_threads)) {
+    // All look again after a while: only one of them may hear of a change.
+    constexpr std::chrono::milliseconds kLook{1};
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, kLook, [&] { return changes_ != seen; });
+    return false;
+  }
+  if (is_idle) {
+    end = End::kIdle;
+    return true;
+  }
+  const Time next = std::min(base::from_ns(all_.next_due_ns), limit);
+  while (pace_ != nullptr && !wait_for_pace(seen, next) && !is_interrupted_.load()) {
+    seen = changes();
+  }
+  advance(next);
+  end = End::kReached;
+  return all_.next_due_ns > base::to_ns(limit);
+}
+
+Simulation::End Simulation::run_until(Time limit, bool may_end) {
   std::uint64_t rounds_at_once = 0;
   for (;;) {
-    if (is_interrupted_.load()) {
+    if (!may_end) {
+      clear_interrupt();
+    } else if (peers_ == nullptr && is_interrupted_.load()) {
       return End::kInterrupted;
     }
     // What comes from outside after this is seen as a change, and makes another pass.
     const std::uint64_t seen = changes();
+    begin_round(limit);
+    if (may_end && peers_ != nullptr && all_.is_to_end) {
+      return End::kInterrupted;
+    }
     if (run_round()) {
       if (++rounds_at_once > kMaxRoundsAtOnce) {
         return End::kStuck;
@@ -382,6 +460,13 @@ Simulation::End Simulation::run_until(Time limit) {
       continue;
     }
     rounds_at_once = 0;
+    if (peers_ != nullptr) {
+      End end{};
+      if (advance_together(seen, end)) {
+        return end;
+      }
+      continue;
+    }
     const std::int64_t next_ns = next_due_ns();
     const bool is_idle = limit == Time::max() && next_due_ns(watcher_) == base::kNever;
     // Threads that hold no time do not keep it from reaching the limit.

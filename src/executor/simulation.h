@@ -7,10 +7,12 @@
 #include <limits>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include "executor/actor.h"
+#include "executor/round_peers.h"
 
 namespace fastcycle::detail {
 
@@ -82,6 +84,9 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
 
   /// What else there is to serve. Before the first round; it has to live as long as rounds run.
   void set_feed(Feed& feed) noexcept { feed_ = &feed; }
+  /// Other processes that share this time. Before the first round; it has to live as long as rounds
+  /// run. All call `run_now` and `run_until` in the same order.
+  void set_peers(RoundPeers& peers) noexcept { peers_ = &peers; }
   /// Without one, time goes as fast as the components compute.
   void set_pace(Pace& pace) noexcept { pace_ = &pace; }
   /// `actor`, which was added, only watches: its timers are no reason for time to go on when
@@ -96,13 +101,16 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void begin_steps(std::uint32_t first, std::uint32_t end) noexcept;
 
   /// Serves everything up to `limit`, and moves the clock there.
-  End run_until(Time limit);
+  End run_until(Time limit) { return run_until(limit, true); }
+  /// The same, whatever would end a run.
+  void advance_to(Time time) { run_until(time, false); }
 
   /// Serves what is left to do at the present time, without advancing it; at most a hundred
   /// thousand rounds. What is still being computed is done at once.
   void run_now();
 
-  /// Ends `run_until` after the present round; `clear_interrupt` allows the next one.
+  /// Ends `run_until` after the present round; `clear_interrupt` allows the next one. With peers it
+  /// is they who say when it ends, since all must end in the same round.
   void interrupt() noexcept;
   void clear_interrupt() noexcept { is_interrupted_.store(false); }
 
@@ -153,10 +161,16 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
 
   static constexpr std::uint64_t kMaxRoundsAtOnce = 100'000;
 
+  End run_until(Time limit, bool may_end);
+  /// Takes what came from outside, and asks the peers what is to be done. With a `limit` time may
+  /// go on until then.
+  void begin_round(std::optional<Time> limit = {});
   bool run_round();
   void collect_round();
+  [[nodiscard]] RoundState state();
   /// What is still being computed is done now, as time does not go on; false if there is none.
   bool end_computing() noexcept;
+  [[nodiscard]] bool is_anyone_computing() const noexcept;
   [[nodiscard]] bool is_computing(std::size_t index) const noexcept {
     return computing_until_ns_[index] != base::kNever;
   }
@@ -175,6 +189,9 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   [[nodiscard]] std::uint64_t changes();
   /// Waits until something came from outside since `seen`; false if nothing has to be waited for.
   [[nodiscard]] bool wait_for_change(std::uint64_t seen, bool may_end);
+  /// As `run_until`, when no round is left: moves to the next moment that the peers agreed on.
+  /// Returns true if the run has ended, by `end`.
+  [[nodiscard]] bool advance_together(std::uint64_t seen, End& end);
   /// Waits until the pace lets time go to `next`; false if something came from outside since
   /// `seen`.
   [[nodiscard]] bool wait_for_pace(std::uint64_t seen, Time next);
@@ -184,6 +201,8 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   std::uint32_t steps_end_ = std::numeric_limits<std::uint32_t>::max();
   Feed* feed_ = nullptr;
   Pace* pace_ = nullptr;
+  RoundPeers* peers_ = nullptr;
+  RoundState all_;  ///< With peers: what all know together.
   const Actor* watcher_ = nullptr;
   std::vector<Actor*> actors_;
   std::vector<std::unique_ptr<ActivationRing>> rings_;

@@ -18,7 +18,7 @@
 namespace fastcycle::detail {
 
 /// A message as the rule sees it.
-struct Arrival {
+struct TestArrival {
   std::size_t topic;
   int time;
 };
@@ -51,7 +51,7 @@ void for_each_set(const std::vector<std::vector<std::size_t>>& held, std::size_t
 
 class Oracle {
  public:
-  Oracle(const std::vector<Arrival>& arrivals, std::size_t topics, SyncPolicy policy,
+  Oracle(const std::vector<TestArrival>& arrivals, std::size_t topics, SyncPolicy policy,
          int max_difference, std::size_t depth)
       : arrivals_(arrivals),
         policy_(policy),
@@ -191,7 +191,7 @@ class Oracle {
         matched_.sets, [&](const auto& set) { return std::ranges::count(set, message) > 0; });
   }
 
-  const std::vector<Arrival>& arrivals_;
+  const std::vector<TestArrival>& arrivals_;
   const SyncPolicy policy_;
   const int difference_;
   const std::size_t depth_;
@@ -205,14 +205,14 @@ class Oracle {
 
 /// Streams as sensors make them: a period and an offset each, jitter, losses, equal times; and, as
 /// networks do it, some that arrive late, or in a wrong order.
-inline std::vector<Arrival> random_streams(std::mt19937_64& random, std::size_t topics) {
+inline std::vector<TestArrival> random_streams(std::mt19937_64& random, std::size_t topics) {
   const auto up_to = [&](int limit) {
     return static_cast<int>(random() % static_cast<std::uint64_t>(limit + 1));
   };
   struct Sent {
     int arrives;
     std::size_t number;  ///< What arrives at one time stays in this order.
-    Arrival arrival;
+    TestArrival arrival;
   };
   std::vector<Sent> sent;
   const int period = 1 + up_to(20);
@@ -237,7 +237,7 @@ inline std::vector<Arrival> random_streams(std::mt19937_64& random, std::size_t 
   }
   std::ranges::sort(sent, {},
                     [](const Sent& message) { return std::pair(message.arrives, message.number); });
-  std::vector<Arrival> arrivals;
+  std::vector<TestArrival> arrivals;
   for (const Sent& message : sent) {
     arrivals.push_back(message.arrival);
   }

@@ -7,6 +7,7 @@
 #include "calls/services.h"
 #include "component/credits.h"
 #include "component/own_names.h"
+#include "component/peers.h"
 #include "config/params.h"
 #include "host/build_checks.h"
 #include "host/explanation.h"
@@ -24,6 +25,9 @@ using detail::ComponentCore;
 namespace {
 
 base::Clock make_clock(const ClockOptions& options) {
+  if (options.shared) {
+    return *options.shared;
+  }
   return options.is_simulated ? base::Clock::simulated() : base::Clock::live(options.rate);
 }
 
@@ -95,6 +99,15 @@ void Application::set_up() {
                                       .credits = topic.credits});
   }
   chains_.declare(topics());
+}
+
+EndReason end_reason_of(std::string_view word) noexcept {
+  for (int reason = 0; reason <= static_cast<int>(EndReason::kReplayFailed); ++reason) {
+    if (word == to_word(static_cast<EndReason>(reason))) {
+      return static_cast<EndReason>(reason);
+    }
+  }
+  return EndReason::kFault;
 }
 
 Application::~Application() {
@@ -171,17 +184,25 @@ void Application::check(config::Problems& problems, const std::set<std::string>&
   if (!own_topics_are_free) {
     check_own_topics(components_, problems);
   }
-  add_status(problems);
-  add_log(problems);
-  if (replay_ == nullptr) {  // Else those who use them may not run.
+  if (peers_ == nullptr || peers_->is_main()) {
+    add_status(problems);
+    add_log(problems);
+  }
+  const std::set<std::string>* services = nullptr;
+  if (replay_ != nullptr) {
+    services = &replay_->plan().services;
+  } else if (peers_ != nullptr) {
+    services = &peers_->services();
+  } else {  // Else those who use them may not run here.
     config::check_shared(description_.shared_params, declared_params, problems);
   }
-  service_names_ = connect_services(
-      components_, topics(), replay_ == nullptr ? nullptr : &replay_->plan().services, problems);
-  check_topics(description_, topics(), problems);
-  check_quality(description_, components_, problems);
-  check_credits(components_, topics(), problems);
-  chains_.check(problems);
+  service_names_ = connect_services(components_, topics(), services, problems);
+  if (peers_ == nullptr) {  // Else the trial has checked the whole, of which this is a part.
+    check_topics(description_, topics(), problems);
+    check_quality(description_, components_, problems);
+    check_credits(components_, topics(), problems);
+    chains_.check(problems);
+  }
   if (const auto& record = recorded_ ? recorded_ : description_.record) {
     check_patterns(*record, topics(), problems);
   }
@@ -293,15 +314,32 @@ std::map<std::string, std::string> Application::end_facts() const {
 }
 
 bool Application::is_replayed(const std::string& component) const {
-  return replay_ != nullptr && !replay_->plan().runs(component);
+  return (replay_ != nullptr && !replay_->plan().runs(component)) || runs_elsewhere(component);
+}
+
+bool Application::runs_elsewhere(const std::string& component) const {
+  return peers_ != nullptr && !peers_->runs_here(component);
 }
 
 void Application::declare_replayed(ComponentCore& component) {
-  if (replay_ != nullptr) {
-    replay_->declare(component);
+  if (replay_ != nullptr && !replay_->plan().runs(component.name)) {
+    replay_->declare(component);  // In all processes alike.
+  } else if (peers_ != nullptr) {
+    peers_->declare(component);
   } else {
     declare_stand_in(component);
   }
+}
+
+bool Application::shares_rounds() const {
+  return peers_ != nullptr && peers_->rounds() != nullptr;
+}
+
+bool Application::is_to_end() const {
+  if (shares_rounds()) {
+    return peers_->agreed_end() == Peers::AgreedEnd::kOther;
+  }
+  return is_failure(end_reason()) || end_reason() == EndReason::kRequested;
 }
 
 std::string Application::service_name(std::uint64_t id) const {
@@ -314,7 +352,8 @@ std::string Application::service_name(std::uint64_t id) const {
 /// When the timers start: now, or when they did in the run that is replayed.
 Time Application::begin_of_timers() {
   if (replay_ == nullptr) {
-    return clock_.now();
+    return peers_ != nullptr ? peers_->agree_on_begin([this] { return is_to_end(); })
+                             : clock_.now();
   }
   const Time begin = replay_->begin_of_timers();
   if (begin > clock_.now()) {
@@ -360,6 +399,9 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
       refusals_.push_back(std::move(*refused));
     }
   }
+  if (shares_rounds()) {
+    driver_->set_peers(*peers_->rounds());
+  }
   driver_->start(refusals_);
   observers_.start(*this, *driver_, keep_reads(), refusals_);
   is_started_ = true;
@@ -379,7 +421,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
 }
 
 EndReason Application::run(std::optional<Duration> limit) {
-  if (end_reason() != EndReason::kNone) {
+  if (end_reason() != EndReason::kNone && !shares_rounds()) {
     return end_reason();
   }
   const Time end = limit ? start_time() + *limit : Time::max();
@@ -400,7 +442,8 @@ EndReason Application::run(std::optional<Duration> limit) {
       request_end(EndReason::kStuck);
       break;
     case TimeDriver::End::kInterrupted:
-      if (end_reason() == EndReason::kSourcesFinished) {
+      if (shares_rounds() ? peers_->agreed_end() == Peers::AgreedEnd::kInputOver
+                          : end_reason() == EndReason::kSourcesFinished) {
         driver_->settle();  // What the last input leads to belongs to the run.
       }
       break;
@@ -433,9 +476,20 @@ void Application::stop() {
     wiring_.close_external(
         [this](const ComponentCore& component) { return is_replayed(component.name); });
     lifecycle_.stop_timers();
+    if (peers_ != nullptr) {
+      // What is under way here may become something there, and come back.
+      peers_->reach(Peers::Step::kTimersStopped);
+      lifecycle_.drain();
+      peers_->reach(Peers::Step::kDrained);
+      lifecycle_.drain();
+      peers_->reach(Peers::Step::kDrainedAgain);
+    }
     lifecycle_.drain();
     end_time_ = clock_.now();
     lifecycle_.stop_components();
+    if (peers_ != nullptr) {
+      peers_->end();
+    }
     lifecycle_.finish();
   }
   params_.end();
@@ -495,7 +549,12 @@ bool Application::sources_are_finished() const {
 
 void Application::source_finished(ComponentCore& component) {
   component.is_source_finished = true;
-  if (sources_are_finished()) {
+  if (!sources_are_finished()) {
+    return;
+  }
+  if (peers_ != nullptr) {
+    peers_->sources_finished();
+  } else {
     request_end(EndReason::kSourcesFinished);
   }
 }

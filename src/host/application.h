@@ -54,11 +54,15 @@ enum class EndReason : std::uint8_t {
 };
 
 [[nodiscard]] const char* to_word(EndReason reason) noexcept;
+/// The reason of which this is the word; `kFault` if it is none.
+[[nodiscard]] EndReason end_reason_of(std::string_view word) noexcept;
 
 /// How time passes.
 struct ClockOptions {
   bool is_simulated = false;
-  double rate = 1.0;     ///< Live only.
+  double rate = 1.0;  ///< Live only.
+  /// Live only: the clock that it shares with the application's other processes; else its own.
+  std::optional<base::Clock> shared = {};
   unsigned workers = 0;  ///< Simulated only; 0: as many as the machine has CPUs.
 };
 
@@ -113,6 +117,11 @@ class Application final : public ApplicationHost {
             std::string_view detail = {}) noexcept override;
   /// Components may publish what is FastCycle's own otherwise: for tests.
   bool own_topics_are_free = false;
+  /// It is one process of several; these have to live longer than this.
+  void set_peers(Peers& peers) { peers_ = &peers; }
+  /// In simulated time, before the start: it begins at `time`.
+  void begin_at(Time time) { clock_.restart(time); }
+  [[nodiscard]] Peers* peers() const override { return peers_; }
   /// Declares the publishers of a component in whose place a recording is executed again.
   std::function<void(detail::ComponentCore&)> declare_stand_in;
   /// Called with a component's name before its constructor.
@@ -206,6 +215,7 @@ class Application final : public ApplicationHost {
   [[nodiscard]] const Components& components() const override { return components_; }
   [[nodiscard]] bool is_replay() const override { return replay_ != nullptr; }
   [[nodiscard]] bool is_replayed(const std::string& component) const override;
+  [[nodiscard]] bool runs_elsewhere(const std::string& component) const override;
   [[nodiscard]] std::string service_name(std::uint64_t id) const override;
   /// None in simulated time.
   [[nodiscard]] const std::vector<std::unique_ptr<detail::Executor>>& executors() const {
@@ -219,9 +229,7 @@ class Application final : public ApplicationHost {
 
   // What components tell.
   void end_by_fault() override { request_end(EndReason::kFault); }
-  [[nodiscard]] bool is_to_end() const override {
-    return is_failure(end_reason()) || end_reason() == EndReason::kRequested;
-  }
+  [[nodiscard]] bool is_to_end() const override;
   void component_changed(detail::ComponentCore& component, bool is_urgent) override;
   /// A call of `component` takes longer than it may, or, if `hang` is empty, does no more. Safe.
   void hang_changed(detail::ComponentCore& component, std::string hang);
@@ -249,6 +257,7 @@ class Application final : public ApplicationHost {
                      std::function<void(const ParamsResult&)> done) override {
     params_.make_later(component, std::move(changes), std::move(done));
   }
+  [[nodiscard]] std::vector<ParamInfo> list_params() const override { return params_.list(); }
 
  private:
   void set_up();
@@ -260,6 +269,8 @@ class Application final : public ApplicationHost {
   [[nodiscard]] bool is_own_topic_wanted(const std::string& name) const;
   void add_status(config::Problems& problems);
   void add_log(config::Problems& problems);
+  /// Whether all processes of the application serve the same rounds of simulated time.
+  [[nodiscard]] bool shares_rounds() const;
   Time begin_of_timers();
   std::vector<const detail::ReadRing*> keep_reads();
   [[nodiscard]] bool sources_are_finished() const;
@@ -288,6 +299,7 @@ class Application final : public ApplicationHost {
   RecorderObserver* recorder_ = nullptr;       ///< One of the observers, as the next one.
   FlightObserver* flight_recorder_ = nullptr;  ///< Null if there is none.
   Replay* replay_ = nullptr;
+  Peers* peers_ = nullptr;
   std::vector<base::Refusal> refusals_;
   bool is_built_ = false;
   bool is_started_ = false;

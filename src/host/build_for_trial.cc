@@ -3,10 +3,11 @@
 #include <utility>
 
 #include "host/application.h"
+#include "host/application_wiring.h"
 
 namespace fastcycle::host {
 
-std::shared_ptr<void> build_for_trial(
+BuiltForTrial build_for_trial(
     config::ApplicationDescription description, ComponentClasses& classes,
     ConstructorFault on_throw,
     const std::function<void(const std::string& component)>& before_construct,
@@ -15,7 +16,8 @@ std::shared_ptr<void> build_for_trial(
       std::move(description), ClockOptions{.is_simulated = true, .workers = 1});
   application->before_construct = before_construct;
   application->build(classes, problems, on_throw);
-  return application;
+  return {.kept = application,
+          .wiring = problems.has_errors() ? "" : to_text(wiring_of(*application))};
 }
 
 }  // namespace fastcycle::host

@@ -1,17 +1,17 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <string>
 
 #include "config/description.h"
 #include "config/problem.h"
 #include "loading/component_classes.h"
+#include "loading/trial.h"
 
 namespace fastcycle::host {
 
 /// The `BuildForTrial` of a whole application.
-[[nodiscard]] std::shared_ptr<void> build_for_trial(
+[[nodiscard]] BuiltForTrial build_for_trial(
     config::ApplicationDescription description, ComponentClasses& classes,
     ConstructorFault on_throw,
     const std::function<void(const std::string& component)>& before_construct,

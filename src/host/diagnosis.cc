@@ -28,6 +28,31 @@ std::chrono::nanoseconds limit_of(const config::HangDescription& hang, bool is_l
   return is_lifecycle ? hang.lifecycle_limit : hang.callback_limit;
 }
 
+/// Where it stands. Below the component's own code there is only how the framework came to call it.
+std::vector<std::string> stack_of(const RunningCall& call) {
+  constexpr std::size_t kMaxLines = 12;
+  const std::size_t own = call.own_frames();
+  std::vector<std::string> lines;
+  for (std::size_t i = 0; i < std::min(own == 0 ? call.stack.size() : own, kMaxLines); ++i) {
+    lines.push_back("  #" + std::to_string(i) + " " + call.stack[i]);
+  }
+  return lines;
+}
+
+/// As its component asks. What is told goes past the log, which may not be written any more.
+[[noreturn]] void end_process_of(const RunningCall& call) {
+  const ComponentCore& core = core_of(call);
+  std::string text = "\nfastcycle: component \"" + core.name + "\": " + call.in_words() +
+                     "; its process ends now, as its \"on_hang\" says\n  it stands in " +
+                     call.place() + ", thread " + call.thread + "\n";
+  for (const std::string& line : stack_of(call)) {
+    text += line + "\n";
+  }
+  std::fputs(text.c_str(), stderr);
+  std::fflush(stderr);
+  diagnostics::end_process(1);
+}
+
 }  // namespace
 
 Diagnosis::Diagnosis(Application& application, std::filesystem::path folder)
@@ -116,15 +141,15 @@ diagnostics::Watchdog::Options Diagnosis::options() {
 
 void Diagnosis::hangs(const RunningCall& call) {
   ComponentCore& core = core_of(call);
+  if (core.description.hang.on_hang == config::OnHang::kEndProcess) {
+    end_process_of(call);
+  }
   const bool is_end = core.description.hang.on_hang == config::OnHang::kStop;
   const LogLevel level = is_end ? LogLevel::kError : LogLevel::kWarning;
   application_.log(level, core.name, call.in_words());
   application_.log(level, core.name, "it stands in " + call.place() + ", thread " + call.thread);
-  // Below the component's own code there is only how the framework came to call it.
-  constexpr std::size_t kMaxLines = 12;
-  const std::size_t own = call.own_frames();
-  for (std::size_t i = 0; i < std::min(own == 0 ? call.stack.size() : own, kMaxLines); ++i) {
-    application_.log(level, core.name, "  #" + std::to_string(i) + " " + call.stack[i]);
+  for (const std::string& line : stack_of(call)) {
+    application_.log(level, core.name, line);
   }
   application_.hang_changed(core, call.in_words());
   if (is_end) {

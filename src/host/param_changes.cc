@@ -13,6 +13,7 @@
 #include "component/time_driver.h"
 #include "config/nearest.h"
 #include "config/parse.h"
+#include "params/param_info.h"
 #include "params/param_value.h"
 
 namespace fastcycle::host {
@@ -346,6 +347,19 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
         [&component, tell, key] { component.post(detail::Cause::kParameter, tell, nullptr, key); });
   };
   application_.time().stage(component, change);
+}
+
+std::vector<ParamInfo> ParamChanges::list() const {
+  std::vector<ParamInfo> infos;
+  const std::lock_guard lock(mutex_);
+  for (const auto& component : application_.components()) {
+    for (const DeclaredParam& param : component->param_table.all()) {
+      if (param.is_declared) {
+        infos.push_back(info_of(component->name, param));
+      }
+    }
+  }
+  return infos;
 }
 
 std::map<std::string, std::string> ParamChanges::facts() const {

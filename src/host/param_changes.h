@@ -11,6 +11,7 @@
 
 #include "base/priority_mutex.h"
 #include "config/problem.h"
+#include "fastcycle/param_list.h"
 #include "fastcycle/params.h"
 #include "params/param_table.h"
 
@@ -40,6 +41,9 @@ class ParamChanges {
   /// simulated time the change is made when the present round is over.
   void make_later(detail::ComponentCore& component, std::vector<ParamChange> changes,
                   std::function<void(const ParamsResult&)> done);
+
+  /// What others see of the params of all components: what the last transaction made of them.
+  [[nodiscard]] std::vector<ParamInfo> list() const;
 
   /// Where a recorded run is executed again: `component` puts in place what it did then, when it is
   /// given the control cause for it.

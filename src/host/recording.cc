@@ -163,6 +163,7 @@ void record_for(detail::ComponentCore& component, const config::RecordDescriptio
                         "leave one of them out"));
     return;
   }
+  component.is_recorder = true;
   component.application.record(description);
 }
 

@@ -67,7 +67,8 @@ bool SimulatedDriver::perform(const std::function<void()>& action) {
   std::int64_t seen_ns = base::monotonic_ns();
   while (!changed_.wait_for(lock, std::chrono::milliseconds(100), [this] { return !action_; })) {
     const std::int64_t now_ns = base::monotonic_ns();
-    if (!is_ending_ || activations() != seen) {
+    // A process that waits for another one's component has not hung.
+    if (!is_ending_ || activations() != seen || (peers_ != nullptr && peers_->is_waiting())) {
       seen = activations();
       seen_ns = now_ns;
     } else if (now_ns - seen_ns > std::chrono::nanoseconds(kHangLimit).count()) {
@@ -102,6 +103,11 @@ void SimulatedDriver::set_pace(WallPace& pace) {
   pace_ = &pace;
   pace.on_change = [this] { simulation_.look_again(); };
   simulation_.set_pace(pace);
+}
+
+void SimulatedDriver::set_peers(detail::RoundPeers& peers) {
+  peers_ = &peers;
+  simulation_.set_peers(peers);
 }
 
 void SimulatedDriver::start(std::vector<base::Refusal>&) {
@@ -145,6 +151,12 @@ ControlCall SimulatedDriver::call(detail::Actor& actor, detail::LifeStep step,
   return call;
 }
 
+void SimulatedDriver::follow_call() {
+  if (peers_ != nullptr) {
+    perform([this] { simulation_.run_now(); });
+  }
+}
+
 TimeDriver::End SimulatedDriver::run(Time limit, Time input_end) {
   simulation_.clear_interrupt();
   if (pace_ != nullptr) {
@@ -172,10 +184,7 @@ TimeDriver::End SimulatedDriver::run(Time limit, Time input_end) {
 }
 
 void SimulatedDriver::advance_to(Time time) {
-  // What would end a run, such as the end of all input, is no reason to stop here.
-  do {
-    simulation_.clear_interrupt();
-  } while (simulation_.run_until(time) == detail::Simulation::End::kInterrupted);
+  simulation_.advance_to(time);
 }
 
 void SimulatedDriver::await(std::int64_t deadline_ns, const std::function<bool()>& condition) {

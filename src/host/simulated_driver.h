@@ -34,6 +34,7 @@ class SimulatedDriver final : public TimeDriver {
   void set_watcher(const detail::Actor& actor) override { simulation_.set_watcher(actor); }
   void set_feed(detail::Feed& feed) override { simulation_.set_feed(feed); }
   void set_pace(WallPace& pace) override;
+  void set_peers(detail::RoundPeers& peers) override;
   void after_round(std::function<void(std::uint32_t step)> action) override {
     simulation_.after_round = std::move(action);
   }
@@ -43,6 +44,7 @@ class SimulatedDriver final : public TimeDriver {
   void begin_run(std::uint32_t parts) override;
   [[nodiscard]] ControlCall call(detail::Actor& actor, detail::LifeStep step,
                                  std::function<void()> body) override;
+  void follow_call() override;
   End run(Time limit, Time input_end) override;
   void advance_to(Time time) override;
   void settle() override;
@@ -80,6 +82,7 @@ class SimulatedDriver final : public TimeDriver {
   base::Clock& clock_;
   detail::Simulation simulation_;
   WallPace* pace_ = nullptr;
+  detail::RoundPeers* peers_ = nullptr;
   std::atomic<bool> is_ending_{false};
   bool has_hung_ = false;
 

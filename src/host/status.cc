@@ -223,8 +223,10 @@ void StatusComponent::fill_component(std::size_t index, status::Component& compo
   const ComponentCore& core = *sources_->application.components()[index];
   const ComponentNews& news = heard_[index];
   component.set_name(core.name);
-  component.set_state(sources_->application.is_replayed(core.name) ? status::STATE_REPLAYED
-                                                                   : to_message(core.state.load()));
+  const ApplicationHost& application = sources_->application;
+  component.set_state(application.runs_elsewhere(core.name) ? status::STATE_ELSEWHERE
+                      : application.is_replayed(core.name)  ? status::STATE_REPLAYED
+                                                            : to_message(core.state.load()));
   component.set_health(to_message(news.health));
   component.set_health_reason(news.health_reason);
   component.set_hang(core.hang());

@@ -155,8 +155,10 @@ void fill_components(const host::Application& application,
     said.set_executor(core->description.executor.empty() && !executors.empty()
                           ? executors.back()
                           : core->description.executor);
-    said.set_state(application.is_replayed(core->name) ? "replayed"
-                                                       : host::to_word(core->state.load()));
+    said.set_process(core->description.process);
+    said.set_state(application.runs_elsewhere(core->name) ? "elsewhere"
+                   : application.is_replayed(core->name)  ? "replayed"
+                                                          : host::to_word(core->state.load()));
     const detail::ActorStatistics& statistics = core->statistics;
     said.set_activations(statistics.activations.get());
     said.set_faults(statistics.faults.get());
@@ -221,7 +223,7 @@ void fill_topic(const SeenTopic& seen, bool with_buckets, protocol::Topic& topic
     said.set_id(publisher->id);
     said.set_published(publisher->published());
     said.set_last_publish_ns(base::to_ns(publisher->last_publish_time()));
-    said.set_is_external(publisher->options.is_external);
+    said.set_is_external(publisher->options.is_external && !publisher->is_imported);
     topic.set_published(topic.published() + said.published());
   }
   for (const detail::Subscription* subscription : seen.subscriptions) {

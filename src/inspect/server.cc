@@ -10,13 +10,12 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/eventfd.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "base/clock.h"
 #include "base/log_level.h"
+#include "base/priority.h"
 #include "inspect/frame.h"
 #include "inspect/refusal.h"
 #include "report/graph.h"
@@ -35,7 +34,6 @@ constexpr std::int64_t kAcceptNs = 100 * kMs;      // Between two tries while no
 constexpr std::size_t kMaxGreetingBytes = 4096;
 constexpr std::size_t kMaxPlainBytes = std::size_t{64} << 10U;  // Where no messages may be sent.
 constexpr std::size_t kMaxLogLines = 1024;
-constexpr int kNice = 10;
 constexpr const char* kName = "inspect";
 
 }  // namespace
@@ -112,7 +110,7 @@ void Server::open(config::Problems& problems) {
     }
     reserve_ = ::eventfd(0, EFD_CLOEXEC);
   } catch (const std::exception& error) {
-    problems.add(config::mistake(description_.place, std::string("inspect: ") + error.what()));
+    problems.add(config::mistake(description_.place, error.what()));
     return;
   }
   taps_.provide();
@@ -184,8 +182,7 @@ void Server::wake() noexcept {
 // ------------------------------------------------------------------------------------ the thread
 
 void Server::serve() {
-  // Of this thread alone; lower is always allowed.
-  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), kNice);
+  base::give_way();
   while (!is_stopping_.load()) {
     wait();
     accept_joining();
@@ -536,6 +533,8 @@ void Server::write(Client& client, std::int64_t now_ns) {
   }
   if (!is_there) {
     client.is_over = true;
+  } else if (connection.is_within) {
+    // It is slow only where the machine is; what waits for it is bounded all the same.
   } else if (connection.waiting() > 2 * Connection::kMaxWaiting ||
              (connection.stuck_since_ns() != 0 &&
               now_ns - connection.stuck_since_ns() > patience_ns_)) {

@@ -213,6 +213,8 @@ class Stranger {
       throw std::runtime_error("nobody listens");
     }
   }
+  /// At the other end of `descriptor`.
+  explicit Stranger(int descriptor) : descriptor_(descriptor) {}
   Stranger(const Stranger&) = delete;
   Stranger& operator=(const Stranger&) = delete;
   ~Stranger() { ::close(descriptor_); }
@@ -667,6 +669,20 @@ TEST(AHostileClient, ThatDoesNotReadIsDroppedAndCounted) {
   EXPECT_TRUE(stranger.is_closed());
   const protocol::Overview overview = other.ask(overview_request()).overview();
   EXPECT_EQ(overview.clients(), 1U);
+  EXPECT_EQ(overview.clients_dropped(), 1U);
+}
+
+TEST(AClientOfTheSameProcess, IsKeptWhenItDoesNotRead) {
+  Running run({}, {}, 50ms);
+  const Stranger within(run.server->connect());
+  within.say(endless_questions());
+  const Stranger without(run.socket());
+  without.say(endless_questions());
+  ASSERT_TRUE(without.is_closed());  // Who came later has been stuck for too long by now.
+
+  Client other(run.socket(), "test");
+  const protocol::Overview overview = other.ask(overview_request()).overview();
+  EXPECT_EQ(overview.clients(), 2U);
   EXPECT_EQ(overview.clients_dropped(), 1U);
 }
 

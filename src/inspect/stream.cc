@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/clock.h"
+#include "broker/serialized.h"
 #include "inspect/elide.h"
 #include "inspect/frame.h"
 #include "record/descriptor_set.h"
@@ -41,7 +42,7 @@ const protocol::Message& Excerpts::full(const detail::Envelope& envelope) {
     full_.payload = envelope.payload;
     full_.sequence = envelope.info.sequence;
     full_.message.Clear();
-    envelope.payload->SerializePartialToString(full_.message.mutable_payload());
+    detail::serialize(*envelope.payload, *full_.message.mutable_payload());
   }
   return full_.message;
 }
@@ -129,7 +130,7 @@ void Stream::take(const detail::PublisherCore& publisher, const detail::Envelope
   if (options_.with_size) {
     message.set_bytes(options_.content == protocol::Stream::CONTENT_FULL
                           ? message.payload().size()
-                          : envelope.payload->ByteSizeLong());
+                          : detail::serialized_size(*envelope.payload));
   }
 }
 

@@ -140,6 +140,10 @@ fs::path core_library_folder() {
   return fs::weakly_canonical(info.dli_fname, ignored).parent_path();
 }
 
+fs::path helper_program(const std::string& name) {
+  return (core_library_folder() / FASTCYCLE_HELPERS / name).lexically_normal();
+}
+
 std::vector<fs::path> library_folders(const config::ApplicationDescription& description,
                                       const std::vector<fs::path>& from_command_line) {
   std::vector<fs::path> folders = from_command_line;

@@ -23,9 +23,11 @@ namespace fastcycle::host {
     const std::vector<std::filesystem::path>& from_command_line);
 
 /// The folder of libfastcycle.so, from which installed things are found: `fastcycle` in it holds
-/// the component libraries, and FASTCYCLE_HELPERS (src/loading/CMakeLists.txt) leads from it to the
-/// helper programs.
+/// the component libraries.
 [[nodiscard]] std::filesystem::path core_library_folder();
+/// Where the helper program `name` lies, if it is installed; FASTCYCLE_HELPERS
+/// (src/loading/CMakeLists.txt) leads there from the folder of libfastcycle.so.
+[[nodiscard]] std::filesystem::path helper_program(const std::string& name);
 
 /// Where the library `name` lies below a folder of libraries: `libworld.so` for `world`,
 /// `ads/libworld.so` for `ads/world`.

@@ -34,8 +34,9 @@ using nlohmann::json;
 constexpr int kReportDescriptor = 3;
 // Of one text of a problem; what a constructor throws may be as long as it likes.
 constexpr std::size_t kMaxTextBytes = 4096;
-// Of one line of the report; with all its texts a problem is far below.
-constexpr std::size_t kMaxLineBytes = std::size_t{1024} * 1024;
+// Of one line of the report; with all its texts a problem is far below, and the wiring of a
+// thousand components.
+constexpr std::size_t kMaxLineBytes = std::size_t{8} * 1024 * 1024;
 
 /// The beginning of a text that is too long, cut between two characters, and how much is missing.
 std::string shortened(const std::string& text) {
@@ -87,6 +88,7 @@ json to_json(const TrialOptions& options, const std::set<std::string>& without,
           {"overlays", overlays},
           {"sets", options.load.sets},
           {"variables", options.load.variables},
+          {"isolated", options.load.isolated},
           {"schema", options.load.schema_file.string()},
           {"library_path", paths},
           {"throw_is_mistake", options.on_throw == ConstructorFault::kMistake},
@@ -106,7 +108,7 @@ struct ChildResult {
   std::string errors;          ///< The end of its standard error.
   std::string proto_library;   ///< Which library has the wanted .proto.
   std::vector<config::Problem> problems;
-  LibraryFiles files;
+  TrialResult trial;
 };
 
 /// The child process, with a pipe for its report and one for its standard error. It leads a process
@@ -152,8 +154,7 @@ class Child {
     posix_spawnattr_setsigmask(&attributes, &none);
     posix_spawnattr_setpgroup(&attributes, 0);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
-    const std::string program =
-        (core_library_folder() / FASTCYCLE_HELPERS / "fastcycle-trial").lexically_normal().string();
+    const std::string program = helper_program("fastcycle-trial").string();
     std::string name = "fastcycle-trial";
     char* arguments[] = {name.data(), nullptr};
     error = posix_spawn(&pid_, program.c_str(), &actions, &attributes, arguments, environ);
@@ -319,10 +320,12 @@ void take(const json& said, ChildResult& result) {
   } else if (kind == "proto") {
     result.proto_library = said.at("name");
   } else if (kind == "file") {
-    result.files[said.at("name")] = {.device = said.at("device"),
-                                     .inode = said.at("inode"),
-                                     .size = said.at("size"),
-                                     .modified_ns = said.at("modified_ns")};
+    result.trial.files[said.at("name")] = {.device = said.at("device"),
+                                           .inode = said.at("inode"),
+                                           .size = said.at("size"),
+                                           .modified_ns = said.at("modified_ns")};
+  } else if (kind == "wiring") {
+    result.trial.wiring = said.at("text");
   } else if (kind == "done") {
     result.is_done = true;
   } else {
@@ -426,7 +429,7 @@ config::Problem to_problem(const TrialOptions& options, const config::Place& pla
 
 }  // namespace
 
-LibraryFiles try_application(const TrialOptions& options, config::Problems& problems) {
+TrialResult try_application(const TrialOptions& options, config::Problems& problems) {
   config::Problems ignored;
   const config::ApplicationDescription description = config::load(options.load, ignored);
   // One more child for each library and each component that ends one.
@@ -443,7 +446,7 @@ LibraryFiles try_application(const TrialOptions& options, config::Problems& prob
             description.place, "the trial of the libraries reported something that cannot be read",
             "does a component write to a file descriptor that is not its own?"));
       }
-      return result.files;
+      return result.trial;
     }
     if (result.last_name.empty()) {
       const std::string line = last_line(result.errors);
@@ -555,17 +558,21 @@ int run_trial_child(const BuildForTrial& build) {
       .overlays = to_paths(options["overlays"]),
       .sets = options["sets"],
       .variables = options["variables"],
+      .isolated = options["isolated"],
       .schema_file = options["schema"].get<std::string>()};
   config::ApplicationDescription description = config::load(load, problems);
   LibraryLoader loader(library_folders(description, to_paths(options["library_path"])));
   NarratingClasses classes(loader, options["without"], options["wanted_proto"]);
-  const std::shared_ptr<void> built = build(
+  const BuiltForTrial built = build(
       std::move(description), classes,
       options["throw_is_mistake"] ? ConstructorFault::kMistake : ConstructorFault::kFault,
       [](const std::string& component) { say({{"kind", "constructing"}, {"name", component}}); },
       problems);
   for (const config::Problem& problem : problems.all()) {
     say({{"kind", "problem"}, {"problem", to_json(problem)}});
+  }
+  if (!built.wiring.empty()) {
+    say({{"kind", "wiring"}, {"text", built.wiring}});
   }
   say({{"kind", "done"}});
   // Destructors had their say in no run yet; they must not end this trial either.

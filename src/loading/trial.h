@@ -27,6 +27,12 @@ struct TrialOptions {
   static constexpr std::chrono::milliseconds kNotice{900};
 };
 
+/// What a trial found out.
+struct TrialResult {
+  LibraryFiles files;  ///< Which files the libraries were, for `LibraryLoader::expect`.
+  std::string wiring;  ///< `ApplicationWiring` as text; empty if it could not be built.
+};
+
 /// Loads all libraries and constructs all components in a child process, and adds to `problems`
 /// what went wrong there, also what ended or hung the child: a library that aborts, exits or never
 /// returns is a named mistake of the application, not the end of the host.
@@ -34,16 +40,20 @@ struct TrialOptions {
 /// After a library ended the child, another child goes on without it, so that every mistake shows.
 /// Processes that a library started in the child end with it, unless they left its process group.
 ///
-/// Returns which files the libraries were, for `LibraryLoader::expect`.
-///
 /// @threads  Safe; the calling process may have other threads.
 /// @errors   Everything goes to `problems`.
-LibraryFiles try_application(const TrialOptions& options, config::Problems& problems);
+TrialResult try_application(const TrialOptions& options, config::Problems& problems);
+
+/// An application that was constructed, in a trial: `kept` keeps its components, whose destructors
+/// are not called there.
+struct BuiltForTrial {
+  std::shared_ptr<void> kept;
+  std::string wiring = {};  ///< For `TrialResult`.
+};
 
 /// Constructs all components of an application, as a run does, and starts none. Calls
-/// `before_construct` with the name of each before its constructor. What it returns keeps them:
-/// their destructors are not called in a trial.
-using BuildForTrial = std::function<std::shared_ptr<void>(
+/// `before_construct` with the name of each before its constructor.
+using BuildForTrial = std::function<BuiltForTrial(
     config::ApplicationDescription description, ComponentClasses& classes,
     ConstructorFault on_throw,
     const std::function<void(const std::string& component)>& before_construct,

@@ -44,6 +44,9 @@ class Ways {
       }
       for (const auto& publisher : topic->publishers) {
         publishes_[publisher->owner.name].insert(name);
+        if (publisher->brings_trails()) {
+          brought_.insert(name);
+        }
       }
     }
   }
@@ -57,6 +60,16 @@ class Ways {
     return names;
   }
 
+  /// The topics that come from other applications, where chains may have begun.
+  [[nodiscard]] const std::set<std::string>& brought() const { return brought_; }
+  /// These, and the topics to which something of them gets.
+  [[nodiscard]] std::set<std::string> beyond_brought() const {
+    std::set<std::string> reached = brought_;
+    for (const std::string& topic : brought_) {
+      reached.merge(beyond(topic));
+    }
+    return reached;
+  }
   /// The topics to which something of `from` gets.
   [[nodiscard]] std::set<std::string> beyond(const std::string& from) const {
     std::set<std::string> reached;
@@ -87,6 +100,7 @@ class Ways {
   std::vector<std::string> published_;
   std::map<std::string, std::set<std::string>> subscribers_;
   std::map<std::string, std::set<std::string>> publishes_;
+  std::set<std::string> brought_;
 };
 
 config::Place place_of(const config::ApplicationDescription& application,
@@ -97,17 +111,6 @@ config::Place place_of(const config::ApplicationDescription& application,
     }
   }
   return chain.place;
-}
-
-/// The publisher of each number.
-std::map<PublisherId, const detail::PublisherCore*> publishers_of(const detail::Topics& topics) {
-  std::map<PublisherId, const detail::PublisherCore*> publishers;
-  for (const auto& [name, topic] : topics.all()) {
-    for (const auto& publisher : topic->publishers) {
-      publishers[publisher->id] = publisher.get();
-    }
-  }
-  return publishers;
 }
 
 nlohmann::ordered_json json_of(const base::HistogramSummary& summary) {
@@ -205,10 +208,11 @@ void Chains::check(config::Problems& problems) {
     };
     const Topic* from = wiring_.topics().find(chain.from);
     const bool is_published = from != nullptr && !from->publishers.empty();
-    if (!is_published) {
+    const bool begins_elsewhere = !is_published && !ways.brought().empty();
+    if (!is_published && !begins_elsewhere) {
       add("from", "begins at \"" + chain.from + "\", which nobody publishes",
           config::did_you_mean(config::nearest(chain.from, ways.published())));
-    } else if (!from->ages()) {
+    } else if (is_published && !from->ages()) {
       add("from", "begins at \"" + chain.from + "\", whose messages do not grow old",
           "the topic is latched, or its \"ages\" is false");
     }
@@ -217,10 +221,11 @@ void Chains::check(config::Problems& problems) {
       add("to", "ends at \"" + chain.to + "\", to which nobody subscribes: nobody is late",
           config::did_you_mean(config::nearest(chain.to, subscribed)));
     }
-    if (!is_published || !is_subscribed) {
+    if ((!is_published && !begins_elsewhere) || !is_subscribed) {
       continue;
     }
-    const std::set<std::string> reached = ways.beyond(chain.from);
+    std::set<std::string> reached = ways.beyond(chain.from);
+    reached.merge(ways.beyond_brought());  // It may have come back from another application.
     if (!reached.contains(chain.to)) {
       std::string names;
       for (const std::string& name : reached) {
@@ -260,7 +265,6 @@ ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) c
   if (to == nullptr) {
     return report;
   }
-  const auto publishers = publishers_of(topics);
   base::Histogram age;
   std::map<std::pair<std::string, std::string>, Sum> sums;  // By component and topic.
   for (const auto& subscription : to->subscriptions) {
@@ -278,9 +282,9 @@ ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) c
       for (std::size_t i = 0; i < count; ++i) {
         const ChainEnd::HopStatistics& hop = end->hops[i];
         HopReport named{.component = subscription->component};
-        if (const auto found = publishers.find(hop.publisher.load()); found != publishers.end()) {
-          named.component = found->second->owner.name;
-          named.topic = found->second->topic.name;
+        if (auto names = topics.names().find(hop.publisher.load())) {
+          named.component = std::move(names->component);
+          named.topic = std::move(names->topic);
         }
         Sum& sum = sums[{named.component, named.topic}];
         sum.place = std::max(sum.place, hop.place.load());

@@ -152,6 +152,7 @@ void PlayedLog::take_problem(const std::string& what) {
     }
   }
   has_new_ = false;
+  problem_ = what;
   on_problem_(what);
 }
 
@@ -422,6 +423,7 @@ protocol::Playback PlayedLog::state() const {
   playback.set_speed(speed_);
   playback.set_seeks(seeks_);
   playback.set_can_seek(true);
+  playback.set_problem(problem_);
   return playback;
 }
 
@@ -442,6 +444,7 @@ void PlayedLog::obey(const protocol::ControlPlayback& control) {
     sent_ = anchor_;
     ++seeks_;
     moment_ = {};
+    problem_.clear();
     is_selected_ = false;
     has_new_ = true;
     for (const auto& client : clients_) {
@@ -452,6 +455,7 @@ void PlayedLog::obey(const protocol::ControlPlayback& control) {
   }
   if (control.command() == protocol::ControlPlayback::COMMAND_PLAY) {
     is_paused_ = false;
+    problem_.clear();
     is_selected_ = is_selected_ && !std::exchange(is_broken_, false);  // It is tried again.
   } else if (control.command() == protocol::ControlPlayback::COMMAND_PAUSE) {
     is_paused_ = true;

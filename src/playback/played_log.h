@@ -41,7 +41,8 @@ class PlayedLog {
     double speed = 1.0;              ///< Seconds of the recording in one.
     bool is_paused = false;          ///< Until somebody plays it.
     std::optional<Time> start = {};  ///< Where it begins; none: at its beginning.
-    /// Called on its thread with what cannot be read; then it is paused.
+    /// Called on its thread with what cannot be read; then it is paused, and its clients are told
+    /// too.
     std::function<void(const std::string&)> on_problem = [](const std::string&) {};
   };
 
@@ -137,7 +138,8 @@ class PlayedLog {
   Time sent_{};                                ///< All up to here was sent.
   bool has_begun_ = false;                     ///< Somebody looks, or did: before, time stands.
   bool is_selected_ = false;                   ///< `reader_` gives the topics in use,
-  bool is_broken_ = false;                     ///< or something behind `sent_` cannot be read.
+  bool is_broken_ = false;                     ///< or something behind `sent_` cannot be read,
+  std::string problem_;                        ///< of which this is known; empty: nothing.
   bool has_new_ = false;                       ///< A stream has not been given the last messages.
   std::span<record::RecordedMessage> moment_;  ///< The next ones of `reader_`.
 

@@ -274,10 +274,11 @@ TEST_F(ARecording, TellsWhatCannotBeReadOnceAndGoesOnElsewhere) {
   const Playback stopped = control(ControlPlayback::COMMAND_NONE);
   EXPECT_EQ(stopped.status(), Playback::STATUS_PAUSED);
   EXPECT_LT(stopped.now_ns(), kBegin + kNumbers * kStep);
+  EXPECT_THAT(stopped.problem(), HasSubstr(file_.filename().string()));
   static_cast<void>(client_->next(50ms));
   EXPECT_EQ(problems.load(), 1);
 
-  static_cast<void>(control(ControlPlayback::COMMAND_PAUSE, kNumbers));
+  EXPECT_EQ(control(ControlPlayback::COMMAND_PAUSE, kNumbers).problem(), "");
   std::int64_t value = 0;
   while (const auto message = next()) {
     value = message->second;

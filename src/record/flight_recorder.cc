@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "broker/serialized.h"
 #include "log/log.pb.h"
 #include "mcap/file.h"
 #include "mcap/record_reader.h"
@@ -153,7 +154,7 @@ void FlightRecorder::keep(const Stream& stream, const detail::Envelope& envelope
   parts_.assign({std::as_bytes(std::span(&head, 1)), mcap::bytes_of(scratch_)});
   bool is_kept = false;
   // A dump with a larger one could not be read.
-  if (envelope.payload->ByteSizeLong() <= mcap::kMostMessageBytes) {
+  if (detail::serialized_size(*envelope.payload) <= mcap::kMostMessageBytes) {
     const std::span<const mcap::Bytes> message = serializer_.serialize(*envelope.payload);
     parts_.insert(parts_.end(), message.begin(), message.end());
     is_kept = ring_->append(to_kind(FlightKind::kMessage), publish_ns, parts_);

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "base/thread.h"
+#include "broker/serialized.h"
 #include "log/log.pb.h"
 #include "record/batch.h"
 #include "record/log_format.h"
@@ -140,7 +141,7 @@ bool Recorder::make_room(const Stream& stream, std::uint64_t bytes, bool is_larg
 
 void Recorder::take_message(const Stream& stream, detail::Envelope* envelope) {
   Topic& topic = *topics_[stream.topic];
-  const std::uint64_t bytes = envelope->payload->ByteSizeLong();
+  const std::uint64_t bytes = detail::serialized_size(*envelope->payload);
   if (bytes > options_.message_bytes_max) {
     refuse(stream, bytes);
     detail::release(envelope);

@@ -5,6 +5,8 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/message.h>
 
+#include "broker/serialized.h"
+
 namespace fastcycle::record {
 
 void Serializer::Parts::clear() {
@@ -50,7 +52,7 @@ bool Serializer::Parts::WriteAliasedRaw(const void* data, int size) {
 }
 
 std::span<const mcap::Bytes> Serializer::serialize(const google::protobuf::Message& message) {
-  size_ = message.ByteSizeLong();
+  size_ = detail::serialized_size(message);
   if (size_ > kBytesMax) {
     throw std::length_error(message.GetTypeName() + " of " + std::to_string(size_) +
                             " bytes: protobuf holds at most 2 GiB");

@@ -114,7 +114,7 @@ void Streams::add_stream(const detail::Lane& lane) {
                       .index = streams_.size(),
                       .topic = topics_.size() - 1,
                       .latched = topic.options.latched,
-                      .is_external = lane.options.is_external,
+                      .is_external = lane.options.is_external && !lane.options.is_imported,
                       .publisher = (*publisher)->owner.name,
                       .may_hold = lane.subscription.keep};
   add_channel(stream.channel, topic.name, *(*publisher)->default_instance.GetDescriptor(),

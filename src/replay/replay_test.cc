@@ -381,9 +381,9 @@ class Replays : public testing::Test {
   }
 
   [[nodiscard]] ReportValue result(const std::string& name) const {
-    for (const auto& [other, value] : report_.results) {
-      if (other == name) {
-        return value;
+    for (const ResultReport& one : report_.results) {
+      if (one.name == name) {
+        return one.value;
       }
     }
     return std::string("none");

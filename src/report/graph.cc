@@ -5,10 +5,13 @@
 #include <chrono>
 #include <cstdio>
 #include <map>
+#include <optional>
+#include <set>
 #include <string_view>
 #include <vector>
 
 #include "base/html.h"
+#include "config/main_process.h"
 
 namespace fastcycle::host {
 
@@ -97,24 +100,26 @@ std::string id_of(const Drawing& drawing, const std::string& component) {
   return "component_" + std::to_string(found - drawing.components.begin());
 }
 
-/// The components, those of one namespace in one frame.
-std::string components_text(const Drawing& drawing) {
+/// The components of one process, those of one namespace in one frame; `frames` counts them.
+std::string components_text(const Drawing& drawing, const std::string& process,
+                            std::size_t& frames) {
   const auto fills = fills_of(drawing);
   std::map<std::string, std::string> nodes;
   for (const Drawing::Component& component : drawing.components) {
-    const std::string indent = component.name_space.empty() ? "  " : "    ";
-    nodes[component.name_space] +=
-        indent +
-        component_node(component, id_of(drawing, component.name), fills.at(component.executor));
+    if (component.process == process) {
+      const std::string indent = component.name_space.empty() ? "  " : "    ";
+      nodes[component.name_space] +=
+          indent +
+          component_node(component, id_of(drawing, component.name), fills.at(component.executor));
+    }
   }
   std::string text;
-  std::size_t frame = 0;
   for (const auto& [name_space, inner] : nodes) {
     if (name_space.empty()) {
       text += inner;
       continue;
     }
-    text += "  subgraph cluster_" + std::to_string(frame++) + " {\n    label=<" +
+    text += "  subgraph cluster_" + std::to_string(frames++) + " {\n    label=<" +
             base::to_html(name_space) +
             ">; fontsize=12; style=\"rounded\"; color=\"#cbd5e1\"; fontcolor=\"#475569\";\n" +
             inner + "  }\n";
@@ -134,18 +139,66 @@ std::string edge(const std::string& from, const std::string& to, const Drawing::
   return "  " + from + " -> " + to + (attributes.empty() ? "" : " [" + attributes + "]") + ";\n";
 }
 
-std::string topic_text(const Drawing& drawing, const Drawing::Topic& topic, const std::string& id) {
+std::string topic_node(const Drawing::Topic& topic, const std::string& id) {
   const char* look = "color=\"#a16207\", fillcolor=\"#fefce8\", style=\"filled\"";
   if (topic.publishers.empty()) {
     look = "color=\"#dc2626\", fillcolor=\"#fef2f2\", style=\"filled,dashed\"";
   }
-  std::string text = "  " + id + " [shape=ellipse, " + look +
-                     ", label=" + label(topic.name, topic.type, topic.notes) + "];\n";
+  return "  " + id + " [shape=ellipse, " + look +
+         ", label=" + label(topic.name, topic.type, topic.notes) + "];\n";
+}
+
+std::string edges_text(const Drawing& drawing, const Drawing::Topic& topic, const std::string& id) {
+  std::string text;
   for (const Drawing::End& publisher : topic.publishers) {
     text += edge(id_of(drawing, publisher.component), id, publisher);
   }
   for (const Drawing::End& subscriber : topic.subscribers) {
     text += edge(id, id_of(drawing, subscriber.component), subscriber);
+  }
+  return text;
+}
+
+/// The process in which all ends of a topic are; none if it has ends in several, or no ends.
+std::optional<std::string> process_of(const Drawing& drawing, const Drawing::Topic& topic) {
+  std::set<std::string> processes;
+  for (const auto* ends : {&topic.publishers, &topic.subscribers}) {
+    for (const Drawing::End& end : *ends) {
+      const auto component =
+          std::ranges::find(drawing.components, end.component, &Drawing::Component::name);
+      processes.insert(component == drawing.components.end() ? "" : component->process);
+    }
+  }
+  return processes.size() == 1 ? std::optional(*processes.begin()) : std::nullopt;
+}
+
+/// The components, and of the topics those that do not leave one of several processes: in frames.
+/// `is_framed` is told which topics these are.
+std::string nodes_text(const Drawing& drawing, std::vector<bool>& is_framed) {
+  std::vector<std::string> processes;  // In the order in which components name them.
+  for (const Drawing::Component& component : drawing.components) {
+    if (std::ranges::find(processes, component.process) == processes.end()) {
+      processes.push_back(component.process);
+    }
+  }
+  std::size_t frames = 0;
+  if (std::ranges::all_of(processes, &std::string::empty)) {
+    return components_text(drawing, "", frames);
+  }
+  std::map<std::string, std::string> topics;
+  for (std::size_t i = 0; i < drawing.topics.size(); ++i) {
+    if (const auto process = process_of(drawing, drawing.topics[i])) {
+      topics[*process] += topic_node(drawing.topics[i], "topic_" + std::to_string(i));
+      is_framed[i] = true;
+    }
+  }
+  std::string text;
+  for (const std::string& process : processes) {
+    const std::string inner = components_text(drawing, process, frames) + topics[process];
+    text += "  subgraph cluster_" + std::to_string(frames++) + " {\n  label=<<b>" +
+            base::to_html(process.empty() ? config::kMainProcess : process) +
+            "</b> process>; fontsize=12; style=\"rounded,filled\"; color=\"#475569\"; " +
+            "fillcolor=\"#f8fafc\"; fontcolor=\"#475569\"; margin=16;\n" + inner + "  }\n";
   }
   return text;
 }
@@ -172,6 +225,7 @@ Drawing drawing_of(const Application& application) {
     drawing.components.push_back({.name = component->name,
                                   .name_space = description.name_space,
                                   .executor = description.executor,
+                                  .process = description.process,
                                   .about = about(description)});
   }
   for (const auto& [name, topic] : application.topics().all()) {
@@ -185,10 +239,12 @@ std::string to_dot(const Drawing& drawing) {
   text += kHead;
   text +=
       "  label=<<b>" + base::to_html(drawing.name) + "</b>" + notes_text(drawing.notes) + ">;\n\n";
-  text += components_text(drawing) + "\n";
-  std::size_t number = 0;
-  for (const Drawing::Topic& topic : drawing.topics) {
-    text += topic_text(drawing, topic, "topic_" + std::to_string(number++));
+  std::vector<bool> is_framed(drawing.topics.size(), false);
+  text += nodes_text(drawing, is_framed) + "\n";
+  for (std::size_t i = 0; i < drawing.topics.size(); ++i) {
+    const std::string id = "topic_" + std::to_string(i);
+    text += is_framed[i] ? std::string() : topic_node(drawing.topics[i], id);
+    text += edges_text(drawing, drawing.topics[i], id);
   }
   return text + "}\n";
 }

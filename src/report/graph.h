@@ -19,6 +19,7 @@ struct Drawing {
     std::string name = {};        ///< Whole: `front/limiter`.
     std::string name_space = {};  ///< `front`; empty if it is in none.
     std::string executor = {};    ///< Those of one have one colour.
+    std::string process = {};     ///< Empty: the one that was started.
     std::string about = {};       ///< What it is made of.
     std::vector<Note> notes = {};
   };
@@ -52,7 +53,8 @@ inline constexpr const char* kLookingStyle = "style=dashed";
 [[nodiscard]] Drawing drawing_of(const Application& application);
 
 /// A graph in Graphviz's DOT: components are boxes, topics ellipses; what comes from one namespace
-/// stands in one frame.
+/// stands in one frame. Where components are in several processes, each is a frame with its
+/// components, and with the topics that do not leave it.
 [[nodiscard]] std::string to_dot(const Drawing& drawing);
 [[nodiscard]] std::string to_dot(const Application& application);
 

@@ -9,12 +9,12 @@
 
 #include "base/printable.h"
 #include "component/component_core.h"
+#include "params/param_info.h"
 #include "params/param_table.h"
 #include "params/param_value.h"
 
 namespace fastcycle::host {
 
-using detail::ParamKind;
 using detail::ParamSpec;
 using nlohmann::ordered_json;
 
@@ -24,30 +24,6 @@ constexpr std::size_t kMostOfAValue = 40;
 constexpr std::array kHeads{"param", "type", "unit",    "range",      "default",
                             "value", "from", "tunable", "description"};
 using Row = std::array<std::string, kHeads.size()>;
-
-std::string type_of(const ParamSpec& spec) {
-  const auto word = [&]() -> std::string {
-    switch (spec.kind) {
-      case ParamKind::kBool:
-        return "bool";
-      case ParamKind::kSigned:
-      case ParamKind::kUnsigned:
-        return "integer";
-      case ParamKind::kDouble:
-        return "number";
-      case ParamKind::kString:
-        return "string";
-      case ParamKind::kPath:
-        return "path";
-      case ParamKind::kEnum:
-        return "enum";
-      case ParamKind::kMessage:
-        return "message " + spec.prototype->GetTypeName();
-    }
-    return {};
-  };
-  return word() + (spec.is_vector ? "[]" : "");
-}
 
 const char* origin_word(ParamOrigin origin) {
   switch (origin) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <set>
 #include <sstream>
 #include <string_view>
 
@@ -15,6 +16,7 @@
 #include <unistd.h>
 
 #include "base/printable.h"
+#include "component/peers.h"
 #include "component/words.h"
 #include "replay/replay.h"
 #include "report/callbacks.h"
@@ -122,8 +124,10 @@ TopicReport report_topic(const detail::Topic& topic, double time_s) {
   report.name = topic.name;
   report.type = topic.type;
   for (const auto& publisher : topic.publishers) {
-    report.published += publisher->published();
-    report.allocated += publisher->allocated();
+    if (!publisher->is_imported) {  // Else the process that it is in tells of it.
+      report.published += publisher->published();
+      report.allocated += publisher->allocated();
+    }
   }
   report.rate_hz = static_cast<double>(report.published) / time_s;
   for (const auto& subscription : topic.subscriptions) {
@@ -158,19 +162,29 @@ void add_offered(RunReport& report, const ComponentCore& core) {
   }
 }
 
-/// Adds the results of `core`; a name that is taken gets the component's name before it.
 void add_results(RunReport& report, const ComponentCore& core) {
   if (core.is_left_alone) {
     return;  // Its worker may be writing them.
   }
   for (const auto& [name, value] : core.results) {
-    std::string key = name;
-    const auto is_taken = [&](const auto& other) { return other.first == key; };
-    while (std::any_of(report.results.begin(), report.results.end(), is_taken)) {
-      key = core.name + "." + key;
-    }
-    report.results.emplace_back(std::move(key), value);
+    report.results.push_back({core.name, name, value});
   }
+}
+
+/// The results with names of which there is one each: one that is taken gets the component's before
+/// it.
+std::vector<std::pair<std::string, const ReportValue*>> named(
+    const std::vector<ResultReport>& results) {
+  std::vector<std::pair<std::string, const ReportValue*>> all;
+  std::set<std::string> taken;
+  for (const ResultReport& result : results) {
+    std::string name = result.name;
+    while (!taken.insert(name).second) {
+      name = result.component + "." + name;
+    }
+    all.emplace_back(std::move(name), &result.value);
+  }
+  return all;
 }
 
 ModesReport report_modes(const Application& application) {
@@ -352,6 +366,28 @@ ordered_json json_of(const ModesReport& modes) {
                         {"by", made.by}});
   }
   return {{"at_end", modes.at_end}, {"switches", std::move(switches)}, {"refused", modes.refused}};
+}
+
+ordered_json json_of(const ProcessReport& process) {
+  auto links = ordered_json::array();
+  for (const ProcessReport::Link& link : process.links) {
+    links.push_back({{"topic", link.topic},
+                     {"to", link.to},
+                     {"given", link.given},
+                     {"copied", link.copied},
+                     {"repaired", link.repaired},
+                     {"unshared", link.unshared},
+                     {"overflowed", link.overflowed},
+                     {"over_quota", link.over_quota},
+                     {"taken_back", link.taken_back}});
+    if (!link.always_copied.empty()) {
+      links.back()["always_copied"] = link.always_copied;
+    }
+  }
+  return {{"cpu_s", number(process.cpu_s)},
+          {"rss_max_kib", process.rss_max_kib},
+          {"restarts", process.restarts},
+          {"links", std::move(links)}};
 }
 
 ordered_json json_of(const CallbackReport& callback) {
@@ -886,16 +922,43 @@ std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
   return text;
 }
 
+std::string processes_text(const std::vector<ProcessReport>& processes) {
+  Rows rows;
+  rows.add({"PROCESS", "CPU", "MEMORY MiB", "RESTARTS", "GIVEN", "COPIED", "LOST"});
+  std::string copied;
+  for (const ProcessReport& process : processes) {
+    ProcessReport::Link all;
+    std::set<std::string> told;
+    for (const ProcessReport::Link& link : process.links) {
+      all.given += link.given;
+      all.copied += link.copied;
+      all.unshared += link.unshared + link.overflowed + link.over_quota;
+      if (link.copied > 0 && told.insert(link.topic).second) {
+        copied += wrapped(fmt::format("  {}: {} of {} messages were copied for other processes{}{}",
+                                      link.topic, link.copied, link.given,
+                                      link.always_copied.empty() ? "" : ": ", link.always_copied),
+                          "      ");
+      }
+    }
+    rows.add({shortened(process.name, kNameColumns), time_text(process.cpu_s * 1e9),
+              three_digits(static_cast<double>(process.rss_max_kib) / 1024.0),
+              std::to_string(process.restarts), std::to_string(all.given),
+              std::to_string(all.copied), std::to_string(all.unshared)});
+  }
+  return rows.text() + copied;
+}
+
 std::string results_text(const RunReport& report) {
   std::size_t columns = 0;
-  for (const auto& [name, value] : report.results) {
+  const auto results = named(report.results);
+  for (const auto& [name, value] : results) {
     columns = std::max(columns, std::min(width(name), kColumns / 2));
   }
   std::string text = "RESULTS\n";
-  for (const auto& [name, value] : report.results) {
+  for (const auto& [name, value] : results) {
     const std::string shown = shortened(base::on_one_line(name), kColumns / 2);
     const std::string padding(columns - std::min(columns, width(shown)), ' ');
-    text += wrapped("  " + shown + padding + "  " + value_text(value), "      ");
+    text += wrapped("  " + shown + padding + "  " + value_text(*value), "      ");
   }
   return text;
 }
@@ -924,7 +987,11 @@ RunReport make_report(const Application& application, Duration wall) {
     report.replay = report_replay(application, *replay);
   }
   auto callbacks = find_callbacks(application);
+  const Peers* const peers = application.peers();
   for (const auto& component : application.components()) {
+    if (peers != nullptr && !peers->runs_here(component->name)) {
+      continue;
+    }
     const bool is_replayed = replay != nullptr && !replay->plan().runs(component->name);
     if (is_replayed && !replay->plan().stands_in_for(component->name)) {
       continue;
@@ -965,8 +1032,8 @@ ordered_json to_json(const RunReport& report) {
     topics[topic.name] = json_of(topic);
   }
   auto results = ordered_json::object();
-  for (const auto& [name, value] : report.results) {
-    results[name] = json_of(value);
+  for (const auto& [name, value] : named(report.results)) {
+    results[name] = json_of(*value);
   }
   ordered_json json = {
       {"application", report.application},
@@ -995,6 +1062,13 @@ ordered_json to_json(const RunReport& report) {
   if (report.flight_recorder) {
     json["flight_recorder"] = json_of(*report.flight_recorder);
   }
+  if (!report.processes.empty()) {
+    auto processes = ordered_json::object();
+    for (const ProcessReport& process : report.processes) {
+      processes[process.name] = json_of(process);
+    }
+    json["processes"] = std::move(processes);
+  }
   return json;
 }
 
@@ -1017,6 +1091,9 @@ std::string to_table(const RunReport& report) {
   }
   if (report.flight_recorder) {
     text += "\n" + flight_recorder_text(*report.flight_recorder);
+  }
+  if (!report.processes.empty()) {
+    text += "\n" + processes_text(report.processes);
   }
   if (!report.results.empty()) {
     text += "\n" + results_text(report);

@@ -123,6 +123,36 @@ struct ModesReport {
   std::uint64_t refused = 0;  ///< That were asked for while too many waited.
 };
 
+/// One process of an application that has several.
+struct ProcessReport {
+  /// What became of a topic's messages on the way from it to another process.
+  struct Link {
+    std::string topic = {};
+    std::string to = {};  ///< A process.
+    std::uint64_t given = 0;
+    std::uint64_t copied = 0;        ///< Had to be copied into the memory that is shared.
+    std::uint64_t repaired = 0;      ///< Had some strings copied there.
+    std::uint64_t unshared = 0;      ///< Lost: that memory was full.
+    std::uint64_t overflowed = 0;    ///< Lost: as many waited as may.
+    std::uint64_t over_quota = 0;    ///< Lost: the other process held as many as it may.
+    std::uint64_t taken_back = 0;    ///< Held by the other process when it ended.
+    std::string always_copied = {};  ///< Why all are copied; empty if they need not be.
+  };
+
+  std::string name = {};
+  double cpu_s = 0;
+  std::int64_t rss_max_kib = 0;
+  std::uint64_t restarts = 0;
+  std::vector<Link> links = {};
+};
+
+/// A value that a component reported.
+struct ResultReport {
+  std::string component;
+  std::string name;
+  ReportValue value;
+};
+
 /// What there is to say of a run: plain values, which outlive the application.
 ///
 /// @threads  Compatible.
@@ -143,7 +173,8 @@ struct RunReport {
   std::optional<ReplayReport> replay;
   std::optional<RecordingReport> recording;
   std::optional<record::FlightReport> flight_recorder;
-  std::vector<std::pair<std::string, ReportValue>> results;
+  std::vector<ProcessReport> processes;  ///< Empty if there is only one.
+  std::vector<ResultReport> results;     ///< By component, in their order.
 };
 
 /// Reads everything from `application`, after `Application::stop`. `wall` is how long the run took

@@ -290,7 +290,7 @@ TEST(ReportTable, StaysWithin120Columns) {
        .overruns = kMany,
        .faults = 2,
        .fault_texts = {std::string(300, 'x'), "word " + std::string(200, 'y')}});
-  report.results.emplace_back(long_name, std::string(500, 'z'));
+  report.results.push_back({"z", long_name, std::string(500, 'z')});
 
   EXPECT_LE(columns_of(to_table(report)), 120U) << to_table(report);
 }
@@ -312,6 +312,61 @@ TEST(Graph, NamesComponentsTopicsAndTypes) {
   EXPECT_THAT(dot, HasSubstr("google.protobuf.Int64Value"));
   EXPECT_THAT(dot, HasSubstr("component_0 -> topic_0;"));
   EXPECT_THAT(dot, HasSubstr("topic_0 -> component_1;"));
+  EXPECT_THAT(dot, Not(HasSubstr("subgraph")));
+}
+
+/// What stands between the braces of the process's frame.
+std::string frame_of(const std::string& dot, const std::string& process) {
+  const std::size_t label = dot.find("label=<<b>" + process + "</b> process>");
+  const std::size_t end = dot.find("\n  subgraph cluster_", label);
+  return label == std::string::npos ? "" : dot.substr(label, end - label);
+}
+
+TEST(Graph, ProcessesAreFramesWithTheTopicsThatDoNotLeaveThem) {
+  using Component = Drawing::Component;
+  const Drawing drawing{
+      .name = "demo",
+      .components = {Component{.name = "front/lidar", .name_space = "front", .process = "sensing"},
+                     Component{.name = "filter", .process = "sensing"},
+                     Component{.name = "planner"}},
+      .topics = {{.name = "points",
+                  .publishers = {{.component = "front/lidar"}},
+                  .subscribers = {{.component = "filter"}}},
+                 {.name = "objects",
+                  .publishers = {{.component = "filter"}},
+                  .subscribers = {{.component = "planner"}}}}};
+
+  const std::string dot = to_dot(drawing);
+
+  const std::string main = frame_of(dot, "main");
+  const std::string sensing = dot.substr(0, dot.find("<b>main</b> process"));
+  EXPECT_THAT(sensing, HasSubstr("<b>sensing</b> process"));
+  EXPECT_THAT(sensing, HasSubstr("label=<front>"));
+  EXPECT_THAT(sensing, HasSubstr("component_0 ["));
+  EXPECT_THAT(sensing, HasSubstr("component_1 ["));
+  EXPECT_THAT(sensing, HasSubstr("topic_0 ["));
+  EXPECT_THAT(sensing, Not(HasSubstr("component_2 [")));
+  EXPECT_THAT(sensing, Not(HasSubstr("topic_1 [")));
+  EXPECT_THAT(main.substr(0, main.find("\n  }\n")), HasSubstr("component_2 ["));
+  EXPECT_THAT(main.substr(0, main.find("\n  }\n")), Not(HasSubstr("topic_1 [")));
+  EXPECT_THAT(main, HasSubstr("topic_1 ["));
+  EXPECT_THAT(dot, HasSubstr("topic_0 -> component_1;"));
+  EXPECT_EQ(std::ranges::count(dot, '{'), std::ranges::count(dot, '}'));
+}
+
+TEST(Graph, ComponentsSayTheirProcess) {
+  TestClasses classes;
+  classes.with<Teller>("teller").with<Listener>("listener");
+  const auto application = make_application(R"({"name": "two", "components": [
+      {"name": "teller", "library": "teller", "process": "sensing"},
+      {"name": "listener", "library": "listener", "process": "main"}]})",
+                                            classes);
+
+  const Drawing drawing = drawing_of(*application);
+
+  ASSERT_EQ(drawing.components.size(), 2U);
+  EXPECT_EQ(drawing.components[0].process, "sensing");
+  EXPECT_EQ(drawing.components[1].process, "");
 }
 
 }  // namespace

@@ -157,12 +157,7 @@ void Hub::take_messages(Feed& feed, const protocol::Messages& messages) {
   for (const protocol::Message& message : messages.messages()) {
     const auto shared = std::make_shared<const SharedMessage>(
         SharedMessage{.time_ns = message.publish_time_ns(), .payload = message.payload()});
-    if (feed.latched > 0) {
-      feed.kept.push_back(shared);
-      if (feed.kept.size() > feed.latched) {
-        feed.kept.pop_front();
-      }
-    }
+    keep(feed, {.publisher = message.channel(), .message = shared});
     for (const auto& [listener, subscription] : feed.subscribers) {
       listener->take_message(subscription, shared);
     }
@@ -174,12 +169,26 @@ void Hub::take_messages(Feed& feed, const protocol::Messages& messages) {
   }
 }
 
+void Hub::keep(Feed& feed, Feed::Kept message) {
+  if (feed.latched == 0) {
+    return;
+  }
+  if (playback_ && playback_->can_seek()) {
+    std::erase_if(feed.kept,
+                  [&](const Feed::Kept& one) { return one.publisher == message.publisher; });
+  }
+  feed.kept.push_back(std::move(message));
+  if (feed.kept.size() > feed.latched) {
+    feed.kept.pop_front();
+  }
+}
+
 void Hub::subscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel) {
   Feed& feed = feeds_[channel];
   feed.subscribers.emplace_back(&listener, subscription);
   if (feed.stream != 0) {
-    for (const auto& message : feed.kept) {
-      listener.take_message(subscription, message);
+    for (const Feed::Kept& kept : feed.kept) {
+      listener.take_message(subscription, kept.message);
     }
     return;
   }
@@ -260,7 +269,13 @@ void Hub::take_overview(const protocol::Overview& overview) {
 void Hub::take_playback(const protocol::Playback& playback) {
   const protocol::Playback before = std::exchange(playback_, playback).value_or(playback);
   const bool did_seek = before.seeks() != playback.seeks();
-  if (did_seek || before.status() != playback.status() || before.speed() != playback.speed()) {
+  if (did_seek) {
+    for (auto& [channel, feed] : feeds_) {
+      feed.kept.clear();  // Of another time; what holds now is sent again.
+    }
+  }
+  if (did_seek || before.status() != playback.status() || before.speed() != playback.speed() ||
+      before.problem() != playback.problem()) {
     for (Listener* listener : listeners_) {
       listener->take_playback(playback, did_seek);
     }

@@ -128,7 +128,11 @@ class Hub {
     std::string topic;
     std::uint32_t stream = 0;  ///< The request's id; 0: nobody looks.
     std::size_t latched = 0;   ///< Messages that who comes later is given.
-    std::deque<std::shared_ptr<const SharedMessage>> kept;
+    struct Kept {
+      std::uint32_t publisher;
+      std::shared_ptr<const SharedMessage> message;
+    };
+    std::deque<Kept> kept;  ///< These; of a recording the last one of each publisher.
     std::vector<std::pair<Listener*, std::uint32_t>> subscribers;
   };
 
@@ -136,6 +140,7 @@ class Hub {
   void find_services();
   void take(const inspect::protocol::Answer& answer);
   void take_messages(Feed& feed, const inspect::protocol::Messages& messages);
+  void keep(Feed& feed, Feed::Kept message);
   void take_overview(const inspect::protocol::Overview& overview);
   void take_playback(const inspect::protocol::Playback& playback);
   void post(inspect::protocol::Request request, const Asker* asker, Take take);

@@ -184,9 +184,9 @@ void write_components(const protocol::Overview& overview, Writer& to) {
   using Component = protocol::Component;
   to.begin_gauge("fastcycle_component_state", "", "1 for the state that the component is in.");
   each([&](const Component& component, const Labels& labels) {
-    constexpr std::array<std::string_view, 8> kStates = {"declared", "constructed", "active",
+    constexpr std::array<std::string_view, 9> kStates = {"declared", "constructed", "active",
                                                          "stopped",  "failed",      "replayed",
-                                                         "standby",  "restarting"};
+                                                         "standby",  "restarting",  "elsewhere"};
     to.add_states(labels, "state", kStates, component.state());
   });
   to.begin_gauge("fastcycle_component_health", "",

@@ -7,6 +7,29 @@
 
 namespace fastcycle::web {
 
+std::string Frame::wire_head() const {
+  constexpr std::size_t kMaxOfOneByte = 125;
+  constexpr std::size_t kMaxOfTwoBytes = 0xFFFF;
+  const std::size_t bytes = size();
+  std::string wire;
+  wire += is_text ? '\x81' : '\x82';
+  std::size_t width = 0;
+  if (bytes <= kMaxOfOneByte) {
+    wire += static_cast<char>(bytes);
+  } else if (bytes <= kMaxOfTwoBytes) {
+    wire += '\x7E';
+    width = 2;
+  } else {
+    wire += '\x7F';
+    width = 8;
+  }
+  while (width > 0) {
+    --width;
+    wire += static_cast<char>((bytes >> (8 * width)) & 0xFFU);
+  }
+  return wire;
+}
+
 void Outbox::put(Frame frame) {
   control_waiting_ += frame.size();
   control_.push_back(std::move(frame));

@@ -26,6 +26,8 @@ struct Frame {
   [[nodiscard]] std::size_t size() const {
     return head.size() + (message == nullptr ? 0 : message->payload.size());
   }
+  /// What goes before it on the wire: RFC 6455, 5.2, from the server, whole.
+  [[nodiscard]] std::string wire_head() const;
 };
 
 /// What waits for one client: bounded, and fair between its subscriptions.

@@ -27,6 +27,18 @@ std::string letters_of(Outbox& outbox) {
   return letters;
 }
 
+TEST(Frame, SaysItsSizeInAsManyBytesAsItNeeds) {
+  const auto head_of = [](std::size_t bytes) {
+    return Frame{.is_text = false, .head = "12", .message = message(bytes - 2)}.wire_head();
+  };
+
+  EXPECT_EQ((Frame{.is_text = true, .head = "abc", .message = {}}).wire_head(), "\x81\x03");
+  EXPECT_EQ(head_of(125), "\x82\x7D");
+  EXPECT_EQ(head_of(126), std::string("\x82\x7E\x00\x7E", 4));
+  EXPECT_EQ(head_of(65'535), "\x82\x7E\xFF\xFF");
+  EXPECT_EQ(head_of(65'536), std::string("\x82\x7F\0\0\0\0\0\x01\0\0", 10));
+}
+
 TEST(Outbox, GivesTurnsToItsSubscriptions) {
   Outbox outbox({});
   outbox.add(1);

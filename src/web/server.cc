@@ -26,13 +26,12 @@
 #include <boost/beast/websocket.hpp>
 #include <boost/beast/websocket/ssl.hpp>
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "base/log_level.h"
 #include "base/printable.h"
+#include "base/priority.h"
 #include "base/thread.h"
 #include "inspect/client.h"
 #include "web/access.h"
@@ -55,7 +54,6 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* kName = "live";
-constexpr int kNice = 10;
 constexpr auto kHeaderPatience = 5s;   // For a whole HTTP request.
 constexpr auto kAnswerPatience = 30s;  // For the reader of an answer.
 constexpr auto kIdlePatience = 30s;    // For a sign of life of a WebSocket.
@@ -65,6 +63,10 @@ constexpr auto kFarewell = 200ms;
 constexpr std::size_t kMaxFrameBytes = std::size_t{1} << 20U;
 constexpr std::size_t kMaxPublishBytes = std::size_t{15} << 20U;  // Less than a request may have.
 constexpr int kSendBuffer = 1 << 20;
+// Of one client in one system call: as many as it takes in pieces (two of each message), and no
+// more of large ones than a client should wait for in front of what is more urgent.
+constexpr std::size_t kFramesAtOnce = 32;
+constexpr std::size_t kBytesAtOnce = std::size_t{64} << 10U;
 
 std::string_view view_of(beast::string_view text) {
   return {text.data(), text.size()};
@@ -102,6 +104,62 @@ std::string host_name() {
   std::array<char, 256> name{};
   return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : std::string();
 }
+
+/// What is below a WebSocket. The library's own frames (handshake, pings, goodbyes) wait here until
+/// the connection sends them with its own: so all that waits for a client goes out at once, and not
+/// frame by frame.
+template <typename Next>
+class Below {
+ public:
+  using executor_type = typename Next::executor_type;
+
+  /// What the library wants to be sent, and whom to tell of it.
+  struct Waiting {
+    std::string bytes;
+    std::function<void(error_code)> sent;
+  };
+
+  Below(Next next, std::function<void()> want_write)
+      : next_(std::move(next)), want_write_(std::move(want_write)) {}
+
+  [[nodiscard]] executor_type get_executor() { return next_.get_executor(); }
+  [[nodiscard]] Next& next_layer() { return next_; }
+  [[nodiscard]] const Next& next_layer() const { return next_; }
+  Waiting take_waiting() { return std::exchange(waiting_, {}); }
+
+  template <typename Buffers, typename Handler>
+  auto async_read_some(const Buffers& buffers, Handler&& handler) {
+    return next_.async_read_some(buffers, std::forward<Handler>(handler));
+  }
+
+  /// One at a time, as the library does it.
+  template <typename Buffers, typename Handler>
+  auto async_write_some(const Buffers& buffers, Handler&& handler) {
+    return asio::async_initiate<Handler, void(error_code, std::size_t)>(
+        [this](auto its_handler, std::string bytes) {
+          const std::size_t size = bytes.size();
+          // A handler can only be moved, a function has to be copied.
+          const auto kept = std::make_shared<decltype(its_handler)>(std::move(its_handler));
+          waiting_ = {.bytes = std::move(bytes), .sent = [kept, size](error_code error) {
+                        asio::post(beast::bind_front_handler(std::move(*kept), error,
+                                                             error ? std::size_t{0} : size));
+                      }};
+          want_write_();
+        },
+        handler, beast::buffers_to_string(buffers));
+  }
+
+  template <typename Handler>
+  friend void async_teardown(beast::role_type role, Below& below, Handler&& handler) {
+    using websocket::async_teardown;
+    async_teardown(role, below.next_, std::forward<Handler>(handler));
+  }
+
+ private:
+  Next next_;
+  const std::function<void()> want_write_;
+  Waiting waiting_;
+};
 
 }  // namespace
 
@@ -218,6 +276,11 @@ class Server::Net::Connection final : public AnyConnection {
     is_closed_ = true;
     session_.reset();
     pages_.reset();
+    if (ws_) {
+      // They hold this connection.
+      ws_->next_layer().take_waiting();
+      of_library_.sent = nullptr;
+    }
     error_code ignored;
     lowest().socket().close(ignored);
   }
@@ -389,7 +452,7 @@ class Server::Net::Connection final : public AnyConnection {
 
   void upgrade(std::string_view subprotocol) {
     lowest().expires_never();  // The WebSocket has its own.
-    ws_.emplace(std::move(stream_));
+    ws_.emplace(std::move(stream_), [this] { begin_writing(); });
     ws_->set_option(websocket::stream_base::timeout{.handshake_timeout = kHeaderPatience,
                                                     .idle_timeout = kIdlePatience,
                                                     .keep_alive_pings = true});
@@ -442,21 +505,46 @@ class Server::Net::Connection final : public AnyConnection {
     read();
   }
 
-  /// Something waits. Written a little later: the session may be in the middle of it.
+  /// Something waits of the session.
   void want_write() {
-    if (is_writing_ || is_closed_) {
-      return;
+    if (!is_closed_) {
+      begin_writing();
     }
-    is_writing_ = true;
-    asio::post(net_.io_, [self = this->self()] { self->write(); });
+  }
+
+  /// A little later: the session may be in the middle of it.
+  void begin_writing() {
+    if (!std::exchange(is_writing_, true)) {
+      asio::post(net_.io_, [self = this->self()] { self->write(); });
+    }
   }
 
   void write() {
-    std::optional<Frame> frame;
-    if (!is_closed_ && session_ != nullptr) {
-      frame = session_->outbox().take();
+    frames_.clear();
+    parts_.clear();
+    std::size_t bytes = 0;
+    // Nothing follows a goodbye.
+    const bool may_send = !is_closed_ && session_ != nullptr && ws_->is_open();
+    while (may_send && frames_.size() < kFramesAtOnce && bytes < kBytesAtOnce) {
+      std::optional<Frame> frame = session_->outbox().take();
+      if (!frame) {
+        break;
+      }
+      frame->head.insert(0, frame->wire_head());
+      bytes += frame->size();
+      frames_.push_back(std::move(*frame));
     }
-    if (!frame) {
+    for (const Frame& frame : frames_) {
+      parts_.push_back(asio::buffer(frame.head));
+      if (frame.message != nullptr) {
+        parts_.push_back(asio::buffer(frame.message->payload));
+      }
+    }
+    of_library_ = ws_->next_layer().take_waiting();
+    if (!of_library_.bytes.empty()) {
+      parts_.push_back(asio::buffer(of_library_.bytes));
+    }
+    if (parts_.empty()) {
       is_writing_ = false;
       if (is_ending_ && !std::exchange(is_closed_, true)) {
         ws_->async_close(websocket::close_code::going_away,
@@ -464,19 +552,22 @@ class Server::Net::Connection final : public AnyConnection {
       }
       return;
     }
-    frame_ = std::move(*frame);
-    ws_->text(frame_.is_text);
-    const std::array<asio::const_buffer, 2> parts = {
-        asio::buffer(frame_.head),
-        frame_.message == nullptr ? asio::const_buffer() : asio::buffer(frame_.message->payload)};
-    ws_->async_write(parts, [self = this->self()](error_code error, std::size_t) {
-      self->frame_ = {};
-      if (error) {
-        self->leave();
-        return;
-      }
-      self->write();
-    });
+    asio::async_write(
+        ws_->next_layer().next_layer(), parts_,
+        [self = this->self()](error_code error, std::size_t) { self->take_written(error); });
+  }
+
+  void take_written(error_code error) {
+    frames_.clear();
+    if (const auto sent = std::exchange(of_library_, {}).sent) {
+      sent(error);
+    }
+    if (error) {
+      is_writing_ = false;
+      leave();
+      return;
+    }
+    write();
   }
 
   Net& net_;
@@ -486,9 +577,12 @@ class Server::Net::Connection final : public AnyConnection {
   http::response<http::string_body> response_;
   bool is_kept_ = false;  ///< Another request may come after the answer.
   std::optional<Pages> pages_;
-  std::optional<websocket::stream<Stream>> ws_;
+  std::optional<websocket::stream<Below<Stream>>> ws_;
   std::unique_ptr<Session> session_;
-  Frame frame_;  ///< Is being written.
+  // What is being written.
+  std::vector<Frame> frames_;
+  typename Below<Stream>::Waiting of_library_;
+  std::vector<asio::const_buffer> parts_;
   bool is_writing_ = false;
   bool is_ending_ =
       false;  ///< Nothing is read any more; what waits is written, and then it closes.
@@ -497,7 +591,7 @@ class Server::Net::Connection final : public AnyConnection {
 
 void Server::Net::open(config::Problems& problems) {
   const auto wrong = [&](const std::string& text) {
-    problems.add(config::mistake(description_.place, "live: " + text));
+    problems.add(config::mistake(description_.place, text));
   };
   error_code error;
   const auto address = asio::ip::make_address(description_.address, error);
@@ -596,7 +690,7 @@ void Server::Net::end() {
 }
 
 void Server::Net::serve() {
-  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), kNice);
+  base::give_way();
   try {
     const int descriptor = connect_();
     if (descriptor < 0) {

@@ -171,6 +171,12 @@ void Session::take_playback(const protocol::Playback& playback, bool did_seek) {
     outbox_.forget_messages();  // Control frames go first: these would come behind the news.
   }
   say_binary(foxglove::playback_state(state));
+  if (playback.problem() != problem_) {
+    problem_ = playback.problem();
+    if (!problem_.empty()) {
+      say_status(StatusLevel::kError, problem_ + "; paused there", "playback");
+    }
+  }
 }
 
 void Session::take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) {

@@ -76,6 +76,7 @@ class Session final : public Listener {
   bool wants_params_ = false;
   std::set<std::string> params_;                    ///< Empty: all.
   std::map<std::string, std::string> told_params_;  ///< Values as JSON.
+  std::string problem_;                             ///< Of the recording, as it was told.
 };
 
 }  // namespace fastcycle::web

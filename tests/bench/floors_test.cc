@@ -28,6 +28,8 @@ void expect_complete(const Measured& measured, const Plan& plan) {
 TEST(Floors, LatencyLosesNothing) {
   expect_complete(floor_latency(hasty_plan(), Waiting::kFutex), hasty_plan());
   expect_complete(floor_latency(hasty_plan(4096), Waiting::kSpin), hasty_plan());
+  expect_complete(floor_processes(hasty_plan(), Waiting::kFutex), hasty_plan());
+  expect_complete(floor_processes(hasty_plan(4096), Waiting::kSpin), hasty_plan());
 }
 
 TEST(Floors, RoundTripLosesNothing) {

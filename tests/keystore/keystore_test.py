@@ -65,9 +65,23 @@ class Keystore(unittest.TestCase):
 
         self.assertEqual(self.permitted("gateway"), [
             ["42"],
-            ["fastcycle/planning/path", "ros_discovery_info", "rq/resetRequest", "rr/releaseReply", "rt/clock", "rt/objects"],
-            ["ros_discovery_info", "rq/releaseRequest", "rr/resetReply", "rt/points"]])
+            ["fastcycle/planning/path", "fastcycle_clocks", "ros_discovery_info", "rq/resetRequest", "rr/releaseReply", "rt/clock",
+             "rt/objects"],
+            ["fastcycle_clocks", "ros_discovery_info", "rq/releaseRequest", "rr/resetReply", "rt/points"]])
         self.assertIn('"security": "' + str(self.folder / "keys/enclaves/gateway"), said)
+
+    def test_a_gateway_that_shows_parameters_may_answer_for_them(self):
+        self.write(application(node="/car/gate", parameters=[{"param": "limiter.*"}]))
+        self.security("init", "keys")
+
+        self.security("add", "keys", "gateway", "app.json")
+
+        services = ("describe_parameters", "get_parameter_types", "get_parameters", "list_parameters", "set_parameters",
+                    "set_parameters_atomically")
+        self.assertEqual(self.permitted("gateway"), [
+            ["0"],
+            ["ros_discovery_info", *(f"rr/car/gate/{name}Reply" for name in services)],
+            ["ros_discovery_info", *(f"rq/car/gate/{name}Request" for name in services)]])
 
     def test_others_may_do_what_is_said(self):
         self.security("init", "keys")

@@ -558,6 +558,62 @@ TEST_F(Launcher, GraphIsWrittenAsDotAndDrawnAsSvg) {
   EXPECT_THAT(content_of(folder_ / "app.svg"), HasSubstr("<svg"));
 }
 
+TEST_F(Launcher, GraphHasABoxForEachProcess) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"graph", application(), "--isolate", "adder"}), 0) << errors_;
+  EXPECT_THAT(output_, HasSubstr("<b>main</b> process"));
+  EXPECT_THAT(output_, HasSubstr("<b>adder</b> process"));
+
+  if (system("dot -V >/dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "Graphviz is not installed";
+  }
+  EXPECT_EQ(
+      launch({"graph", application(), "--isolate", "all", "-o", (folder_ / "app.svg").string()}), 0)
+      << errors_;
+  const std::string picture = content_of(folder_ / "app.svg");
+  EXPECT_THAT(picture, HasSubstr("class=\"cluster\""));
+  EXPECT_THAT(picture, HasSubstr(">counter</text>"));
+}
+
+// ---- Processes ----
+
+TEST_F(Launcher, CheckSaysTheProcessesThatThereAre) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"check", application()}), 0) << errors_;
+  EXPECT_THAT(output_, testing::EndsWith("; 2 components fit together\n"));
+
+  EXPECT_EQ(launch({"check", application(), "--isolate", "adder"}), 0) << errors_;
+  EXPECT_THAT(output_,
+              testing::EndsWith("; 2 components fit together, in 2 processes: main, adder\n"));
+
+  EXPECT_EQ(launch({"check", application(), "--isolate", "all"}), 0) << errors_;
+  EXPECT_THAT(output_, testing::EndsWith(", in 2 processes: counter, adder\n"));
+}
+
+TEST_F(Launcher, IsolationIsAPartOfTheEffectiveConfigurationWhichMeansTheSame) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"check", application(), "--isolate", "c*", "--print"}), 0) << errors_;
+
+  EXPECT_THAT(output_, HasSubstr("\"process\": \"counter\"  // --isolate c*"));
+  EXPECT_THAT(errors_, HasSubstr("in 2 processes: main, counter"));
+  folder_.write("printed.json", output_);
+  EXPECT_EQ(launch({"check", (folder_ / "printed.json").string()}), 0) << errors_;
+  EXPECT_THAT(output_, HasSubstr("in 2 processes: main, counter"));
+}
+
+TEST_F(Launcher, IsolatingAComponentThatIsNotThereIsAMistake) {
+  write_application({kCounter, kAdder});
+
+  EXPECT_EQ(launch({"check", application(), "--isolate", "contr", "--isolate", "counte"}), 2);
+
+  EXPECT_THAT(errors_, HasSubstr("--isolate contr: there is no component \"contr\""));
+  EXPECT_THAT(errors_, HasSubstr("--isolate counte: there is no component \"counte\"; did you mean "
+                                 "\"counter\"?"));
+}
+
 // ---- The params ----
 
 TEST_F(Launcher, ParamsAreListedAsATable) {

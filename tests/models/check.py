@@ -165,7 +165,8 @@ def trace(model, defines):
     with tempfile.TemporaryDirectory(prefix="models-") as folder:
         build(run, folder, ["-DREACH"])
         search(folder, [f"-m{DEPTH}", "-i"], 60)
-        subprocess.run(["spin", "-t", "-p", "-g", "-l", *defines, str(run.model)],
+        shutil.copy(run.model, folder)  # spin looks for the way beside the model
+        subprocess.run(["spin", "-t", "-p", "-g", "-l", *defines, run.model.name],
                        cwd=folder, check=False)
 
 

@@ -206,23 +206,49 @@ std::string read_file(const fs::path& file) {
   return text.str();
 }
 
-int processes_of_session(pid_t leader) {
-  int count = 0;
+namespace {
+
+/// Calls `take` with the pid and name of each.
+template <typename Take>
+void look_at_session(pid_t leader, const Take& take) {
   for (const auto& entry : fs::directory_iterator("/proc")) {
     if (std::isdigit(static_cast<unsigned char>(entry.path().filename().string().front())) == 0) {
       continue;
     }
     std::string status = read_file(entry.path() / "stat");
-    status.erase(0, status.rfind(')') + 1);
+    const std::size_t begin = status.find('(');
+    const std::size_t end = status.rfind(')');
+    if (begin == std::string::npos || end == std::string::npos) {
+      continue;
+    }
+    const std::string name = status.substr(begin + 1, end - begin - 1);
+    status.erase(0, end + 1);
     std::istringstream words(status);
     std::string state;
     pid_t parent = 0;
     pid_t group = 0;
     pid_t session = 0;
     words >> state >> parent >> group >> session;
-    count += session == leader && state != "Z" ? 1 : 0;
+    if (session == leader && state != "Z") {
+      take(static_cast<pid_t>(std::stoi(entry.path().filename().string())), name);
+    }
   }
+}
+
+}  // namespace
+
+int processes_of_session(pid_t leader) {
+  int count = 0;
+  look_at_session(leader, [&](pid_t, const std::string&) { ++count; });
   return count;
+}
+
+pid_t process_of_session(pid_t leader, const std::string& name) {
+  pid_t found = 0;
+  look_at_session(leader, [&](pid_t process, const std::string& its_name) {
+    found = its_name == name ? process : found;
+  });
+  return found;
 }
 
 bool become_ordinary_user(unsigned id) {

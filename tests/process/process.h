@@ -96,6 +96,8 @@ class Folder {
 
 /// How many processes there are in the session that `leader` leads or led.
 [[nodiscard]] int processes_of_session(pid_t leader);
+/// The one of them with this name, cut to 15 characters; 0 if there is none.
+[[nodiscard]] pid_t process_of_session(pid_t leader, const std::string& name);
 
 /// Gives up root, if the process is root: all ids become `id`, no capability and no further
 /// group is left. For a process that was made for it. False if that is not possible.

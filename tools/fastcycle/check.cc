@@ -7,8 +7,12 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include "base/printable.h"
 #include "command.h"
+#include "config/main_process.h"
 #include "config/print.h"
 #include "configuration.h"
 #include "estimate/analysis.h"
@@ -69,6 +73,28 @@ int estimate(const CheckOptions& options) {
   return flushed != kDone ? flushed : all_hold ? kDone : kProblems;
 }
 
+/// ", in 2 processes: main, sensing"; nothing if none is named.
+std::string processes_text(const config::ApplicationDescription& description) {
+  if (description.processes.empty()) {
+    return {};
+  }
+  std::vector<std::string> names;
+  const bool has_main = std::ranges::any_of(
+      description.components, [](const auto& component) { return component.process.empty(); });
+  if (has_main) {
+    names.emplace_back(config::kMainProcess);
+  }
+  for (const config::ProcessDescription& process : description.processes) {
+    names.push_back(process.name);
+  }
+  constexpr std::size_t kMaxShown = 16;
+  const std::size_t shown = std::min(names.size(), kMaxShown);
+  return fmt::format(
+      ", in {} {}: {}{}", names.size(), names.size() == 1 ? "process" : "processes",
+      fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(shown), ", "),
+      shown < names.size() ? ", …" : "");
+}
+
 int check(const CheckOptions& options) {
   if (!options.timing.empty()) {
     return estimate(options);
@@ -88,8 +114,9 @@ int check(const CheckOptions& options) {
     return kWrong;
   }
   const std::size_t count = description.components.size();
-  print_to(options.print ? stderr : stdout, "{}; {} {}\n", summary(problems, file), count,
-           count == 1 ? "component is right" : "components fit together");
+  print_to(options.print ? stderr : stdout, "{}; {} {}{}\n", summary(problems, file), count,
+           count == 1 ? "component is right" : "components fit together",
+           processes_text(description));
   return flush_output();
 }
 

@@ -50,6 +50,10 @@ void Configuration::add_to(CLI::App& line) {
                  "Set a variable of the application, ${NAME}. Repeatable");
   add_repeatable(line, "--overlay", load.overlays, "FILE",
                  "Merge this file over the application, in the order given. Repeatable");
+  add_repeatable(
+      line, "--isolate", load.isolated, "NAME|all",
+      "Put this component, or those of a pattern such as camera/*, or all, into a process "
+      "of its own, unless the application names one. Repeatable");
   add_repeatable(line, "--library-path", library_path, "DIR",
                  "Look for component libraries here first. Repeatable");
   line.add_option("--load-timeout", load_timeout,
@@ -62,14 +66,14 @@ void Configuration::add_to(CLI::App& line) {
 config::ApplicationDescription Configuration::read(host::ConstructorFault on_throw,
                                                    config::Problems& problems,
                                                    TrialWarnings warnings,
-                                                   host::LibraryFiles* tried) const {
+                                                   host::TrialResult* tried) const {
   config::ApplicationDescription description = config::load(load, problems);
   if (is_verbose) {
     print_files(description, host::LibraryLoader(host::library_folders(description, library_path)));
   }
   if (!description.components.empty()) {
     config::Problems found;
-    host::LibraryFiles files = host::try_application(
+    host::TrialResult result = host::try_application(
         {.load = load,
          .library_path = library_path,
          .on_throw = on_throw,
@@ -78,7 +82,7 @@ config::ApplicationDescription Configuration::read(host::ConstructorFault on_thr
              [](const std::string& sentence) { print_to(stderr, "fastcycle: {}\n", sentence); }},
         found);
     if (tried != nullptr) {
-      *tried = std::move(files);
+      *tried = std::move(result);
     }
     for (config::Problem& problem : found.all()) {
       if (!problem.warning || warnings == TrialWarnings::kHeard) {
@@ -92,14 +96,14 @@ config::ApplicationDescription Configuration::read(host::ConstructorFault on_thr
 std::unique_ptr<host::Application> Configuration::make_unstarted() const {
   const std::string file = load.file.string();
   config::Problems problems;
-  host::LibraryFiles tried;
+  host::TrialResult tried;
   const config::ApplicationDescription description =
       read(host::ConstructorFault::kMistake, problems, TrialWarnings::kHeard, &tried);
   if (!may_start(problems, file)) {
     return nullptr;
   }
   host::LibraryLoader libraries(host::library_folders(description, library_path));
-  libraries.expect(std::move(tried));
+  libraries.expect(std::move(tried.files));
   auto application = std::make_unique<host::Application>(
       description, host::ClockOptions{.is_simulated = true, .workers = 1});
   config::Problems found_now;

@@ -29,11 +29,11 @@ struct Configuration {
   enum class TrialWarnings { kHeard, kLeftOut };
 
   /// Reads the application and tries its libraries and components in a child process; `tried`, if
-  /// it is given, is told which files these libraries were.
+  /// it is given, is told what that found.
   [[nodiscard]] config::ApplicationDescription read(host::ConstructorFault on_throw,
                                                     config::Problems& problems,
                                                     TrialWarnings warnings = TrialWarnings::kHeard,
-                                                    host::LibraryFiles* tried = nullptr) const;
+                                                    host::TrialResult* tried = nullptr) const;
 
   /// The application with its components made and connected, for commands that look at it: nothing
   /// of it is started. Null, and all mistakes printed, if it cannot be made.

@@ -112,6 +112,7 @@ std::vector<std::string> words_for_gdb(const DebugOptions& options, std::uint64_
   add("--set", configuration.load.sets);
   add("--var", configuration.load.variables);
   add("--overlay", configuration.load.overlays);
+  add("--isolate", configuration.load.isolated);
   add("--library-path", configuration.library_path);
   add("--component", options.replaying.options.components);
   if (!options.replaying.start.empty()) {

@@ -1,17 +1,25 @@
 #include "archive/doctor.h"
 
+#include <cerrno>
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
+#include <unistd.h>
 
 #include "base/printable.h"
 #include "command.h"
 #include "duration.h"
 #include "file_work.h"
+#include "loading/component_library.h"
 #include "machine/examine.h"
 #include "mcap/file.h"
 #include "option_values.h"
@@ -22,9 +30,22 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr const char* kTime = "2s";
+constexpr const char* kTimeOfDds = "10s";  // Some announce themselves every 8 s.
+
+/// What of the options is for DDS alone.
+struct DdsOptions {
+  bool is_wanted = false;
+  std::optional<std::uint32_t> domain;
+  std::string interface;
+  std::string engine;
+  std::string security;
+};
+
 struct DoctorOptions {
   std::vector<std::filesystem::path> files;
-  std::string time = "2s";
+  std::string time;
+  DdsOptions dds;
   bool is_json = false;
   bool is_quiet = false;
 };
@@ -86,10 +107,51 @@ archive::Diagnosis look_at(const std::filesystem::path& path, const DoctorOption
   return diagnosis;
 }
 
+/// The domain that nodes of this shell are in.
+std::string domain_of_environment() {
+  const char* const text = std::getenv("ROS_DOMAIN_ID");
+  const auto number = parse_number(text == nullptr ? "" : text);
+  const bool is_domain = number && *number >= 0 && *number <= 232 &&
+                         *number == static_cast<double>(static_cast<int>(*number));
+  return is_domain ? std::to_string(static_cast<int>(*number)) : "0";
+}
+
+/// Becomes the helper program that links DDS, which the tool does not; returns only if that fails.
+int look_at_dds(const DoctorOptions& options) {
+  const DdsOptions& dds = options.dds;
+  const auto time = *parse_duration(options.time.empty() ? kTimeOfDds : options.time);
+  std::vector<std::string> words = {
+      host::helper_program("fastcycle-dds-doctor").string(),
+      "look",
+      options.is_json ? "JSON" : "TEXT",
+      dds.engine,
+      dds.domain ? std::to_string(*dds.domain) : domain_of_environment(),
+      dds.interface,
+      dds.security,
+      std::to_string(std::chrono::ceil<std::chrono::milliseconds>(time).count())};
+  std::vector<char*> arguments;
+  for (std::string& word : words) {
+    arguments.push_back(word.data());
+  }
+  arguments.push_back(nullptr);
+  execv(arguments.front(), arguments.data());
+  if (errno == ENOENT) {
+    print_to(stderr,
+             "fastcycle doctor: this installation has no DDS; the package fastcycle-dds has it\n");
+  } else {
+    print_to(stderr, "fastcycle doctor: {}: {}\n", words.front(), std::strerror(errno));
+  }
+  return kFailed;
+}
+
 int doctor(const DoctorOptions& options) {
+  if (options.dds.is_wanted) {
+    return look_at_dds(options);
+  }
   Output output;
   if (options.files.empty()) {
-    return machine::examine(*parse_duration(options.time), options.is_json, output);
+    return machine::examine(*parse_duration(options.time.empty() ? kTime : options.time),
+                            options.is_json, output);
   }
   int result = kDone;
   for (const std::filesystem::path& file : options.files) {
@@ -110,25 +172,45 @@ int doctor(const DoctorOptions& options) {
 
 Command add_doctor(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "doctor", "What this machine allows, and how late it is; or check everything of logs");
+      "doctor",
+      "What this machine allows, and how late it is; or check logs, or the network of DDS");
   line->footer(examples(
       "  fastcycle doctor\n"
       "  fastcycle doctor drive.mcap\n"
       "  fastcycle doctor --json drive_*.mcap\n"
+      "  fastcycle doctor --dds --domain 42 --interface eth0\n"
       "\n"
       "Without a file: the rights, settings of the kernel and wake-ups that latencies hang on, "
       "the\n"
-      "worst first, each with the command that changes it.\n"
+      "worst first, each with the command that changes it. With --dds: the network, who is in the\n"
+      "domain, and why messages between them do not pass.\n"
       "\n"
       "Exit codes: 0 all in order (warnings and what could be better do not count), 3 problems\n"
       "found, 1 a file cannot be read, 2 the command line is wrong.\n"));
   const auto options = std::make_shared<DoctorOptions>();
   CLI::Option* const files =
       line->add_option("files", options->files, "The logs")->type_name("FILE…");
-  line->add_option("--for", options->time, "Measure each way of waking up so long (2s)")
+  line->add_option("--for", options->time,
+                   "Measure each way of waking up so long (2s), or watch the network (10s)")
       ->type_name("TIME")
       ->check(is_time())
       ->excludes(files);
+  CLI::Option* const dds = line->add_flag("--dds", options->dds.is_wanted,
+                                          "Look at DDS: the network, and nodes of ROS 2")
+                               ->excludes(files);
+  line->add_option("--domain", options->dds.domain, "Of DDS, 0 to 232 (ROS_DOMAIN_ID, else 0)")
+      ->type_name("N")
+      ->check(is_number_from(0, 232))
+      ->needs(dds);
+  line->add_option("--interface", options->dds.interface, "Look at this network interface alone")
+      ->type_name("NAME")
+      ->needs(dds);
+  line->add_option("--engine", options->dds.engine, "Take part by this engine (cyclone)")
+      ->type_name("cyclone|fast")
+      ->needs(dds);
+  line->add_option("--security", options->dds.security, "Take part with this enclave")
+      ->type_name("DIR")
+      ->needs(dds);
   line->add_flag("--json", options->is_json,
                  "One JSON object; of logs, one a line for each finding");
   line->add_flag("--quiet", options->is_quiet, "No progress line");

@@ -131,7 +131,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   }
   const std::string file = configuration.load.file.string();
   config::Problems problems;
-  host::LibraryFiles tried;
+  host::TrialResult tried;
   const config::ApplicationDescription description = configuration.read(
       host::ConstructorFault::kFault, problems, Configuration::TrialWarnings::kLeftOut, &tried);
   if (!may_start(problems, file)) {
@@ -144,7 +144,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   silent.flight_recorder.reset();
   made->libraries_ = std::make_unique<host::LibraryLoader>(
       host::library_folders(description, configuration.library_path));
-  made->libraries_->expect(tried);
+  made->libraries_->expect(tried.files);
   const record::RecordingReader reader(replaying.files);
   made->stand_ins_ = std::make_unique<host::StandIns>(*made->libraries_, silent, reader.streams());
   auto driver = std::make_unique<host::RecordedDriver>();

@@ -28,7 +28,7 @@ config::InspectDescription InspectOptions::describe(
   config::InspectDescription description =
       application.inspect.value_or(config::InspectDescription{});
   if (!application.inspect) {
-    description.place.file = "the command line";
+    description.place.file = is_asked ? "--inspect" : "the command line";
   }
   for (const std::string& word : allow) {
     description.allows_params |= word == "params";

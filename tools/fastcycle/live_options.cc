@@ -73,7 +73,7 @@ std::optional<config::LiveDescription> LiveOptions::describe(
   }
   config::LiveDescription description = application.live.value_or(config::LiveDescription{});
   if (!application.live) {
-    description.place.file = "the command line";
+    description.place.file = at.empty() ? "--live" : "--live " + at;
   }
   if (const auto place = read_place(at)) {
     if (!place->address.empty()) {

@@ -1,16 +1,21 @@
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
+#include <unistd.h>
 
 #include "base/clock.h"
 #include "base/log_level.h"
@@ -19,7 +24,9 @@
 #include "configuration.h"
 #include "duration.h"
 #include "end_bound.h"
+#include "fastcycle/version.h"
 #include "flight_options.h"
+#include "host/application_wiring.h"
 #include "host/diagnosis.h"
 #include "host/pace.h"
 #include "host/prepare_replay.h"
@@ -34,11 +41,17 @@
 #include "option_values.h"
 #include "page.h"
 #include "print.h"
+#include "processes/partition.h"
+#include "processes/process_plan.h"
+#include "processes/supervisor.h"
 #include "progress_line.h"
 #include "recording_options.h"
 #include "replaying_options.h"
 #include "report/report.h"
+#include "report/report_parts.h"
 #include "report_file.h"
+#include "sandbox/refusals.h"
+#include "sandbox/sandbox.h"
 #include "stop_signals.h"
 #include "terminal_keys.h"
 #include "terminal_modes.h"
@@ -211,10 +224,90 @@ std::string text_of(const host::WallPace& pace) {
   return pace.rate() == 1.0 ? "" : text.data();
 }
 
+/// What is different where the application has several processes, and this is one of them.
+struct ProcessRole {
+  processes::Partition& partition;
+  processes::Channel& channel;
+  const base::Clock* clock;  ///< Of all processes; null in simulated time.
+  int report;                ///< A file for what there is to say at the end.
+  /// What is replayed here, as in all processes; null if nothing is.
+  std::unique_ptr<host::Replay> replay;
+};
+
+/// Puts this process into the sandbox that the file asks for. Returns why it cannot be.
+std::optional<base::Refusal> restrict(const config::ProcessDescription& process) {
+  if (process.sandbox == config::Sandbox::kNone) {
+    return std::nullopt;
+  }
+  return sandbox::apply_sandbox({.read = process.readable, .write = process.writable});
+}
+
+/// Says what the sandbox of this process refused.
+void tell_refusals(const std::string& process, const char* command) {
+  for (const sandbox::RefusedCall& refused : sandbox::take_refusals()) {
+    print_to(stderr, "fastcycle {}: process \"{}\": its sandbox refused {} ({} times)\n", command,
+             process, refused.call, refused.count);
+  }
+}
+
+/// Waits, before the start, until all processes are connected; false if there is no start.
+bool wait_for_others(const ProcessRole& role, const host::Application& application) {
+  using processes::Word;
+  role.partition.on_sources_finished = [&role] { role.channel.say(Word::kSourcesOver); };
+  const bool has_sources = std::ranges::any_of(
+      application.components(), [](const auto& component) { return component->is_source.load(); });
+  role.channel.say(Word::kBuilt, has_sources ? processes::kHasSources : "");
+  for (auto message = role.channel.hear(); message; message = role.channel.hear()) {
+    if (message->word == Word::kConnect) {
+      role.partition.attach();
+      role.channel.say(Word::kConnected);
+    } else {
+      return message->word == Word::kRun;
+    }
+  }
+  return false;
+}
+
+/// Ends the run here when it ends elsewhere. Its thread is not waited for: the process ends.
+void listen_for_end(const ProcessRole& role, host::Application& application) {
+  std::thread([&role, &application] {
+    while (const auto message = role.channel.hear()) {
+      if (message->word == processes::Word::kEnd) {
+        application.request_end(host::end_reason_of(message->text));
+      }
+    }
+  }).detach();
+}
+
+/// Of this process alone.
+host::ProcessReport report_process(const ProcessRole& role, const processes::ProcessPlan& plan,
+                                   const host::RunReport& run) {
+  host::ProcessReport report;
+  report.name = plan.name(role.partition.process());
+  report.cpu_s = run.cpu_s;
+  report.rss_max_kib = run.rss_max_kib;
+  const auto& exports = role.partition.exports();
+  for (std::size_t i = 0; i < exports.size(); ++i) {
+    const segment::ExportCounts counts = exports[i]->counts();
+    const char* const always = exports[i]->always_copied();
+    report.links.push_back({.topic = role.partition.topic_of(i),
+                            .to = plan.name(exports[i]->link().to),
+                            .given = counts.given,
+                            .copied = counts.copied,
+                            .repaired = counts.repaired,
+                            .unshared = counts.unshared,
+                            .overflowed = counts.overflowed,
+                            .over_quota = counts.over_quota,
+                            .taken_back = counts.taken_back,
+                            .always_copied = always == nullptr ? "" : always});
+  }
+  return report;
+}
+
 /// Starts the application, lets it run and stops it. Returns why it must count as failed although
 /// no component did; empty if nothing is to be said.
 std::string carry_out(host::Application& application, const RunOptions& options,
-                      EndBound& end_bound, ProgressLine& progress) {
+                      EndBound& end_bound, ProgressLine& progress, const ProcessRole* role) {
   const auto limit = options.limit.empty() ? std::nullopt : parse_duration(options.limit);
   // A start that hangs must not keep a run from ending that has an end.
   const std::vector<base::Refusal> refusals =
@@ -227,6 +320,9 @@ std::string carry_out(host::Application& application, const RunOptions& options,
   }
   progress.start(application);
   application.run(limit);
+  if (role != nullptr) {
+    role->channel.say(processes::Word::kEnd, host::to_word(application.end_reason()));
+  }
   end_bound.begin_within({});
   application.stop();
   progress.stop();
@@ -245,6 +341,22 @@ std::string carry_out(host::Application& application, const RunOptions& options,
   std::fflush(nullptr);
   TerminalModes::give_back();
   std::_Exit(kFailed);
+}
+
+std::ptrdiff_t threads_of_this_process() {
+  std::error_code error;
+  return std::distance(std::filesystem::directory_iterator("/proc/self/task", error),
+                       std::filesystem::directory_iterator());
+}
+
+void write_whole(int file, const std::string& bytes) {
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t count = write(file, bytes.data() + done, bytes.size() - done);
+    if (count < 0 && errno != EINTR) {
+      return;
+    }
+    done += count > 0 ? static_cast<std::size_t>(count) : 0;
+  }
 }
 
 std::string to_text(const nlohmann::ordered_json& json) {
@@ -295,22 +407,37 @@ config::Problems without_warnings(const config::Problems& problems) {
   return mistakes;
 }
 
-/// Builds and runs what was found to be right.
+/// The report for people and for programs, where they are wanted; why the latter was not written.
+std::string tell(const nlohmann::ordered_json& json, const std::string& table,
+                 const RunOptions& options, const ReportFile& report_file) {
+  const std::string obstacle = report_file.write(to_text(json));
+  if (!options.is_quiet) {
+    print_text(stdout, table);
+    static_cast<void>(flush_output());  // It says why not; the run itself has not failed.
+  }
+  if (!obstacle.empty()) {
+    print_to(stderr, "fastcycle run: the report {} was not written: {}\n", options.report.string(),
+             obstacle);
+  }
+  return obstacle;
+}
+
+/// Builds and runs what was found to be right; with a `role` as one process of several.
 int run_application(const config::ApplicationDescription& description,
-                    const host::LibraryFiles& tried, const RunOptions& options,
-                    const ReportFile& report_file) {
-  ProgressLine progress(!options.is_quiet);
-  host::LibraryLoader libraries(
-      host::library_folders(description, options.configuration.library_path));
-  libraries.expect(tried);
-  // A reader of the log that goes away must not end the run.
-  std::signal(SIGPIPE, SIG_IGN);
-  // Before any other thread is made, so that none of them is interrupted.
-  const sigset_t signals = block_stop_signals();
+                    host::LibraryLoader& libraries, const sigset_t& signals,
+                    const RunOptions& options, const ReportFile& report_file,
+                    const processes::ProcessPlan* plan = nullptr, ProcessRole* role = nullptr) {
+  const bool is_main = role == nullptr || role->partition.is_main();
+  ProgressLine progress(!options.is_quiet && is_main);
   config::Problems problems;
   std::unique_ptr<host::Replay> replay;
   host::ComponentClasses* classes = &libraries;
-  if (!options.replay.files.empty()) {
+  if (role != nullptr) {
+    classes = &role->partition;
+  }
+  if (role != nullptr) {
+    replay = std::move(role->replay);
+  } else if (!options.replay.files.empty()) {
     replay = host::prepare_replay(options.replay.describe(), description, libraries, problems);
     if (!may_start(problems, options.configuration.load.file.string())) {
       return kWrong;
@@ -327,10 +454,17 @@ int run_application(const config::ApplicationDescription& description,
     tracer = std::make_unique<trace::Tracer>(*asked, inputs_of(options));
   }
   EndBound end_bound(description, options.command, &TerminalModes::give_back);
-  host::Application application(replay != nullptr ? replay->description() : description,
-                                clock_of(options));
-  const auto shown = options.live.describe(description);
-  if (const bool is_wanted = options.inspect.is_wanted(description); is_wanted || shown) {
+  host::ClockOptions clock = clock_of(options);
+  if (role != nullptr && role->clock != nullptr) {
+    clock.shared.emplace(*role->clock);
+  }
+  host::Application application(replay != nullptr ? replay->description() : description, clock);
+  if (role != nullptr) {
+    application.set_peers(role->partition);
+  }
+  const auto shown = is_main ? options.live.describe(description) : std::nullopt;
+  if (const bool is_wanted = is_main && options.inspect.is_wanted(description);
+      is_wanted || shown) {
     // Without a folder no tool finds it: it is there for the live server alone.
     inspection.emplace(application, options.inspect.describe(description),
                        is_wanted ? inspect::socket_folder() : std::filesystem::path());
@@ -348,31 +482,38 @@ int run_application(const config::ApplicationDescription& description,
         application, *shown, [&inspection] { return inspection->connect(); }, live_page_html());
     application.add(*live_server);
   }
-  if (const auto kept = options.flight_recorder.describe(description)) {
+  if (const auto kept = options.flight_recorder.describe(description); kept && is_main) {
     application.keep_last(*kept);
   }
-  const StopSignals stop_signals(
-      signals,
-      [&] {
-        progress.print("stopping… (Ctrl-C again ends at once)");
-        application.request_end(host::EndReason::kRequested);
-        end_bound.begin_within({});
-      },
-      [&] {
-        if (!application.dump("signal")) {
-          progress.print("SIGUSR1 asks for a dump, but there is no flight recorder");
-        }
-      });
+  std::optional<StopSignals> stop_signals;
+  if (is_main) {
+    stop_signals.emplace(
+        signals,
+        [&] {
+          progress.print("stopping… (Ctrl-C again ends at once)");
+          application.request_end(host::EndReason::kRequested);
+          if (role != nullptr && role->clock == nullptr) {
+            // A process that hangs keeps this one from coming to the end of a round.
+            role->channel.say(processes::Word::kEnd, host::to_word(host::EndReason::kRequested));
+          }
+          end_bound.begin_within({});
+        },
+        [&] {
+          if (!application.dump("signal")) {
+            progress.print("SIGUSR1 asks for a dump, but there is no flight recorder");
+          }
+        });
+  }
   if (replay != nullptr) {
     application.replay(*replay);
   }
   std::optional<TerminalKeys> keys;
-  if (options.is_played) {
+  if (options.is_played && is_main) {  // The others wait for this one.
     application.set_pace(pace);
     progress.state = [&pace] { return text_of(pace); };
   }
 
-  const auto recording = options.record.describe(description);
+  const auto recording = is_main ? options.record.describe(description) : std::nullopt;
   if (recording) {
     application.record(*recording);
   }
@@ -400,7 +541,7 @@ int run_application(const config::ApplicationDescription& description,
     host::check_patterns(*recording, application.topics(), warnings);
     tool::print(warnings);
   }
-  if (options.is_played && TerminalModes::are_there()) {
+  if (options.is_played && role == nullptr && TerminalModes::are_there()) {
     if (!options.is_quiet) {
       progress.print("keys: space pauses, . or s makes one step, + and - change the rate, q ends");
     }
@@ -412,30 +553,37 @@ int run_application(const config::ApplicationDescription& description,
       progress.print("live: SHA-256 of its certificate: " + live_server->fingerprint());
     }
   }
+  if (role != nullptr) {
+    role->partition.connect(application);
+    if (!wait_for_others(*role, application)) {
+      return kDone;  // All end, and it was only about to be restarted.
+    }
+    listen_for_end(*role, application);
+  }
   const auto began = std::chrono::steady_clock::now();
-  const std::string failure = carry_out(application, options, end_bound, progress);
+  const std::string failure = carry_out(application, options, end_bound, progress, role);
   keys.reset();
   host::RunReport report = host::make_report(application, std::chrono::steady_clock::now() - began);
   if (!failure.empty()) {
     report.end = failure;
   }
-  nlohmann::ordered_json json = host::to_json(report);
-  std::string table = host::to_table(report);
-  if (tracer != nullptr) {
-    json["trace"] = json_of(tracer->report());
-    table += text_of(tracer->report());
-  }
-  const std::string obstacle = report_file.write(to_text(json));
-  if (!options.is_quiet) {
-    print_text(stdout, table);
-    static_cast<void>(flush_output());  // It says why not; the run itself has not failed.
-  } else if (tracer != nullptr && !tracer->report().problem.empty()) {
-    print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
-             tracer->report().problem);
-  }
-  if (!obstacle.empty()) {
-    print_to(stderr, "fastcycle run: the report {} was not written: {}\n", options.report.string(),
-             obstacle);
+  std::string obstacle;
+  if (role != nullptr) {
+    report.processes.push_back(report_process(*role, *plan, report));
+    write_whole(role->report, host::to_bytes(report));
+    tell_refusals(plan->name(role->partition.process()), options.command);
+  } else {
+    nlohmann::ordered_json json = host::to_json(report);
+    std::string table = host::to_table(report);
+    if (tracer != nullptr) {
+      json["trace"] = json_of(tracer->report());
+      table += text_of(tracer->report());
+    }
+    obstacle = tell(json, table, options, report_file);
+    if (options.is_quiet && tracer != nullptr && !tracer->report().problem.empty()) {
+      print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
+               tracer->report().problem);
+    }
   }
   const auto has_faulted = [](const host::ComponentReport& component) {
     return component.faults > 0;
@@ -451,6 +599,165 @@ int run_application(const config::ApplicationDescription& description,
       (tracer != nullptr && !tracer->report().problem.empty()) ||
       (options.fails_on_fault && std::ranges::any_of(report.components, has_faulted));
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
+}
+
+/// What does not go with several processes; empty if all does.
+std::string find_wrong_with_processes(const RunOptions& options) {
+  if (!options.replay.files.empty() && options.clock == "live") {
+    return "--replay into several processes is for --clock simulated; add that, or leave out "
+           "\"process\"";
+  }
+  if (!options.trace.file.empty()) {
+    return "--trace is for components in one process; leave out \"process\"";
+  }
+  return {};
+}
+
+/// What a recording is replayed into, in one process of several: they are connected as `wiring`
+/// says, so that no component has to be made for that.
+std::unique_ptr<host::Replay> prepare_replay(const RunOptions& options,
+                                             const config::ApplicationDescription& description,
+                                             host::LibraryLoader& libraries,
+                                             const host::ApplicationWiring& wiring,
+                                             config::Problems& problems) {
+  const auto connections = [&](const auto&, auto&, auto&) {
+    std::vector<host::Connection> found;
+    for (const auto& publisher : wiring.publishers) {
+      found.push_back({.component = publisher.component,
+                       .topic = publisher.topic,
+                       .type = publisher.type,
+                       .is_publisher = true});
+    }
+    for (const auto& subscription : wiring.subscriptions) {
+      found.push_back({.component = subscription.component,
+                       .topic = subscription.topic,
+                       .type = subscription.type,
+                       .is_publisher = false});
+    }
+    return found;
+  };
+  return host::Replay::prepare(options.replay.describe(), description, libraries, connections,
+                               problems);
+}
+
+/// Without the ends of those in whose place a recording is published: it is in each process.
+host::ApplicationWiring wiring_of_running(host::ApplicationWiring wiring,
+                                          const host::ReplayPlan& replay) {
+  const auto is_replaced = [&](const auto& end) { return !replay.runs(end.component); };
+  std::erase_if(wiring.publishers, is_replaced);
+  std::erase_if(wiring.subscriptions, is_replaced);
+  return wiring;
+}
+
+/// Runs an application whose components are in several processes: this one makes the others.
+int run_processes(const config::ApplicationDescription& description, const host::TrialResult& tried,
+                  host::LibraryLoader& libraries, const sigset_t& signals,
+                  const RunOptions& options, const ReportFile& report_file) {
+  const auto say = [&](const std::string& sentence) {
+    print_to(stderr, "fastcycle {}: {}\n", options.command, sentence);
+  };
+  const bool main_gets_all =
+      options.inspect.is_wanted(description) || options.live.describe(description) ||
+      options.record.describe(description) || options.flight_recorder.describe(description);
+  const bool is_simulated = clock_of(options).is_simulated;
+  // Where the types of all messages are known before the first process is made, each finds them at
+  // the same addresses.
+  config::Problems problems;
+  for (const config::ComponentDescription& component : description.components) {
+    static_cast<void>(libraries.find(component, problems));
+  }
+  if (!may_start(without_warnings(problems), options.configuration.load.file.string())) {
+    return kWrong;
+  }
+  const host::ApplicationWiring wiring = host::wiring_from_text(tried.wiring);
+  host::ApplicationWiring links = wiring;
+  config::ApplicationDescription run_description = description;
+  if (!options.replay.files.empty()) {
+    // Each process reads the recording by itself. Here it is looked what there is to say of it.
+    config::Problems of_replay;
+    const auto replay = prepare_replay(options, description, libraries, wiring, of_replay);
+    if (!may_start(of_replay, options.configuration.load.file.string()) || replay == nullptr) {
+      return kWrong;
+    }
+    links = wiring_of_running(std::move(links), replay->plan());
+    run_description = replay->description();
+  }
+  const processes::ProcessPlan plan(run_description, std::move(links),
+                                    {.main_gets_all = main_gets_all, .is_simulated = is_simulated});
+  if (plan.problem()) {
+    say(*plan.problem());
+    return kWrong;
+  }
+  if (std::string_view(FASTCYCLE_SANITIZER) == "none" && threads_of_this_process() > 1) {
+    say("a component library starts a thread when it is loaded, and a process with threads cannot "
+        "make others; start it in the component's start()");
+    return kWrong;
+  }
+  segment::Segments segments;
+  if (const auto refused = segments.reserve(
+          {.processes = plan.count(), .control_bytes = plan.wire().control_bytes})) {
+    say(*refused);
+    return kFailed;
+  }
+  const base::Clock clock = base::Clock::live(options.rate.value_or(1.0));
+  const auto work = [&](segment::ProcessIndex process, std::uint32_t incarnation,
+                        processes::Channel channel, int report) -> int {
+    std::unique_ptr<host::Replay> replay;
+    if (!options.replay.files.empty()) {  // Before a sandbox, which may not let it be read.
+      config::Problems told;
+      replay = prepare_replay(options, plan.description_in(process), libraries, wiring, told);
+      if (replay == nullptr) {
+        return kWrong;  // It has changed since it was looked at.
+      }
+    }
+    host::ComponentClasses& classes =
+        replay != nullptr ? static_cast<host::ComponentClasses&>(*replay) : libraries;
+    processes::Partition partition(plan, segments, classes);
+    if (const auto refused = partition.become(process, incarnation)) {
+      say(*refused);
+      return kFailed;
+    }
+    // The libraries are loaded, no component was made, and there is one thread.
+    if (const auto refused = restrict(plan.description_of(process))) {
+      say(fmt::format("process \"{}\" gets no sandbox: {}; {}", plan.name(process), refused->what,
+                      refused->remedy));
+      return kWrong;
+    }
+    // Its threads may still be at work when this returns: it stays as it is.
+    ProcessRole role{.partition = partition,
+                     .channel = channel,
+                     .clock = is_simulated ? nullptr : &clock,
+                     .report = report,
+                     .replay = std::move(replay)};
+    const int code = run_application(plan.description_in(process), libraries, signals, options,
+                                     report_file, &plan, &role);
+    std::fflush(nullptr);
+    std::_Exit(code);
+  };
+  processes::Supervisor supervisor(plan, segments, work, say);
+  const auto began = std::chrono::steady_clock::now();
+  const processes::Supervisor::Result result = supervisor.run();
+  std::vector<host::RunReport> parts;
+  for (segment::ProcessIndex process = processes::ProcessPlan::kMain; process < plan.count();
+       ++process) {
+    if (!result.reports[process].empty()) {
+      parts.push_back(host::report_from_bytes(result.reports[process]));
+      for (host::ProcessReport& one : parts.back().processes) {
+        one.restarts = result.restarts[process];
+      }
+    }
+  }
+  if (parts.empty()) {
+    return result.exit_code;
+  }
+  host::RunReport report = host::put_together(std::move(parts), description);
+  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  if (!result.end.empty()) {
+    report.end = result.end;
+  }
+  const std::string obstacle =
+      tell(host::to_json(report), host::to_table(report), options, report_file);
+  return obstacle.empty() ? result.exit_code : std::max<int>(result.exit_code, kFailed);
 }
 
 int run(const RunOptions& options) {
@@ -471,7 +778,7 @@ int run(const RunOptions& options) {
     return wrong(*obstacle);
   }
   config::Problems problems;
-  host::LibraryFiles tried;
+  host::TrialResult tried;
   config::ApplicationDescription description = options.configuration.read(
       host::ConstructorFault::kFault, problems,
       options.replay.files.empty() ? Configuration::TrialWarnings::kHeard
@@ -502,7 +809,20 @@ int run(const RunOptions& options) {
   if (const std::string sentence = options.live.find_wrong(); !sentence.empty()) {
     return wrong(sentence);
   }
-  return run_application(description, tried, options, report_file);
+  host::LibraryLoader libraries(
+      host::library_folders(description, options.configuration.library_path));
+  libraries.expect(tried.files);
+  // A reader of the log that goes away must not end the run.
+  std::signal(SIGPIPE, SIG_IGN);
+  // Before any other thread is made, so that none of them is interrupted.
+  const sigset_t signals = block_stop_signals();
+  if (description.processes.empty()) {
+    return run_application(description, libraries, signals, options, report_file);
+  }
+  if (const std::string sentence = find_wrong_with_processes(options); !sentence.empty()) {
+    return wrong(sentence);
+  }
+  return run_processes(description, tried, libraries, signals, options, report_file);
 }
 
 /// The words do not say where the recordings end: the last file is the application.

@@ -1,15 +1,24 @@
 #include "bench/application.h"
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 #include <variant>
 
+#include <fcntl.h>
+#include <fmt/format.h>
 #include <sched.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include "base/clock.h"
 #include "config/load.h"
@@ -44,6 +53,23 @@ int cpu_of(int place) {
     text += (text.empty() ? "" : "\n") + config::to_string(problem);
   }
   throw std::runtime_error(text);
+}
+
+std::filesystem::path write_application(const Json& json, const std::string& folder) {
+  std::filesystem::path file = folder + "/benchmark.json";
+  std::ofstream stream(file);
+  stream << json.dump(2);
+  stream.close();
+  if (!stream) {
+    throw std::runtime_error("bench: " + file.string() + " could not be written: " +
+                             std::strerror(errno) + "; TMPDIR says where");
+  }
+  return file;
+}
+
+std::string text_of(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 /// What a component or the application says of its failure; empty if it ended well.
@@ -173,14 +199,7 @@ class Runner::Announcement {
 
 Finished Runner::run(const Json& json, const std::string& folder, const RunHooks& hooks) {
   Finished finished;
-  const std::filesystem::path file = folder + "/benchmark.json";
-  std::ofstream stream(file);
-  stream << json.dump(2);
-  stream.close();
-  if (!stream) {
-    throw std::runtime_error("bench: " + file.string() + " could not be written: " +
-                             std::strerror(errno) + "; TMPDIR says where");
-  }
+  const std::filesystem::path file = write_application(json, folder);
   finished.stages.begin_ns = measure::now_ns();
   config::Problems problems;
   const config::ApplicationDescription description = config::load({.file = file}, problems);
@@ -233,6 +252,41 @@ Finished Runner::run(const Json& json, const std::string& folder, const RunHooks
     finished.clock_offset_ns = base::to_ns(application.clock().at_monotonic(0));
   }
   return finished;
+}
+
+Json run_program(const Json& json, const std::string& folder) {
+  const std::string program = std::filesystem::read_symlink("/proc/self/exe").string();
+  const std::string report = folder + "/report.json";
+  const std::string output = folder + "/output.txt";
+  std::array<std::string, 6> words{program,   "run",      write_application(json, folder).string(),
+                                   "--quiet", "--report", report};
+  std::array<char*, words.size() + 1> pointers{};
+  std::ranges::transform(words, pointers.begin(), [](std::string& word) { return word.data(); });
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, output.c_str(),
+                                   O_WRONLY | O_CREAT | O_TRUNC, 0600);
+  posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
+  pid_t process = 0;
+  const int error =
+      posix_spawn(&process, program.c_str(), &actions, nullptr, pointers.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) {
+    throw std::system_error(error, std::generic_category(), "bench: " + program);
+  }
+  int status = 0;
+  while (waitpid(process, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (status != 0) {
+    const std::string said = text_of(output);
+    throw std::runtime_error(fmt::format(
+        "bench: fastcycle run {} ended with {} {}:\n{}", words[2],
+        WIFSIGNALED(status) ? "signal" : "exit code",
+        WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status),
+        said.empty() ? "it said nothing; is there room in " + folder + "? TMPDIR says where"
+                     : said));
+  }
+  return Json::parse(text_of(report));
 }
 
 void Runner::request_end() {

@@ -94,4 +94,9 @@ class Runner {
   bool is_ended_ = false;
 };
 
+/// Runs an application with `fastcycle run`, in processes of their own, and returns its report.
+///
+/// @errors  std::runtime_error with what it said if it did not end well.
+[[nodiscard]] Json run_program(const Json& json, const std::string& folder);
+
 }  // namespace fastcycle::tool::bench

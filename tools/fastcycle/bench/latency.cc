@@ -39,6 +39,32 @@ Finding measure_floor(const Session& session, const std::string& peer,
   return finding;
 }
 
+/// The subscriber in a process of its own. CPU time is that of the process of the publisher.
+Finding measure_processes(Session& session, const std::string& wait, std::int64_t size) {
+  Json described = latency_application(session.options(), size, wait, session.folder());
+  described["components"][1]["process"] = "subscriber";
+  const Json report = run_program(described, session.folder());
+  Finding finding{.row = session.row("processes-" + wait, size),
+                  .samples = session.samples_of("sink")};
+  const Json& results = report["results"];
+  measure::Usage usage;
+  usage.cpu_us = results["cpu_us"].get<double>();
+  measure_into(finding.row, finding.samples, results["sent"].get<std::int64_t>(), usage);
+  std::int64_t damaged = 0;
+  for (const auto& [name, value] : results.items()) {
+    damaged += name.ends_with("damaged") ? value.get<std::int64_t>() : 0;
+  }
+  std::int64_t copied = 0;
+  for (const Json& process : report["processes"]) {
+    for (const Json& link : process["links"]) {
+      copied += link["copied"].get<std::int64_t>() + link["unshared"].get<std::int64_t>();
+    }
+  }
+  finding.row.more = damaged_json(damaged) + fmt::format(",\"copied\":{}", copied);
+  finding.trouble = damaged_trouble(damaged);
+  return finding;
+}
+
 Finding measure_latency(Session& session, const std::string& wait, std::int64_t size) {
   const bool is_rtt = session.options().mode == "rtt";
   const Finished finished =
@@ -83,6 +109,22 @@ Point make_point(const Options& options, Session* session, std::int64_t size) {
   if (options.floors == "all" && !is_rtt) {
     add_floor("floor-malloc", &measure::floor_malloc);
   }
+  if (options.has_processes) {
+    for (const std::string& wait : options.waits) {
+      const bool is_spin = wait == "spin";
+      const std::string name = is_spin ? "floor-processes-spin" : "floor-processes";
+      if (point.steps.empty() || point.steps.back().peer != name) {
+        add_floor(name, [is_spin](const measure::Plan& plan) {
+          return measure::floor_processes(
+              plan, is_spin ? measure::Waiting::kSpin : measure::Waiting::kFutex);
+        });
+      }
+      point.steps.push_back(
+          {.peer = "processes-" + wait,
+           .measure = [session, wait, size] { return measure_processes(*session, wait, size); },
+           .floor = name});
+    }
+  }
   for (const std::string& wait : options.waits) {
     point.steps.push_back(
         {.peer = "fastcycle-" + wait,
@@ -114,6 +156,9 @@ Mode latency_mode(const Options& options, Session* session) {
                   {"lost", "lost", 0},
                   {"damaged", "damaged", 0},
                   {"p50/floor", kRatioKey, 2}};
+  if (options.has_processes) {
+    mode.columns.insert(mode.columns.end() - 1, {"copied", "copied", 0});
+  }
   for (const std::int64_t size : options.sizes) {
     mode.points.push_back(make_point(options, session, size));
   }

@@ -43,7 +43,8 @@ const std::map<std::string, Defaults>& modes() {
   static const Numbers kLarge = {32 * kKiB, 128 * kKiB, 512 * kKiB, 1024 * kKiB, 4096 * kKiB};
   static const std::map<std::string, Defaults> kModes = {
       {"latency",
-       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait", "--floors"},
+       {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait", "--floors",
+         "--processes"},
         kLarge,
         5000,
         200}},
@@ -313,6 +314,8 @@ void add_options(CLI::App& line, Options& options) {
   add("--raw", options.raw_file, "FILE.csv", "Write the stamps of every message");
   line.add_flag("--print-application", options.prints_application,
                 "Print the application of the first point, and measure nothing");
+  line.add_flag("--processes", options.has_processes,
+                "latency: also with publisher and subscriber in two processes");
   add_list("--subs", options.subs, "N,N", "fanout: subscribers (1,2,4,8,16,32,64)");
   add_list("--hops", options.hops, "N,N", "chain: hand-overs in a row (1,2,4,8)");
   add("--window", options.window, "W", "flood: messages under way at most (1024)");

@@ -31,6 +31,7 @@ struct Options {
 
   std::vector<std::int64_t> subs = {1, 2, 4, 8, 16, 32, 64};
   std::vector<std::int64_t> hops = {1, 2, 4, 8};
+  bool has_processes = false;
   bool has_no_credits = false;
   std::int64_t window = 1024;
   std::string clock = "live";

@@ -52,10 +52,14 @@ Drawing::Component drawn(const protocol::Component& component, const Growth& gro
   Drawing::Component result{
       .name = component.name(),
       .name_space = slash == std::string::npos ? "" : component.name().substr(0, slash),
-      .executor = component.executor()};
+      .executor = component.executor(),
+      .process = component.process()};
   result.about = component.class_name().empty() ? component.library() : component.class_name();
   if (!component.executor().empty()) {
     result.about += " · on " + component.executor();
+  }
+  if (component.state() == "elsewhere") {
+    return result;
   }
   std::string text = fmt::format("{:.1f} % CPU", growth.cpu_percent(component));
   if (component.callback().count() > 0) {

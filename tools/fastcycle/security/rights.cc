@@ -15,6 +15,10 @@ namespace {
 using config::Value;
 using dds_security::Rights;
 
+std::string with_slash(const std::string& name) {
+  return name.starts_with('/') ? name : "/" + name;
+}
+
 void add_server(const std::string& service, Rights& rights) {
   rights.subscribe.insert(ros2::dds_request_topic(service));
   rights.publish.insert(ros2::dds_reply_topic(service));
@@ -25,8 +29,12 @@ void add_client(const std::string& service, Rights& rights) {
   rights.subscribe.insert(ros2::dds_reply_topic(service));
 }
 
-std::string with_slash(const std::string& name) {
-  return name.starts_with('/') ? name : "/" + name;
+void add_param_services(const std::string& node, Rights& rights) {
+  for (const char* const service :
+       {"describe_parameters", "get_parameter_types", "get_parameters", "list_parameters",
+        "set_parameters", "set_parameters_atomically"}) {
+    add_server(with_slash(node) + "/" + service, rights);
+  }
 }
 
 /// What means something in XML, or to who compares names with patterns.
@@ -135,11 +143,8 @@ void add(const RosRights& more, Rights& rights) {
   for (const std::string& node : more.nodes) {
     rights.publish.insert({"rt/rosout", "rt/parameter_events"});
     rights.subscribe.insert({"rt/parameter_events", "rt/clock"});
-    for (const char* const service :
-         {"describe_parameters", "get_parameter_types", "get_parameters", "list_parameters",
-          "set_parameters", "set_parameters_atomically", "get_type_description"}) {
-      add_server(with_slash(node) + "/" + service, rights);
-    }
+    add_param_services(node, rights);
+    add_server(with_slash(node) + "/get_type_description", rights);
   }
 }
 
@@ -166,6 +171,8 @@ Rights rights_of(const config::ComponentDescription& component, config::Problems
     } else {
       const std::string name = entry.text("topic");
       topic = name.empty() ? "" : "fastcycle/" + name;
+      rights.publish.insert("fastcycle_clocks");  // How far apart the clocks of both are.
+      rights.subscribe.insert("fastcycle_clocks");
     }
     if (is_in && !topic.empty()) {
       (*is_in ? rights.subscribe : rights.publish).insert(topic);
@@ -177,6 +184,16 @@ Rights rights_of(const config::ComponentDescription& component, config::Problems
     const std::string service = entry.ros_name();
     if (is_in && !service.empty()) {
       *is_in ? add_server(service, rights) : add_client(service, rights);
+    }
+  }
+  if (!items_of(params, "parameters", problems).empty()) {
+    const Value* const node = params.find("node");
+    const std::string name =
+        node != nullptr && node->is_string() ? node->as_string() : "fastcycle_gateway";
+    if (ros2::mistake_of_ros_name(name)) {
+      problems.add(config::unexpected(*node, "a name of ROS 2"));
+    } else {
+      add_param_services(name, rights);
     }
   }
   const Value* const clock = params.find("clock_period_ms");

@@ -257,6 +257,7 @@ std::vector<TextLine> component_lines(const Model& model, const ComponentRow& ro
       fact("component", row.name, Tone::kStrong),
       fact("state", row.state + (row.health.empty() ? "" : ", health " + row.health)),
       fact("executor", row.executor.empty() ? "-" : row.executor),
+      fact("process", row.process.empty() ? "main" : row.process),
       fact("CPU", or_dash(row.cpu_percent, percent_text) + " %"),
       fact("activations",
            fmt::format("{}, {} a second", row.activations, or_dash(row.activations_hz, rate_text))),

@@ -63,6 +63,7 @@ ComponentRow component_row(const inspect::protocol::Component* before,
                            const inspect::protocol::Component& now, const Interval& interval) {
   ComponentRow row{.name = now.name(),
                    .executor = now.executor(),
+                   .process = now.process(),
                    .state = now.state(),
                    .health = now.health(),
                    .remark = now.health_reason().empty() ? now.last_fault() : now.health_reason(),
@@ -73,6 +74,9 @@ ComponentRow component_row(const inspect::protocol::Component* before,
                    .overruns = now.overruns(),
                    .faults = now.faults(),
                    .restarts = now.restarts()};
+  if (now.state() == "elsewhere") {
+    row.remark = "in the process " + now.process();
+  }
   if (before != nullptr) {
     const std::int64_t busy = before->busy_ns();
     const std::uint64_t activations = before->activations();
@@ -250,6 +254,7 @@ ordered_json drops_json(const Drops& drops) {
 ordered_json component_json(const ComponentRow& row) {
   return {{"name", row.name},
           {"executor", row.executor},
+          {"process", row.process.empty() ? "main" : row.process},
           {"state", row.state},
           {"health", row.health},
           {"remark", row.remark},

@@ -22,6 +22,7 @@ struct Times {
 struct ComponentRow {
   std::string name = {};
   std::string executor = {};
+  std::string process = {};  ///< Empty: that of the tools.
   std::string state = {};
   std::string health = {};
   std::string remark = {};                 ///< What it says of its health, else its last fault.

@@ -3,6 +3,8 @@ import { element, make } from "../controls.js";
 import { meaningOf, quantile, rate } from "./overview.js";
 import { Rows, say, tableOf } from "./rows.js";
 
+const LOOK_MS = 50;  // So often it is looked whether a mode was switched,
+const MOST_LOOKS = 40;  // and so many times at most.
 const ACTIONS = [["start", "ACTION_START"], ["stop", "ACTION_STOP"], ["restart", "ACTION_RESTART"]];
 
 // Buttons that start, stop and restart a component. `update()` disables what is not allowed or makes no sense.
@@ -85,13 +87,19 @@ export class Components {
   }
 
   async #switch() {
+    const mode = element("mode").value;
     try {
-      const request = { switch_mode: { mode: element("mode").value, why: "asked for on the live page" } };
+      const request = { switch_mode: { mode, why: "asked for on the live page" } };
       const done = await this.connection.ask(request, "done");
       say(element("mode_answer"), done.text);
     } catch (error) {
       say(element("mode_answer"), error.message);
+      return;
     }
-    this.overview.poll();
+    // It is switched a moment after the answer.
+    for (let i = 0; i < MOST_LOOKS && this.overview.mode !== mode; i++) {
+      await new Promise((ready) => setTimeout(ready, LOOK_MS));
+      await this.overview.poll();
+    }
   }
 }

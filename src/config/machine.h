@@ -1,0 +1,12 @@
+#pragma once
+
+#include "config/problem.h"
+#include "config/value.h"
+
+namespace fastcycle::config {
+
+/// Adds what the processes of an effective tree ask of this machine and what it does not have:
+/// users are mistakes; CPUs, and files and folders of a sandbox, are warnings.
+void check_machine(const Value& tree, Problems& problems);
+
+}  // namespace fastcycle::config

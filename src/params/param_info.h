@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "fastcycle/param_list.h"
+#include "params/param_table.h"
+
+namespace fastcycle::host {
+
+/// The type of a parameter in words: "number", "integer[]", "message demo.Limits".
+[[nodiscard]] std::string type_of(const detail::ParamSpec& spec);
+
+/// What others than its component see of `param`. @pre The mutex is held.
+[[nodiscard]] ParamInfo info_of(const std::string& component, const DeclaredParam& param);
+
+/// A list of them as one text, and back. Of a text that is none the list is empty.
+[[nodiscard]] std::string to_text(const std::vector<ParamInfo>& infos);
+[[nodiscard]] std::vector<ParamInfo> infos_of(std::string_view text);
+
+}  // namespace fastcycle::host

@@ -1,0 +1,306 @@
+#include "processes/partition.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <map>
+#include <thread>
+#include <utility>
+
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+
+#include "component/component_core.h"
+#include "component/declare.h"
+#include "component/service_topics.h"
+#include "replay/stand_in.h"
+
+namespace fastcycle::processes {
+
+using segment::ProcessIndex;
+
+namespace {
+
+/// How often it is looked whether a process that is waited for has ended.
+constexpr std::chrono::microseconds kLook{200};
+/// FastCycle's own status and log, which start last.
+constexpr std::size_t kOwnPlaces = 2;
+
+}  // namespace
+
+Partition::Partition(const ProcessPlan& plan, segment::Segments& segments,
+                     host::ComponentClasses& classes)
+    : plan_(plan),
+      segments_(segments),
+      classes_(classes),
+      wire_(segments, plan.wire()),
+      services_(plan.wiring().services.begin(), plan.wiring().services.end()) {}
+
+Partition::~Partition() = default;
+
+std::optional<std::string> Partition::become(ProcessIndex process, std::uint32_t incarnation) {
+  process_ = process;
+  incarnation_ = incarnation;
+  return segments_.become(process, segment::Wire::generation_of(incarnation));
+}
+
+const ComponentClass* Partition::find(const config::ComponentDescription& component,
+                                      config::Problems& problems) {
+  return runs_here(component.name) ? classes_.find(component, problems) : &host::stand_in_class();
+}
+
+bool Partition::runs_here(const std::string& component) const {
+  return plan_.process_of(component) == process_;
+}
+
+void Partition::declare(detail::ComponentCore& component) {
+  auto& topics = component.application.wiring().topics();
+  for (const auto& publisher : plan_.wiring().publishers) {
+    if (publisher.component != component.name) {
+      continue;
+    }
+    const auto* const type =
+        google::protobuf::DescriptorPool::generated_pool()->FindMessageTypeByName(publisher.type);
+    if (type == nullptr) {
+      continue;  // No library here has it: nobody subscribes to it either.
+    }
+    if (publisher.topic.ends_with(detail::kRequestTopic)) {
+      topics.set_options(publisher.topic, detail::kRequestTopicOptions);
+    } else if (publisher.topic.find(detail::kServiceMark) != std::string::npos) {
+      topics.set_options(publisher.topic, detail::kReplyTopicOptions);
+    }
+    detail::PublisherCore& stand_in = detail::declare_publisher(
+        component, publisher.topic,
+        *google::protobuf::MessageFactory::generated_factory()->GetPrototype(type), nullptr, true);
+    stand_in.is_imported = true;
+  }
+}
+
+void Partition::connect(host::Application& application) {
+  clock_ = &application.clock();
+  const auto find_publisher = [&](const ProcessPlan::Link& link) -> detail::PublisherCore* {
+    const detail::Topic* const topic = application.topics().find(link.topic);
+    if (topic == nullptr) {
+      return nullptr;
+    }
+    std::size_t ordinal = 0;
+    for (const auto& publisher : topic->publishers) {
+      if (publisher->owner.name == link.component && ordinal++ == link.ordinal) {
+        return publisher.get();
+      }
+    }
+    return nullptr;
+  };
+  const auto& executors = application.executors();
+  const bool is_simulated = clock_->is_simulated();
+  // In simulated time there are no executors: what came is taken between rounds.
+  const std::size_t set_count = is_simulated ? 1 : executors.size();
+  std::map<unsigned, segment::LinkSet*> sets;
+  for (unsigned place = 0; place < set_count; ++place) {
+    link_sets_.push_back(std::make_unique<segment::LinkSet>(wire_, process_, incarnation_, place));
+    sets[place] = link_sets_.back().get();
+  }
+  for (const ProcessPlan::Link& link : plan_.links()) {
+    const segment::LinkPlan& wire = plan_.wire().links[link.wire];
+    if (wire.from != process_ && wire.to != process_) {
+      continue;
+    }
+    detail::PublisherCore* const publisher = find_publisher(link);
+    if (publisher == nullptr) {
+      continue;
+    }
+    if (wire.from == process_) {
+      exports_.push_back(std::make_unique<segment::Export>(wire_, wire, incarnation_,
+                                                           publisher->default_instance));
+      topics_.push_back(link.topic);
+      publisher->add_export(*exports_.back());
+    } else {
+      sets.at(is_simulated ? 0 : wire.executor)->add(wire, *publisher);
+    }
+  }
+  for (unsigned place = 0; place < executors.size(); ++place) {
+    executors[place]->set_foreign_inputs(*sets[place]);
+  }
+  if (is_simulated) {
+    rounds_ = std::make_unique<Rounds>(wire_, process_, incarnation_, *sets[0], application);
+  }
+  if (const auto limit = plan_.description_of(process_).heartbeat; limit.count() > 0) {
+    heart_ = std::jthread([this, limit](const std::stop_token& stop) { beat(limit, stop); });
+  }
+}
+
+/// Counts up what the one who made this process looks at.
+void Partition::beat(std::chrono::nanoseconds limit, const std::stop_token& stop) {
+  auto& word = wire_.stage(process_, incarnation_, plan_.heartbeat_word());
+  while (!stop.stop_requested()) {
+    word.fetch_add(1, std::memory_order_relaxed);
+    std::this_thread::sleep_for(limit / 4);
+  }
+}
+
+void Partition::sources_finished() {
+  if (rounds_ != nullptr) {
+    rounds_->end_sources();
+  } else {
+    on_sources_finished();
+  }
+}
+
+std::size_t Partition::place_count() const {
+  return plan_.stage_count() + kOwnPlaces;
+}
+
+host::Peers::AgreedEnd Partition::agreed_end() const {
+  return rounds_ != nullptr ? rounds_->agreed_end() : AgreedEnd::kNone;
+}
+
+void Partition::attach() {
+  if (rounds_ != nullptr) {
+    rounds_->join();
+  }
+  for (const auto& links : link_sets_) {
+    links->attach();
+  }
+  if (rounds_ != nullptr && incarnation_ > 1) {
+    await_readers();
+  }
+}
+
+/// In simulated time nothing is to be published before all who are there read it.
+void Partition::await_readers() {
+  const auto is_waited_for = [this](segment::Export& one) {
+    const ProcessIndex reader = one.link().to;
+    const std::uint32_t incarnation = wire_.incarnation(reader).load(std::memory_order_seq_cst);
+    return incarnation != 0 && wire_.rounds(reader, incarnation).is_joining.load() == 0 &&
+           !one.is_connected();
+  };
+  for (const auto& one : exports_) {
+    while (is_waited_for(*one)) {
+      std::this_thread::sleep_for(kLook);
+    }
+  }
+}
+
+// ---- How far all are ----
+//
+// A process says how far it is by one number that only grows: 1 + the place of the component that
+// it starts next; when all have started, when timers began; and so on to its end.
+
+namespace {
+
+// Words behind those of the components, in the stages of each process.
+enum StageWord : std::size_t { kProgress, kBeginLow, kBeginHigh };
+
+}  // namespace
+
+/// Of the start; those of the end follow.
+std::uint32_t Partition::steps() const {
+  return static_cast<std::uint32_t>(place_count());
+}
+
+void Partition::say_progress(std::uint32_t progress) {
+  auto& word = wire_.stage(process_, incarnation_, plan_.stage_count() + kProgress);
+  word.store(std::max(progress, word.load(std::memory_order_relaxed)), std::memory_order_seq_cst);
+}
+
+/// Of a process that has ended: farther than all.
+std::uint32_t Partition::progress_of(ProcessIndex process) const {
+  const std::uint32_t incarnation = wire_.incarnation(process).load(std::memory_order_seq_cst);
+  if (incarnation == 0) {
+    return std::numeric_limits<std::uint32_t>::max();
+  }
+  return wire_.stage(process, incarnation, plan_.stage_count() + kProgress)
+      .load(std::memory_order_seq_cst);
+}
+
+void Partition::await_progress(ProcessIndex process, std::uint32_t progress,
+                               const std::function<bool()>& is_over) const {
+  while (progress_of(process) < progress && !is_over()) {
+    std::this_thread::sleep_for(kLook);
+  }
+}
+
+void Partition::await_all(std::uint32_t progress, const std::function<bool()>& is_over) const {
+  for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
+    await_progress(process, progress, is_over);
+  }
+}
+
+void Partition::reach_start(std::size_t place) {
+  say_progress(static_cast<std::uint32_t>(place) + 1);
+}
+
+void Partition::await_start(const detail::ComponentCore& component, std::size_t place,
+                            const std::function<bool()>& is_over) {
+  // Its process has started it once it comes to the next one. Rounds keep in step by themselves.
+  if (incarnation_ == 1 && rounds_ == nullptr) {
+    await_progress(plan_.process_of(component.name), static_cast<std::uint32_t>(place) + 2,
+                   is_over);
+  }
+}
+
+Time Partition::agree_on_begin(const std::function<bool()>& is_over) {
+  if (rounds_ != nullptr) {
+    return clock_->now();
+  }
+  if (incarnation_ > 1) {
+    say_progress(steps() + 2);
+    return clock_->now();  // The others began long ago.
+  }
+  say_progress(steps() + 1);
+  await_all(steps() + 1, is_over);
+  const auto word = [&](StageWord which) -> std::atomic<std::uint32_t>& {
+    return wire_.stage(ProcessPlan::kMain, 1, plan_.stage_count() + which);
+  };
+  if (is_main()) {
+    const auto begin = static_cast<std::uint64_t>(base::to_ns(clock_->now()));
+    word(kBeginLow).store(static_cast<std::uint32_t>(begin), std::memory_order_relaxed);
+    word(kBeginHigh).store(static_cast<std::uint32_t>(begin >> 32), std::memory_order_relaxed);
+    say_progress(steps() + 2);
+    return base::from_ns(static_cast<std::int64_t>(begin));
+  }
+  await_progress(ProcessPlan::kMain, steps() + 2, is_over);
+  const std::uint64_t begin = std::uint64_t{word(kBeginHigh).load()} << 32 | word(kBeginLow).load();
+  say_progress(steps() + 2);
+  return begin == 0 ? clock_->now() : base::from_ns(static_cast<std::int64_t>(begin));
+}
+
+namespace {
+
+/// For the others to come as far at the end; who takes longer is not waited for.
+constexpr std::chrono::seconds kStepLimit{2};
+
+auto until(std::chrono::steady_clock::duration limit) {
+  return [end = std::chrono::steady_clock::now() + limit] {
+    return std::chrono::steady_clock::now() > end;
+  };
+}
+
+}  // namespace
+
+void Partition::reach(Step step) {
+  if (rounds_ != nullptr) {
+    return;
+  }
+  const std::uint32_t progress = steps() + 3 + static_cast<std::uint32_t>(step);
+  say_progress(progress);
+  await_all(progress, until(kStepLimit));
+}
+
+void Partition::reach_stop(std::size_t place) {
+  say_progress(steps() + 7 + steps() - static_cast<std::uint32_t>(place));
+}
+
+void Partition::await_stop(const detail::ComponentCore& component, std::size_t place) {
+  if (rounds_ != nullptr) {
+    return;
+  }
+  await_progress(plan_.process_of(component.name),
+                 steps() + 8 + steps() - static_cast<std::uint32_t>(place), until(kStepLimit));
+}
+
+void Partition::end() {
+  say_progress(steps() + 9 + steps());
+}
+
+}  // namespace fastcycle::processes

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <set>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "component/peers.h"
+#include "host/application.h"
+#include "loading/component_classes.h"
+#include "processes/process_plan.h"
+#include "processes/rounds.h"
+#include "segment/export.h"
+#include "segment/link_set.h"
+#include "segment/segments.h"
+#include "segment/wire.h"
+
+namespace fastcycle::processes {
+
+/// One process of an application: knows what runs here, and connects it with the others.
+///
+///     partition.become(process, incarnation);
+///     host::Application application(plan.description_in(process), …);
+///     application.set_peers(partition);
+///     application.build(partition, problems, …);
+///     partition.connect(application);
+///
+/// @threads  Confined to the control thread, but for `runs_here`.
+class Partition final : public host::Peers, public host::ComponentClasses {
+ public:
+  /// `classes` finds the components' code. All have to live as long as this.
+  Partition(const ProcessPlan& plan, segment::Segments& segments, host::ComponentClasses& classes);
+  ~Partition() override;
+
+  /// First thing in the process. Returns what the kernel refused.
+  [[nodiscard]] std::optional<std::string> become(segment::ProcessIndex process,
+                                                  std::uint32_t incarnation);
+  [[nodiscard]] segment::ProcessIndex process() const { return process_; }
+  [[nodiscard]] std::uint32_t incarnation() const { return incarnation_; }
+
+  const ComponentClass* find(const config::ComponentDescription& component,
+                             config::Problems& problems) override;
+
+  /// Makes the ends of all links, after the application was built. In simulated time from then on
+  /// it serves rounds together with the others, who keep it in step with starts and stops too.
+  void connect(host::Application& application);
+  /// Reads what the others publish; once all that is to come at the start is there.
+  void attach();
+
+  /// Called when all sources of this process have finished; set before the start. Any thread.
+  std::function<void()> on_sources_finished;
+
+  /// What became of the messages for other processes, by link.
+  [[nodiscard]] const std::vector<std::unique_ptr<segment::Export>>& exports() const {
+    return exports_;
+  }
+  /// The topic of export number `place`.
+  [[nodiscard]] const std::string& topic_of(std::size_t place) const { return topics_[place]; }
+
+  [[nodiscard]] bool runs_here(const std::string& component) const override;
+  [[nodiscard]] bool is_main() const override { return process_ == ProcessPlan::kMain; }
+  [[nodiscard]] const std::set<std::string>& services() const override { return services_; }
+  void declare(detail::ComponentCore& component) override;
+  void sources_finished() override;
+  [[nodiscard]] detail::RoundPeers* rounds() override { return rounds_.get(); }
+  [[nodiscard]] std::size_t place_count() const override;
+  [[nodiscard]] AgreedEnd agreed_end() const override;
+  void reach_start(std::size_t place) override;
+  void await_start(const detail::ComponentCore& component, std::size_t place,
+                   const std::function<bool()>& is_over) override;
+  [[nodiscard]] Time agree_on_begin(const std::function<bool()>& is_over) override;
+  void reach(Step step) override;
+  void reach_stop(std::size_t place) override;
+  void await_stop(const detail::ComponentCore& component, std::size_t place) override;
+  void end() override;
+
+ private:
+  void say_progress(std::uint32_t progress);
+  [[nodiscard]] std::uint32_t progress_of(segment::ProcessIndex process) const;
+  void await_progress(segment::ProcessIndex process, std::uint32_t progress,
+                      const std::function<bool()>& is_over) const;
+  void await_all(std::uint32_t progress, const std::function<bool()>& is_over) const;
+  [[nodiscard]] std::uint32_t steps() const;
+  void await_readers();
+  void beat(std::chrono::nanoseconds limit, const std::stop_token& stop);
+
+  const ProcessPlan& plan_;
+  segment::Segments& segments_;
+  host::ComponentClasses& classes_;
+  segment::Wire wire_;
+  segment::ProcessIndex process_ = 0;
+  std::uint32_t incarnation_ = 0;
+  const base::Clock* clock_ = nullptr;
+  std::set<std::string> services_;
+  std::vector<std::unique_ptr<segment::Export>> exports_;
+  std::vector<std::string> topics_;  ///< Of the exports.
+  std::vector<std::unique_ptr<segment::LinkSet>> link_sets_;
+  std::unique_ptr<Rounds> rounds_;  ///< In simulated time.
+  std::jthread heart_;              ///< If the file asks for a sign of life.
+};
+
+}  // namespace fastcycle::processes

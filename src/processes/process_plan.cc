@@ -1,0 +1,199 @@
+#include "processes/process_plan.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "component/time_driver.h"
+
+namespace fastcycle::processes {
+
+using segment::ProcessIndex;
+
+namespace {
+
+/// What a queue between processes may hold at most; and below 65536 with what is held besides.
+constexpr std::size_t kMaxDepth = 16'384;
+/// More than what all may hold on purpose: what was returned and not collected yet, what is in a
+/// callback.
+constexpr std::size_t kSpare = 8;
+
+}  // namespace
+
+ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::ApplicationWiring wiring,
+                         const Needs& needs)
+    : description_(std::move(description)),
+      wiring_(std::move(wiring)),
+      is_simulated_(needs.is_simulated) {
+  names_ = {"supervisor", kMainName};
+  for (const config::ProcessDescription& process : description_.processes) {
+    names_.push_back(process.name);
+  }
+  find_problems();
+  if (problem_) {
+    return;
+  }
+  wire_.processes = count();
+  // Behind each component's stage: how far the process is, when timers began, its heartbeat.
+  wire_.components = description_.components.size() + 4;
+  std::set<std::string> roots;
+  for (const config::ChainDescription& chain : description_.chains) {
+    roots.insert(chain.from);
+  }
+  wire_.roots = roots.size();
+  for (ProcessIndex process = kMain; process < count(); ++process) {
+    wire_.executors =
+        std::max(wire_.executors, static_cast<unsigned>(executors_in(process).size()));
+  }
+  add_links(needs);
+  wire_.lay_out();
+}
+
+void ProcessPlan::find_problems() {
+  for (const config::ProcessDescription& process : description_.processes) {
+    if (!process.is_trusted) {
+      problem_ = fmt::format(
+          "process \"{}\" is not trusted; messages are given to others as they are, which needs "
+          "trust",
+          process.name);
+    }
+  }
+  for (const config::TopicDescription& topic : description_.topics) {
+    if (topic.credits > 0) {
+      problem_ = fmt::format(
+          "topic \"{}\" has credits, which do not go from one process to another yet", topic.name);
+    }
+  }
+}
+
+ProcessIndex ProcessPlan::process_of(const std::string& component) const {
+  const auto found =
+      std::ranges::find(description_.components, component, &config::ComponentDescription::name);
+  if (found == description_.components.end() || found->process.empty()) {
+    return kMain;
+  }
+  const auto name = std::ranges::find(names_.begin() + kMain, names_.end(), found->process);
+  return name == names_.end() ? kMain : static_cast<ProcessIndex>(name - names_.begin());
+}
+
+config::ProcessDescription ProcessPlan::description_of(ProcessIndex process) const {
+  if (process > kMain) {
+    return description_.processes[process - kMain - 1];
+  }
+  config::ProcessDescription main;
+  main.name = names_[process];
+  return main;
+}
+
+config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process) const {
+  config::ApplicationDescription part = description_;
+  std::set<std::string> used;
+  for (config::ComponentDescription& component : part.components) {
+    if (process_of(component.name) == process) {
+      used.insert(component.executor);
+      continue;
+    }
+    // As much of it as others must know.
+    config::ComponentDescription known;
+    known.name = component.name;
+    known.name_space = component.name_space;
+    known.library = component.library;
+    known.class_name = component.class_name;
+    known.process = component.process;
+    known.after = component.after;
+    known.executor = kLinkExecutor;
+    known.params = config::Value::object_at(part.shared_params);
+    known.place = component.place;
+    known.hang = component.hang;
+    component = std::move(known);
+  }
+  std::erase_if(part.executors, [&](const config::ExecutorDescription& executor) {
+    return !used.contains(executor.name);
+  });
+  config::ExecutorDescription links;
+  links.name = kLinkExecutor;
+  links.place = part.place;
+  part.executors.push_back(std::move(links));
+  if (process != kMain) {  // The main process has the tools.
+    part.record.reset();
+    part.flight_recorder.reset();
+    part.trace.reset();
+    part.inspect.reset();
+    part.live.reset();
+  }
+  return part;
+}
+
+std::vector<std::string> ProcessPlan::executors_in(ProcessIndex process) const {
+  return host::executor_names(description_in(process));
+}
+
+/// Whether somebody there looks at topics to which no component there subscribes.
+bool ProcessPlan::gets_all(ProcessIndex process, const Needs& needs) const {
+  return (process == kMain && needs.main_gets_all) ||
+         std::ranges::any_of(wiring_.recorders, [&](const std::string& recorder) {
+           return process_of(recorder) == process;
+         });
+}
+
+void ProcessPlan::add_links(const Needs& needs) {
+  std::map<ProcessIndex, std::vector<std::string>> executors;
+  std::map<std::pair<std::string, std::string>, std::size_t> ordinals;
+  for (const auto& publisher : wiring_.publishers) {
+    const std::size_t ordinal = ordinals[{publisher.topic, publisher.component}]++;
+    const ProcessIndex from = process_of(publisher.component);
+    for (ProcessIndex to = kMain; to < count(); ++to) {
+      std::size_t depth = 0;
+      std::size_t keep = 0;
+      bool is_wanted = gets_all(to, needs);
+      bool drops_newest = true;
+      std::string component;
+      for (const auto& subscription : wiring_.subscriptions) {
+        if (subscription.topic != publisher.topic || process_of(subscription.component) != to) {
+          continue;
+        }
+        is_wanted = true;
+        drops_newest = drops_newest && subscription.drops_newest;
+        depth = std::max(depth, subscription.depth);
+        keep += subscription.depth + subscription.keep + 1;
+        if (subscription.is_called && component.empty()) {
+          component = subscription.component;
+        }
+      }
+      if (to == from || !is_wanted) {
+        continue;
+      }
+      if (executors[to].empty()) {
+        executors[to] = executors_in(to);
+      }
+      std::string executor = kLinkExecutor;
+      if (!component.empty()) {
+        const auto described = std::ranges::find(description_.components, component,
+                                                 &config::ComponentDescription::name);
+        executor = described->executor.empty() ? host::kPoolName : described->executor;
+      }
+      const auto place = std::ranges::find(executors[to], executor) - executors[to].begin();
+      // The recorder may hold many; and a burst must not be lost while a worker is busy.
+      // In simulated time all of a round waits for its end.
+      const std::size_t least_depth = needs.is_simulated ? 256 : 16;
+      const std::size_t queue = std::clamp(2 * depth, least_depth, kMaxDepth);
+      segment::LinkPlan link{.from = from, .to = to};
+      link.depth = static_cast<std::uint32_t>(queue);
+      link.capacity = static_cast<std::uint32_t>(
+          std::min(2 * queue + keep + publisher.latched + kSpare, 3 * kMaxDepth));
+      link.executor = static_cast<unsigned>(place);
+      link.drops_newest = drops_newest && depth > 0;
+      links_.push_back({.topic = publisher.topic,
+                        .component = publisher.component,
+                        .ordinal = ordinal,
+                        .executor = executor,
+                        .wire = wire_.links.size()});
+      wire_.links.push_back(link);
+    }
+  }
+}
+
+}  // namespace fastcycle::processes

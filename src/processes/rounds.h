@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+#include "component/peers.h"
+#include "executor/round_peers.h"
+#include "host/application.h"
+#include "processes/process_plan.h"
+#include "segment/link_set.h"
+#include "segment/wire.h"
+
+namespace fastcycle::processes {
+
+/// One process's part in rounds of simulated time that all processes of an application serve
+/// together. Each says, in memory that the others read, how many points it came to at which all
+/// wait for each other, and what it knows there; from that each finds the same answer.
+///
+/// A process that has ended is waited for if it is restarted, else not. What it had said counts, so
+/// that all who are left find the same.
+///
+/// @threads  As `RoundPeers`; `end_sources` is Safe.
+class Rounds final : public detail::RoundPeers {
+ public:
+  /// `links` are all that lead here. All have to live as long as this.
+  Rounds(const segment::Wire& wire, segment::ProcessIndex process, std::uint32_t incarnation,
+         segment::LinkSet& links, host::Application& application);
+
+  /// In a process that was restarted, before it reads from others: waits until these wait for it,
+  /// all with what they publish handed over. Then the application starts at their time, by itself;
+  /// it serves rounds with them from the first one on in which time may go on.
+  void join();
+
+  [[nodiscard]] detail::RoundState agree(const detail::RoundState& own) override;
+  void exchange() override;
+  [[nodiscard]] bool is_waiting() const noexcept override { return is_waiting_.load(); }
+
+  /// All sources of this process have finished.
+  void end_sources() { are_sources_over_.store(true); }
+  [[nodiscard]] host::Peers::AgreedEnd agreed_end() const { return agreed_end_.load(); }
+
+ private:
+  using Facts = std::array<std::uint64_t, segment::RoundWords::kFacts>;
+
+  void say(const Facts& facts);
+  /// Waits for `process`; null if it ended before it came here, and is not restarted.
+  const std::atomic<std::uint64_t>* await(segment::ProcessIndex process);
+  [[nodiscard]] const std::atomic<std::uint64_t>* facts_of(segment::ProcessIndex process) const;
+  void agree_on_end(bool have_sources, bool are_sources_over, host::EndReason reason);
+
+  const segment::Wire& wire_;
+  const segment::ProcessIndex process_;
+  segment::LinkSet& links_;
+  host::Application& application_;
+  segment::RoundWords& own_;
+  bool has_sources_ = false;
+  std::atomic<bool> are_sources_over_{false};
+  std::atomic<bool> is_waiting_{false};
+  std::atomic<host::Peers::AgreedEnd> agreed_end_{host::Peers::AgreedEnd::kNone};
+  std::uint32_t count_ = 0;
+  std::vector<std::uint32_t> known_;  ///< By process: the incarnation that is waited for.
+  bool is_joining_ = false;
+  bool joins_at_exchange_ = false;
+};
+
+}  // namespace fastcycle::processes

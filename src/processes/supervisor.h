@@ -1,0 +1,106 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sys/types.h>
+
+#include "processes/channel.h"
+#include "processes/process_plan.h"
+#include "segment/segments.h"
+#include "segment/wire.h"
+
+namespace fastcycle::processes {
+
+/// Makes the processes of an application, watches over them, and makes those anew that end, as the
+/// file says. It does nothing else: no component's code runs here, and nothing waits for it while
+/// messages move.
+///
+/// @threads  Confined to the only thread of its process.
+class Supervisor {
+ public:
+  /// What runs in each process, from its begin to its end; returns the exit code. `report` is a
+  /// file for what there is to say of it at the end.
+  using Work = std::function<int(segment::ProcessIndex process, std::uint32_t incarnation,
+                                 Channel channel, int report)>;
+  /// Told of all that a user should know.
+  using Tell = std::function<void(const std::string& sentence)>;
+
+  Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Tell tell);
+  Supervisor(const Supervisor&) = delete;
+  Supervisor& operator=(const Supervisor&) = delete;
+  ~Supervisor();
+
+  struct Result {
+    int exit_code = 0;
+    std::string end;  ///< Why the run ended, where a process was the reason.
+    /// By process, what its last incarnation wrote into its file; empty if it wrote nothing.
+    std::vector<std::string> reports;
+    std::vector<std::uint32_t> restarts;  ///< By process.
+  };
+  /// Runs the application to its end. Signals that end it are blocked by the caller, and taken
+  /// here.
+  [[nodiscard]] Result run();
+
+ private:
+  /// One process and its present incarnation.
+  struct Its {
+    pid_t pid = -1;
+    int end = -1;  ///< A pidfd: readable when it has ended.
+    int report = -1;
+    std::uint32_t incarnation = 0;
+    Channel channel;
+    bool is_built = false;
+    bool is_connected = false;
+    bool is_running = false;
+    bool has_sources = false;        ///< That have not finished.
+    std::int64_t restart_at_ns = 0;  ///< 0: it is not to be made anew.
+    bool is_wait_told = false;       ///< That its restart waits for somebody.
+    std::uint32_t restarts = 0;      ///< Within the time that began at `first_restart_ns`.
+    std::int64_t first_restart_ns = 0;
+    /// In simulated time: how many in a row have ended before they came to the time of the others.
+    std::uint32_t never_joined = 0;
+    std::uint32_t heartbeat = 0;  ///< As it was seen last.
+    std::int64_t silence_ns = 0;  ///< For how long it has not changed.
+  };
+
+  bool fork_one(segment::ProcessIndex process);
+  [[noreturn]] void work_in_child(segment::ProcessIndex process, Channel channel);
+  void announce(segment::ProcessIndex process, std::uint32_t incarnation);
+  void hear(segment::ProcessIndex process);
+  void proceed();
+  void take_signal();
+  void take_end(segment::ProcessIndex process);
+  void note_join(segment::ProcessIndex process);
+  [[nodiscard]] bool will_restart(segment::ProcessIndex process, int status) const;
+  [[nodiscard]] std::uint32_t restarts_of(const Its& its,
+                                          const config::RestartDescription& restart) const;
+  void consider_restart(segment::ProcessIndex process, const std::string& how);
+  [[nodiscard]] std::optional<segment::ProcessIndex> holder_of_generation(
+      segment::ProcessIndex process, std::uint32_t incarnation) const;
+  void restart_due();
+  void look_at_heartbeats();
+  void end_if_sources_finished();
+  void end_all(const std::string& reason);
+  void kill_all();
+  [[nodiscard]] bool is_anyone_left() const;
+
+  const ProcessPlan& plan_;
+  const segment::Wire wire_;
+  const Work work_;
+  const Tell tell_;
+  std::vector<Its> its_;  ///< By process; the first is nobody.
+  int signals_ = -1;
+  bool is_started_ = false;
+  bool has_had_sources_ = false;
+  bool is_ending_ = false;
+  std::int64_t kill_at_ns_ = 0;  ///< 0: there is time.
+  std::int64_t looked_ns_ = 0;   ///< At heartbeats.
+  Result result_;
+};
+
+}  // namespace fastcycle::processes

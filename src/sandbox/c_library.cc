@@ -1,0 +1,149 @@
+// Functions of the C library that would not do in a sandbox what they can do: they hold SIGSYS
+// back, so that a refused call would end the process instead of being told, or name the calling
+// thread by a number, which the filter cannot tell from another process. Libraries of components
+// find these before those of the C library.
+//
+// In a process without a sandbox they do what those of the C library do.
+
+#include <cerrno>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+
+#include <dlfcn.h>
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "sandbox/refusals.h"
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+namespace fastcycle::sandbox {
+namespace {
+
+/// Sets the mask of the calling thread. Returns 0 or the error.
+int set_mask(int how, const sigset_t* signals, sigset_t* before) noexcept {
+  constexpr std::size_t kBytes = 8;  // Of the kernel's set.
+  sigset_t mask;
+  if (signals != nullptr && how != SIG_UNBLOCK) {
+    mask = *signals;
+    // Two that the C library needs for itself, and cannot be named by sigdelset.
+    constexpr unsigned long kOfTheLibrary = 3UL << 31;
+    mask.__val[0] &= ~kOfTheLibrary;
+    if (is_refusal_handler_installed()) {
+      sigdelset(&mask, SIGSYS);
+    }
+    signals = &mask;
+  }
+  const int error = errno;
+  const long result = syscall(SYS_rt_sigprocmask, how, signals, before, kBytes);
+  const int failure = result == 0 ? 0 : errno;
+  errno = error;
+  return failure;
+}
+
+/// Whether a call that would start a program is refused here; then it is counted. Further down the
+/// C library holds all signals back while it makes the process.
+bool refuses_programs() noexcept {
+  if (!is_refusal_handler_installed()) {
+    return false;
+  }
+  note_refusal(Rule::kSpawn, SYS_execve);
+  errno = EPERM;
+  return true;
+}
+
+/// Whether a call for `thread` is one for the thread that makes it, and must be made as such.
+bool is_for_itself(pthread_t thread) noexcept {
+  return is_refusal_handler_installed() && pthread_equal(thread, pthread_self()) != 0;
+}
+
+/// The one of the C library.
+template <typename Function>
+Function* next(const char* name) noexcept {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+}  // namespace
+}  // namespace fastcycle::sandbox
+
+extern "C" {
+
+__attribute__((visibility("default"))) int pthread_sigmask(int how, const sigset_t* signals,
+                                                           sigset_t* before) noexcept {
+  return fastcycle::sandbox::set_mask(how, signals, before);
+}
+
+__attribute__((visibility("default"))) int sigprocmask(int how, const sigset_t* signals,
+                                                       sigset_t* before) noexcept {
+  const int error = fastcycle::sandbox::set_mask(how, signals, before);
+  if (error != 0) {
+    errno = error;
+  }
+  return error == 0 ? 0 : -1;
+}
+
+__attribute__((visibility("default"))) int pthread_setaffinity_np(pthread_t thread, size_t size,
+                                                                  const cpu_set_t* cpus) noexcept {
+  if (fastcycle::sandbox::is_for_itself(thread)) {
+    return sched_setaffinity(0, size, cpus) == 0 ? 0 : errno;
+  }
+  static const auto next =
+      fastcycle::sandbox::next<decltype(pthread_setaffinity_np)>("pthread_setaffinity_np");
+  return next(thread, size, cpus);
+}
+
+__attribute__((visibility("default"))) int pthread_setschedparam(
+    pthread_t thread, int policy, const sched_param* parameter) noexcept {
+  if (fastcycle::sandbox::is_for_itself(thread)) {
+    return sched_setscheduler(0, policy, parameter) == 0 ? 0 : errno;
+  }
+  static const auto next =
+      fastcycle::sandbox::next<decltype(pthread_setschedparam)>("pthread_setschedparam");
+  return next(thread, policy, parameter);
+}
+
+__attribute__((visibility("default"))) int posix_spawn(pid_t* process, const char* path,
+                                                       const posix_spawn_file_actions_t* actions,
+                                                       const posix_spawnattr_t* attributes,
+                                                       char* const arguments[],
+                                                       char* const environment[]) {
+  if (fastcycle::sandbox::refuses_programs()) {
+    return EPERM;
+  }
+  static const auto next = fastcycle::sandbox::next<decltype(posix_spawn)>("posix_spawn");
+  return next(process, path, actions, attributes, arguments, environment);
+}
+
+__attribute__((visibility("default"))) int posix_spawnp(pid_t* process, const char* name,
+                                                        const posix_spawn_file_actions_t* actions,
+                                                        const posix_spawnattr_t* attributes,
+                                                        char* const arguments[],
+                                                        char* const environment[]) {
+  if (fastcycle::sandbox::refuses_programs()) {
+    return EPERM;
+  }
+  static const auto next = fastcycle::sandbox::next<decltype(posix_spawnp)>("posix_spawnp");
+  return next(process, name, actions, attributes, arguments, environment);
+}
+
+__attribute__((visibility("default"))) int system(const char* command) {
+  if (fastcycle::sandbox::refuses_programs()) {
+    return command == nullptr ? 0 : -1;  // There is no shell.
+  }
+  static const auto next = fastcycle::sandbox::next<decltype(system)>("system");
+  return next(command);
+}
+
+__attribute__((visibility("default"))) FILE* popen(const char* command, const char* mode) {
+  if (fastcycle::sandbox::refuses_programs()) {
+    return nullptr;
+  }
+  static const auto next = fastcycle::sandbox::next<decltype(popen)>("popen");
+  return next(command, mode);
+}
+}
+#endif

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <optional>
+
+#include "base/thread.h"
+#include "sandbox/options.h"
+
+namespace fastcycle::sandbox {
+
+/// Takes from the calling process, for good, what a computing component does not need: files other
+/// than those that `options` name, sockets, other programs and processes, new machine code,
+/// everything that changes the machine. docs/reference/sandbox.md lists what is left. A refused
+/// call fails with EPERM, and is counted for `take_refusals` (refusals.h).
+///
+/// To be called when the libraries are loaded and before a component runs. The process must have
+/// one thread: the kernel restricts files by thread, and threads that are made later inherit it.
+///
+/// Returns what the machine lacks or refuses; none when all of it is in force. After an answer the
+/// process may be restricted in part, and must not run components.
+///
+/// @threads  The only thread of the process.
+[[nodiscard]] std::optional<base::Refusal> apply_sandbox(const SandboxOptions& options);
+
+}  // namespace fastcycle::sandbox

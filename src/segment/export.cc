@@ -1,0 +1,177 @@
+#include "segment/export.h"
+
+#include <utility>
+
+#include "base/shared_memory.h"
+
+namespace fastcycle::segment {
+
+Export::Export(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation,
+               const google::protobuf::Message& default_instance)
+    : wire_(wire),
+      link_(link),
+      layout_(Layout::of(default_instance)),
+      out_(wire.out(link, incarnation)),
+      slots_(wire.slots(link, incarnation)),
+      messages_(wire.messages(link, incarnation)),
+      trails_(wire.trails(link, incarnation)),
+      bell_(wire.bell(link.from, incarnation, link.to, link.executor)),
+      own_incarnation_(incarnation),
+      held_(link.capacity) {
+  free_.reserve(link.capacity);
+  for (std::uint32_t number = link.capacity; number > 0; --number) {
+    free_.push_back(static_cast<std::uint16_t>(number - 1));
+  }
+}
+
+ExportCounts Export::counts() const noexcept {
+  const auto get = [](const Count& count) { return count.load(std::memory_order_relaxed); };
+  return {.given = get(given_),
+          .copied = get(copied_),
+          .repaired = get(repaired_),
+          .unshared = get(unshared_),
+          .overflowed = get(overflowed_),
+          .over_quota = get(over_quota_),
+          .refused = get(refused_),
+          .taken_back = get(taken_back_)};
+}
+
+google::protobuf::Message* Export::share(google::protobuf::Message* message) noexcept {
+  const Layout::Verdict verdict = layout_.check(*message);
+  if (verdict == Layout::Verdict::kRepaired) {
+    add(repaired_);
+  } else if (verdict == Layout::Verdict::kOutside) {
+    add(copied_);
+    google::protobuf::Message* const copy = message->New();
+    copy->CopyFrom(*message);
+    delete std::exchange(message, copy);
+  }
+  // Who serializes it elsewhere finds the sizes there, and need not write them.
+  static_cast<void>(message->ByteSizeLong());
+  return message;
+}
+
+bool Export::is_connected() noexcept {
+  const std::uint32_t now = wire_.incarnation(link_.to).load(std::memory_order_acquire);
+  if (now != receiver_) {
+    forget_receiver(now);
+  }
+  if (now == 0) {
+    return false;
+  }
+  const std::uint64_t both = std::uint64_t{own_incarnation_} << 32 | now;
+  return wire_.in(link_, now).ready.load(std::memory_order_acquire) == both;
+}
+
+/// What it held, or was on its way to it, comes back.
+void Export::forget_receiver(std::uint32_t incarnation) noexcept {
+  for (std::size_t number = 0; number < held_.size(); ++number) {
+    if (held_[number].given != 0) {
+      take_back(to_word(held_[number].given - 1, number));
+      add(taken_back_);
+    }
+  }
+  receiver_ = incarnation;
+  returns_read_ = 0;
+}
+
+/// Only what the table says was given comes back.
+bool Export::take_back(std::uint64_t word) noexcept {
+  const std::uint64_t number = number_of(word);
+  if (number >= held_.size() || held_[number].given != position_of(word) + 1) {
+    return false;
+  }
+  held_[number].given = 0;
+  free_.push_back(static_cast<std::uint16_t>(number));
+  detail::release(std::exchange(held_[number].envelope, nullptr));
+  return true;
+}
+
+void Export::collect() noexcept {
+  if (!is_connected()) {
+    return;
+  }
+  const std::atomic<std::uint64_t>* const returns =
+      wire_.returns(link_, receiver_, own_incarnation_);
+  const std::uint64_t count = Wire::return_count(link_);
+  // At most one lap: a receiver that writes on and on does not keep its publisher.
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const std::uint64_t word = returns[returns_read_ % count].load(std::memory_order_acquire);
+    if ((word & kLapBit) != lap_of_return(returns_read_, count)) {
+      return;
+    }
+    ++returns_read_;
+    if (!take_back(word & ~kLapBit)) {
+      add(refused_);
+    }
+  }
+}
+
+/// Makes room for one more; false if there is none, and the new one is dropped.
+bool Export::make_room(std::uint64_t tail) noexcept {
+  const LinkIn& in = wire_.in(link_, receiver_);
+  const std::uint64_t taking = in.taking.load(std::memory_order_seq_cst);
+  if (tail - taking < link_.depth || taking > tail) {
+    return true;
+  }
+  if (link_.drops_newest) {
+    return false;
+  }
+  // The oldest that waits: closed first, so that the receiver which looks again finds it gone.
+  const std::uint64_t position = tail - link_.depth;
+  std::atomic<std::uint64_t>& slot = slots_[position % Wire::slot_count(link_)];
+  const std::uint64_t word = slot.load(std::memory_order_relaxed);
+  if (position_of(word) != position) {
+    return true;
+  }
+  slot.store(LinkOut::kClosing, std::memory_order_seq_cst);
+  if (in.taking.load(std::memory_order_seq_cst) <= position && take_back(word)) {
+    add(overflowed_);
+  }
+  return true;
+}
+
+void Export::put(detail::Envelope& envelope) noexcept {
+  collect();
+  out_.sequence.store(envelope.info.sequence, std::memory_order_relaxed);
+  if (!is_connected()) {
+    detail::release(&envelope);
+    return;
+  }
+  if (!base::shared_memory.is_own(envelope.payload)) {
+    add(unshared_);
+    detail::release(&envelope);
+    return;
+  }
+  const std::uint64_t tail = out_.tail.load(std::memory_order_relaxed);
+  if (!make_room(tail)) {
+    add(overflowed_);
+    detail::release(&envelope);
+    return;
+  }
+  if (free_.empty()) {
+    add(over_quota_);
+    detail::release(&envelope);
+    return;
+  }
+  const std::uint16_t number = free_.back();
+  free_.pop_back();
+  held_[number] = {.envelope = &envelope, .given = tail + 1};
+  WireMessage& message = messages_[number];
+  message.payload = envelope.payload;
+  message.info = envelope.info;
+  message.position.store(tail, std::memory_order_relaxed);
+  for (std::size_t root = 0; root < wire_.plan().roots; ++root) {
+    trails_[number * wire_.plan().roots + root] = envelope.trails[root];
+  }
+  message.receiver.store(receiver_, std::memory_order_release);
+  slots_[tail % Wire::slot_count(link_)].store(to_word(tail, number), std::memory_order_seq_cst);
+  out_.tail.store(tail + 1, std::memory_order_seq_cst);
+  add(given_);
+  bell_.fetch_add(1, std::memory_order_seq_cst);
+  if (wire_.sleepers(link_.to, receiver_, link_.executor).load(std::memory_order_seq_cst) != 0) {
+    wake(bell_, 1);
+  }
+}
+
+}  // namespace fastcycle::segment

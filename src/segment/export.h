@@ -1,0 +1,89 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+#include "broker/message_export.h"
+#include "segment/layout.h"
+#include "segment/wire.h"
+
+namespace fastcycle::segment {
+
+/// What became of the messages of one link, at the publisher's end.
+struct ExportCounts {
+  std::uint64_t given = 0;       ///< Handed over.
+  std::uint64_t copied = 0;      ///< Had to be copied into the segment.
+  std::uint64_t repaired = 0;    ///< Had strings outside of it, which were moved.
+  std::uint64_t unshared = 0;    ///< Did not fit into the segment: nobody elsewhere got them.
+  std::uint64_t overflowed = 0;  ///< Dropped: as many waited as may.
+  std::uint64_t over_quota = 0;  ///< Dropped: the receiver holds as many as it may.
+  std::uint64_t refused = 0;     ///< Returns of what the receiver did not hold.
+  std::uint64_t taken_back = 0;  ///< Held by a receiver that ended.
+};
+
+/// The publisher's end of a link: owns the table of what was given to the receiver, which alone
+/// decides what comes back. The receiver can ask for nothing but that.
+///
+/// @threads  As the publisher; `counts` is Safe.
+/// @realtime No allocation, no lock; one system call if the receiver sleeps.
+class Export final : public detail::MessageExport {
+ public:
+  /// `incarnation` is that of this process. All have to live as long as this.
+  Export(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation,
+         const google::protobuf::Message& default_instance);
+
+  void put(detail::Envelope& envelope) noexcept override;
+  void collect() noexcept override;
+  [[nodiscard]] google::protobuf::Message* share(
+      google::protobuf::Message* message) noexcept override;
+  [[nodiscard]] std::size_t capacity() const noexcept override { return link_.capacity; }
+
+  /// Whether the receiver reads what is put.
+  [[nodiscard]] bool is_connected() noexcept;
+  [[nodiscard]] ExportCounts counts() const noexcept;
+  /// Why messages are copied; null if they are not, or for reasons of their own.
+  [[nodiscard]] const char* always_copied() const noexcept { return layout_.always_copied(); }
+  [[nodiscard]] const LinkPlan& link() const noexcept { return link_; }
+
+ private:
+  struct Held {
+    detail::Envelope* envelope = nullptr;
+    std::uint64_t given = 0;  ///< Its position + 1; 0: it is free.
+  };
+  /// One writer, any readers.
+  using Count = std::atomic<std::uint64_t>;
+  static void add(Count& count, std::uint64_t amount = 1) noexcept {
+    count.store(count.load(std::memory_order_relaxed) + amount, std::memory_order_relaxed);
+  }
+
+  void forget_receiver(std::uint32_t incarnation) noexcept;
+  bool take_back(std::uint64_t word) noexcept;
+  bool make_room(std::uint64_t tail) noexcept;
+
+  const Wire& wire_;
+  const LinkPlan& link_;
+  const Layout& layout_;
+  LinkOut& out_;
+  std::atomic<std::uint64_t>* const slots_;
+  WireMessage* const messages_;
+  detail::Trail* const trails_;
+  std::atomic<std::uint32_t>& bell_;
+  const std::uint32_t own_incarnation_;
+
+  std::vector<Held> held_;
+  std::vector<std::uint16_t> free_;
+  std::uint32_t receiver_ = 0;  ///< Its incarnation, as of the last look.
+  std::uint64_t returns_read_ = 0;
+
+  Count given_{0};
+  Count copied_{0};
+  Count repaired_{0};
+  Count unshared_{0};
+  Count overflowed_{0};
+  Count over_quota_{0};
+  Count refused_{0};
+  Count taken_back_{0};
+};
+
+}  // namespace fastcycle::segment

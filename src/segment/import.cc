@@ -1,0 +1,226 @@
+#include "segment/import.h"
+
+#include <algorithm>
+#include <mutex>
+
+namespace fastcycle::segment {
+
+/// The messages of one incarnation of the publisher that this process holds: owns an envelope for
+/// each number, and sends back those that are released.
+class Import::Held final : public detail::ReturnSink {
+ public:
+  Held(const Wire& wire, const LinkPlan& link, std::uint32_t its_publisher, std::uint32_t own)
+      : publisher(its_publisher),
+        returns_(wire.returns(link, own, its_publisher)),
+        return_count_(Wire::return_count(link)),
+        pool_(new detail::Pool(nullptr, wire.plan().roots)),
+        words_(link.capacity) {
+    pool_->send_back_to(*this);
+    pool_->grow(link.capacity);
+    for (std::uint32_t i = 0; i < link.capacity; ++i) {
+      envelopes_.push_back(pool_->take());
+    }
+    // The pool's envelopes lie side by side.
+    std::ranges::sort(envelopes_);
+  }
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
+  ~Held() override {
+    if (count() > 0) {
+      return;  // Who still has one of them may read it as long as the process lives.
+    }
+    for (detail::Envelope* envelope : envelopes_) {
+      pool_->put_back(envelope);
+    }
+    pool_->close();
+  }
+
+  /// The envelope for message `number`; null if that is still held.
+  detail::Envelope* begin(std::uint64_t word) noexcept {
+    const std::uint64_t number = number_of(word);
+    if (number >= envelopes_.size() || words_[number].load(std::memory_order_acquire) != 0) {
+      return nullptr;
+    }
+    words_[number].store(word + 1, std::memory_order_relaxed);
+    count_.fetch_add(1, std::memory_order_relaxed);
+    return envelopes_[number];
+  }
+
+  void came_back(detail::Envelope& envelope) noexcept override {
+    const auto number = static_cast<std::size_t>(&envelope - envelopes_.front());
+    const std::uint64_t word = words_[number].exchange(0, std::memory_order_acq_rel);
+    if (!is_old.load(std::memory_order_acquire)) {
+      send_back(word - 1);
+    }
+    count_.fetch_sub(1, std::memory_order_release);
+  }
+
+  /// Tells the publisher that the message of this word is not held.
+  void send_back(std::uint64_t word) noexcept {
+    const std::uint64_t place = next_return_.fetch_add(1, std::memory_order_relaxed);
+    returns_[place % return_count_].store(word | lap_of_return(place, return_count_),
+                                          std::memory_order_release);
+  }
+
+  [[nodiscard]] std::size_t count() const noexcept {
+    return count_.load(std::memory_order_acquire);
+  }
+
+  const std::uint32_t publisher;
+  /// The publisher has ended: its memory stays, and it counts nothing any more.
+  std::atomic<bool> is_old{false};
+
+ private:
+  std::atomic<std::uint64_t>* const returns_;
+  const std::uint64_t return_count_;
+  detail::Pool* const pool_;
+  std::vector<detail::Envelope*> envelopes_;
+  std::vector<std::atomic<std::uint64_t>> words_;  ///< By number: what is to be sent back, + 1.
+  std::atomic<std::uint64_t> next_return_{0};
+  std::atomic<std::size_t> count_{0};
+};
+
+Import::Import(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation,
+               detail::PublisherCore& stand_in)
+    : wire_(wire),
+      link_(link),
+      incarnation_(incarnation),
+      stand_in_(stand_in),
+      in_(wire.in(link, incarnation)) {}
+
+Import::~Import() = default;
+
+/// Of which incarnation on it holds messages.
+void Import::say_oldest() {
+  std::erase_if(held_, [this](const auto& held) {
+    return held->publisher != publisher_ && held->count() == 0;
+  });
+  const std::uint32_t next = publisher_ != 0 ? publisher_ : newest_ + 1;
+  in_.oldest.store(held_.empty() ? next : held_.front()->publisher, std::memory_order_release);
+}
+
+std::size_t Import::held() const noexcept {
+  std::size_t count = 0;
+  for (const auto& held : held_) {
+    count += held->count();
+  }
+  return count;
+}
+
+void Import::attach() {
+  const std::uint32_t now = wire_.incarnation(link_.from).load(std::memory_order_acquire);
+  if (now == publisher_) {
+    say_oldest();  // Who wants the memory of an old incarnation asks by ringing.
+    return;
+  }
+  while (publisher_ != 0 && take_one()) {
+  }
+  if (!held_.empty()) {
+    held_.back()->is_old.store(true, std::memory_order_release);
+  }
+  newest_ = now != 0 ? now : publisher_;
+  publisher_ = now;
+  say_oldest();
+  if (now == 0) {
+    return;
+  }
+  in_.ready.store(0, std::memory_order_seq_cst);
+  std::atomic<std::uint64_t>* const returns = wire_.returns(link_, incarnation_, now);
+  for (std::uint32_t i = 0; i < Wire::return_count(link_); ++i) {
+    returns[i].store(0, std::memory_order_relaxed);
+  }
+  const LinkOut& out = wire_.out(link_, now);
+  const bool is_first = held_.empty() && stand_in_.published() == 0;
+  held_.push_back(std::make_unique<Held>(wire_, link_, now, incarnation_));
+  head_ = out.tail.load(std::memory_order_seq_cst);
+  if (is_first) {
+    stand_in_.continue_after(out.sequence.load(std::memory_order_relaxed));
+  }
+  in_.taking.store(head_, std::memory_order_seq_cst);
+  in_.ready.store(std::uint64_t{now} << 32 | incarnation_, std::memory_order_seq_cst);
+}
+
+/// The word at `head_`, or a later one if the publisher passed it by; false if there is none yet.
+bool Import::find(std::uint64_t& word) noexcept {
+  if (publisher_ == 0) {
+    return false;
+  }
+  const LinkOut& out = wire_.out(link_, publisher_);
+  const std::atomic<std::uint64_t>* const slots = wire_.slots(link_, publisher_);
+  for (;;) {
+    const std::uint64_t tail = out.tail.load(std::memory_order_seq_cst);
+    if (tail <= head_) {
+      return false;
+    }
+    word = slots[head_ % Wire::slot_count(link_)].load(std::memory_order_seq_cst);
+    if (position_of(word) == head_) {
+      return true;
+    }
+    // Dropped, and about to be written anew: then it rings again. Or it was long ago.
+    const std::uint64_t later = out.tail.load(std::memory_order_seq_cst);
+    if (later <= head_ + link_.depth) {
+      return false;
+    }
+    head_ = later - link_.depth;
+  }
+}
+
+bool Import::has_any() noexcept {
+  std::uint64_t word = 0;
+  return find(word);
+}
+
+bool Import::take() noexcept {
+  bool has_taken = false;
+  for (std::uint32_t i = 0; i < link_.depth && take_one(); ++i) {
+    has_taken = true;
+  }
+  return has_taken;
+}
+
+/// Takes one message, or passes over what is gone; false if there is nothing.
+bool Import::take_one() noexcept {
+  std::uint64_t word = 0;
+  if (!find(word)) {
+    return false;
+  }
+  const std::atomic<std::uint64_t>* const slots = wire_.slots(link_, publisher_);
+  const std::uint32_t slot_count = Wire::slot_count(link_);
+  in_.taking.store(head_ + 1, std::memory_order_seq_cst);  // From here on it is ours.
+  const bool is_ours = slots[head_ % slot_count].load(std::memory_order_seq_cst) == word;
+  const std::uint64_t position = head_++;
+  Held& held = *held_.back();
+  if (number_of(word) >= link_.capacity) {
+    return true;
+  }
+  if (!is_ours) {
+    held.send_back(word);  // If the publisher took it back first, it refuses this.
+    return true;
+  }
+  const WireMessage& message = wire_.messages(link_, publisher_)[number_of(word)];
+  if (message.receiver.load(std::memory_order_acquire) != incarnation_ ||
+      message.position.load(std::memory_order_relaxed) != position) {
+    return true;  // Meant for who was here before.
+  }
+  const unsigned generation = Wire::generation_of(publisher_);
+  if (!wire_.segments().is_in(link_.from, generation, message.payload,
+                              sizeof(google::protobuf::Message))) {
+    held.send_back(word);
+    return true;
+  }
+  detail::Envelope* const envelope = held.begin(word);
+  if (envelope == nullptr) {
+    return true;  // The publisher gives what it did not get back: not by our rules.
+  }
+  envelope->info = message.info;
+  envelope->payload = message.payload;
+  for (std::size_t root = 0; root < wire_.plan().roots; ++root) {
+    const auto number = static_cast<std::size_t>(number_of(word));
+    envelope->trails[root] = wire_.trails(link_, publisher_)[number * wire_.plan().roots + root];
+  }
+  const std::lock_guard lock(stand_in_.mutex());
+  stand_in_.publish_imported(envelope);
+  return true;
+}
+
+}  // namespace fastcycle::segment

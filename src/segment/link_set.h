@@ -1,0 +1,50 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "base/priority_mutex.h"
+#include "executor/foreign_inputs.h"
+#include "segment/import.h"
+#include "segment/wire.h"
+
+namespace fastcycle::segment {
+
+/// All links that lead to one executor of a process.
+///
+/// @threads  As `ForeignInputs`; `add` before the executor starts.
+class LinkSet final : public detail::ForeignInputs {
+ public:
+  LinkSet(const Wire& wire, ProcessIndex process, std::uint32_t incarnation, unsigned executor);
+
+  Import& add(const LinkPlan& link, detail::PublisherCore& stand_in);
+  /// Reads from all publishers that there are. Before the executor starts, or as `take`.
+  void attach();
+
+  bool take() noexcept override;
+  std::size_t announce(std::span<base::WatchedWord> words) noexcept override;
+  [[nodiscard]] bool has_any() noexcept override;
+  void withdraw() noexcept override;
+
+ private:
+  /// A process that has links to here.
+  struct Source {
+    ProcessIndex process;
+    std::uint32_t incarnation = 0;
+  };
+
+  void look_for_publishers();
+
+  const Wire& wire_;
+  const ProcessIndex process_;
+  const std::uint32_t incarnation_;
+  const unsigned executor_;
+  std::atomic<std::uint32_t>& sleepers_;
+
+  base::PriorityMutex mutex_;
+  std::vector<std::unique_ptr<Import>> imports_;
+  std::vector<Source> sources_;
+  std::uint32_t changes_seen_ = 0;
+};
+
+}  // namespace fastcycle::segment

@@ -1,0 +1,137 @@
+// The components of the applications that run in several processes.
+
+#include <atomic>
+#include <csignal>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+#include <fastcycle/fastcycle.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "processes/reading.pb.h"
+
+namespace {
+
+using processes_test::Reading;
+
+std::string text_of(std::int64_t value) {
+  return "a text that does not fit into a string itself, number " + std::to_string(value);
+}
+
+/// Publishes readings, counted from 1, in every serve period; ends after `count` of them.
+class Sensor final : public fastcycle::Component {
+ public:
+  explicit Sensor(fastcycle::Context& context)
+      : Component(context),
+        count_(context.param<std::int64_t>("count", {.fallback = 1'000'000'000})),
+        readings_(context.create_publisher<Reading>("readings")),
+        source_(context.create_source()) {}
+
+  void serve() override {
+    if (published_ == count_.get()) {
+      source_.finish();
+      return;
+    }
+    auto reading = readings_.loan();
+    reading->set_value(++published_);
+    reading->set_text(text_of(published_));
+    reading->clear_points();
+    for (int i = 0; i < 100; ++i) {
+      reading->add_points(static_cast<double>(i) * static_cast<double>(published_));
+    }
+    readings_.publish(std::move(reading));
+    report("process_of_source", std::int64_t{getpid()});
+  }
+
+ private:
+  fastcycle::Param<std::int64_t> count_;
+  fastcycle::Publisher<Reading> readings_;
+  fastcycle::Source source_;
+  std::int64_t published_ = 0;
+};
+
+/// Publishes what it receives again.
+class Relay final : public fastcycle::Component {
+ public:
+  explicit Relay(fastcycle::Context& context)
+      : Component(context),
+        crash_at_(context.param<std::int64_t>("crash_at", {.fallback = 0})),
+        crash_again_at_(context.param<std::int64_t>("crash_again_at", {.fallback = 0})),
+        hang_at_(context.param<std::int64_t>("hang_at", {.fallback = 0})),
+        throw_at_(context.param<std::int64_t>("throw_at", {.fallback = 0})),
+        write_at_(context.param<std::int64_t>("write_at", {.fallback = 0})),
+        relayed_(context.create_publisher<Reading>("relayed")) {
+    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+      report("process_of_relay", std::int64_t{getpid()});
+      if (reading.value() == 1) {
+        const int socket_or_error = socket(AF_INET, SOCK_STREAM, 0);
+        report("may_open_sockets", socket_or_error >= 0);
+        if (socket_or_error >= 0) {
+          close(socket_or_error);
+        }
+      }
+      for (const std::int64_t crash_at : {crash_at_.get(), crash_again_at_.get()}) {
+        if (crash_at != 0 && reading.value() == crash_at) {
+          std::raise(SIGSEGV);
+        }
+      }
+      if (hang_at_.get() != 0 && reading.value() == hang_at_.get()) {
+        const std::atomic<bool> is_hanging{true};
+        while (is_hanging.load()) {
+        }
+      }
+      if (throw_at_.get() != 0 && reading.value() == throw_at_.get()) {
+        throw std::runtime_error("it was told to");
+      }
+      if (write_at_.get() != 0 && reading.value() == write_at_.get()) {
+        const_cast<Reading&>(reading).set_value(-1);
+      }
+      auto relayed = relayed_.loan();
+      relayed->CopyFrom(reading);
+      relayed_.publish(std::move(relayed));
+    });
+  }
+
+ private:
+  fastcycle::Param<std::int64_t> crash_at_;
+  fastcycle::Param<std::int64_t> crash_again_at_;
+  fastcycle::Param<std::int64_t> hang_at_;
+  fastcycle::Param<std::int64_t> throw_at_;
+  fastcycle::Param<std::int64_t> write_at_;
+  fastcycle::Publisher<Reading> relayed_;
+};
+
+/// Looks at each reading, and counts those that are whole. With `subscribes_late`, tries that at
+/// the first one.
+class Sink final : public fastcycle::Component {
+ public:
+  explicit Sink(fastcycle::Context& context)
+      : Component(context),
+        subscribes_late_(context.param<bool>("subscribes_late", {.fallback = false})),
+        relayed_(context.create_latest<Reading>("relayed")) {
+    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+      if (reading.value() == 1 && subscribes_late_.get()) {
+        this->context().create_subscriber<Reading>("relayed", [](const Reading&) {});
+      }
+      const bool is_whole = reading.text() == text_of(reading.value()) &&
+                            reading.points_size() == 100 &&
+                            reading.points(99) == 99.0 * static_cast<double>(reading.value());
+      whole_ += is_whole ? 1 : 0;
+      report("whole", whole_);
+      report("process_of_sink", std::int64_t{getpid()});
+      const auto relayed = relayed_.get();
+      report("relayed", relayed ? relayed->value() : std::int64_t{0});
+    });
+  }
+
+ private:
+  fastcycle::Param<bool> subscribes_late_;
+  fastcycle::Latest<Reading> relayed_;
+  std::int64_t whole_ = 0;
+};
+
+}  // namespace
+
+FASTCYCLE_COMPONENTS(Sensor, Relay, Sink)

@@ -1,0 +1,448 @@
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <set>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "fastcycle/version.h"
+#include "process/process.h"
+
+namespace fastcycle {
+namespace {
+
+using nlohmann::json;
+using test::Process;
+using testing::HasSubstr;
+using testing::Not;
+using namespace std::chrono_literals;
+
+/// Runs applications, and reads their reports.
+class ComponentsInProcesses : public testing::Test {
+ protected:
+  [[nodiscard]] std::string application(const std::string& relay, const std::string& more = "",
+                                        int count = 200) const {
+    return R"({"name": "several", )" + more +
+           R"("components": [
+             {"name": "source", "library": "processes_parts", "class": "Sensor",
+              "serve_period_ms": 5, "params": {"count": )" +
+           std::to_string(count) + R"(}},
+             {"name": "relay", "library": "processes_parts", "class": "Relay", )" +
+           relay + R"(},
+             {"name": "sink", "library": "processes_parts", "class": "Sink"}]})";
+  }
+
+  [[nodiscard]] test::ProcessOptions options(const std::string& text,
+                                             const std::vector<std::string>& more = {}) const {
+    const auto file = folder_.write("several.json", text);
+    std::vector<std::string> words{"run", file.string(), "--report", (folder_ / "report").string()};
+    words.insert(words.end(), more.begin(), more.end());
+    if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+      words.emplace_back("--debuggable");
+    }
+    return {.program = FASTCYCLE_PROGRAM, .arguments = words, .folder = folder_.path()};
+  }
+
+  [[nodiscard]] json report() const {
+    return json::parse(test::read_file(folder_ / "report"), nullptr, false);
+  }
+
+  test::Folder folder_;
+};
+
+void expect_ledgers(const json& report) {
+  for (const auto& [name, topic] : report["topics"].items()) {
+    for (const auto& [component, subscriber] : topic["subscribers"].items()) {
+      EXPECT_TRUE(subscriber["adds_up"].get<bool>()) << name << " at " << component;
+    }
+  }
+}
+
+TEST_F(ComponentsInProcesses, GetTheMessagesOfTheOthersWhole) {
+  Process run(options(application(R"("process": "relaying")")));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  EXPECT_EQ(said["results"]["whole"], 200);
+  EXPECT_GT(said["results"]["relayed"], 100);
+  EXPECT_EQ(said["results"]["process_of_source"], said["results"]["process_of_sink"]);
+  EXPECT_NE(said["results"]["process_of_source"], said["results"]["process_of_relay"]);
+  EXPECT_EQ(said["topics"]["readings"]["published"], 200);
+  EXPECT_EQ(said["topics"]["relayed"]["published"], 200);
+  EXPECT_EQ(said["processes"].size(), 2U);
+  for (const auto& [name, process] : said["processes"].items()) {
+    for (const json& link : process["links"]) {
+      EXPECT_EQ(link["given"], 200) << name;
+      EXPECT_EQ(link["copied"], 0) << name;
+    }
+  }
+  expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, AreRecordedInOneLog) {
+  const auto log = folder_ / "log.mcap";
+  Process run(options(application(R"("process": "relaying")"),
+                      {"--isolate", "all", "--record", log.string()}));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_THAT(run.errors(), Not(HasSubstr("crash report")));
+  Process info({.program = FASTCYCLE_PROGRAM, .arguments = {"info", "--json", log.string()}});
+  EXPECT_EQ(info.wait().exit_code, 0) << info.errors();
+  const json said = json::parse(info.output(), nullptr, false);
+  for (const char* topic : {"readings", "relayed"}) {
+    EXPECT_EQ(said["files"][0]["topics"][topic]["messages"], 200) << info.output();
+  }
+}
+
+TEST_F(ComponentsInProcesses, AreEachInOneWhereThatIsAskedFor) {
+  Process run(options(application(R"("after": ["source"])"), {"--isolate", "all"}));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  std::set<std::int64_t> processes;
+  for (const char* name : {"process_of_source", "process_of_relay", "process_of_sink"}) {
+    processes.insert(said["results"][name].get<std::int64_t>());
+  }
+  EXPECT_EQ(processes.size(), 3U);
+  EXPECT_EQ(said["results"]["whole"], 200);
+  EXPECT_EQ(said["processes"].size(), 4U);
+  expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, EndTheApplicationWithTheirProcessUnlessTheFileSaysElse) {
+  Process run(options(application(R"("process": "relaying", "params": {"crash_at": 20})")));
+
+  EXPECT_EQ(run.wait().exit_code, 1);
+
+  EXPECT_THAT(run.errors(), HasSubstr("process \"relaying\" ended by signal 11"));
+  EXPECT_THAT(run.errors(), HasSubstr("relay"));  // Its crash report.
+  EXPECT_THAT(report()["end"].get<std::string>(), HasSubstr("relaying"));
+}
+
+TEST_F(ComponentsInProcesses, AreMadeAnewWithTheirProcessWhileTheOthersGoOn) {
+  Process run(
+      options(application(R"("process": "relaying", "params": {"crash_at": 50})",
+                          R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 400)));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  EXPECT_THAT(run.errors(), HasSubstr("it is restarted"));
+  EXPECT_EQ(said["processes"]["relaying"]["restarts"], 1);
+  EXPECT_EQ(said["results"]["whole"], 400);    // Nobody else lost anything,
+  EXPECT_GT(said["results"]["relayed"], 350);  // and it relays again.
+  expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, AreMadeAnewWhenOneOfThemHangs) {
+  Process run(
+      options(application(R"("process": "relaying", "params": {"hang_at": 20},
+                     "callback_limit_ms": 1000, "on_hang": "end_process")",
+                          R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 400)));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_THAT(run.errors(), HasSubstr("component \"relay\": its callback for \"readings\""));
+  EXPECT_THAT(run.errors(), HasSubstr("its process ends now"));
+  EXPECT_THAT(run.errors(), HasSubstr("it is restarted"));
+  const json said = report();
+  EXPECT_EQ(said["processes"]["relaying"]["restarts"], 1);
+  EXPECT_EQ(said["results"]["whole"], 400);
+  expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, AreMadeAnewWhenTheirProcessStandsStill) {
+  Process run(options(application(
+      R"("process": "relaying")",
+      R"("processes": [{"name": "relaying", "on_exit": "restart", "heartbeat_ms": 2000}], )",
+      1'000'000)));
+  const auto find = [&] { return test::process_of_session(run.pid(), "relaying"); };
+  while (find() == 0) {
+    std::this_thread::sleep_for(10ms);
+  }
+  std::this_thread::sleep_for(1s);
+  const pid_t first = find();
+
+  kill(first, SIGSTOP);
+  for (int i = 0; i < 2000 && (find() == first || find() == 0); ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
+  run.send(SIGINT);
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+  EXPECT_THAT(run.errors(),
+              HasSubstr("process \"relaying\" has given no sign of life for 2000 ms"));
+  EXPECT_THAT(run.errors(), HasSubstr("it is restarted"));
+}
+
+TEST_F(ComponentsInProcesses, CannotWriteIntoWhatTheyReceived) {
+  Process run(
+      options(application(R"("process": "relaying", "params": {"write_at": 30})",
+                          R"("processes": [{"name": "relaying", "on_exit": "continue"}], )", 100)));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_THAT(run.errors(), HasSubstr("process \"relaying\" ended by signal 11"));
+  EXPECT_THAT(run.errors(), HasSubstr("the others go on without it"));
+  EXPECT_EQ(report()["results"]["whole"], 100);
+}
+
+TEST_F(ComponentsInProcesses, MayOnlyComputeInASandbox) {
+  if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+    GTEST_SKIP() << "a sanitizer does what a sandbox refuses";
+  }
+  Process run(
+      options(application(R"("process": "relaying")",
+                          R"("processes": [{"name": "relaying", "sandbox": "strict"}], )", 50)));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  EXPECT_EQ(said["results"]["may_open_sockets"], false);
+  EXPECT_EQ(said["results"]["whole"], 50);
+  EXPECT_GT(said["results"]["relayed"], 20);
+  EXPECT_THAT(run.errors(), HasSubstr("its sandbox refused socket"));
+}
+
+TEST_F(ComponentsInProcesses, EndWithTheSupervisor) {
+  Process run(options(application(R"("process": "relaying")", "", 1'000'000)));
+  while (test::processes_of_session(run.pid()) < 3) {
+    std::this_thread::sleep_for(10ms);
+  }
+
+  run.send(SIGKILL);
+  run.wait();
+
+  for (int i = 0; i < 1000 && test::processes_of_session(run.pid()) > 0; ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
+  EXPECT_EQ(test::processes_of_session(run.pid()), 0);
+}
+
+TEST_F(ComponentsInProcesses, EndInOrderWhenAskedTo) {
+  Process run(options(application(R"("process": "relaying")", "", 1'000'000)));
+  while (test::processes_of_session(run.pid()) < 3) {
+    std::this_thread::sleep_for(10ms);
+  }
+  std::this_thread::sleep_for(1s);
+
+  run.send(SIGINT);
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+  const json said = report();
+  EXPECT_EQ(said["end"], "stopped on request");
+  expect_ledgers(said);
+}
+
+/// All messages of a log as text, then what the log says of their origins and rounds: this comes in
+/// pieces as large as the recorder happens to make them.
+std::string messages_of(const std::filesystem::path& log) {
+  constexpr const char* kInfos = "fastcycle/message_infos";
+  Process echo(
+      {.program = FASTCYCLE_PROGRAM,
+       .arguments = {"echo", "--json", "--full", log.string(), "readings", "relayed", kInfos}});
+  EXPECT_EQ(echo.wait().exit_code, 0) << echo.errors();
+  std::string messages;
+  std::string infos;
+  std::istringstream lines(echo.output());
+  for (std::string line; std::getline(lines, line);) {
+    const json message = json::parse(line, nullptr, false);
+    if (message["topic"] == kInfos) {
+      for (const json& info : message["data"]["infos"]) {
+        infos += info.dump() + "\n";
+      }
+    } else {
+      messages += line + "\n";
+    }
+  }
+  return messages + infos;
+}
+
+/// Whether two logs have the same messages.
+testing::AssertionResult are_equal(const std::filesystem::path& one,
+                                   const std::filesystem::path& other) {
+  const std::string messages = messages_of(one);
+  const std::string others = messages_of(other);
+  const auto differs = std::ranges::mismatch(messages, others);
+  if (differs.in1 == messages.end() && differs.in2 == others.end() && !messages.empty()) {
+    return testing::AssertionSuccess();
+  }
+  const auto at = static_cast<std::size_t>(differs.in1 - messages.begin());
+  const std::size_t from = at < 200 ? 0 : at - 200;
+  return testing::AssertionFailure()
+         << messages.size() << " and " << others.size() << " bytes of text, which differ from "
+         << at << " on:\n  " << messages.substr(from, 400) << "\n  " << others.substr(from, 400);
+}
+
+TEST_F(ComponentsInProcesses, ComputeTheSameInSimulatedTimeAsInOneProcess) {
+  const std::string text = application(R"("after": ["source"])", "", 300);
+  const auto alone = folder_ / "alone.mcap";
+  Process in_one(
+      options(text, {"--clock", "simulated", "--workers", "1", "--record", alone.string()}));
+  ASSERT_EQ(in_one.wait().exit_code, 0) << in_one.errors();
+  const json report_of_one = report();
+
+  for (const char* workers : {"1", "2", "4"}) {
+    const auto log = folder_ / (std::string("workers_") + workers + ".mcap");
+    Process run(options(text, {"--clock", "simulated", "--workers", workers, "--isolate", "all",
+                               "--record", log.string()}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    EXPECT_TRUE(are_equal(alone, log));
+    const json said = report();
+    EXPECT_EQ(said["processes"].size(), 4U);
+    for (const char* name : {"whole", "relayed"}) {
+      EXPECT_EQ(said["results"][name], report_of_one["results"][name]) << name;
+    }
+    for (const char* topic : {"readings", "relayed"}) {
+      EXPECT_EQ(said["topics"][topic]["published"], report_of_one["topics"][topic]["published"]);
+    }
+    EXPECT_EQ(said["end"], report_of_one["end"]);
+    expect_ledgers(said);
+  }
+}
+
+TEST_F(ComponentsInProcesses, EndInTheSameRoundOfSimulatedTimeWhereOneFails) {
+  const std::string text =
+      application(R"("on_fault": "stop", "params": {"throw_at": 50})", "", 300);
+  const auto alone = folder_ / "alone.mcap";
+  Process in_one(options(text, {"--clock", "simulated", "--record", alone.string()}));
+  ASSERT_EQ(in_one.wait().exit_code, 1) << in_one.errors();
+  const auto log = folder_ / "isolated.mcap";
+  Process run(
+      options(text, {"--clock", "simulated", "--isolate", "all", "--record", log.string()}));
+
+  EXPECT_EQ(run.wait().exit_code, 1) << run.errors();
+
+  EXPECT_TRUE(are_equal(alone, log));
+  EXPECT_EQ(report()["end"], "component fault");
+}
+
+TEST_F(ComponentsInProcesses, GoOnInSimulatedTimeWithoutAProcessThatEnded) {
+  const std::string text =
+      application(R"("process": "relaying", "params": {"crash_at": 50})",
+                  R"("processes": [{"name": "relaying", "on_exit": "continue"}], )", 300);
+  std::vector<std::filesystem::path> logs;
+  for (const char* name : {"one.mcap", "two.mcap"}) {
+    logs.push_back(folder_ / name);
+    Process run(options(text, {"--clock", "simulated", "--record", logs.back().string()}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    const json said = report();
+    EXPECT_EQ(said["results"]["whole"], 300);
+    EXPECT_EQ(said["results"]["relayed"], 49);
+  }
+  EXPECT_TRUE(are_equal(logs[0], logs[1]));
+}
+
+// It restarts at a moment that its own inputs decide, so all of it comes out alike.
+TEST_F(ComponentsInProcesses, AreMadeAnewAtTheSameRoundOfSimulatedTime) {
+  const std::string text =
+      application(R"("process": "relaying", "params": {"crash_at": 50, "crash_again_at": 120})",
+                  R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 300);
+  std::vector<std::filesystem::path> logs;
+  for (const char* name : {"one.mcap", "two.mcap"}) {
+    logs.push_back(folder_ / name);
+    Process run(options(text, {"--clock", "simulated", "--record", logs.back().string()}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    const json said = report();
+    EXPECT_EQ(said["processes"]["relaying"]["restarts"], 2);
+    EXPECT_EQ(said["results"]["whole"], 300);
+    EXPECT_EQ(said["results"]["relayed"], 299);  // When the last reading came.
+    expect_ledgers(said);
+  }
+  EXPECT_TRUE(are_equal(logs[0], logs[1]));
+}
+
+TEST_F(ComponentsInProcesses, GetTheSameFromALogAsInOneProcess) {
+  const std::string text = application(R"("after": ["source"])", "", 200);
+  const auto recorded = folder_ / "recorded.mcap";
+  Process record(options(text, {"--clock", "simulated", "--record", recorded.string()}));
+  ASSERT_EQ(record.wait().exit_code, 0) << record.errors();
+  const auto alone = folder_ / "alone.mcap";
+  const std::vector<std::string> replay{"--clock",         "simulated",     "--replay",
+                                        recorded.string(), "--replay-into", "relay",
+                                        "--replay-into",   "sink"};
+  std::vector<std::string> words = replay;
+  words.insert(words.end(), {"--record", alone.string()});
+  Process in_one(options(text, words));
+  ASSERT_EQ(in_one.wait().exit_code, 0) << in_one.errors();
+  const json report_of_one = report();
+  const auto log = folder_ / "isolated.mcap";
+  words = replay;
+  words.insert(words.end(), {"--isolate", "all", "--record", log.string()});
+  Process run(options(text, words));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_TRUE(are_equal(alone, log));
+  EXPECT_EQ(report()["results"]["whole"], report_of_one["results"]["whole"]);
+  EXPECT_EQ(report()["results"]["whole"], 200);
+  EXPECT_EQ(report()["results"]["relayed"], report_of_one["results"]["relayed"]);
+  EXPECT_EQ(report()["end"], report_of_one["end"]);
+}
+
+TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
+  Process run(
+      options(application(R"("process": "relaying")"), {"--set", "sink.subscribes_late=true"}));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_THAT(run.errors(),
+              HasSubstr("topic \"relayed\" comes from \"relay\", which runs in another process: "
+                        "subscribe in the constructor"));
+}
+
+TEST_F(ComponentsInProcesses, AreShownWithTheirProcess) {
+  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
+  test::ProcessOptions watched =
+      options(application(R"("process": "relaying")", "", 1'000'000), {"--inspect"});
+  watched.environment = environment;
+  Process run(watched);
+  const auto components = [&]() -> json {
+    Process top({.program = FASTCYCLE_PROGRAM,
+                 .arguments = {"top", "--json", "--interval", "100ms", "--app", "several"},
+                 .folder = folder_.path(),
+                 .environment = environment});
+    const auto result = top.wait();
+    return result.exit_code == 0 ? json::parse(top.output(), nullptr, false)["components"] : json();
+  };
+  json shown = components();
+  const auto end = std::chrono::steady_clock::now() + Process::kLongest;
+  while (shown.size() < 3 || shown[2]["state"] != "active") {
+    ASSERT_LT(std::chrono::steady_clock::now(), end) << shown << run.errors();
+    shown = components();
+  }
+  run.send(SIGINT);
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_EQ(shown[1]["state"], "elsewhere");
+  EXPECT_EQ(shown[1]["process"], "relaying");
+  EXPECT_EQ(shown[2]["process"], "main");
+  EXPECT_EQ(shown[2]["state"], "active");
+}
+
+TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {
+  Process run(options(application(R"("process": "relaying")"), {"--trace", "trace.pftrace"}));
+
+  EXPECT_EQ(run.wait().exit_code, 2);
+  EXPECT_THAT(run.errors(), HasSubstr("--trace is for components in one process"));
+}
+
+}  // namespace
+}  // namespace fastcycle
