@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <set>
 #include <string>
@@ -10,6 +11,28 @@
 #include "fastcycle/time.h"
 
 namespace fastcycle::host {
+
+/// What concerns the application as a whole, such as a switch of modes: said by one process, and taken
+/// by all, itself included, in the same order.
+struct Notice {
+  enum class Kind : char {
+    kGone = 'g',           ///< A process has ended.
+    kCame = 'c',           ///< It was restarted.
+    kModesBegun = 'b',     ///< All components have started: modes may be switched.
+    kModeAsked = 'm',      ///< Somebody asks for a mode.
+    kModeLeft = 'l',       ///< The components of a process that leave the mode have left.
+    kModeEntered = 'e',    ///< So have all; the mode is the new one.
+    kModeJoined = 'j',     ///< Those of a process that join it are active.
+    kParamsListed = 'i',   ///< The params of a component.
+    kParamsAsked = 'p',    ///< Somebody asks for a change of params.
+    kParamsChecked = 'v',  ///< What a process says to it.
+    kParamsInPlace = 'd',  ///< Live: it is made in a process.
+  };
+  Kind kind{};
+  std::uint32_t process = 0;    ///< Who says it; of `kGone` and `kCame`, who it is said of.
+  std::uint32_t component = 0;  ///< For whom it is said. Those of a simulated round come in this order.
+  std::string text = {};
+};
 
 /// The other processes of an application, as far as one of them must know them: which components
 /// run there, and how far all are with start and end. In each process there is an object for every
@@ -35,6 +58,28 @@ class Peers {
 
   /// All sources of this process have finished: the run ends when those of all have.
   virtual void sources_finished() = 0;
+
+  /// Says this to all processes. Safe; live, from any thread.
+  ///
+  /// @errors  std::length_error if `text` has more than 60,000 bytes.
+  virtual void tell(Notice::Kind kind, std::uint32_t component, std::string text) = 0;
+  /// Whether `process`, as `Notice` names it, is this one.
+  [[nodiscard]] virtual bool is_here(std::uint32_t process) const = 0;
+  /// Who is told, this process included, as of the last `kGone` or `kCame`; in `on_notice`.
+  [[nodiscard]] virtual const std::set<std::uint32_t>& told() const = 0;
+  /// Takes what is told; set before the start. Live by a thread of its own, which must not wait for
+  /// components; in simulated time when a round is over.
+  std::function<void(const Notice&)> on_notice;
+  /// What a process must know that is restarted after all that was told so far; and takes it there,
+  /// before its start. The first is called as `on_notice`.
+  std::function<std::string()> make_snapshot;
+  std::function<void(const std::string&)> take_snapshot;
+  /// In simulated time, when a round is over, before `on_notice`: whether `is_busy` said true in any
+  /// process.
+  std::function<void(bool)> on_round_over;
+  std::function<bool()> is_busy;
+  /// The same, when there is no answer any more to what was told.
+  std::function<void()> on_quiet;
 
   /// In simulated time: how all serve the same rounds. Null live. From the end of the build on.
   [[nodiscard]] virtual detail::RoundPeers* rounds() = 0;
@@ -62,6 +107,8 @@ class Peers {
   virtual void await_stop(const detail::ComponentCore& component, std::size_t place) = 0;
   /// All have stopped here.
   virtual void end() = 0;
+  /// From now on nothing that is told is taken here; waits for what is being taken.
+  virtual void stop_notices() = 0;
 };
 
 }  // namespace fastcycle::host

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include <nlohmann/json.hpp>
+
 #include "base/memory.h"
 #include "calls/services.h"
 #include "component/credits.h"
@@ -129,8 +131,31 @@ void Application::add_component(const config::ComponentDescription& component,
   components_.push_back(std::move(core));
 }
 
+/// Lets what concerns all processes be taken here.
+void Application::listen_to_peers() {
+  peers_->on_notice = [this](const Notice& notice) {
+    modes_.take(notice);
+    params_.take(notice);
+  };
+  peers_->on_round_over = [this](bool is_anyone_busy) { modes_.round_is_over(is_anyone_busy); };
+  peers_->is_busy = [this] { return modes_.is_busy(); };
+  peers_->on_quiet = [this] { params_.all_have_answered(); };
+  peers_->make_snapshot = [this] {
+    return nlohmann::json{{"modes", modes_.make_snapshot()}, {"params", params_.make_snapshot()}}
+        .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  };
+  peers_->take_snapshot = [this](const std::string& text) {
+    const auto json = nlohmann::json::parse(text);
+    modes_.take_snapshot(json.at("modes").get<std::string>());
+    params_.take_snapshot(json.at("params").get<std::string>());
+  };
+}
+
 void Application::build(ComponentClasses& classes, config::Problems& problems,
                         ConstructorFault on_throw) {
+  if (peers_ != nullptr) {
+    listen_to_peers();
+  }
   modes_.resolve(problems);
   for (const config::ComponentDescription& component : description_.components) {
     if (const ComponentClass* its_class = classes.find(component, problems)) {
@@ -394,6 +419,9 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
     driver_->set_feed(*replay_);
   }
   start_ns_ = base::to_ns(clock_.now());
+  if (peers_ != nullptr) {
+    params_.tell_all();
+  }
   if (driver_->is_real_time()) {
     if (auto refused = base::lock_memory_as_touched()) {
       refusals_.push_back(std::move(*refused));
@@ -493,6 +521,9 @@ void Application::stop() {
     lifecycle_.finish();
   }
   params_.end();
+  if (peers_ != nullptr) {
+    peers_->stop_notices();
+  }
   driver_->stop([this](const detail::Actor& actor) { return lifecycle_.is_stuck(actor); });
   observers_.stop(*this);
   destroy_components([this](const ComponentCore& component) {

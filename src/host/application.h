@@ -261,6 +261,7 @@ class Application final : public ApplicationHost {
 
  private:
   void set_up();
+  void listen_to_peers();
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
   void construct(config::Problems& problems, ConstructorFault on_throw,

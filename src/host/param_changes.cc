@@ -1,8 +1,12 @@
 #include "host/param_changes.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
+#include <future>
+#include <iterator>
 #include <memory>
+#include <stdexcept>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -10,6 +14,7 @@
 #include "base/clock.h"
 #include "component/application_host.h"
 #include "component/component_core.h"
+#include "component/peers.h"
 #include "component/time_driver.h"
 #include "config/nearest.h"
 #include "config/parse.h"
@@ -61,6 +66,10 @@ ParamsResult learn(const detail::PublishingComponent& component, const ParamsRes
   return result;
 }
 
+std::string unknown_shared(std::string_view name) {
+  return "no component reads a shared param " + config::in_quotes(name);
+}
+
 std::vector<std::string> component_names(const ApplicationHost& application) {
   std::vector<std::string> names;
   for (const auto& component : application.components()) {
@@ -97,11 +106,14 @@ ParamValues values_of(const ComponentCore& component, const Json& json,
 
 ParamsResult ParamChanges::make(const std::vector<ParamChange>& changes,
                                 std::string_view asked_by) {
-  const std::lock_guard lock(mutex_);
   if (is_ended_ || !application_.is_built()) {
     return {.mistakes = {is_ended_ ? "the application has stopped: its params stay as they are"
                                    : "the application is not built yet"}};
   }
+  if (application_.peers() != nullptr) {
+    return ask_all_and_wait(changes);
+  }
+  const std::lock_guard lock(mutex_);
   Plan plan;
   config::Problems problems;
   for (const ParamChange& change : changes) {
@@ -113,34 +125,46 @@ ParamsResult ParamChanges::make(const std::vector<ParamChange>& changes,
     result.mistakes.push_back(config::to_string(problem));
   }
   if (result.has_changed()) {
-    commit(plan, asked_by);
+    ++transactions_;
+    note(noted_of(plan), asked_by);
+    commit(plan);
   }
   return result;
 }
 
-void ParamChanges::plan_change(const ParamChange& change, Plan& plan,
+/// Whether this process says what is wrong where no component is meant.
+bool ParamChanges::speaks_for_all() const {
+  const Peers* const peers = application_.peers();
+  return peers == nullptr || peers->is_main();
+}
+
+/// False if it means nothing to any component here.
+bool ParamChanges::plan_change(const ParamChange& change, Plan& plan,
                                config::Problems& problems) const {
   const std::size_t dot = change.param.find('.');
   if (dot == std::string::npos) {
-    problems.add(mistake_of(change,
-                            "a param is named with its component, as in limiter.limit_mps, "
-                            "or as shared_params.NAME"));
-    return;
+    if (speaks_for_all()) {
+      problems.add(mistake_of(change,
+                              "a param is named with its component, as in limiter.limit_mps, "
+                              "or as shared_params.NAME"));
+    }
+    return speaks_for_all();
   }
   const std::string owner = change.param.substr(0, dot);
   const std::string name = change.param.substr(dot + 1);
   ComponentCore* component = find_component(application_, owner);
   if (component == nullptr && owner == kShared) {
-    plan_shared(change, name, plan, problems);
-    return;
+    return plan_shared(change, name, plan, problems);
   }
   if (component == nullptr) {
-    problems.add(mistake_of(change, "there is no component " + config::in_quotes(owner),
-                            config::nearest(owner, component_names(application_))));
-    return;
+    if (speaks_for_all()) {
+      problems.add(mistake_of(change, "there is no component " + config::in_quotes(owner),
+                              config::nearest(owner, component_names(application_))));
+    }
+    return speaks_for_all();
   }
   if (application_.is_replayed(owner)) {
-    return;
+    return !application_.runs_elsewhere(owner);
   }
   std::vector<std::string> known;
   bool is_known = false;
@@ -159,9 +183,10 @@ void ParamChanges::plan_change(const ParamChange& change, Plan& plan,
     problems.add(mistake_of(change, "there is no param " + config::in_quotes(name),
                             config::nearest(name, known)));
   }
+  return true;
 }
 
-void ParamChanges::plan_shared(const ParamChange& change, std::string_view name, Plan& plan,
+bool ParamChanges::plan_shared(const ParamChange& change, std::string_view name, Plan& plan,
                                config::Problems& problems) const {
   std::vector<std::string> known;
   bool is_known = false;
@@ -177,11 +202,11 @@ void ParamChanges::plan_shared(const ParamChange& change, std::string_view name,
       }
     }
   }
-  // In a replay those that read it may not be there.
-  if (!is_known && !application_.is_replay()) {
-    problems.add(mistake_of(change, "no component reads a shared param " + config::in_quotes(name),
-                            config::nearest(name, known)));
+  // In a replay those that read it may not be there; elsewhere there may be one.
+  if (!is_known && !application_.is_replay() && application_.peers() == nullptr) {
+    problems.add(mistake_of(change, unknown_shared(name), config::nearest(name, known)));
   }
+  return is_known || application_.is_replay();
 }
 
 void ParamChanges::plan_value(const ParamChange& change, bool is_own, ComponentCore& component,
@@ -223,9 +248,7 @@ void ParamChanges::check_together(Plan& plan, config::Problems& problems) {
   }
 }
 
-void ParamChanges::commit(const Plan& plan, std::string_view asked_by) {
-  ++transactions_;
-  note(plan, asked_by);
+void ParamChanges::commit(const Plan& plan) {
   for (const auto& [index, planned] : plan) {
     ComponentCore& component = *planned.component;
     component.param_table.commit(transactions_, planned.values);
@@ -283,31 +306,42 @@ void ParamChanges::commit_recorded(ComponentCore& component, const std::string& 
                                values_of(component, json[1], problems));
 }
 
-void ParamChanges::note(const Plan& plan, std::string_view asked_by) {
-  std::string line;
-  Json changed = Json::object();
-  const auto write = [&] {
-    if (!line.empty()) {
-      application_.log(LogLevel::kInfo, asked_by, "params: " + line);
-    }
-    line.clear();
-  };
+std::vector<ParamChanges::Noted> ParamChanges::noted_of(const Plan& plan) {
+  std::vector<Noted> noted;
   for (const auto& [index, planned] : plan) {
     for (std::size_t i = 0; i < planned.values.size(); ++i) {
       const auto& [slot, data] = planned.values[i];
       for (const DeclaredParam& param : planned.component->param_table.all()) {
-        if (param.slot.get() != slot) {
-          continue;
+        if (param.slot.get() == slot) {
+          noted.push_back(
+              {.component = index,
+               .name = planned.names[i],
+               .text = planned.names[i] + ": " + to_text(param.spec(), param.committed) + " → " +
+                       to_text(param.spec(), data),
+               .json = to_json(param.spec(), data)
+                           .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)});
         }
-        const std::string text = planned.names[i] + ": " + to_text(param.spec(), param.committed) +
-                                 " → " + to_text(param.spec(), data);
-        if (line.size() + text.size() > kMostOfALine) {
-          write();
-        }
-        line += (line.empty() ? "" : ", ") + text;
-        changed[planned.names[i]] = to_json(param.spec(), data);
       }
     }
+  }
+  return noted;
+}
+
+void ParamChanges::note(const std::vector<Noted>& noted, std::string_view asked_by) {
+  std::string line;
+  Json changed = Json::object();
+  const auto write = [&] {
+    if (!line.empty() && speaks_for_all()) {
+      application_.log(LogLevel::kInfo, asked_by, "params: " + line);
+    }
+    line.clear();
+  };
+  for (const Noted& one : noted) {
+    if (line.size() + one.text.size() > kMostOfALine) {
+      write();
+    }
+    line += (line.empty() ? "" : ", ") + one.text;
+    changed[one.name] = Json::parse(one.json, nullptr, false);
   }
   write();
   const std::lock_guard lock(facts_mutex_);
@@ -323,11 +357,8 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
                               std::function<void(const ParamsResult&)> done) {
   const std::uint64_t key = ComponentCore::kParamsAsked | ++component.params_asked;
   component.params_answered += done ? 0 : 1;  // Nobody waits for an answer.
-  const auto change = [this, &component, changes = std::move(changes), done = std::move(done),
-                       object = component.restart_count, key] {
-    // Where a recorded run is executed again, the log has what became of it.
-    const ParamsResult result =
-        application_.time().is_recorded() ? ParamsResult() : make(changes, component.name);
+  const auto answer = [this, &component, done = std::move(done),
+                       object = component.restart_count, key](const ParamsResult& result) {
     if (!done) {
       for (const std::string& mistake : result.mistakes) {
         application_.log(LogLevel::kWarning, component.name, "params are not changed: " + mistake);
@@ -346,13 +377,25 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
     application_.time().between_rounds(
         [&component, tell, key] { component.post(detail::Cause::kParameter, tell, nullptr, key); });
   };
-  application_.time().stage(component, change);
+  application_.time().stage(component, [this, &component, changes = std::move(changes), answer] {
+    if (application_.time().is_recorded()) {
+      answer({});  // The log has what became of it.
+    } else if (application_.peers() == nullptr) {
+      answer(make(changes, component.name));
+    } else {
+      ask_all(component.index, component.name, changes, answer);
+    }
+  });
 }
 
 std::vector<ParamInfo> ParamChanges::list() const {
   std::vector<ParamInfo> infos;
   const std::lock_guard lock(mutex_);
   for (const auto& component : application_.components()) {
+    if (application_.runs_elsewhere(component->name)) {
+      std::ranges::copy(list_elsewhere(component->index), std::back_inserter(infos));
+      continue;
+    }
     for (const DeclaredParam& param : component->param_table.all()) {
       if (param.is_declared) {
         infos.push_back(info_of(component->name, param));
@@ -360,6 +403,352 @@ std::vector<ParamInfo> ParamChanges::list() const {
     }
   }
   return infos;
+}
+
+// ---- Several processes ----
+
+namespace {
+
+constexpr std::chrono::seconds kPatience{5};  // For the answers of all processes.
+
+std::string dumped(const Json& json) {
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+/// What another process says, which may be broken.
+template <typename Take>
+void read_notice(const std::string& text, const Take& take) {
+  try {
+    take(Json::parse(text));
+  } catch (const nlohmann::json::exception&) {  // It counts as not said.
+  }
+}
+
+}  // namespace
+
+void ParamChanges::tell_all() {
+  for (const auto& component : application_.components()) {
+    if (application_.runs_elsewhere(component->name)) {
+      continue;
+    }
+    std::vector<ParamInfo> infos;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const DeclaredParam& param : component->param_table.all()) {
+        if (param.is_declared) {
+          infos.push_back(info_of(component->name, param));
+        }
+      }
+    }
+    try {
+      if (!infos.empty()) {
+        application_.peers()->tell(Notice::Kind::kParamsListed, component->index, to_text(infos));
+      }
+    } catch (const std::length_error& error) {
+      application_.log(LogLevel::kWarning, component->name,
+                       std::string("its params are not told to the other processes: ") +
+                           error.what());
+    }
+  }
+}
+
+std::vector<ParamInfo> ParamChanges::list_elsewhere(std::uint32_t component) const {
+  const auto its = elsewhere_.find(component);
+  return its == elsewhere_.end() ? std::vector<ParamInfo>() : its->second;
+}
+
+void ParamChanges::ask_all(std::uint32_t component, std::string_view by,
+                           const std::vector<ParamChange>& changes, Done done) {
+  Json json{{"by", by}, {"changes", Json::array()}};
+  for (const ParamChange& change : changes) {
+    json["changes"].push_back({change.param, change.json});
+  }
+  std::uint64_t number = 0;
+  {
+    const std::lock_guard lock(waiting_mutex_);
+    number = ++numbers_;
+    waiting_[number] = done;
+  }
+  json["number"] = number;
+  try {
+    application_.peers()->tell(Notice::Kind::kParamsAsked, component, dumped(json));
+  } catch (const std::length_error& error) {
+    {
+      const std::lock_guard lock(waiting_mutex_);
+      waiting_.erase(number);
+    }
+    done({.mistakes = {error.what()}});
+  }
+}
+
+ParamsResult ParamChanges::ask_all_and_wait(const std::vector<ParamChange>& changes) {
+  const auto answer = std::make_shared<std::promise<ParamsResult>>();
+  std::future<ParamsResult> result = answer->get_future();
+  ask_all(static_cast<std::uint32_t>(application_.components().size()), {}, changes,
+          [answer](const ParamsResult& made) { answer->set_value(made); });
+  if (result.wait_for(kPatience) != std::future_status::ready) {
+    return {.mistakes = {"not all processes have answered within 5 s; it is not known whether the "
+                         "params are changed"}};
+  }
+  return result.get();
+}
+
+void ParamChanges::take(const Notice& notice) {
+  switch (notice.kind) {
+    case Notice::Kind::kParamsListed:
+      if (!application_.peers()->is_here(notice.process)) {
+        const std::lock_guard lock(mutex_);
+        elsewhere_[notice.component] = infos_of(notice.text);
+      }
+      break;
+    case Notice::Kind::kParamsAsked:
+      read_notice(notice.text, [&](const Json& json) {
+        Asked asked{.process = notice.process,
+                    .number = json.at("number").get<std::uint64_t>(),
+                    .by = json.at("by").get<std::string>(),
+                    .changes = {}};
+        for (const Json& change : json.at("changes")) {
+          asked.changes.push_back(
+              {change.at(0).get<std::string>(), change.at(1).get<std::string>()});
+        }
+        asked_.push_back(std::move(asked));
+        if (asked_.size() == 1) {
+          check_next();
+        }
+      });
+      break;
+    case Notice::Kind::kParamsChecked:
+      take_verdict(notice);
+      break;
+    case Notice::Kind::kCame:
+      if (!application_.peers()->is_here(notice.process)) {
+        tell_all();  // It knows nothing of what was told before.
+      }
+      break;
+    case Notice::Kind::kParamsInPlace:
+      read_notice(notice.text, [&](const Json& json) {
+        if (application_.peers()->is_here(json.at("process").get<std::uint32_t>())) {
+          settle(notice.process, json.at("number").get<std::uint64_t>());
+        }
+      });
+      break;
+    case Notice::Kind::kGone:
+      settle(notice.process, std::nullopt);
+      if (verdict_.awaited.erase(notice.process) != 0 && verdict_.awaited.empty()) {
+        decide();
+      }
+      break;
+    default:
+      break;
+  }
+}
+
+/// Looks what the first of those that were asked for means here, and tells the others.
+void ParamChanges::check_next() {
+  const Asked& asked = asked_.front();
+  plan_.clear();
+  verdict_ = {.awaited = application_.peers()->told(), .mistakes = {}, .found = {}, .noted = {}};
+  Json mistakes = Json::array();
+  Json found = Json::array();
+  Json noted = Json::array();
+  {
+    const std::lock_guard lock(mutex_);
+    for (std::size_t i = 0; i < asked.changes.size(); ++i) {
+      config::Problems problems;
+      if (plan_change(asked.changes[i], plan_, problems)) {
+        found.push_back(i);
+      }
+      for (const config::Problem& problem : problems.all()) {
+        mistakes.push_back({i, config::to_string(problem)});
+      }
+    }
+    config::Problems together;
+    check_together(plan_, together);
+    for (const config::Problem& problem : together.all()) {
+      mistakes.push_back({asked.changes.size(), config::to_string(problem)});
+    }
+    if (is_ended_) {
+      mistakes.push_back({0, "the application has stopped: its params stay as they are"});
+    }
+    if (mistakes.empty()) {
+      for (const Noted& one : noted_of(plan_)) {
+        noted.push_back({one.component, one.name, one.text, one.json});
+      }
+    }
+  }
+  Json said{{"process", asked.process}, {"number", asked.number}, {"found", found}};
+  const auto tell = [&] {
+    application_.peers()->tell(Notice::Kind::kParamsChecked, 0, dumped(said));
+  };
+  said["mistakes"] = mistakes;
+  said["noted"] = noted;
+  try {
+    tell();
+  } catch (const std::length_error& error) {
+    said["mistakes"] = Json::array({Json::array({0, error.what()})});
+    said["noted"] = Json::array();
+    tell();
+  }
+}
+
+void ParamChanges::take_verdict(const Notice& notice) {
+  if (asked_.empty() || !verdict_.awaited.contains(notice.process)) {
+    return;
+  }
+  read_notice(notice.text, [&](const Json& json) {
+    if (json.at("process") != asked_.front().process ||
+        json.at("number") != asked_.front().number) {
+      return;
+    }
+    for (const Json& one : json.at("mistakes")) {
+      verdict_.mistakes.emplace_back(one.at(0).get<std::size_t>(), one.at(1).get<std::string>());
+    }
+    for (const Json& one : json.at("found")) {
+      verdict_.found.insert(one.get<std::size_t>());
+    }
+    for (const Json& one : json.at("noted")) {
+      verdict_.noted.push_back({.component = one.at(0).get<std::uint32_t>(),
+                                .name = one.at(1).get<std::string>(),
+                                .text = one.at(2).get<std::string>(),
+                                .json = one.at(3).get<std::string>()});
+    }
+    verdict_.awaited.erase(notice.process);
+    if (verdict_.awaited.empty()) {
+      decide();
+    }
+  });
+}
+
+/// All have said what they say to the first of those that were asked for.
+void ParamChanges::decide() {
+  const Asked asked = std::move(asked_.front());
+  asked_.pop_front();
+  Verdict verdict = std::exchange(verdict_, {});
+  for (std::size_t i = 0; i < asked.changes.size(); ++i) {
+    if (!verdict.found.contains(i)) {
+      const std::string& param = asked.changes[i].param;
+      const std::string_view name = std::string_view(param).substr(param.find('.') + 1);
+      const bool is_shared = param.starts_with(std::string(kShared) + ".");
+      verdict.mistakes.emplace_back(
+          i, config::to_string(mistake_of(
+                 asked.changes[i], is_shared ? unknown_shared(name)
+                                             : "the process of its component is not there")));
+    }
+  }
+  std::stable_sort(verdict.mistakes.begin(), verdict.mistakes.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::stable_sort(verdict.noted.begin(), verdict.noted.end(),
+                   [](const Noted& a, const Noted& b) { return a.component < b.component; });
+  ParamsResult result;
+  for (auto& [place, mistake] : verdict.mistakes) {
+    result.mistakes.push_back(std::move(mistake));
+  }
+  if (result.has_changed()) {
+    const std::lock_guard lock(mutex_);
+    ++transactions_;
+    note(verdict.noted, asked.by);
+    commit(plan_);
+    for (const Noted& one : verdict.noted) {
+      changed_[one.name] = one.json;
+      for (ParamInfo& info : elsewhere_[one.component]) {
+        info.json = info.param == one.name ? one.json : info.json;
+      }
+    }
+  }
+  Peers& peers = *application_.peers();
+  if (peers.is_here(asked.process)) {
+    answer(asked.number, result);
+  }
+  if (result.has_changed() && !application_.time().is_simulated()) {
+    peers.tell(Notice::Kind::kParamsInPlace, 0,
+               dumped(Json{{"process", asked.process}, {"number", asked.number}}));
+  }
+  if (!asked_.empty()) {
+    check_next();
+  }
+}
+
+/// Tells who asked for it, once no process lacks it: what they publish then comes behind it.
+void ParamChanges::answer(std::uint64_t number, const ParamsResult& result) {
+  Done done;
+  {
+    const std::lock_guard lock(waiting_mutex_);
+    const auto waiting = waiting_.find(number);
+    if (waiting == waiting_.end()) {
+      return;
+    }
+    done = std::move(waiting->second);
+    waiting_.erase(waiting);
+  }
+  if (result.has_changed() && !application_.time().is_simulated()) {
+    settling_.push_back(
+        {.number = number, .done = std::move(done), .awaited = application_.peers()->told()});
+  } else {
+    done(result);
+  }
+}
+
+/// `process` has made it; without a number, it has ended.
+void ParamChanges::settle(std::uint32_t process, std::optional<std::uint64_t> number) {
+  for (std::size_t i = 0; i < settling_.size();) {
+    Settling& one = settling_[i];
+    if (!number || one.number == *number) {
+      one.awaited.erase(process);
+    }
+    if (one.awaited.empty()) {
+      const Done done = std::move(one.done);
+      settling_.erase(settling_.begin() + static_cast<std::ptrdiff_t>(i));
+      done({});
+    } else {
+      ++i;
+    }
+  }
+}
+
+void ParamChanges::all_have_answered() {
+  if (asked_.empty()) {
+    return;
+  }
+  // A process was restarted in the midst of it.
+  verdict_.awaited.clear();
+  verdict_.mistakes.emplace_back(0, "a process was restarted meanwhile: the params stay as they are");
+  decide();
+}
+
+std::string ParamChanges::make_snapshot() const {
+  const std::lock_guard lock(mutex_);
+  return dumped(Json{{"transactions", transactions_}, {"changed", changed_}});
+}
+
+void ParamChanges::take_snapshot(const std::string& text) {
+  const Json json = Json::parse(text);
+  const std::lock_guard lock(mutex_);
+  transactions_ = json.at("transactions").get<std::uint64_t>();
+  changed_ = json.at("changed").get<std::map<std::string, std::string>>();
+  for (const auto& component : application_.components()) {
+    if (application_.runs_elsewhere(component->name)) {
+      continue;
+    }
+    Json own = Json::object();
+    for (const DeclaredParam& param : component->param_table.all()) {
+      const auto changed = changed_.find(component->name + "." + param.spec().name);
+      if (param.is_declared && changed != changed_.end() &&
+          dumped(to_json(param.spec(), param.committed)) != changed->second) {
+        own[param.spec().name] = Json::parse(changed->second, nullptr, false);
+      }
+    }
+    config::Problems ignored;  // The values were good for the process before.
+    const ParamValues values = values_of(*component, own, ignored);
+    if (!values.empty()) {
+      component->param_table.commit(transactions_, values);
+      component->post(
+          detail::Cause::kParameter,
+          [&core = *component, transaction = transactions_, values, told = dumped(own)] {
+            core.take_params(transaction, values, told);
+          },
+          nullptr, transactions_);
+    }
+  }
 }
 
 std::map<std::string, std::string> ParamChanges::facts() const {

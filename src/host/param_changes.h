@@ -2,9 +2,12 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,12 +25,16 @@ class ComponentCore;
 namespace fastcycle::host {
 
 class ApplicationHost;
+struct Notice;
 
 /// Changes parameters of an application's components while they run: owns the order of the changes.
 ///
 /// A transaction is checked and committed as a whole while everybody else waits, and handed to the
 /// components that it concerns in the order of the commits. Each puts it in place in an activation
 /// of its own.
+///
+/// Where the application has several processes, all check a transaction, each for its components,
+/// and commit it when all have found it good; one after the other.
 ///
 /// @threads  Safe.
 class ParamChanges {
@@ -44,6 +51,17 @@ class ParamChanges {
 
   /// What others see of the params of all components: what the last transaction made of them.
   [[nodiscard]] std::vector<ParamInfo> list() const;
+  /// Of a component in another process, as far as that has told. @pre The mutex is held.
+  [[nodiscard]] std::vector<ParamInfo> list_elsewhere(std::uint32_t component) const;
+
+  // Where the application has several processes; called as `Peers` says.
+  /// Before the start: tells the others of the params here.
+  void tell_all();
+  void take(const Notice& notice);
+  /// In simulated time: who has not answered by now will not.
+  void all_have_answered();
+  [[nodiscard]] std::string make_snapshot() const;
+  void take_snapshot(const std::string& text);
 
   /// Where a recorded run is executed again: `component` puts in place what it did then, when it is
   /// given the control cause for it.
@@ -76,15 +94,55 @@ class ParamChanges {
   /// By the component's place in the application file.
   using Plan = std::map<std::uint32_t, Planned>;
 
-  void plan_change(const ParamChange& change, Plan& plan, config::Problems& problems) const;
-  void plan_shared(const ParamChange& change, std::string_view name, Plan& plan,
+  /// What a transaction changes, for the log of the run.
+  struct Noted {
+    std::uint32_t component = 0;
+    std::string name;
+    std::string text;  ///< "limiter.limit_mps: 10 → 20"
+    std::string json;  ///< The new value.
+  };
+  /// A transaction that all processes were asked for.
+  struct Asked {
+    std::uint32_t process = 0;
+    std::uint64_t number = 0;  ///< That of this process.
+    std::string by;
+    std::vector<ParamChange> changes;
+  };
+  /// What all say to it, as far as they have.
+  struct Verdict {
+    std::set<std::uint32_t> awaited;  ///< The processes that have not.
+    std::vector<std::pair<std::size_t, std::string>> mistakes;  ///< With their places in an order.
+    std::set<std::size_t> found;  ///< The changes that mean something to anybody.
+    std::vector<Noted> noted;
+  };
+  using Done = std::function<void(const ParamsResult&)>;
+  /// One that was asked for here, and is made in some processes, but not in all.
+  struct Settling {
+    std::uint64_t number = 0;
+    Done done;
+    std::set<std::uint32_t> awaited;
+  };
+
+  [[nodiscard]] bool speaks_for_all() const;
+  bool plan_change(const ParamChange& change, Plan& plan, config::Problems& problems) const;
+  bool plan_shared(const ParamChange& change, std::string_view name, Plan& plan,
                    config::Problems& problems) const;
   static void plan_value(const ParamChange& change, bool is_own, detail::ComponentCore& component,
                          const DeclaredParam& param, Plan& plan, config::Problems& problems);
   static void check_together(Plan& plan, config::Problems& problems);
-  void commit(const Plan& plan, std::string_view asked_by);
+  void commit(const Plan& plan);
   [[nodiscard]] static std::string text_of(const Planned& planned);
-  void note(const Plan& plan, std::string_view asked_by);
+  [[nodiscard]] static std::vector<Noted> noted_of(const Plan& plan);
+  void note(const std::vector<Noted>& noted, std::string_view asked_by);
+
+  void ask_all(std::uint32_t component, std::string_view by,
+               const std::vector<ParamChange>& changes, Done done);
+  [[nodiscard]] ParamsResult ask_all_and_wait(const std::vector<ParamChange>& changes);
+  void check_next();
+  void take_verdict(const Notice& notice);
+  void decide();
+  void answer(std::uint64_t number, const ParamsResult& result);
+  void settle(std::uint32_t process, std::optional<std::uint64_t> number);
 
   ApplicationHost& application_;
   mutable ParamMutex mutex_;
@@ -92,6 +150,19 @@ class ParamChanges {
   std::atomic<bool> is_ended_{false};
   mutable base::PriorityMutex facts_mutex_;
   std::map<std::string, std::string> facts_;
+
+  // Several processes; of the thread that takes notices.
+  std::deque<Asked> asked_;  ///< The first one is being checked.
+  Plan plan_;                ///< Of it, for the components here.
+  Verdict verdict_;
+  std::vector<Settling> settling_;
+  // Under the mutex.
+  std::map<std::uint32_t, std::vector<ParamInfo>> elsewhere_;  ///< By component.
+  std::map<std::string, std::string> changed_;                 ///< JSON by name, of all processes.
+  // Whom to tell of what was asked here, by number.
+  std::mutex waiting_mutex_;
+  std::uint64_t numbers_ = 0;
+  std::map<std::uint64_t, Done> waiting_;
 };
 
 }  // namespace fastcycle::host

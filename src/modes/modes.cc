@@ -7,10 +7,12 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "component/application_host.h"
 #include "component/bell.h"
 #include "component/component_core.h"
+#include "component/peers.h"
 #include "component/time_driver.h"
 #include "component/wait.h"
 #include "config/nearest.h"
@@ -137,6 +139,21 @@ std::size_t Modes::find(std::string_view mode) const {
                               (hint.empty() ? "" : "; " + hint));
 }
 
+nlohmann::json Modes::to_json(const Request& request) {
+  return {{"to", request.to}, {"why", request.why}, {"by", request.by}};
+}
+
+/// None if it is no request: another process says it, which may be broken.
+std::optional<Modes::Request> Modes::request_from(const nlohmann::json& json) const {
+  const bool is_one = json.is_object() && json.contains("to") && json["to"].is_number_unsigned() &&
+                      json["to"].get<std::size_t>() < modes_.size() && json.contains("why") &&
+                      json["why"].is_string() && json.contains("by") && json["by"].is_string();
+  if (!is_one) {
+    return std::nullopt;
+  }
+  return Request{.to = json["to"], .why = json["why"], .by = json["by"]};
+}
+
 Modes::Request Modes::request(std::string_view mode, std::string_view why,
                               const ComponentCore* by) const {
   return {.to = find(mode), .why = std::string(why), .by = by == nullptr ? "" : by->name};
@@ -160,6 +177,18 @@ bool Modes::is_asked(std::string_view mode) const noexcept {
 }
 
 void Modes::put(Request request) {
+  Peers* const peers = application_.peers();
+  if (peers == nullptr) {
+    put_in_order(std::move(request));
+    return;
+  }
+  const auto& all = application_.components();
+  const auto by = std::ranges::find_if(all, [&](const auto& one) { return one->name == request.by; });
+  peers->tell(Notice::Kind::kModeAsked, static_cast<std::uint32_t>(by - all.begin()),
+              to_json(request).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+void Modes::put_in_order(Request request) {
   {
     const std::lock_guard lock(mutex_);
     if (is_over_ || request.to == last_asked_) {
@@ -180,6 +209,15 @@ void Modes::put(Request request) {
 }
 
 void Modes::begin() {
+  Peers* const peers = application_.peers();
+  if (peers == nullptr || application_.time().is_simulated()) {
+    begin_in_order();
+  } else if (peers->is_main()) {  // By now the components of all processes have started.
+    peers->tell(Notice::Kind::kModesBegun, 0, {});
+  }
+}
+
+void Modes::begin_in_order() {
   {
     const std::lock_guard lock(mutex_);
     has_begun_ = true;
@@ -219,10 +257,14 @@ void Modes::begin_next() {
     switch_at_once();
     return;
   }
+  if (const Peers* const peers = application_.peers()) {
+    awaited_processes_ = peers->told();
+  }
+  is_entering_ = false;
   step_ = Step::kLeaving;
   awaited_ = 1;  // This function itself: until all are asked, none is the last.
   for (const auto& component : application_.components()) {
-    if (leaves(component->index)) {
+    if (leaves(component->index) && !application_.runs_elsewhere(component->name)) {
       awaited_.fetch_add(1);
       component->post_and_tell(
           Cause::kMode, [&core = *component] { core.call_deactivate(); }, [this] { arrive(); },
@@ -247,25 +289,30 @@ void Modes::arrive() {
   if (awaited_.fetch_sub(1) != 1) {
     return;
   }
-  if (step_ == Step::kLeaving) {
-    enter();
+  if (application_.peers() != nullptr) {
+    tell_done();
+  } else if (step_ == Step::kLeaving) {
+    enter(application_.clock().now());
   } else {
     begin_next();
   }
 }
 
 /// All who leave have left: the mode changes, and those who join may begin.
-void Modes::enter() {
+void Modes::enter(Time stamp) {
   bool is_over = false;
   {
     const std::lock_guard lock(mutex_);
     is_over = is_over_;
   }
-  set_mode();
+  set_mode(stamp);
+  if (const Peers* const peers = application_.peers()) {
+    awaited_processes_ = peers->told();
+  }
   step_ = Step::kJoining;
   awaited_ = 1;
   for (const auto& component : application_.components()) {
-    if (!is_over && joins(component->index)) {
+    if (!is_over && joins(component->index) && !application_.runs_elsewhere(component->name)) {
       awaited_.fetch_add(1);
       component->post_and_tell(
           Cause::kMode, [&core = *component] { core.call_activate(); }, [this] { arrive(); },
@@ -277,13 +324,13 @@ void Modes::enter() {
 
 /// Simulated time, between two rounds: the next one begins with it.
 void Modes::switch_at_once() {
-  set_mode();
+  set_mode(application_.clock().now());
   step_ = Step::kJoining;
   awaited_ = 1;
   std::vector<std::uint32_t> leaving;
   for (const auto& component : application_.components()) {
     const bool is_leaving = leaves(component->index);
-    if (!is_leaving && !joins(component->index)) {
+    if ((!is_leaving && !joins(component->index)) || application_.runs_elsewhere(component->name)) {
       continue;
     }
     if (is_leaving) {
@@ -300,11 +347,23 @@ void Modes::switch_at_once() {
   }
   application_.time().serve_first(std::move(leaving));
   arrive();
+  if (application_.peers() != nullptr && !is_anyone_concerned()) {
+    begin_next();  // Else when the next round is over.
+  }
+}
+
+bool Modes::is_anyone_concerned() const {
+  for (std::uint32_t component = 0; component < is_switched_.size(); ++component) {
+    if (leaves(component) || joins(component)) {
+      return true;
+    }
+  }
+  return false;
 }
 
 /// The stamp of the switch that is under way.
-void Modes::set_mode() {
-  ModeSwitch made{.stamp = application_.clock().now(),
+void Modes::set_mode(Time stamp) {
+  ModeSwitch made{.stamp = stamp,
                   .from = {},
                   .to = modes_[request_.to].name,
                   .why = request_.why,
@@ -317,6 +376,9 @@ void Modes::set_mode() {
       switches_.push_back(made);
     }
   }
+  if (const Peers* const peers = application_.peers(); peers != nullptr && !peers->is_main()) {
+    return;  // The main process tells of it.
+  }
   std::string text = "mode \"" + made.from + "\" → \"" + made.to + "\"";
   if (!made.by.empty()) {
     text += ", asked for by " + made.by;
@@ -326,6 +388,129 @@ void Modes::set_mode() {
   }
   application_.log(LogLevel::kInfo, {}, text);
   application_.mode_changed();
+}
+
+// ---- Several processes ----
+
+/// The components of this process have done their step.
+void Modes::tell_done() {
+  if (application_.time().is_simulated()) {
+    return;  // It is looked when a round is over.
+  }
+  application_.peers()->tell(
+      step_ == Step::kLeaving ? Notice::Kind::kModeLeft : Notice::Kind::kModeJoined, 0, {});
+}
+
+void Modes::take(const Notice& notice) {
+  using Kind = Notice::Kind;
+  switch (notice.kind) {
+    case Kind::kModesBegun:
+      begin_in_order();
+      break;
+    case Kind::kModeAsked: {
+      const auto json = nlohmann::json::parse(notice.text, nullptr, false);
+      if (auto request = request_from(json)) {
+        put_in_order(std::move(*request));
+      }
+      break;
+    }
+    case Kind::kModeEntered: {
+      std::int64_t stamp_ns = 0;
+      std::from_chars(notice.text.data(), notice.text.data() + notice.text.size(), stamp_ns);
+      if (is_switching() && step_ == Step::kLeaving) {
+        enter(base::from_ns(stamp_ns));
+      }
+      break;
+    }
+    case Kind::kModeLeft:
+    case Kind::kModeJoined:
+      if ((notice.kind == Kind::kModeLeft) == (step_ == Step::kLeaving)) {
+        awaited_processes_.erase(notice.process);
+        go_on_if_all_have_done();
+      }
+      break;
+    case Kind::kGone:
+      awaited_processes_.erase(notice.process);
+      go_on_if_all_have_done();
+      break;
+    default:
+      break;
+  }
+}
+
+void Modes::go_on_if_all_have_done() {
+  if (!is_switching() || !awaited_processes_.empty() || application_.time().is_simulated()) {
+    return;
+  }
+  if (step_ == Step::kJoining) {
+    begin_next();
+  } else if (application_.peers()->is_main() && !std::exchange(is_entering_, true)) {
+    application_.peers()->tell(Notice::Kind::kModeEntered, 0,
+                               std::to_string(base::to_ns(application_.clock().now())));
+  }
+}
+
+void Modes::round_is_over(bool is_anyone_busy) {
+  if (!is_anyone_busy && is_switching()) {
+    begin_next();
+  }
+}
+
+std::string Modes::make_snapshot() const {
+  const std::lock_guard lock(mutex_);
+  auto waiting = nlohmann::json::array();
+  for (const Request& request : waiting_) {
+    waiting.push_back(to_json(request));
+  }
+  nlohmann::json json{{"mode", current_},
+                      {"last_asked", last_asked_.load()},
+                      {"waiting", waiting},
+                      {"has_begun", has_begun_},
+                      {"is_switching", is_switching_},
+                      {"from", from_},
+                      {"request", to_json(request_)},
+                      {"is_joining", step_ == Step::kJoining},
+                      {"awaited", awaited_processes_}};
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+void Modes::take_snapshot(const std::string& text) {
+  const auto json = nlohmann::json::parse(text);
+  {
+    const std::lock_guard lock(mutex_);
+    current_ = json.at("mode");
+    last_asked_ = json.at("last_asked").get<std::size_t>();
+    waiting_.clear();
+    for (const auto& one : json.at("waiting")) {
+      if (auto request = request_from(one)) {
+        waiting_.push_back(std::move(*request));
+      }
+    }
+    has_begun_ = json.at("has_begun");
+    is_switching_ = json.at("is_switching");
+    from_ = json.at("from");
+    request_ = request_from(json.at("request")).value_or(Request{});
+    step_ = json.at("is_joining").get<bool>() ? Step::kJoining : Step::kLeaving;
+    awaited_processes_ = json.at("awaited").get<std::set<std::uint32_t>>();
+  }
+  const bool is_leaving = is_switching_ && step_ == Step::kLeaving;
+  for (const auto& component : application_.components()) {
+    const std::uint32_t index = component->index;
+    if (!is_switched(index) || application_.runs_elsewhere(component->name)) {
+      continue;
+    }
+    const bool is_wanted = is_active_at_first(index) && !(is_leaving && leaves(index));
+    if (component->state == ComponentCore::State::kConstructed) {
+      component->is_wanted = is_wanted;
+    } else {
+      component->post(Cause::kMode, [&core = *component, is_wanted] {
+        is_wanted ? core.call_activate() : core.call_deactivate();
+      });
+    }
+  }
+  if (is_switching_) {
+    tell_done();
+  }
 }
 
 std::string Modes::current() const {

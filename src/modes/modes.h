@@ -5,9 +5,13 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include <nlohmann/json_fwd.hpp>
 
 #include "base/priority_mutex.h"
 #include "config/description.h"
@@ -21,6 +25,7 @@ class ComponentCore;
 namespace fastcycle::host {
 
 class ApplicationHost;
+struct Notice;
 
 /// One switch of the application from a mode to another.
 struct ModeSwitch {
@@ -44,6 +49,10 @@ void explain(const std::vector<ModeSwitch>& switches, std::map<std::string, std:
 /// activated. So there is no moment at which one that leaves and one that joins are both active. In
 /// simulated time both belong to one round, the next one; those that leave are served first.
 ///
+/// Where the application has several processes, each has modes, and all take the same steps: what
+/// is asked for anywhere is told to all, and so is what each has done. Live, the main process sets
+/// the stamp.
+///
 /// @threads  `ask`, `current`, `switches`, `refused` are Safe; `resolve`, `begin`, `end` are
 ///           confined to the control thread.
 class Modes {
@@ -57,7 +66,7 @@ class Modes {
   void resolve(config::Problems& problems);
 
   [[nodiscard]] bool is_empty() const noexcept { return modes_.empty(); }
-  /// Whether `component` is active in the initial mode.
+  /// Whether `component` is active in the mode that its process begins with.
   [[nodiscard]] bool is_active_at_first(std::uint32_t component) const;
   /// Whether some mode names `component`.
   [[nodiscard]] bool is_switched(std::uint32_t component) const;
@@ -85,6 +94,15 @@ class Modes {
   /// Whether one is under way, or waits.
   [[nodiscard]] bool is_switching() const;
 
+  // Where the application has several processes; called as `Peers` says.
+  void take(const Notice& notice);
+  /// Whether components here have a step to do, of the switch that is under way.
+  [[nodiscard]] bool is_busy() const noexcept { return awaited_.load() != 0; }
+  void round_is_over(bool is_anyone_busy);
+  [[nodiscard]] std::string make_snapshot() const;
+  /// Before the start, or instead of what was told and is lost.
+  void take_snapshot(const std::string& text);
+
  private:
   struct Request {
     std::size_t to = 0;
@@ -99,14 +117,22 @@ class Modes {
   [[nodiscard]] std::size_t find(std::string_view mode) const;
   [[nodiscard]] Request request(std::string_view mode, std::string_view why,
                                 const detail::ComponentCore* by) const;
+  /// Asks for it here, or in all processes.
   void put(Request request);
+  void put_in_order(Request request);
+  void begin_in_order();
+  [[nodiscard]] static nlohmann::json to_json(const Request& request);
+  [[nodiscard]] std::optional<Request> request_from(const nlohmann::json& json) const;
   void begin_next();
   void switch_at_once();
-  void enter();
+  void enter(Time stamp);
   void arrive();
-  void set_mode();
+  void tell_done();
+  void go_on_if_all_have_done();
+  void set_mode(Time stamp);
   [[nodiscard]] bool leaves(std::uint32_t component) const;
   [[nodiscard]] bool joins(std::uint32_t component) const;
+  [[nodiscard]] bool is_anyone_concerned() const;
 
   ApplicationHost& application_;
   std::vector<Mode> modes_;
@@ -129,6 +155,10 @@ class Modes {
   std::size_t from_ = 0;
   Step step_ = Step::kLeaving;
   std::atomic<std::size_t> awaited_{0};
+  /// The processes that have not told that their components have done the step. Of the thread that
+  /// takes notices.
+  std::set<std::uint32_t> awaited_processes_;
+  bool is_entering_ = false;  ///< In the main process: it has told that all enter the mode.
 };
 
 }  // namespace fastcycle::host

@@ -41,7 +41,11 @@ Partition::~Partition() = default;
 std::optional<std::string> Partition::become(ProcessIndex process, std::uint32_t incarnation) {
   process_ = process;
   incarnation_ = incarnation;
-  return segments_.become(process, segment::Wire::generation_of(incarnation));
+  auto refused = segments_.become(process, segment::Wire::generation_of(incarnation));
+  if (!refused) {
+    notices_ = std::make_unique<NoticeOrder>(wire_, process, incarnation, plan_.is_simulated(), *this);
+  }
+  return refused;
 }
 
 const ComponentClass* Partition::find(const config::ComponentDescription& component,
@@ -122,7 +126,7 @@ void Partition::connect(host::Application& application) {
     executors[place]->set_foreign_inputs(*sets[place]);
   }
   if (is_simulated) {
-    rounds_ = std::make_unique<Rounds>(wire_, process_, incarnation_, *sets[0], application);
+    rounds_ = std::make_unique<Rounds>(wire_, process_, incarnation_, *sets[0], *notices_, application);
   }
   if (const auto limit = plan_.description_of(process_).heartbeat; limit.count() > 0) {
     heart_ = std::jthread([this, limit](const std::stop_token& stop) { beat(limit, stop); });
@@ -161,6 +165,7 @@ void Partition::attach() {
   for (const auto& links : link_sets_) {
     links->attach();
   }
+  notices_->begin();
   if (rounds_ != nullptr && incarnation_ > 1) {
     await_readers();
   }

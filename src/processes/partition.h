@@ -14,6 +14,7 @@
 #include "component/peers.h"
 #include "host/application.h"
 #include "loading/component_classes.h"
+#include "processes/notice_order.h"
 #include "processes/process_plan.h"
 #include "processes/rounds.h"
 #include "segment/export.h"
@@ -68,6 +69,11 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   [[nodiscard]] const std::set<std::string>& services() const override { return services_; }
   void declare(detail::ComponentCore& component) override;
   void sources_finished() override;
+  void tell(host::Notice::Kind kind, std::uint32_t component, std::string text) override {
+    notices_->tell(kind, component, text);
+  }
+  [[nodiscard]] bool is_here(std::uint32_t process) const override { return process == process_; }
+  [[nodiscard]] const std::set<std::uint32_t>& told() const override { return notices_->told(); }
   [[nodiscard]] detail::RoundPeers* rounds() override { return rounds_.get(); }
   [[nodiscard]] std::size_t place_count() const override;
   [[nodiscard]] AgreedEnd agreed_end() const override;
@@ -79,6 +85,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void reach_stop(std::size_t place) override;
   void await_stop(const detail::ComponentCore& component, std::size_t place) override;
   void end() override;
+  void stop_notices() override { notices_->stop(); }
 
  private:
   void say_progress(std::uint32_t progress);
@@ -101,7 +108,8 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   std::vector<std::unique_ptr<segment::Export>> exports_;
   std::vector<std::string> topics_;  ///< Of the exports.
   std::vector<std::unique_ptr<segment::LinkSet>> link_sets_;
-  std::unique_ptr<Rounds> rounds_;  ///< In simulated time.
+  std::unique_ptr<NoticeOrder> notices_;  ///< Null until it has become a process.
+  std::unique_ptr<Rounds> rounds_;        ///< In simulated time.
   std::jthread heart_;              ///< If the file asks for a sign of life.
 };
 

@@ -110,6 +110,16 @@ config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process)
     known.hang = component.hang;
     component = std::move(known);
   }
+  for (config::ModeDescription& mode : part.modes) {
+    // In each process the same components, also those whose executors are elsewhere.
+    for (const config::ComponentDescription& component : description_.components) {
+      const std::string& executor = component.executor.empty() ? host::kPoolName : component.executor;
+      if (std::ranges::find(mode.executors, executor) != mode.executors.end()) {
+        mode.components.push_back(component.name);
+      }
+    }
+    mode.executors.clear();
+  }
   std::erase_if(part.executors, [&](const config::ExecutorDescription& executor) {
     return !used.contains(executor.name);
   });

@@ -28,7 +28,10 @@ enum Fact : std::size_t {
   kNextUnwatched,
   kEndReason,
   kNow,
-  kLimit
+  kLimit,
+  // After a round, in the place of others.
+  kSaid = kSteps,
+  kIncarnation = kNextDue
 };
 constexpr std::uint64_t kReady = 1;
 constexpr std::uint64_t kComputing = 2;
@@ -38,6 +41,8 @@ constexpr std::uint64_t kSources = 16;
 constexpr std::uint64_t kSourcesOver = 32;
 constexpr std::uint64_t kNotAdvancing = 64;
 constexpr std::uint64_t kExchange = 128;  ///< It handed over what was published in a round.
+constexpr std::uint64_t kBusy = 256;      ///< With what all processes do together.
+constexpr std::uint64_t kFirst = 512;     ///< It is the first such point of the round.
 
 std::uint64_t flags_of(const RoundState& state) {
   return (state.is_ready ? kReady : 0) | (state.is_computing ? kComputing : 0) |
@@ -64,10 +69,12 @@ bool has_come(const RoundWords& words, std::uint32_t count) {
 }  // namespace
 
 Rounds::Rounds(const segment::Wire& wire, ProcessIndex process, std::uint32_t incarnation,
-               segment::LinkSet& links, host::Application& application)
+               segment::LinkSet& links, NoticeOrder& notices, host::Application& application)
     : wire_(wire),
       process_(process),
+      incarnation_(incarnation),
       links_(links),
+      notices_(notices),
       application_(application),
       own_(wire.rounds(process, incarnation)),
       has_sources_(std::ranges::any_of(application.components(), [](const auto& component) {
@@ -268,15 +275,46 @@ void Rounds::agree_on_end(bool have_sources, bool are_sources_over, EndReason re
 
 void Rounds::exchange() {
   if (!is_joining_) {
-    say({kExchange, 0, 0, 0, 0,
-         static_cast<std::uint64_t>(base::to_ns(application_.clock().now()))});
-    for (ProcessIndex process = ProcessPlan::kMain; process < wire_.plan().processes; ++process) {
-      if (process != process_) {
-        static_cast<void>(await(process));
-      }
-    }
+    exchange_notices();
   }
   while (links_.take()) {
+  }
+}
+
+/// Waits for all, takes what they say of the whole, and waits again as long as there is an answer.
+void Rounds::exchange_notices() {
+  const Peers& peers = *application_.peers();
+  for (bool is_first = true;; is_first = false) {
+    const NoticeOrder::Said own = notices_.say();
+    const bool is_busy = peers.is_busy && peers.is_busy();
+    say({kExchange | (is_busy ? kBusy : 0) | (is_first ? kFirst : 0), own.words, incarnation_, 0, 0,
+         static_cast<std::uint64_t>(base::to_ns(application_.clock().now()))});
+    std::vector<NoticeOrder::Said> said(wire_.plan().processes);
+    bool is_anyone_busy = is_busy;
+    bool is_round_over = is_first;
+    for (ProcessIndex process = ProcessPlan::kMain; process < wire_.plan().processes; ++process) {
+      if (process == process_) {
+        said[process] = own;
+      } else if (const std::atomic<std::uint64_t>* const facts = await(process)) {
+        said[process] = {.words = facts[kSaid].load(std::memory_order_relaxed),
+                         .incarnation = static_cast<std::uint32_t>(
+                             facts[kIncarnation].load(std::memory_order_relaxed))};
+        const std::uint64_t flags = facts[kFlags].load(std::memory_order_relaxed);
+        is_anyone_busy |= (flags & kBusy) != 0;
+        if (process == ProcessPlan::kMain) {  // One that was restarted may come in the midst of it.
+          is_round_over = (flags & kFirst) != 0;
+        }
+      }
+    }
+    if (is_round_over && peers.on_round_over) {
+      peers.on_round_over(is_anyone_busy);
+    }
+    if (!notices_.take(said)) {
+      break;
+    }
+  }
+  if (peers.on_quiet) {
+    peers.on_quiet();
   }
 }
 

@@ -8,6 +8,7 @@
 #include "component/peers.h"
 #include "executor/round_peers.h"
 #include "host/application.h"
+#include "processes/notice_order.h"
 #include "processes/process_plan.h"
 #include "segment/link_set.h"
 #include "segment/wire.h"
@@ -24,9 +25,10 @@ namespace fastcycle::processes {
 /// @threads  As `RoundPeers`; `end_sources` is Safe.
 class Rounds final : public detail::RoundPeers {
  public:
-  /// `links` are all that lead here. All have to live as long as this.
+  /// `links` are all that lead here, `notices` what the processes say of the whole. All have to
+  /// live as long as this.
   Rounds(const segment::Wire& wire, segment::ProcessIndex process, std::uint32_t incarnation,
-         segment::LinkSet& links, host::Application& application);
+         segment::LinkSet& links, NoticeOrder& notices, host::Application& application);
 
   /// In a process that was restarted, before it reads from others: waits until these wait for it,
   /// all with what they publish handed over. Then the application starts at their time, by itself;
@@ -48,11 +50,14 @@ class Rounds final : public detail::RoundPeers {
   /// Waits for `process`; null if it ended before it came here, and is not restarted.
   const std::atomic<std::uint64_t>* await(segment::ProcessIndex process);
   [[nodiscard]] const std::atomic<std::uint64_t>* facts_of(segment::ProcessIndex process) const;
+  void exchange_notices();
   void agree_on_end(bool have_sources, bool are_sources_over, host::EndReason reason);
 
   const segment::Wire& wire_;
   const segment::ProcessIndex process_;
+  const std::uint32_t incarnation_;
   segment::LinkSet& links_;
+  NoticeOrder& notices_;
   host::Application& application_;
   segment::RoundWords& own_;
   bool has_sources_ = false;

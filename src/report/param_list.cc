@@ -67,6 +67,26 @@ ListedParam listed(const std::string& component, const DeclaredParam& param) {
   return result;
 }
 
+/// Of a component in another process, which tells no more than this.
+ListedParam listed(const std::string& component, const ParamInfo& info) {
+  const auto value_of = [](const std::string& json) {
+    return json.empty() ? ordered_json() : ordered_json::parse(json, nullptr, false);
+  };
+  return {.component = component,
+          .name = info.param.substr(std::min(info.param.size(), component.size() + 1)),
+          .type = info.type,
+          .unit = info.unit,
+          .min = value_of(info.min_json),
+          .max = value_of(info.max_json),
+          .names = info.names,
+          .fallback = {},
+          .value = value_of(info.json),
+          .origin = "process",
+          .place = {},
+          .is_tunable = info.is_tunable,
+          .description = info.description};
+}
+
 std::string dumped(const ordered_json& value) {
   std::string text = value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   if (value.is_number_float() && text.ends_with(".0")) {
@@ -141,6 +161,9 @@ std::vector<ListedParam> list_params(const Application& application) {
   std::vector<ListedParam> result;
   const std::lock_guard lock(application.params().mutex());
   for (const auto& component : application.components()) {
+    for (const ParamInfo& info : application.params().list_elsewhere(component->index)) {
+      result.push_back(listed(component->name, info));
+    }
     for (const DeclaredParam& param : component->param_table.all()) {
       if (param.is_declared) {
         result.push_back(listed(component->name, param));

@@ -37,11 +37,17 @@ std::size_t stages_offset(const WirePlan& plan) {
 std::size_t rounds_offset(const WirePlan& plan) {
   return round_up(stages_offset(plan) + plan.components * sizeof(std::uint32_t), kLine);
 }
+std::size_t notices_offset(const WirePlan& plan) {
+  return round_up(rounds_offset(plan) + sizeof(RoundWords), kLine);
+}
+std::size_t snapshot_offset(const WirePlan& plan) {
+  return round_up(notices_offset(plan) + sizeof(NoticeWords), kLine);
+}
 
 }  // namespace
 
 void WirePlan::lay_out() {
-  const std::size_t begin = rounds_offset(*this) + sizeof(RoundWords);
+  const std::size_t begin = snapshot_offset(*this) + sizeof(SnapshotWords);
   std::vector<std::size_t> ends(processes, std::max(begin, (2 * processes + 1) * sizeof(Bell)));
   for (LinkPlan& link : links) {
     link.out_offset = ends[link.from];
@@ -91,6 +97,14 @@ std::atomic<std::uint32_t>& Wire::stage(ProcessIndex process, std::uint32_t inca
 
 RoundWords& Wire::rounds(ProcessIndex process, std::uint32_t incarnation) const noexcept {
   return at<RoundWords>(process, incarnation, rounds_offset(plan_));
+}
+
+NoticeWords& Wire::notices(ProcessIndex process, std::uint32_t incarnation) const noexcept {
+  return at<NoticeWords>(process, incarnation, notices_offset(plan_));
+}
+
+SnapshotWords& Wire::snapshot(ProcessIndex process, std::uint32_t incarnation) const noexcept {
+  return at<SnapshotWords>(process, incarnation, snapshot_offset(plan_));
 }
 
 void wake(const std::atomic<std::uint32_t>& word, int count) noexcept {

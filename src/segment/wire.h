@@ -109,6 +109,26 @@ struct alignas(64) RoundWords {
   std::atomic<std::uint64_t> facts[2][kFacts];
 };
 
+/// What a process says to all others of the application as a whole: records behind each other.
+struct alignas(64) NoticeWords {
+  static constexpr std::size_t kWords = std::size_t{1} << 15U;
+
+  /// How many words are written, or will be before `end` says so.
+  std::atomic<std::uint64_t> begun;
+  std::atomic<std::uint64_t> end;    ///< How many words of whole records there are, in all.
+  std::atomic<std::uint32_t> count;  ///< Of records. Slept on.
+  std::atomic<std::uint64_t> ring[kWords];
+};
+
+/// What a process that is restarted must know of what was said before: a text that is replaced.
+struct alignas(64) SnapshotWords {
+  static constexpr std::size_t kWords = std::size_t{1} << 13U;
+
+  std::atomic<std::uint64_t> version;  ///< Odd while it is written; 0: there is none.
+  std::atomic<std::uint64_t> bytes;
+  std::atomic<std::uint64_t> words[kWords];
+};
+
 /// How far a component is; for processes that wait for each other's components.
 enum class Stage : std::uint32_t { kNone, kStarted, kFailed, kStopped };
 
@@ -160,6 +180,11 @@ class Wire {
                                                   std::size_t component) const noexcept;
 
   [[nodiscard]] RoundWords& rounds(ProcessIndex process, std::uint32_t incarnation) const noexcept;
+
+  [[nodiscard]] NoticeWords& notices(ProcessIndex process,
+                                     std::uint32_t incarnation) const noexcept;
+  [[nodiscard]] SnapshotWords& snapshot(ProcessIndex process,
+                                        std::uint32_t incarnation) const noexcept;
 
   // Of the one that makes the others.
   /// Counted up when a process comes or goes.

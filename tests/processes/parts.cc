@@ -62,9 +62,12 @@ class Relay final : public fastcycle::Component {
         hang_at_(context.param<std::int64_t>("hang_at", {.fallback = 0})),
         throw_at_(context.param<std::int64_t>("throw_at", {.fallback = 0})),
         write_at_(context.param<std::int64_t>("write_at", {.fallback = 0})),
+        gain_(context.param<std::int64_t>("gain",
+                                          {.fallback = 1, .max = 10, .is_tunable = true})),
         relayed_(context.create_publisher<Reading>("relayed")) {
     context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
       report("process_of_relay", std::int64_t{getpid()});
+      report("gain_of_relay", gain_.get());
       if (reading.value() == 1) {
         const int socket_or_error = socket(AF_INET, SOCK_STREAM, 0);
         report("may_open_sockets", socket_or_error >= 0);
@@ -90,6 +93,7 @@ class Relay final : public fastcycle::Component {
       }
       auto relayed = relayed_.loan();
       relayed->CopyFrom(reading);
+      relayed->set_value(reading.value() * gain_.get());
       relayed_.publish(std::move(relayed));
     });
   }
@@ -100,6 +104,7 @@ class Relay final : public fastcycle::Component {
   fastcycle::Param<std::int64_t> hang_at_;
   fastcycle::Param<std::int64_t> throw_at_;
   fastcycle::Param<std::int64_t> write_at_;
+  fastcycle::Param<std::int64_t> gain_;
   fastcycle::Publisher<Reading> relayed_;
 };
 
@@ -132,6 +137,62 @@ class Sink final : public fastcycle::Component {
   std::int64_t whole_ = 0;
 };
 
+/// At some readings, asks for a mode and for a change of params of two components.
+class Steering final : public fastcycle::Component {
+ public:
+  explicit Steering(fastcycle::Context& context)
+      : Component(context),
+        switch_at_(context.param<std::int64_t>("switch_at", {.fallback = 0})),
+        back_at_(context.param<std::int64_t>("back_at", {.fallback = 0})),
+        change_at_(context.param<std::int64_t>("change_at", {.fallback = 0})),
+        gain_(context.param<std::string>("gain", {.fallback = "3"})),
+        gains_(context.param<std::int64_t>("own_gain", {.fallback = 1, .is_tunable = true})) {
+    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+      if (reading.value() == switch_at_.get()) {
+        this->context().switch_mode("degraded", "it was told to");
+      }
+      if (reading.value() == back_at_.get()) {
+        this->context().switch_mode("nominal");
+      }
+      if (reading.value() == change_at_.get()) {
+        this->context().change_params({{"relay.gain", gain_.get()}, {"steering.own_gain", "7"}},
+                      [this](const fastcycle::ParamsResult& result) {
+                        report("has_changed", result.has_changed());
+                        report("mistakes", static_cast<std::int64_t>(result.mistakes.size()));
+                        if (!result.has_changed()) {
+                          report("mistake", result.mistakes.front());
+                        }
+                      });
+      }
+      report("own_gain", gains_.get());
+    });
+  }
+
+ private:
+  fastcycle::Param<std::int64_t> switch_at_;
+  fastcycle::Param<std::int64_t> back_at_;
+  fastcycle::Param<std::int64_t> change_at_;
+  fastcycle::Param<std::string> gain_;
+  fastcycle::Param<std::int64_t> gains_;
+};
+
+/// Counts readings while it is active.
+class Observer final : public fastcycle::Component {
+ public:
+  explicit Observer(fastcycle::Context& context) : Component(context) {
+    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+      if (first_ == 0) {
+        first_ = reading.value();
+      }
+      report("first_of_" + this->context().component_name(), first_);
+      report("last_of_" + this->context().component_name(), reading.value());
+    });
+  }
+
+ private:
+  std::int64_t first_ = 0;
+};
+
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Sensor, Relay, Sink)
+FASTCYCLE_COMPONENTS(Sensor, Relay, Sink, Steering, Observer)

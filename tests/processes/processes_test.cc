@@ -314,6 +314,125 @@ TEST_F(ComponentsInProcesses, ComputeTheSameInSimulatedTimeAsInOneProcess) {
   }
 }
 
+/// An application of which a component switches modes and changes params, each in the midst of the
+/// run.
+std::string steered(const std::string& steering, const std::string& more = "") {
+  return R"({"name": "steered", )" + more + R"(
+    "modes": {"nominal": {"components": ["relay"]}, "degraded": {"components": ["spare"]}},
+    "initial_mode": "nominal",
+    "components": [
+      {"name": "source", "library": "processes_parts", "class": "Sensor",
+       "serve_period_ms": 5, "params": {"count": 200}},
+      {"name": "relay", "library": "processes_parts", "class": "Relay", "process": "relaying"},
+      {"name": "spare", "library": "processes_parts", "class": "Observer", "process": "sparing"},
+      {"name": "steering", "library": "processes_parts", "class": "Steering",
+       "process": "steering", "params": {)" +
+         steering + R"(}},
+      {"name": "sink", "library": "processes_parts", "class": "Sink"}]})";
+}
+
+TEST_F(ComponentsInProcesses, SwitchModesTogether) {
+  Process run(options(steered(R"("switch_at": 60, "back_at": 120)")));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  ASSERT_EQ(said["modes"]["switches"].size(), 2U) << run.errors();
+  EXPECT_EQ(said["modes"]["switches"][0]["to"], "degraded");
+  EXPECT_EQ(said["modes"]["switches"][0]["by"], "steering");
+  EXPECT_EQ(said["modes"]["switches"][0]["why"], "it was told to");
+  EXPECT_EQ(said["modes"]["switches"][1]["to"], "nominal");
+  EXPECT_THAT(run.errors(), HasSubstr("mode \"nominal\" → \"degraded\", asked for by steering"));
+  // The relay, in one process, had left before the spare, in another one, joined.
+  EXPECT_GT(said["results"]["first_of_spare"], 60);
+  EXPECT_GE(said["results"]["last_of_spare"], 120);
+  EXPECT_LT(said["topics"]["relayed"]["published"], 200);
+  EXPECT_GT(said["topics"]["relayed"]["published"], 60);
+  EXPECT_GT(said["results"]["relayed"], 120);
+  expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, ChangeParamsOfOthersAllOrNone) {
+  Process good(options(steered(R"("change_at": 60, "gain": "3")")));
+  EXPECT_EQ(good.wait().exit_code, 0) << good.errors();
+  json said = report();
+  EXPECT_EQ(said["results"]["has_changed"], true);
+  EXPECT_EQ(said["results"]["gain_of_relay"], 3);
+  EXPECT_EQ(said["results"]["own_gain"], 7);
+  EXPECT_THAT(good.errors(),
+              HasSubstr("params: relay.gain: 1 → 3, steering.own_gain: 1 → 7"));
+
+  Process bad(options(steered(R"("change_at": 60, "gain": "11")")));
+  EXPECT_EQ(bad.wait().exit_code, 0) << bad.errors();
+  said = report();
+  EXPECT_EQ(said["results"]["has_changed"], false);
+  EXPECT_EQ(said["results"]["mistakes"], 1);
+  EXPECT_THAT(said["results"]["mistake"].get<std::string>(), HasSubstr("relay.gain"));
+  EXPECT_EQ(said["results"]["gain_of_relay"], 1);
+  EXPECT_EQ(said["results"]["own_gain"], 1);
+}
+
+/// Of where the one who steers stands in the application file: 0 is before the others.
+class ComponentsThatAreSteered : public ComponentsInProcesses,
+                                 public testing::WithParamInterface<std::size_t> {};
+
+INSTANTIATE_TEST_SUITE_P(From, ComponentsThatAreSteered, testing::Values(0, 2, 4));
+
+TEST_P(ComponentsThatAreSteered, DoTheSameInSimulatedTimeAsInOneProcess) {
+  json application =
+      json::parse(steered(R"("switch_at": 60, "back_at": 120, "change_at": 121)"));
+  std::swap(application["components"][3], application["components"][GetParam()]);
+  const std::string text = application.dump();
+  for (json& component : application["components"]) {
+    component.erase("process");
+  }
+  const std::string in_one = application.dump();
+  const auto alone = folder_ / "alone.mcap";
+  Process run_alone(options(in_one, {"--clock", "simulated", "--record", alone.string()}));
+  ASSERT_EQ(run_alone.wait().exit_code, 0) << run_alone.errors();
+  const json report_of_one = report();
+
+  for (const char* workers : {"1", "2"}) {
+    const auto log = folder_ / (std::string("workers_") + workers + ".mcap");
+    Process run(options(
+        text, {"--clock", "simulated", "--workers", workers, "--record", log.string()}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    EXPECT_TRUE(are_equal(alone, log));
+    const json said = report();
+    EXPECT_EQ(said["modes"], report_of_one["modes"]);
+    for (const char* name : {"relayed", "first_of_spare", "last_of_spare", "has_changed",
+                             "gain_of_relay", "own_gain"}) {
+      EXPECT_EQ(said["results"][name], report_of_one["results"][name]) << name;
+    }
+    expect_ledgers(said);
+  }
+}
+
+TEST_F(ComponentsInProcesses, BeginAgainInTheModeAndWithTheParamsOfTheOthers) {
+  for (const char* clock : {"live", "simulated"}) {
+    json application = json::parse(
+        steered(R"("change_at": 20, "switch_at": 30)",
+                R"("processes": [{"name": "relaying", "on_exit": "restart"},
+                                 {"name": "sparing", "on_exit": "restart"}], )"));
+    // The relay joins the mode, in a process that then crashes.
+    application["modes"]["degraded"]["components"] = {"relay"};
+    application["modes"]["nominal"]["components"] = {"spare"};
+    application["components"][1]["params"]["crash_at"] = 100;
+    Process run(options(application.dump(), {"--clock", clock}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    const json said = report();
+    EXPECT_EQ(said["processes"]["relaying"]["restarts"], 1) << clock;
+    EXPECT_EQ(said["results"]["gain_of_relay"], 3) << clock;
+    EXPECT_EQ(said["modes"]["switches"].size(), 1U) << clock;
+    EXPECT_GT(said["results"]["relayed"], 3 * 150) << clock;
+    EXPECT_LT(said["results"]["last_of_spare"], 100) << clock;
+  }
+}
+
 TEST_F(ComponentsInProcesses, EndInTheSameRoundOfSimulatedTimeWhereOneFails) {
   const std::string text =
       application(R"("on_fault": "stop", "params": {"throw_at": 50})", "", 300);

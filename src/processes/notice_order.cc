@@ -1,0 +1,302 @@
+#include "processes/notice_order.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+#include <sys/prctl.h>
+
+#include "base/clock.h"
+#include "processes/process_plan.h"
+
+namespace fastcycle::processes {
+
+using host::Notice;
+using segment::ProcessIndex;
+
+namespace {
+
+constexpr std::size_t kMaxText = 60'000;
+constexpr std::int64_t kLookNs = 100'000'000;  ///< So often it is looked in any case.
+
+std::string to_record(const Notice& notice) {
+  return fmt::format("{}{} {} {}", static_cast<char>(notice.kind), notice.process, notice.component,
+                     notice.text);
+}
+
+/// None if it is no notice: who wrote it may be broken.
+std::optional<Notice> from_record(std::string_view record) {
+  constexpr std::string_view kKinds = "gcbmlejipvd";
+  if (record.empty() || kKinds.find(record.front()) == std::string_view::npos) {
+    return std::nullopt;
+  }
+  Notice notice{.kind = static_cast<Notice::Kind>(record.front())};
+  record.remove_prefix(1);
+  for (std::uint32_t* const number : {&notice.process, &notice.component}) {
+    const auto [end, error] =
+        std::from_chars(record.data(), record.data() + record.size(), *number);
+    if (error != std::errc() || end == record.data() + record.size() || *end != ' ') {
+      return std::nullopt;
+    }
+    record.remove_prefix(static_cast<std::size_t>(end - record.data()) + 1);
+  }
+  notice.text = std::string(record);
+  return notice;
+}
+
+/// Whether any process may say this; the rest only the main one does.
+bool is_for_all_to_say(Notice::Kind kind) {
+  return kind != Notice::Kind::kGone && kind != Notice::Kind::kCame &&
+         kind != Notice::Kind::kModesBegun && kind != Notice::Kind::kModeEntered;
+}
+
+}  // namespace
+
+NoticeOrder::NoticeOrder(const segment::Wire& wire, ProcessIndex process, std::uint32_t incarnation,
+                         bool is_simulated, host::Peers& peers)
+    : wire_(wire),
+      process_(process),
+      incarnation_(incarnation),
+      is_simulated_(is_simulated),
+      peers_(peers),
+      notices_(wire, process, incarnation) {
+  for (ProcessIndex one = ProcessPlan::kMain; one < wire.plan().processes; ++one) {
+    told_.insert(one);
+    notices_.follow(one, 1, 0);
+  }
+}
+
+NoticeOrder::~NoticeOrder() {
+  stop();
+}
+
+void NoticeOrder::stop() {
+  if (thread_.joinable()) {
+    thread_.request_stop();
+    sleepers_.wake_one();
+    thread_.join();
+  }
+}
+
+void NoticeOrder::tell(Notice::Kind kind, std::uint32_t component, const std::string& text) {
+  if (text.size() > kMaxText) {
+    throw std::length_error(
+        fmt::format("{} bytes are told to other processes; at most {} can be", text.size(), kMaxText));
+  }
+  const Notice notice{.kind = kind, .process = process_, .component = component, .text = text};
+  if (!is_simulated_ && process_ != ProcessPlan::kMain) {
+    notices_.say(to_record(notice));
+    return;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    own_.push_back(notice);
+  }
+  sleepers_.wake_one();
+}
+
+void NoticeOrder::begin() {
+  if (incarnation_ > 1) {
+    take_snapshot();
+  }
+  if (!is_simulated_) {
+    thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
+  }
+}
+
+/// Goes on where the main process is.
+void NoticeOrder::take_snapshot() {
+  const auto snapshot = notices_.snapshot_of(ProcessPlan::kMain);
+  if (!snapshot) {
+    return;  // Nothing was told yet.
+  }
+  const auto json = nlohmann::json::parse(*snapshot);
+  told_ = json.at("told").get<std::set<std::uint32_t>>();
+  for (const auto& one : json.at("read")) {
+    notices_.follow(one.at(0).get<ProcessIndex>(), one.at(1), one.at(2));
+  }
+  peers_.take_snapshot(json.at("state").get<std::string>());
+}
+
+// ---- Live ----
+
+void NoticeOrder::serve(const std::stop_token& stop) {
+  prctl(PR_SET_NAME, "notices");
+  while (!stop.stop_requested()) {
+    if (look()) {
+      continue;
+    }
+    sleepers_.announce(0);
+    const std::vector<base::WatchedWord> words = watched_words();
+    if (stop.stop_requested() || look()) {
+      sleepers_.withdraw(0);
+      continue;
+    }
+    sleepers_.sleep(0, base::monotonic_ns() + kLookNs, words);
+  }
+}
+
+std::vector<base::WatchedWord> NoticeOrder::watched_words() const {
+  const auto& changes = wire_.changes();
+  std::vector<base::WatchedWord> words{
+      {.word = &changes, .seen = changes.load(std::memory_order_seq_cst)}};
+  if (process_ != ProcessPlan::kMain) {
+    words.push_back(notices_.word_of(ProcessPlan::kMain));
+    return words;
+  }
+  for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
+    if (words.size() < base::Sleepers::kMaxWatched && notices_.incarnation_of(one) != 0) {
+      words.push_back(notices_.word_of(one));
+    }
+  }
+  return words;
+}
+
+/// Takes what is there; false if there was nothing.
+bool NoticeOrder::look() {
+  if (process_ == ProcessPlan::kMain) {
+    return look_as_main();
+  }
+  bool has_taken = false;
+  while (const auto record = notices_.next(ProcessPlan::kMain)) {
+    if (const auto notice = from_record(*record)) {
+      take(*notice);
+    }
+    has_taken = true;
+  }
+  if (notices_.take_loss()) {  // It was stopped for long.
+    take_snapshot();
+  }
+  return has_taken;
+}
+
+bool NoticeOrder::look_as_main() {
+  std::vector<Notice> own;
+  {
+    const std::lock_guard lock(mutex_);
+    own.swap(own_);
+  }
+  bool has_taken = !own.empty();
+  for (const Notice& notice : own) {
+    put_in_order(notice);
+  }
+  for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
+    while (const auto record = notices_.next(one)) {
+      has_taken = true;
+      auto notice = from_record(*record);
+      if (notice && is_for_all_to_say(notice->kind)) {
+        notice->process = one;  // Whatever it says.
+        put_in_order(*notice);
+      }
+    }
+  }
+  return look_for_changes() || has_taken;
+}
+
+/// Tells of processes that have ended, after all that they had said, and of those that came.
+bool NoticeOrder::look_for_changes() {
+  if (wire_.incarnation(ProcessPlan::kMain).load(std::memory_order_seq_cst) == 0) {
+    return false;  // Not all are there yet.
+  }
+  bool has_told = false;
+  for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
+    const std::uint32_t now = wire_.incarnation(one).load(std::memory_order_seq_cst);
+    const std::uint32_t known = notices_.incarnation_of(one);
+    if (now == known) {
+      continue;
+    }
+    has_told = true;
+    notices_.follow(one, now, 0);
+    if (known != 0) {
+      put_in_order({.kind = Notice::Kind::kGone, .process = one});
+    }
+    if (now != 0) {
+      put_in_order({.kind = Notice::Kind::kCame, .process = one});
+    }
+  }
+  return has_told;
+}
+
+void NoticeOrder::put_in_order(const Notice& notice) {
+  notices_.say(to_record(notice));
+  take(notice);
+  put_snapshot();
+}
+
+void NoticeOrder::take(const Notice& notice) {
+  if (notice.kind == Notice::Kind::kGone) {
+    told_.erase(notice.process);
+  } else if (notice.kind == Notice::Kind::kCame) {
+    told_.insert(notice.process);
+  }
+  peers_.on_notice(notice);
+}
+
+/// By the main process, when all that was told so far was taken.
+void NoticeOrder::put_snapshot() {
+  nlohmann::json read = nlohmann::json::array();
+  if (is_simulated_) {
+    for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
+      read.push_back({one, notices_.incarnation_of(one), notices_.position_of(one)});
+    }
+  } else {
+    read.push_back({ProcessPlan::kMain, incarnation_, notices_.said()});
+  }
+  notices_.put_snapshot(
+      nlohmann::json{{"told", told_}, {"read", read}, {"state", peers_.make_snapshot()}}.dump(
+          -1, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+// ---- Simulated time ----
+
+NoticeOrder::Said NoticeOrder::say() {
+  std::vector<Notice> own;
+  {
+    const std::lock_guard lock(mutex_);
+    own.swap(own_);
+  }
+  for (const Notice& notice : own) {
+    notices_.say(to_record(notice));
+  }
+  return {.words = notices_.said(), .incarnation = incarnation_};
+}
+
+bool NoticeOrder::take(const std::vector<Said>& said) {
+  std::vector<Notice> all;
+  told_.clear();
+  for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
+    if (said[one].incarnation == 0) {
+      continue;
+    }
+    told_.insert(one);
+    if (notices_.incarnation_of(one) != said[one].incarnation) {
+      notices_.follow(one, said[one].incarnation, 0);
+    }
+    while (const auto record = notices_.next(one, said[one].words)) {
+      auto notice = from_record(*record);
+      if (notice && is_for_all_to_say(notice->kind)) {
+        notice->process = one;
+        all.push_back(std::move(*notice));
+      }
+    }
+  }
+  std::stable_sort(all.begin(), all.end(), [](const Notice& a, const Notice& b) {
+    return a.component < b.component;
+  });
+  for (const Notice& notice : all) {
+    take(notice);
+  }
+  if (!all.empty() && process_ == ProcessPlan::kMain) {
+    put_snapshot();
+  }
+  return !all.empty();
+}
+
+}  // namespace fastcycle::processes
