@@ -614,6 +614,14 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   }
 }
 
+void PublisherCore::give_latched(MessageExport& to, std::size_t count) noexcept {
+  for (std::size_t i = latched_.size() - std::min(latched_.size(), count); i < latched_.size();
+       ++i) {
+    retain(*latched_[i]);
+    to.put(*latched_[i]);
+  }
+}
+
 void PublisherCore::keep_latched(Envelope* envelope) noexcept {
   if (latched_.size() == options.latched) {
     release(latched_.front());

@@ -73,6 +73,8 @@ class PublisherCore {
   /// From now on what is published goes to another process too: messages lie where that can read
   /// them. Before anything is published, or as `publish`.
   void add_export(MessageExport& to);
+  /// Gives `to`, one of these, the last latched messages, at most `count`; as `publish`.
+  void give_latched(MessageExport& to, std::size_t count) noexcept;
   /// Of an import: puts a message of the publisher that this stands for, with all that is known of
   /// it, into the lanes. What is missing between its sequence and that of the message before is
   /// counted as lost on the way. Under the mutex.

@@ -12,25 +12,30 @@
 
 namespace fastcycle::host {
 
-/// What concerns the application as a whole, such as a switch of modes: said by one process, and taken
-/// by all, itself included, in the same order.
+/// What concerns the application as a whole, such as a switch of modes: said by one process, and
+/// taken by all, itself included, in the same order.
 struct Notice {
   enum class Kind : char {
     kGone = 'g',           ///< A process has ended.
     kCame = 'c',           ///< It was restarted.
+    kReads = 'r',          ///< A restarted process reads what others publish.
     kModesBegun = 'b',     ///< All components have started: modes may be switched.
     kModeAsked = 'm',      ///< Somebody asks for a mode.
     kModeLeft = 'l',       ///< The components of a process that leave the mode have left.
     kModeEntered = 'e',    ///< So have all; the mode is the new one.
     kModeJoined = 'j',     ///< Those of a process that join it are active.
+    kNews = 'n',           ///< How a component is.
+    kLifeAsked = 'a',      ///< A tool asks to restart, stop or start a component.
+    kLifeMade = 'f',       ///< What became of it.
     kParamsListed = 'i',   ///< The params of a component.
     kParamsAsked = 'p',    ///< Somebody asks for a change of params.
     kParamsChecked = 'v',  ///< What a process says to it.
     kParamsInPlace = 'd',  ///< Live: it is made in a process.
   };
   Kind kind{};
-  std::uint32_t process = 0;    ///< Who says it; of `kGone` and `kCame`, who it is said of.
-  std::uint32_t component = 0;  ///< For whom it is said. Those of a simulated round come in this order.
+  std::uint32_t process = 0;  ///< Who says it; of `kGone` and `kCame`, who it is said of.
+  std::uint32_t component =
+      0;  ///< For whom it is said. Those of a simulated round come in this order.
   std::string text = {};
 };
 
@@ -49,12 +54,19 @@ class Peers {
   virtual ~Peers() = default;
 
   [[nodiscard]] virtual bool runs_here(const std::string& component) const = 0;
+  /// The process of `component`, as notices name it.
+  [[nodiscard]] virtual std::uint32_t process_of(const std::string& component) const = 0;
+  /// Whether a component of any process subscribes to `topic`.
+  [[nodiscard]] virtual bool is_wanted(const std::string& topic) const = 0;
   /// Whether this process has the tools: status, log, recorder, inspection.
   [[nodiscard]] virtual bool is_main() const = 0;
   /// The services of the whole application.
   [[nodiscard]] virtual const std::set<std::string>& services() const = 0;
   /// Declares the publishers of a component that runs elsewhere; within its constructor.
   virtual void declare(detail::ComponentCore& component) = 0;
+
+  /// `process` reads what components here publish, and has what they keep for who comes late.
+  virtual void give_latched(std::uint32_t process) = 0;
 
   /// All sources of this process have finished: the run ends when those of all have.
   virtual void sources_finished() = 0;
@@ -70,12 +82,17 @@ class Peers {
   /// Takes what is told; set before the start. Live by a thread of its own, which must not wait for
   /// components; in simulated time when a round is over.
   std::function<void(const Notice&)> on_notice;
+  /// Live: looked at by the same thread, now and then and after `look`. Returns when it is to be
+  /// called again, on CLOCK_MONOTONIC; `base::kNever`: by its turn.
+  std::function<std::int64_t()> on_look;
+  /// Has `on_look` called soon. Safe.
+  virtual void look() = 0;
   /// What a process must know that is restarted after all that was told so far; and takes it there,
   /// before its start. The first is called as `on_notice`.
   std::function<std::string()> make_snapshot;
   std::function<void(const std::string&)> take_snapshot;
-  /// In simulated time, when a round is over, before `on_notice`: whether `is_busy` said true in any
-  /// process.
+  /// In simulated time, when a round is over, before `on_notice`: whether `is_busy` said true in
+  /// any process.
   std::function<void(bool)> on_round_over;
   std::function<bool()> is_busy;
   /// The same, when there is no answer any more to what was told.

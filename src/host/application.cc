@@ -19,6 +19,7 @@
 #include "host/simulated_driver.h"
 #include "host/status.h"
 #include "replay/replay.h"
+#include "replay/stand_in.h"
 
 namespace fastcycle::host {
 
@@ -134,12 +135,27 @@ void Application::add_component(const config::ComponentDescription& component,
 /// Lets what concerns all processes be taken here.
 void Application::listen_to_peers() {
   peers_->on_notice = [this](const Notice& notice) {
+    if (notice.kind == Notice::Kind::kReads) {
+      peers_->give_latched(notice.process);
+    }
     modes_.take(notice);
     params_.take(notice);
+    peer_news_.take(notice);
+    life_changes_.take(notice);
+  };
+  peers_->on_look = [this] { return peer_news_.look(); };
+  peer_news_.on_news = [this](const ComponentNews& news) {
+    if (end_reason() == EndReason::kNone) {  // Processes that end with the run have not failed.
+      observers_.changed(news);
+      status_.changed_elsewhere(news);
+    }
   };
   peers_->on_round_over = [this](bool is_anyone_busy) { modes_.round_is_over(is_anyone_busy); };
   peers_->is_busy = [this] { return modes_.is_busy(); };
-  peers_->on_quiet = [this] { params_.all_have_answered(); };
+  peers_->on_quiet = [this] {
+    params_.all_have_answered();
+    peer_news_.round_is_over();
+  };
   peers_->make_snapshot = [this] {
     return nlohmann::json{{"modes", modes_.make_snapshot()}, {"params", params_.make_snapshot()}}
         .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
@@ -212,6 +228,9 @@ void Application::check(config::Problems& problems, const std::set<std::string>&
   if (peers_ == nullptr || peers_->is_main()) {
     add_status(problems);
     add_log(problems);
+  } else {
+    add_stand_in_for_own(kStatusTopic, describe_status(description_), problems);
+    add_stand_in_for_own(kLogTopic, describe_log(description_), problems);
   }
   const std::set<std::string>* services = nullptr;
   if (replay_ != nullptr) {
@@ -249,7 +268,22 @@ bool Application::is_own_topic_wanted(const std::string& name) const {
   const auto& record = recorded_ ? recorded_ : description_.record;
   const auto& kept = kept_ ? kept_ : description_.flight_recorder;
   return (topic != nullptr && !topic->subscriptions.empty()) ||
-         (record && names_it(record->topics)) || (kept && names_it(kept->topics));
+         (peers_ != nullptr && peers_->is_wanted(name)) || (record && names_it(record->topics)) ||
+         (kept && names_it(kept->topics));
+}
+
+/// For what the main process publishes, if somebody here subscribes to it.
+void Application::add_stand_in_for_own(const std::string& topic,
+                                       config::ComponentDescription description,
+                                       config::Problems& problems) {
+  const detail::Topic* const its = topics().find(topic);
+  if (its == nullptr || its->subscriptions.empty() || !its->publishers.empty()) {
+    return;
+  }
+  description.executor = description_.executors.back().name;  // Nothing is executed.
+  add_component(description, stand_in_class());
+  lifecycle_.add_last(components_.back()->index);
+  static_cast<void>(components_.back()->construct(problems));
 }
 
 /// Behind the others, so that their numbers do not depend on who looks on.
@@ -421,6 +455,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   start_ns_ = base::to_ns(clock_.now());
   if (peers_ != nullptr) {
     params_.tell_all();
+    peer_news_.begin();
   }
   if (driver_->is_real_time()) {
     if (auto refused = base::lock_memory_as_touched()) {
@@ -441,6 +476,9 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   log_queue_.set_start(start_time());
   lifecycle_.start_timers(start_time());
   modes_.begin();
+  if (peers_ != nullptr) {
+    peer_news_.tell_all();
+  }
   lifecycle_.start_threads(refusals_);
   if (replay_ != nullptr && !driver_->is_simulated()) {
     replay_->start_thread(refusals_);
@@ -549,12 +587,18 @@ void Application::component_changed(ComponentCore& component, bool is_urgent) {
     observers_.changed(news_of(component));
   }
   status_.changed(component, is_urgent);
+  if (peers_ != nullptr) {
+    peer_news_.changed(component, is_urgent);
+  }
 }
 
 void Application::hang_changed(ComponentCore& component, std::string hang) {
   component.set_hang(std::move(hang));
   if (!driver_->is_simulated()) {
     status_.mode_changed();  // Simulated time cannot go on before the call returns.
+    if (peers_ != nullptr) {
+      peer_news_.hang_changed(component);
+    }
   }
 }
 

@@ -24,8 +24,10 @@
 #include "component/wiring.h"
 #include "config/description.h"
 #include "config/problem.h"
+#include "host/life_changes.h"
 #include "host/observers.h"
 #include "host/param_changes.h"
+#include "host/peer_news.h"
 #include "host/pool_teller.h"
 #include "host/status_news.h"
 #include "loading/component_classes.h"
@@ -174,6 +176,12 @@ class Application final : public ApplicationHost {
     return params_.make(changes, {});
   }
 
+  /// Restarts, stops or starts a component, as `LifeChanges::make`. Safe.
+  void change_life(detail::ComponentCore& component, detail::LifeStep step,
+                   LifeChanges::Done done) {
+    life_changes_.make(component, step, std::move(done));
+  }
+
   void request_end(EndReason reason);
   [[nodiscard]] EndReason end_reason() const { return end_reason_.load(); }
 
@@ -268,6 +276,8 @@ class Application final : public ApplicationHost {
                  std::set<std::string>& declared_params);
   void check(config::Problems& problems, const std::set<std::string>& declared_params);
   [[nodiscard]] bool is_own_topic_wanted(const std::string& name) const;
+  void add_stand_in_for_own(const std::string& topic, config::ComponentDescription description,
+                            config::Problems& problems);
   void add_status(config::Problems& problems);
   void add_log(config::Problems& problems);
   /// Whether all processes of the application serve the same rounds of simulated time.
@@ -292,6 +302,8 @@ class Application final : public ApplicationHost {
   Modes modes_{*this};
   Chains chains_{*this, wiring_, modes_};
   StatusTeller status_{*driver_};
+  PeerNews peer_news_{*this};
+  LifeChanges life_changes_{*this};
   Lifecycle lifecycle_{*this, wiring_, *driver_, bell_};
   std::optional<config::RecordDescription> recorded_;
   std::optional<config::FlightRecorderDescription> kept_;

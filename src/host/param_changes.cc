@@ -357,8 +357,8 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
                               std::function<void(const ParamsResult&)> done) {
   const std::uint64_t key = ComponentCore::kParamsAsked | ++component.params_asked;
   component.params_answered += done ? 0 : 1;  // Nobody waits for an answer.
-  const auto answer = [this, &component, done = std::move(done),
-                       object = component.restart_count, key](const ParamsResult& result) {
+  const auto answer = [this, &component, done = std::move(done), object = component.restart_count,
+                       key](const ParamsResult& result) {
     if (!done) {
       for (const std::string& mistake : result.mistakes) {
         application_.log(LogLevel::kWarning, component.name, "params are not changed: " + mistake);
@@ -445,9 +445,9 @@ void ParamChanges::tell_all() {
         application_.peers()->tell(Notice::Kind::kParamsListed, component->index, to_text(infos));
       }
     } catch (const std::length_error& error) {
-      application_.log(LogLevel::kWarning, component->name,
-                       std::string("its params are not told to the other processes: ") +
-                           error.what());
+      application_.log(
+          LogLevel::kWarning, component->name,
+          std::string("its params are not told to the other processes: ") + error.what());
     }
   }
 }
@@ -631,8 +631,8 @@ void ParamChanges::decide() {
       const bool is_shared = param.starts_with(std::string(kShared) + ".");
       verdict.mistakes.emplace_back(
           i, config::to_string(mistake_of(
-                 asked.changes[i], is_shared ? unknown_shared(name)
-                                             : "the process of its component is not there")));
+                 asked.changes[i],
+                 is_shared ? unknown_shared(name) : "the process of its component is not there")));
     }
   }
   std::stable_sort(verdict.mistakes.begin(), verdict.mistakes.end(),
@@ -711,7 +711,8 @@ void ParamChanges::all_have_answered() {
   }
   // A process was restarted in the midst of it.
   verdict_.awaited.clear();
-  verdict_.mistakes.emplace_back(0, "a process was restarted meanwhile: the params stay as they are");
+  verdict_.mistakes.emplace_back(0,
+                                 "a process was restarted meanwhile: the params stay as they are");
   decide();
 }
 

@@ -110,7 +110,7 @@ class ParamChanges {
   };
   /// What all say to it, as far as they have.
   struct Verdict {
-    std::set<std::uint32_t> awaited;  ///< The processes that have not.
+    std::set<std::uint32_t> awaited;                            ///< The processes that have not.
     std::vector<std::pair<std::size_t, std::string>> mistakes;  ///< With their places in an order.
     std::set<std::size_t> found;  ///< The changes that mean something to anybody.
     std::vector<Noted> noted;

@@ -106,20 +106,28 @@ void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
   if (!pending_.put(std::move(news))) {
     return;
   }
-  const auto hear = [status = status_](const ComponentNews& its_news) {
-    if (status->component != nullptr) {
-      static_cast<StatusComponent*>(status->component)->hear(its_news);
-    }
-  };
   if (!time_.is_simulated()) {
-    status_->post(Cause::kEvent,
-                  [this, hear, index = component.index] { hear(pending_.take(index)); });
+    status_->post(Cause::kEvent, [this, index = component.index] { hear(pending_.take(index)); });
     return;
   }
   // When the round is over: what the component says in the next one is not to be heard in it.
-  component.stage([this, hear, index = component.index] {
-    status_->post(Cause::kEvent, [hear, its_news = pending_.take(index)] { hear(its_news); });
+  component.stage([this, index = component.index] {
+    status_->post(Cause::kEvent, [this, its_news = pending_.take(index)] { hear(its_news); });
   });
+}
+
+void StatusTeller::changed_elsewhere(ComponentNews news) {
+  const std::size_t index = news.component;
+  if (status_ == nullptr || index >= status_->index || is_over_ || !pending_.put(std::move(news))) {
+    return;
+  }
+  status_->post(Cause::kEvent, [this, index] { hear(pending_.take(index)); });
+}
+
+void StatusTeller::hear(const ComponentNews& news) const {
+  if (status_->component != nullptr) {
+    static_cast<StatusComponent*>(status_->component)->hear(news);
+  }
 }
 
 void StatusTeller::mode_changed() {
@@ -224,15 +232,18 @@ void StatusComponent::fill_component(std::size_t index, status::Component& compo
   const ComponentNews& news = heard_[index];
   component.set_name(core.name);
   const ApplicationHost& application = sources_->application;
-  component.set_state(application.runs_elsewhere(core.name) ? status::STATE_ELSEWHERE
-                      : application.is_replayed(core.name)  ? status::STATE_REPLAYED
-                                                            : to_message(core.state.load()));
+  component.set_state(news.elsewhere                          ? to_message(news.elsewhere->state)
+                      : application.runs_elsewhere(core.name) ? status::STATE_ELSEWHERE
+                      : application.is_replayed(core.name)    ? status::STATE_REPLAYED
+                                                              : to_message(core.state.load()));
   component.set_health(to_message(news.health));
   component.set_health_reason(news.health_reason);
-  component.set_hang(core.hang());
-  component.set_activations(core.statistics.activations.get());
+  component.set_hang(news.elsewhere ? news.elsewhere->hang : core.hang());
+  component.set_activations(news.elsewhere ? news.elsewhere->activations
+                                           : core.statistics.activations.get());
   component.set_faults(news.faults);
-  component.set_overruns(core.statistics.overruns.get());
+  component.set_overruns(news.elsewhere ? news.elsewhere->overruns
+                                        : core.statistics.overruns.get());
   component.set_restarts(news.restarts);
   component.set_last_fault(news.last_fault);
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/priority_mutex.h"
+#include "component/component_state.h"
 #include "fastcycle/component.h"
 
 namespace fastcycle::detail {
@@ -27,6 +28,14 @@ struct ComponentNews {
   std::string last_fault = {};
   std::uint64_t restarts = 0;
   bool is_urgent = false;  ///< Not only for the next period.
+  /// What others see by themselves, of one that does not run in another process.
+  struct Elsewhere {
+    detail::ComponentState state{};
+    std::uint64_t activations = 0;
+    std::uint64_t overruns = 0;
+    std::string hang = {};
+  };
+  std::optional<Elsewhere> elsewhere = {};
 };
 
 /// What there is to say of `core` now; in its activation, or before the start.
@@ -53,8 +62,8 @@ class PendingNews {
 /// Tells the status component, if an application has one, what its other components say: owns what
 /// is on the way.
 ///
-/// @threads  `changed` in an activation of the component; `mode_changed` Safe; all else before the
-///           start.
+/// @threads  `changed` in an activation of the component; `mode_changed` and `changed_elsewhere`
+///           Safe; all else before the start.
 class StatusTeller {
  public:
   explicit StatusTeller(TimeDriver& time) : time_(time) {}
@@ -63,11 +72,15 @@ class StatusTeller {
   /// behind it is not told of.
   void set_status(detail::ComponentCore& status, std::size_t components);
   void changed(detail::ComponentCore& component, bool is_urgent);
+  /// What a component in another process says. As `Peers::on_notice`.
+  void changed_elsewhere(ComponentNews news);
   void mode_changed();
   /// Nothing is told any more.
   void end() { is_over_ = true; }
 
  private:
+  void hear(const ComponentNews& news) const;
+
   TimeDriver& time_;
   detail::ComponentCore* status_ = nullptr;
   PendingNews pending_;

@@ -181,6 +181,15 @@ void fill_components(const host::Application& application,
       said.set_faults(std::max(said.faults(), its.faults));
       said.set_last_fault(its.last_fault);
       said.set_restarts(its.restarts);
+      if (its.elsewhere) {
+        said.set_state(host::to_word(its.elsewhere->state));
+        said.set_activations(its.elsewhere->activations);
+        said.set_overruns(its.elsewhere->overruns);
+        if (!its.elsewhere->hang.empty()) {
+          said.set_health("hangs");
+          said.set_health_reason(its.elsewhere->hang);
+        }
+      }
     }
     if (const std::string hang = core->hang(); !hang.empty()) {
       said.set_health("hangs");

@@ -328,34 +328,29 @@ void Server::change_lifecycle(Client& client, const protocol::Request& request) 
     throw Refusal(protocol::Error::KIND_REFUSED, "FastCycle's own component stays as it is");
   }
   note(client, fmt::format("asks to {} component \"{}\"", verb, core->name));
-  const auto why_not = std::make_shared<std::string>();
-  // In the component's own activation.
   const detail::LifeStep step =
       action == protocol::Lifecycle::ACTION_RESTART ? detail::LifeStep::kRenew
       : action == protocol::Lifecycle::ACTION_STOP  ? detail::LifeStep::kToolStop
                                                     : detail::LifeStep::kToolStart;
-  const auto change = [core, step, why_not] { *why_not = core->obey(step); };
-  const auto tell = [this, core, verb, why_not, connection = client.connection->number,
-                     id = request.id()] {
-    protocol::Answer answer;
-    answer.set_id(id);
-    const std::string who = "component \"" + core->name + "\"";
-    if (!why_not->empty()) {
-      answer = error_answer(id, {protocol::Error::KIND_REFUSED,
-                                 fmt::format("{} cannot {}: {}", who, verb, *why_not)});
-    } else {
-      answer.mutable_done()->set_text(
-          fmt::format("{} is {}", who, host::to_word(core->state.load())));
-    }
-    {
-      const std::lock_guard lock(mutex_);
-      made_.push_back({connection, std::move(answer)});
-    }
-    wake();
-  };
-  application_.between_rounds([core, change, tell, step] {
-    core->post_and_tell(detail::Cause::kMode, change, tell, detail::to_key(step));
-  });
+  application_.change_life(
+      *core, step,
+      [this, name = core->name, verb, connection = client.connection->number, id = request.id()](
+          const std::string& why_not, const std::string& state) {
+        protocol::Answer answer;
+        answer.set_id(id);
+        const std::string who = "component \"" + name + "\"";
+        if (!why_not.empty()) {
+          answer = error_answer(id, {protocol::Error::KIND_REFUSED,
+                                     fmt::format("{} cannot {}: {}", who, verb, why_not)});
+        } else {
+          answer.mutable_done()->set_text(fmt::format("{} is {}", who, state));
+        }
+        {
+          const std::lock_guard lock(mutex_);
+          made_.push_back({connection, std::move(answer)});
+        }
+        wake();
+      });
 }
 
 void Server::publish(Client& client, const protocol::Publish& request, protocol::Answer& answer) {

@@ -183,7 +183,8 @@ void Modes::put(Request request) {
     return;
   }
   const auto& all = application_.components();
-  const auto by = std::ranges::find_if(all, [&](const auto& one) { return one->name == request.by; });
+  const auto by =
+      std::ranges::find_if(all, [&](const auto& one) { return one->name == request.by; });
   peers->tell(Notice::Kind::kModeAsked, static_cast<std::uint32_t>(by - all.begin()),
               to_json(request).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
 }

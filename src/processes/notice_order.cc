@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -33,7 +34,7 @@ std::string to_record(const Notice& notice) {
 
 /// None if it is no notice: who wrote it may be broken.
 std::optional<Notice> from_record(std::string_view record) {
-  constexpr std::string_view kKinds = "gcbmlejipvd";
+  constexpr std::string_view kKinds = "gcrbmlejnafipvd";
   if (record.empty() || kKinds.find(record.front()) == std::string_view::npos) {
     return std::nullopt;
   }
@@ -87,8 +88,8 @@ void NoticeOrder::stop() {
 
 void NoticeOrder::tell(Notice::Kind kind, std::uint32_t component, const std::string& text) {
   if (text.size() > kMaxText) {
-    throw std::length_error(
-        fmt::format("{} bytes are told to other processes; at most {} can be", text.size(), kMaxText));
+    throw std::length_error(fmt::format("{} bytes are told to other processes; at most {} can be",
+                                        text.size(), kMaxText));
   }
   const Notice notice{.kind = kind, .process = process_, .component = component, .text = text};
   if (!is_simulated_ && process_ != ProcessPlan::kMain) {
@@ -99,6 +100,10 @@ void NoticeOrder::tell(Notice::Kind kind, std::uint32_t component, const std::st
     const std::lock_guard lock(mutex_);
     own_.push_back(notice);
   }
+  sleepers_.wake_one();
+}
+
+void NoticeOrder::wake() {
   sleepers_.wake_one();
 }
 
@@ -130,16 +135,14 @@ void NoticeOrder::take_snapshot() {
 void NoticeOrder::serve(const std::stop_token& stop) {
   prctl(PR_SET_NAME, "notices");
   while (!stop.stop_requested()) {
-    if (look()) {
-      continue;
-    }
     sleepers_.announce(0);
     const std::vector<base::WatchedWord> words = watched_words();
+    const std::int64_t next_ns = peers_.on_look ? peers_.on_look() : base::kNever;
     if (stop.stop_requested() || look()) {
       sleepers_.withdraw(0);
-      continue;
+    } else {
+      sleepers_.sleep(0, std::min(next_ns, base::monotonic_ns() + kLookNs), words);
     }
-    sleepers_.sleep(0, base::monotonic_ns() + kLookNs, words);
   }
 }
 
@@ -270,14 +273,18 @@ NoticeOrder::Said NoticeOrder::say() {
 
 bool NoticeOrder::take(const std::vector<Said>& said) {
   std::vector<Notice> all;
-  told_.clear();
   for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
-    if (said[one].incarnation == 0) {
-      continue;
+    const bool is_there = said[one].incarnation != 0;
+    const bool is_new = is_there && notices_.incarnation_of(one) != said[one].incarnation;
+    if (told_.contains(one) && (!is_there || is_new)) {
+      take({.kind = Notice::Kind::kGone, .process = one});
     }
-    told_.insert(one);
-    if (notices_.incarnation_of(one) != said[one].incarnation) {
+    if (is_new) {
       notices_.follow(one, said[one].incarnation, 0);
+      take({.kind = Notice::Kind::kCame, .process = one});
+    }
+    if (!is_there) {
+      continue;
     }
     while (const auto record = notices_.next(one, said[one].words)) {
       auto notice = from_record(*record);
@@ -287,9 +294,8 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
       }
     }
   }
-  std::stable_sort(all.begin(), all.end(), [](const Notice& a, const Notice& b) {
-    return a.component < b.component;
-  });
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Notice& a, const Notice& b) { return a.component < b.component; });
   for (const Notice& notice : all) {
     take(notice);
   }

@@ -2,13 +2,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <mutex>
 #include <set>
 #include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "base/priority_mutex.h"
 #include "base/sleepers.h"
 #include "component/peers.h"
 #include "processes/notices.h"
@@ -36,6 +36,8 @@ class NoticeOrder {
   /// @errors  As `Peers::tell`.
   void tell(host::Notice::Kind kind, std::uint32_t component, const std::string& text);
   [[nodiscard]] const std::set<std::uint32_t>& told() const { return told_; }
+  /// Live: has the thread look soon. Safe.
+  void wake();
 
   /// Once all processes can be read, before the start: takes over what was told before, and takes
   /// what is told from now on.
@@ -74,7 +76,7 @@ class NoticeOrder {
   Notices notices_;
   std::set<std::uint32_t> told_;
 
-  std::mutex mutex_;
+  base::PriorityMutex mutex_;
   std::vector<host::Notice> own_;  ///< Of the main process, or in simulated time: not said yet.
 
   base::Sleepers sleepers_;

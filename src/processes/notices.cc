@@ -2,6 +2,7 @@
 
 #include <climits>
 #include <cstring>
+#include <mutex>
 #include <span>
 
 namespace fastcycle::processes {
@@ -141,8 +142,8 @@ std::optional<std::string> Notices::snapshot_of(ProcessIndex process) const {
     }
     const std::uint64_t bytes = its.bytes.load(std::memory_order_relaxed);
     if (version % 2 == 0 && words_of(bytes) <= SnapshotWords::kWords) {
-      std::string text =
-          get_words(bytes, [&](std::size_t word) { return its.words[word].load(std::memory_order_relaxed); });
+      std::string text = get_words(
+          bytes, [&](std::size_t word) { return its.words[word].load(std::memory_order_relaxed); });
       std::atomic_thread_fence(std::memory_order_seq_cst);
       if (its.version.load(std::memory_order_seq_cst) == version) {
         return text;

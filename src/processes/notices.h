@@ -1,13 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "base/priority_mutex.h"
 #include "base/sleepers.h"
 #include "segment/wire.h"
 
@@ -62,7 +62,7 @@ class Notices {
   const segment::Wire& wire_;
   segment::NoticeWords& own_;
   segment::SnapshotWords& own_snapshot_;
-  std::mutex mutex_;
+  base::PriorityMutex mutex_;
   std::vector<Reader> readers_;  ///< By process.
   bool has_lost_ = false;
 };

@@ -43,7 +43,8 @@ std::optional<std::string> Partition::become(ProcessIndex process, std::uint32_t
   incarnation_ = incarnation;
   auto refused = segments_.become(process, segment::Wire::generation_of(incarnation));
   if (!refused) {
-    notices_ = std::make_unique<NoticeOrder>(wire_, process, incarnation, plan_.is_simulated(), *this);
+    notices_ =
+        std::make_unique<NoticeOrder>(wire_, process, incarnation, plan_.is_simulated(), *this);
   }
   return refused;
 }
@@ -55,6 +56,23 @@ const ComponentClass* Partition::find(const config::ComponentDescription& compon
 
 bool Partition::runs_here(const std::string& component) const {
   return plan_.process_of(component) == process_;
+}
+
+void Partition::give_latched(std::uint32_t process) {
+  for (const Outlet& one : outlets_) {
+    if (one.to->link().to == process && one.publisher->options.latched > 0) {
+      application_->beside(*one.publisher, [&one] {
+        if (one.to->is_fresh()) {  // Else it has got newer ones.
+          one.publisher->give_latched(*one.to, one.depth);
+        }
+      });
+    }
+  }
+}
+
+bool Partition::is_wanted(const std::string& topic) const {
+  return std::ranges::any_of(plan_.wiring().subscriptions,
+                             [&](const auto& one) { return one.topic == topic; });
 }
 
 void Partition::declare(detail::ComponentCore& component) {
@@ -81,6 +99,7 @@ void Partition::declare(detail::ComponentCore& component) {
 }
 
 void Partition::connect(host::Application& application) {
+  application_ = &application;
   clock_ = &application.clock();
   const auto find_publisher = [&](const ProcessPlan::Link& link) -> detail::PublisherCore* {
     const detail::Topic* const topic = application.topics().find(link.topic);
@@ -114,10 +133,12 @@ void Partition::connect(host::Application& application) {
       continue;
     }
     if (wire.from == process_) {
-      exports_.push_back(std::make_unique<segment::Export>(wire_, wire, incarnation_,
-                                                           publisher->default_instance));
-      topics_.push_back(link.topic);
-      publisher->add_export(*exports_.back());
+      outlets_.push_back({.topic = link.topic,
+                          .depth = link.depth,
+                          .publisher = publisher,
+                          .to = std::make_unique<segment::Export>(wire_, wire, incarnation_,
+                                                                  publisher->default_instance)});
+      publisher->add_export(*outlets_.back().to);
     } else {
       sets.at(is_simulated ? 0 : wire.executor)->add(wire, *publisher);
     }
@@ -126,7 +147,8 @@ void Partition::connect(host::Application& application) {
     executors[place]->set_foreign_inputs(*sets[place]);
   }
   if (is_simulated) {
-    rounds_ = std::make_unique<Rounds>(wire_, process_, incarnation_, *sets[0], *notices_, application);
+    rounds_ =
+        std::make_unique<Rounds>(wire_, process_, incarnation_, *sets[0], *notices_, application);
   }
   if (const auto limit = plan_.description_of(process_).heartbeat; limit.count() > 0) {
     heart_ = std::jthread([this, limit](const std::stop_token& stop) { beat(limit, stop); });
@@ -166,6 +188,9 @@ void Partition::attach() {
     links->attach();
   }
   notices_->begin();
+  if (incarnation_ > 1) {
+    tell(host::Notice::Kind::kReads, 0, {});
+  }
   if (rounds_ != nullptr && incarnation_ > 1) {
     await_readers();
   }
@@ -179,8 +204,8 @@ void Partition::await_readers() {
     return incarnation != 0 && wire_.rounds(reader, incarnation).is_joining.load() == 0 &&
            !one.is_connected();
   };
-  for (const auto& one : exports_) {
-    while (is_waited_for(*one)) {
+  for (const Outlet& one : outlets_) {
+    while (is_waited_for(*one.to)) {
       std::this_thread::sleep_for(kLook);
     }
   }

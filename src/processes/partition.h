@@ -57,21 +57,29 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   /// Called when all sources of this process have finished; set before the start. Any thread.
   std::function<void()> on_sources_finished;
 
-  /// What became of the messages for other processes, by link.
-  [[nodiscard]] const std::vector<std::unique_ptr<segment::Export>>& exports() const {
-    return exports_;
-  }
-  /// The topic of export number `place`.
-  [[nodiscard]] const std::string& topic_of(std::size_t place) const { return topics_[place]; }
+  /// Where messages go to another process.
+  struct Outlet {
+    std::string topic;
+    std::size_t depth = 0;  ///< The most that a subscription there takes.
+    detail::PublisherCore* publisher = nullptr;
+    std::unique_ptr<segment::Export> to;
+  };
+  [[nodiscard]] const std::vector<Outlet>& outlets() const { return outlets_; }
 
   [[nodiscard]] bool runs_here(const std::string& component) const override;
   [[nodiscard]] bool is_main() const override { return process_ == ProcessPlan::kMain; }
   [[nodiscard]] const std::set<std::string>& services() const override { return services_; }
   void declare(detail::ComponentCore& component) override;
+  void give_latched(std::uint32_t process) override;
   void sources_finished() override;
   void tell(host::Notice::Kind kind, std::uint32_t component, std::string text) override {
     notices_->tell(kind, component, text);
   }
+  void look() override { notices_->wake(); }
+  [[nodiscard]] std::uint32_t process_of(const std::string& component) const override {
+    return plan_.process_of(component);
+  }
+  [[nodiscard]] bool is_wanted(const std::string& topic) const override;
   [[nodiscard]] bool is_here(std::uint32_t process) const override { return process == process_; }
   [[nodiscard]] const std::set<std::uint32_t>& told() const override { return notices_->told(); }
   [[nodiscard]] detail::RoundPeers* rounds() override { return rounds_.get(); }
@@ -105,12 +113,12 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   std::uint32_t incarnation_ = 0;
   const base::Clock* clock_ = nullptr;
   std::set<std::string> services_;
-  std::vector<std::unique_ptr<segment::Export>> exports_;
-  std::vector<std::string> topics_;  ///< Of the exports.
+  host::Application* application_ = nullptr;
+  std::vector<Outlet> outlets_;
   std::vector<std::unique_ptr<segment::LinkSet>> link_sets_;
   std::unique_ptr<NoticeOrder> notices_;  ///< Null until it has become a process.
   std::unique_ptr<Rounds> rounds_;        ///< In simulated time.
-  std::jthread heart_;              ///< If the file asks for a sign of life.
+  std::jthread heart_;                    ///< If the file asks for a sign of life.
 };
 
 }  // namespace fastcycle::processes

@@ -113,7 +113,8 @@ config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process)
   for (config::ModeDescription& mode : part.modes) {
     // In each process the same components, also those whose executors are elsewhere.
     for (const config::ComponentDescription& component : description_.components) {
-      const std::string& executor = component.executor.empty() ? host::kPoolName : component.executor;
+      const std::string& executor =
+          component.executor.empty() ? host::kPoolName : component.executor;
       if (std::ranges::find(mode.executors, executor) != mode.executors.end()) {
         mode.components.push_back(component.name);
       }
@@ -200,7 +201,8 @@ void ProcessPlan::add_links(const Needs& needs) {
                         .component = publisher.component,
                         .ordinal = ordinal,
                         .executor = executor,
-                        .wire = wire_.links.size()});
+                        .wire = wire_.links.size(),
+                        .depth = std::max<std::size_t>(depth, 1)});
       wire_.links.push_back(link);
     }
   }

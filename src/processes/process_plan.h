@@ -32,6 +32,7 @@ class ProcessPlan {
     std::size_t ordinal = 0;  ///< Of several that it has on the topic.
     std::string executor;     ///< Of the receiver.
     std::size_t wire = 0;     ///< Its place among `wire().links`.
+    std::size_t depth = 0;    ///< The most that a subscription of the receiver takes.
   };
 
   struct Needs {

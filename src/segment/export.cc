@@ -73,6 +73,7 @@ void Export::forget_receiver(std::uint32_t incarnation) noexcept {
   }
   receiver_ = incarnation;
   returns_read_ = 0;
+  given_to_receiver_ = 0;
 }
 
 /// Only what the table says was given comes back.
@@ -168,6 +169,7 @@ void Export::put(detail::Envelope& envelope) noexcept {
   slots_[tail % Wire::slot_count(link_)].store(to_word(tail, number), std::memory_order_seq_cst);
   out_.tail.store(tail + 1, std::memory_order_seq_cst);
   add(given_);
+  ++given_to_receiver_;
   bell_.fetch_add(1, std::memory_order_seq_cst);
   if (wire_.sleepers(link_.to, receiver_, link_.executor).load(std::memory_order_seq_cst) != 0) {
     wake(bell_, 1);

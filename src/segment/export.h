@@ -41,6 +41,8 @@ class Export final : public detail::MessageExport {
 
   /// Whether the receiver reads what is put.
   [[nodiscard]] bool is_connected() noexcept;
+  /// The same; and it, as it is now, has been given nothing yet.
+  [[nodiscard]] bool is_fresh() noexcept { return is_connected() && given_to_receiver_ == 0; }
   [[nodiscard]] ExportCounts counts() const noexcept;
   /// Why messages are copied; null if they are not, or for reasons of their own.
   [[nodiscard]] const char* always_copied() const noexcept { return layout_.always_copied(); }
@@ -75,6 +77,7 @@ class Export final : public detail::MessageExport {
   std::vector<std::uint16_t> free_;
   std::uint32_t receiver_ = 0;  ///< Its incarnation, as of the last look.
   std::uint64_t returns_read_ = 0;
+  std::uint64_t given_to_receiver_ = 0;
 
   Count given_{0};
   Count copied_{0};

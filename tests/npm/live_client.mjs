@@ -192,7 +192,7 @@ async function readLog(name) {
 // ---- The run ----
 
 const run = spawn(fastcycle, ["run", application, "--live", "127.0.0.1:0", "--inspect-allow", "params,publish",
-                              "--for", `${seconds}s`, "--set", "logging.file=live.mcap", "--quiet"],
+                              "--for", "300s", "--set", "logging.file=live.mcap", "--quiet"],
                   { cwd: folder, stdio: ["ignore", "ignore", "pipe"] });
 const ended = new Promise((done) => run.on("exit", done));
 let url = "";
@@ -224,6 +224,11 @@ try {
   const publishers = new Map(first.graph.publishedTopics.map(({ name: topic, publisherIds }) => [topic, publisherIds]));
   assert.ok(publishers.get("localization/ego")?.includes("localization"), "localization publishes its pose");
 
+  await new Promise((ready) => setTimeout(ready, seconds * 1000));
+  for (const watcher of watchers) {
+    await until("the pose", () => watcher.messages.get("localization/ego")?.length > 100);
+  }
+  run.kill("SIGINT");
   await ended;
   await until("the end", () => watchers.every((watcher) => watcher.isClosed));
   const log = await readLog(join(folder, "live.mcap"));

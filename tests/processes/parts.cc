@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "processes/reading.pb.h"
+#include "status/status.pb.h"
 
 namespace {
 
@@ -62,8 +63,7 @@ class Relay final : public fastcycle::Component {
         hang_at_(context.param<std::int64_t>("hang_at", {.fallback = 0})),
         throw_at_(context.param<std::int64_t>("throw_at", {.fallback = 0})),
         write_at_(context.param<std::int64_t>("write_at", {.fallback = 0})),
-        gain_(context.param<std::int64_t>("gain",
-                                          {.fallback = 1, .max = 10, .is_tunable = true})),
+        gain_(context.param<std::int64_t>("gain", {.fallback = 1, .max = 10, .is_tunable = true})),
         relayed_(context.create_publisher<Reading>("relayed")) {
     context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
       report("process_of_relay", std::int64_t{getpid()});
@@ -156,13 +156,14 @@ class Steering final : public fastcycle::Component {
       }
       if (reading.value() == change_at_.get()) {
         this->context().change_params({{"relay.gain", gain_.get()}, {"steering.own_gain", "7"}},
-                      [this](const fastcycle::ParamsResult& result) {
-                        report("has_changed", result.has_changed());
-                        report("mistakes", static_cast<std::int64_t>(result.mistakes.size()));
-                        if (!result.has_changed()) {
-                          report("mistake", result.mistakes.front());
-                        }
-                      });
+                                      [this](const fastcycle::ParamsResult& result) {
+                                        report("has_changed", result.has_changed());
+                                        report("mistakes",
+                                               static_cast<std::int64_t>(result.mistakes.size()));
+                                        if (!result.has_changed()) {
+                                          report("mistake", result.mistakes.front());
+                                        }
+                                      });
       }
       report("own_gain", gains_.get());
     });
@@ -185,6 +186,7 @@ class Observer final : public fastcycle::Component {
         first_ = reading.value();
       }
       report("first_of_" + this->context().component_name(), first_);
+      report("process_of_" + this->context().component_name(), std::int64_t{getpid()});
       report("last_of_" + this->context().component_name(), reading.value());
     });
   }
@@ -193,6 +195,31 @@ class Observer final : public fastcycle::Component {
   std::int64_t first_ = 0;
 };
 
+/// Looks at the application's status: how the relay is.
+class Watcher final : public fastcycle::Component {
+ public:
+  explicit Watcher(fastcycle::Context& context) : Component(context) {
+    context.create_subscriber<fastcycle::status::Status>(
+        "fastcycle/status", [this](const fastcycle::status::Status& status) {
+          for (const auto& one : status.components()) {
+            if (one.name() != "relay") {
+              continue;
+            }
+            if (one.state() == fastcycle::status::STATE_RESTARTING && ++failures_ == 1) {
+              report("failure_of_relay", one.last_fault());
+              report("health_of_relay", std::int64_t{one.health()});
+            }
+            report("failures_of_relay", failures_);
+            report("state_of_relay", std::int64_t{one.state()});
+            report("restarts_of_relay", static_cast<std::int64_t>(one.restarts()));
+          }
+        });
+  }
+
+ private:
+  std::int64_t failures_ = 0;
+};
+
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Sensor, Relay, Sink, Steering, Observer)
+FASTCYCLE_COMPONENTS(Sensor, Relay, Sink, Steering, Observer, Watcher)

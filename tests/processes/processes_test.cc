@@ -359,8 +359,7 @@ TEST_F(ComponentsInProcesses, ChangeParamsOfOthersAllOrNone) {
   EXPECT_EQ(said["results"]["has_changed"], true);
   EXPECT_EQ(said["results"]["gain_of_relay"], 3);
   EXPECT_EQ(said["results"]["own_gain"], 7);
-  EXPECT_THAT(good.errors(),
-              HasSubstr("params: relay.gain: 1 → 3, steering.own_gain: 1 → 7"));
+  EXPECT_THAT(good.errors(), HasSubstr("params: relay.gain: 1 → 3, steering.own_gain: 1 → 7"));
 
   Process bad(options(steered(R"("change_at": 60, "gain": "11")")));
   EXPECT_EQ(bad.wait().exit_code, 0) << bad.errors();
@@ -379,8 +378,7 @@ class ComponentsThatAreSteered : public ComponentsInProcesses,
 INSTANTIATE_TEST_SUITE_P(From, ComponentsThatAreSteered, testing::Values(0, 2, 4));
 
 TEST_P(ComponentsThatAreSteered, DoTheSameInSimulatedTimeAsInOneProcess) {
-  json application =
-      json::parse(steered(R"("switch_at": 60, "back_at": 120, "change_at": 121)"));
+  json application = json::parse(steered(R"("switch_at": 60, "back_at": 120, "change_at": 121)"));
   std::swap(application["components"][3], application["components"][GetParam()]);
   const std::string text = application.dump();
   for (json& component : application["components"]) {
@@ -394,8 +392,8 @@ TEST_P(ComponentsThatAreSteered, DoTheSameInSimulatedTimeAsInOneProcess) {
 
   for (const char* workers : {"1", "2"}) {
     const auto log = folder_ / (std::string("workers_") + workers + ".mcap");
-    Process run(options(
-        text, {"--clock", "simulated", "--workers", workers, "--record", log.string()}));
+    Process run(
+        options(text, {"--clock", "simulated", "--workers", workers, "--record", log.string()}));
 
     EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
 
@@ -412,9 +410,9 @@ TEST_P(ComponentsThatAreSteered, DoTheSameInSimulatedTimeAsInOneProcess) {
 
 TEST_F(ComponentsInProcesses, BeginAgainInTheModeAndWithTheParamsOfTheOthers) {
   for (const char* clock : {"live", "simulated"}) {
-    json application = json::parse(
-        steered(R"("change_at": 20, "switch_at": 30)",
-                R"("processes": [{"name": "relaying", "on_exit": "restart"},
+    json application =
+        json::parse(steered(R"("change_at": 20, "switch_at": 30)",
+                            R"("processes": [{"name": "relaying", "on_exit": "restart"},
                                  {"name": "sparing", "on_exit": "restart"}], )"));
     // The relay joins the mode, in a process that then crashes.
     application["modes"]["degraded"]["components"] = {"relay"};
@@ -516,6 +514,60 @@ TEST_F(ComponentsInProcesses, GetTheSameFromALogAsInOneProcess) {
   EXPECT_EQ(report()["end"], report_of_one["end"]);
 }
 
+TEST_F(ComponentsInProcesses, AreInTheStatusThatAnyProcessGets) {
+  for (const char* clock : {"live", "simulated"}) {
+    json described =
+        json::parse(application(R"("process": "relaying", "params": {"crash_at": 100})",
+                                R"("status_period_ms": 50,
+                       "processes": [{"name": "relaying", "on_exit": "restart"}], )"));
+    described["components"].push_back({{"name", "watcher"},
+                                       {"library", "processes_parts"},
+                                       {"class", "Watcher"},
+                                       {"process", "watching"}});
+    Process run(options(described.dump(), {"--clock", clock}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    const json said = report();
+    ASSERT_TRUE(said["results"].contains("failure_of_relay")) << clock << said["results"];
+    EXPECT_EQ(said["results"]["failure_of_relay"], "its process \"relaying\" has ended") << clock;
+    EXPECT_EQ(said["results"]["health_of_relay"], 2) << clock;  // HEALTH_FAILED
+    EXPECT_GE(said["results"]["failures_of_relay"], 1) << clock;
+    EXPECT_EQ(said["results"]["state_of_relay"], 2) << clock;  // STATE_ACTIVE
+    EXPECT_EQ(said["results"]["restarts_of_relay"], 1) << clock;
+    expect_ledgers(said);
+  }
+}
+
+TEST_F(ComponentsInProcesses, GetWhatIsLatchedAlsoWhenTheirProcessWasRestarted) {
+  for (const char* clock : {"live", "simulated"}) {
+    json described =
+        json::parse(application(R"("process": "relaying", "params": {"crash_at": 100})",
+                                R"("topics": {"map": {"latched": 1}},
+                       "processes": [{"name": "relaying", "on_exit": "restart"}], )"));
+    described["components"].push_back({{"name", "mapper"},
+                                       {"library", "processes_parts"},
+                                       {"class", "Sensor"},
+                                       {"serve_period_ms", 5},
+                                       {"remap", {{"readings", "map"}}},
+                                       {"params", {{"count", 1}}}});
+    described["components"].push_back({{"name", "keeper"},
+                                       {"library", "processes_parts"},
+                                       {"class", "Observer"},
+                                       {"process", "relaying"},
+                                       {"remap", {{"readings", "map"}}}});
+    Process run(options(described.dump(), {"--clock", clock}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    const json said = report();
+    EXPECT_EQ(said["processes"]["relaying"]["restarts"], 1) << clock;
+    EXPECT_EQ(said["results"]["first_of_keeper"], 1) << clock;
+    EXPECT_EQ(said["results"]["process_of_keeper"], said["results"]["process_of_relay"]) << clock;
+    expect_ledgers(said);
+  }
+}
+
 TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
   Process run(
       options(application(R"("process": "relaying")"), {"--set", "sink.subscribes_late=true"}));
@@ -527,33 +579,58 @@ TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
                         "subscribe in the constructor"));
 }
 
-TEST_F(ComponentsInProcesses, AreShownWithTheirProcess) {
+TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
   const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   test::ProcessOptions watched =
-      options(application(R"("process": "relaying")", "", 1'000'000), {"--inspect"});
+      options(application(R"("process": "relaying")", "", 1'000'000),
+              {"--inspect", "--inspect-allow", "params", "--inspect-allow", "lifecycle"});
   watched.environment = environment;
   Process run(watched);
-  const auto components = [&]() -> json {
-    Process top({.program = FASTCYCLE_PROGRAM,
-                 .arguments = {"top", "--json", "--interval", "100ms", "--app", "several"},
-                 .folder = folder_.path(),
-                 .environment = environment});
-    const auto result = top.wait();
-    return result.exit_code == 0 ? json::parse(top.output(), nullptr, false)["components"] : json();
+  const auto tool = [&](std::vector<std::string> words) {
+    words.insert(words.end(), {"--app", "several"});
+    Process asked({.program = FASTCYCLE_PROGRAM,
+                   .arguments = words,
+                   .folder = folder_.path(),
+                   .environment = environment});
+    const int code = asked.wait().exit_code;
+    return std::pair(code, code == 0 ? asked.output() : asked.errors());
   };
-  json shown = components();
-  const auto end = std::chrono::steady_clock::now() + Process::kLongest;
-  while (shown.size() < 3 || shown[2]["state"] != "active") {
-    ASSERT_LT(std::chrono::steady_clock::now(), end) << shown << run.errors();
-    shown = components();
-  }
+  const auto relay = [&]() -> json {
+    const auto [code, said] = tool({"top", "--json", "--interval", "100ms"});
+    const json shown = json::parse(code == 0 ? said : "{}", nullptr, false);
+    return shown.contains("components") && shown["components"].size() >= 3 ? shown["components"][1]
+                                                                           : json::object();
+  };
+  const auto wait_until = [&](const auto& is_so) {
+    json shown = relay();
+    const auto end = std::chrono::steady_clock::now() + Process::kLongest;
+    while (!is_so(shown)) {
+      ASSERT_LT(std::chrono::steady_clock::now(), end) << shown << run.errors();
+      shown = relay();
+    }
+  };
+  wait_until([](const json& shown) {
+    return shown.value("state", "") == "active" && shown.value("activations", 0) > 10;
+  });
+  EXPECT_EQ(relay()["process"], "relaying");
+
+  EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("1"));
+  EXPECT_EQ(tool({"param", "set", "relay.gain=4"}).first, 0);
+  EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("4"));
+  const auto [code, refused] = tool({"param", "set", "relay.gain=40"});
+  EXPECT_EQ(code, 1);
+  EXPECT_THAT(refused, HasSubstr("relay.gain"));
+
+  EXPECT_THAT(tool({"component", "stop", "relay"}).second, HasSubstr("is standby"));
+  wait_until([](const json& shown) { return shown.value("state", "") == "standby"; });
+  EXPECT_EQ(tool({"component", "stop", "relay"}).first, 1);
+  EXPECT_EQ(tool({"component", "start", "relay"}).first, 0);
+  EXPECT_EQ(tool({"component", "restart", "relay"}).first, 0);
+  wait_until([](const json& shown) { return shown.value("state", "") == "active"; });
+
   run.send(SIGINT);
   EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
-
-  EXPECT_EQ(shown[1]["state"], "elsewhere");
-  EXPECT_EQ(shown[1]["process"], "relaying");
-  EXPECT_EQ(shown[2]["process"], "main");
-  EXPECT_EQ(shown[2]["state"], "active");
+  EXPECT_EQ(report()["results"]["gain_of_relay"], 4);
 }
 
 TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <iterator>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -268,16 +269,37 @@ bool wait_for_others(const ProcessRole& role, const host::Application& applicati
   return false;
 }
 
-/// Ends the run here when it ends elsewhere. Its thread is not waited for: the process ends.
-void listen_for_end(const ProcessRole& role, host::Application& application) {
-  std::thread([&role, &application] {
-    while (const auto message = role.channel.hear()) {
-      if (message->word == processes::Word::kEnd) {
-        application.request_end(host::end_reason_of(message->text));
+/// Ends the run here when it ends elsewhere, for as long as this lives. Its thread stays behind: it
+/// waits for what may never come.
+class EndListener {
+ public:
+  EndListener(const ProcessRole& role, host::Application& application)
+      : heard_(std::make_shared<Heard>()) {
+    heard_->application = &application;
+    std::thread([&channel = role.channel, heard = heard_] {
+      while (const auto message = channel.hear()) {
+        const std::lock_guard lock(heard->mutex);
+        if (message->word == processes::Word::kEnd && heard->application != nullptr) {
+          heard->application->request_end(host::end_reason_of(message->text));
+        }
       }
-    }
-  }).detach();
-}
+    }).detach();
+  }
+  EndListener(const EndListener&) = delete;
+  EndListener& operator=(const EndListener&) = delete;
+  ~EndListener() {
+    const std::lock_guard lock(heard_->mutex);
+    heard_->application = nullptr;
+  }
+
+ private:
+  struct Heard {
+    std::mutex mutex;
+    host::Application* application = nullptr;
+  };
+
+  const std::shared_ptr<Heard> heard_;
+};
 
 /// Of this process alone.
 host::ProcessReport report_process(const ProcessRole& role, const processes::ProcessPlan& plan,
@@ -286,12 +308,11 @@ host::ProcessReport report_process(const ProcessRole& role, const processes::Pro
   report.name = plan.name(role.partition.process());
   report.cpu_s = run.cpu_s;
   report.rss_max_kib = run.rss_max_kib;
-  const auto& exports = role.partition.exports();
-  for (std::size_t i = 0; i < exports.size(); ++i) {
-    const segment::ExportCounts counts = exports[i]->counts();
-    const char* const always = exports[i]->always_copied();
-    report.links.push_back({.topic = role.partition.topic_of(i),
-                            .to = plan.name(exports[i]->link().to),
+  for (const processes::Partition::Outlet& outlet : role.partition.outlets()) {
+    const segment::ExportCounts counts = outlet.to->counts();
+    const char* const always = outlet.to->always_copied();
+    report.links.push_back({.topic = outlet.topic,
+                            .to = plan.name(outlet.to->link().to),
                             .given = counts.given,
                             .copied = counts.copied,
                             .repaired = counts.repaired,
@@ -553,12 +574,13 @@ int run_application(const config::ApplicationDescription& description,
       progress.print("live: SHA-256 of its certificate: " + live_server->fingerprint());
     }
   }
+  std::optional<EndListener> end_listener;
   if (role != nullptr) {
     role->partition.connect(application);
     if (!wait_for_others(*role, application)) {
       return kDone;  // All end, and it was only about to be restarted.
     }
-    listen_for_end(*role, application);
+    end_listener.emplace(*role, application);
   }
   const auto began = std::chrono::steady_clock::now();
   const std::string failure = carry_out(application, options, end_bound, progress, role);

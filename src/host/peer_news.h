@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "base/priority_mutex.h"
+#include "component/peers.h"
+#include "host/status_news.h"
+
+namespace fastcycle::host {
+
+class ApplicationHost;
+
+/// Where an application has several processes: tells the main process how the components of this
+/// one are, and hears there how those of the others are. A component that says much is told of at
+/// most 200 times a second, with what it said last.
+///
+/// @threads  `changed` in an activation of the component; `hang_changed` Safe; all else as `Peers`
+///           says.
+class PeerNews {
+ public:
+  explicit PeerNews(ApplicationHost& application) : application_(application) {}
+
+  /// In the main process: gets what the others say. Set before the start.
+  std::function<void(const ComponentNews&)> on_news;
+
+  /// Once the components are made.
+  void begin();
+  /// When they have started.
+  void tell_all();
+  void changed(detail::ComponentCore& component, bool is_urgent);
+  void hang_changed(const detail::ComponentCore& component);
+  [[nodiscard]] std::int64_t look();
+  /// The same in simulated time.
+  void round_is_over();
+  void take(const Notice& notice);
+
+ private:
+  /// One component.
+  struct Its {
+    ComponentNews news;   ///< What it said last.
+    bool is_new = false;  ///< It has not been told.
+    std::int64_t told_ns = 0;
+    std::uint64_t told_activations = 0;
+    // In the main process: of processes that have ended.
+    std::uint64_t faults_before = 0;
+    std::uint64_t restarts_before = 0;
+    std::uint64_t ended_in = 0;  ///< In simulated time: the round in which the last one did.
+  };
+
+  void tell(Its& its);
+  void hear(std::uint32_t component, ComponentNews news);
+  void process_has_ended(std::uint32_t process);
+
+  ApplicationHost& application_;
+  base::PriorityMutex mutex_;
+  std::vector<Its> its_;  ///< By component.
+  // In simulated time.
+  Time told_all_{};
+  std::uint64_t round_ = 1;
+  std::vector<ComponentNews> next_;  ///< For the next round.
+};
+
+}  // namespace fastcycle::host
