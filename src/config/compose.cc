@@ -98,8 +98,8 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
   }
   std::erase_if(tree.members(), [](const auto& member) {
     // An empty one of these says that there is one.
-    constexpr std::array<std::string_view, 5> kOptional = {"record", "flight_recorder", "trace",
-                                                           "inspect", "live"};
+    constexpr std::array<std::string_view, 6> kOptional = {
+        "record", "flight_recorder", "trace", "inspect", "live", "libraries"};
     return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number() &&
            std::ranges::find(kOptional, member.key) == kOptional.end();
   });
@@ -244,6 +244,11 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
         mistake(live->place(),
                 "an included file cannot say who is shown the run, only the one that is run"));
   }
+  if (const Value* libraries = part.find("libraries")) {
+    problems_.add(
+        mistake(libraries->place(),
+                "an included file cannot say what may be loaded, only the one that is run"));
+  }
   if (const Value& modes = part["modes"]; modes.size() > 0) {
     problems_.add(
         mistake(modes.place(), "an included file cannot describe modes, only the one that is run"));
@@ -313,7 +318,8 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
       merge(*tree.find(key), *own, problems_);
     }
   }
-  for (const std::string_view key : {"record", "flight_recorder", "trace", "inspect", "live"}) {
+  for (const std::string_view key :
+       {"record", "flight_recorder", "trace", "inspect", "live", "libraries"}) {
     if (const Value* own = file.find(key)) {
       tree.set(key, *own);
     }
@@ -409,7 +415,7 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
     } else if (key == "shared_params" || key == "modes" || key == "restart") {
       merge(*tree.find(key), value, problems_);
     } else if (key == "record" || key == "flight_recorder" || key == "trace" || key == "inspect" ||
-               key == "live") {
+               key == "live" || key == "libraries") {
       apply_overlay_optional(tree, key, value);
     } else if (key == "name" || key == "on_fault" || key == "log_level" || key == "library_path" ||
                key == "initial_mode" || key == "start_timeout_ms" || key == "callback_limit_ms" ||

@@ -271,6 +271,18 @@ void describe_library_path(const Value& tree, ApplicationDescription& applicatio
   }
 }
 
+LibrariesDescription describe_libraries(const Value& value) {
+  LibrariesDescription libraries{.sha256 = {}, .place = value.place()};
+  if (const Value* sums = find_object(value, "sha256")) {
+    for (const auto& [name, sum] : sums->members()) {
+      if (sum.is_string()) {
+        libraries.sha256[name] = sum.as_string();
+      }
+    }
+  }
+  return libraries;
+}
+
 std::optional<Compression> find_compression(const Value& object, std::string_view key) {
   return find_word(object, key,
                    std::array{Compression::kNone, Compression::kLz4, Compression::kZstd});
@@ -517,6 +529,9 @@ ApplicationDescription describe(const Value& tree) {
   }
   const Value* shared = find_object(tree, "shared_params");
   application.shared_params = shared == nullptr ? Value::object_at(tree) : *shared;
+  if (const Value* libraries = find_object(tree, "libraries")) {
+    application.libraries = describe_libraries(*libraries);
+  }
   if (const Value* record = find_object(tree, "record")) {
     application.record = describe_record(*record);
   }

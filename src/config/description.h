@@ -261,12 +261,21 @@ struct ComponentDescription {
   Place place;
 };
 
+/// Which libraries may be loaded: these, and only with these contents.
+struct LibrariesDescription {
+  /// SHA-256 in 64 hexadecimal digits, by the name of a component library, or by the name of the
+  /// file of a library that such ones need.
+  std::map<std::string, std::string> sha256;
+  Place place;
+};
+
 /// A checked application: plain values, complete, no file is needed any more.
 struct ApplicationDescription {
   std::string name;
   std::filesystem::path file;
   std::vector<std::filesystem::path> library_path;  ///< Folders to look for libraries in, first one
                                                     ///< first.
+  std::optional<LibrariesDescription> libraries;    ///< None: all that are found may be loaded.
   std::vector<ExecutorDescription> executors;
   /// All that components name, the main process left out: in the order of the file, then of the
   /// components that name one which is not described.

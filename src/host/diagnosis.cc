@@ -55,6 +55,13 @@ std::vector<std::string> stack_of(const RunningCall& call) {
 
 }  // namespace
 
+std::uint32_t component_of_this_thread() noexcept {
+  const detail::RunningActivation* const running = detail::current_activation();
+  const detail::ActorBase* const actor =
+      running == nullptr ? nullptr : running->actor.load(std::memory_order_relaxed);
+  return actor == nullptr ? 0 : actor->index + 1;
+}
+
 Diagnosis::Diagnosis(Application& application, std::filesystem::path folder)
     : application_(application), folder_(std::move(folder)) {
   tell_reporter({});

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -12,6 +13,10 @@
 #include "host/observer.h"
 
 namespace fastcycle::host {
+
+/// The component for which the calling thread works: its place in the application file, counted
+/// from 1; 0: it works for none. Safe, also in a signal handler.
+[[nodiscard]] std::uint32_t component_of_this_thread() noexcept;
 
 /// Says who is to blame in one application: owns the crash reporter, which tells of
 /// it when the process crashes, and the watchdog, when a call of a component does not return. One

@@ -195,7 +195,13 @@ std::string host_build_note() {
   return FASTCYCLE_BUILD_NOTE;
 }
 
-LibraryLoader::LibraryLoader(std::vector<fs::path> folders) : folders_(std::move(folders)) {}
+LibraryLoader::LibraryLoader(std::vector<fs::path> folders,
+                             const std::optional<config::LibrariesDescription>& pins)
+    : folders_(std::move(folders)) {
+  if (pins) {
+    pinned_.emplace(*pins);
+  }
+}
 
 fs::path LibraryLoader::file_of(const std::string& name) const {
   for (const fs::path& folder : folders_) {
@@ -294,8 +300,12 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
     problems.add(std::move(problem));
     return nullptr;
   }
-  void* handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+  void* handle = pinned_ ? pinned_->open(name, file, problems)
+                         : dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   base::reset_floating_point();
+  if (handle == nullptr && pinned_) {
+    return nullptr;
+  }
   if (handle == nullptr) {
     problems.add(config::mistake(place, library + " cannot be loaded: " + dlerror()));
     return nullptr;

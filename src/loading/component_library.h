@@ -13,6 +13,7 @@
 #include "config/problem.h"
 #include "fastcycle/library.h"
 #include "loading/component_classes.h"
+#include "loading/pinned_libraries.h"
 
 namespace fastcycle::host {
 
@@ -62,7 +63,9 @@ using LibraryFiles = std::map<std::string, LibraryFile>;
 /// @threads  Confined to the control thread.
 class LibraryLoader final : public ComponentClasses {
  public:
-  explicit LibraryLoader(std::vector<std::filesystem::path> folders);
+  /// With `pins`, only these are opened.
+  explicit LibraryLoader(std::vector<std::filesystem::path> folders,
+                         const std::optional<config::LibrariesDescription>& pins = {});
 
   /// Also warns of a class whose `serve` is never called, because the component has no period.
   const ComponentClass* find(const config::ComponentDescription& component,
@@ -94,6 +97,7 @@ class LibraryLoader final : public ComponentClasses {
   const std::vector<std::filesystem::path> folders_;
   std::map<std::string, const ComponentLibrary*> open_;
   LibraryFiles expected_;
+  std::optional<PinnedLibraries> pinned_;
   LibraryFiles files_;
   std::optional<std::vector<std::string>> known_names_;
 };

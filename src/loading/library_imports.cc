@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <sstream>
 #include <string_view>
 
 #include <elf.h>
@@ -83,6 +84,22 @@ std::optional<Section> section_at(const MappedFile& file, const Elf64_Ehdr& head
   return Section{*section, *content};
 }
 
+std::optional<Elf64_Ehdr> elf_header(const MappedFile& file) {
+  const auto header = file.read<Elf64_Ehdr>(0);
+  const bool is_one = header && std::memcmp(header->e_ident, ELFMAG, SELFMAG) == 0 &&
+                      header->e_ident[EI_CLASS] == ELFCLASS64;
+  return is_one ? header : std::nullopt;
+}
+
+/// The text that begins at `at`.
+std::string text_at(const Section& strings, std::uint64_t at) {
+  if (at >= strings.content.size()) {
+    return {};
+  }
+  const std::string_view rest = strings.content.substr(at);
+  return std::string(rest.substr(0, rest.find('\0')));
+}
+
 /// Those of `kind` that are among `imports`, as "a, b".
 std::string named(const Kind& kind, const std::vector<std::string>& imports) {
   std::string names;
@@ -99,9 +116,8 @@ std::string named(const Kind& kind, const std::vector<std::string>& imports) {
 std::vector<std::string> imported_functions(const std::filesystem::path& library) {
   std::vector<std::string> names;
   const MappedFile file(library);
-  const auto header = file.read<Elf64_Ehdr>(0);
-  if (!header || std::memcmp(header->e_ident, ELFMAG, SELFMAG) != 0 ||
-      header->e_ident[EI_CLASS] != ELFCLASS64) {
+  const auto header = elf_header(file);
+  if (!header) {
     return names;
   }
   for (std::uint64_t i = 0; i < header->e_shnum; ++i) {
@@ -117,11 +133,37 @@ std::vector<std::string> imported_functions(const std::filesystem::path& library
       if (symbol.st_shndx != SHN_UNDEF || symbol.st_name >= strings->content.size()) {
         continue;
       }
-      const std::string_view rest = strings->content.substr(symbol.st_name);
-      names.emplace_back(rest.substr(0, rest.find('\0')));
+      names.push_back(text_at(*strings, symbol.st_name));
     }
   }
   return names;
+}
+
+LibraryNeeds needs_of(const std::filesystem::path& library) {
+  LibraryNeeds needs;
+  const MappedFile file(library);
+  const auto header = elf_header(file);
+  for (std::uint64_t i = 0; header && i < header->e_shnum; ++i) {
+    const auto dynamic = section_at(file, *header, i);
+    if (!dynamic || dynamic->header.sh_type != SHT_DYNAMIC) {
+      continue;
+    }
+    const auto strings = section_at(file, *header, dynamic->header.sh_link);
+    for (std::size_t at = 0; strings && at + sizeof(Elf64_Dyn) <= dynamic->content.size();
+         at += sizeof(Elf64_Dyn)) {
+      Elf64_Dyn entry;
+      std::memcpy(&entry, dynamic->content.data() + at, sizeof entry);
+      if (entry.d_tag == DT_NEEDED) {
+        needs.names.push_back(text_at(*strings, entry.d_un.d_val));
+      } else if (entry.d_tag == DT_RUNPATH || entry.d_tag == DT_RPATH) {
+        std::istringstream folders(text_at(*strings, entry.d_un.d_val));
+        for (std::string folder; std::getline(folders, folder, ':');) {
+          needs.folders.push_back(folder);
+        }
+      }
+    }
+  }
+  return needs;
 }
 
 void warn_of_imports(const config::ApplicationDescription& description,

@@ -561,7 +561,8 @@ int run_trial_child(const BuildForTrial& build) {
       .isolated = options["isolated"],
       .schema_file = options["schema"].get<std::string>()};
   config::ApplicationDescription description = config::load(load, problems);
-  LibraryLoader loader(library_folders(description, to_paths(options["library_path"])));
+  LibraryLoader loader(library_folders(description, to_paths(options["library_path"])),
+                       description.libraries);
   NarratingClasses classes(loader, options["without"], options["wanted_proto"]);
   const BuiltForTrial built = build(
       std::move(description), classes,

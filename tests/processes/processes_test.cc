@@ -212,7 +212,8 @@ TEST_F(ComponentsInProcesses, MayOnlyComputeInASandbox) {
   EXPECT_EQ(said["results"]["may_open_sockets"], false);
   EXPECT_EQ(said["results"]["whole"], 50);
   EXPECT_GT(said["results"]["relayed"], 20);
-  EXPECT_THAT(run.errors(), HasSubstr("its sandbox refused socket"));
+  EXPECT_THAT(run.errors(),
+              HasSubstr("its sandbox refused socket to component \"relay\" (1 time)"));
 }
 
 TEST_F(ComponentsInProcesses, EndWithTheSupervisor) {

@@ -1,14 +1,18 @@
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstddef>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <nlohmann/json.hpp>
 
 #include "base/printable.h"
 #include "command.h"
@@ -19,7 +23,9 @@
 #include "estimate/read_timing.h"
 #include "estimate/system_of.h"
 #include "estimate/text.h"
+#include "loading/component_library.h"
 #include "loading/library_imports.h"
+#include "loading/pinned_libraries.h"
 #include "option_values.h"
 #include "print.h"
 
@@ -29,6 +35,7 @@ namespace {
 struct CheckOptions {
   Configuration configuration;
   bool print = false;
+  bool print_pins = false;
   std::vector<std::filesystem::path> timing;
   double margin = 1.2;
   double wake_us = 200;
@@ -95,6 +102,30 @@ std::string processes_text(const config::ApplicationDescription& description) {
       shown < names.size() ? ", …" : "");
 }
 
+/// What pins the libraries of the application as they are now. Returns why it cannot be told; empty
+/// if it was.
+std::string print_pins(const config::ApplicationDescription& description,
+                       const host::LibraryLoader& libraries) {
+  std::map<std::string, std::filesystem::path> files;
+  for (const config::ComponentDescription& component : description.components) {
+    const std::filesystem::path file = libraries.file_of(component.library);
+    files[component.library] = file;
+    for (const host::NeededLibrary& needed : host::needed_libraries(file)) {
+      files[needed.name] = needed.file;
+    }
+  }
+  nlohmann::ordered_json pins = nlohmann::ordered_json::object();
+  for (const auto& [name, file] : files) {
+    pins[name] = host::sha256_of(file);
+    if (pins[name] == "") {
+      return fmt::format("{}: {}", file.string(), std::strerror(errno));
+    }
+  }
+  print_to(stdout, "{}\n",
+           nlohmann::ordered_json{{"libraries", {{"sha256", std::move(pins)}}}}.dump(2));
+  return {};
+}
+
 int check(const CheckOptions& options) {
   if (!options.timing.empty()) {
     return estimate(options);
@@ -102,10 +133,9 @@ int check(const CheckOptions& options) {
   config::Problems problems;
   const config::ApplicationDescription description =
       options.configuration.read(host::ConstructorFault::kMistake, problems);
-  host::warn_of_imports(
-      description,
-      host::LibraryLoader(host::library_folders(description, options.configuration.library_path)),
-      problems);
+  const host::LibraryLoader libraries(
+      host::library_folders(description, options.configuration.library_path));
+  host::warn_of_imports(description, libraries, problems);
   if (options.print && !description.effective.is_null()) {
     print_to(stdout, "{}\n", base::printable_json(config::print(description.effective)));
   }
@@ -113,8 +143,15 @@ int check(const CheckOptions& options) {
   if (!may_start(problems, file)) {
     return kWrong;
   }
+  if (options.print_pins) {
+    if (const std::string obstacle = print_pins(description, libraries); !obstacle.empty()) {
+      print_to(stderr, "fastcycle check: {}\n", obstacle);
+      return kWrong;
+    }
+  }
   const std::size_t count = description.components.size();
-  print_to(options.print ? stderr : stdout, "{}; {} {}{}\n", summary(problems, file), count,
+  print_to(options.print || options.print_pins ? stderr : stdout, "{}; {} {}{}\n",
+           summary(problems, file), count,
            count == 1 ? "component is right" : "components fit together",
            processes_text(description));
   return flush_output();
@@ -129,12 +166,18 @@ Command add_check(CLI::App& program) {
   line->footer(examples(
       "  fastcycle check app.json\n"
       "  fastcycle check app.json --overlay vehicle_17.json --print\n"
+      "  fastcycle check app.json --print-pins >pins.json; fastcycle run app.json --overlay "
+      "pins.json\n"
       "  fastcycle check app.json --timing times.json   can the latency chains hold?\n"
       "  fastcycle run app.json --report r.json; fastcycle check app.json --timing r.json\n"));
   const auto options = std::make_shared<CheckOptions>();
   options->configuration.add_to(*line);
   line->add_flag("--print", options->print,
                  "Print the effective configuration, and where each value comes from");
+  line->add_flag("--print-pins", options->print_pins,
+                 "Print an overlay that lets these libraries be loaded, as they are now, and no "
+                 "others")
+      ->excludes("--print");
   const auto when_timed = [line](CLI::Option* option) {
     return option->needs(line->get_option("--timing"));
   };

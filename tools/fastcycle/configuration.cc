@@ -102,7 +102,8 @@ std::unique_ptr<host::Application> Configuration::make_unstarted() const {
   if (!may_start(problems, file)) {
     return nullptr;
   }
-  host::LibraryLoader libraries(host::library_folders(description, library_path));
+  host::LibraryLoader libraries(host::library_folders(description, library_path),
+                                description.libraries);
   libraries.expect(std::move(tried.files));
   auto application = std::make_unique<host::Application>(
       description, host::ClockOptions{.is_simulated = true, .workers = 1});

@@ -143,7 +143,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   silent.record.reset();
   silent.flight_recorder.reset();
   made->libraries_ = std::make_unique<host::LibraryLoader>(
-      host::library_folders(description, configuration.library_path));
+      host::library_folders(description, configuration.library_path), description.libraries);
   made->libraries_->expect(tried.files);
   const record::RecordingReader reader(replaying.files);
   made->stand_ins_ = std::make_unique<host::StandIns>(*made->libraries_, silent, reader.streams());

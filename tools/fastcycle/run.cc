@@ -240,14 +240,21 @@ std::optional<base::Refusal> restrict(const config::ProcessDescription& process)
   if (process.sandbox == config::Sandbox::kNone) {
     return std::nullopt;
   }
-  return sandbox::apply_sandbox({.read = process.readable, .write = process.writable});
+  return sandbox::apply_sandbox({.read = process.readable,
+                                 .write = process.writable,
+                                 .who = &host::component_of_this_thread});
 }
 
 /// Says what the sandbox of this process refused.
-void tell_refusals(const std::string& process, const char* command) {
+void tell_refusals(const std::string& process,
+                   const std::vector<config::ComponentDescription>& components,
+                   const char* command) {
   for (const sandbox::RefusedCall& refused : sandbox::take_refusals()) {
-    print_to(stderr, "fastcycle {}: process \"{}\": its sandbox refused {} ({} times)\n", command,
-             process, refused.call, refused.count);
+    const std::string to = refused.component == 0 || refused.component > components.size()
+                               ? ""
+                               : " to component \"" + components[refused.component - 1].name + "\"";
+    print_to(stderr, "fastcycle {}: process \"{}\": its sandbox refused {}{} ({} {})\n", command,
+             process, refused.call, to, refused.count, refused.count == 1 ? "time" : "times");
   }
 }
 
@@ -593,7 +600,8 @@ int run_application(const config::ApplicationDescription& description,
   if (role != nullptr) {
     report.processes.push_back(report_process(*role, *plan, report));
     write_whole(role->report, host::to_bytes(report));
-    tell_refusals(plan->name(role->partition.process()), options.command);
+    tell_refusals(plan->name(role->partition.process()), application.description().components,
+                  options.command);
   } else {
     nlohmann::ordered_json json = host::to_json(report);
     std::string table = host::to_table(report);
@@ -832,7 +840,8 @@ int run(const RunOptions& options) {
     return wrong(sentence);
   }
   host::LibraryLoader libraries(
-      host::library_folders(description, options.configuration.library_path));
+      host::library_folders(description, options.configuration.library_path),
+      description.libraries);
   libraries.expect(tried.files);
   // A reader of the log that goes away must not end the run.
   std::signal(SIGPIPE, SIG_IGN);
