@@ -6,12 +6,12 @@
 #include <optional>
 #include <set>
 #include <span>
-#include <sstream>
 #include <string_view>
 
 #include <elf.h>
 #include <fmt/format.h>
 
+#include "loading/elf_file.h"
 #include "loading/mapped_file.h"
 
 namespace fastcycle::host {
@@ -63,43 +63,6 @@ const std::array kKinds = {
          "context.create_thread() and context.offload() make some that start and end with the run"},
 };
 
-struct Section {
-  Elf64_Shdr header;
-  std::string_view content;
-};
-
-std::optional<Section> section_at(const MappedFile& file, const Elf64_Ehdr& header,
-                                  std::uint64_t index) {
-  if (index >= header.e_shnum) {
-    return std::nullopt;
-  }
-  const auto section = file.read<Elf64_Shdr>(header.e_shoff + index * header.e_shentsize);
-  if (!section || section->sh_type == SHT_NOBITS) {
-    return std::nullopt;
-  }
-  const auto content = file.at(section->sh_offset, section->sh_size);
-  if (!content) {
-    return std::nullopt;
-  }
-  return Section{*section, *content};
-}
-
-std::optional<Elf64_Ehdr> elf_header(const MappedFile& file) {
-  const auto header = file.read<Elf64_Ehdr>(0);
-  const bool is_one = header && std::memcmp(header->e_ident, ELFMAG, SELFMAG) == 0 &&
-                      header->e_ident[EI_CLASS] == ELFCLASS64;
-  return is_one ? header : std::nullopt;
-}
-
-/// The text that begins at `at`.
-std::string text_at(const Section& strings, std::uint64_t at) {
-  if (at >= strings.content.size()) {
-    return {};
-  }
-  const std::string_view rest = strings.content.substr(at);
-  return std::string(rest.substr(0, rest.find('\0')));
-}
-
 /// Those of `kind` that are among `imports`, as "a, b".
 std::string named(const Kind& kind, const std::vector<std::string>& imports) {
   std::string names;
@@ -137,33 +100,6 @@ std::vector<std::string> imported_functions(const std::filesystem::path& library
     }
   }
   return names;
-}
-
-LibraryNeeds needs_of(const std::filesystem::path& library) {
-  LibraryNeeds needs;
-  const MappedFile file(library);
-  const auto header = elf_header(file);
-  for (std::uint64_t i = 0; header && i < header->e_shnum; ++i) {
-    const auto dynamic = section_at(file, *header, i);
-    if (!dynamic || dynamic->header.sh_type != SHT_DYNAMIC) {
-      continue;
-    }
-    const auto strings = section_at(file, *header, dynamic->header.sh_link);
-    for (std::size_t at = 0; strings && at + sizeof(Elf64_Dyn) <= dynamic->content.size();
-         at += sizeof(Elf64_Dyn)) {
-      Elf64_Dyn entry;
-      std::memcpy(&entry, dynamic->content.data() + at, sizeof entry);
-      if (entry.d_tag == DT_NEEDED) {
-        needs.names.push_back(text_at(*strings, entry.d_un.d_val));
-      } else if (entry.d_tag == DT_RUNPATH || entry.d_tag == DT_RPATH) {
-        std::istringstream folders(text_at(*strings, entry.d_un.d_val));
-        for (std::string folder; std::getline(folders, folder, ':');) {
-          needs.folders.push_back(folder);
-        }
-      }
-    }
-  }
-  return needs;
 }
 
 void warn_of_imports(const config::ApplicationDescription& description,

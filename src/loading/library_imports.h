@@ -16,13 +16,6 @@ namespace fastcycle::host {
 /// @threads  Reentrant.
 [[nodiscard]] std::vector<std::string> imported_functions(const std::filesystem::path& library);
 
-/// What a library has loaded with it, as its file says.
-struct LibraryNeeds {
-  std::vector<std::string> names;    ///< Of files: "libpugixml.so.1".
-  std::vector<std::string> folders;  ///< Where to look for them first, with "$ORIGIN" as it stands.
-};
-[[nodiscard]] LibraryNeeds needs_of(const std::filesystem::path& library);
-
 /// Warns of libraries whose code asks the machine for what its context should give: a run cannot be
 /// repeated where a component reads another clock, draws other random numbers or makes threads.
 /// Once for each library and kind, at the first component that uses it.

@@ -13,7 +13,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "loading/library_imports.h"
+#include "loading/library_needs.h"
 
 namespace fastcycle::host {
 
