@@ -214,7 +214,7 @@ def test_switches_modes(folder: pathlib.Path) -> None:
 
 def test_changes_the_life_of_components(folder: pathlib.Path) -> None:
     with running(folder, "alive", "lifecycle"), fastcycle.connect() as application:
-        assert application.components["display"].state == "active"
+        wait_until(lambda: application.components["display"].state == "active")
         application.deactivate("display")
         wait_until(lambda: application.components["display"].state == "standby")
         with pytest.raises(fastcycle.ApplicationError, match="standby"):

@@ -24,7 +24,7 @@ struct Notice {
     kModeLeft = 'l',       ///< The components of a process that leave the mode have left.
     kModeEntered = 'e',    ///< So have all; the mode is the new one.
     kModeJoined = 'j',     ///< Those of a process that join it are active.
-    kNews = 'n',           ///< How a component is.
+    kNews = 'n',           ///< How a component is. Live, the main process alone takes it.
     kLifeAsked = 'a',      ///< A tool asks to restart, stop or start a component.
     kLifeMade = 'f',       ///< What became of it.
     kParamsListed = 'i',   ///< The params of a component.

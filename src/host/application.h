@@ -302,7 +302,7 @@ class Application final : public ApplicationHost {
   Modes modes_{*this};
   Chains chains_{*this, wiring_, modes_};
   StatusTeller status_{*driver_};
-  PeerNews peer_news_{*this};
+  PeerNews peer_news_{*this, wiring_};
   LifeChanges life_changes_{*this};
   Lifecycle lifecycle_{*this, wiring_, *driver_, bell_};
   std::optional<config::RecordDescription> recorded_;

@@ -1,6 +1,7 @@
 #include "host/peer_news.h"
 
 #include <algorithm>
+#include <map>
 #include <mutex>
 #include <stdexcept>
 #include <string>
@@ -12,6 +13,8 @@
 #include "component/application_host.h"
 #include "component/component_core.h"
 #include "component/time_driver.h"
+#include "component/wiring.h"
+#include "component/words.h"
 
 namespace fastcycle::host {
 
@@ -21,30 +24,85 @@ using nlohmann::json;
 
 namespace {
 
-constexpr std::int64_t kGapNs = 5'000'000;         // Between two notices of one component.
-constexpr std::int64_t kPeriodNs = 1'000'000'000;  // Of how often it was activated.
+constexpr std::int64_t kGapNs = 5'000'000;       // Between two notices of one component.
+constexpr std::int64_t kPeriodNs = 100'000'000;  // Between two looks at all figures,
+constexpr std::int64_t kShare = 100;             // and so many times what one takes.
 constexpr std::size_t kMostOfAText = 1000;
 
 std::string shortened(const std::string& text) {
   return text.substr(0, kMostOfAText);
 }
 
-std::string to_text(const ComponentNews& news) {
-  return json{{"state", news.elsewhere->state},
-              {"health", news.health},
-              {"reason", shortened(news.health_reason)},
-              {"faults", news.faults},
-              {"last_fault", shortened(news.last_fault)},
-              {"restarts", news.restarts},
-              {"is_urgent", news.is_urgent},
-              {"activations", news.elsewhere->activations},
-              {"overruns", news.elsewhere->overruns},
-              {"hang", shortened(news.elsewhere->hang)}}
-      .dump(-1, ' ', false, json::error_handler_t::replace);
+json to_json(const base::HistogramSummary& summary) {
+  return {summary.count, summary.mean, summary.standard_deviation, summary.p50, summary.p99,
+          summary.p999,  summary.max};
 }
 
-/// None if it is no news: another process says it, which may be broken.
-std::optional<ComponentNews> news_from(const std::string& text) {
+base::HistogramSummary summary_from(const json& said) {
+  return {.count = said.at(0),
+          .mean = said.at(1),
+          .standard_deviation = said.at(2),
+          .p50 = said.at(3),
+          .p99 = said.at(4),
+          .p999 = said.at(5),
+          .max = said.at(6)};
+}
+
+json to_json(const ComponentNews::Elsewhere::Subscription& subscription) {
+  const detail::Ledger& ledger = subscription.ledger;
+  return {{"topic", subscription.topic},
+          {"kind", subscription.kind},
+          {"depth", subscription.depth},
+          {"drops_oldest", subscription.drops_oldest},
+          {"published", ledger.published},
+          {"delivered", ledger.delivered},
+          {"dropped", ledger.dropped},
+          {"queued", ledger.queued},
+          {"latency", to_json(subscription.latency)}};
+}
+
+ComponentNews::Elsewhere::Subscription subscription_from(const json& said) {
+  ComponentNews::Elsewhere::Subscription subscription{.topic = said.at("topic"),
+                                                      .kind = said.at("kind"),
+                                                      .depth = said.at("depth"),
+                                                      .drops_oldest = said.at("drops_oldest"),
+                                                      .ledger = {.published = said.at("published"),
+                                                                 .delivered = said.at("delivered"),
+                                                                 .dropped = {},
+                                                                 .queued = said.at("queued")},
+                                                      .latency = summary_from(said.at("latency"))};
+  const json& dropped = said.at("dropped");
+  for (std::size_t i = 0; i < subscription.ledger.dropped.size(); ++i) {
+    subscription.ledger.dropped[i] = dropped.at(i);
+  }
+  return subscription;
+}
+
+std::string to_text(const ComponentNews& news, bool has_figures) {
+  json said{{"state", news.elsewhere->state},
+            {"health", news.health},
+            {"reason", shortened(news.health_reason)},
+            {"faults", news.faults},
+            {"last_fault", shortened(news.last_fault)},
+            {"restarts", news.restarts},
+            {"is_urgent", news.is_urgent},
+            {"activations", news.elsewhere->activations},
+            {"overruns", news.elsewhere->overruns},
+            {"hang", shortened(news.elsewhere->hang)}};
+  if (has_figures) {
+    said["callback"] = to_json(news.elsewhere->callback);
+    said["lateness"] = to_json(news.elsewhere->lateness);
+    said["subscriptions"] = json::array();
+    for (const auto& subscription : news.elsewhere->subscriptions) {
+      said["subscriptions"].push_back(to_json(subscription));
+    }
+  }
+  return said.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+/// None if it is no news: another process says it, which may be broken. Where there are no figures,
+/// those of `before` stand.
+std::optional<ComponentNews> news_from(const std::string& text, const ComponentNews& before) {
   try {
     const json said = json::parse(text);
     const auto state = said.at("state").get<unsigned>();
@@ -53,17 +111,28 @@ std::optional<ComponentNews> news_from(const std::string& text) {
         health > static_cast<unsigned>(Health::kFailed)) {
       return std::nullopt;
     }
-    return ComponentNews{
-        .health = static_cast<Health>(health),
-        .health_reason = said.at("reason"),
-        .faults = said.at("faults"),
-        .last_fault = said.at("last_fault"),
-        .restarts = said.at("restarts"),
-        .is_urgent = said.at("is_urgent"),
-        .elsewhere = ComponentNews::Elsewhere{.state = static_cast<ComponentState>(state),
-                                              .activations = said.at("activations"),
-                                              .overruns = said.at("overruns"),
-                                              .hang = said.at("hang")}};
+    ComponentNews news{.health = static_cast<Health>(health),
+                       .health_reason = said.at("reason"),
+                       .faults = said.at("faults"),
+                       .last_fault = said.at("last_fault"),
+                       .restarts = said.at("restarts"),
+                       .is_urgent = said.at("is_urgent"),
+                       .elsewhere = before.elsewhere};
+    ComponentNews::Elsewhere& elsewhere =
+        news.elsewhere ? *news.elsewhere : news.elsewhere.emplace();
+    elsewhere.state = static_cast<ComponentState>(state);
+    elsewhere.activations = said.at("activations");
+    elsewhere.overruns = said.at("overruns");
+    elsewhere.hang = said.at("hang");
+    if (said.contains("callback")) {
+      elsewhere.callback = summary_from(said.at("callback"));
+      elsewhere.lateness = summary_from(said.at("lateness"));
+      elsewhere.subscriptions.clear();
+      for (const json& one : said.at("subscriptions")) {
+        elsewhere.subscriptions.push_back(subscription_from(one));
+      }
+    }
+    return news;
   } catch (const json::exception&) {
     return std::nullopt;
   }
@@ -81,6 +150,7 @@ void PeerNews::tell_all() {
   if (application_.peers()->is_main()) {
     return;
   }
+  take_figures();
   const std::lock_guard lock(mutex_);
   for (Its& its : its_) {
     const ComponentCore& core = *application_.components()[its.news.component];
@@ -115,7 +185,9 @@ void PeerNews::changed(ComponentCore& component, bool is_urgent) {
   {
     const std::lock_guard lock(mutex_);
     const bool was_urgent = its.is_new && its.news.is_urgent;
+    auto elsewhere = std::move(its.news.elsewhere);
     its.news = news_of(component);
+    its.news.elsewhere = std::move(elsewhere);
     its.news.is_urgent = is_urgent || was_urgent;
     its.is_new = true;
   }
@@ -149,13 +221,52 @@ void PeerNews::tell(Its& its) {
   }
   const ComponentCore& core = *application_.components()[its.news.component];
   its.told_ns = base::monotonic_ns();
-  its.told_activations = core.statistics.activations.get();
-  its.news.elsewhere = {.state = core.state.load(),
-                        .activations = its.told_activations,
-                        .overruns = core.statistics.overruns.get(),
-                        .hang = core.hang()};
-  application_.peers()->tell(Notice::Kind::kNews, core.index, to_text(its.news));
+  if (!its.news.elsewhere) {
+    its.news.elsewhere.emplace();
+  }
+  its.news.elsewhere->state = core.state.load();
+  its.news.elsewhere->activations = core.statistics.activations.get();
+  its.news.elsewhere->overruns = core.statistics.overruns.get();
+  its.news.elsewhere->hang = core.hang();
+  const bool has_figures = std::exchange(its.has_figures, false);
+  try {
+    application_.peers()->tell(Notice::Kind::kNews, core.index, to_text(its.news, has_figures));
+  } catch (const std::length_error&) {  // It has hundreds of subscriptions.
+    application_.peers()->tell(Notice::Kind::kNews, core.index, to_text(its.news, false));
+  }
   its.news.is_urgent = false;
+}
+
+/// Of all components here.
+void PeerNews::take_figures() {
+  std::map<std::string, std::vector<ComponentNews::Elsewhere::Subscription>> found;
+  wiring_.look([&found](const detail::Topics& topics) {
+    for (const auto& [name, topic] : topics.all()) {
+      for (const auto& one : topic->subscriptions) {
+        found[one->component].push_back({.topic = name,
+                                         .kind = to_word(one->kind),
+                                         .depth = one->depth,
+                                         .drops_oldest = one->overflow == Overflow::kDropOldest,
+                                         .ledger = one->ledger(),
+                                         .latency = one->latency.summary()});
+      }
+    }
+  });
+  const std::lock_guard lock(mutex_);
+  for (Its& its : its_) {
+    const ComponentCore& core = *application_.components()[its.news.component];
+    if (application_.runs_elsewhere(core.name)) {
+      continue;
+    }
+    if (!its.news.elsewhere) {
+      its.news.elsewhere.emplace();
+    }
+    its.news.elsewhere->callback = core.statistics.callback.summary();
+    its.news.elsewhere->lateness = core.statistics.lateness.summary();
+    its.news.elsewhere->subscriptions = std::move(found[core.name]);
+    its.is_new = true;
+    its.has_figures = true;
+  }
 }
 
 std::int64_t PeerNews::look() {
@@ -163,17 +274,14 @@ std::int64_t PeerNews::look() {
     return base::kNever;
   }
   const std::int64_t now_ns = base::monotonic_ns();
-  std::int64_t next_ns = base::kNever;
+  if (now_ns >= figures_at_ns_) {
+    take_figures();
+    const std::int64_t end_ns = base::monotonic_ns();
+    figures_at_ns_ = end_ns + std::max(kPeriodNs, kShare * (end_ns - now_ns));
+  }
+  std::int64_t next_ns = figures_at_ns_;
   const std::lock_guard lock(mutex_);
   for (Its& its : its_) {
-    const ComponentCore& core = *application_.components()[its.news.component];
-    if (application_.runs_elsewhere(core.name)) {
-      continue;
-    }
-    if (now_ns >= its.told_ns + kPeriodNs &&
-        core.statistics.activations.get() != its.told_activations) {
-      its.is_new = true;
-    }
     if (!its.is_new) {
       continue;
     }
@@ -195,7 +303,7 @@ void PeerNews::take(const Notice& notice) {
   } else if (notice.kind == Notice::Kind::kNews && notice.component < its_.size()) {
     const std::string& name = application_.components()[notice.component]->name;
     if (application_.peers()->process_of(name) == notice.process) {
-      if (auto news = news_from(notice.text)) {
+      if (auto news = news_from(notice.text, its_[notice.component].news)) {
         hear(notice.component, std::move(*news));
       }
     }

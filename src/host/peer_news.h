@@ -12,16 +12,19 @@
 namespace fastcycle::host {
 
 class ApplicationHost;
+class Wiring;
 
 /// Where an application has several processes: tells the main process how the components of this
 /// one are, and hears there how those of the others are. A component that says much is told of at
-/// most 200 times a second, with what it said last.
+/// most 200 times a second, with what it said last; its figures 10 times a second, in simulated
+/// time once in each period of the status.
 ///
 /// @threads  `changed` in an activation of the component; `hang_changed` Safe; all else as `Peers`
 ///           says.
 class PeerNews {
  public:
-  explicit PeerNews(ApplicationHost& application) : application_(application) {}
+  PeerNews(ApplicationHost& application, const Wiring& wiring)
+      : application_(application), wiring_(wiring) {}
 
   /// In the main process: gets what the others say. Set before the start.
   std::function<void(const ComponentNews&)> on_news;
@@ -40,10 +43,10 @@ class PeerNews {
  private:
   /// One component.
   struct Its {
-    ComponentNews news;   ///< What it said last.
-    bool is_new = false;  ///< It has not been told.
+    ComponentNews news;        ///< What it said last.
+    bool is_new = false;       ///< It has not been told.
+    bool has_figures = false;  ///< Nor have its figures.
     std::int64_t told_ns = 0;
-    std::uint64_t told_activations = 0;
     // In the main process: of processes that have ended.
     std::uint64_t faults_before = 0;
     std::uint64_t restarts_before = 0;
@@ -51,12 +54,15 @@ class PeerNews {
   };
 
   void tell(Its& its);
+  void take_figures();
   void hear(std::uint32_t component, ComponentNews news);
   void process_has_ended(std::uint32_t process);
 
   ApplicationHost& application_;
+  const Wiring& wiring_;
   base::PriorityMutex mutex_;
-  std::vector<Its> its_;  ///< By component.
+  std::vector<Its> its_;            ///< By component.
+  std::int64_t figures_at_ns_ = 0;  ///< When figures are taken next.
   // In simulated time.
   Time told_all_{};
   std::uint64_t round_ = 1;

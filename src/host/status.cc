@@ -56,6 +56,19 @@ status::Health to_message(Health health) {
   return status::HEALTH_OK;
 }
 
+void fill_ledger(const detail::Ledger& ledger, status::Subscription& told) {
+  told.set_published(ledger.published);
+  told.set_delivered(ledger.delivered);
+  for (std::size_t reason = 0; reason < ledger.dropped.size(); ++reason) {
+    if (ledger.dropped[reason] > 0) {
+      status::Drop& drop = *told.add_drops();
+      drop.set_reason(detail::to_word(static_cast<detail::DropReason>(reason)));
+      drop.set_count(ledger.dropped[reason]);
+    }
+  }
+  told.set_queued(ledger.queued);
+}
+
 /// How many messages of `topic` the component of `subscription` keeps as samples.
 std::uint64_t kept_of(const detail::Topic& topic, const detail::Subscription& subscription) {
   std::uint64_t kept = 0;
@@ -225,6 +238,17 @@ void StatusComponent::fill() {
       fill_topic(*topic);
     }
   });
+  for (std::size_t index = 0; index < heard_.size(); ++index) {
+    if (!heard_[index].elsewhere) {
+      continue;
+    }
+    for (const auto& one : heard_[index].elsewhere->subscriptions) {
+      status::Subscription& told = *next_.add_subscriptions();
+      told.set_topic(one.topic);
+      told.set_component(sources_->application.components()[index]->name);
+      fill_ledger(one.ledger, told);
+    }
+  }
 }
 
 void StatusComponent::fill_component(std::size_t index, status::Component& component) const {
@@ -263,16 +287,7 @@ void StatusComponent::fill_topic(const detail::Topic& topic) {
     status::Subscription& told = *next_.add_subscriptions();
     told.set_topic(topic.name);
     told.set_component(subscription->component);
-    told.set_published(ledger.published);
-    told.set_delivered(ledger.delivered);
-    for (std::size_t reason = 0; reason < ledger.dropped.size(); ++reason) {
-      if (ledger.dropped[reason] > 0) {
-        status::Drop& drop = *told.add_drops();
-        drop.set_reason(detail::to_word(static_cast<detail::DropReason>(reason)));
-        drop.set_count(ledger.dropped[reason]);
-      }
-    }
-    told.set_queued(ledger.queued);
+    fill_ledger(ledger, told);
     told.set_kept(kept_of(topic, *subscription));
     if (newest) {
       const Duration age = std::max(Duration(0), sources_->application.clock().now() - *newest);

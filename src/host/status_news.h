@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "base/histogram.h"
 #include "base/priority_mutex.h"
+#include "broker/subscription.h"
 #include "component/component_state.h"
 #include "fastcycle/component.h"
 
@@ -30,10 +32,24 @@ struct ComponentNews {
   bool is_urgent = false;  ///< Not only for the next period.
   /// What others see by themselves, of one that does not run in another process.
   struct Elsewhere {
+    /// One that has subscribed, and what became of its messages.
+    struct Subscription {
+      std::string topic;
+      std::string kind;  ///< As `to_word` of it.
+      std::uint64_t depth = 0;
+      bool drops_oldest = true;
+      detail::Ledger ledger;
+      base::HistogramSummary latency;  ///< Nanoseconds.
+    };
+
     detail::ComponentState state{};
     std::uint64_t activations = 0;
     std::uint64_t overruns = 0;
     std::string hang = {};
+    // Told once in a period; the rest with each news.
+    base::HistogramSummary callback = {};  ///< Nanoseconds, as the next one.
+    base::HistogramSummary lateness = {};
+    std::vector<Subscription> subscriptions = {};
   };
   std::optional<Elsewhere> elsewhere = {};
 };

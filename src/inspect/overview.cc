@@ -18,10 +18,7 @@
 namespace fastcycle::inspect {
 namespace {
 
-template <unsigned kSubBits>
-void fill(const base::LogHistogram<kSubBits>& histogram, bool with_buckets,
-          protocol::Histogram& said) {
-  const base::HistogramSummary summary = histogram.summary();
+void fill(const base::HistogramSummary& summary, protocol::Histogram& said) {
   said.set_count(summary.count);
   said.set_mean_ns(summary.mean);
   said.set_sd_ns(summary.standard_deviation);
@@ -29,6 +26,12 @@ void fill(const base::LogHistogram<kSubBits>& histogram, bool with_buckets,
   said.set_p99_ns(summary.p99);
   said.set_p999_ns(summary.p999);
   said.set_max_ns(summary.max);
+}
+
+template <unsigned kSubBits>
+void fill(const base::LogHistogram<kSubBits>& histogram, bool with_buckets,
+          protocol::Histogram& said) {
+  fill(histogram.summary(), said);
   if (with_buckets) {
     // What was recorded since the summary was made is in both.
     const base::HistogramBuckets buckets = histogram.buckets();
@@ -54,6 +57,15 @@ void fill(const detail::Ledger& ledger, protocol::Ledger& said) {
       drop.set_reason(detail::to_word(static_cast<detail::DropReason>(i)));
       drop.set_count(ledger.dropped[i]);
     }
+  }
+}
+
+/// What `subscriber` means for its topic.
+void count_in(const protocol::Subscriber& subscriber, protocol::Topic& topic) {
+  topic.set_dropped(topic.dropped() + subscriber.ledger().dropped());
+  if (subscriber.latency().count() > 0 &&
+      (!topic.has_latency() || subscriber.latency().p99_ns() > topic.latency().p99_ns())) {
+    *topic.mutable_latency() = subscriber.latency();
   }
 }
 
@@ -171,8 +183,6 @@ void fill_components(const host::Application& application,
       its.set_kind(callback.kind);
       fill(*callback.run_time, false, *its.mutable_time());
     }
-    said.set_busy_ns(static_cast<std::int64_t>(said.callback().mean_ns() *
-                                               static_cast<double>(said.callback().count())));
     said.set_queued(queued[core->name]);
     if (core->index < news.size()) {
       const host::ComponentNews& its = news[core->index];
@@ -185,12 +195,19 @@ void fill_components(const host::Application& application,
         said.set_state(host::to_word(its.elsewhere->state));
         said.set_activations(its.elsewhere->activations);
         said.set_overruns(its.elsewhere->overruns);
+        fill(its.elsewhere->callback, *said.mutable_callback());
+        fill(its.elsewhere->lateness, *said.mutable_lateness());
+        for (const auto& one : its.elsewhere->subscriptions) {
+          said.set_queued(said.queued() + one.ledger.queued);
+        }
         if (!its.elsewhere->hang.empty()) {
           said.set_health("hangs");
           said.set_health_reason(its.elsewhere->hang);
         }
       }
     }
+    said.set_busy_ns(static_cast<std::int64_t>(said.callback().mean_ns() *
+                                               static_cast<double>(said.callback().count())));
     if (const std::string hang = core->hang(); !hang.empty()) {
       said.set_health("hangs");
       said.set_health_reason(hang);
@@ -217,7 +234,9 @@ std::vector<SeenTopic> see_topics(const host::Application& application) {
   return seen;
 }
 
-void fill_topic(const SeenTopic& seen, bool with_buckets, protocol::Topic& topic) {
+void fill_topic(const host::Application& application, const SeenTopic& seen,
+                const std::vector<host::ComponentNews>& news, bool with_buckets,
+                protocol::Topic& topic) {
   topic.set_name(seen.topic->name);
   topic.set_type(seen.type);
   topic.set_latched(seen.topic->options.latched);
@@ -247,10 +266,24 @@ void fill_topic(const SeenTopic& seen, bool with_buckets, protocol::Topic& topic
     for (const host::UnmatchedReport& unmatched : host::find_unmatched(*subscription)) {
       said.add_unmatched(unmatched.text);
     }
-    topic.set_dropped(topic.dropped() + said.ledger().dropped());
-    if (said.latency().count() > 0 &&
-        (!topic.has_latency() || said.latency().p99_ns() > topic.latency().p99_ns())) {
-      *topic.mutable_latency() = said.latency();
+    count_in(said, topic);
+  }
+  for (const host::ComponentNews& its : news) {
+    if (!its.elsewhere) {
+      continue;
+    }
+    for (const auto& one : its.elsewhere->subscriptions) {
+      if (one.topic != seen.topic->name) {
+        continue;
+      }
+      protocol::Subscriber& said = *topic.add_subscribers();
+      said.set_component(application.components()[its.component]->name);
+      said.set_kind(one.kind);
+      said.set_depth(one.depth);
+      said.set_overflow(one.drops_oldest ? "drop_oldest" : "drop_newest");
+      fill(one.ledger, *said.mutable_ledger());
+      fill(one.latency, *said.mutable_latency());
+      count_in(said, topic);
     }
   }
 }

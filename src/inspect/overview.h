@@ -41,7 +41,10 @@ struct SeenTopic {
 
 /// The topics as they are now; the application's lock is held only for this.
 [[nodiscard]] std::vector<SeenTopic> see_topics(const host::Application& application);
-void fill_topic(const SeenTopic& seen, bool with_buckets, protocol::Topic& topic);
+/// With those that subscribe in other processes, as `news` has them.
+void fill_topic(const host::Application& application, const SeenTopic& seen,
+                const std::vector<host::ComponentNews>& news, bool with_buckets,
+                protocol::Topic& topic);
 void fill_service(const KnownService& service, bool with_schemas, protocol::Service& said);
 
 }  // namespace fastcycle::inspect

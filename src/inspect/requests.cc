@@ -172,24 +172,25 @@ void Server::greet(Client& client, const protocol::Request& request) {
   client.connection->put(answer);
 }
 
+std::vector<host::ComponentNews> Server::present_news() const {
+  const std::lock_guard lock(mutex_);
+  return news_;
+}
+
 void Server::give_overview(const protocol::GetOverview& request, protocol::Answer& answer) {
   protocol::Overview& overview = *answer.mutable_overview();
   overview.set_application(name());
   overview.set_pid(::getpid());
   fill_application(application_, overview);
   fill_executors(application_, overview);
+  const std::vector<host::ComponentNews> news = present_news();
   if (!request.without_components()) {
-    std::vector<host::ComponentNews> news;
-    {
-      const std::lock_guard lock(mutex_);
-      news = news_;
-    }
     fill_components(application_, news, request.with_buckets(), overview);
   }
   if (!request.without_topics()) {
     for (const SeenTopic& seen : see_topics(application_)) {
       protocol::Topic& topic = *overview.add_topics();
-      fill_topic(seen, request.with_buckets(), topic);
+      fill_topic(application_, seen, news, request.with_buckets(), topic);
       topic.set_message_bytes(taps_.message_bytes(*seen.topic));
     }
     for (const KnownService& service : services_) {
@@ -217,7 +218,7 @@ void Server::give_topic(const protocol::GetTopic& request, protocol::Answer& ans
       continue;
     }
     protocol::Topic& topic = *answer.mutable_topic();
-    fill_topic(seen, false, topic);
+    fill_topic(application_, seen, present_news(), false, topic);
     topic.set_message_bytes(taps_.message_bytes(*seen.topic));
     if (const auto* instance = instance_of(seen)) {
       topic.set_schema(record::descriptor_set_of(*instance->GetDescriptor()));

@@ -142,6 +142,7 @@ class Server final : public host::Observer {
   // What a request asks for.
   void answer(Client& client, const protocol::Request& request);
   void greet(Client& client, const protocol::Request& request);
+  [[nodiscard]] std::vector<host::ComponentNews> present_news() const;
   void give_overview(const protocol::GetOverview& request, protocol::Answer& answer);
   void give_topic(const protocol::GetTopic& request, protocol::Answer& answer);
   void give_params(const protocol::GetParams& request, protocol::Answer& answer);

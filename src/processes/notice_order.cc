@@ -228,14 +228,13 @@ bool NoticeOrder::look_for_changes() {
 }
 
 void NoticeOrder::put_in_order(const Notice& notice) {
+  if (notice.kind == Notice::Kind::kNews) {
+    take(notice);  // Nobody else wants to know.
+    return;
+  }
   notices_.say(to_record(notice));
   take(notice);
-  // News change nothing that a restarted process has to know; what it reads from must not be
-  // overwritten, though.
-  constexpr unsigned kMostNews = 32;
-  if (notice.kind != Notice::Kind::kNews || ++news_ % kMostNews == 0) {
-    put_snapshot();
-  }
+  put_snapshot();
 }
 
 void NoticeOrder::take(const Notice& notice) {

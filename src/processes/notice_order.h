@@ -75,7 +75,6 @@ class NoticeOrder {
   host::Peers& peers_;
   Notices notices_;
   std::set<std::uint32_t> told_;
-  unsigned news_ = 0;  ///< Of the main process: that were put in order.
 
   base::PriorityMutex mutex_;
   std::vector<host::Notice> own_;  ///< Of the main process, or in simulated time: not said yet.
