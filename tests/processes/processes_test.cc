@@ -616,7 +616,8 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
     }
   };
   wait_until([](const json& shown) {
-    return shown.value("state", "") == "active" && shown.value("activations", 0) > 10;
+    return shown.value("state", "") == "active" && shown.value("activations", 0) > 10 &&
+           shown.contains("callback_us") && shown["callback_us"].is_object();
   });
   EXPECT_EQ(relay()["process"], "relaying");
 
