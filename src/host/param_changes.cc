@@ -601,16 +601,17 @@ void ParamChanges::take_verdict(const Notice& notice) {
       return;
     }
     for (const Json& one : json.at("mistakes")) {
-      verdict_.mistakes.emplace_back(one.at(0).get<std::size_t>(), one.at(1).get<std::string>());
+      verdict_.mistakes.emplace(one.at(0).get<std::size_t>(), one.at(1).get<std::string>());
     }
     for (const Json& one : json.at("found")) {
       verdict_.found.insert(one.get<std::size_t>());
     }
     for (const Json& one : json.at("noted")) {
-      verdict_.noted.push_back({.component = one.at(0).get<std::uint32_t>(),
-                                .name = one.at(1).get<std::string>(),
-                                .text = one.at(2).get<std::string>(),
-                                .json = one.at(3).get<std::string>()});
+      const auto component = one.at(0).get<std::uint32_t>();
+      verdict_.noted.emplace(component, Noted{.component = component,
+                                              .name = one.at(1).get<std::string>(),
+                                              .text = one.at(2).get<std::string>(),
+                                              .json = one.at(3).get<std::string>()});
     }
     verdict_.awaited.erase(notice.process);
     if (verdict_.awaited.empty()) {
@@ -629,16 +630,12 @@ void ParamChanges::decide() {
       const std::string& param = asked.changes[i].param;
       const std::string_view name = std::string_view(param).substr(param.find('.') + 1);
       const bool is_shared = param.starts_with(std::string(kShared) + ".");
-      verdict.mistakes.emplace_back(
+      verdict.mistakes.emplace(
           i, config::to_string(mistake_of(
                  asked.changes[i],
                  is_shared ? unknown_shared(name) : "the process of its component is not there")));
     }
   }
-  std::stable_sort(verdict.mistakes.begin(), verdict.mistakes.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::stable_sort(verdict.noted.begin(), verdict.noted.end(),
-                   [](const Noted& a, const Noted& b) { return a.component < b.component; });
   ParamsResult result;
   for (auto& [place, mistake] : verdict.mistakes) {
     result.mistakes.push_back(std::move(mistake));
@@ -646,9 +643,13 @@ void ParamChanges::decide() {
   if (result.has_changed()) {
     const std::lock_guard lock(mutex_);
     ++transactions_;
-    note(verdict.noted, asked.by);
+    std::vector<Noted> noted;
+    for (auto& [component, one] : verdict.noted) {
+      noted.push_back(std::move(one));
+    }
+    note(noted, asked.by);
     commit(plan_);
-    for (const Noted& one : verdict.noted) {
+    for (const Noted& one : noted) {
       changed_[one.name] = one.json;
       for (ParamInfo& info : elsewhere_[one.component]) {
         info.json = info.param == one.name ? one.json : info.json;
@@ -711,8 +712,7 @@ void ParamChanges::all_have_answered() {
   }
   // A process was restarted in the midst of it.
   verdict_.awaited.clear();
-  verdict_.mistakes.emplace_back(0,
-                                 "a process was restarted meanwhile: the params stay as they are");
+  verdict_.mistakes.emplace(0, "a process was restarted meanwhile: the params stay as they are");
   decide();
 }
 

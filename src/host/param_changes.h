@@ -110,10 +110,10 @@ class ParamChanges {
   };
   /// What all say to it, as far as they have.
   struct Verdict {
-    std::set<std::uint32_t> awaited;                            ///< The processes that have not.
-    std::vector<std::pair<std::size_t, std::string>> mistakes;  ///< With their places in an order.
-    std::set<std::size_t> found;  ///< The changes that mean something to anybody.
-    std::vector<Noted> noted;
+    std::set<std::uint32_t> awaited;                   ///< The processes that have not.
+    std::multimap<std::size_t, std::string> mistakes;  ///< By the place of the change.
+    std::set<std::size_t> found;                ///< The changes that mean something to anybody.
+    std::multimap<std::uint32_t, Noted> noted;  ///< By component.
   };
   using Done = std::function<void(const ParamsResult&)>;
   /// One that was asked for here, and is made in some processes, but not in all.

@@ -48,7 +48,7 @@ base::HistogramSummary summary_from(const json& said) {
           .max = said.at(6)};
 }
 
-json to_json(const ComponentNews::Elsewhere::Subscription& subscription) {
+json to_json(const FiguresElsewhere::Subscription& subscription) {
   const detail::Ledger& ledger = subscription.ledger;
   return {{"topic", subscription.topic},
           {"kind", subscription.kind},
@@ -61,16 +61,16 @@ json to_json(const ComponentNews::Elsewhere::Subscription& subscription) {
           {"latency", to_json(subscription.latency)}};
 }
 
-ComponentNews::Elsewhere::Subscription subscription_from(const json& said) {
-  ComponentNews::Elsewhere::Subscription subscription{.topic = said.at("topic"),
-                                                      .kind = said.at("kind"),
-                                                      .depth = said.at("depth"),
-                                                      .drops_oldest = said.at("drops_oldest"),
-                                                      .ledger = {.published = said.at("published"),
-                                                                 .delivered = said.at("delivered"),
-                                                                 .dropped = {},
-                                                                 .queued = said.at("queued")},
-                                                      .latency = summary_from(said.at("latency"))};
+FiguresElsewhere::Subscription subscription_from(const json& said) {
+  FiguresElsewhere::Subscription subscription{.topic = said.at("topic"),
+                                              .kind = said.at("kind"),
+                                              .depth = said.at("depth"),
+                                              .drops_oldest = said.at("drops_oldest"),
+                                              .ledger = {.published = said.at("published"),
+                                                         .delivered = said.at("delivered"),
+                                                         .dropped = {},
+                                                         .queued = said.at("queued")},
+                                              .latency = summary_from(said.at("latency"))};
   const json& dropped = said.at("dropped");
   for (std::size_t i = 0; i < subscription.ledger.dropped.size(); ++i) {
     subscription.ledger.dropped[i] = dropped.at(i);
@@ -118,8 +118,7 @@ std::optional<ComponentNews> news_from(const std::string& text, const ComponentN
                        .restarts = said.at("restarts"),
                        .is_urgent = said.at("is_urgent"),
                        .elsewhere = before.elsewhere};
-    ComponentNews::Elsewhere& elsewhere =
-        news.elsewhere ? *news.elsewhere : news.elsewhere.emplace();
+    FiguresElsewhere& elsewhere = news.elsewhere ? *news.elsewhere : news.elsewhere.emplace();
     elsewhere.state = static_cast<ComponentState>(state);
     elsewhere.activations = said.at("activations");
     elsewhere.overruns = said.at("overruns");
@@ -239,7 +238,7 @@ void PeerNews::tell(Its& its) {
 
 /// Of all components here.
 void PeerNews::take_figures() {
-  std::map<std::string, std::vector<ComponentNews::Elsewhere::Subscription>> found;
+  std::map<std::string, std::vector<FiguresElsewhere::Subscription>> found;
   wiring_.look([&found](const detail::Topics& topics) {
     for (const auto& [name, topic] : topics.all()) {
       for (const auto& one : topic->subscriptions) {
@@ -349,8 +348,8 @@ void PeerNews::process_has_ended(std::uint32_t process) {
         .last_fault = what,
         .restarts = its.restarts_before,
         .is_urgent = true,
-        .elsewhere = ComponentNews::Elsewhere{.state = is_restarted ? ComponentState::kRestarting
-                                                                    : ComponentState::kFailed}};
+        .elsewhere = FiguresElsewhere{.state = is_restarted ? ComponentState::kRestarting
+                                                            : ComponentState::kFailed}};
     its.news = news;
     on_news(news);
   }

@@ -21,6 +21,28 @@ namespace fastcycle::host {
 
 class TimeDriver;
 
+/// How a component in another process is, beyond what it says of itself.
+struct FiguresElsewhere {
+  /// One that has subscribed, and what became of its messages.
+  struct Subscription {
+    std::string topic;
+    std::string kind;  ///< As `to_word` of it.
+    std::uint64_t depth = 0;
+    bool drops_oldest = true;
+    detail::Ledger ledger;
+    base::HistogramSummary latency;  ///< Nanoseconds.
+  };
+
+  detail::ComponentState state{};
+  std::uint64_t activations = 0;
+  std::uint64_t overruns = 0;
+  std::string hang = {};
+  // Told once in a period; the rest with each news.
+  base::HistogramSummary callback = {};  ///< Nanoseconds, as the next one.
+  base::HistogramSummary lateness = {};
+  std::vector<Subscription> subscriptions = {};
+};
+
 /// What only a component itself knows of itself, as it hands it on.
 struct ComponentNews {
   std::size_t component = 0;
@@ -31,27 +53,7 @@ struct ComponentNews {
   std::uint64_t restarts = 0;
   bool is_urgent = false;  ///< Not only for the next period.
   /// What others see by themselves, of one that does not run in another process.
-  struct Elsewhere {
-    /// One that has subscribed, and what became of its messages.
-    struct Subscription {
-      std::string topic;
-      std::string kind;  ///< As `to_word` of it.
-      std::uint64_t depth = 0;
-      bool drops_oldest = true;
-      detail::Ledger ledger;
-      base::HistogramSummary latency;  ///< Nanoseconds.
-    };
-
-    detail::ComponentState state{};
-    std::uint64_t activations = 0;
-    std::uint64_t overruns = 0;
-    std::string hang = {};
-    // Told once in a period; the rest with each news.
-    base::HistogramSummary callback = {};  ///< Nanoseconds, as the next one.
-    base::HistogramSummary lateness = {};
-    std::vector<Subscription> subscriptions = {};
-  };
-  std::optional<Elsewhere> elsewhere = {};
+  std::optional<FiguresElsewhere> elsewhere = {};
 };
 
 /// What there is to say of `core` now; in its activation, or before the start.

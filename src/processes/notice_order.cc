@@ -276,7 +276,8 @@ NoticeOrder::Said NoticeOrder::say() {
 }
 
 bool NoticeOrder::take(const std::vector<Said>& said) {
-  std::vector<Notice> all;
+  std::multimap<std::uint32_t, Notice>
+      all;  // By component; of one, in the order in which they came.
   for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
     const bool is_there = said[one].incarnation != 0;
     const bool is_new = is_there && notices_.incarnation_of(one) != said[one].incarnation;
@@ -294,13 +295,11 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
       auto notice = from_record(*record);
       if (notice && is_for_all_to_say(notice->kind)) {
         notice->process = one;
-        all.push_back(std::move(*notice));
+        all.emplace(notice->component, std::move(*notice));
       }
     }
   }
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Notice& a, const Notice& b) { return a.component < b.component; });
-  for (const Notice& notice : all) {
+  for (const auto& [component, notice] : all) {
     take(notice);
   }
   if (!all.empty() && process_ == ProcessPlan::kMain) {

@@ -109,7 +109,8 @@ TEST(NoticesOfAProcess, GoAroundTheRingAndAreMissedByWhoIsLate) {
     late.follow(kMain, 1, 0);
 
     for (int i = 0; i < 100; ++i) {
-      const std::string record(std::size_t{10'000} + i, static_cast<char>('a' + i % 26));
+      const std::string record(std::size_t{10'000} + static_cast<std::size_t>(i),
+                               static_cast<char>('a' + i % 26));
       EXPECT_TRUE(writer.say(record));
       EXPECT_THAT(quick.next(kMain), Optional(record));
     }
