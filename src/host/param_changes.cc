@@ -409,7 +409,7 @@ std::vector<ParamInfo> ParamChanges::list() const {
 
 namespace {
 
-constexpr std::chrono::seconds kPatience{5};  // For the answers of all processes.
+constexpr std::chrono::seconds kPatience{3};  // For all processes: less than tools have for us.
 
 std::string dumped(const Json& json) {
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
@@ -487,8 +487,9 @@ ParamsResult ParamChanges::ask_all_and_wait(const std::vector<ParamChange>& chan
   ask_all(static_cast<std::uint32_t>(application_.components().size()), {}, changes,
           [answer](const ParamsResult& made) { answer->set_value(made); });
   if (result.wait_for(kPatience) != std::future_status::ready) {
-    return {.mistakes = {"not all processes have answered within 5 s; it is not known whether the "
-                         "params are changed"}};
+    return {.mistakes = {"not all processes have answered within 3 s: one of them hangs. It is not "
+                         "known whether "
+                         "the params are changed"}};
   }
   return result.get();
 }
