@@ -30,6 +30,7 @@ struct Notice {
     kParamsListed = 'i',   ///< The params of a component.
     kParamsAsked = 'p',    ///< Somebody asks for a change of params.
     kParamsChecked = 'v',  ///< What a process says to it.
+    kParamsDropped = 'w',  ///< Who asked does not wait any longer: it is not made.
     kParamsInPlace = 'd',  ///< Live: it is made in a process.
   };
   Kind kind{};

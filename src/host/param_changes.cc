@@ -16,6 +16,7 @@
 #include "component/component_core.h"
 #include "component/peers.h"
 #include "component/time_driver.h"
+#include "config/main_process.h"
 #include "config/nearest.h"
 #include "config/parse.h"
 #include "params/param_info.h"
@@ -457,8 +458,8 @@ std::vector<ParamInfo> ParamChanges::list_elsewhere(std::uint32_t component) con
   return its == elsewhere_.end() ? std::vector<ParamInfo>() : its->second;
 }
 
-void ParamChanges::ask_all(std::uint32_t component, std::string_view by,
-                           const std::vector<ParamChange>& changes, Done done) {
+std::uint64_t ParamChanges::ask_all(std::uint32_t component, std::string_view by,
+                                    const std::vector<ParamChange>& changes, Done done) {
   Json json{{"by", by}, {"changes", Json::array()}};
   for (const ParamChange& change : changes) {
     json["changes"].push_back({change.param, change.json});
@@ -479,19 +480,59 @@ void ParamChanges::ask_all(std::uint32_t component, std::string_view by,
     }
     done({.mistakes = {error.what()}});
   }
+  return number;
 }
 
 ParamsResult ParamChanges::ask_all_and_wait(const std::vector<ParamChange>& changes) {
   const auto answer = std::make_shared<std::promise<ParamsResult>>();
   std::future<ParamsResult> result = answer->get_future();
-  ask_all(static_cast<std::uint32_t>(application_.components().size()), {}, changes,
-          [answer](const ParamsResult& made) { answer->set_value(made); });
+  const std::uint64_t number =
+      ask_all(static_cast<std::uint32_t>(application_.components().size()), {}, changes,
+              [answer](const ParamsResult& made) { answer->set_value(made); });
   if (result.wait_for(kPatience) != std::future_status::ready) {
-    return {.mistakes = {"not all processes have answered within 3 s: one of them hangs. It is not "
-                         "known whether "
-                         "the params are changed"}};
+    // It was made before this is taken, in all processes, or will be in none.
+    application_.peers()->tell(Notice::Kind::kParamsDropped, 0, dumped(Json{{"number", number}}));
+    if (result.wait_for(kPatience) != std::future_status::ready) {
+      return {
+          .mistakes = {"the application hangs; it is not known whether the params are changed"}};
+    }
   }
   return result.get();
+}
+
+/// Of the processes that have not answered, as far as the file names them.
+std::string ParamChanges::names_of_awaited() const {
+  std::set<std::string> names;
+  for (const auto& component : application_.components()) {
+    if (verdict_.awaited.contains(application_.peers()->process_of(component->name))) {
+      const std::string& process = component->description.process;
+      names.insert(config::in_quotes(process.empty() ? config::kMainProcess : process));
+    }
+  }
+  std::string text;
+  for (const std::string& name : names) {
+    text += (text.empty() ? "" : ", ") + name;
+  }
+  return text;
+}
+
+/// Who asked for it does not wait any longer.
+void ParamChanges::drop(std::uint32_t process, std::uint64_t number) {
+  const auto dropped = std::ranges::find_if(
+      asked_, [&](const Asked& one) { return one.process == process && one.number == number; });
+  if (dropped == asked_.end()) {
+    return;
+  }
+  const std::string why = "no answer within 3 s from process " + names_of_awaited();
+  if (dropped == asked_.begin()) {
+    verdict_.mistakes.emplace(0, why);
+    decide();
+    return;
+  }
+  asked_.erase(dropped);
+  if (application_.peers()->is_here(process)) {
+    answer(number, {.mistakes = {why}});
+  }
 }
 
 void ParamChanges::take(const Notice& notice) {
@@ -525,6 +566,11 @@ void ParamChanges::take(const Notice& notice) {
       if (!application_.peers()->is_here(notice.process)) {
         tell_all();  // It knows nothing of what was told before.
       }
+      break;
+    case Notice::Kind::kParamsDropped:
+      read_notice(notice.text, [&](const Json& json) {
+        drop(notice.process, json.at("number").get<std::uint64_t>());
+      });
       break;
     case Notice::Kind::kParamsInPlace:
       read_notice(notice.text, [&](const Json& json) {

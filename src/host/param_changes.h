@@ -135,9 +135,12 @@ class ParamChanges {
   [[nodiscard]] static std::vector<Noted> noted_of(const Plan& plan);
   void note(const std::vector<Noted>& noted, std::string_view asked_by);
 
-  void ask_all(std::uint32_t component, std::string_view by,
-               const std::vector<ParamChange>& changes, Done done);
+  /// Returns its number.
+  std::uint64_t ask_all(std::uint32_t component, std::string_view by,
+                        const std::vector<ParamChange>& changes, Done done);
   [[nodiscard]] ParamsResult ask_all_and_wait(const std::vector<ParamChange>& changes);
+  void drop(std::uint32_t process, std::uint64_t number);
+  [[nodiscard]] std::string names_of_awaited() const;
   void check_next();
   void take_verdict(const Notice& notice);
   void decide();

@@ -34,7 +34,7 @@ std::string to_record(const Notice& notice) {
 
 /// None if it is no notice: who wrote it may be broken.
 std::optional<Notice> from_record(std::string_view record) {
-  constexpr std::string_view kKinds = "gcrbmlejnafipvd";
+  constexpr std::string_view kKinds = "gcrbmlejnafipvwd";
   if (record.empty() || kKinds.find(record.front()) == std::string_view::npos) {
     return std::nullopt;
   }

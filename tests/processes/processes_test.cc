@@ -628,6 +628,14 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
   EXPECT_EQ(code, 1);
   EXPECT_THAT(refused, HasSubstr("relay.gain"));
 
+  const pid_t relaying = test::process_of_session(run.pid(), "relaying");
+  kill(relaying, SIGSTOP);
+  const auto [hung, why] = tool({"param", "set", "relay.gain=5"});
+  kill(relaying, SIGCONT);
+  EXPECT_EQ(hung, 1);
+  EXPECT_THAT(why, HasSubstr("no answer within 3 s from process \"relaying\""));
+  EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("4"));
+
   EXPECT_THAT(tool({"component", "stop", "relay"}).second, HasSubstr("is standby"));
   wait_until([](const json& shown) { return shown.value("state", "") == "standby"; });
   EXPECT_EQ(tool({"component", "stop", "relay"}).first, 1);
