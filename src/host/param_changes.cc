@@ -410,6 +410,7 @@ std::vector<ParamInfo> ParamChanges::list() const {
 
 namespace {
 
+constexpr std::size_t kMostAsked = 1024;      // That wait for the answers of all.
 constexpr std::chrono::seconds kPatience{3};  // For all processes: less than tools have for us.
 
 std::string dumped(const Json& json) {
@@ -535,10 +536,17 @@ void ParamChanges::drop(std::uint32_t process, std::uint64_t number) {
   }
 }
 
+/// Whether its component runs in the process that says it.
+bool ParamChanges::is_of(const Notice& notice) const {
+  const auto& all = application_.components();
+  return notice.component < all.size() &&
+         application_.peers()->process_of(all[notice.component]->name) == notice.process;
+}
+
 void ParamChanges::take(const Notice& notice) {
   switch (notice.kind) {
     case Notice::Kind::kParamsListed:
-      if (!application_.peers()->is_here(notice.process)) {
+      if (!application_.peers()->is_here(notice.process) && is_of(notice)) {
         const std::lock_guard lock(mutex_);
         elsewhere_[notice.component] = infos_of(notice.text);
       }
@@ -552,6 +560,12 @@ void ParamChanges::take(const Notice& notice) {
         for (const Json& change : json.at("changes")) {
           asked.changes.push_back(
               {change.at(0).get<std::string>(), change.at(1).get<std::string>()});
+        }
+        if (asked_.size() == kMostAsked) {
+          if (application_.peers()->is_here(asked.process)) {
+            answer(asked.number, {.mistakes = {"too many changes of params wait: 1024"}});
+          }
+          return;
         }
         asked_.push_back(std::move(asked));
         if (asked_.size() == 1) {
@@ -698,7 +712,11 @@ void ParamChanges::decide() {
     commit(plan_);
     for (const Noted& one : noted) {
       changed_[one.name] = one.json;
-      for (ParamInfo& info : elsewhere_[one.component]) {
+      const auto its = elsewhere_.find(one.component);
+      if (its == elsewhere_.end()) {
+        continue;
+      }
+      for (ParamInfo& info : its->second) {
         info.json = info.param == one.name ? one.json : info.json;
       }
     }

@@ -141,6 +141,7 @@ class ParamChanges {
   [[nodiscard]] ParamsResult ask_all_and_wait(const std::vector<ParamChange>& changes);
   void drop(std::uint32_t process, std::uint64_t number);
   [[nodiscard]] std::string names_of_awaited() const;
+  [[nodiscard]] bool is_of(const Notice& notice) const;
   void check_next();
   void take_verdict(const Notice& notice);
   void decide();

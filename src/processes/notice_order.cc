@@ -25,6 +25,7 @@ using segment::ProcessIndex;
 namespace {
 
 constexpr std::size_t kMaxText = 60'000;
+constexpr unsigned kMostOfOne = 64;            ///< Notices of a process that are taken in turn.
 constexpr std::int64_t kLookNs = 100'000'000;  ///< So often it is looked in any case.
 
 std::string to_record(const Notice& notice) {
@@ -191,7 +192,12 @@ bool NoticeOrder::look_as_main() {
     put_in_order(notice);
   }
   for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
-    while (const auto record = notices_.next(one)) {
+    // Who says more and more keeps nobody else from being heard.
+    for (unsigned i = 0; i < kMostOfOne; ++i) {
+      const auto record = notices_.next(one);
+      if (!record) {
+        break;
+      }
       has_taken = true;
       auto notice = from_record(*record);
       if (notice && is_for_all_to_say(notice->kind)) {
@@ -291,7 +297,12 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
     if (!is_there) {
       continue;
     }
-    while (const auto record = notices_.next(one, said[one].words)) {
+    // A ring holds fewer; one that is broken may never come to its end.
+    for (std::size_t i = 0; i < segment::NoticeWords::kWords; ++i) {
+      const auto record = notices_.next(one, said[one].words);
+      if (!record) {
+        break;
+      }
       auto notice = from_record(*record);
       if (notice && is_for_all_to_say(notice->kind)) {
         notice->process = one;
