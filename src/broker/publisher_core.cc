@@ -289,7 +289,7 @@ void PublisherCore::number(Envelope& envelope, const Origin& origin, Time now) n
   envelope.info.publisher = id;
   envelope.info.origin = origin;
   last_publish_time_.store(envelope.info.publish_time, std::memory_order_relaxed);
-  if (envelope.info.sequence == 1) {
+  if (first_publish_ns_.load(std::memory_order_relaxed) == 0) {
     first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
   }
 }

@@ -124,7 +124,7 @@ class PublisherCore {
   [[nodiscard]] bool wait_for_credit(const std::stop_token& stop);
 
   /// The next message follows the one of this number: where a recorded run is executed again from
-  /// the middle.
+  /// the middle, or its process was restarted.
   void continue_after(std::uint64_t sequence) noexcept {
     handed_over_ = sequence;
     published_.set(sequence);

@@ -5,12 +5,23 @@
 
 namespace fastcycle::detail {
 
-ReadRing::ReadRing(std::size_t capacity) : slots_(capacity) {}
+ReadRing::ReadRing(std::size_t capacity)
+    : capacity_(capacity),
+      own_(std::make_unique<Words[]>(bytes_of(capacity) / sizeof(Words))),
+      words_(own_[0]) {}
+
+ReadRing::ReadRing(void* memory, std::size_t capacity) noexcept
+    : capacity_(capacity), words_(*static_cast<Words*>(memory)) {}
+
+std::size_t ReadRing::bytes_of(std::size_t capacity) noexcept {
+  const std::size_t bytes = sizeof(Words) + capacity * sizeof(Slot);
+  return (bytes + sizeof(Words) - 1) / sizeof(Words) * sizeof(Words);
+}
 
 void ReadRing::add(ReadKind kind, std::uint32_t its_place, PublisherId publisher,
                    std::uint64_t value) noexcept {
-  const std::uint64_t place = next_.load(std::memory_order_relaxed);
-  Slot& slot = slots_[place % slots_.size()];
+  const std::uint64_t place = words_.next.load(std::memory_order_relaxed);
+  Slot& slot = slot_at(place);
   slot.version.store(2 * place + 1, std::memory_order_relaxed);
   // Released after the odd version: who reads one of them sees that version too.
   const auto order = std::memory_order_release;
@@ -19,7 +30,7 @@ void ReadRing::add(ReadKind kind, std::uint32_t its_place, PublisherId publisher
   slot.publisher.store(publisher, order);
   slot.value.store(value, order);
   slot.version.store(2 * place + 2, order);
-  next_.store(place + 1, order);
+  words_.next.store(place + 1, order);
 }
 
 void ReadRing::add(ReadKind kind, std::uint32_t place, std::string_view text) noexcept {
@@ -35,7 +46,7 @@ void ReadRing::add(ReadKind kind, std::uint32_t place, std::string_view text) no
 
 bool ReadRing::read_at(std::uint64_t place, Read& found) const noexcept {
   const auto order = std::memory_order_acquire;
-  const Slot& slot = slots_[place % slots_.size()];
+  const Slot& slot = slot_at(place);
   if (slot.version.load(order) != 2 * place + 2) {
     return false;
   }
@@ -50,9 +61,14 @@ bool ReadRing::read_at(std::uint64_t place, Read& found) const noexcept {
 
 std::uint64_t ReadRing::read(std::uint64_t& next, std::vector<Read>& reads) const {
   std::uint64_t lost = 0;
-  for (const std::uint64_t end = next_.load(std::memory_order_acquire); next < end; ++next) {
+  const std::uint64_t end = words_.next.load(std::memory_order_acquire);
+  if (end > next && end - next > capacity_) {
+    lost = end - next - capacity_;
+    next = end - capacity_;
+  }
+  for (; next < end; ++next) {
     Read found;
-    if (end - next <= slots_.size() && read_at(next, found)) {
+    if (read_at(next, found)) {
       reads.push_back(found);
     } else {
       ++lost;

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -59,7 +60,12 @@ class ReadRing {
   static constexpr std::size_t kForViews = 4096;
   static constexpr std::size_t kWithoutViews = 256;
 
+  /// In memory of its own.
   explicit ReadRing(std::size_t capacity);
+  /// In `memory`, `bytes_of(capacity)` that outlive it, which other processes may read. Where all
+  /// of that is zero, the ring is empty. One that is constant reads only.
+  ReadRing(void* memory, std::size_t capacity) noexcept;
+  [[nodiscard]] static std::size_t bytes_of(std::size_t capacity) noexcept;
 
   /// What is added from now on belongs to `activation`.
   void begin(std::uint64_t activation) noexcept { activation_ = activation; }
@@ -68,7 +74,8 @@ class ReadRing {
   void add(ReadKind kind, std::uint32_t place, std::string_view text) noexcept;
 
   /// Appends to `reads` those from the place `next` on, and moves `next` behind them. Returns how
-  /// many were lost, since they were written over before.
+  /// many were lost, since they were written over before. Whatever the ring says, it appends as
+  /// many as fit into it at most.
   std::uint64_t read(std::uint64_t& next, std::vector<Read>& reads) const;
 
  private:
@@ -82,11 +89,20 @@ class ReadRing {
     std::atomic<std::uint64_t> value{0};
   };
 
+  /// Where the reads lie: this, and behind it the slots.
+  struct alignas(64) Words {
+    std::atomic<std::uint64_t> next{0};  ///< Released after the read: who sees it, sees that.
+  };
+
+  [[nodiscard]] Slot& slot_at(std::uint64_t place) const noexcept {
+    return reinterpret_cast<Slot*>(&words_ + 1)[place % capacity_];
+  }
   [[nodiscard]] bool read_at(std::uint64_t place, Read& found) const noexcept;
 
+  const std::size_t capacity_;
+  std::unique_ptr<Words[]> own_;  ///< Null if others own its memory.
+  Words& words_;
   std::uint64_t activation_ = 0;
-  std::vector<Slot> slots_;
-  std::atomic<std::uint64_t> next_{0};  ///< Released after the read: who sees it, sees that.
 };
 
 /// What a recorded activation learned, given again where that activation is executed again.

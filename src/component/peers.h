@@ -3,10 +3,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "component/component_core.h"
+#include "executor/peer_activity.h"
 #include "executor/round_peers.h"
 #include "fastcycle/time.h"
 
@@ -98,6 +101,15 @@ class Peers {
   std::function<bool()> is_busy;
   /// The same, when there is no answer any more to what was told.
   std::function<void()> on_quiet;
+
+  /// Whether a process records what the components of all do.
+  [[nodiscard]] virtual bool keeps_activity() const = 0;
+  /// Where that is kept of this process: by its workers, and by one of its components; null for one
+  /// that is not in the application file. From the end of the build on.
+  [[nodiscard]] virtual std::vector<detail::ActivationRing*> rings() const = 0;
+  [[nodiscard]] virtual std::unique_ptr<detail::ReadRing> reads_of(std::size_t component) const = 0;
+  /// Where it is kept of the others.
+  [[nodiscard]] virtual std::vector<const detail::PeerActivity*> activity_elsewhere() const = 0;
 
   /// In simulated time: how all serve the same rounds. Null live. From the end of the build on.
   [[nodiscard]] virtual detail::RoundPeers* rounds() = 0;

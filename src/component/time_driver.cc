@@ -1,6 +1,7 @@
 #include "component/time_driver.h"
 
 #include <algorithm>
+#include <thread>
 
 namespace fastcycle::host {
 
@@ -18,6 +19,22 @@ std::vector<std::string> executor_names(const config::ApplicationDescription& ap
     names.emplace_back(kPoolName);
   }
   return names;
+}
+
+unsigned pool_size() {
+  return std::clamp(std::thread::hardware_concurrency(), 1U, 64U);
+}
+
+unsigned simulated_worker_count(unsigned asked) {
+  return asked == 0 ? std::max(1U, std::thread::hardware_concurrency()) : asked;
+}
+
+unsigned worker_count(const config::ApplicationDescription& application) {
+  unsigned count = needs_pool(application) ? pool_size() : 0;
+  for (const config::ExecutorDescription& executor : application.executors) {
+    count += static_cast<unsigned>(executor.threads);
+  }
+  return count;
 }
 
 }  // namespace fastcycle::host

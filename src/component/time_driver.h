@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,12 @@ inline constexpr const char* kPoolName = "pool";
 /// the last one.
 [[nodiscard]] std::vector<std::string> executor_names(
     const config::ApplicationDescription& application);
+
+/// How many workers the pool has on this machine, and all executors of an application, live.
+[[nodiscard]] unsigned pool_size();
+[[nodiscard]] unsigned worker_count(const config::ApplicationDescription& application);
+/// The same in simulated time; `asked`: how many somebody asks for, or 0.
+[[nodiscard]] unsigned simulated_worker_count(unsigned asked);
 
 /// One call that the control thread made of a component: owns the word that says whether it is
 /// over. Shared with the worker that makes it, which may come to it when nobody waits any more.
@@ -71,6 +78,8 @@ class TimeDriver {
   virtual void set_peers([[maybe_unused]] detail::RoundPeers& peers) {}
   /// In simulated time: calls `action` when a round is over, with its place in its moment.
   virtual void after_round([[maybe_unused]] std::function<void(std::uint32_t step)> action) {}
+  /// The first workers write what they do into `rings`, which outlive them.
+  virtual void use_rings([[maybe_unused]] std::span<detail::ActivationRing* const> rings) {}
   /// Whether some thread is to run with a priority of real time.
   [[nodiscard]] virtual bool is_real_time() const { return false; }
 

@@ -20,8 +20,6 @@ const char* to_word(Cause cause) noexcept {
   return kWords[static_cast<std::size_t>(cause)];
 }
 
-ActivationRing::ActivationRing() : slots_(kCapacity) {}
-
 std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
   const std::uint64_t place = next_.load(std::memory_order_relaxed);
   Slot& slot = slots_[place % kCapacity];
@@ -84,10 +82,14 @@ std::uint64_t ActivationRing::read(std::uint64_t& next,
                                    std::vector<ActivationRecord>& records) const {
   std::uint64_t lost = 0;
   const std::uint64_t end = size();
+  if (end > next && end - next > kCapacity) {
+    lost = end - next - kCapacity;
+    next = end - kCapacity;
+  }
   for (; next < end; ++next) {
     ActivationRecord record;
     // A worker that goes on writing is ahead of what it writes over by this reader's next look.
-    if (end - next > kCapacity || !read_at(next, record)) {
+    if (!read_at(next, record)) {
       ++lost;
     } else if (record.outcome == Outcome::kRunning && next + 1 == end) {
       break;

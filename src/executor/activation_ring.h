@@ -1,7 +1,12 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "broker/lane.h"
@@ -55,6 +60,8 @@ struct ActivationRecord {
 
 /// The last activations of one worker: always on, for crash reports, tracing and logs.
 ///
+/// It may lie in memory that other processes read. Memory that is zero is an empty ring.
+///
 /// @threads  One writer; `snapshot` by any thread: a record that is overwritten meanwhile is left
 /// out.
 /// @realtime No lock, no allocation.
@@ -62,7 +69,9 @@ class ActivationRing {
  public:
   static constexpr std::size_t kCapacity = 4096;
 
-  ActivationRing();
+  ActivationRing() = default;
+  ActivationRing(const ActivationRing&) = delete;
+  ActivationRing& operator=(const ActivationRing&) = delete;
 
   /// Writes `record`; returns its place for `end`.
   std::uint64_t begin(const ActivationRecord& record) noexcept;
@@ -72,6 +81,7 @@ class ActivationRing {
 
   /// Appends to `records` those from the place `next` on, up to one that has not ended yet, and
   /// moves `next` behind them. Returns how many were lost, since they were written over before.
+  /// Whatever the ring says, it appends `kCapacity` records at most.
   std::uint64_t read(std::uint64_t& next, std::vector<ActivationRecord>& records) const;
 
   /// The records that are complete, oldest first.
@@ -104,8 +114,36 @@ class ActivationRing {
     std::atomic<std::uint64_t> publish_count{0};
   };
 
-  std::vector<Slot> slots_;
+  std::array<Slot, kCapacity> slots_;
   std::atomic<std::uint64_t> next_{0};  ///< Released after the record: who sees it, sees that.
+};
+
+/// One ring for each worker: of its own, or in memory that others own.
+///
+/// @threads  Confined to the control thread; constant once the workers work.
+class ActivationRings {
+ public:
+  explicit ActivationRings(unsigned workers = 0) { make(workers); }
+
+  /// Makes rings until there are as many as workers.
+  void make(unsigned workers) {
+    while (all_.size() < workers) {
+      own_.push_back(std::make_unique<ActivationRing>());
+      all_.push_back(own_.back().get());
+    }
+  }
+  /// The first workers write into these from now on; nothing was written yet.
+  void use(std::span<ActivationRing* const> rings) {
+    all_.resize(std::max(all_.size(), rings.size()));
+    std::ranges::copy(rings, all_.begin());
+  }
+
+  [[nodiscard]] ActivationRing& operator[](std::size_t worker) const { return *all_[worker]; }
+  [[nodiscard]] const std::vector<ActivationRing*>& all() const noexcept { return all_; }
+
+ private:
+  std::vector<std::unique_ptr<ActivationRing>> own_;
+  std::vector<ActivationRing*> all_;
 };
 
 }  // namespace fastcycle::detail

@@ -42,10 +42,10 @@ struct ActorBase {
   PublishingComponent publishing;
   ActorStatistics statistics;
 
-  /// From now on what its activations learn is kept, for who records it. Before the start; `size`
-  /// reads at once.
-  void keep_reads(std::size_t size) {
-    reads_ = std::make_unique<ReadRing>(size);
+  /// From now on what its activations learn is kept in `reads`, for who records it. Before the
+  /// start.
+  void keep_reads(std::unique_ptr<ReadRing> reads) {
+    reads_ = std::move(reads);
     publishing.reads = reads_.get();
   }
 

@@ -51,9 +51,7 @@ void Executor::start(std::vector<base::Refusal>& refusals) {
   if (options_.threads == 1) {
     leader_.store(0);
   }
-  for (unsigned worker = 0; worker < options_.threads; ++worker) {
-    rings_.push_back(std::make_unique<ActivationRing>());
-  }
+  rings_.make(options_.threads);
   for (unsigned worker = 0; worker < options_.threads; ++worker) {
     const std::string suffix = options_.threads == 1 ? "" : "-" + std::to_string(worker);
     threads_.emplace_back(
@@ -185,7 +183,7 @@ bool Executor::run_ready(unsigned worker) {
       if (options_.threads > 1 && has_ready()) {
         sleepers_.wake_one();
       }
-      actors_[base + bit]->run_turn(*rings_[worker]);
+      actors_[base + bit]->run_turn(rings_[worker]);
       has_run = true;
       fire_timers();
     }
@@ -273,7 +271,7 @@ void Executor::stop_leading(unsigned worker) noexcept {
 
 bool Executor::run_early(std::int64_t now_ns) {
   for (Actor* actor : actors_) {
-    if (actor->run_early(*rings_[0], now_ns)) {
+    if (actor->run_early(rings_[0], now_ns)) {
       return true;
     }
   }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -72,9 +73,10 @@ class Executor final : public ReadyQueue, public TimerWatch {
 
   [[nodiscard]] const ExecutorOptions& options() const noexcept { return options_; }
   [[nodiscard]] bool is_quiet() const noexcept;
-  [[nodiscard]] const std::vector<std::unique_ptr<ActivationRing>>& rings() const noexcept {
-    return rings_;
-  }
+  /// What the workers do: one ring each.
+  [[nodiscard]] const ActivationRings& rings() const noexcept { return rings_; }
+  /// The first workers write into `rings`, which outlive them. Before the start.
+  void use_rings(std::span<ActivationRing* const> rings) { rings_.use(rings); }
 
  private:
   static constexpr std::int64_t kNobodyLeads = INT64_MIN;
@@ -97,7 +99,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
   // Constant after `start`.
   const ExecutorOptions options_;
   std::vector<Actor*> actors_;
-  std::vector<std::unique_ptr<ActivationRing>> rings_;
+  ActivationRings rings_;
   ForeignInputs* foreign_ = nullptr;  ///< Null: nothing comes from other processes.
 
   std::vector<std::atomic<std::uint64_t>> ready_;  ///< One bit a component.

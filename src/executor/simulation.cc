@@ -9,10 +9,7 @@
 
 namespace fastcycle::detail {
 
-Simulation::Simulation(base::Clock& clock, unsigned workers) : clock_(clock) {
-  for (unsigned worker = 0; worker < workers; ++worker) {
-    rings_.push_back(std::make_unique<ActivationRing>());
-  }
+Simulation::Simulation(base::Clock& clock, unsigned workers) : clock_(clock), rings_(workers) {
   for (unsigned worker = 1; worker < workers; ++worker) {
     helpers_.emplace_back([this, worker](const std::stop_token& stop) { help(worker, stop); });
   }
@@ -254,7 +251,7 @@ void Simulation::serve(const Turn& turn, unsigned worker) {
     return;
   }
   const std::int64_t begin_ns = base::monotonic_ns();
-  turn.actor->run_round(*rings_[worker]);
+  turn.actor->run_round(rings_[worker]);
   const std::int64_t cost_ns = base::monotonic_ns() - begin_ns;
   std::int64_t& expected_ns = expected_ns_[turn.index];
   expected_ns += (cost_ns - expected_ns) / 8;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 #include <vector>
 
@@ -142,9 +143,10 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void wake() noexcept override {}
   void timer_armed(std::int64_t due_ns) noexcept override;
 
-  [[nodiscard]] const std::vector<std::unique_ptr<ActivationRing>>& rings() const noexcept {
-    return rings_;
-  }
+  /// What the workers do: one ring each.
+  [[nodiscard]] const ActivationRings& rings() const noexcept { return rings_; }
+  /// The first workers write into `rings`, which outlive them. Before the start.
+  void use_rings(std::span<ActivationRing* const> rings) { rings_.use(rings); }
 
  private:
   struct External {
@@ -205,7 +207,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   RoundState all_;  ///< With peers: what all know together.
   const Actor* watcher_ = nullptr;
   std::vector<Actor*> actors_;
-  std::vector<std::unique_ptr<ActivationRing>> rings_;
+  ActivationRings rings_;
 
   std::vector<std::atomic<std::uint64_t>> ready_;
   /// By component: when what it computes is done, if that takes time; else `kNever`.

@@ -424,19 +424,30 @@ Time Application::begin_of_timers() {
 /// What activations learn, by component, if somebody wants to know.
 std::vector<const detail::ReadRing*> Application::keep_reads() {
   std::vector<const detail::ReadRing*> rings;
-  if (!observers_.want_reads()) {
+  const bool is_for_peers = peers_ != nullptr && peers_->keeps_activity();
+  if (!observers_.want_reads() && !is_for_peers) {
     return rings;
   }
   const auto has_credits = [](const detail::PublisherCore* publisher) {
     return publisher->credits() != nullptr;
   };
-  for (const auto& component : components_) {
+  for (std::size_t place = 0; place < components_.size(); ++place) {
+    ComponentCore* const component = components_[place].get();
+    if (runs_elsewhere(component->name)) {
+      rings.push_back(nullptr);
+      continue;
+    }
+    if (auto shared = is_for_peers ? peers_->reads_of(place) : nullptr) {
+      component->keep_reads(std::move(shared));
+      rings.push_back(component->publishing.reads);
+      continue;
+    }
     // Who asks for credits does so in each activation, and there may be thousands between two
     // looks.
     const bool learns_much = component->subscriptions.has_views() ||
                              std::ranges::any_of(component->declared.publishers, has_credits);
-    component->keep_reads(learns_much ? detail::ReadRing::kForViews
-                                      : detail::ReadRing::kWithoutViews);
+    component->keep_reads(std::make_unique<detail::ReadRing>(
+        learns_much ? detail::ReadRing::kForViews : detail::ReadRing::kWithoutViews));
     rings.push_back(component->publishing.reads);
   }
   return rings;
@@ -465,8 +476,13 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   if (shares_rounds()) {
     driver_->set_peers(*peers_->rounds());
   }
+  std::vector<const detail::PeerActivity*> elsewhere;
+  if (peers_ != nullptr && peers_->keeps_activity()) {
+    driver_->use_rings(peers_->rings());
+    elsewhere = peers_->activity_elsewhere();
+  }
   driver_->start(refusals_);
-  observers_.start(*this, *driver_, keep_reads(), refusals_);
+  observers_.start(*this, *driver_, keep_reads(), std::move(elsewhere), refusals_);
   is_started_ = true;
   wiring_.begin();
   if (!lifecycle_.start(deadline_ns)) {

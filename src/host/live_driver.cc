@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <thread>
 #include <utility>
 
 #include "component/policy.h"
@@ -40,9 +39,8 @@ LiveDriver::LiveDriver(const base::Clock& clock, const config::ApplicationDescri
                                 .hand_over = executor.hand_over}));
   }
   if (needs_pool(application)) {
-    const unsigned cpus = std::max(1U, std::thread::hardware_concurrency());
     executors_.push_back(std::make_unique<detail::Executor>(
-        detail::ExecutorOptions{.name = kPoolName, .threads = std::min(cpus, 64U), .cpus = {}}));
+        detail::ExecutorOptions{.name = kPoolName, .threads = pool_size(), .cpus = {}}));
   }
   for (std::size_t i = 0; i < executors_.size(); ++i) {
     its_.push_back(std::make_unique<Its>());
@@ -82,11 +80,17 @@ void LiveDriver::start(std::vector<base::Refusal>& refusals) {
 std::vector<const detail::ActivationRing*> LiveDriver::rings() const {
   std::vector<const detail::ActivationRing*> rings;
   for (const auto& executor : executors_) {
-    for (const auto& ring : executor->rings()) {
-      rings.push_back(ring.get());
-    }
+    rings.insert(rings.end(), executor->rings().all().begin(), executor->rings().all().end());
   }
   return rings;
+}
+
+void LiveDriver::use_rings(std::span<detail::ActivationRing* const> rings) {
+  for (const auto& executor : executors_) {
+    const std::size_t count = std::min<std::size_t>(executor->options().threads, rings.size());
+    executor->use_rings(rings.first(count));
+    rings = rings.subspan(count);
+  }
 }
 
 ControlCall LiveDriver::call(detail::Actor& actor, detail::LifeStep step,

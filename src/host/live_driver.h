@@ -24,6 +24,7 @@ class LiveDriver final : public TimeDriver {
   [[nodiscard]] bool is_real_time() const override { return is_real_time_; }
   void start(std::vector<base::Refusal>& refusals) override;
   [[nodiscard]] std::vector<const detail::ActivationRing*> rings() const override;
+  void use_rings(std::span<detail::ActivationRing* const> rings) override;
   [[nodiscard]] ControlCall call(detail::Actor& actor, detail::LifeStep step,
                                  std::function<void()> body) override;
   End run(Time limit, Time input_end) override;

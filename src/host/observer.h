@@ -9,6 +9,7 @@
 #include "broker/topics.h"
 #include "config/problem.h"
 #include "executor/activation_ring.h"
+#include "executor/peer_activity.h"
 
 namespace fastcycle::host {
 
@@ -24,6 +25,8 @@ struct ObserverView {
   /// One a component, in the order of the application file: what its activations learn, if an
   /// observer wants to know that; else none.
   std::vector<const detail::ReadRing*> reads;
+  /// The same of other processes, where the application has several.
+  std::vector<const detail::PeerActivity*> peers = {};
 };
 
 /// A tool that looks on while an application runs: a recorder, a tracer, a watchdog.

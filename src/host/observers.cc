@@ -60,6 +60,7 @@ void Observers::open(config::Problems& problems) {
 
 void Observers::start(const Application& application, TimeDriver& time,
                       std::vector<const detail::ReadRing*> reads,
+                      std::vector<const detail::PeerActivity*> peers,
                       std::vector<base::Refusal>& refusals) {
   if (observers_.empty()) {
     return;
@@ -72,8 +73,10 @@ void Observers::start(const Application& application, TimeDriver& time,
       observer->round_ended(step);
     }
   });
-  const ObserverView view{
-      .application = application, .rings = time.rings(), .reads = std::move(reads)};
+  const ObserverView view{.application = application,
+                          .rings = time.rings(),
+                          .reads = std::move(reads),
+                          .peers = std::move(peers)};
   for (Observer* observer : observers_) {
     observer->start(view, refusals);
   }

@@ -33,7 +33,8 @@ class Observers {
   void tap(detail::Topics& topics);
   void open(config::Problems& problems);
   void start(const Application& application, TimeDriver& time,
-             std::vector<const detail::ReadRing*> reads, std::vector<base::Refusal>& refusals);
+             std::vector<const detail::ReadRing*> reads,
+             std::vector<const detail::PeerActivity*> peers, std::vector<base::Refusal>& refusals);
   /// Whether one of them wants what activations learn.
   [[nodiscard]] bool want_reads() const;
   void faulted(std::string_view component, std::string_view what) noexcept;

@@ -105,7 +105,8 @@ RecorderObserver::RecorderObserver(const config::RecordDescription& description,
 }
 
 void RecorderObserver::start(const ObserverView& view, std::vector<base::Refusal>& refusals) {
-  if (!recorder_.start(facts_.at_start(), {.rings = view.rings, .reads = view.reads})) {
+  if (!recorder_.start(facts_.at_start(),
+                       {.rings = view.rings, .reads = view.reads, .peers = view.peers})) {
     refusals.push_back(
         {.what = "recording: " + recorder_.problem(),
          .remedy = "what is published is lost and counted; a file is tried again every second"});
@@ -137,7 +138,7 @@ void FlightObserver::open(config::Problems& problems) {
 }
 
 void FlightObserver::start(const ObserverView& view, std::vector<base::Refusal>&) {
-  recorder_.start({.rings = view.rings, .reads = view.reads});
+  recorder_.start({.rings = view.rings, .reads = view.reads, .peers = view.peers});
 }
 
 void FlightObserver::faulted(std::string_view component, std::string_view what) noexcept {

@@ -12,9 +12,7 @@
 namespace fastcycle::host {
 
 SimulatedDriver::SimulatedDriver(base::Clock& clock, unsigned workers)
-    : clock_(clock),
-      simulation_(clock,
-                  workers == 0 ? std::max(1U, std::thread::hardware_concurrency()) : workers) {}
+    : clock_(clock), simulation_(clock, simulated_worker_count(workers)) {}
 
 SimulatedDriver::~SimulatedDriver() {
   join();
@@ -50,7 +48,7 @@ void SimulatedDriver::work() {
 
 std::uint64_t SimulatedDriver::activations() const {
   std::uint64_t sum = 0;
-  for (const auto& ring : simulation_.rings()) {
+  for (const detail::ActivationRing* ring : simulation_.rings().all()) {
     sum += ring->size();
   }
   return sum;
@@ -118,11 +116,8 @@ void SimulatedDriver::start(std::vector<base::Refusal>&) {
 }
 
 std::vector<const detail::ActivationRing*> SimulatedDriver::rings() const {
-  std::vector<const detail::ActivationRing*> rings;
-  for (const auto& ring : simulation_.rings()) {
-    rings.push_back(ring.get());
-  }
-  return rings;
+  const auto& rings = simulation_.rings().all();
+  return {rings.begin(), rings.end()};
 }
 
 void SimulatedDriver::begin_part(std::uint32_t part) {

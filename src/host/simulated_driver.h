@@ -40,6 +40,9 @@ class SimulatedDriver final : public TimeDriver {
   }
   void start(std::vector<base::Refusal>& refusals) override;
   [[nodiscard]] std::vector<const detail::ActivationRing*> rings() const override;
+  void use_rings(std::span<detail::ActivationRing* const> rings) override {
+    simulation_.use_rings(rings);
+  }
   void begin_part(std::uint32_t part) override;
   void begin_run(std::uint32_t parts) override;
   [[nodiscard]] ControlCall call(detail::Actor& actor, detail::LifeStep step,

@@ -133,6 +133,12 @@ void Partition::connect(host::Application& application) {
       continue;
     }
     if (wire.from == process_) {
+      if (incarnation_ >
+          1) {  // Its sequence goes on, so that no two messages have the same number.
+        publisher->continue_after(
+            std::max(publisher->published(),
+                     wire_.out(wire, incarnation_ - 1).sequence.load(std::memory_order_relaxed)));
+      }
       outlets_.push_back({.topic = link.topic,
                           .depth = link.depth,
                           .publisher = publisher,
@@ -146,6 +152,11 @@ void Partition::connect(host::Application& application) {
   for (unsigned place = 0; place < executors.size(); ++place) {
     executors[place]->set_foreign_inputs(*sets[place]);
   }
+  for (ProcessIndex one = ProcessPlan::kMain; keeps_activity() && one < plan_.count(); ++one) {
+    if (one != process_) {
+      activity_elsewhere_.push_back(std::make_unique<ActivityOfProcess>(wire_, one));
+    }
+  }
   if (is_simulated) {
     rounds_ =
         std::make_unique<Rounds>(wire_, process_, incarnation_, *sets[0], *notices_, application);
@@ -153,6 +164,26 @@ void Partition::connect(host::Application& application) {
   if (const auto limit = plan_.description_of(process_).heartbeat; limit.count() > 0) {
     heart_ = std::jthread([this, limit](const std::stop_token& stop) { beat(limit, stop); });
   }
+}
+
+std::vector<detail::ActivationRing*> Partition::rings() const {
+  std::vector<detail::ActivationRing*> rings;
+  for (unsigned worker = 0; worker < plan_.wire().workers[process_]; ++worker) {
+    rings.push_back(&wire_.ring(process_, incarnation_, worker));
+  }
+  return rings;
+}
+
+std::unique_ptr<detail::ReadRing> Partition::reads_of(std::size_t component) const {
+  return component < plan_.wire().reads.size() ? wire_.reads(component, incarnation_) : nullptr;
+}
+
+std::vector<const detail::PeerActivity*> Partition::activity_elsewhere() const {
+  std::vector<const detail::PeerActivity*> all;
+  for (const auto& one : activity_elsewhere_) {
+    all.push_back(one.get());
+  }
+  return all;
 }
 
 /// Counts up what the one who made this process looks at.

@@ -14,6 +14,7 @@
 #include "component/peers.h"
 #include "host/application.h"
 #include "loading/component_classes.h"
+#include "processes/activity.h"
 #include "processes/notice_order.h"
 #include "processes/process_plan.h"
 #include "processes/rounds.h"
@@ -82,6 +83,10 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   [[nodiscard]] bool is_wanted(const std::string& topic) const override;
   [[nodiscard]] bool is_here(std::uint32_t process) const override { return process == process_; }
   [[nodiscard]] const std::set<std::uint32_t>& told() const override { return notices_->told(); }
+  [[nodiscard]] bool keeps_activity() const override { return !plan_.wire().workers.empty(); }
+  [[nodiscard]] std::vector<detail::ActivationRing*> rings() const override;
+  [[nodiscard]] std::unique_ptr<detail::ReadRing> reads_of(std::size_t component) const override;
+  [[nodiscard]] std::vector<const detail::PeerActivity*> activity_elsewhere() const override;
   [[nodiscard]] detail::RoundPeers* rounds() override { return rounds_.get(); }
   [[nodiscard]] std::size_t place_count() const override;
   [[nodiscard]] AgreedEnd agreed_end() const override;
@@ -116,6 +121,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   host::Application* application_ = nullptr;
   std::vector<Outlet> outlets_;
   std::vector<std::unique_ptr<segment::LinkSet>> link_sets_;
+  std::vector<std::unique_ptr<ActivityOfProcess>> activity_elsewhere_;
   std::unique_ptr<NoticeOrder> notices_;  ///< Null until it has become a process.
   std::unique_ptr<Rounds> rounds_;        ///< In simulated time.
   std::jthread heart_;                    ///< If the file asks for a sign of life.

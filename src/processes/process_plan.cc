@@ -49,7 +49,21 @@ ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::Appli
         std::max(wire_.executors, static_cast<unsigned>(executors_in(process).size()));
   }
   add_links(needs);
+  if (needs.has_activity || !wiring_.recorders.empty()) {
+    add_activity(needs);
+  }
   wire_.lay_out();
+}
+
+void ProcessPlan::add_activity(const Needs& needs) {
+  wire_.workers = {0};  // Who makes the others has none.
+  for (ProcessIndex process = kMain; process < count(); ++process) {
+    wire_.workers.push_back(needs.is_simulated ? needs.simulated_workers
+                                               : host::worker_count(description_in(process)));
+  }
+  for (const config::ComponentDescription& component : description_.components) {
+    wire_.reads.push_back({.process = process_of(component.name)});
+  }
 }
 
 void ProcessPlan::find_problems() {

@@ -38,7 +38,10 @@ class ProcessPlan {
   struct Needs {
     /// Tools of the main process look at topics to which none of its components subscribes.
     bool main_gets_all = false;
+    /// One of them wants to know what components do beside publishing.
+    bool has_activity = false;
     bool is_simulated = false;
+    unsigned simulated_workers = 1;  ///< Of each process, in simulated time.
   };
   /// What does not fit is told by `problem`.
   ProcessPlan(config::ApplicationDescription description, host::ApplicationWiring wiring,
@@ -72,6 +75,7 @@ class ProcessPlan {
  private:
   [[nodiscard]] std::vector<std::string> executors_in(segment::ProcessIndex process) const;
   void add_links(const Needs& needs);
+  void add_activity(const Needs& needs);
   [[nodiscard]] bool gets_all(segment::ProcessIndex process, const Needs& needs) const;
   void find_problems();
 

@@ -201,21 +201,21 @@ void FlightRecorder::repeat_latched() {
 }
 
 void FlightRecorder::keep_activations() {
-  activations_.read([this](std::size_t worker, std::uint64_t lost,
-                           std::span<const detail::ActivationRecord> records) {
+  activations_.read([this](const NewActivations& its) {
     log::Activations message;
-    message.set_worker(static_cast<std::uint32_t>(worker));
-    message.set_lost(lost);
-    for (const detail::ActivationRecord& activation : records) {
+    message.set_worker(static_cast<std::uint32_t>(its.worker));
+    set_incarnation(message, its.incarnation);
+    message.set_lost(its.lost);
+    for (const detail::ActivationRecord& activation : its.records) {
       add(message, activation, activations_.seen_in(activation),
           streams_.leaves_out(activation.publisher));
     }
-    activations_lost_ += lost;
+    activations_lost_ += its.lost;
     scratch_.clear();
     message.AppendToString(&scratch_);
     const mcap::Bytes part = mcap::bytes_of(scratch_);
     if (!ring_->append(to_kind(FlightKind::kActivations), base::to_ns(clock_.now()), {&part, 1})) {
-      activations_lost_ += records.size();
+      activations_lost_ += its.records.size();
     }
   });
 }

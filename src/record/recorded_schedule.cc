@@ -80,8 +80,14 @@ void take_activations(const mcap::Source& source, const mcap::Reader& reader,
     }
     schedule.lost += activations.lost();
     for (const log::Activation& activation : activations.activations()) {
-      if (activation.component() < schedule.components.size()) {
-        schedule.components[activation.component()].activations.push_back(to_recorded(activation));
+      if (activation.component() >= schedule.components.size()) {
+        continue;
+      }
+      RecordedSchedule::Component& component = schedule.components[activation.component()];
+      if (activations.incarnation() > 1) {
+        component.is_restarted = true;
+      } else {
+        component.activations.push_back(to_recorded(activation));
       }
     }
   }

@@ -39,6 +39,8 @@ struct RecordedSchedule {
   struct Component {
     std::string name;
     std::vector<RecordedActivation> activations = {};  ///< By number.
+    /// The process that it ran in was restarted: these are of the first incarnation only.
+    bool is_restarted = false;
   };
 
   std::vector<Component> components;         ///< By their numbers in the log.

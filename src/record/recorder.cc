@@ -233,21 +233,24 @@ void Recorder::note(Batch& batch, const Stream& stream, const detail::Envelope& 
 }
 
 void Recorder::take_activations() {
-  activations_.read([this](std::size_t worker, std::uint64_t lost,
-                           std::span<const detail::ActivationRecord> records) {
-    activations_lost_.fetch_add(lost, std::memory_order_relaxed);
+  activations_.read([this](const NewActivations& its) {
+    activations_lost_.fetch_add(its.lost, std::memory_order_relaxed);
     Open& open = open_.front();
     if (open.batch == nullptr) {
       open.batch = new_batch(open.options);
     }
-    // What was lost came before all that follows it in the same record.
-    if (lost > 0 && open.batch->activations_of(worker).activations_size() > 0) {
+    // What was lost came before all that follows it in the same record, which is of one
+    // incarnation.
+    const log::Activations& before = open.batch->activations_of(its.worker);
+    if (before.activations_size() > 0 &&
+        (its.lost > 0 || its.incarnation != std::max(1U, before.incarnation()))) {
       hand_over(std::move(open.batch));
       open.batch = new_batch(open.options);
     }
-    log::Activations& activations = open.batch->activations_of(worker);
-    activations.set_lost(activations.lost() + lost);
-    for (const detail::ActivationRecord& record : records) {
+    log::Activations& activations = open.batch->activations_of(its.worker);
+    set_incarnation(activations, its.incarnation);
+    activations.set_lost(activations.lost() + its.lost);
+    for (const detail::ActivationRecord& record : its.records) {
       add(activations, record, activations_.seen_in(record), streams_.leaves_out(record.publisher));
     }
     if (activations.activations_size() >= kActivationsAtOnce) {

@@ -142,6 +142,12 @@ void Streams::explain(mcap::Writer& writer, const Explanation& explanation, Time
   }
 }
 
+void set_incarnation(log::Activations& activations, std::uint32_t incarnation) {
+  if (incarnation > 1) {
+    activations.set_incarnation(incarnation);
+  }
+}
+
 void add(log::Activations& activations, const detail::ActivationRecord& record,
          const SeenReads& seen, bool is_left_out) {
   log::Activation& activation = *activations.add_activations() = to_message(record, is_left_out);
@@ -162,21 +168,64 @@ void add(log::Activations& activations, const detail::ActivationRecord& record,
   activation.set_reads_lost(seen.lost);
 }
 
-bool ActivationReader::take_activations() {
+ActivationReader::ActivationReader(Activity activity) {
+  parts_.push_back(
+      {.rings = {.workers = std::move(activity.rings), .reads = std::move(activity.reads)}});
+  parts_.front().workers.resize(parts_.front().rings.workers.size());
+  parts_.front().reads.resize(parts_.front().rings.reads.size());
+  for (const detail::PeerActivity* const peer : activity.peers) {
+    Part part{.peer = peer};
+    // All incarnations have as many.
+    part.workers.resize(peer->rings(1).workers.size());
+    part.reads.resize(peer->rings(1).reads.size());
+    begin(part, peer->incarnation());
+    parts_.push_back(std::move(part));
+  }
+}
+
+void ActivationReader::begin(Part& part, std::uint32_t incarnation) {
+  part.incarnation = incarnation;
+  part.has_ended = false;
+  part.rings = incarnation == 0 ? detail::PeerActivity::Rings() : part.peer->rings(incarnation);
+  part.workers.assign(part.workers.size(), {});
+  part.reads.assign(part.reads.size(), {});
+}
+
+void ActivationReader::take(Part& part) {
+  if (part.peer != nullptr) {
+    const std::uint32_t now = part.peer->incarnation();
+    if (part.incarnation == 0 && now != 0) {
+      begin(part, now);
+    }
+    part.has_ended = part.incarnation != now;
+  }
+  if (take_activations(part)) {
+    take_reads(part);
+  }
+}
+
+bool ActivationReader::take_activations(Part& part) {
   bool is_news = false;
-  for (std::size_t worker = 0; worker < activity_.rings.size(); ++worker) {
-    Worker& its = workers_[worker];
+  for (std::size_t i = 0; i < part.rings.workers.size(); ++i) {
+    Worker& its = part.workers[i];
+    const detail::ActivationRing& ring = *part.rings.workers[i];
     its.records.clear();
-    its.lost = activity_.rings[worker]->read(its.next, its.records);
+    its.lost = ring.read(its.next, its.records);
+    if (part.has_ended) {
+      take_last(its, ring);
+    }
+    if (parts_.size() > 1) {
+      leave_out_others(part, its);
+    }
     is_news = is_news || its.lost > 0 || !its.records.empty();
   }
-  for (Reads& its : reads_) {
+  for (Reads& its : part.reads) {
     its.first = std::numeric_limits<std::uint64_t>::max();
   }
-  for (const Worker& worker : workers_) {
+  for (const Worker& worker : part.workers) {
     for (const detail::ActivationRecord& record : worker.records) {
-      if (record.component < reads_.size()) {
-        std::uint64_t& first = reads_[record.component].first;
+      if (record.component < part.reads.size()) {
+        std::uint64_t& first = part.reads[record.component].first;
         first = std::min(first, record.number);
       }
     }
@@ -184,11 +233,37 @@ bool ActivationReader::take_activations() {
   return is_news;
 }
 
-void ActivationReader::take_reads() {
+/// The activation in which the process ended: no one completes it any more.
+void ActivationReader::take_last(Worker& worker, const detail::ActivationRing& ring) {
+  detail::ActivationRecord record;
+  if (worker.next < ring.size() && ring.read_at(worker.next, record)) {
+    worker.records.push_back(record);
+    ++worker.next;
+  }
+}
+
+/// What stands here for components of other processes has activations too. And another process can
+/// write what it likes, but say nothing of components that are not its own.
+void ActivationReader::leave_out_others(const Part& part, Worker& worker) {
+  const auto is_of_others = [&](const detail::ActivationRecord& record) {
+    return record.component < part.rings.reads.size() &&
+           part.rings.reads[record.component] == nullptr;
+  };
+  const auto is_forged = [&](const detail::ActivationRecord& record) {
+    return record.component >= part.rings.reads.size() || record.cause > detail::Cause::kFault ||
+           record.outcome > detail::Outcome::kFault;
+  };
+  std::erase_if(worker.records, [&](const detail::ActivationRecord& record) {
+    return is_of_others(record) || (part.peer != nullptr && is_forged(record));
+  });
+}
+
+void ActivationReader::take_reads(Part& part) {
   // After the activations: what one that has ended read is there by now.
-  for (std::size_t component = 0; component < activity_.reads.size(); ++component) {
-    const detail::ReadRing* ring = activity_.reads[component];
-    Reads& its = reads_[component];
+  constexpr std::size_t kMostKept = 4 * detail::ReadRing::kForViews;
+  for (std::size_t component = 0; component < part.rings.reads.size(); ++component) {
+    const detail::ReadRing* ring = part.rings.reads[component];
+    Reads& its = part.reads[component];
     if (ring == nullptr) {
       continue;
     }
@@ -198,14 +273,19 @@ void ActivationReader::take_reads() {
     its.reads.erase(its.reads.begin(), old);
     its.old = its.given;
     its.lost += ring->read(its.next, its.reads);
+    if (its.reads.size() > kMostKept) {
+      const std::size_t surplus = its.reads.size() - kMostKept;
+      its.reads.erase(its.reads.begin(), its.reads.begin() + static_cast<std::ptrdiff_t>(surplus));
+      its.lost += surplus;
+    }
   }
 }
 
 SeenReads ActivationReader::seen_in(const detail::ActivationRecord& record) {
-  if (record.component >= reads_.size()) {
+  if (record.component >= part_->reads.size()) {
     return {};
   }
-  Reads& its = reads_[record.component];
+  Reads& its = part_->reads[record.component];
   its.given = std::max(its.given, record.number);
   const auto found =
       std::ranges::equal_range(its.reads, record.number, {}, &detail::Read::activation);

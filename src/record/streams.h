@@ -15,6 +15,7 @@
 #include "broker/read_ring.h"
 #include "broker/topics.h"
 #include "executor/activation_ring.h"
+#include "executor/peer_activity.h"
 #include "mcap/records.h"
 #include "mcap/topic_filter.h"
 #include "mcap/writer.h"
@@ -110,6 +111,7 @@ struct Activity {
   /// One a component, in the order of the application file; null, or missing, where nobody keeps
   /// them.
   std::vector<const detail::ReadRing*> reads = {};
+  std::vector<const detail::PeerActivity*> peers = {};  ///< The other processes.
 };
 
 /// What one activation learned beside its cause.
@@ -118,30 +120,41 @@ struct SeenReads {
   std::uint64_t lost = 0;  ///< Of its component, since it was asked last.
 };
 
+/// What is new of one worker.
+struct NewActivations {
+  std::size_t worker = 0;         ///< Counts the workers of all processes, those of this one first.
+  std::uint32_t incarnation = 1;  ///< Of its process.
+  std::uint64_t lost = 0;  ///< Written over before they were read; they came before `records`.
+  std::span<const detail::ActivationRecord> records = {};
+};
+
 /// Reads the activations of all workers, each from where it was, with what they learned.
 ///
 /// @threads  Confined.
 class ActivationReader {
  public:
   ActivationReader() = default;
-  explicit ActivationReader(Activity activity)
-      : activity_(std::move(activity)),
-        workers_(activity_.rings.size()),
-        reads_(activity_.reads.size()) {}
+  explicit ActivationReader(Activity activity);
 
-  /// Calls `give(worker, lost, records)` for each worker of which there is something new: `lost`
-  /// were written over before they were read, and came before `records`. In it, `seen_in` tells
-  /// what each learned.
+  /// Calls `give(activations)` for each worker of which there is something new. In it, `seen_in`
+  /// tells what each learned.
   template <typename Give>
   void read(const Give& give) {
-    if (!take_activations()) {
-      return;
-    }
-    take_reads();
-    for (std::size_t worker = 0; worker < workers_.size(); ++worker) {
-      const Worker& its = workers_[worker];
-      if (its.lost > 0 || !its.records.empty()) {
-        give(worker, its.lost, std::span<const detail::ActivationRecord>(its.records));
+    std::size_t worker = 0;
+    for (Part& part : parts_) {
+      take(part);
+      part_ = &part;
+      for (const Worker& its : part.workers) {
+        if (its.lost > 0 || !its.records.empty()) {
+          give(NewActivations{.worker = worker,
+                              .incarnation = part.incarnation,
+                              .lost = its.lost,
+                              .records = its.records});
+        }
+        ++worker;
+      }
+      if (part.has_ended) {
+        begin(part, part.peer->incarnation());
       }
     }
   }
@@ -166,14 +179,29 @@ class ActivationReader {
     std::uint64_t first = 0;
     std::vector<detail::Read> reads = {};  ///< By activation.
   };
+  /// One process, in its present incarnation.
+  struct Part {
+    const detail::PeerActivity* peer = nullptr;  ///< Null: this process.
+    std::uint32_t incarnation = 1;               ///< 0: it has ended, or not begun.
+    bool has_ended = false;                      ///< What is read in this look is its last.
+    detail::PeerActivity::Rings rings = {};
+    std::vector<Worker> workers = {};
+    std::vector<Reads> reads = {};
+  };
 
-  bool take_activations();
-  void take_reads();
+  static void begin(Part& part, std::uint32_t incarnation);
+  void take(Part& part);
+  [[nodiscard]] bool take_activations(Part& part);
+  static void take_last(Worker& worker, const detail::ActivationRing& ring);
+  static void leave_out_others(const Part& part, Worker& worker);
+  static void take_reads(Part& part);
 
-  Activity activity_;
-  std::vector<Worker> workers_;
-  std::vector<Reads> reads_;
+  std::vector<Part> parts_;
+  Part* part_ = nullptr;  ///< Whose activations are being given.
 };
+
+/// Says in which incarnation of their process these activations were.
+void set_incarnation(log::Activations& activations, std::uint32_t incarnation);
 
 /// Adds `record`, and what it saw, to what a log says of one worker. `is_left_out`: the log does
 /// not have the message that caused it.

@@ -392,6 +392,10 @@ void ExactReplay::choose(config::Problems& problems) {
       player->result.why = fmt::format("activation {} had not ended when the log did",
                                        player->recorded->activations[player->end].number);
     }
+    if (player->result.why.empty() && player->recorded->is_restarted) {
+      player->result.why = fmt::format("its process was restarted after activation {}",
+                                       player->recorded->activations.back().number);
+    }
     total_ += player->end - player->next;
   }
   if (!is_anyone && !problems.has_errors()) {

@@ -58,6 +58,15 @@ void WirePlan::lay_out() {
                      Segments::kGenerations * Wire::return_count(link) * sizeof(std::uint64_t);
     ends[link.to] = round_up(ends[link.to], kLine);
   }
+  ring_offsets.resize(processes);
+  for (ProcessIndex process = 0; process < workers.size(); ++process) {
+    ring_offsets[process] = ends[process];
+    ends[process] += round_up(workers[process] * sizeof(detail::ActivationRing), kLine);
+  }
+  for (Reads& its : reads) {
+    its.offset = ends[its.process];
+    ends[its.process] += round_up(detail::ReadRing::bytes_of(Wire::kReads), kLine);
+  }
   constexpr std::size_t kPage = 4096;
   control_bytes = round_up(*std::ranges::max_element(ends), kPage);
 }

@@ -3,11 +3,14 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include <google/protobuf/message.h>
 
+#include "broker/read_ring.h"
 #include "broker/trail.h"
+#include "executor/activation_ring.h"
 #include "fastcycle/message.h"
 #include "segment/segments.h"
 
@@ -35,8 +38,18 @@ struct WirePlan {
   std::size_t roots = 0;   ///< Of latency chains.
   std::size_t components = 0;
   std::vector<LinkPlan> links;
+  /// Where somebody records what all do: how many workers each process has. Else empty.
+  std::vector<unsigned> workers = {};
+  /// Where what one component learns is kept then.
+  struct Reads {
+    ProcessIndex process = 0;
+    std::size_t offset = 0;  ///< Set by `lay_out`.
+  };
+  std::vector<Reads> reads = {};  ///< By component.
 
-  std::size_t control_bytes = 0;  ///< Set by `lay_out`.
+  // Set by `lay_out`.
+  std::vector<std::size_t> ring_offsets = {};  ///< By process: the rings of its workers.
+  std::size_t control_bytes = 0;
   void lay_out();
 };
 
@@ -185,6 +198,22 @@ class Wire {
                                      std::uint32_t incarnation) const noexcept;
   [[nodiscard]] SnapshotWords& snapshot(ProcessIndex process,
                                         std::uint32_t incarnation) const noexcept;
+
+  /// What a worker of the process does.
+  [[nodiscard]] detail::ActivationRing& ring(ProcessIndex process, std::uint32_t incarnation,
+                                             unsigned worker) const noexcept {
+    return at<detail::ActivationRing>(
+        process, incarnation,
+        plan_.ring_offsets[process] + worker * sizeof(detail::ActivationRing));
+  }
+  /// What a component learns: of that incarnation of its process.
+  [[nodiscard]] std::unique_ptr<detail::ReadRing> reads(std::size_t component,
+                                                        std::uint32_t incarnation) const {
+    const WirePlan::Reads& its = plan_.reads[component];
+    return std::make_unique<detail::ReadRing>(&at<char>(its.process, incarnation, its.offset),
+                                              kReads);
+  }
+  static constexpr std::size_t kReads = detail::ReadRing::kForViews;
 
   // Of the one that makes the others.
   /// Counted up when a process comes or goes.

@@ -104,6 +104,60 @@ TEST_F(ComponentsInProcesses, AreRecordedInOneLog) {
   }
 }
 
+/// What `fastcycle verify` says of a log: its exit code, and by component what its report has.
+struct Verified {
+  int exit_code = 0;
+  std::string output;
+  json components;
+};
+
+Verified verify(const std::filesystem::path& log, const test::Folder& folder) {
+  const auto report = folder / "verified";
+  Process run({.program = FASTCYCLE_PROGRAM,
+               .arguments = {"verify", log.string(), "--report", report.string()}});
+  const int exit_code = run.wait().exit_code;
+  return {exit_code, run.output() + run.errors(),
+          json::parse(test::read_file(report), nullptr, false)["components"]};
+}
+
+TEST_F(ComponentsInProcesses, AreExecutedAgainFromTheirLogAsThoseOfOneProcess) {
+  for (const char* clock : {"live", "simulated"}) {
+    const auto log = folder_ / (std::string(clock) + ".mcap");
+    Process run(options(application(R"("after": ["source"])"),
+                        {"--isolate", "all", "--clock", clock, "--record", log.string()}));
+    ASSERT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    const Verified verified = verify(log, folder_);
+
+    EXPECT_EQ(verified.exit_code, 0) << verified.output;
+    for (const char* name : {"source", "relay", "sink"}) {
+      const json& component = verified.components[name];
+      EXPECT_GT(component["activations"], 200) << name << verified.output;
+      EXPECT_EQ(component["activations"], component["recorded_activations"])
+          << name << verified.output;
+    }
+    EXPECT_EQ(verified.components["relay"]["equal"], 200) << verified.output;
+  }
+}
+
+TEST_F(ComponentsInProcesses, AreExecutedAgainUpToTheEndOfTheirProcess) {
+  const auto log = folder_ / "log.mcap";
+  Process run(options(application(R"("process": "relaying", "params": {"crash_at": 50})",
+                                  R"("processes": [{"name": "relaying", "on_exit": "restart"}], )"),
+                      {"--record", log.string()}));
+  ASSERT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const Verified verified = verify(log, folder_);
+
+  EXPECT_EQ(verified.exit_code, 0) << verified.output;
+  EXPECT_EQ(verified.components["relay"]["equal"], 49) << verified.output;
+  EXPECT_THAT(verified.output, HasSubstr("activation 5"));  // In which it crashed.
+  EXPECT_THAT(verified.output, HasSubstr("had not ended"));
+  EXPECT_EQ(verified.components["sink"]["activations"],
+            verified.components["sink"]["recorded_activations"])
+      << verified.output;
+}
+
 TEST_F(ComponentsInProcesses, AreEachInOneWhereThatIsAskedFor) {
   Process run(options(application(R"("after": ["source"])"), {"--isolate", "all"}));
 

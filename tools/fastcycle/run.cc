@@ -686,9 +686,10 @@ int run_processes(const config::ApplicationDescription& description, const host:
   const auto say = [&](const std::string& sentence) {
     print_to(stderr, "fastcycle {}: {}\n", options.command, sentence);
   };
-  const bool main_gets_all =
-      options.inspect.is_wanted(description) || options.live.describe(description) ||
-      options.record.describe(description) || options.flight_recorder.describe(description);
+  const auto record = options.record.describe(description);
+  const bool has_flight_recorder = options.flight_recorder.describe(description).has_value();
+  const bool main_gets_all = options.inspect.is_wanted(description) ||
+                             options.live.describe(description) || record || has_flight_recorder;
   const bool is_simulated = clock_of(options).is_simulated;
   // Where the types of all messages are known before the first process is made, each finds them at
   // the same addresses.
@@ -712,8 +713,12 @@ int run_processes(const config::ApplicationDescription& description, const host:
     links = wiring_of_running(std::move(links), replay->plan());
     run_description = replay->description();
   }
-  const processes::ProcessPlan plan(run_description, std::move(links),
-                                    {.main_gets_all = main_gets_all, .is_simulated = is_simulated});
+  const processes::ProcessPlan plan(
+      run_description, std::move(links),
+      {.main_gets_all = main_gets_all,
+       .has_activity = (record && record->has_activations) || has_flight_recorder,
+       .is_simulated = is_simulated,
+       .simulated_workers = host::simulated_worker_count(options.workers.value_or(0))});
   if (plan.problem()) {
     say(*plan.problem());
     return kWrong;

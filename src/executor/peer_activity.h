@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "broker/read_ring.h"
+#include "executor/activation_ring.h"
+
+namespace fastcycle::detail {
+
+/// What the workers and the components of another process do, as far as it can be read here. What
+/// the rings say is not trusted.
+///
+/// @threads  Safe.
+class PeerActivity {
+ public:
+  struct Rings {
+    std::vector<const ActivationRing*> workers;
+    /// By component, in the order of the application file; null: it runs elsewhere.
+    std::vector<const ReadRing*> reads;
+  };
+
+  PeerActivity() = default;
+  PeerActivity(const PeerActivity&) = delete;
+  PeerActivity& operator=(const PeerActivity&) = delete;
+  virtual ~PeerActivity() = default;
+
+  /// Counts the starts of the process, from 1; 0: it has ended.
+  [[nodiscard]] virtual std::uint32_t incarnation() const = 0;
+  /// Those of that incarnation, which begins with empty ones. They can be read as long as the next
+  /// one has not ended.
+  [[nodiscard]] virtual const Rings& rings(std::uint32_t incarnation) const = 0;
+};
+
+}  // namespace fastcycle::detail
