@@ -127,6 +127,10 @@ void LogQueue::print(const LogLine& line) noexcept {
   std::fprintf(stderr, "%s%s%s%s%s%s\n", is_terminal_ ? "\r\x1b[K" : "",
                head_of(line, start).c_str(), colour, to_word(line.level),
                *colour == '\0' ? "" : "\x1b[0m", rest_of(line).c_str());
+  tell(line);
+}
+
+void LogQueue::tell(const LogLine& line) noexcept {
   const std::lock_guard lock(listener_mutex_);
   for (const auto& [who, listener] : listeners_) {
     listener(line);
@@ -218,18 +222,24 @@ void LogSource::write(LogLevel level, std::string_view component, std::string_vi
   const Time time = now();
   const std::string_view said_by = component.empty() ? LogQueue::kOwnName : component;
   queue_.write({.time = time, .level = level, .component = said_by, .text = text});
+  if (is_kept_.load(std::memory_order_relaxed)) {
+    keep_line({.time = time,
+               .level = level,
+               .component = std::string(said_by),
+               .text = std::string(text.substr(0, LogQueue::kTextBytes))});
+  }
+}
+
+void LogSource::keep_line(Kept line) {
   if (!is_kept_.load(std::memory_order_relaxed)) {
     return;
   }
   const std::lock_guard lock(kept_mutex_);
   if (kept_.lines.size() == kMostKept) {
     ++kept_.lost;
-    return;
+  } else {
+    kept_.lines.push_back(std::move(line));
   }
-  kept_.lines.push_back({.time = time,
-                         .level = level,
-                         .component = std::string(said_by),
-                         .text = std::string(text.substr(0, LogQueue::kTextBytes))});
 }
 
 LogSource::AllKept LogSource::take_kept() {

@@ -63,6 +63,8 @@ class LogQueue {
   /// From now on `listener` is given each line that is printed, on the thread that prints; an empty
   /// one ends that for `who`, and is not called any more once this has returned.
   void set_listener(const void* who, Listener listener);
+  /// Gives listeners a line that another process of the application printed. Safe.
+  void tell(const LogLine& line) noexcept;
 
  private:
   struct Slot {
@@ -161,6 +163,8 @@ class LogSource {
   /// From now on lines are kept too, in the order in which they are written. Then `write` takes a
   /// lock and allocates: for simulated time. Before anybody writes, or between two rounds.
   void keep() noexcept { is_kept_.store(true); }
+  /// Keeps a line that another process of the application wrote, if lines are kept.
+  void keep_line(Kept line);
   [[nodiscard]] AllKept take_kept();
 
  private:

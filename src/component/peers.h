@@ -28,6 +28,7 @@ struct Notice {
     kModeEntered = 'e',    ///< So have all; the mode is the new one.
     kModeJoined = 'j',     ///< Those of a process that join it are active.
     kNews = 'n',           ///< How a component is. Live, the main process alone takes it.
+    kLine = 'o',           ///< A line of the log. Live, the main process alone takes it.
     kLifeAsked = 'a',      ///< A tool asks to restart, stop or start a component.
     kLifeMade = 'f',       ///< What became of it.
     kParamsListed = 'i',   ///< The params of a component.
@@ -95,6 +96,8 @@ class Peers {
   /// before its start. The first is called as `on_notice`.
   std::function<std::string()> make_snapshot;
   std::function<void(const std::string&)> take_snapshot;
+  /// In simulated time, when a round is over, before what was told in it is taken.
+  std::function<void()> on_round_ends;
   /// In simulated time, when a round is over, before `on_notice`: whether `is_busy` said true in
   /// any process.
   std::function<void(bool)> on_round_over;

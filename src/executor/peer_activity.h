@@ -20,6 +20,8 @@ class PeerActivity {
     std::vector<const ReadRing*> reads;
   };
 
+  static constexpr std::uint32_t kReadable = 4;
+
   PeerActivity() = default;
   PeerActivity(const PeerActivity&) = delete;
   PeerActivity& operator=(const PeerActivity&) = delete;
@@ -27,8 +29,8 @@ class PeerActivity {
 
   /// Counts the starts of the process, from 1; 0: it has ended.
   [[nodiscard]] virtual std::uint32_t incarnation() const = 0;
-  /// Those of that incarnation, which begins with empty ones. They can be read as long as the next
-  /// one has not ended.
+  /// Those of that incarnation, which begins with empty ones: of the present one, or one of the
+  /// `kReadable` - 1 before it.
   [[nodiscard]] virtual const Rings& rings(std::uint32_t incarnation) const = 0;
 };
 

@@ -141,8 +141,10 @@ void Application::listen_to_peers() {
     modes_.take(notice);
     params_.take(notice);
     peer_news_.take(notice);
+    peer_log_.take(notice);
     life_changes_.take(notice);
   };
+  peers_->on_round_ends = [this] { peer_log_.tell_round(); };
   peers_->on_look = [this] { return peer_news_.look(); };
   peer_news_.on_news = [this](const ComponentNews& news) {
     if (end_reason() == EndReason::kNone) {  // Processes that end with the run have not failed.
@@ -467,6 +469,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   if (peers_ != nullptr) {
     params_.tell_all();
     peer_news_.begin();
+    peer_log_.begin();
   }
   if (driver_->is_real_time()) {
     if (auto refused = base::lock_memory_as_touched()) {
@@ -576,6 +579,7 @@ void Application::stop() {
   }
   params_.end();
   if (peers_ != nullptr) {
+    peer_log_.end();
     peers_->stop_notices();
   }
   driver_->stop([this](const detail::Actor& actor) { return lifecycle_.is_stuck(actor); });

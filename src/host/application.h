@@ -27,6 +27,7 @@
 #include "host/life_changes.h"
 #include "host/observers.h"
 #include "host/param_changes.h"
+#include "host/peer_log.h"
 #include "host/peer_news.h"
 #include "host/pool_teller.h"
 #include "host/status_news.h"
@@ -303,6 +304,7 @@ class Application final : public ApplicationHost {
   Chains chains_{*this, wiring_, modes_};
   StatusTeller status_{*driver_};
   PeerNews peer_news_{*this, wiring_};
+  PeerLog peer_log_{*this};
   LifeChanges life_changes_{*this};
   Lifecycle lifecycle_{*this, wiring_, *driver_, bell_};
   std::optional<config::RecordDescription> recorded_;

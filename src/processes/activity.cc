@@ -2,6 +2,8 @@
 
 namespace fastcycle::processes {
 
+static_assert(detail::PeerActivity::kReadable == segment::Segments::kGenerations);
+
 ActivityOfProcess::ActivityOfProcess(const segment::Wire& wire, segment::ProcessIndex process)
     : wire_(wire), process_(process) {
   const segment::WirePlan& plan = wire.plan();

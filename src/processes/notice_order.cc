@@ -35,7 +35,7 @@ std::string to_record(const Notice& notice) {
 
 /// None if it is no notice: who wrote it may be broken.
 std::optional<Notice> from_record(std::string_view record) {
-  constexpr std::string_view kKinds = "gcrbmlejnafipvwd";
+  constexpr std::string_view kKinds = "gcrbmlejnoafipvwd";
   if (record.empty() || kKinds.find(record.front()) == std::string_view::npos) {
     return std::nullopt;
   }
@@ -234,7 +234,7 @@ bool NoticeOrder::look_for_changes() {
 }
 
 void NoticeOrder::put_in_order(const Notice& notice) {
-  if (notice.kind == Notice::Kind::kNews) {
+  if (notice.kind == Notice::Kind::kNews || notice.kind == Notice::Kind::kLine) {
     take(notice);  // Nobody else wants to know.
     return;
   }

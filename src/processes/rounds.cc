@@ -284,6 +284,9 @@ void Rounds::exchange() {
 /// Waits for all, takes what they say of the whole, and waits again as long as there is an answer.
 void Rounds::exchange_notices() {
   const Peers& peers = *application_.peers();
+  if (peers.on_round_ends) {
+    peers.on_round_ends();
+  }
   for (bool is_first = true;; is_first = false) {
     const NoticeOrder::Said own = notices_.say();
     const bool is_busy = peers.is_busy && peers.is_busy();

@@ -184,20 +184,27 @@ ActivationReader::ActivationReader(Activity activity) {
 }
 
 void ActivationReader::begin(Part& part, std::uint32_t incarnation) {
-  part.incarnation = incarnation;
-  part.has_ended = false;
+  part.incarnation = part.seen = incarnation;
+  part.last = std::max(part.last, incarnation);
   part.rings = incarnation == 0 ? detail::PeerActivity::Rings() : part.peer->rings(incarnation);
   part.workers.assign(part.workers.size(), {});
   part.reads.assign(part.reads.size(), {});
 }
 
+/// Goes on with what followed an incarnation that has ended; false if nothing did.
+bool ActivationReader::begin_next(Part& part) {
+  if (part.seen == part.incarnation) {
+    return false;
+  }
+  constexpr std::uint32_t kBefore = detail::PeerActivity::kReadable - 1;
+  const std::uint32_t oldest = part.seen > kBefore ? part.seen - kBefore : 1;
+  begin(part, part.seen == 0 ? 0 : std::max(part.last + 1, oldest));
+  return part.incarnation != 0;
+}
+
 void ActivationReader::take(Part& part) {
   if (part.peer != nullptr) {
-    const std::uint32_t now = part.peer->incarnation();
-    if (part.incarnation == 0 && now != 0) {
-      begin(part, now);
-    }
-    part.has_ended = part.incarnation != now;
+    part.seen = part.peer->incarnation();
   }
   if (take_activations(part)) {
     take_reads(part);
@@ -211,7 +218,7 @@ bool ActivationReader::take_activations(Part& part) {
     const detail::ActivationRing& ring = *part.rings.workers[i];
     its.records.clear();
     its.lost = ring.read(its.next, its.records);
-    if (part.has_ended) {
+    if (part.seen != part.incarnation) {
       take_last(its, ring);
     }
     if (parts_.size() > 1) {

@@ -140,22 +140,22 @@ class ActivationReader {
   /// tells what each learned.
   template <typename Give>
   void read(const Give& give) {
-    std::size_t worker = 0;
+    std::size_t first = 0;
     for (Part& part : parts_) {
-      take(part);
       part_ = &part;
-      for (const Worker& its : part.workers) {
-        if (its.lost > 0 || !its.records.empty()) {
-          give(NewActivations{.worker = worker,
-                              .incarnation = part.incarnation,
-                              .lost = its.lost,
-                              .records = its.records});
+      do {
+        take(part);
+        for (std::size_t worker = 0; worker < part.workers.size(); ++worker) {
+          const Worker& its = part.workers[worker];
+          if (its.lost > 0 || !its.records.empty()) {
+            give(NewActivations{.worker = first + worker,
+                                .incarnation = part.incarnation,
+                                .lost = its.lost,
+                                .records = its.records});
+          }
         }
-        ++worker;
-      }
-      if (part.has_ended) {
-        begin(part, part.peer->incarnation());
-      }
+      } while (begin_next(part));
+      first += part.workers.size();
     }
   }
 
@@ -183,13 +183,15 @@ class ActivationReader {
   struct Part {
     const detail::PeerActivity* peer = nullptr;  ///< Null: this process.
     std::uint32_t incarnation = 1;               ///< 0: it has ended, or not begun.
-    bool has_ended = false;                      ///< What is read in this look is its last.
+    std::uint32_t last = 0;                      ///< The present one, or the last one before it.
+    std::uint32_t seen = 1;  ///< The process's incarnation before this look: if another, its last.
     detail::PeerActivity::Rings rings = {};
     std::vector<Worker> workers = {};
     std::vector<Reads> reads = {};
   };
 
   static void begin(Part& part, std::uint32_t incarnation);
+  [[nodiscard]] static bool begin_next(Part& part);
   void take(Part& part);
   [[nodiscard]] bool take_activations(Part& part);
   static void take_last(Worker& worker, const detail::ActivationRing& ring);

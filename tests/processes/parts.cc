@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "processes/reading.pb.h"
+#include "status/log_line.pb.h"
 #include "status/status.pb.h"
 
 namespace {
@@ -63,6 +64,7 @@ class Relay final : public fastcycle::Component {
         hang_at_(context.param<std::int64_t>("hang_at", {.fallback = 0})),
         throw_at_(context.param<std::int64_t>("throw_at", {.fallback = 0})),
         write_at_(context.param<std::int64_t>("write_at", {.fallback = 0})),
+        log_every_(context.param<std::int64_t>("log_every", {.fallback = 0})),
         gain_(context.param<std::int64_t>("gain", {.fallback = 1, .max = 10, .is_tunable = true})),
         relayed_(context.create_publisher<Reading>("relayed")) {
     context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
@@ -91,6 +93,9 @@ class Relay final : public fastcycle::Component {
       if (write_at_.get() != 0 && reading.value() == write_at_.get()) {
         const_cast<Reading&>(reading).set_value(-1);
       }
+      if (log_every_.get() != 0 && reading.value() % log_every_.get() == 0) {
+        log().warning("reading {}", reading.value());
+      }
       auto relayed = relayed_.loan();
       relayed->CopyFrom(reading);
       relayed->set_value(reading.value() * gain_.get());
@@ -104,8 +109,26 @@ class Relay final : public fastcycle::Component {
   fastcycle::Param<std::int64_t> hang_at_;
   fastcycle::Param<std::int64_t> throw_at_;
   fastcycle::Param<std::int64_t> write_at_;
+  fastcycle::Param<std::int64_t> log_every_;
   fastcycle::Param<std::int64_t> gain_;
   fastcycle::Publisher<Reading> relayed_;
+};
+
+/// Counts the lines that the relay writes to the log.
+class LogReader final : public fastcycle::Component {
+ public:
+  explicit LogReader(fastcycle::Context& context) : Component(context) {
+    context.create_subscriber<fastcycle::status::LogLine>(
+        "/fastcycle/log", {.depth = 256}, [this](const fastcycle::status::LogLine& line) {
+          if (line.component() == "relay") {
+            report("lines_of_relay", ++lines_);
+            report("last_line_of_relay", line.text());
+          }
+        });
+  }
+
+ private:
+  std::int64_t lines_ = 0;
 };
 
 /// Looks at each reading, and counts those that are whole. With `subscribes_late`, tries that at
@@ -222,4 +245,4 @@ class Watcher final : public fastcycle::Component {
 
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Sensor, Relay, Sink, Steering, Observer, Watcher)
+FASTCYCLE_COMPONENTS(Sensor, Relay, LogReader, Sink, Steering, Observer, Watcher)

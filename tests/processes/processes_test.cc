@@ -302,11 +302,11 @@ TEST_F(ComponentsInProcesses, EndInOrderWhenAskedTo) {
 
 /// All messages of a log as text, then what the log says of their origins and rounds: this comes in
 /// pieces as large as the recorder happens to make them.
-std::string messages_of(const std::filesystem::path& log) {
+std::string messages_of(const std::filesystem::path& log, const std::vector<std::string>& topics) {
   constexpr const char* kInfos = "fastcycle/message_infos";
-  Process echo(
-      {.program = FASTCYCLE_PROGRAM,
-       .arguments = {"echo", "--json", "--full", log.string(), "readings", "relayed", kInfos}});
+  std::vector<std::string> words{"echo", "--json", "--full", log.string(), kInfos};
+  words.insert(words.end(), topics.begin(), topics.end());
+  Process echo({.program = FASTCYCLE_PROGRAM, .arguments = words});
   EXPECT_EQ(echo.wait().exit_code, 0) << echo.errors();
   std::string messages;
   std::string infos;
@@ -326,9 +326,11 @@ std::string messages_of(const std::filesystem::path& log) {
 
 /// Whether two logs have the same messages.
 testing::AssertionResult are_equal(const std::filesystem::path& one,
-                                   const std::filesystem::path& other) {
-  const std::string messages = messages_of(one);
-  const std::string others = messages_of(other);
+                                   const std::filesystem::path& other,
+                                   const std::vector<std::string>& topics = {"readings",
+                                                                             "relayed"}) {
+  const std::string messages = messages_of(one, topics);
+  const std::string others = messages_of(other, topics);
   const auto differs = std::ranges::mismatch(messages, others);
   if (differs.in1 == messages.end() && differs.in2 == others.end() && !messages.empty()) {
     return testing::AssertionSuccess();
@@ -626,6 +628,34 @@ TEST_F(ComponentsInProcesses, GetWhatIsLatchedAlsoWhenTheirProcessWasRestarted) 
     EXPECT_EQ(said["results"]["process_of_keeper"], said["results"]["process_of_relay"]) << clock;
     expect_ledgers(said);
   }
+}
+
+TEST_F(ComponentsInProcesses, WriteIntoOneLog) {
+  json described = json::parse(application(R"("params": {"log_every": 20})", "", 200));
+  described["components"].push_back(
+      {{"name", "reader"}, {"library", "processes_parts"}, {"class", "LogReader"}});
+  const auto alone = folder_ / "alone.mcap";
+  Process in_one(options(described.dump(), {"--clock", "simulated", "--record", alone.string()}));
+  ASSERT_EQ(in_one.wait().exit_code, 0) << in_one.errors();
+  EXPECT_EQ(report()["results"]["lines_of_relay"], 10);
+  const auto log = folder_ / "isolated.mcap";
+  Process simulated(options(
+      described.dump(), {"--clock", "simulated", "--isolate", "all", "--record", log.string()}));
+
+  EXPECT_EQ(simulated.wait().exit_code, 0) << simulated.errors();
+
+  EXPECT_TRUE(are_equal(alone, log, {"readings", "relayed", "fastcycle/log"}));
+  EXPECT_EQ(report()["results"]["lines_of_relay"], 10);
+  EXPECT_EQ(report()["results"]["last_line_of_relay"], "reading 200");
+
+  described["components"][0]["params"]["count"] = 215;
+  Process live(options(described.dump(), {"--isolate", "all"}));
+
+  EXPECT_EQ(live.wait().exit_code, 0) << live.errors();
+
+  // The last readings give the last line time to come.
+  EXPECT_EQ(report()["results"]["lines_of_relay"], 10);
+  EXPECT_EQ(report()["results"]["last_line_of_relay"], "reading 200");
 }
 
 TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
