@@ -29,12 +29,24 @@ unsigned simulated_worker_count(unsigned asked) {
   return asked == 0 ? std::max(1U, std::thread::hardware_concurrency()) : asked;
 }
 
-unsigned worker_count(const config::ApplicationDescription& application) {
-  unsigned count = needs_pool(application) ? pool_size() : 0;
+std::vector<std::string> worker_names(const config::ApplicationDescription& application) {
+  std::vector<std::string> names;
+  const auto add = [&names](const std::string& executor, unsigned count) {
+    for (unsigned worker = 0; worker < count; ++worker) {
+      names.push_back(count == 1 ? executor : executor + "-" + std::to_string(worker));
+    }
+  };
   for (const config::ExecutorDescription& executor : application.executors) {
-    count += static_cast<unsigned>(executor.threads);
+    add(executor.name, static_cast<unsigned>(executor.threads));
   }
-  return count;
+  if (needs_pool(application)) {
+    add(kPoolName, pool_size());
+  }
+  return names;
+}
+
+unsigned worker_count(const config::ApplicationDescription& application) {
+  return static_cast<unsigned>(worker_names(application).size());
 }
 
 }  // namespace fastcycle::host

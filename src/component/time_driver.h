@@ -32,6 +32,9 @@ inline constexpr const char* kPoolName = "pool";
 /// How many workers the pool has on this machine, and all executors of an application, live.
 [[nodiscard]] unsigned pool_size();
 [[nodiscard]] unsigned worker_count(const config::ApplicationDescription& application);
+/// How these are named: as their executor, with a number if that has several.
+[[nodiscard]] std::vector<std::string> worker_names(
+    const config::ApplicationDescription& application);
 /// The same in simulated time; `asked`: how many somebody asks for, or 0.
 [[nodiscard]] unsigned simulated_worker_count(unsigned asked);
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "broker/read_ring.h"
@@ -27,6 +28,11 @@ class PeerActivity {
   PeerActivity& operator=(const PeerActivity&) = delete;
   virtual ~PeerActivity() = default;
 
+  /// The process, and the workers of its executors, as they are named.
+  [[nodiscard]] virtual const std::string& name() const = 0;
+  [[nodiscard]] virtual const std::vector<std::string>& worker_names() const = 0;
+  /// Its number on this machine; 0: it has ended.
+  [[nodiscard]] virtual std::int64_t pid() const = 0;
   /// Counts the starts of the process, from 1; 0: it has ended.
   [[nodiscard]] virtual std::uint32_t incarnation() const = 0;
   /// Those of that incarnation, which begins with empty ones: of the present one, or one of the

@@ -1,11 +1,17 @@
 #include "processes/activity.h"
 
+#include "component/time_driver.h"
+
 namespace fastcycle::processes {
 
 static_assert(detail::PeerActivity::kReadable == segment::Segments::kGenerations);
 
-ActivityOfProcess::ActivityOfProcess(const segment::Wire& wire, segment::ProcessIndex process)
-    : wire_(wire), process_(process) {
+ActivityOfProcess::ActivityOfProcess(const ProcessPlan& process_plan, const segment::Wire& wire,
+                                     segment::ProcessIndex process)
+    : plan_(process_plan),
+      wire_(wire),
+      process_(process),
+      worker_names_(host::worker_names(process_plan.description_in(process))) {
   const segment::WirePlan& plan = wire.plan();
   for (std::uint32_t incarnation = 1; incarnation <= rings_.size(); ++incarnation) {
     Rings& rings = rings_[segment::Wire::generation_of(incarnation)];
@@ -21,6 +27,12 @@ ActivityOfProcess::ActivityOfProcess(const segment::Wire& wire, segment::Process
       }
     }
   }
+}
+
+std::int64_t ActivityOfProcess::pid() const {
+  const std::uint32_t now = incarnation();
+  return now == 0 ? 0
+                  : wire_.stage(process_, now, plan_.pid_word()).load(std::memory_order_acquire);
 }
 
 }  // namespace fastcycle::processes

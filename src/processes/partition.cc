@@ -9,6 +9,7 @@
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
+#include <unistd.h>
 
 #include "component/component_core.h"
 #include "component/declare.h"
@@ -43,6 +44,8 @@ std::optional<std::string> Partition::become(ProcessIndex process, std::uint32_t
   incarnation_ = incarnation;
   auto refused = segments_.become(process, segment::Wire::generation_of(incarnation));
   if (!refused) {
+    wire_.stage(process, incarnation, plan_.pid_word())
+        .store(static_cast<std::uint32_t>(getpid()), std::memory_order_release);
     notices_ =
         std::make_unique<NoticeOrder>(wire_, process, incarnation, plan_.is_simulated(), *this);
   }
@@ -154,7 +157,7 @@ void Partition::connect(host::Application& application) {
   }
   for (ProcessIndex one = ProcessPlan::kMain; keeps_activity() && one < plan_.count(); ++one) {
     if (one != process_) {
-      activity_elsewhere_.push_back(std::make_unique<ActivityOfProcess>(wire_, one));
+      activity_elsewhere_.push_back(std::make_unique<ActivityOfProcess>(plan_, wire_, one));
     }
   }
   if (is_simulated) {

@@ -37,8 +37,9 @@ ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::Appli
     return;
   }
   wire_.processes = count();
-  // Behind each component's stage: how far the process is, when timers began, its heartbeat.
-  wire_.components = description_.components.size() + 4;
+  // Behind each component's stage: how far the process is, when timers began, its heartbeat, its
+  // number.
+  wire_.components = description_.components.size() + 5;
   std::set<std::string> roots;
   for (const config::ChainDescription& chain : description_.chains) {
     roots.insert(chain.from);

@@ -66,10 +66,12 @@ class ProcessPlan {
   [[nodiscard]] const host::ApplicationWiring& wiring() const { return wiring_; }
   [[nodiscard]] const std::vector<Link>& links() const { return links_; }
   [[nodiscard]] const segment::WirePlan& wire() const { return wire_; }
-  /// Where the words that no component has stand among the stages of a process: four.
+  /// Where the words that no component has stand among the stages of a process: five.
   [[nodiscard]] std::size_t stage_count() const { return description_.components.size(); }
   /// The word that a process counts up as long as it lives.
   [[nodiscard]] std::size_t heartbeat_word() const { return stage_count() + 3; }
+  /// Where a process says its number on this machine.
+  [[nodiscard]] std::size_t pid_word() const { return stage_count() + 4; }
   [[nodiscard]] bool is_simulated() const { return is_simulated_; }
 
  private:

@@ -1069,6 +1069,9 @@ ordered_json to_json(const RunReport& report) {
     }
     json["processes"] = std::move(processes);
   }
+  for (const ToolReport& tool : report.tools) {
+    json[tool.name] = nlohmann::ordered_json::parse(tool.json);
+  }
   return json;
 }
 
@@ -1097,6 +1100,9 @@ std::string to_table(const RunReport& report) {
   }
   if (!report.results.empty()) {
     text += "\n" + results_text(report);
+  }
+  for (const ToolReport& tool : report.tools) {
+    text += tool.table;
   }
   return text;
 }

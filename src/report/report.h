@@ -156,6 +156,13 @@ struct ResultReport {
 /// What there is to say of a run: plain values, which outlive the application.
 ///
 /// @threads  Compatible.
+/// What a tool that watched the run adds to the report.
+struct ToolReport {
+  std::string name;   ///< The key in the JSON.
+  std::string json;   ///< Its value.
+  std::string table;  ///< The same for people.
+};
+
 struct RunReport {
   std::string application;
   std::string clock;  ///< "live" or "simulated".
@@ -175,6 +182,7 @@ struct RunReport {
   std::optional<record::FlightReport> flight_recorder;
   std::vector<ProcessReport> processes;  ///< Empty if there is only one.
   std::vector<ResultReport> results;     ///< By component, in their order.
+  std::vector<ToolReport> tools;
 };
 
 /// Reads everything from `application`, after `Application::stop`. `wall` is how long the run took

@@ -207,11 +207,15 @@ void pass(Archive& archive, ProcessReport& report) {
   pass_all(archive, report.name, report.cpu_s, report.rss_max_kib, report.restarts, report.links);
 }
 template <typename Archive>
+void pass(Archive& archive, ToolReport& report) {
+  pass_all(archive, report.name, report.json, report.table);
+}
+template <typename Archive>
 void pass(Archive& archive, RunReport& report) {
   pass_all(archive, report.application, report.clock, report.startup_ms, report.time_s,
            report.wall_s, report.cpu_s, report.rss_max_kib, report.end, report.components,
            report.topics, report.modes, report.chains, report.recording, report.flight_recorder,
-           report.processes, report.results);
+           report.processes, report.results, report.tools);
 }
 
 template <typename Archive, typename T>

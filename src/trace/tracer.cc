@@ -4,13 +4,17 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <span>
 #include <stdexcept>
+#include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "component/time_driver.h"
 #include "host/application.h"
 
 namespace fastcycle::trace {
@@ -132,7 +136,9 @@ void Tracer::describe_tracks(const host::ObserverView& view) {
     for (const auto& timer : component->timers()) {
       state.timers.push_back(name_of_timer(*timer));
     }
-    if (is_simulated) {
+    const bool is_elsewhere = !view.peers.empty() && components_.size() < view.reads.size() &&
+                              view.reads[components_.size()] == nullptr;
+    if (is_simulated && !is_elsewhere) {
       state.track = new_track(process_track_, component->name);
     }
     components_.push_back(std::move(state));
@@ -140,31 +146,71 @@ void Tracer::describe_tracks(const host::ObserverView& view) {
   for (const detail::ActivationRing* ring : view.rings) {
     workers_.push_back({.ring = ring});
   }
-  if (is_simulated) {
-    return;
+  if (!is_simulated) {
+    describe_workers(application);
   }
-  // As `Executor::start` names them; the rings follow each other in the same order.
+  describe_peers(view);
+}
+
+void Tracer::describe_workers(const host::Application& application) {
+  // The rings follow each other in the same order.
   auto threads = threads_by_name();
-  std::size_t next = 0;
-  for (const auto& executor : application.executors()) {
-    const unsigned count = executor->options().threads;
-    for (unsigned i = 0; i < count && next < workers_.size(); ++i, ++next) {
-      const std::string name =
-          executor->options().name + (count == 1 ? "" : "-" + std::to_string(i));
-      const auto thread = threads.find(name.substr(0, 15));
-      workers_[next].track = next_track_++;
-      packets_.add(Track{.id = workers_[next].track,
-                         .parent = process_track_,
-                         .name = name,
-                         .process = getpid(),
-                         .thread = thread == threads.end()
-                                       ? getpid() + 1 + static_cast<std::int64_t>(next)
-                                       : thread->second});
-      if (thread != threads.end()) {
-        threads.erase(thread);
-      }
+  const std::vector<std::string> names = host::worker_names(application.description());
+  for (std::size_t next = 0; next < std::min(names.size(), workers_.size()); ++next) {
+    const auto thread = threads.find(names[next].substr(0, 15));
+    workers_[next].track = next_track_++;
+    packets_.add(Track{.id = workers_[next].track,
+                       .parent = process_track_,
+                       .name = names[next],
+                       .process = getpid(),
+                       .thread = thread == threads.end()
+                                     ? getpid() + 1 + static_cast<std::int64_t>(next)
+                                     : thread->second});
+    if (thread != threads.end()) {
+      threads.erase(thread);
     }
   }
+}
+
+/// Who is in other processes; where that is shown follows when they are there.
+void Tracer::describe_peers(const host::ObserverView& view) {
+  for (const detail::PeerActivity* const peer : view.peers) {
+    const auto& first = peer->rings(1);
+    for (std::size_t place = 0; place < first.reads.size(); ++place) {
+      if (first.reads[place] != nullptr) {
+        components_[place].peer = peer;
+      }
+    }
+    peers_.push_back({.peer = peer, .first_worker = workers_.size()});
+    for (std::size_t place = 0; place < first.workers.size(); ++place) {
+      workers_.push_back({.peer = peer});
+    }
+  }
+}
+
+/// One that has begun, or was restarted.
+void Tracer::describe_process(const PeerState& its) {
+  const bool is_simulated = clock_->is_simulated();
+  const std::uint64_t track = next_track_++;
+  packets_.add(Track{.id = track,
+                     .name = its.peer->name() + (is_simulated ? " (simulated time)" : ""),
+                     .process = its.peer->pid()});
+  for (ComponentState& component : components_) {
+    if (is_simulated && component.peer == its.peer) {
+      component.track = new_track(track, component.name);
+    }
+  }
+  const auto& rings = its.peer->rings(its.incarnation).workers;
+  for (std::size_t place = 0; place < rings.size() && !is_simulated; ++place) {
+    const std::uint64_t row = next_track_++;
+    workers_[its.first_worker + place].track = row;
+    packets_.add(Track{.id = row,
+                       .parent = track,
+                       .name = its.peer->worker_names()[place],
+                       .process = its.peer->pid(),
+                       .thread = its.peer->pid() + 1 + static_cast<std::int64_t>(place)});
+  }
+  static_cast<void>(hand_over());
 }
 
 void Tracer::describe_publishers(const detail::Topics& topics) {
@@ -174,7 +220,8 @@ void Tracer::describe_publishers(const detail::Topics& topics) {
       const auto component =
           std::ranges::find(components_, publisher->owner.name, &ComponentState::name);
       state.component = static_cast<std::size_t>(component - components_.begin());
-      if (publisher->options.is_external || component == components_.end()) {
+      const bool is_external = publisher->options.is_external && !publisher->is_imported;
+      if (is_external || component == components_.end()) {
         state.external_track = new_track(process_track_, name + " from outside");
       }
       publishers_.emplace(publisher->id, std::move(state));
@@ -275,18 +322,53 @@ bool Tracer::hand_over() {
 
 void Tracer::read_rings() {
   for (Worker& worker : workers_) {
-    records_.clear();
-    counts_.activations_lost += worker.ring->read(worker.next, records_);
-    for (const ActivationRecord& record : records_) {
-      if (record.component >= components_.size()) {
-        continue;
-      }
-      if (clock_->is_simulated()) {
-        write_simulated(worker, record);
-      } else {
-        read_live(worker, record);
-      }
+    read_ring(worker);
+  }
+  for (PeerState& peer : peers_) {
+    look_at(peer);
+  }
+}
+
+void Tracer::read_ring(Worker& worker) {
+  if (worker.ring == nullptr) {
+    return;
+  }
+  records_.clear();
+  counts_.activations_lost += worker.ring->read(worker.next, records_);
+  for (const ActivationRecord& record : records_) {
+    // Of components that run elsewhere, or that do not exist, another process may say something.
+    if (record.component >= components_.size() ||
+        components_[record.component].peer != worker.peer || record.cause > Cause::kFault) {
+      continue;
     }
+    if (clock_->is_simulated()) {
+      write_simulated(worker, record);
+    } else {
+      read_live(worker, record);
+    }
+  }
+}
+
+/// Goes on with the present rings of a process that began, ended or was restarted.
+void Tracer::look_at(PeerState& its) {
+  const std::uint32_t now = its.peer->incarnation();
+  if (now == its.incarnation) {
+    return;
+  }
+  const std::size_t count = its.peer->rings(1).workers.size();
+  const auto workers = std::span(workers_).subspan(its.first_worker, count);
+  for (Worker& worker : workers) {
+    read_ring(worker);  // What came between the two looks.
+  }
+  write_live(true);
+  its.incarnation = now;
+  if (now != 0) {
+    describe_process(its);
+  }
+  for (std::size_t place = 0; place < count; ++place) {
+    workers[place].ring = now == 0 ? nullptr : its.peer->rings(now).workers[place];
+    workers[place].next = 0;
+    read_ring(workers[place]);
   }
 }
 

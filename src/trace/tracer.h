@@ -123,17 +123,25 @@ class Tracer final : public host::Observer {
   };
 
   struct Worker {
-    const detail::ActivationRing* ring = nullptr;
+    const detail::ActivationRing* ring = nullptr;  ///< Null: its process has ended.
+    const detail::PeerActivity* peer = nullptr;    ///< Its process, if it is another one.
     std::uint64_t next = 0;
     std::uint64_t track = 0;
     std::int64_t end_ns = 0;  ///< Of the last slice.
     std::deque<Slice> slices = {};
   };
+  /// Another process of the application.
+  struct PeerState {
+    const detail::PeerActivity* peer = nullptr;
+    std::uint32_t incarnation = 0;  ///< 0: it has ended, or not begun.
+    std::size_t first_worker = 0;   ///< Its own are behind each other.
+  };
   struct ComponentState {
     std::string name = {};
-    std::vector<std::string> timers = {};  ///< Names, by number, as first declared.
-    std::uint64_t track = 0;               ///< In simulated time.
-    std::int64_t end_ns = 0;               ///< In simulated time: of the last slice.
+    std::vector<std::string> timers = {};        ///< Names, by number, as first declared.
+    const detail::PeerActivity* peer = nullptr;  ///< Its process, if it is another one.
+    std::uint64_t track = 0;                     ///< In simulated time.
+    std::int64_t end_ns = 0;                     ///< In simulated time: of the last slice.
     std::deque<Past> past = {};
   };
   struct PublisherState {
@@ -152,12 +160,17 @@ class Tracer final : public host::Observer {
   };
 
   void describe_tracks(const host::ObserverView& view);
+  void describe_workers(const host::Application& application);
+  void describe_peers(const host::ObserverView& view);
+  void describe_process(const PeerState& its);
   void describe_publishers(const detail::Topics& topics);
   void poll();
   void end_reading();
   /// Reads and writes all that there is; with `is_last` nothing is waited for any more.
   void take(bool is_last);
   void read_rings();
+  void read_ring(Worker& worker);
+  void look_at(PeerState& its);
   void read_live(Worker& worker, const detail::ActivationRecord& record);
   void write_simulated(Worker& worker, const detail::ActivationRecord& record);
   void write_live(bool is_last);
@@ -194,6 +207,7 @@ class Tracer final : public host::Observer {
   // The thread that reads; in simulated time that of the simulation.
   Packets packets_;
   std::vector<Worker> workers_;
+  std::vector<PeerState> peers_;
   std::vector<ComponentState> components_;
   std::unordered_map<PublisherId, PublisherState> publishers_;
   std::vector<Queue> queues_;

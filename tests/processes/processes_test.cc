@@ -658,6 +658,24 @@ TEST_F(ComponentsInProcesses, WriteIntoOneLog) {
   EXPECT_EQ(report()["results"]["last_line_of_relay"], "reading 200");
 }
 
+TEST_F(ComponentsInProcesses, AreAllInATrace) {
+  for (const char* clock : {"live", "simulated"}) {
+    const auto file = folder_ / (std::string(clock) + ".pftrace");
+    Process run(options(application(R"("process": "relaying")"),
+                        {"--clock", clock, "--trace", file.string()}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    const json traced = report()["trace"];
+    EXPECT_EQ(traced["lost"]["activations"], 0) << clock;
+    EXPECT_GE(traced["slices"], 600) << clock;  // Those of the relay too,
+    EXPECT_GE(traced["flows"], 400) << clock;   // which has arrows from the source.
+    const std::string trace = test::read_file(file);
+    EXPECT_THAT(trace, HasSubstr("relay: readings")) << clock;
+    EXPECT_THAT(trace, HasSubstr("relaying")) << clock;
+  }
+}
+
 TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
   Process run(
       options(application(R"("process": "relaying")"), {"--set", "sink.subscribes_late=true"}));
@@ -733,10 +751,11 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
 }
 
 TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {
-  Process run(options(application(R"("process": "relaying")"), {"--trace", "trace.pftrace"}));
+  Process run(options(
+      application(R"("process": "relaying")", R"("topics": {"readings": {"credits": 4}}, )")));
 
   EXPECT_EQ(run.wait().exit_code, 2);
-  EXPECT_THAT(run.errors(), HasSubstr("--trace is for components in one process"));
+  EXPECT_THAT(run.errors(), HasSubstr("topic \"readings\" has credits"));
 }
 
 }  // namespace

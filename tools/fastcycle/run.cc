@@ -478,7 +478,7 @@ int run_application(const config::ApplicationDescription& description,
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
   std::optional<web::Server> live_server;
   std::unique_ptr<trace::Tracer> tracer;
-  if (const auto asked = options.trace.describe(description)) {
+  if (const auto asked = options.trace.describe(description); asked && is_main) {
     tracer = std::make_unique<trace::Tracer>(*asked, inputs_of(options));
   }
   EndBound end_bound(description, options.command, &TerminalModes::give_back);
@@ -596,6 +596,11 @@ int run_application(const config::ApplicationDescription& description,
   if (!failure.empty()) {
     report.end = failure;
   }
+  if (tracer != nullptr) {
+    const trace::TraceReport traced = tracer->report();
+    report.tools.push_back(
+        {.name = "trace", .json = json_of(traced).dump(), .table = text_of(traced)});
+  }
   std::string obstacle;
   if (role != nullptr) {
     report.processes.push_back(report_process(*role, *plan, report));
@@ -603,17 +608,11 @@ int run_application(const config::ApplicationDescription& description,
     tell_refusals(plan->name(role->partition.process()), application.description().components,
                   options.command);
   } else {
-    nlohmann::ordered_json json = host::to_json(report);
-    std::string table = host::to_table(report);
-    if (tracer != nullptr) {
-      json["trace"] = json_of(tracer->report());
-      table += text_of(tracer->report());
-    }
-    obstacle = tell(json, table, options, report_file);
-    if (options.is_quiet && tracer != nullptr && !tracer->report().problem.empty()) {
-      print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
-               tracer->report().problem);
-    }
+    obstacle = tell(host::to_json(report), host::to_table(report), options, report_file);
+  }
+  if (options.is_quiet && tracer != nullptr && !tracer->report().problem.empty()) {
+    print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
+             tracer->report().problem);
   }
   const auto has_faulted = [](const host::ComponentReport& component) {
     return component.faults > 0;
@@ -636,9 +635,6 @@ std::string find_wrong_with_processes(const RunOptions& options) {
   if (!options.replay.files.empty() && options.clock == "live") {
     return "--replay into several processes is for --clock simulated; add that, or leave out "
            "\"process\"";
-  }
-  if (!options.trace.file.empty()) {
-    return "--trace is for components in one process; leave out \"process\"";
   }
   return {};
 }
@@ -688,8 +684,10 @@ int run_processes(const config::ApplicationDescription& description, const host:
   };
   const auto record = options.record.describe(description);
   const bool has_flight_recorder = options.flight_recorder.describe(description).has_value();
+  const bool is_traced = options.trace.describe(description).has_value();
   const bool main_gets_all = options.inspect.is_wanted(description) ||
-                             options.live.describe(description) || record || has_flight_recorder;
+                             options.live.describe(description) || record || has_flight_recorder ||
+                             is_traced;
   const bool is_simulated = clock_of(options).is_simulated;
   // Where the types of all messages are known before the first process is made, each finds them at
   // the same addresses.
@@ -716,7 +714,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
   const processes::ProcessPlan plan(
       run_description, std::move(links),
       {.main_gets_all = main_gets_all,
-       .has_activity = (record && record->has_activations) || has_flight_recorder,
+       .has_activity = (record && record->has_activations) || has_flight_recorder || is_traced,
        .is_simulated = is_simulated,
        .simulated_workers = host::simulated_worker_count(options.workers.value_or(0))});
   if (plan.problem()) {
