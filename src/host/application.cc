@@ -279,7 +279,9 @@ void Application::add_stand_in_for_own(const std::string& topic,
                                        config::ComponentDescription description,
                                        config::Problems& problems) {
   const detail::Topic* const its = topics().find(topic);
-  if (its == nullptr || its->subscriptions.empty() || !its->publishers.empty()) {
+  const bool is_subscribed = its != nullptr && !its->subscriptions.empty();
+  const bool is_published = its != nullptr && !its->publishers.empty();
+  if (is_published || !(is_subscribed || (is_recorded() && peers_->is_wanted(topic)))) {
     return;
   }
   description.executor = description_.executors.back().name;  // Nothing is executed.

@@ -32,6 +32,9 @@ class Peer final : public detail::PeerActivity {
     }
   }
 
+  [[nodiscard]] const std::string& name() const override { return name_; }
+  [[nodiscard]] const std::vector<std::string>& worker_names() const override { return names_; }
+  [[nodiscard]] std::int64_t pid() const override { return 1; }
   [[nodiscard]] std::uint32_t incarnation() const override { return present_; }
   [[nodiscard]] const Rings& rings(std::uint32_t incarnation) const override {
     return incarnations_[incarnation - 1].rings;
@@ -70,6 +73,8 @@ class Peer final : public detail::PeerActivity {
     std::uint64_t place = 0;
     std::uint64_t count = 0;
   };
+  const std::string name_ = "peer";
+  const std::vector<std::string> names_{"worker"};
   std::array<Incarnation, kReadable> incarnations_;
   std::uint32_t present_ = 1;
 };

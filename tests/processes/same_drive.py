@@ -36,7 +36,7 @@ def text_at(body, place):
 
 
 def messages(log):
-    """By topic: for each message its sequence, its times and a hash of its bytes, in the order of the log."""
+    """By topic: for each message its sequence, its times and a hash of its bytes, in the order of their times."""
     data = pathlib.Path(log).read_bytes()
     if not data.startswith(MAGIC) or not data.endswith(MAGIC):
         fail(f"{log} is no whole MCAP file")
@@ -59,7 +59,8 @@ def messages(log):
             fail(f"{log} is compressed: {compression}")
         for inner, inner_body in records(bytes(body[place + 8 :])):
             take(inner, inner_body)
-    return {topic: entries for topic, entries in found.items()
+    # A large message has a chunk of its own, which may be written before the small ones that came earlier.
+    return {topic: sorted(entries, key=lambda entry: (entry[1], entry)) for topic, entries in found.items()
             if not topic.startswith("fastcycle/")}  # fmt: skip
 
 
