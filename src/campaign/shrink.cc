@@ -84,11 +84,11 @@ class Shrinker {
   /// Puts the messages that the fault affected in the place of times and chance.
   bool name_messages(std::size_t place) {
     const ordered_json& fault = best_.faults[place].json;
-    const auto told = best_.verdict.report.find("faults");
-    if (told == best_.verdict.report.end() || !fault.contains("topic")) {
-      return false;
+    const ordered_json& report = best_.verdict.report;
+    if (!report.is_object() || !report.contains("faults") || !fault.contains("topic")) {
+      return false;  // As after a crash.
     }
-    for (const ordered_json& one : *told) {
+    for (const ordered_json& one : report["faults"]) {
       if (one.value("name", "") != fault.value("name", "")) {
         continue;
       }
@@ -152,7 +152,9 @@ class Shrinker {
     for (int i = 0; i < 12; ++i) {
       const ordered_json& fault = best_.faults[place].json;
       const double from = fault.value("from_s", 0.0);
-      const double to = fault.value("to_s", best_.verdict.report.value("time_s", from));
+      const ordered_json& report = best_.verdict.report;
+      const double end = report.is_object() ? report.value("time_s", from) : from;
+      const double to = fault.value("to_s", end);
       const double middle = std::round((from + to) * 500.0) / 1000.0;
       if (middle <= from || middle >= to) {
         return;

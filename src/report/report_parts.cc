@@ -293,8 +293,8 @@ RunReport put_together(std::vector<RunReport> parts,
       const auto known = std::ranges::find(whole.faults, fault.name, &faults::FaultCount::name);
       if (known == whole.faults.end()) {
         whole.faults.push_back(fault);
-      } else {
-        known->count = std::max(known->count, fault.count);
+      } else if (fault.count > known->count) {
+        *known = fault;
       }
     }
     for (TopicReport& topic : part->topics) {

@@ -35,10 +35,11 @@ class Campaign : public test::TrackingRuns {
   }
 
   [[nodiscard]] test::ProcessOptions campaign(const std::vector<std::string>& more = {},
-                                              const std::string& judge = "tracks_lost == 0") const {
+                                              const std::string& judge = "tracks_lost == 0",
+                                              const std::string& out = "found") const {
     std::vector<std::string> words{"campaign", "app.json", "--plan", "plan.json",
                                    "--judge",  judge,      "--for",  "15s",
-                                   "--out",    "found"};
+                                   "--out",    out};
     words.insert(words.end(), more.begin(), more.end());
     return program(words);
   }
@@ -86,11 +87,11 @@ TEST_F(Campaign, LeavesAnOverlayThatRepeatsTheFailureByteForByte) {
     const json report = json::parse(test::read_file(folder_ / "report.json"));
     EXPECT_EQ("tracks_lost is " + report["results"]["tracks_lost"].dump(),
               summary()["failures"][0]["how"]);
-    Process echo(program({"echo", log}));
+    Process echo(program({"echo", log, "sweeps", "tracks"}));
     EXPECT_EQ(echo.wait().exit_code, 0) << echo.errors();
     messages.push_back(echo.output());
   }
-  Process echo(program({"echo", "found/failure_1.mcap"}));
+  Process echo(program({"echo", "found/failure_1.mcap", "sweeps", "tracks"}));
   EXPECT_EQ(echo.wait().exit_code, 0) << echo.errors();
 
   EXPECT_THAT(messages[0], HasSubstr("range_m"));
@@ -101,7 +102,8 @@ TEST_F(Campaign, LeavesAnOverlayThatRepeatsTheFailureByteForByte) {
 TEST_F(Campaign, IsTheSameWithAnyNumberOfJobs) {
   std::vector<json> found;
   for (const char* jobs : {"1", "3"}) {
-    Process process(campaign({"--seeds", "20", "--no-logs", "--jobs", jobs, "--out", jobs}));
+    Process process(campaign({"--seeds", "20", "--no-logs", "--jobs", jobs},
+                             "tracks_lost == 0", jobs));
     EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
     json said = json::parse(test::read_file(folder_ / jobs / "summary.json"));
     for (json& result : said["results"]) {
@@ -138,14 +140,14 @@ TEST_F(Campaign, GoesOnWhereItWasEnded) {
 
 TEST_F(Campaign, FindsCrashes) {
   folder_.write("plan.json", R"({"faults": [{"kind": "corrupt", "topic": "sweeps",
-      "field": "objects.range_m", "as": "nan", "from_s": [0, 12], "for_s": 0.5}]})");
+      "field": "objects.range_m", "as": "nan", "from_s": [0, 20], "for_s": 0.5}]})");
   Process process(
-      campaign({"--seeds", "6", "--set", "tracker.crashes_on_nan=true", "--no-logs"}));
+      campaign({"--seeds", "12", "--set", "tracker.crashes_on_nan=true", "--no-logs"}));
 
   EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
   const json said = summary();
   EXPECT_GT(said["failed"].get<int>(), 0) << said.dump(1);
-  EXPECT_LT(said["failed"].get<int>(), 6) << said.dump(1);  // Some begin after the last sweep.
+  EXPECT_LT(said["failed"].get<int>(), 12) << said.dump(1);  // Some begin after the last sweep.
   EXPECT_THAT(said["failures"][0]["way"].get<std::string>(), HasSubstr("signal"));
 }
 
@@ -160,7 +162,7 @@ TEST_F(Campaign, SaysWhatIsWrongWithAPlan) {
   EXPECT_THAT(plan.errors(), HasSubstr("/faults/1: the key \"kind\" is missing"));
 
   folder_.write("plan.json", R"({"faults": [{"kind": "drop", "topic": "sweep", "from_s": 1}]})");
-  Process topic(campaign({"--out", "other"}));
+  Process topic(campaign({}, "tracks_lost == 0", "other"));
   EXPECT_EQ(topic.wait().exit_code, 2);
   EXPECT_THAT(topic.errors(), HasSubstr("did you mean \"sweeps\"?"));
 

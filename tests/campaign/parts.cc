@@ -118,6 +118,4 @@ class Planner final : public fastcycle::Component {
 
 }  // namespace
 
-FASTCYCLE_COMPONENT(Lidar)
-FASTCYCLE_COMPONENT(Tracker)
-FASTCYCLE_COMPONENT(Planner)
+FASTCYCLE_COMPONENTS(Lidar, Tracker, Planner)
