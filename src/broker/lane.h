@@ -30,6 +30,7 @@ enum class DropReason : std::uint8_t {
   kStale,         ///< What it was made of was too old for a latency chain.
   kProcess,       ///< It was lost between two processes.
   kLink,          ///< Another application sent it, and it never came.
+  kInjected,      ///< A fault that the application file asks for took it.
   kCount,
 };
 

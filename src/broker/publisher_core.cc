@@ -128,6 +128,8 @@ void PublisherCore::check_told_loan() const {
 }
 
 void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
+  const auto lock = gate_ == nullptr ? std::unique_lock<base::PriorityMutex>()
+                                     : std::unique_lock(gate_->mutex);
   shares_.join(*lane);
   for (Pool* pool : {pool_, forwards_}) {
     pool->declare_kept(lane->subscription.holder, lane->subscription.keep + options.keep);
@@ -164,6 +166,8 @@ void PublisherCore::provide_for(const Lane::Options& lane, std::size_t keep) {
 }
 
 void PublisherCore::disconnect(const Lane& lane) noexcept {
+  const auto lock = gate_ == nullptr ? std::unique_lock<base::PriorityMutex>()
+                                     : std::unique_lock(gate_->mutex);
   std::erase_if(targets_, [&](const Target& target) {
     if (target.lane.get() != &lane) {
       return false;
@@ -571,6 +575,10 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
     drop_scratch(envelope);
     return;
   }
+  if (gate_ != nullptr) [[unlikely]] {
+    put_through_gate(envelope);
+    return;
+  }
   const Pool& pool = *envelope->pool;
   const std::size_t held_back =
       shares_.must_look(pool) ? shares_.find_held_back(targets_, pool) : 0;
@@ -595,23 +603,77 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
       shares_.hold_back(lane, pool);
       continue;
     }
-    if (Envelope* displaced = lane.push(envelope)) {
-      release(displaced);
-      if (topic.overflow_watch != nullptr && !lane.options.is_view) {
-        topic.overflow_watch->overflowed(lane.subscription);
-      }
-    }
-    if (target.bit != 0 && target.inbox->mark(lane, target.bit)) {
-      wakes.add(target.inbox->queue());
-    }
-    if (lane.is_closed()) {
-      lane.dropped_after_close.add(lane.drain());
-    }
+    push(target, envelope, topic, wakes);
   }
   wakes.wake_all();
   for (MessageExport* const to : exports_) {
     to->put(*envelope);
   }
+}
+
+void PublisherCore::push(const Target& target, Envelope* envelope, const Topic& topic,
+                         WakeList& wakes) noexcept {
+  Lane& lane = *target.lane;
+  if (Envelope* displaced = lane.push(envelope)) {
+    release(displaced);
+    if (topic.overflow_watch != nullptr && !lane.options.is_view) {
+      topic.overflow_watch->overflowed(lane.subscription);
+    }
+  }
+  if (target.bit != 0 && target.inbox->mark(lane, target.bit)) {
+    wakes.add(target.inbox->queue());
+  }
+  if (lane.is_closed()) {
+    lane.dropped_after_close.add(lane.drain());
+  }
+}
+
+/// Who only looks on is given what was published. Another process has a gate of its own.
+void PublisherCore::put_through_gate(Envelope* envelope) noexcept {
+  const std::lock_guard lock(gate_->mutex);
+  const Pool& pool = *envelope->pool;
+  if (shares_.must_look(pool)) {
+    static_cast<void>(shares_.find_held_back(targets_, pool));
+  }
+  envelope->references.store(1 + static_cast<std::uint32_t>(exports_.size()),
+                             std::memory_order_relaxed);
+  if (options.latched > 0) {
+    retain(*envelope);
+    keep_latched(envelope);
+  }
+  gate_->begin(*envelope);
+  for (const Target& target : targets_) {
+    Lane& lane = *target.lane;
+    if (lane.is_held_back) {
+      shares_.hold_back(lane, pool);
+    } else if (lane.subscription.kind == Subscription::Kind::kTap) {
+      retain(*envelope);
+      WakeList wakes;
+      push(target, envelope, topic, wakes);
+      wakes.wake_all();
+    } else {
+      gate_->pass(*envelope, lane.subscription);
+    }
+  }
+  gate_->end(*envelope);
+  for (MessageExport* const to : exports_) {
+    to->put(*envelope);
+  }
+  release(envelope);
+}
+
+bool PublisherCore::put_behind_gate(const Subscription& subscription, Envelope* envelope) noexcept {
+  const auto target = std::ranges::find_if(targets_, [&](const Target& one) {
+    return &one.lane->subscription == &subscription;
+  });
+  if (target == targets_.end()) {
+    release(envelope);
+    return false;
+  }
+  WakeList wakes;
+  push(*target, envelope, topic, wakes);
+  wakes.wake_all();
+  return true;
 }
 
 void PublisherCore::give_latched(MessageExport& to, std::size_t count) noexcept {

@@ -13,6 +13,7 @@
 #include "base/priority_mutex.h"
 #include "broker/credits.h"
 #include "broker/inbox.h"
+#include "broker/lane_gate.h"
 #include "broker/message_export.h"
 #include "broker/pool.h"
 #include "broker/pool_shares.h"
@@ -23,6 +24,7 @@
 namespace fastcycle::detail {
 
 class Topic;
+class WakeList;
 
 /// What came with a message that another application had published, in the time of this one.
 struct Arrival {
@@ -130,6 +132,13 @@ class PublisherCore {
     published_.set(sequence);
   }
 
+  /// From now on `gate` decides what reaches the lanes of components; null: all that is published
+  /// does. Before anything is connected; it has to live as long as something is published.
+  void set_gate(LaneGate* gate) noexcept { gate_ = gate; }
+  /// Of the gate, which holds its mutex: puts `envelope`, of which one reference is given away,
+  /// into the lane of `subscription`. False if there is none any more; then it is released.
+  bool put_behind_gate(const Subscription& subscription, Envelope* envelope) noexcept;
+
   /// An external publisher's lock; the others need none.
   [[nodiscard]] base::PriorityMutex& mutex() noexcept { return mutex_; }
 
@@ -202,6 +211,9 @@ class PublisherCore {
   /// As `deliver`, when a simulated round is over.
   void hand_over(Envelope* envelope) noexcept;
   void put_into_lanes(Envelope* envelope) noexcept;
+  void put_through_gate(Envelope* envelope) noexcept;
+  static void push(const Target& target, Envelope* envelope, const Topic& topic,
+                   WakeList& wakes) noexcept;
   void give_loan_back(Envelope* loan) noexcept;
   void share(Envelope& loan) noexcept;
   [[nodiscard]] Envelope* copy_for_export(const Envelope& received);
@@ -227,6 +239,7 @@ class PublisherCore {
   Envelope* scratch_forwards_ = nullptr;
 
   std::vector<Target> targets_;
+  LaneGate* gate_ = nullptr;  ///< Only where faults are injected.
   std::vector<MessageExport*> exports_;  ///< To other processes; most publishers have none.
   std::vector<Envelope*> latched_;
   std::atomic<Time> last_publish_time_{};

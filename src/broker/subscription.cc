@@ -42,6 +42,8 @@ const char* to_word(DropReason reason) noexcept {
       return "process";
     case DropReason::kLink:
       return "link";
+    case DropReason::kInjected:
+      return "injected";
     case DropReason::kCount:
       break;
   }
@@ -178,6 +180,9 @@ Ledger Subscription::ledger() const {
     const std::uint64_t lost = lost_on_link.load(std::memory_order_relaxed);
     ledger.published += lost;
     ledger.dropped[static_cast<std::size_t>(DropReason::kLink)] += lost;
+    const std::uint64_t injected = lost_by_injection.load(std::memory_order_relaxed);
+    ledger.published += injected;
+    ledger.dropped[static_cast<std::size_t>(DropReason::kInjected)] += injected;
     for (const auto& lane : lanes_) {
       add_to(ledger, *lane);
     }

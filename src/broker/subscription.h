@@ -110,6 +110,8 @@ class Subscription {
   /// What another application sent, and what never came to the publisher here. Written by external
   /// publishers.
   std::atomic<std::uint64_t> lost_on_link{0};
+  /// What was published for it, and lost by a fault that was asked for. Written by gates.
+  std::atomic<std::uint64_t> lost_by_injection{0};
 
   /// From publish to callback, in nanoseconds. Written by the receiving component's worker.
   base::CoarseHistogram latency;

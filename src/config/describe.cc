@@ -378,6 +378,63 @@ ChainDescription describe_chain(const Value& value) {
   return chain;
 }
 
+FaultDescription describe_fault(const Value& value) {
+  FaultDescription fault;
+  fault.place = value.place();
+  fault.kind = find_word(value, "kind",
+                         std::array{FaultKind::kDrop, FaultKind::kDelay, FaultKind::kDuplicate,
+                                    FaultKind::kFreeze, FaultKind::kCorrupt, FaultKind::kThrow,
+                                    FaultKind::kSlow, FaultKind::kHang, FaultKind::kRestart})
+                   .value_or(fault.kind);
+  fault.name = text_of(value, "name");
+  fault.topic = without_slash(text_of(value, "topic"));
+  fault.publisher = text_of(value, "publisher");
+  fault.subscriber = text_of(value, "subscriber");
+  fault.component = text_of(value, "component");
+  fault.from = find_s(value, "from_s").value_or(fault.from);
+  fault.to = find_s(value, "to_s");
+  if (const Value* messages = find_array(value, "messages")) {
+    for (const Value& one : messages->items()) {
+      if (one.type() == Value::Type::kInt && one.as_int64() > 0) {
+        fault.messages.push_back(one.as_uint64());
+      }
+    }
+    std::ranges::sort(fault.messages);
+  }
+  if (const Value* number = value.find("probability"); number != nullptr && number->is_number()) {
+    fault.probability = number->as_double();
+  }
+  fault.by = find_span(value, "by_ms").value_or(fault.by);
+  fault.field = text_of(value, "field");
+  fault.corruption = find_word(value, "as",
+                               std::array{Corruption::kNan, Corruption::kValue,
+                                          Corruption::kBitFlip, Corruption::kStale})
+                         .value_or(fault.corruption);
+  if (const Value* number = value.find("value"); number != nullptr && number->is_number()) {
+    fault.value = number->as_double();
+  }
+  return fault;
+}
+
+FaultsDescription describe_faults(const Value& value) {
+  FaultsDescription faults;
+  faults.place = value.place();
+  read_integer(value, "seed", faults.seed);
+  if (const Value* list = find_array(value, "list")) {
+    for (const Value& fault : list->items()) {
+      faults.list.push_back(describe_fault(fault));
+    }
+  }
+  // What is drawn for a fault depends on its name, and so not on what else is in the list.
+  for (std::size_t i = 0; i < faults.list.size(); ++i) {
+    FaultDescription& fault = faults.list[i];
+    if (fault.name.empty()) {
+      fault.name = std::string(to_string(fault.kind)) + '_' + std::to_string(i + 1);
+    }
+  }
+  return faults;
+}
+
 RecordDescription describe_record(const Value& value) {
   RecordDescription record;
   record.place = value.place();
@@ -526,6 +583,9 @@ ApplicationDescription describe(const Value& tree) {
     for (const Value& chain : chains->items()) {
       application.chains.push_back(describe_chain(chain));
     }
+  }
+  if (const Value* faults = find_object(tree, "faults")) {
+    application.faults = describe_faults(*faults);
   }
   const Value* shared = find_object(tree, "shared_params");
   application.shared_params = shared == nullptr ? Value::object_at(tree) : *shared;

@@ -19,4 +19,7 @@ namespace fastcycle::config {
 /// values that contradict each other.
 void check_sense(const ApplicationDescription& application, Problems& problems);
 
+/// Adds a mistake for each fault to be injected that is not complete, or says what means nothing.
+void check_faults(const ApplicationDescription& application, Problems& problems);
+
 }  // namespace fastcycle::config

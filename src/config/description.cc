@@ -142,6 +142,44 @@ std::string_view to_string(OnBreach on_breach) {
   return "";
 }
 
+std::string_view to_string(FaultKind kind) {
+  switch (kind) {
+    case FaultKind::kDrop:
+      return "drop";
+    case FaultKind::kDelay:
+      return "delay";
+    case FaultKind::kDuplicate:
+      return "duplicate";
+    case FaultKind::kFreeze:
+      return "freeze";
+    case FaultKind::kCorrupt:
+      return "corrupt";
+    case FaultKind::kThrow:
+      return "throw";
+    case FaultKind::kSlow:
+      return "slow";
+    case FaultKind::kHang:
+      return "hang";
+    case FaultKind::kRestart:
+      return "restart";
+  }
+  return "";
+}
+
+std::string_view to_string(Corruption corruption) {
+  switch (corruption) {
+    case Corruption::kNan:
+      return "nan";
+    case Corruption::kValue:
+      return "value";
+    case Corruption::kBitFlip:
+      return "bit_flip";
+    case Corruption::kStale:
+      return "stale";
+  }
+  return "";
+}
+
 std::string_view to_string(OnExit on_exit) {
   switch (on_exit) {
     case OnExit::kStop:

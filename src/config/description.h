@@ -235,6 +235,56 @@ struct ChainDescription {
 /// Where chains may begin: so many different topics, each of which every message knows.
 inline constexpr std::size_t kMaxChainRoots = 8;
 
+/// What a fault does: to messages of a topic, up to `kCorrupt`, or to a component.
+enum class FaultKind : std::uint8_t {
+  kDrop,       ///< The message does not come.
+  kDelay,      ///< It comes later; those behind it wait for it.
+  kDuplicate,  ///< It comes twice.
+  kFreeze,     ///< The last message before the fault comes in its place.
+  kCorrupt,    ///< A field of it is changed.
+  kThrow,      ///< The component throws.
+  kSlow,       ///< In simulated time: what it computes takes longer.
+  kHang,       ///< Live: a callback does not return for a while.
+  kRestart,    ///< It is made anew.
+};
+[[nodiscard]] constexpr bool is_of_topic(FaultKind kind) noexcept {
+  return kind <= FaultKind::kCorrupt;
+}
+
+/// What a field becomes in a corrupt message.
+enum class Corruption : std::uint8_t {
+  kNan,      ///< Not a number.
+  kValue,    ///< A number that the file gives.
+  kBitFlip,  ///< What it is, but for one bit.
+  kStale,    ///< What it was in the message before.
+};
+
+/// One fault that is injected into a run.
+struct FaultDescription {
+  std::string name;
+  FaultKind kind = FaultKind::kDrop;
+  std::string topic;       ///< Full, without a leading slash.
+  std::string publisher;   ///< The component; empty: all.
+  std::string subscriber;  ///< The component; empty: all.
+  std::string component;
+  std::chrono::nanoseconds from{0};            ///< Since the start of the timers.
+  std::optional<std::chrono::nanoseconds> to;  ///< The same; none: to the end of the run.
+  std::vector<std::uint64_t> messages;         ///< Sorted sequences of a publisher; empty: all.
+  double probability = 1.0;                    ///< Of a message.
+  std::chrono::nanoseconds by{0};              ///< Of `kDelay`, `kSlow`, `kHang`.
+  std::string field;                           ///< Dotted, of `kCorrupt`.
+  Corruption corruption = Corruption::kNan;
+  double value = 0;  ///< Of `Corruption::kValue`.
+  Place place;
+};
+
+/// What is injected into a run, to see what becomes of it.
+struct FaultsDescription {
+  std::uint64_t seed = 0;  ///< Of what is drawn.
+  std::vector<FaultDescription> list;
+  Place place;
+};
+
 /// One component of the application, with all that its file, overlays and options say of it.
 struct ComponentDescription {
   std::string name;        ///< Full: `front/limiter` for `limiter` in the namespace `front`.
@@ -285,6 +335,7 @@ struct ApplicationDescription {
   std::vector<ModeDescription> modes;            ///< In file order.
   std::string initial_mode;                      ///< Empty where there are no modes.
   std::vector<ChainDescription> chains;          ///< In file order.
+  FaultsDescription faults;                      ///< Empty in all but a trial of faults.
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
@@ -324,5 +375,7 @@ struct ApplicationDescription {
 [[nodiscard]] std::string_view to_string(OnBreach on_breach);
 [[nodiscard]] std::string_view to_string(OnExit on_exit);
 [[nodiscard]] std::string_view to_string(Sandbox sandbox);
+[[nodiscard]] std::string_view to_string(FaultKind kind);
+[[nodiscard]] std::string_view to_string(Corruption corruption);
 
 }  // namespace fastcycle::config

@@ -507,6 +507,7 @@ class Sense {
 
 void check_sense(const ApplicationDescription& application, Problems& problems) {
   Sense(application, problems).check();
+  check_faults(application, problems);
 }
 
 }  // namespace fastcycle::config

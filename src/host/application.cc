@@ -1,6 +1,8 @@
 #include "host/application.h"
 
 #include <algorithm>
+#include <stdexcept>
+#include <thread>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -190,6 +192,14 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
   }
   observers_.tap(topics());
   topics().set_pool_watch(pool_teller_);
+  // Where a recorded run is executed again, the log has what was received.
+  if (!description_.faults.list.empty() && !driver_->is_recorded()) {
+    injector_ = std::make_unique<faults::Injector>(description_.faults, clock_);
+    injector_->strike = [this](const config::FaultDescription& fault, bool is_over) {
+      strike(fault, is_over);
+    };
+    injector_->attach(topics(), peers_ == nullptr, problems);
+  }
   topics().connect_all();
   observers_.open(problems);
   for (const auto& component : components_) {
@@ -467,6 +477,12 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
     });
     driver_->set_feed(*replay_);
   }
+  if (injector_ != nullptr) {
+    if (replay_ != nullptr) {
+      injector_->set_other(*replay_);
+    }
+    driver_->set_feed(*injector_);
+  }
   start_ns_ = base::to_ns(clock_.now());
   if (peers_ != nullptr) {
     params_.tell_all();
@@ -496,6 +512,10 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   start_ns_ = base::to_ns(begin_of_timers());
   log_queue_.set_start(start_time());
   lifecycle_.start_timers(start_time());
+  if (injector_ != nullptr) {
+    log(LogLevel::kWarning, {}, injector_->summary());
+    injector_->begin(start_time(), refusals_);
+  }
   modes_.begin();
   if (peers_ != nullptr) {
     peer_news_.tell_all();
@@ -563,6 +583,9 @@ void Application::stop() {
     wiring_.close_external(
         [this](const ComponentCore& component) { return is_replayed(component.name); });
     lifecycle_.stop_timers();
+    if (injector_ != nullptr) {
+      injector_->end();
+    }
     if (peers_ != nullptr) {
       // What is under way here may become something there, and come back.
       peers_->reach(Peers::Step::kTimersStopped);
@@ -621,6 +644,42 @@ void Application::hang_changed(ComponentCore& component, std::string hang) {
     if (peers_ != nullptr) {
       peer_news_.hang_changed(component);
     }
+  }
+}
+
+/// What a fault of a component is.
+void Application::strike(const config::FaultDescription& fault, bool is_over) {
+  const auto found = std::ranges::find(components_, fault.component,
+                                       [](const auto& component) { return component->name; });
+  if (found == components_.end() || is_replayed(fault.component)) {
+    return;  // It is in another process, or does not run.
+  }
+  ComponentCore& component = **found;
+  switch (fault.kind) {
+    case config::FaultKind::kThrow:
+      driver_->between_rounds([&component, name = fault.name] {
+        component.post(detail::Cause::kEvent, [name] {
+          throw std::runtime_error("the injected fault \"" + name + "\"");
+        });
+      });
+      break;
+    case config::FaultKind::kRestart:
+      change_life(component, detail::LifeStep::kRenew, [](const auto&, const auto&) {});
+      break;
+    case config::FaultKind::kSlow:
+      if (driver_->is_simulated()) {
+        component.set_simulated_cost(component.description.simulated_cost +
+                                     (is_over ? Duration(0) : Duration(fault.by)));
+      }
+      break;
+    case config::FaultKind::kHang:
+      if (!driver_->is_simulated()) {
+        component.post(detail::Cause::kEvent,
+                       [by = fault.by] { std::this_thread::sleep_for(by); });
+      }
+      break;
+    default:
+      break;
   }
 }
 

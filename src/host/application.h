@@ -24,6 +24,7 @@
 #include "component/wiring.h"
 #include "config/description.h"
 #include "config/problem.h"
+#include "faults/injector.h"
 #include "host/life_changes.h"
 #include "host/observers.h"
 #include "host/param_changes.h"
@@ -226,6 +227,8 @@ class Application final : public ApplicationHost {
   [[nodiscard]] bool is_replayed(const std::string& component) const override;
   [[nodiscard]] bool runs_elsewhere(const std::string& component) const override;
   [[nodiscard]] std::string service_name(std::uint64_t id) const override;
+  /// Who injects faults; null if nobody does.
+  [[nodiscard]] const faults::Injector* injector() const { return injector_.get(); }
   /// None in simulated time.
   [[nodiscard]] const std::vector<std::unique_ptr<detail::Executor>>& executors() const {
     return driver_->executors();
@@ -271,6 +274,7 @@ class Application final : public ApplicationHost {
  private:
   void set_up();
   void listen_to_peers();
+  void strike(const config::FaultDescription& fault, bool is_over);
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
   void construct(config::Problems& problems, ConstructorFault on_throw,
@@ -313,6 +317,7 @@ class Application final : public ApplicationHost {
   Observers observers_;
   RecorderObserver* recorder_ = nullptr;       ///< One of the observers, as the next one.
   FlightObserver* flight_recorder_ = nullptr;  ///< Null if there is none.
+  std::unique_ptr<faults::Injector> injector_;  ///< Null where no faults are asked for.
   Replay* replay_ = nullptr;
   Peers* peers_ = nullptr;
   std::vector<base::Refusal> refusals_;

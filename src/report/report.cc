@@ -688,6 +688,16 @@ std::vector<std::string> subscriber_cells(const SubscriberReport& subscriber) {
           time_text(latency, latency.max)};
 }
 
+std::string faults_text(const std::vector<faults::FaultCount>& faults) {
+  Rows rows;
+  rows.add({"INJECTED FAULT", "KIND", "OF", "TIMES"});
+  for (const faults::FaultCount& fault : faults) {
+    rows.add({fault.name, std::string(config::to_string(fault.kind)),
+              shortened(fault.target, 2 * kNameColumns), std::to_string(fault.count)});
+  }
+  return rows.text();
+}
+
 std::string topic_head(const TopicReport& topic) {
   const std::string numbers = "  " + rate_text(topic.rate_hz) + "  " +
                               std::to_string(topic.published) + " published  " +
@@ -1007,6 +1017,9 @@ RunReport make_report(const Application& application, Duration wall) {
   for (const auto& component : application.components()) {
     add_offered(report, *component);
   }
+  if (const faults::Injector* injector = application.injector()) {
+    report.faults = injector->counts();
+  }
   if (const record::Recorder* recorder = application.recorder()) {
     RecordingReport& recording = report.recording.emplace();
     for (const auto& file : recorder->files()) {
@@ -1062,6 +1075,13 @@ ordered_json to_json(const RunReport& report) {
   if (report.flight_recorder) {
     json["flight_recorder"] = json_of(*report.flight_recorder);
   }
+  for (const faults::FaultCount& fault : report.faults) {
+    json["faults"].push_back({{"name", fault.name},
+                              {"kind", config::to_string(fault.kind)},
+                              {"target", fault.target},
+                              {"count", fault.count},
+                              {"messages", fault.messages}});
+  }
   if (!report.processes.empty()) {
     auto processes = ordered_json::object();
     for (const ProcessReport& process : report.processes) {
@@ -1077,6 +1097,9 @@ ordered_json to_json(const RunReport& report) {
 
 std::string to_table(const RunReport& report) {
   std::string text = head_text(report) + "\n" + components_text(report) + troubles_text(report);
+  if (!report.faults.empty()) {
+    text += "\n" + faults_text(report.faults);
+  }
   if (!report.topics.empty()) {
     text += "\n" + topics_text(report);
   }

@@ -12,6 +12,7 @@
 #include "broker/subscription.h"
 #include "component/component_core.h"
 #include "fastcycle/component.h"
+#include "faults/injector.h"
 #include "host/application.h"
 #include "modes/chains.h"
 #include "report/unmatched.h"
@@ -183,6 +184,7 @@ struct RunReport {
   std::vector<ProcessReport> processes;  ///< Empty if there is only one.
   std::vector<ResultReport> results;     ///< By component, in their order.
   std::vector<ToolReport> tools;
+  std::vector<faults::FaultCount> faults;  ///< That were injected; empty if none were asked for.
 };
 
 /// Reads everything from `application`, after `Application::stop`. `wall` is how long the run took

@@ -211,11 +211,15 @@ void pass(Archive& archive, ToolReport& report) {
   pass_all(archive, report.name, report.json, report.table);
 }
 template <typename Archive>
+void pass(Archive& archive, faults::FaultCount& fault) {
+  pass_all(archive, fault.name, fault.kind, fault.target, fault.count, fault.messages);
+}
+template <typename Archive>
 void pass(Archive& archive, RunReport& report) {
   pass_all(archive, report.application, report.clock, report.startup_ms, report.time_s,
            report.wall_s, report.cpu_s, report.rss_max_kib, report.end, report.components,
            report.topics, report.modes, report.chains, report.recording, report.flight_recorder,
-           report.processes, report.results, report.tools);
+           report.processes, report.results, report.tools, report.faults);
 }
 
 template <typename Archive, typename T>
@@ -288,6 +292,15 @@ RunReport put_together(std::vector<RunReport> parts,
     std::ranges::move(part->components, std::back_inserter(whole.components));
     std::ranges::move(part->results, std::back_inserter(whole.results));
     std::ranges::move(part->processes, std::back_inserter(whole.processes));
+    // Each process counts what it did to messages that come to its own components.
+    for (const faults::FaultCount& fault : part->faults) {
+      const auto known = std::ranges::find(whole.faults, fault.name, &faults::FaultCount::name);
+      if (known == whole.faults.end()) {
+        whole.faults.push_back(fault);
+      } else if (fault.count > known->count) {
+        *known = fault;
+      }
+    }
     for (TopicReport& topic : part->topics) {
       const auto [known, is_new] = topics.try_emplace(topic.name, topic);
       if (!is_new) {

@@ -49,6 +49,7 @@ Command add_view(CLI::App& program);
 Command add_verify(CLI::App& program);
 Command add_compare(CLI::App& program);
 Command add_debug(CLI::App& program);
+Command add_campaign(CLI::App& program);
 Command add_version(CLI::App& program);
 Command add_manual(CLI::App& program);
 Command add_new(CLI::App& program);

@@ -183,7 +183,7 @@ std::vector<Command> add_commands(CLI::App& program) {
           add_recover(program),   add_doctor(program), add_list(program),    add_topic(program),
           add_component(program), add_param(program),  add_service(program), add_mode(program),
           add_log(program),       add_chain(program),  add_top(program),     add_security(program),
-          add_version(program),   add_manual(program)};
+          add_campaign(program),  add_version(program), add_manual(program)};
 }
 
 int run_program(int argument_count, char** arguments) {

@@ -1,0 +1,190 @@
+#include "campaign/plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace fastcycle::campaign {
+namespace {
+
+using nlohmann::ordered_json;
+
+/// Numbers by chance, the same on every machine (SplitMix64).
+class Chance {
+ public:
+  explicit Chance(std::uint64_t seed) : state_(seed) { static_cast<void>(bits()); }
+
+  std::uint64_t bits() noexcept {
+    std::uint64_t x = state_ += 0x9e3779b97f4a7c15ULL;
+    x = (x ^ (x >> 30U)) * 0xbf58476d1ce4e5b9ULL;
+    x = (x ^ (x >> 27U)) * 0x94d049bb133111ebULL;
+    return x ^ (x >> 31U);
+  }
+  double unit() noexcept { return static_cast<double>(bits() >> 11U) * 0x1.0p-53; }
+  std::uint64_t between(std::uint64_t first, std::uint64_t last) noexcept {
+    return first + static_cast<std::uint64_t>(unit() * static_cast<double>(last - first + 1));
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+const std::set<std::string>& ranged_keys() {
+  static const std::set<std::string> keys = {"from_s", "for_s", "probability", "by_ms", "value"};
+  return keys;
+}
+const std::set<std::string>& text_keys() {
+  static const std::set<std::string> keys = {"kind",       "topic",     "publisher",
+                                             "subscriber", "component", "field",
+                                             "as"};
+  return keys;
+}
+
+bool is_range(const ordered_json& value) {
+  return value.is_array() && value.size() == 2 && value[0].is_number() && value[1].is_number() &&
+         value[0].get<double>() <= value[1].get<double>();
+}
+
+/// Reads a plan, and collects what is wrong with it.
+class Reader {
+ public:
+  Reader(std::string file, std::vector<std::string>& mistakes)
+      : file_(std::move(file)), mistakes_(mistakes) {}
+
+  void expect(const std::string& pointer, const std::string& expected, const ordered_json& found) {
+    mistakes_.push_back(
+        fmt::format("{}: {}: expected {}, found {}", file_, pointer, expected,
+                    found.dump(-1, ' ', false, ordered_json::error_handler_t::replace)));
+  }
+  void say(const std::string& pointer, const std::string& what) {
+    mistakes_.push_back(fmt::format("{}: {}: {}", file_, pointer, what));
+  }
+
+  void check_fault(const ordered_json& fault, const std::string& pointer) {
+    if (!fault.is_object()) {
+      expect(pointer, "an object", fault);
+      return;
+    }
+    for (const auto& [key, value] : fault.items()) {
+      const std::string at = pointer + "/" + key;
+      if (ranged_keys().contains(key)) {
+        if (!value.is_number() && !is_range(value)) {
+          expect(at, "a number, or a range such as [1, 5]", value);
+        }
+      } else if (text_keys().contains(key)) {
+        if (!value.is_string()) {
+          expect(at, "a string", value);
+        }
+      } else {
+        say(at, "unknown key \"" + key +
+                    "\"; a fault of a plan has kind, topic, publisher, subscriber, component, "
+                    "field, as, value, by_ms, probability, from_s, for_s");
+      }
+    }
+    if (!fault.contains("kind")) {
+      say(pointer, "the key \"kind\" is missing");
+    }
+    if (!fault.contains("from_s")) {
+      say(pointer, "the key \"from_s\" is missing: between which times it begins, as [0, 10]");
+    }
+  }
+
+ private:
+  const std::string file_;
+  std::vector<std::string>& mistakes_;
+};
+
+/// Three digits behind the point: an overlay is to be read by people.
+double rounded(double value) {
+  return std::round(value * 1000.0) / 1000.0;
+}
+
+double drawn(const ordered_json& value, Chance& chance) {
+  if (value.is_number()) {
+    return value.get<double>();
+  }
+  const double low = value[0].get<double>();
+  return rounded(low + chance.unit() * (value[1].get<double>() - low));
+}
+
+}  // namespace
+
+std::optional<Plan> Plan::read(const std::string& text, const std::string& file,
+                               std::vector<std::string>& mistakes) {
+  ordered_json json;
+  try {
+    json = ordered_json::parse(text, nullptr, true, true);
+  } catch (const ordered_json::exception& error) {
+    mistakes.push_back(fmt::format("{}: this is not JSON: {}", file, error.what()));
+    return std::nullopt;
+  }
+  const std::size_t before = mistakes.size();
+  Reader reader(file, mistakes);
+  Plan plan;
+  if (!json.is_object()) {
+    reader.expect("/", "an object", json);
+    return std::nullopt;
+  }
+  for (const auto& [key, value] : json.items()) {
+    if (key == "at_once") {
+      const ordered_json range = is_range(value) ? value : ordered_json::array({value, value});
+      if (!range[0].is_number_integer() || !range[1].is_number_integer() ||
+          range[0].get<std::int64_t>() < 1 || range[1].get<std::int64_t>() > 64) {
+        reader.expect("/at_once", "a number of faults in [1, 64], or a range of it", value);
+      } else {
+        plan.at_least_ = range[0];
+        plan.at_most_ = range[1];
+      }
+    } else if (key != "faults") {
+      reader.say("/" + key, "unknown key \"" + key + "\"; a plan has at_once, faults");
+    }
+  }
+  if (!json.contains("faults") || !json["faults"].is_array() || json["faults"].empty()) {
+    reader.say("/faults", "expected a list of at least one fault");
+    return std::nullopt;
+  }
+  for (std::size_t i = 0; i < json["faults"].size(); ++i) {
+    reader.check_fault(json["faults"][i], "/faults/" + std::to_string(i));
+    plan.faults_.push_back(json["faults"][i]);
+  }
+  return mistakes.size() == before ? std::optional(std::move(plan)) : std::nullopt;
+}
+
+std::vector<DrawnFault> Plan::draw(std::uint64_t seed) const {
+  Chance chance(seed);
+  std::vector<DrawnFault> drawn_faults;
+  const std::uint64_t count = chance.between(at_least_, at_most_);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const std::size_t source = chance.between(0, faults_.size() - 1);
+    ordered_json fault = {{"name", "fault_" + std::to_string(i + 1)}};
+    for (const auto& [key, value] : faults_[source].items()) {
+      if (key == "for_s") {
+        continue;
+      }
+      if (ranged_keys().contains(key)) {
+        fault[key] = drawn(value, chance);
+      } else {
+        fault[key] = value;
+      }
+    }
+    if (faults_[source].contains("for_s")) {
+      const double span = drawn(faults_[source]["for_s"], chance);
+      fault["to_s"] = rounded(fault["from_s"].get<double>() + std::max(span, 0.001));
+    }
+    drawn_faults.push_back({std::move(fault), source});
+  }
+  return drawn_faults;
+}
+
+ordered_json overlay_of(const std::vector<DrawnFault>& faults, std::uint64_t seed) {
+  auto list = ordered_json::array();
+  for (const DrawnFault& fault : faults) {
+    list.push_back(fault.json);
+  }
+  return {{"faults", {{"seed", seed}, {"list", std::move(list)}}}};
+}
+
+}  // namespace fastcycle::campaign

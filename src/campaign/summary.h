@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "campaign/plan.h"
+
+namespace fastcycle::campaign {
+
+/// What became of one seed.
+struct SeedResult {
+  std::uint64_t seed = 0;
+  std::vector<DrawnFault> faults;
+  std::string way;  ///< As in `Verdict`; empty: it passed.
+  std::string how;
+  double wall_s = 0;
+};
+
+/// As a line of `results.jsonl`, and back. Throws what the JSON library throws.
+[[nodiscard]] std::string to_line(const SeedResult& result);
+[[nodiscard]] SeedResult result_of(const std::string& line);
+
+/// A failure that was shrunk.
+struct Failure {
+  std::uint64_t seed = 0;
+  std::vector<DrawnFault> faults;  ///< The fewest that fail.
+  std::string way;
+  std::string how;
+  std::size_t runs = 0;      ///< That shrinking took.
+  bool is_smallest = true;
+  std::string overlay;       ///< A file.
+  std::string log;           ///< The same; empty if none was written.
+  std::string command;       ///< Which repeats it.
+};
+
+/// Whether they are of one kind: they fail in the same way, by the same kinds of faults on the same
+/// targets, with as many messages.
+[[nodiscard]] bool is_alike(const Failure& one, const Failure& other);
+
+/// A fault in a few words: `drop lidar/points, messages 41 42`.
+[[nodiscard]] std::string in_words(const nlohmann::ordered_json& fault);
+
+/// All that a campaign found.
+struct Summary {
+  std::string application;
+  std::string plan;
+  std::uint64_t seeds = 0;          ///< That were asked for.
+  std::vector<std::string> judges;
+  std::vector<SeedResult> results;  ///< By seed.
+  std::vector<Failure> failures;    ///< The different ones.
+  double wall_s = 0;                ///< Of all runs of seeds together.
+
+  [[nodiscard]] std::size_t failed() const;
+};
+
+/// How many failed of those that ran, by kind and target of a fault and by when it began.
+struct FaultTable {
+  struct Cell {
+    std::size_t failed = 0;
+    std::size_t ran = 0;
+  };
+  struct Row {
+    std::string name;  ///< Kind and target.
+    std::vector<Cell> cells;
+    Cell all;
+  };
+  double begin_s = 0;
+  double width_s = 1;  ///< Of a column.
+  std::vector<Row> rows;
+};
+[[nodiscard]] FaultTable make_table(const Summary& summary, std::size_t columns = 8);
+
+/// For people, in text.
+[[nodiscard]] std::string to_text(const Summary& summary);
+[[nodiscard]] nlohmann::ordered_json to_json(const Summary& summary);
+/// For CI: a test case for each seed.
+[[nodiscard]] std::string to_junit(const Summary& summary);
+
+}  // namespace fastcycle::campaign

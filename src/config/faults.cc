@@ -1,0 +1,118 @@
+#include <algorithm>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/describe.h"
+#include "config/nearest.h"
+
+namespace fastcycle::config {
+namespace {
+
+using Kinds = std::set<FaultKind>;
+
+/// A key that only some kinds have.
+struct Key {
+  const char* name;
+  Kinds kinds;       ///< That may have it.
+  Kinds needed = {};  ///< That must have it.
+};
+
+const std::vector<Key>& keys() {
+  using enum FaultKind;
+  static const std::vector<Key> all = {
+      {"topic", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt},
+       {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
+      {"publisher", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
+      {"subscriber", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
+      {"messages", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
+      {"probability", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
+      {"component", {kThrow, kSlow, kHang, kRestart}, {kThrow, kSlow, kHang, kRestart}},
+      {"to_s", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt, kSlow}},
+      {"by_ms", {kDelay, kSlow, kHang}, {kDelay, kSlow, kHang}},
+      {"field", {kCorrupt}, {kCorrupt}},
+      {"as", {kCorrupt}, {kCorrupt}},
+      {"value", {kCorrupt}}};
+  return all;
+}
+
+/// The checks of one fault, which is written as `written`.
+class FaultSense {
+ public:
+  FaultSense(const FaultDescription& fault, const Value& written, Problems& problems)
+      : fault_(fault), written_(written), problems_(problems) {}
+
+  void check(const std::vector<std::string>& components) {
+    for (const Key& key : keys()) {
+      const bool is_there = written_.find(key.name) != nullptr;
+      if (!is_there && key.needed.contains(fault_.kind)) {
+        add("", in_quotes(to_string(fault_.kind)) + " needs the key " + in_quotes(key.name));
+      } else if (is_there && !key.kinds.contains(fault_.kind)) {
+        add(key.name, "a " + in_quotes(key.name) + " has no meaning with the kind " +
+                          in_quotes(to_string(fault_.kind)));
+      }
+    }
+    if (fault_.to && *fault_.to <= fault_.from) {
+      add("to_s", "\"to_s\" has to be greater than \"from_s\"");
+    }
+    check_value();
+    for (const auto& [key, name] :
+         {std::pair{"publisher", fault_.publisher}, {"subscriber", fault_.subscriber},
+          {"component", fault_.component}}) {
+      if (!name.empty() && std::ranges::find(components, name) == components.end()) {
+        add(key, "there is no component " + in_quotes(name),
+            did_you_mean(nearest(name, components)));
+      }
+    }
+  }
+
+ private:
+  void add(std::string_view key, std::string message, std::string hint = {}) {
+    const Value* value = key.empty() ? nullptr : written_.find(key);
+    problems_.add(mistake(value == nullptr ? written_.place() : value->place(), std::move(message),
+                          std::move(hint)));
+  }
+
+  void check_value() {
+    const bool has_value = written_.find("value") != nullptr;
+    if (fault_.kind != FaultKind::kCorrupt || written_.find("as") == nullptr) {
+      return;
+    }
+    if (fault_.corruption == Corruption::kValue && !has_value) {
+      add("as", "\"as\": \"value\" needs the key \"value\"");
+    } else if (fault_.corruption != Corruption::kValue && has_value) {
+      add("value", "a \"value\" has no meaning where \"as\" is not \"value\"");
+    }
+  }
+
+  const FaultDescription& fault_;
+  const Value& written_;
+  Problems& problems_;
+};
+
+}  // namespace
+
+void check_faults(const ApplicationDescription& application, Problems& problems) {
+  const Value* faults = application.effective.find("faults");
+  const Value* list = faults == nullptr ? nullptr : faults->find("list");
+  if (list == nullptr || !list->is_array()) {
+    return;
+  }
+  std::vector<std::string> components;
+  for (const ComponentDescription& component : application.components) {
+    components.push_back(component.name);
+  }
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < application.faults.list.size(); ++i) {
+    const FaultDescription& fault = application.faults.list[i];
+    const Value& written = (*list)[i];
+    FaultSense(fault, written, problems).check(components);
+    if (!names.insert(fault.name).second) {
+      problems.add(mistake(written.place(), "the fault " + in_quotes(fault.name) +
+                                                " is there twice; give each a \"name\""));
+    }
+  }
+}
+
+}  // namespace fastcycle::config

@@ -1,0 +1,162 @@
+// What the key "faults" does to a run.
+
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "campaign/test_runs.h"
+
+namespace fastcycle {
+namespace {
+
+using nlohmann::json;
+using test::Process;
+using testing::HasSubstr;
+using InjectedFaults = test::TrackingRuns;
+
+TEST_F(InjectedFaults, DropTheMessagesThatAreNamed) {
+  const json report = run(R"({"list": [{"kind": "drop", "topic": "sweeps", "messages": [41, 42]}]})");
+
+  EXPECT_EQ(ending_.exit_code, 0) << errors_;
+  EXPECT_EQ(report["results"]["sweeps"], 98);
+  EXPECT_EQ(report["results"]["tracks_lost"], 1);
+  EXPECT_EQ(ledger_of(report)["dropped"]["injected"], 2);
+  EXPECT_EQ(ledger_of(report)["published"], 100);
+  EXPECT_EQ(ledger_of(report)["adds_up"], true);
+  EXPECT_EQ(report["faults"][0]["count"], 2);
+  EXPECT_EQ(report["faults"][0]["messages"], json::array({41, 42}));
+}
+
+TEST_F(InjectedFaults, AreToldAtTheStart) {
+  run(R"({"seed": 7, "list": [{"kind": "drop", "topic": "sweeps"}]})");
+
+  EXPECT_THAT(errors_, HasSubstr("faults are injected into this run: 1 (drop_1), seed 7"));
+}
+
+TEST_F(InjectedFaults, ActFromTheirBeginToTheirEnd) {
+  // Sweep n is published at 0.1 n seconds, the first at the start of the timers or a period later.
+  const json report =
+      run(R"({"list": [{"kind": "drop", "topic": "sweeps", "from_s": 2.05, "to_s": 3.05}]})");
+
+  EXPECT_EQ(report["faults"][0]["count"], 10);
+  EXPECT_EQ(report["results"]["sweeps"], 90);
+}
+
+TEST_F(InjectedFaults, WithAProbabilityMeanSomeMessagesAlwaysTheSame) {
+  const std::string faults = R"({"seed": 3, "list":
+      [{"kind": "drop", "topic": "sweeps", "probability": 0.5}]})";
+  const json first = run(faults, {"--workers", "1"});
+  const json second = run(faults, {"--workers", "4"});
+  const json other = run(R"({"seed": 4, "list":
+      [{"kind": "drop", "topic": "sweeps", "probability": 0.5}]})");
+
+  EXPECT_GT(first["faults"][0]["count"].get<int>(), 25);
+  EXPECT_LT(first["faults"][0]["count"].get<int>(), 75);
+  EXPECT_EQ(first["faults"], second["faults"]);
+  EXPECT_NE(first["faults"], other["faults"]);
+}
+
+TEST_F(InjectedFaults, DelayMessagesAndThoseBehindThem) {
+  const json report = run(R"({"list":
+      [{"kind": "delay", "topic": "sweeps", "messages": [50], "by_ms": 250}]})");
+
+  EXPECT_EQ(report["results"]["sweeps"], 100);
+  EXPECT_EQ(report["results"]["tracks_lost"], 0);  // In their order.
+  EXPECT_NEAR(report["results"]["longest_gap_ms"].get<double>(), 350, 1);
+  EXPECT_EQ(ledger_of(report)["adds_up"], true);
+}
+
+TEST_F(InjectedFaults, DuplicateMessages) {
+  const json report =
+      run(R"({"list": [{"kind": "duplicate", "topic": "sweeps", "messages": [50]}]})");
+
+  EXPECT_EQ(report["results"]["sweeps"], 101);
+  EXPECT_EQ(ledger_of(report)["published"], 101);
+  EXPECT_EQ(ledger_of(report)["adds_up"], true);
+}
+
+TEST_F(InjectedFaults, FreezeWhatCameLast) {
+  // 10 and 11 have the range of 9: half a metre and a metre more than their own.
+  const double sum_m = run(R"({"list": []})")["results"]["range_sum_m"];
+  const json report =
+      run(R"({"list": [{"kind": "freeze", "topic": "sweeps", "messages": [10, 11]}]})");
+
+  EXPECT_EQ(report["results"]["sweeps"], 100);
+  EXPECT_NEAR(report["results"]["range_sum_m"].get<double>(), sum_m + 1.5, 1e-6);
+}
+
+TEST_F(InjectedFaults, CorruptAFieldForOneSubscriberAlone) {
+  const double sum_m = run(R"({"list": []})")["results"]["range_sum_m"];
+  const json value = run(R"({"list": [{"kind": "corrupt", "topic": "sweeps", "messages": [10],
+      "field": "objects.range_m", "as": "value", "value": 1095}]})");
+  const json stale = run(R"({"list": [{"kind": "corrupt", "topic": "sweeps", "messages": [10],
+      "field": "objects.0.range_m", "as": "stale"}]})");
+  const json nan = run(R"({"list": [{"kind": "corrupt", "topic": "sweeps", "messages": [10],
+      "field": "objects.range_m", "as": "nan", "subscriber": "tracker"}]})");
+  const json flipped = run(R"({"list": [{"kind": "corrupt", "topic": "sweeps", "messages": [10],
+      "field": "objects.range_m", "as": "bit_flip"}]})");
+
+  EXPECT_NEAR(value["results"]["range_sum_m"].get<double>(), sum_m + 1000, 1e-6);
+  EXPECT_NEAR(stale["results"]["range_sum_m"].get<double>(), sum_m + 0.5, 1e-6);
+  EXPECT_TRUE(nan["results"]["range_sum_m"].is_null());
+  EXPECT_NE(flipped["results"]["range_sum_m"], sum_m);
+}
+
+TEST_F(InjectedFaults, ThrowInAComponentAndRestartIt) {
+  const json thrown = run(R"({"list": [{"kind": "throw", "component": "tracker", "from_s": 5}]})");
+  const json renewed =
+      run(R"({"list": [{"kind": "restart", "component": "tracker", "from_s": 5.05}]})");
+
+  EXPECT_EQ(thrown["components"]["tracker"]["state"], "failed");
+  EXPECT_THAT(thrown["components"]["tracker"]["fault_texts"][0].get<std::string>(),
+              HasSubstr("the injected fault \"throw_1\""));
+  EXPECT_EQ(renewed["components"]["tracker"]["state"], "stopped");
+  EXPECT_EQ(renewed["results"]["sweeps"], 50);  // Of the second object.
+}
+
+TEST_F(InjectedFaults, MakeAComponentSlowInSimulatedTime) {
+  const json report = run(R"({"list":
+      [{"kind": "slow", "component": "tracker", "by_ms": 80, "from_s": 5, "to_s": 6}]})");
+
+  EXPECT_NEAR(report["results"]["longest_gap_ms"].get<double>(), 180, 1);
+  EXPECT_EQ(report["results"]["tracks"], 100);
+}
+
+TEST_F(InjectedFaults, ThatCannotBeAreMistakesOfTheConfiguration) {
+  run(R"({"list": [
+      {"kind": "drop", "topic": "sweep"},
+      {"kind": "corrupt", "topic": "sweeps", "field": "objects.range", "as": "nan"},
+      {"kind": "corrupt", "topic": "sweeps", "field": "number", "as": "nan"}]})");
+  EXPECT_EQ(ending_.exit_code, 2);
+  EXPECT_THAT(errors_, HasSubstr("\"drop_1\": no component publishes or subscribes to \"sweep\"; "
+                                 "did you mean \"sweeps\"?"));
+  EXPECT_THAT(errors_, HasSubstr("campaign_test.Object has no field \"range\""));
+  EXPECT_THAT(errors_, HasSubstr("only a double or a float can be \"nan\""));
+
+  run(R"({"list": [{"kind": "delay", "topic": "sweeps"},
+                   {"kind": "restart", "component": "traker", "by_ms": 3}]})");
+  EXPECT_EQ(ending_.exit_code, 2);
+  EXPECT_THAT(errors_, HasSubstr("\"delay\" needs the key \"by_ms\""));
+  EXPECT_THAT(errors_, HasSubstr("there is no component \"traker\"; did you mean \"tracker\"?"));
+  EXPECT_THAT(errors_, HasSubstr("a \"by_ms\" has no meaning with the kind \"restart\""));
+}
+
+TEST_F(InjectedFaults, AreTheSameInSeveralProcesses) {
+  const std::string faults = R"({"seed": 3, "list": [
+      {"kind": "drop", "topic": "sweeps", "probability": 0.2},
+      {"kind": "delay", "topic": "sweeps", "probability": 0.1, "by_ms": 230},
+      {"kind": "corrupt", "topic": "tracks", "field": "range_m", "as": "bit_flip",
+       "probability": 0.3}]})";
+  const json one = run(faults);
+  const json several = run(faults, {"--isolate", "tracker"});
+
+  EXPECT_EQ(ending_.exit_code, 0) << errors_;
+  EXPECT_EQ(one["results"], several["results"]);
+  EXPECT_EQ(one["faults"], several["faults"]);
+  EXPECT_EQ(ledger_of(several)["dropped"], ledger_of(one)["dropped"]);
+}
+
+}  // namespace
+}  // namespace fastcycle
