@@ -128,8 +128,8 @@ void PublisherCore::check_told_loan() const {
 }
 
 void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
-  const auto lock = gate_ == nullptr ? std::unique_lock<base::PriorityMutex>()
-                                     : std::unique_lock(gate_->mutex);
+  const auto lock =
+      gate_ == nullptr ? std::unique_lock<base::PriorityMutex>() : std::unique_lock(gate_->mutex);
   shares_.join(*lane);
   for (Pool* pool : {pool_, forwards_}) {
     pool->declare_kept(lane->subscription.holder, lane->subscription.keep + options.keep);
@@ -166,8 +166,8 @@ void PublisherCore::provide_for(const Lane::Options& lane, std::size_t keep) {
 }
 
 void PublisherCore::disconnect(const Lane& lane) noexcept {
-  const auto lock = gate_ == nullptr ? std::unique_lock<base::PriorityMutex>()
-                                     : std::unique_lock(gate_->mutex);
+  const auto lock =
+      gate_ == nullptr ? std::unique_lock<base::PriorityMutex>() : std::unique_lock(gate_->mutex);
   std::erase_if(targets_, [&](const Target& target) {
     if (target.lane.get() != &lane) {
       return false;
@@ -570,6 +570,24 @@ void PublisherCore::hand_over(Envelope* envelope) noexcept {
   }
 }
 
+[[gnu::always_inline]] inline void PublisherCore::push(const Target& target, Envelope* envelope,
+                                                       const Topic& topic,
+                                                       WakeList& wakes) noexcept {
+  Lane& lane = *target.lane;
+  if (Envelope* displaced = lane.push(envelope)) {
+    release(displaced);
+    if (topic.overflow_watch != nullptr && !lane.options.is_view) {
+      topic.overflow_watch->overflowed(lane.subscription);
+    }
+  }
+  if (target.bit != 0 && target.inbox->mark(lane, target.bit)) {
+    wakes.add(target.inbox->queue());
+  }
+  if (lane.is_closed()) {
+    lane.dropped_after_close.add(lane.drain());
+  }
+}
+
 void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   if (envelope->is_scratch) {
     drop_scratch(envelope);
@@ -611,23 +629,6 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   }
 }
 
-void PublisherCore::push(const Target& target, Envelope* envelope, const Topic& topic,
-                         WakeList& wakes) noexcept {
-  Lane& lane = *target.lane;
-  if (Envelope* displaced = lane.push(envelope)) {
-    release(displaced);
-    if (topic.overflow_watch != nullptr && !lane.options.is_view) {
-      topic.overflow_watch->overflowed(lane.subscription);
-    }
-  }
-  if (target.bit != 0 && target.inbox->mark(lane, target.bit)) {
-    wakes.add(target.inbox->queue());
-  }
-  if (lane.is_closed()) {
-    lane.dropped_after_close.add(lane.drain());
-  }
-}
-
 /// Who only looks on is given what was published. Another process has a gate of its own.
 void PublisherCore::put_through_gate(Envelope* envelope) noexcept {
   const std::lock_guard lock(gate_->mutex);
@@ -663,9 +664,8 @@ void PublisherCore::put_through_gate(Envelope* envelope) noexcept {
 }
 
 bool PublisherCore::put_behind_gate(const Subscription& subscription, Envelope* envelope) noexcept {
-  const auto target = std::ranges::find_if(targets_, [&](const Target& one) {
-    return &one.lane->subscription == &subscription;
-  });
+  const auto target = std::ranges::find_if(
+      targets_, [&](const Target& one) { return &one.lane->subscription == &subscription; });
   if (target == targets_.end()) {
     release(envelope);
     return false;

@@ -17,7 +17,8 @@ using testing::HasSubstr;
 using InjectedFaults = test::TrackingRuns;
 
 TEST_F(InjectedFaults, DropTheMessagesThatAreNamed) {
-  const json report = run(R"({"list": [{"kind": "drop", "topic": "sweeps", "messages": [41, 42]}]})");
+  const json report =
+      run(R"({"list": [{"kind": "drop", "topic": "sweeps", "messages": [41, 42]}]})");
 
   EXPECT_EQ(ending_.exit_code, 0) << errors_;
   EXPECT_EQ(report["results"]["sweeps"], 98);
