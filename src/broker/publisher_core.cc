@@ -128,8 +128,8 @@ void PublisherCore::check_told_loan() const {
 }
 
 void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
-  const auto lock = gate_ == nullptr ? std::unique_lock<base::PriorityMutex>()
-                                     : std::unique_lock(gate_->mutex);
+  const auto lock =
+      gate_ == nullptr ? std::unique_lock<base::PriorityMutex>() : std::unique_lock(gate_->mutex);
   shares_.join(*lane);
   for (Pool* pool : {pool_, forwards_}) {
     pool->declare_kept(lane->subscription.holder, lane->subscription.keep + options.keep);
@@ -166,8 +166,8 @@ void PublisherCore::provide_for(const Lane::Options& lane, std::size_t keep) {
 }
 
 void PublisherCore::disconnect(const Lane& lane) noexcept {
-  const auto lock = gate_ == nullptr ? std::unique_lock<base::PriorityMutex>()
-                                     : std::unique_lock(gate_->mutex);
+  const auto lock =
+      gate_ == nullptr ? std::unique_lock<base::PriorityMutex>() : std::unique_lock(gate_->mutex);
   std::erase_if(targets_, [&](const Target& target) {
     if (target.lane.get() != &lane) {
       return false;
@@ -663,9 +663,8 @@ void PublisherCore::put_through_gate(Envelope* envelope) noexcept {
 }
 
 bool PublisherCore::put_behind_gate(const Subscription& subscription, Envelope* envelope) noexcept {
-  const auto target = std::ranges::find_if(targets_, [&](const Target& one) {
-    return &one.lane->subscription == &subscription;
-  });
+  const auto target = std::ranges::find_if(
+      targets_, [&](const Target& one) { return &one.lane->subscription == &subscription; });
   if (target == targets_.end()) {
     release(envelope);
     return false;

@@ -239,7 +239,7 @@ class PublisherCore {
   Envelope* scratch_forwards_ = nullptr;
 
   std::vector<Target> targets_;
-  LaneGate* gate_ = nullptr;  ///< Only where faults are injected.
+  LaneGate* gate_ = nullptr;             ///< Only where faults are injected.
   std::vector<MessageExport*> exports_;  ///< To other processes; most publishers have none.
   std::vector<Envelope*> latched_;
   std::atomic<Time> last_publish_time_{};

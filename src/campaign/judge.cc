@@ -96,9 +96,10 @@ std::optional<Judge> Judge::parse(const std::string& text, std::string& why) {
     judge.text_ = judge.path_ + " " + comparison + " " + value;
     return judge;
   }
-  why = "expected a condition such as \"collisions == 0\", with one of == != < <= > >= and a "
-        "number, true, false or a word behind it, found \"" +
-        text + "\"";
+  why =
+      "expected a condition such as \"collisions == 0\", with one of == != < <= > >= and a "
+      "number, true, false or a word behind it, found \"" +
+      text + "\"";
   return std::nullopt;
 }
 
@@ -109,8 +110,7 @@ std::string Judge::find_fault(const ordered_json& report) const {
   }
   return compare(*found, comparison_, ordered_json::parse(value_))
              ? std::string()
-             : path_ + " is " +
-                   found->dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+             : path_ + " is " + found->dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
 }  // namespace fastcycle::campaign

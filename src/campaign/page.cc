@@ -38,8 +38,7 @@ std::string map_of(const Summary& summary, const FaultTable& table) {
   constexpr double kWidth = 760;
   constexpr double kRow = 34;
   const double span =
-      table.width_s *
-      static_cast<double>(table.rows.empty() ? 1 : table.rows.front().cells.size());
+      table.width_s * static_cast<double>(table.rows.empty() ? 1 : table.rows.front().cells.size());
   const double height = kRow * static_cast<double>(table.rows.size()) + 30;
   std::string svg = fmt::format(
       "<div class=\"scroll\"><svg role=\"img\" aria-label=\"What failed when\" width=\"{}\" "
@@ -48,7 +47,8 @@ std::string map_of(const Summary& summary, const FaultTable& table) {
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
     const double y = kRow * (static_cast<double>(i) + 0.5);
     svg += fmt::format(
-        "<text x=\"0\" y=\"{:.1f}\">{}</text><line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" "
+        "<text x=\"0\" y=\"{:.1f}\">{}</text><line class=\"axis\" x1=\"{}\" x2=\"{}\" "
+        "y1=\"{:.1f}\" "
         "y2=\"{:.1f}\"/>\n",
         y + 4, to_html(table.rows[i].name), kLeft, kLeft + kWidth, y, y);
   }
@@ -63,20 +63,19 @@ std::string map_of(const Summary& summary, const FaultTable& table) {
         const auto row = std::ranges::find(table.rows, name, &FaultTable::Row::name);
         // Seeds of one time stand above each other, as far as there is room.
         const double shift = static_cast<double>(result.seed * 7 % 23) - 11;
-        const double y =
-            kRow * (static_cast<double>(row - table.rows.begin()) + 0.5) + shift;
-        const double x =
-            kLeft + (fault.json.value("from_s", 0.0) - table.begin_s) / span * kWidth;
-        const std::string title = to_html(
-            fmt::format("seed {}: {}{}{}", result.seed, in_words(fault.json),
-                        is_failing ? ": " : "", result.how));
-        svg += is_failing
-                   ? fmt::format("<path class=\"fail\" d=\"M{:.1f} {:.1f}l6 6m0 -6l-6 6\">"
-                                 "<title>{}</title></path>\n",
-                                 x - 3, y - 3, title)
-                   : fmt::format("<circle class=\"pass\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2.5\">"
-                                 "<title>{}</title></circle>\n",
-                                 x, y, title);
+        const double y = kRow * (static_cast<double>(row - table.rows.begin()) + 0.5) + shift;
+        const double x = kLeft + (fault.json.value("from_s", 0.0) - table.begin_s) / span * kWidth;
+        const std::string title =
+            to_html(fmt::format("seed {}: {}{}{}", result.seed, in_words(fault.json),
+                                is_failing ? ": " : "", result.how));
+        svg += is_failing ? fmt::format(
+                                "<path class=\"fail\" d=\"M{:.1f} {:.1f}l6 6m0 -6l-6 6\">"
+                                "<title>{}</title></path>\n",
+                                x - 3, y - 3, title)
+                          : fmt::format(
+                                "<circle class=\"pass\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2.5\">"
+                                "<title>{}</title></circle>\n",
+                                x, y, title);
       }
     }
   }
@@ -127,8 +126,9 @@ std::string to_page(const Summary& summary) {
   for (std::size_t i = 0; i < summary.judges.size(); ++i) {
     html += (i == 0 ? "<code>" : ", <code>") + to_html(summary.judges[i]) + "</code>";
   }
-  html += ".</p>\n<h2>What failed when</h2>\n<p>Each fault of each seed stands where it began: a "
-          "circle, or a cross if the seed failed.</p>\n";
+  html +=
+      ".</p>\n<h2>What failed when</h2>\n<p>Each fault of each seed stands where it began: a "
+      "circle, or a cross if the seed failed.</p>\n";
   html += map_of(summary, table) + table_of(table);
   if (!summary.failures.empty()) {
     html += "<h2>Smallest failures</h2>\n";

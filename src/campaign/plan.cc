@@ -37,9 +37,8 @@ const std::set<std::string>& ranged_keys() {
   return keys;
 }
 const std::set<std::string>& text_keys() {
-  static const std::set<std::string> keys = {"kind",       "topic",     "publisher",
-                                             "subscriber", "component", "field",
-                                             "as"};
+  static const std::set<std::string> keys = {"kind",      "topic", "publisher", "subscriber",
+                                             "component", "field", "as"};
   return keys;
 }
 

@@ -156,8 +156,7 @@ FaultTable make_table(const Summary& summary, std::size_t columns) {
 }
 
 std::string to_text(const Summary& summary) {
-  std::string text =
-      fmt::format("{} of {} seeds failed", summary.failed(), summary.results.size());
+  std::string text = fmt::format("{} of {} seeds failed", summary.failed(), summary.results.size());
   if (summary.results.size() < summary.seeds) {
     text += fmt::format(" (of {} that were asked for)", summary.seeds);
   }
@@ -176,9 +175,8 @@ std::string to_text(const Summary& summary) {
   };
   text += fmt::format("{:<{}}  {:>9}", "FAULT", width, "FAILED/RAN");
   for (std::size_t i = 0; !table.rows.empty() && i < table.rows.front().cells.size(); ++i) {
-    text += fmt::format("  {:>7}",
-                        fmt::format("{:.1f} s", table.begin_s + static_cast<double>(i) *
-                                                                    table.width_s));
+    text += fmt::format(
+        "  {:>7}", fmt::format("{:.1f} s", table.begin_s + static_cast<double>(i) * table.width_s));
   }
   text += "\n";
   for (const FaultTable::Row& row : table.rows) {
@@ -226,14 +224,10 @@ ordered_json to_json(const Summary& summary) {
                         {"log", failure.log},
                         {"command", failure.command}});
   }
-  return {{"application", summary.application},
-          {"plan", summary.plan},
-          {"judges", summary.judges},
-          {"seeds", summary.seeds},
-          {"ran", summary.results.size()},
-          {"failed", summary.failed()},
-          {"wall_s", summary.wall_s},
-          {"failures", std::move(failures)},
+  return {{"application", summary.application}, {"plan", summary.plan},
+          {"judges", summary.judges},           {"seeds", summary.seeds},
+          {"ran", summary.results.size()},      {"failed", summary.failed()},
+          {"wall_s", summary.wall_s},           {"failures", std::move(failures)},
           {"results", std::move(results)}};
 }
 

@@ -29,11 +29,11 @@ struct Failure {
   std::vector<DrawnFault> faults;  ///< The fewest that fail.
   std::string way;
   std::string how;
-  std::size_t runs = 0;      ///< That shrinking took.
+  std::size_t runs = 0;  ///< That shrinking took.
   bool is_smallest = true;
-  std::string overlay;       ///< A file.
-  std::string log;           ///< The same; empty if none was written.
-  std::string command;       ///< Which repeats it.
+  std::string overlay;  ///< A file.
+  std::string log;      ///< The same; empty if none was written.
+  std::string command;  ///< Which repeats it.
 };
 
 /// Whether they are of one kind: they fail in the same way, by the same kinds of faults on the same
@@ -47,7 +47,7 @@ struct Failure {
 struct Summary {
   std::string application;
   std::string plan;
-  std::uint64_t seeds = 0;          ///< That were asked for.
+  std::uint64_t seeds = 0;  ///< That were asked for.
   std::vector<std::string> judges;
   std::vector<SeedResult> results;  ///< By seed.
   std::vector<Failure> failures;    ///< The different ones.

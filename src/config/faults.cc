@@ -15,14 +15,15 @@ using Kinds = std::set<FaultKind>;
 /// A key that only some kinds have.
 struct Key {
   const char* name;
-  Kinds kinds;       ///< That may have it.
+  Kinds kinds;        ///< That may have it.
   Kinds needed = {};  ///< That must have it.
 };
 
 const std::vector<Key>& keys() {
   using enum FaultKind;
   static const std::vector<Key> all = {
-      {"topic", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt},
+      {"topic",
+       {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt},
        {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
       {"publisher", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
       {"subscriber", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
@@ -57,9 +58,9 @@ class FaultSense {
       add("to_s", "\"to_s\" has to be greater than \"from_s\"");
     }
     check_value();
-    for (const auto& [key, name] :
-         {std::pair{"publisher", fault_.publisher}, {"subscriber", fault_.subscriber},
-          {"component", fault_.component}}) {
+    for (const auto& [key, name] : {std::pair{"publisher", fault_.publisher},
+                                    {"subscriber", fault_.subscriber},
+                                    {"component", fault_.component}}) {
       if (!name.empty() && std::ranges::find(components, name) == components.end()) {
         add(key, "there is no component " + in_quotes(name),
             did_you_mean(nearest(name, components)));

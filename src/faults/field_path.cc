@@ -121,7 +121,8 @@ void change_one(Message& message, const FieldDescriptor* field, int index, const
     if (index < 0) {
       (its.*set)(&message, field, changed((its.*get)(message, field), change));
     } else {
-      (its.*set_one)(&message, field, index, changed((its.*get_one)(message, field, index), change));
+      (its.*set_one)(&message, field, index,
+                     changed((its.*get_one)(message, field, index), change));
     }
   };
   switch (field->cpp_type()) {
@@ -193,9 +194,9 @@ std::optional<FieldPath> FieldPath::find(std::string_view text, const Descriptor
     }
     const FieldDescriptor* field = at == nullptr ? nullptr : at->FindFieldByName(word);
     if (field == nullptr) {
-      why = at == nullptr ? "\"" + word + "\" stands behind a field that is no message"
-                          : "the type " + std::string(at->full_name()) + " has no field \"" + word +
-                                "\"";
+      why = at == nullptr
+                ? "\"" + word + "\" stands behind a field that is no message"
+                : "the type " + std::string(at->full_name()) + " has no field \"" + word + "\"";
       return std::nullopt;
     }
     path.steps_.push_back({field, -1});

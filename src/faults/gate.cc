@@ -135,8 +135,8 @@ void Gate::pass(Envelope& message, Subscription& subscription) noexcept {
 void Gate::end(Envelope& message) noexcept {
   bool is_frozen = false;
   for (std::size_t i = 0; i < parts_.size(); ++i) {
-    is_frozen = is_frozen || (drawn_[i].is_meant &&
-                              parts_[i].fault->description.kind == FaultKind::kFreeze);
+    is_frozen = is_frozen ||
+                (drawn_[i].is_meant && parts_[i].fault->description.kind == FaultKind::kFreeze);
     if (drawn_[i].has_acted) {
       ActiveFault& fault = *parts_[i].fault;
       fault.count.fetch_add(1, std::memory_order_relaxed);

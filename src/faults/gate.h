@@ -95,10 +95,10 @@ class Gate final : public detail::LaneGate {
   std::vector<Drawn> drawn_;  ///< One for each part.
   const GateClock& clock_;
   detail::Pool* const copies_;
-  bool keeps_before_ = false;                    ///< A fault needs the message before.
-  detail::Envelope* before_ = nullptr;           ///< The message before.
-  detail::Envelope* last_unfrozen_ = nullptr;    ///< The last one before a fault freezes.
-  std::deque<Held> held_;                        ///< In the order in which they are due.
+  bool keeps_before_ = false;                  ///< A fault needs the message before.
+  detail::Envelope* before_ = nullptr;         ///< The message before.
+  detail::Envelope* last_unfrozen_ = nullptr;  ///< The last one before a fault freezes.
+  std::deque<Held> held_;                      ///< In the order in which they are due.
   std::map<const detail::Subscription*, Time> waits_until_;  ///< The last that is held for each.
 };
 

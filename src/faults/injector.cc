@@ -31,8 +31,8 @@ void Injector::check(const ActiveFault& fault, const detail::Topics& topics,
                      config::Problems& problems) const {
   const FaultDescription& its = fault.description;
   const auto add = [&](std::string message, std::string hint = {}) {
-    problems.add(config::mistake(
-        its.place, fmt::format("the fault \"{}\": {}", its.name, message), std::move(hint)));
+    problems.add(config::mistake(its.place, fmt::format("the fault \"{}\": {}", its.name, message),
+                                 std::move(hint)));
   };
   const detail::Topic* const topic = topics.find(its.topic);
   if (topic == nullptr || topic->type.empty()) {
@@ -179,9 +179,9 @@ std::uint32_t Injector::next_step() const noexcept {
 
 void Injector::put(Time now, std::uint32_t step) {
   put_due(now);
-  if (other_ != nullptr && (other_->next_due_ns() < base::to_ns(now) ||
-                            (other_->next_due_ns() == base::to_ns(now) &&
-                             other_->next_step() <= step))) {
+  if (other_ != nullptr &&
+      (other_->next_due_ns() < base::to_ns(now) ||
+       (other_->next_due_ns() == base::to_ns(now) && other_->next_step() <= step))) {
     other_->put(now, step);
   }
 }

@@ -76,7 +76,8 @@ class Injector final : public detail::Feed {
     bool is_over;
   };
 
-  void check(const ActiveFault& fault, const detail::Topics& topics, config::Problems& problems) const;
+  void check(const ActiveFault& fault, const detail::Topics& topics,
+             config::Problems& problems) const;
   [[nodiscard]] std::int64_t own_due_ns() const noexcept;
   void put_due(Time now);
   void run_live();

@@ -652,9 +652,8 @@ void Application::strike(const config::FaultDescription& fault, bool is_over) {
   switch (fault.kind) {
     case config::FaultKind::kThrow:
       driver_->between_rounds([&component, name = fault.name] {
-        component.post(detail::Cause::kEvent, [name] {
-          throw std::runtime_error("the injected fault \"" + name + "\"");
-        });
+        component.post(detail::Cause::kEvent,
+                       [name] { throw std::runtime_error("the injected fault \"" + name + "\""); });
       });
       break;
     case config::FaultKind::kRestart:
@@ -668,8 +667,7 @@ void Application::strike(const config::FaultDescription& fault, bool is_over) {
       break;
     case config::FaultKind::kHang:
       if (!driver_->is_simulated()) {
-        component.post(detail::Cause::kEvent,
-                       [by = fault.by] { std::this_thread::sleep_for(by); });
+        component.post(detail::Cause::kEvent, [by = fault.by] { std::this_thread::sleep_for(by); });
       }
       break;
     default:

@@ -313,8 +313,8 @@ class Application final : public ApplicationHost {
   std::optional<config::FlightRecorderDescription> kept_;
   PoolTeller pool_teller_{own_log_};
   Observers observers_;
-  RecorderObserver* recorder_ = nullptr;       ///< One of the observers, as the next one.
-  FlightObserver* flight_recorder_ = nullptr;  ///< Null if there is none.
+  RecorderObserver* recorder_ = nullptr;        ///< One of the observers, as the next one.
+  FlightObserver* flight_recorder_ = nullptr;   ///< Null if there is none.
   std::unique_ptr<faults::Injector> injector_;  ///< Null where no faults are asked for.
   Replay* replay_ = nullptr;
   Peers* peers_ = nullptr;

@@ -174,8 +174,8 @@ struct RunReport {
   std::optional<ReplayReport> replay;
   std::optional<RecordingReport> recording;
   std::optional<record::FlightReport> flight_recorder;
-  std::vector<ProcessReport> processes;  ///< Empty if there is only one.
-  std::vector<ResultReport> results;     ///< By component, in their order.
+  std::vector<ProcessReport> processes;    ///< Empty if there is only one.
+  std::vector<ResultReport> results;       ///< By component, in their order.
   std::vector<faults::FaultCount> faults;  ///< That were injected; empty if none were asked for.
 };
 

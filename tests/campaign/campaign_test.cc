@@ -37,9 +37,8 @@ class Campaign : public test::TrackingRuns {
   [[nodiscard]] test::ProcessOptions campaign(const std::vector<std::string>& more = {},
                                               const std::string& judge = "tracks_lost == 0",
                                               const std::string& out = "found") const {
-    std::vector<std::string> words{"campaign", "app.json", "--plan", "plan.json",
-                                   "--judge",  judge,      "--for",  "15s",
-                                   "--out",    out};
+    std::vector<std::string> words{"campaign", "app.json", "--plan", "plan.json", "--judge",
+                                   judge,      "--for",    "15s",    "--out",     out};
     words.insert(words.end(), more.begin(), more.end());
     return program(words);
   }
@@ -68,7 +67,8 @@ TEST_F(Campaign, FindsAMistakeThatNeedsTwoSweepsInARowAndNamesThese) {
   ASSERT_EQ(messages.size(), 2U) << failure.dump(1);
   EXPECT_EQ(messages[1], messages[0] + 1);
   EXPECT_THAT(process.output(), HasSubstr("drop sweeps, messages"));
-  EXPECT_THAT(test::read_file(folder_ / "found.xml"), HasSubstr("<failure message=\"tracks_lost is"));
+  EXPECT_THAT(test::read_file(folder_ / "found.xml"),
+              HasSubstr("<failure message=\"tracks_lost is"));
   EXPECT_THAT(test::read_file(folder_ / "found/index.html"), HasSubstr("class=\"fail\""));
   EXPECT_THAT(test::read_file(folder_ / "found/index.html"), Not(HasSubstr("http")));
 }
@@ -102,8 +102,8 @@ TEST_F(Campaign, LeavesAnOverlayThatRepeatsTheFailureByteForByte) {
 TEST_F(Campaign, IsTheSameWithAnyNumberOfJobs) {
   std::vector<json> found;
   for (const char* jobs : {"1", "3"}) {
-    Process process(campaign({"--seeds", "20", "--no-logs", "--jobs", jobs},
-                             "tracks_lost == 0", jobs));
+    Process process(
+        campaign({"--seeds", "20", "--no-logs", "--jobs", jobs}, "tracks_lost == 0", jobs));
     EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
     json said = json::parse(test::read_file(folder_ / jobs / "summary.json"));
     for (json& result : said["results"]) {
@@ -141,8 +141,7 @@ TEST_F(Campaign, GoesOnWhereItWasEnded) {
 TEST_F(Campaign, FindsCrashes) {
   folder_.write("plan.json", R"({"faults": [{"kind": "corrupt", "topic": "sweeps",
       "field": "objects.range_m", "as": "nan", "from_s": [0, 20], "for_s": 0.5}]})");
-  Process process(
-      campaign({"--seeds", "12", "--set", "tracker.crashes_on_nan=true", "--no-logs"}));
+  Process process(campaign({"--seeds", "12", "--set", "tracker.crashes_on_nan=true", "--no-logs"}));
 
   EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
   const json said = summary();

@@ -106,7 +106,8 @@ class Planner final : public fastcycle::Component {
   void on_track(const Track&) {
     const fastcycle::Time time = now();
     if (tracks_++ > 0) {
-      longest_ms_ = std::max(longest_ms_, std::chrono::duration<double, std::milli>(time - last_).count());
+      longest_ms_ =
+          std::max(longest_ms_, std::chrono::duration<double, std::milli>(time - last_).count());
     }
     last_ = time;
   }

@@ -29,9 +29,9 @@ class TrackingRuns : public testing::Test {
   nlohmann::json run(const std::string& faults, const std::vector<std::string>& more = {}) {
     folder_.write("app.json", kApplication);
     folder_.write("overlay.json", R"({"faults": )" + faults + "}");
-    std::vector<std::string> words{"run",       "app.json",    "--overlay", "overlay.json",
-                                   "--clock",   "simulated",   "--report",  "report.json",
-                                   "--quiet",   "--for",       "15s"};
+    std::vector<std::string> words{"run",     "app.json",  "--overlay", "overlay.json",
+                                   "--clock", "simulated", "--report",  "report.json",
+                                   "--quiet", "--for",     "15s"};
     words.insert(words.end(), more.begin(), more.end());
     Process process(program(words));
     ending_ = process.wait();

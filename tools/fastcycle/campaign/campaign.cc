@@ -53,7 +53,7 @@ struct CampaignOptions {
   std::vector<std::string> judges;
   unsigned jobs = std::max(1U, std::thread::hardware_concurrency());
   fs::path out = "campaign";
-  std::string limit;             ///< Of application time.
+  std::string limit;  ///< Of application time.
   std::string wall_limit = "60s";
   std::size_t shrink_runs = 300;
   std::size_t most_failures = 16;
@@ -218,9 +218,9 @@ class Campaign {
     ChildProgram program{.arguments = command(folder / "overlay.json"),
                          .output = folder / "output.txt"};
     program.arguments.insert(program.arguments.begin(), "/proc/self/exe");
-    for (const std::string& word : {std::string("--workers"), std::string("1"),
-                                    std::string("--quiet"), std::string("--report"),
-                                    (folder / "report.json").string()}) {
+    for (const std::string& word :
+         {std::string("--workers"), std::string("1"), std::string("--quiet"),
+          std::string("--report"), (folder / "report.json").string()}) {
       program.arguments.push_back(word);
     }
     if (!log.empty()) {
@@ -353,9 +353,8 @@ class Campaign {
     for (const auto& [key, result] : groups) {
       chosen.push_back(result);
     }
-    std::ranges::sort(chosen, {}, [](const SeedResult* one) {
-      return std::pair(one->faults.size(), one->seed);
-    });
+    std::ranges::sort(
+        chosen, {}, [](const SeedResult* one) { return std::pair(one->faults.size(), one->seed); });
     return chosen;
   }
 
@@ -431,14 +430,13 @@ class Campaign {
   }
 
   int finish() {
-    campaign::Summary summary{
-        .application = options_.configuration.load.file.string(),
-        .plan = options_.plan.string(),
-        .seeds = options_.seeds,
-        .judges = {},
-        .results = {},
-        .failures = failures_,
-        .wall_s = 0};
+    campaign::Summary summary{.application = options_.configuration.load.file.string(),
+                              .plan = options_.plan.string(),
+                              .seeds = options_.seeds,
+                              .judges = {},
+                              .results = {},
+                              .failures = failures_,
+                              .wall_s = 0};
     for (const campaign::Judge& judge : judges_) {
       summary.judges.push_back(judge.text());
     }
@@ -463,8 +461,7 @@ class Campaign {
     print_text(stderr, problems);
     const bool is_complete = summary.results.size() == options_.seeds;
     if (!is_complete) {
-      print_to(stderr,
-               "fastcycle campaign: ended after {} of {} seeds; the same command goes on\n",
+      print_to(stderr, "fastcycle campaign: ended after {} of {} seeds; the same command goes on\n",
                summary.results.size(), options_.seeds);
     }
     const int flushed = flush_output();
@@ -524,8 +521,8 @@ int run_campaign(const CampaignOptions& options) {
     for (const std::string& mistake : mistakes) {
       print_to(stderr, "{}\n", mistake);
     }
-    return print_wrong(fmt::format("{} mistake{}", mistakes.size(),
-                                   mistakes.size() == 1 ? "" : "s"));
+    return print_wrong(
+        fmt::format("{} mistake{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
   }
   if (const std::string why = ReportFile(options.junit).find_obstacle(); !why.empty()) {
     return print_wrong(options.junit.string() + " cannot be written: " + why);
@@ -554,7 +551,8 @@ Command add_campaign(CLI::App& program) {
       "not met, if the run ends with another exit code than 0, by a signal, or not within its\n"
       "limit. What fails is reduced to the fewest faults and messages; OUT has an overlay and a\n"
       "log of each, summary.json, and the page index.html. After Ctrl-C the same command goes on.\n"
-      "Exit codes: 0 all passed, 1 some failed or did not run, 2 a mistake (nothing was started).\n"));
+      "Exit codes: 0 all passed, 1 some failed or did not run, 2 a mistake (nothing was "
+      "started).\n"));
   const auto options = std::make_shared<CampaignOptions>();
   options->configuration.add_to(*line);
   line->add_option("--plan", options->plan, "The faults that may be drawn, JSON")

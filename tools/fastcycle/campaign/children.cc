@@ -79,8 +79,7 @@ ChildEnd reap(const Child& child) {
 }
 
 int milliseconds_until(SteadyClock::time_point time) {
-  const auto left =
-      std::chrono::ceil<std::chrono::milliseconds>(time - SteadyClock::now()).count();
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(time - SteadyClock::now()).count();
   return static_cast<int>(std::clamp<std::int64_t>(left, 0, 1'000'000'000));
 }
 
