@@ -1,0 +1,81 @@
+#include "campaign/plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace fastcycle::campaign {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+Plan plan_of(const std::string& text) {
+  std::vector<std::string> mistakes;
+  const auto plan = Plan::read(text, "plan.json", mistakes);
+  EXPECT_THAT(mistakes, ElementsAre());
+  return plan.value();
+}
+
+constexpr const char* kPlan = R"({"at_once": [1, 3], "faults": [
+    {"kind": "drop", "topic": "a", "from_s": [2, 4], "for_s": [0.5, 1], "probability": [0.1, 0.2]},
+    {"kind": "restart", "component": "b", "from_s": 3}]})";
+
+TEST(Plan, DrawsTheSameForASeedAndOthersForOthers) {
+  const Plan plan = plan_of(kPlan);
+  const auto text_of = [&](std::uint64_t seed) { return overlay_of(plan.draw(seed), seed).dump(); };
+
+  EXPECT_EQ(text_of(5), text_of(5));
+  EXPECT_NE(text_of(5), text_of(6));
+}
+
+TEST(Plan, DrawsWithinTheRanges) {
+  const Plan plan = plan_of(kPlan);
+  std::size_t drops = 0;
+  std::size_t restarts = 0;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    const auto faults = plan.draw(seed);
+    EXPECT_GE(faults.size(), 1U);
+    EXPECT_LE(faults.size(), 3U);
+    for (std::size_t i = 0; i < faults.size(); ++i) {
+      const auto& json = faults[i].json;
+      EXPECT_EQ(json["name"], "fault_" + std::to_string(i + 1));
+      if (faults[i].source == 1) {
+        ++restarts;
+        EXPECT_EQ(json["from_s"], 3.0);
+        continue;
+      }
+      ++drops;
+      const double from = json["from_s"];
+      const double span = json["to_s"].get<double>() - from;
+      EXPECT_GE(from, 2);
+      EXPECT_LE(from, 4);
+      EXPECT_GE(span, 0.499);
+      EXPECT_LE(span, 1.001);
+      EXPECT_GE(json["probability"], 0.1);
+      EXPECT_LE(json["probability"], 0.2);
+      EXPECT_FALSE(json.contains("for_s"));
+    }
+  }
+  EXPECT_GT(drops, 200U);
+  EXPECT_GT(restarts, 200U);
+}
+
+TEST(Plan, SaysEachMistakeWithItsPlace) {
+  std::vector<std::string> mistakes;
+  EXPECT_FALSE(Plan::read(R"({"at_once": [3, 1], "fault": 1, "faults": [
+      3, {"kind": "drop", "from_s": "x", "topc": "a"}, {"from_s": [1, 2]}]})",
+                          "plan.json", mistakes));
+
+  EXPECT_THAT(mistakes, ElementsAre(HasSubstr("plan.json: /at_once: expected a number of faults"),
+                                    HasSubstr("/fault: unknown key \"fault\""),
+                                    HasSubstr("/faults/0: expected an object, found 3"),
+                                    HasSubstr("/faults/1/from_s: expected a number, or a range"),
+                                    HasSubstr("/faults/1/topc: unknown key \"topc\""),
+                                    HasSubstr("/faults/2: the key \"kind\" is missing")));
+  mistakes.clear();
+  EXPECT_FALSE(Plan::read("{", "plan.json", mistakes));
+  EXPECT_THAT(mistakes, ElementsAre(HasSubstr("plan.json: this is not JSON")));
+}
+
+}  // namespace
+}  // namespace fastcycle::campaign

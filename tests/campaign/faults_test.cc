@@ -14,6 +14,7 @@ namespace {
 using nlohmann::json;
 using test::Process;
 using testing::HasSubstr;
+using testing::Not;
 using InjectedFaults = test::TrackingRuns;
 
 TEST_F(InjectedFaults, DropTheMessagesThatAreNamed) {
@@ -157,6 +158,45 @@ TEST_F(InjectedFaults, AreTheSameInSeveralProcesses) {
   EXPECT_EQ(one["results"], several["results"]);
   EXPECT_EQ(one["faults"], several["faults"]);
   EXPECT_EQ(ledger_of(several)["dropped"], ledger_of(one)["dropped"]);
+}
+
+TEST_F(InjectedFaults, ActInLiveRunsToo) {
+  folder_.write("app.json", kApplication);
+  folder_.write("overlay.json", R"({"faults": {"list": [
+      {"kind": "delay", "topic": "sweeps", "messages": [5], "by_ms": 250},
+      {"kind": "drop", "topic": "sweeps", "messages": [9]},
+      {"kind": "hang", "component": "planner", "from_s": 0.3, "by_ms": 150}]}})");
+  Process process(program({"run", "app.json", "--overlay", "overlay.json", "--set",
+                           "lidar.count=12", "--report", "report.json", "--quiet"}));
+  EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+
+  const json report = json::parse(test::read_file(folder_ / "report.json"));
+  EXPECT_EQ(report["results"]["sweeps"], 11);
+  EXPECT_GE(report["results"]["longest_gap_ms"].get<double>(), 250);
+  EXPECT_EQ(ledger_of(report)["dropped"]["injected"], 1);
+  EXPECT_EQ(ledger_of(report)["adds_up"], true);
+  for (const json& fault : report["faults"]) {
+    EXPECT_EQ(fault["count"], 1) << fault;
+  }
+}
+
+TEST_F(InjectedFaults, AreInTheLogAndVerifiedAsFarAsItTells) {
+  run(R"({"seed": 3, "list": [
+      {"kind": "drop", "topic": "sweeps", "probability": 0.1},
+      {"kind": "delay", "topic": "sweeps", "probability": 0.1, "by_ms": 230},
+      {"kind": "duplicate", "topic": "tracks", "probability": 0.1},
+      {"kind": "throw", "component": "tracker", "from_s": 8}]})",
+      {"--record", "log.mcap"});
+  Process verify(program({"verify", "log.mcap"}));
+  EXPECT_EQ(verify.wait().exit_code, 0) << verify.output() << verify.errors();
+  EXPECT_THAT(verify.errors(), Not(HasSubstr("corrupt")));
+
+  run(R"({"list": [{"kind": "corrupt", "topic": "sweeps", "field": "objects.range_m",
+      "as": "nan", "messages": [7]}]})",
+      {"--record", "corrupt.mcap"});
+  Process corrupt(program({"verify", "corrupt.mcap"}));
+  EXPECT_EQ(corrupt.wait().exit_code, 3);
+  EXPECT_THAT(corrupt.errors(), HasSubstr("what was published, not what the faults made of it"));
 }
 
 }  // namespace

@@ -137,6 +137,14 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   if (!may_start(problems, file)) {
     return nullptr;
   }
+  const auto changes_messages = [](const config::FaultDescription& fault) {
+    return fault.kind == config::FaultKind::kFreeze || fault.kind == config::FaultKind::kCorrupt;
+  };
+  if (std::ranges::any_of(description.faults.list, changes_messages)) {
+    print_to(stderr,
+             "warning: messages were frozen or corrupted in this run; the log has what was "
+             "published, not what the faults made of it: who received that may differ\n");
+  }
   config::ApplicationDescription silent = description;
   silence(silent);
   silent.chains.clear();  // Nothing is late where time is what the log says.
