@@ -570,6 +570,24 @@ void PublisherCore::hand_over(Envelope* envelope) noexcept {
   }
 }
 
+[[gnu::always_inline]] inline void PublisherCore::push(const Target& target, Envelope* envelope,
+                                                       const Topic& topic,
+                                                       WakeList& wakes) noexcept {
+  Lane& lane = *target.lane;
+  if (Envelope* displaced = lane.push(envelope)) {
+    release(displaced);
+    if (topic.overflow_watch != nullptr && !lane.options.is_view) {
+      topic.overflow_watch->overflowed(lane.subscription);
+    }
+  }
+  if (target.bit != 0 && target.inbox->mark(lane, target.bit)) {
+    wakes.add(target.inbox->queue());
+  }
+  if (lane.is_closed()) {
+    lane.dropped_after_close.add(lane.drain());
+  }
+}
+
 void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   if (envelope->is_scratch) {
     drop_scratch(envelope);
@@ -608,23 +626,6 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   wakes.wake_all();
   for (MessageExport* const to : exports_) {
     to->put(*envelope);
-  }
-}
-
-void PublisherCore::push(const Target& target, Envelope* envelope, const Topic& topic,
-                         WakeList& wakes) noexcept {
-  Lane& lane = *target.lane;
-  if (Envelope* displaced = lane.push(envelope)) {
-    release(displaced);
-    if (topic.overflow_watch != nullptr && !lane.options.is_view) {
-      topic.overflow_watch->overflowed(lane.subscription);
-    }
-  }
-  if (target.bit != 0 && target.inbox->mark(lane, target.bit)) {
-    wakes.add(target.inbox->queue());
-  }
-  if (lane.is_closed()) {
-    lane.dropped_after_close.add(lane.drain());
   }
 }
 
