@@ -150,6 +150,15 @@ TEST_F(Campaign, FindsCrashes) {
   EXPECT_THAT(said["failures"][0]["way"].get<std::string>(), HasSubstr("signal"));
 }
 
+TEST_F(Campaign, EndsRunsThatTakeTooLong) {
+  Process process(campaign({"--seeds", "2", "--limit", "1ms", "--no-logs", "--shrink-runs", "1"}));
+
+  EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
+  const json said = summary();
+  EXPECT_EQ(said["failed"], 2);
+  EXPECT_EQ(said["results"][0]["way"], "no end within 1ms");
+}
+
 TEST_F(Campaign, SaysWhatIsWrongWithAPlan) {
   folder_.write("plan.json", R"({"at_once": 0, "faults": [
       {"kind": "drop", "topc": "sweeps", "from_s": [3, 1]}, {"topic": 3, "from_s": 1}]})");
