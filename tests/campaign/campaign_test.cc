@@ -49,7 +49,7 @@ class Campaign : public test::TrackingRuns {
 };
 
 TEST_F(Campaign, FindsAMistakeThatNeedsTwoSweepsInARowAndNamesThese) {
-  Process process(campaign({"--seeds", "60", "--junit", "found.xml"}));
+  Process process(campaign({"--seeds", "60", "--junit", "found/junit.xml"}));
 
   EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
 
@@ -67,7 +67,7 @@ TEST_F(Campaign, FindsAMistakeThatNeedsTwoSweepsInARowAndNamesThese) {
   ASSERT_EQ(messages.size(), 2U) << failure.dump(1);
   EXPECT_EQ(messages[1], messages[0] + 1);
   EXPECT_THAT(process.output(), HasSubstr("drop sweeps, messages"));
-  EXPECT_THAT(test::read_file(folder_ / "found.xml"),
+  EXPECT_THAT(test::read_file(folder_ / "found/junit.xml"),
               HasSubstr("<failure message=\"tracks_lost is"));
   EXPECT_THAT(test::read_file(folder_ / "found/index.html"), HasSubstr("class=\"fail\""));
   EXPECT_THAT(test::read_file(folder_ / "found/index.html"), Not(HasSubstr("http")));

@@ -182,6 +182,9 @@ class Campaign {
     if (error) {
       return fmt::format("{}: {}", options_.out.string(), error.message());
     }
+    if (const std::string why = ReportFile(options_.junit).find_obstacle(); !why.empty()) {
+      return options_.junit.string() + " cannot be written: " + why;  // It may be in that folder.
+    }
     const fs::path known = options_.out / "campaign.json";
     const ordered_json own = identity();
     if (const auto text = content_of(known)) {
@@ -567,9 +570,6 @@ int run_campaign(const CampaignOptions& options) {
     }
     return print_wrong(
         fmt::format("{} mistake{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
-  }
-  if (const std::string why = ReportFile(options.junit).find_obstacle(); !why.empty()) {
-    return print_wrong(options.junit.string() + " cannot be written: " + why);
   }
   const sigset_t signals = block_stop_signals();
   try {
