@@ -655,6 +655,14 @@ void Application::strike(const config::FaultDescription& fault, bool is_over) {
     return;  // It is in another process, or does not run.
   }
   ComponentCore& component = **found;
+  const bool is_simulated = driver_->is_simulated();
+  if (is_simulated ? fault.kind == config::FaultKind::kHang
+                   : fault.kind == config::FaultKind::kSlow) {
+    log(LogLevel::kWarning, component.name,
+        "the fault \"" + fault.name + "\" does nothing in a " +
+            (is_simulated ? "simulated" : "live") + " run");
+    return;
+  }
   switch (fault.kind) {
     case config::FaultKind::kThrow:
       driver_->between_rounds([&component, name = fault.name] {
@@ -666,15 +674,10 @@ void Application::strike(const config::FaultDescription& fault, bool is_over) {
       change_life(component, detail::LifeStep::kRenew, [](const auto&, const auto&) {});
       break;
     case config::FaultKind::kSlow:
-      if (driver_->is_simulated()) {
-        component.set_simulated_cost(component.description.simulated_cost +
-                                     (is_over ? Duration(0) : Duration(fault.by)));
-      }
+      component.set_simulated_cost(component.simulated_cost() + (is_over ? -fault.by : fault.by));
       break;
     case config::FaultKind::kHang:
-      if (!driver_->is_simulated()) {
-        component.post(detail::Cause::kEvent, [by = fault.by] { std::this_thread::sleep_for(by); });
-      }
+      component.post(detail::Cause::kEvent, [by = fault.by] { std::this_thread::sleep_for(by); });
       break;
     default:
       break;

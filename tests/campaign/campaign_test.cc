@@ -49,7 +49,7 @@ class Campaign : public test::TrackingRuns {
 };
 
 TEST_F(Campaign, FindsAMistakeThatNeedsTwoSweepsInARowAndNamesThese) {
-  Process process(campaign({"--seeds", "60", "--junit", "found.xml"}));
+  Process process(campaign({"--seeds", "60", "--junit", "found/junit.xml"}));
 
   EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
 
@@ -67,7 +67,7 @@ TEST_F(Campaign, FindsAMistakeThatNeedsTwoSweepsInARowAndNamesThese) {
   ASSERT_EQ(messages.size(), 2U) << failure.dump(1);
   EXPECT_EQ(messages[1], messages[0] + 1);
   EXPECT_THAT(process.output(), HasSubstr("drop sweeps, messages"));
-  EXPECT_THAT(test::read_file(folder_ / "found.xml"),
+  EXPECT_THAT(test::read_file(folder_ / "found/junit.xml"),
               HasSubstr("<failure message=\"tracks_lost is"));
   EXPECT_THAT(test::read_file(folder_ / "found/index.html"), HasSubstr("class=\"fail\""));
   EXPECT_THAT(test::read_file(folder_ / "found/index.html"), Not(HasSubstr("http")));
@@ -148,6 +148,15 @@ TEST_F(Campaign, FindsCrashes) {
   EXPECT_GT(said["failed"].get<int>(), 0) << said.dump(1);
   EXPECT_LT(said["failed"].get<int>(), 12) << said.dump(1);  // Some begin after the last sweep.
   EXPECT_THAT(said["failures"][0]["way"].get<std::string>(), HasSubstr("signal"));
+}
+
+TEST_F(Campaign, EndsRunsThatTakeTooLong) {
+  Process process(campaign({"--seeds", "2", "--limit", "1ms", "--no-logs", "--shrink-runs", "1"}));
+
+  EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
+  const json said = summary();
+  EXPECT_EQ(said["failed"], 2);
+  EXPECT_EQ(said["results"][0]["way"], "no end within 1ms");
 }
 
 TEST_F(Campaign, SaysWhatIsWrongWithAPlan) {

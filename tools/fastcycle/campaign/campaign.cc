@@ -87,28 +87,48 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
-/// The words of the configuration, as a run takes them.
-std::vector<std::string> words_of(const Configuration& configuration) {
-  std::vector<std::string> words = {configuration.load.file.string()};
+/// `word`, or, if it ends with the name of a file that is there, `=FILE`, with its whole path: it
+/// is to be read by a run in another folder.
+std::string from_anywhere(const std::string& word) {
+  const auto value = word.find('=') + 1;
+  const fs::path file = word.substr(value);
+  std::error_code error;
+  return file.is_relative() && fs::exists(file, error) && !file.empty()
+             ? word.substr(0, value) + fs::absolute(file).string()
+             : word;
+}
+
+/// The words of the configuration, as a run takes them; with `is_elsewhere` one that works in
+/// another folder.
+std::vector<std::string> words_of(const Configuration& configuration, bool is_elsewhere = false) {
+  const auto path_of = [&](const fs::path& file) {
+    return is_elsewhere ? fs::absolute(file).string() : file.string();
+  };
+  const auto text_of = [&](const std::string& word) {
+    return is_elsewhere ? from_anywhere(word) : word;
+  };
+  std::vector<std::string> words = {path_of(configuration.load.file)};
   const auto add = [&](const char* option, const std::string& value) {
     words.insert(words.end(), {option, value});
   };
   for (const fs::path& overlay : configuration.load.overlays) {
-    add("--overlay", overlay.string());
+    add("--overlay", path_of(overlay));
   }
   for (const std::string& set : configuration.load.sets) {
-    add("--set", set);
+    add("--set", text_of(set));
   }
   for (const std::string& variable : configuration.load.variables) {
-    add("--var", variable);
+    add("--var", text_of(variable));
   }
   for (const std::string& isolated : configuration.load.isolated) {
     add("--isolate", isolated);
   }
   for (const fs::path& folder : configuration.library_path) {
-    add("--library-path", folder.string());
+    add("--library-path", path_of(folder));
   }
-  add("--load-timeout", configuration.load_timeout);
+  if (configuration.load_timeout != Configuration().load_timeout) {
+    add("--load-timeout", configuration.load_timeout);
+  }
   return words;
 }
 
@@ -162,6 +182,9 @@ class Campaign {
     if (error) {
       return fmt::format("{}: {}", options_.out.string(), error.message());
     }
+    if (const std::string why = ReportFile(options_.junit).find_obstacle(); !why.empty()) {
+      return options_.junit.string() + " cannot be written: " + why;  // It may be in that folder.
+    }
     const fs::path known = options_.out / "campaign.json";
     const ordered_json own = identity();
     if (const auto text = content_of(known)) {
@@ -198,9 +221,10 @@ class Campaign {
     return {};
   }
 
-  [[nodiscard]] std::vector<std::string> command(const fs::path& overlay) const {
+  [[nodiscard]] std::vector<std::string> command(const fs::path& overlay,
+                                                 bool is_elsewhere = false) const {
     std::vector<std::string> words = {"run"};
-    const auto configuration = words_of(options_.configuration);
+    const auto configuration = words_of(options_.configuration, is_elsewhere);
     words.insert(words.end(), configuration.begin(), configuration.end());
     words.insert(words.end(), {"--overlay", overlay.string(), "--clock", "simulated"});
     if (!options_.limit.empty()) {
@@ -209,13 +233,15 @@ class Campaign {
     return words;
   }
 
-  /// Writes what a run needs into `folder`.
-  ChildProgram begin(const fs::path& folder, const Faults& faults, std::uint64_t seed,
+  /// Writes what a run needs into `folder`, where it works: what its components write is there too.
+  ChildProgram begin(const fs::path& relative, const Faults& faults, std::uint64_t seed,
                      const fs::path& log = {}) const {
+    const fs::path folder = fs::absolute(relative);
+    fs::remove_all(folder);
     fs::create_directories(folder);
     std::ofstream(folder / "overlay.json") << campaign::overlay_of(faults, seed).dump(2) << "\n";
-    fs::remove(folder / "report.json");
-    ChildProgram program{.arguments = command(folder / "overlay.json"),
+    ChildProgram program{.arguments = command(folder / "overlay.json", true),
+                         .folder = folder,
                          .output = folder / "output.txt"};
     program.arguments.insert(program.arguments.begin(), "/proc/self/exe");
     for (const std::string& word :
@@ -304,6 +330,7 @@ class Campaign {
             ++failed;
             clear_line();
             say(fmt::format("seed {}: {}", seeds[i], verdict.how));
+            keep_what_tells(folder_of(i));
           } else {
             fs::remove_all(folder_of(i));
           }
@@ -312,6 +339,16 @@ class Campaign {
         });
     clear_line();
     return !is_wrong;
+  }
+
+  /// Of a folder in which a run failed. What its components wrote may be large, and comes again.
+  static void keep_what_tells(const fs::path& folder) {
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      const std::string name = entry.path().filename().string();
+      if (name != "overlay.json" && name != "report.json" && name != "output.txt") {
+        fs::remove_all(entry.path());
+      }
+    }
   }
 
   std::vector<Verdict> try_all(const std::vector<Faults>& lists, std::uint64_t seed) {
@@ -409,24 +446,34 @@ class Campaign {
       failure.command += " " + quoted(word);
     }
     if (!options_.is_without_logs) {
-      const fs::path log = options_.out / (name + ".mcap");
-      fs::remove(log);
-      const fs::path folder = options_.out / "runs" / name;
-      children_.run(
-          1,
-          [&](std::size_t) {
-            ChildProgram program = begin(folder, failure.faults, failure.seed, log);
-            // As the command that is told: the log names the overlay.
-            *std::ranges::find(program.arguments, (folder / "overlay.json").string()) =
-                overlay.string();
-            return program;
-          },
-          [&](std::size_t, const ChildEnd&) {
-            failure.log = fs::exists(log) ? log.string() : std::string();
-          });
-      fs::remove_all(folder);
+      failure.log = write_log(failure, name);
     }
     failures_.push_back(std::move(failure));
+  }
+
+  /// Runs a failure once more, with a log; where that is, or nothing.
+  std::string write_log(const Failure& failure, const std::string& name) {
+    const fs::path log = options_.out / (name + ".mcap");
+    const fs::path folder = options_.out / "runs" / name;
+    fs::remove(log);
+    int exit_code = 0;
+    const auto run_with = [&](const fs::path& record) {
+      children_.run(
+          1, [&](std::size_t) { return begin(folder, failure.faults, failure.seed, record); },
+          [&](std::size_t, const ChildEnd& end) { exit_code = end.exit_code; });
+    };
+    run_with(fs::absolute(log));
+    if (exit_code == kWrong) {  // Then it records itself, into the folder where it works.
+      run_with({});
+      for (const auto& entry : fs::directory_iterator(folder)) {
+        if (entry.path().extension() == ".mcap") {
+          fs::rename(entry.path(), log);
+          break;
+        }
+      }
+    }
+    fs::remove_all(folder);
+    return fs::exists(log) ? log.string() : std::string();
   }
 
   int finish() {
@@ -523,9 +570,6 @@ int run_campaign(const CampaignOptions& options) {
     }
     return print_wrong(
         fmt::format("{} mistake{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
-  }
-  if (const std::string why = ReportFile(options.junit).find_obstacle(); !why.empty()) {
-    return print_wrong(options.junit.string() + " cannot be written: " + why);
   }
   const sigset_t signals = block_stop_signals();
   try {

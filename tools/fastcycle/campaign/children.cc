@@ -44,6 +44,7 @@ pid_t spawn(const ChildProgram& program) {
   posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, program.output.c_str(),
                                    O_WRONLY | O_CREAT | O_TRUNC, 0600);
   posix_spawn_file_actions_adddup2(&files, STDOUT_FILENO, STDERR_FILENO);
+  posix_spawn_file_actions_addchdir_np(&files, program.folder.c_str());
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   sigset_t none;

@@ -10,9 +10,10 @@
 
 namespace fastcycle::tool {
 
-/// A program to run: what it is called with, and where all goes that it prints.
+/// A program to run: what it is called with, where it works, and where all goes that it prints.
 struct ChildProgram {
   std::vector<std::string> arguments;  ///< The first is the program's file.
+  std::filesystem::path folder;
   std::filesystem::path output;
 };
 
