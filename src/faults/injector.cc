@@ -1,6 +1,7 @@
 #include "faults/injector.h"
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -110,7 +111,10 @@ void Injector::begin(Time start, std::vector<base::Refusal>& refusals) {
       strikes_.push_back({start + *its.to, &fault, true});
     }
   }
-  std::ranges::stable_sort(strikes_, {}, &Strike::time);
+  // Those of one time in the order of the file.
+  std::ranges::sort(strikes_, {}, [](const Strike& its) {
+    return std::tuple(its.time, &its.fault->description, its.is_over);
+  });
   gate_clock_.begin_ns.store(base::to_ns(start));
   if (clock_.is_simulated()) {
     return;

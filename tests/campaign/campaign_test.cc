@@ -86,7 +86,7 @@ TEST_F(Campaign, LeavesAnOverlayThatRepeatsTheFailureByteForByte) {
     EXPECT_EQ(again.wait().exit_code, 0) << again.errors();
     const json report = json::parse(test::read_file(folder_ / "report.json"));
     EXPECT_EQ("tracks_lost is " + report["results"]["tracks_lost"].dump(),
-              summary()["failures"][0]["how"]);
+              summary()["failures"][0]["how"].get<std::string>());
     Process echo(program({"echo", log, "sweeps", "tracks"}));
     EXPECT_EQ(echo.wait().exit_code, 0) << echo.errors();
     messages.push_back(echo.output());
@@ -157,6 +157,14 @@ TEST_F(Campaign, EndsRunsThatTakeTooLong) {
   const json said = summary();
   EXPECT_EQ(said["failed"], 2);
   EXPECT_EQ(said["results"][0]["way"], "no end within 1ms");
+}
+
+TEST_F(Campaign, BeginsNothingWithoutAnApplication) {
+  Process process(program({"campaign", "nope.json", "--plan", "plan.json", "--out", "nothing"}));
+
+  EXPECT_EQ(process.wait().exit_code, 2);
+  EXPECT_THAT(process.errors(), HasSubstr("cannot read \"nope.json\""));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "nothing"));
 }
 
 TEST_F(Campaign, SaysWhatIsWrongWithAPlan) {

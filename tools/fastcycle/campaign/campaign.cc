@@ -571,6 +571,11 @@ int run_campaign(const CampaignOptions& options) {
     return print_wrong(
         fmt::format("{} mistake{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
   }
+  config::Problems problems;
+  static_cast<void>(config::load(options.configuration.load, problems));
+  if (problems.has_errors() && !may_start(problems, options.configuration.load.file.string())) {
+    return kWrong;
+  }
   const sigset_t signals = block_stop_signals();
   try {
     Campaign campaign(options, *plan, std::move(judges), *text);
