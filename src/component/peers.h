@@ -63,6 +63,8 @@ class Peers {
   [[nodiscard]] virtual std::uint32_t process_of(const std::string& component) const = 0;
   /// Whether a component of any process subscribes to `topic`.
   [[nodiscard]] virtual bool is_wanted(const std::string& topic) const = 0;
+  /// How this process is called.
+  [[nodiscard]] virtual const std::string& name() const = 0;
   /// Whether this process has the tools: status, log, recorder, inspection.
   [[nodiscard]] virtual bool is_main() const = 0;
   /// The services of the whole application.
@@ -131,6 +133,8 @@ class Peers {
                            const std::function<bool()>& is_over) = 0;
   /// All have started here: waits for the others, and returns when timers start everywhere.
   [[nodiscard]] virtual Time agree_on_begin(const std::function<bool()>& is_over) = 0;
+  /// When timers started in the application's first processes; after `agree_on_begin`.
+  [[nodiscard]] virtual Time began() const = 0;
 
   /// What all do together at the end, in this order; each waits until all others came as far.
   enum class Step : std::uint8_t { kTimersStopped, kDrained, kDrainedAgain };

@@ -384,13 +384,15 @@ FaultDescription describe_fault(const Value& value) {
   fault.kind = find_word(value, "kind",
                          std::array{FaultKind::kDrop, FaultKind::kDelay, FaultKind::kDuplicate,
                                     FaultKind::kFreeze, FaultKind::kCorrupt, FaultKind::kThrow,
-                                    FaultKind::kSlow, FaultKind::kHang, FaultKind::kRestart})
+                                    FaultKind::kSlow, FaultKind::kHang, FaultKind::kRestart,
+                                    FaultKind::kKill})
                    .value_or(fault.kind);
   fault.name = text_of(value, "name");
   fault.topic = without_slash(text_of(value, "topic"));
   fault.publisher = text_of(value, "publisher");
   fault.subscriber = text_of(value, "subscriber");
   fault.component = text_of(value, "component");
+  fault.process = text_of(value, "process");
   fault.from = find_s(value, "from_s").value_or(fault.from);
   fault.to = find_s(value, "to_s");
   if (const Value* messages = find_array(value, "messages")) {

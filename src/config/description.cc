@@ -162,6 +162,8 @@ std::string_view to_string(FaultKind kind) {
       return "hang";
     case FaultKind::kRestart:
       return "restart";
+    case FaultKind::kKill:
+      return "kill";
   }
   return "";
 }

@@ -235,7 +235,7 @@ struct ChainDescription {
 /// Where chains may begin: so many different topics, each of which every message knows.
 inline constexpr std::size_t kMaxChainRoots = 8;
 
-/// What a fault does: to messages of a topic, up to `kCorrupt`, or to a component.
+/// What a fault does: to messages of a topic, up to `kCorrupt`, to a component, or to a process.
 enum class FaultKind : std::uint8_t {
   kDrop,       ///< The message does not come.
   kDelay,      ///< It comes later; those behind it wait for it.
@@ -246,6 +246,7 @@ enum class FaultKind : std::uint8_t {
   kSlow,       ///< In simulated time: what it computes takes longer.
   kHang,       ///< Live: a callback does not return for a while.
   kRestart,    ///< It is made anew.
+  kKill,       ///< The process ends as by SIGKILL.
 };
 [[nodiscard]] constexpr bool is_of_topic(FaultKind kind) noexcept {
   return kind <= FaultKind::kCorrupt;
@@ -267,6 +268,7 @@ struct FaultDescription {
   std::string publisher;   ///< The component; empty: all.
   std::string subscriber;  ///< The component; empty: all.
   std::string component;
+  std::string process;
   std::chrono::nanoseconds from{0};            ///< Since the start of the timers.
   std::optional<std::chrono::nanoseconds> to;  ///< The same; none: to the end of the run.
   std::vector<std::uint64_t> messages;         ///< Sorted sequences of a publisher; empty: all.

@@ -30,6 +30,7 @@ const std::vector<Key>& keys() {
       {"messages", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
       {"probability", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt}},
       {"component", {kThrow, kSlow, kHang, kRestart}, {kThrow, kSlow, kHang, kRestart}},
+      {"process", {kKill}, {kKill}},
       {"to_s", {kDrop, kDelay, kDuplicate, kFreeze, kCorrupt, kSlow}},
       {"by_ms", {kDelay, kSlow, kHang}, {kDelay, kSlow, kHang}},
       {"field", {kCorrupt}, {kCorrupt}},
@@ -44,7 +45,8 @@ class FaultSense {
   FaultSense(const FaultDescription& fault, const Value& written, Problems& problems)
       : fault_(fault), written_(written), problems_(problems) {}
 
-  void check(const std::vector<std::string>& components) {
+  void check(const std::vector<std::string>& components,
+             const std::vector<std::string>& processes) {
     for (const Key& key : keys()) {
       const bool is_there = written_.find(key.name) != nullptr;
       if (!is_there && key.needed.contains(fault_.kind)) {
@@ -65,6 +67,11 @@ class FaultSense {
         add(key, "there is no component " + in_quotes(name),
             did_you_mean(nearest(name, components)));
       }
+    }
+    if (!fault_.process.empty() &&
+        std::ranges::find(processes, fault_.process) == processes.end()) {
+      add("process", "no component runs in a process " + in_quotes(fault_.process),
+          did_you_mean(nearest(fault_.process, processes)));
     }
   }
 
@@ -104,11 +111,17 @@ void check_faults(const ApplicationDescription& application, Problems& problems)
   for (const ComponentDescription& component : application.components) {
     components.push_back(component.name);
   }
+  std::vector<std::string> processes;
+  for (const ComponentDescription& component : application.components) {
+    if (!component.process.empty()) {
+      processes.push_back(component.process);
+    }
+  }
   std::set<std::string> names;
   for (std::size_t i = 0; i < application.faults.list.size(); ++i) {
     const FaultDescription& fault = application.faults.list[i];
     const Value& written = (*list)[i];
-    FaultSense(fault, written, problems).check(components);
+    FaultSense(fault, written, problems).check(components, processes);
     if (!names.insert(fault.name).second) {
       problems.add(mistake(written.place(), "the fault " + in_quotes(fault.name) +
                                                 " is there twice; give each a \"name\""));

@@ -101,12 +101,18 @@ void Injector::attach(detail::Topics& topics, bool is_whole, config::Problems& p
 }
 
 void Injector::begin(Time start, std::vector<base::Refusal>& refusals) {
+  const Time now = clock_.now();
   for (ActiveFault& fault : faults_) {
     const FaultDescription& its = fault.description;
     if (config::is_of_topic(its.kind)) {
       continue;
     }
-    strikes_.push_back({start + its.from, &fault, false});
+    const Time begin = start + its.from;
+    const bool lasts = its.kind == FaultKind::kSlow && (!its.to || start + *its.to > now);
+    if (start < now && begin <= now && !lasts) {
+      continue;
+    }
+    strikes_.push_back({begin, &fault, false});
     if (its.to) {
       strikes_.push_back({start + *its.to, &fault, true});
     }
@@ -145,7 +151,7 @@ std::vector<FaultCount> Injector::counts() const {
   std::vector<FaultCount> counts;
   for (const ActiveFault& fault : faults_) {
     const FaultDescription& its = fault.description;
-    counts.push_back({its.name, its.kind, its.topic.empty() ? its.component : its.topic,
+    counts.push_back({its.name, its.kind, its.topic + its.component + its.process,  // It has one.
                       fault.count.load(std::memory_order_relaxed), fault.messages});
     std::ranges::sort(counts.back().messages);
   }

@@ -48,14 +48,15 @@ class Injector final : public detail::Feed {
   /// a field that is not there, is a mistake if `is_whole`: all topics are here.
   void attach(detail::Topics& topics, bool is_whole, config::Problems& problems);
 
-  /// A fault of a component begins, or, with `is_over`, ends. Before `begin`.
+  /// A fault of a component or a process begins, or, with `is_over`, ends. Before `begin`.
   std::function<void(const config::FaultDescription& fault, bool is_over)> strike =
       [](const config::FaultDescription&, bool) {};
 
   /// In simulated time: what else is fed. Before `begin`.
   void set_other(detail::Feed& other) noexcept { other_ = &other; }
 
-  /// The timers start at `start`: from now on faults act.
+  /// The timers started at `start`: from now on faults act. Where that was before, since the
+  /// process was restarted, what had happened by now does not happen again.
   void begin(Time start, std::vector<base::Refusal>& refusals);
   /// Faults act no more, and what is still delayed is lost.
   void end();

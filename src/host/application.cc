@@ -1,6 +1,7 @@
 #include "host/application.h"
 
 #include <algorithm>
+#include <csignal>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -514,7 +515,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   lifecycle_.start_timers(start_time());
   if (injector_ != nullptr) {
     log(LogLevel::kWarning, {}, injector_->summary());
-    injector_->begin(start_time(), refusals_);
+    injector_->begin(peers_ == nullptr ? start_time() : peers_->began(), refusals_);
   }
   modes_.begin();
   if (peers_ != nullptr) {
@@ -647,8 +648,14 @@ void Application::hang_changed(ComponentCore& component, std::string hang) {
   }
 }
 
-/// What a fault of a component is.
+/// What a fault of a component or a process is.
 void Application::strike(const config::FaultDescription& fault, bool is_over) {
+  if (fault.kind == config::FaultKind::kKill) {
+    if (peers_ != nullptr && peers_->name() == fault.process) {
+      std::raise(SIGKILL);
+    }
+    return;
+  }
   const auto found = std::ranges::find(components_, fault.component,
                                        [](const auto& component) { return component->name; });
   if (found == components_.end() || is_replayed(fault.component)) {

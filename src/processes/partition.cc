@@ -305,6 +305,9 @@ void Partition::await_start(const detail::ComponentCore& component, std::size_t 
 
 Time Partition::agree_on_begin(const std::function<bool()>& is_over) {
   if (rounds_ != nullptr) {
+    if (is_main()) {
+      say_begin(clock_->now());
+    }
     return clock_->now();
   }
   if (incarnation_ > 1) {
@@ -313,20 +316,31 @@ Time Partition::agree_on_begin(const std::function<bool()>& is_over) {
   }
   say_progress(steps() + 1);
   await_all(steps() + 1, is_over);
-  const auto word = [&](StageWord which) -> std::atomic<std::uint32_t>& {
-    return wire_.stage(ProcessPlan::kMain, 1, plan_.stage_count() + which);
-  };
   if (is_main()) {
-    const auto begin = static_cast<std::uint64_t>(base::to_ns(clock_->now()));
-    word(kBeginLow).store(static_cast<std::uint32_t>(begin), std::memory_order_relaxed);
-    word(kBeginHigh).store(static_cast<std::uint32_t>(begin >> 32), std::memory_order_relaxed);
+    const Time begin = clock_->now();
+    say_begin(begin);
     say_progress(steps() + 2);
-    return base::from_ns(static_cast<std::int64_t>(begin));
+    return begin;
   }
   await_progress(ProcessPlan::kMain, steps() + 2, is_over);
-  const std::uint64_t begin = std::uint64_t{word(kBeginHigh).load()} << 32 | word(kBeginLow).load();
   say_progress(steps() + 2);
-  return begin == 0 ? clock_->now() : base::from_ns(static_cast<std::int64_t>(begin));
+  return began();
+}
+
+std::atomic<std::uint32_t>& Partition::begin_word(std::size_t which) const {
+  return wire_.stage(ProcessPlan::kMain, 1, plan_.stage_count() + which);
+}
+
+void Partition::say_begin(Time begin) {
+  const auto ns = static_cast<std::uint64_t>(base::to_ns(begin));
+  begin_word(kBeginLow).store(static_cast<std::uint32_t>(ns), std::memory_order_relaxed);
+  begin_word(kBeginHigh).store(static_cast<std::uint32_t>(ns >> 32), std::memory_order_release);
+}
+
+Time Partition::began() const {
+  const std::uint64_t high = begin_word(kBeginHigh).load(std::memory_order_acquire);
+  const std::uint64_t ns = high << 32 | begin_word(kBeginLow).load(std::memory_order_relaxed);
+  return ns == 0 ? clock_->now() : base::from_ns(static_cast<std::int64_t>(ns));
 }
 
 namespace {

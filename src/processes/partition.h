@@ -68,6 +68,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   [[nodiscard]] const std::vector<Outlet>& outlets() const { return outlets_; }
 
   [[nodiscard]] bool runs_here(const std::string& component) const override;
+  [[nodiscard]] const std::string& name() const override { return plan_.name(process_); }
   [[nodiscard]] bool is_main() const override { return process_ == ProcessPlan::kMain; }
   [[nodiscard]] const std::set<std::string>& services() const override { return services_; }
   void declare(detail::ComponentCore& component) override;
@@ -94,6 +95,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void await_start(const detail::ComponentCore& component, std::size_t place,
                    const std::function<bool()>& is_over) override;
   [[nodiscard]] Time agree_on_begin(const std::function<bool()>& is_over) override;
+  [[nodiscard]] Time began() const override;
   void reach(Step step) override;
   void reach_stop(std::size_t place) override;
   void await_stop(const detail::ComponentCore& component, std::size_t place) override;
@@ -102,6 +104,8 @@ class Partition final : public host::Peers, public host::ComponentClasses {
 
  private:
   void say_progress(std::uint32_t progress);
+  [[nodiscard]] std::atomic<std::uint32_t>& begin_word(std::size_t which) const;
+  void say_begin(Time begin);
   [[nodiscard]] std::uint32_t progress_of(segment::ProcessIndex process) const;
   void await_progress(segment::ProcessIndex process, std::uint32_t progress,
                       const std::function<bool()>& is_over) const;

@@ -160,6 +160,42 @@ TEST_F(InjectedFaults, AreTheSameInSeveralProcesses) {
   EXPECT_EQ(ledger_of(several)["dropped"], ledger_of(one)["dropped"]);
 }
 
+TEST_F(InjectedFaults, KillAProcessOnce) {
+  const std::string text = R"({"name": "tracking",
+      "processes": [{"name": "tracking", "on_exit": "restart"}],
+      "components": [
+      {"name": "lidar", "library": "campaign_parts", "class": "Lidar", "serve_period_ms": 100,
+       "params": {"count": 30}},
+      {"name": "tracker", "library": "campaign_parts", "class": "Tracker", "process": "tracking"},
+      {"name": "planner", "library": "campaign_parts", "class": "Planner"}],
+      "faults": {"list": [
+      {"kind": "kill", "process": "tracking", "from_s": 1},
+      {"kind": "drop", "topic": "sweeps", "from_s": 2, "to_s": 2.25}]}})";
+  folder_.write("killed.json", text);
+  for (const char* clock : {"live", "simulated", "simulated"}) {
+    Process process(
+        program({"run", "killed.json", "--clock", clock, "--report", "report.json", "--quiet"}));
+    EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+
+    const json report = json::parse(test::read_file(folder_ / "report.json"));
+    EXPECT_EQ(report["processes"]["tracking"]["restarts"], 1) << clock;
+    EXPECT_EQ(report["faults"][0]["count"], 1) << clock;
+    EXPECT_EQ(report["faults"][0]["target"], "tracking") << clock;
+    // Times count from the start of the application's timers, also in a restarted process.
+    const json messages = report["faults"][1]["messages"];
+    EXPECT_THAT(messages, testing::AnyOf(json({21, 22}), json({20, 21}), json({20, 21, 22}),
+                                         json({21, 22, 23})))
+        << clock;
+  }
+
+  folder_.write("app.json", kApplication);
+  folder_.write("overlay.json",
+                R"({"faults": {"list": [{"kind": "kill", "process": "trackin", "from_s": 1}]}})");
+  Process wrong(program({"run", "app.json", "--isolate", "tracker", "--overlay", "overlay.json"}));
+  EXPECT_EQ(wrong.wait().exit_code, 2);
+  EXPECT_THAT(wrong.errors(), HasSubstr("no component runs in a process \"trackin\""));
+}
+
 TEST_F(InjectedFaults, ActInLiveRunsToo) {
   folder_.write("app.json", kApplication);
   folder_.write("overlay.json", R"({"faults": {"list": [
