@@ -43,9 +43,10 @@ def topics_by_component(fastcycle, application):
     if done.returncode != 0:
         fail(done.stderr.strip())
     names = dict(re.findall(r"^\s*((?:component|topic)_\d+) \[.*?<b>([^<]+)</b>", done.stdout, re.MULTILINE))
-    found = {name: [] for node, name in names.items() if node.startswith("component_")}
+    # What FastCycle publishes itself is no component of the application.
+    found = {name: [] for node, name in names.items() if node.startswith("component_") and name != "fastcycle"}
     for begin, end in re.findall(r"^\s*(component_\d+) -> (topic_\d+)", done.stdout, re.MULTILINE):
-        if "#" not in names[end]:  # Declared state goes to no component.
+        if names[begin] in found and "#" not in names[end]:  # Declared state goes to no component.
             found[names[begin]].append(names[end])
     return found
 
@@ -85,12 +86,6 @@ def result_of(said, changes, usual, at):
     """What became of a drive with a fault."""
     results = said["results"]
     end = results.get("verdict") or said["end"]
-    if results.get("goal_reached"):
-        short = f"goal at {results['goal_time_s']:.1f} s"
-    elif results.get("stopped_s"):
-        short = "stands"
-    else:
-        short = said["end"]
     new = [change for change in changes if change[0] >= at and change not in usual]
     stop = next((time for time, _, state, _ in new if state in ("minimal_risk_stop", "minimal-risk stop", "stopped")), None)
     return {
@@ -102,8 +97,13 @@ def result_of(said, changes, usual, at):
         "collisions": results.get("collisions"),
         "stands": bool(results.get("stopped_s")),
         "end": end,
-        "end_in_short": short,
     }
+
+
+def in_short(row):
+    """The first thing that the verdict says, without where."""
+    first = re.split(r";|, by least|, first at|, at \(", row["end"].removeprefix("failed: "))[0]
+    return first + (", stands" if row["stands"] else "")
 
 
 def number(value, unit):
@@ -119,7 +119,7 @@ def table(rows):
             noticed = row["noticed_as"] + (f": {row['reason']}" if row["reason"] else "")
         touched = " **touched**" if row["collisions"] else ""
         cells = [row["component"], row["fault"], number(row["noticed_after_s"], "s"), noticed,
-                 number(row["stop_begins_after_s"], "s"), number(row["smallest_gap_m"], "m") + touched, row["end_in_short"]]  # fmt: skip
+                 number(row["stop_begins_after_s"], "s"), number(row["smallest_gap_m"], "m") + touched, in_short(row)]  # fmt: skip
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
