@@ -167,6 +167,15 @@ TEST_F(Campaign, BeginsNothingWithoutAnApplication) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "nothing"));
 }
 
+TEST_F(Campaign, EndsWhereItsFolderCannotBeWrittenAndBlamesNoSeed) {
+  folder_.write("found", "a file, where the campaign wants its folder");
+  Process process(campaign({"--seeds", "5"}, "tracks_lost == 0", "found"));
+
+  EXPECT_NE(process.wait().exit_code, 0);
+  EXPECT_THAT(process.errors(), HasSubstr("found"));
+  EXPECT_THAT(process.errors(), testing::Not(HasSubstr("do not fit the application")));
+}
+
 TEST_F(Campaign, SaysWhatIsWrongWithAPlan) {
   folder_.write("plan.json", R"({"at_once": 0, "faults": [
       {"kind": "drop", "topc": "sweeps", "from_s": [3, 1]}, {"topic": 3, "from_s": 1}]})");

@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -67,6 +68,13 @@ std::optional<std::string> content_of(const fs::path& file) {
   std::ostringstream text;
   text << stream.rdbuf();
   return stream ? std::optional(std::move(text).str()) : std::nullopt;
+}
+
+/// @errors  std::runtime_error, which ends the campaign: what it would find is not to be trusted.
+void write_or_end(const fs::path& file, const std::string& text) {
+  if (const std::string why = ReportFile(file).write(text); !why.empty()) {
+    throw std::runtime_error(fmt::format("{} cannot be written: {}", file.string(), why));
+  }
 }
 
 int print_wrong(const std::string& what) {
@@ -239,7 +247,7 @@ class Campaign {
     const fs::path folder = fs::absolute(relative);
     fs::remove_all(folder);
     fs::create_directories(folder);
-    std::ofstream(folder / "overlay.json") << campaign::overlay_of(faults, seed).dump(2) << "\n";
+    write_or_end(folder / "overlay.json", campaign::overlay_of(faults, seed).dump(2) + "\n");
     ChildProgram program{.arguments = command(folder / "overlay.json", true),
                          .folder = folder,
                          .output = folder / "output.txt"};
@@ -260,6 +268,9 @@ class Campaign {
     const auto text = content_of(folder / "report.json");
     if (text) {
       verdict.report = ordered_json::parse(*text, nullptr, false);
+    } else if (!end.is_late && end.signal == 0) {
+      // Where there is no room for a report, the run has not failed: it cannot be judged.
+      write_or_end(folder / "report.json", std::string(std::size_t{256} << 10U, ' '));
     }
     if (end.is_late) {
       verdict.way = "no end within " + options_.wall_limit;
@@ -306,6 +317,10 @@ class Campaign {
         [&](std::size_t i) { return begin(folder_of(i), plan_.draw(seeds[i]), seeds[i]); },
         [&](std::size_t i, const ChildEnd& end) {
           if (end.exit_code == kWrong && !is_wrong) {
+            if (!fs::exists(folder_of(i) / "overlay.json")) {
+              throw std::runtime_error(
+                  fmt::format("{} is there no more", (folder_of(i) / "overlay.json").string()));
+            }
             is_wrong = true;
             clear_line();
             print_text(stderr, content_of(folder_of(i) / "output.txt").value_or(""));
@@ -324,7 +339,10 @@ class Campaign {
                             .way = verdict.way,
                             .how = verdict.how,
                             .wall_s = end.wall_s};
-          lines << campaign::to_line(result) << std::endl;
+          if (!(lines << campaign::to_line(result) << std::endl)) {
+            throw std::runtime_error(
+                fmt::format("{} cannot be written", (options_.out / "results.jsonl").string()));
+          }
           ++done;
           if (verdict.has_failed()) {
             ++failed;
@@ -438,8 +456,7 @@ class Campaign {
   void keep(Failure failure) {
     const std::string name = "failure_" + std::to_string(failures_.size() + 1);
     const fs::path overlay = options_.out / (name + ".json");
-    static_cast<void>(ReportFile(overlay).write(
-        campaign::overlay_of(failure.faults, failure.seed).dump(2) + "\n"));
+    write_or_end(overlay, campaign::overlay_of(failure.faults, failure.seed).dump(2) + "\n");
     failure.overlay = overlay.string();
     failure.command = "fastcycle";
     for (const std::string& word : command(overlay)) {

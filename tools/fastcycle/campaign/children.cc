@@ -4,8 +4,10 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <system_error>
+#include <utility>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -105,6 +107,14 @@ void Children::stop() noexcept {
 void Children::run(std::size_t count, const std::function<ChildProgram(std::size_t)>& begin,
                    const std::function<void(std::size_t, const ChildEnd&)>& ended) {
   std::vector<Child> running;
+  // Whatever ends this early, no child outlives it.
+  const std::unique_ptr<std::vector<Child>, void (*)(std::vector<Child>*)> end_all(
+      &running, [](std::vector<Child>* left) {
+        for (const Child& child : *left) {
+          kill(-child.process, SIGKILL);
+          static_cast<void>(reap(child));
+        }
+      });
   std::size_t next = 0;
   for (;;) {
     while (!is_stopped_ && next < count && running.size() < at_once_) {
@@ -142,13 +152,11 @@ void Children::run(std::size_t count, const std::function<ChildProgram(std::size
     }
     poll(polled.data(), polled.size(), milliseconds_until(deadline));
     std::vector<Child> left;
+    std::vector<std::pair<Child, ChildEnd>> gone;
     for (std::size_t i = 0; i < running.size(); ++i) {
       Child& child = running[i];
       if (polled[i].revents != 0) {
-        const ChildEnd end = reap(child);
-        if (!child.is_asked) {
-          ended(child.number, end);
-        }
+        gone.emplace_back(child, reap(child));
         continue;
       }
       if (SteadyClock::now() >= child.deadline) {
@@ -159,6 +167,11 @@ void Children::run(std::size_t count, const std::function<ChildProgram(std::size
       left.push_back(child);
     }
     running = std::move(left);
+    for (const auto& [child, end] : gone) {
+      if (!child.is_asked) {
+        ended(child.number, end);
+      }
+    }
   }
 }
 
