@@ -19,7 +19,7 @@ sys.path.insert(0, str(HERE))
 import judge_drive  # noqa: E402
 
 MODULES = {"world", "drivers", "vehicle", "connectivity", "localization", "hd_map", "perception", "scene_understanding",
-           "prediction", "motion_planning", "control", "supervision", "logging"}  # fmt: skip
+           "prediction", "motion_planning", "plan_checker", "control", "supervision", "logging"}  # fmt: skip
 FASTEST_BRAKING_MPS2, FASTEST_SPEEDING_UP_MPS2, LATERAL_MAX_MPS2, GAP_MIN_M = -6.0, 4.0, 3.0, 0.5
 
 
@@ -92,8 +92,8 @@ class Drives:
         chain = next(chain for chain in drive.report["chains"] if chain["name"] == "lidar_to_can")
         assert chain["count"] > 300, chain
         hops = list(dict.fromkeys(hop["component"] for hop in chain["hops"]))
-        assert hops == ["drivers", "perception", "scene_understanding", "prediction", "motion_planning", "control",
-                        "vehicle", "world"], hops  # fmt: skip
+        assert hops == ["drivers", "perception", "scene_understanding", "prediction", "motion_planning", "plan_checker",
+                        "control", "vehicle", "world"], hops  # fmt: skip
         for part in ("p50", "p99", "max"):
             assert 0.0 < chain["age_us"][part] < 250e3, chain["age_us"]
         assert (drive.folder / "drive.svg").stat().st_size > 10_000
@@ -119,6 +119,12 @@ class Drives:
                 self.drive(scenario, "--var", f"seed={seed}", "--set", "drivers.lidar.beam_dropout=0.1", "--set",
                            "drivers.gnss.fix_dropout=3").expect_nothing_touched()  # fmt: skip
 
+    def a_vehicle_that_is_not_as_its_model_arrives(self):
+        for scenario in ("23_1", "3_1", "4_1"):
+            drive = self.drive(scenario, "--overlay", HERE / "deviations.json", "--var", "seed=1")
+            assert drive.results["deviation.force_gain"] != 1.0, drive.results
+            drive.expect_goal()
+
     def unusable_sweeps_end_in_a_minimal_risk_stop(self):
         for fault in ("nan", "empty"):
             for scenario, traffic in (("23_1", "replay"), ("3_1", "reactive")):
@@ -126,6 +132,19 @@ class Drives:
                                    "drivers.lidar_fault_after_s=4", traffic=traffic)  # fmt: skip
                 drive.expect_minimal_risk_stop(4.0, within_s=0.6)
                 drive.expect_nothing_touched(with_traffic=traffic == "replay")
+
+    def the_driver_takes_over_at_once(self):
+        """From the driver's action, 3 s after the scenario's begin (5 s), to no command that is to be obeyed: at most 0.1 s."""
+        for does, by in (("brakes", "brake pedal"), ("steers", "steering wheel"), ("presses_button", "button")):
+            drive = self.drive("23_1", "--set", f"world.driver={does}", "--set", "world.driver_after_s=3", "--set",
+                               "supervision.driver_age_s=0.1", "--for", "6s")  # fmt: skip
+            assert drive.results["state"] == "off", drive.results["state"]
+            assert by in drive.results["reason"], drive.results["reason"]
+            assert drive.results["takeovers"] == 1, drive.results["takeovers"]
+            # The driver acts 3 s after it was engaged; the first command after that is not to be obeyed: 50 come in a second.
+            assert 2.99 < drive.results["engaged_s"] + drive.results["degraded_s"] < 3.1, drive.results
+            assert 149 <= drive.results["commands_sent_autonomous"] <= 155, drive.results
+            assert drive.results["autonomous_s"] <= 3.1, drive.results
 
     def perception_that_fails_ends_in_a_minimal_risk_stop(self, clock="simulated", fault="exception"):
         overlay = self.folder / f"fault-{self.count}.json"
@@ -135,6 +154,21 @@ class Drives:
             drive = self.drive(scenario, "--overlay", overlay, traffic=traffic, clock=clock)
             drive.expect_minimal_risk_stop(4.0, within_s=0.8)
             drive.expect_nothing_touched(with_traffic=traffic == "replay")
+
+    def wild_plans_are_rejected_and_end_in_a_minimal_risk_stop(self):
+        for field, how in (("x_m", {"as": "nan"}), ("speed_mps", {"as": "value", "value": 40}),
+                           ("y_m", {"as": "value", "value": 20}), ("curvature_per_m", {"as": "value", "value": 0.3})):  # fmt: skip
+            overlay = self.folder / f"wild-{self.count}.json"
+            fault = {"kind": "corrupt", "topic": "planning/plan", "field": f"nominal.points.{field}", "from_s": 4, **how}
+            overlay.write_text(json.dumps({"faults": {"list": [fault]}}))
+            drive = self.drive("3_1", "--overlay", overlay, traffic="reactive")
+            drive.expect_minimal_risk_stop(4.0, within_s=0.6)
+            drive.expect_nothing_touched(with_traffic=False)
+            assert "plans in a row were rejected" in drive.results["reason"], drive.results["reason"]
+            # Control followed what was accepted: nothing drove the vehicle off its way.
+            assert drive.judge(with_traffic=False)["rows_off_road"] == 0, drive.judge(with_traffic=False)
+            assert drive.results["lateral_error_max_m"] < 1.0, drive.results["lateral_error_max_m"]
+            assert drive.results["plans_rejected"] >= 3, drive.results
 
     def a_drive_repeats_with_any_number_of_workers(self):
         first = None
@@ -148,6 +182,29 @@ class Drives:
             found = (messages, (drive.folder / "out.csv").read_bytes())
             assert first in (None, found), f"with {workers} workers it was another drive"
             first = found
+
+    def planning_and_control_that_are_made_anew_continue_their_plan(self):
+        """Their declared state is complete: after a fault, and where a replay begins in the middle."""
+        # Between two plans, since making it anew takes a turn; at a tick, since the timer of the new object begins then.
+        restarted = {"motion_planning": (3.07, 5.07), "control": (3.0, 5.0)}
+        overlay = self.folder / "faults.json"
+        faults = [{"kind": "throw", "name": f"{name}_{number}", "component": name, "from_s": at_s}
+                  for name, times in restarted.items() for number, at_s in enumerate(times)]  # fmt: skip
+        overlay.write_text(json.dumps({"components": [{"name": name, "on_fault": "restart"} for name in restarted],
+                                       "faults": {"list": faults}}))  # fmt: skip
+        without = self.drive("4_1")
+        drive = self.drive("4_1", "--overlay", overlay)
+        for name in restarted:
+            assert drive.report["components"][name]["faults"] == 2, drive.report["components"][name]
+        assert drive.rows == without.rows, "it drove otherwise"
+        done = subprocess.run(
+            [self.fastcycle, "verify", "recording.mcap", "--start", "4s", "--report", "verify.json",
+             *(word for name in restarted for word in ("--component", name))],
+            cwd=without.folder, capture_output=True, text=True, check=False)  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+        verified = json.loads((without.folder / "verify.json").read_text())["components"]
+        for name in restarted:
+            assert verified[name]["began_after_activation"] > 0, done.stdout
 
     def sweeps_are_read_where_they_were_written(self):
         without_logging = self.folder / "without_logging.json"

@@ -1,13 +1,20 @@
 #!/usr/bin/env python3
 """Judges a drive by the scenario and the way that was driven, with nothing of the programs that drove.
 
-    judge_drive.py SCENARIO.xml TRAJECTORY.csv [--no-traffic]
+    judge_drive.py SCENARIO.xml TRAJECTORY.csv [--no-traffic | --bodies BODIES.csv]
 
 The way has the columns time_s,x_m,y_m,heading_rad,speed_mps of the vehicle's centre, a row each 0.1 s from the
-scenario's step 0. Prints a JSON document: whether the goal state was reached, the smallest gap to the recorded
-bodies and whether one was touched, how often the centre was on no lanelet, and the accelerations between rows.
+initial state of the scenario's first planning problem. Prints a JSON document: the step at which the goal state was
+reached, the smallest gap to the recorded bodies, which were touched and whose fault the first contact was, how often
+the centre was off the road (on no lanelet, nor within 0.05 m of one) and how far the body was over the edge, and the accelerations between rows.
 Exit code 0 if the goal was reached, nothing touched, and the centre always on the road; 1 if not; 2 for a mistake.
-`--no-traffic` leaves the recorded bodies out, for traffic that did not follow the recording.
+`--no-traffic` leaves the recorded bodies out; `--bodies` takes them from a file that `world` wrote, for traffic that did
+not follow the recording.
+
+Whose fault a contact is follows the metric "no ego at-fault collisions" of the nuPlan benchmark (Karnchanachari et al.,
+"Towards learning-based planning: the nuPlan benchmark for real-world autonomous driving", ICRA 2024): that of the vehicle
+if it drives into what stands, if its front touches, or if it is touched at its side while it is in no lane alone. It is the
+other's if the vehicle stands, if the other one comes from behind, or if it is touched at its side while it keeps its lane.
 """
 
 import argparse
@@ -18,7 +25,15 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 LENGTH_M, WIDTH_M = 4.508, 1.610
+REAR_AXLE_M = 1.29  # Behind the centre.
 ROW_S = 0.1
+# Below this a vehicle stands, as in nuPlan.
+STANDING_MPS = 0.05
+# Who is seen from the rear axle farther round than this is behind, as in nuPlan.
+BEHIND_RAD = math.radians(150.0)
+# Maps draw lanes that lie side by side with seams of some centimetres between them.
+SEAM_M = 0.05
+CIRCLE_CORNERS = 32
 
 
 def number(element, path):
@@ -86,25 +101,130 @@ def gap_between(one, other):
     return gap
 
 
-def read_bodies(root):
-    """Each body: its number, length, width, whether it stands, and its poses by step."""
+def read_shapes(element):
+    """The areas of a shape, or of a group of them, as polygons where they are drawn."""
+    areas = []
+    for shape in element:
+        centre = shape.find("center")
+        x, y = (0.0, 0.0) if centre is None else (float(centre.find("x").text), float(centre.find("y").text))
+        if shape.tag == "rectangle":
+            areas.append(rectangle(x, y, number(shape, "orientation") or 0.0, float(shape.find("length").text),
+                                   float(shape.find("width").text)))  # fmt: skip
+        elif shape.tag == "circle":
+            radius = float(shape.find("radius").text)
+            turns = [math.tau * corner / CIRCLE_CORNERS for corner in range(CIRCLE_CORNERS)]
+            areas.append([(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns])
+        elif shape.tag == "polygon":
+            areas.append(points(shape))
+    return areas
+
+
+def place(areas, x, y, heading):
+    cos, sin = math.cos(heading), math.sin(heading)
+    return [[(x + cos * a - sin * b, y + sin * a + cos * b) for a, b in area] for area in areas]
+
+
+def middle(element):
+    """The place of a state; of one that is an area, the middle of what it covers."""
+    point = element.find("point")
+    if point is not None:
+        return float(point.find("x").text), float(point.find("y").text)
+    corners = [corner for area in read_shapes(element) for corner in area]
+    if not corners:
+        raise ValueError("a state: expected a point, rectangle, circle or polygon as its position")
+    return tuple((min(axis) + max(axis)) / 2.0 for axis in zip(*corners))
+
+
+class Body:
+    """Something that stands or moves in the scene: its areas as seen from its place, and its poses by step."""
+
+    def __init__(self, identity, areas, stands):
+        self.identity, self.areas, self.stands, self.poses = identity, areas, stands, {}
+        self.reach = max(math.hypot(*corner) for area in areas for corner in area)
+
+    def pose(self, step):
+        return self.poses[min(self.poses)] if self.stands else self.poses.get(step)
+
+    def speed(self, step):
+        """How fast it moves, by its places."""
+        if self.stands:
+            return 0.0
+        steps = [at for at in (step - 1, step, step + 1) if at in self.poses]
+        if len(steps) < 2:
+            return self.poses[step][3]
+        (ax, ay, *_), (bx, by, *_) = self.poses[steps[0]], self.poses[steps[-1]]
+        return math.hypot(bx - ax, by - ay) / (ROW_S * (steps[-1] - steps[0]))
+
+    def gap(self, ego, step):
+        return min(gap_between(ego, area) for area in place(self.areas, *self.pose(step)[:3]))
+
+
+def read_bodies(root, step_s, first_step):
+    """The bodies of the scenario, with their poses at the rows of the way."""
     bodies = []
     for kind in ("obstacle", "dynamicObstacle", "staticObstacle"):
         for obstacle in root.iter(kind):
-            shape = obstacle.find("shape/rectangle")
-            if shape is None:
-                raise ValueError(f"obstacle {obstacle.get('id')}: expected the shape of a rectangle")
+            shape = obstacle.find("shape")
+            areas = [] if shape is None else read_shapes(shape)
+            if not areas:
+                raise ValueError(f"obstacle {obstacle.get('id')}: expected a rectangle, circle or polygon as its shape")
             role = obstacle.find("role")
             stands = kind == "staticObstacle" or (role is not None and role.text == "static")
-            states = [obstacle.find("initialState"), *obstacle.iterfind("trajectory/state")]
-            poses = {}
-            for state in states:
-                step = number(state, "time")
-                x, y = number(state, "position/point/x"), number(state, "position/point/y")
-                poses[round(step or 0)] = (x, y, number(state, "orientation"))
-            bodies.append((obstacle.get("id"), float(shape.find("length").text), float(shape.find("width").text),
-                           stands, poses))  # fmt: skip
+            body = Body(obstacle.get("id"), areas, stands)
+            known = {}
+            for state in [obstacle.find("initialState"), *obstacle.iterfind("trajectory/state")]:
+                pose = (*middle(state.find("position")), number(state, "orientation") or 0.0, number(state, "velocity") or 0.0)
+                known.setdefault(round(number(state, "time") or 0), pose)
+            body.poses = at_rows(known, step_s, first_step)
+            if body.poses:
+                bodies.append(body)
     return bodies
+
+
+def at_rows(known, step_s, first_step):
+    """Poses by step of the scenario, at the steps of the way: linear in time, headings the shorter way round."""
+    if math.isclose(step_s, ROW_S):
+        return {step - first_step: pose for step, pose in known.items()}
+    poses, steps = {}, sorted(known)
+    for before, after in zip(steps, steps[1:]):
+        begin, end = ((step - first_step) * step_s / ROW_S for step in (before, after))
+        for row in range(math.ceil(begin - 1e-9), math.floor(end + 1e-9) + 1):
+            share = (row - begin) / (end - begin)
+            one, other = known[before], known[after]
+            turn = math.remainder(other[2] - one[2], math.tau)
+            poses[row] = (one[0] + share * (other[0] - one[0]), one[1] + share * (other[1] - one[1]), one[2] + share * turn,
+                          one[3] + share * (other[3] - one[3]))  # fmt: skip
+    return poses or ({0: known[steps[0]]} if len(steps) == 1 else {})
+
+
+def read_moved_bodies(path):
+    """The bodies as `world` wrote them."""
+    bodies = {}
+    with open(path, newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            x, y, heading, length, width, speed = (float(row[name]) for name in (
+                "x_m", "y_m", "heading_rad", "length_m", "width_m", "speed_mps"))  # fmt: skip
+            if row["id"] not in bodies:
+                bodies[row["id"]] = Body(row["id"], [rectangle(0.0, 0.0, 0.0, length, width)], False)
+            bodies[row["id"]].poses[round(float(row["time_s"]) / ROW_S)] = (x, y, heading, speed)
+    return list(bodies.values())
+
+
+class Lanelet:
+    def __init__(self, polygon):
+        self.polygon = polygon
+        self.least = tuple(min(axis) for axis in zip(*polygon))
+        self.most = tuple(max(axis) for axis in zip(*polygon))
+
+    def is_near(self, x, y, within):
+        return (self.least[0] - within <= x <= self.most[0] + within
+                and self.least[1] - within <= y <= self.most[1] + within)  # fmt: skip
+
+    def contains(self, x, y):
+        return self.is_near(x, y, 0.0) and contains(self.polygon, x, y)
+
+    def distance(self, x, y):
+        return min(point_to_segment((x, y), *edge) for edge in zip(self.polygon, self.polygon[1:] + self.polygon[:1]))
 
 
 def read_lanelets(root):
@@ -112,8 +232,19 @@ def read_lanelets(root):
     for lanelet in root.iterfind("lanelet"):
         left, right = lanelet.find("leftBound"), lanelet.find("rightBound")
         if left is not None and right is not None:
-            lanelets[lanelet.get("id")] = points(left) + points(right)[::-1]
+            lanelets[lanelet.get("id")] = Lanelet(points(left) + points(right)[::-1])
     return lanelets
+
+
+def over_edge(lanelets, x, y):
+    """How far a place is from the nearest lanelet: 0 on one."""
+    if any(lanelet.contains(x, y) for lanelet in lanelets.values()):
+        return 0.0
+    for within in (3.0, 30.0, math.inf):
+        near = [lanelet.distance(x, y) for lanelet in lanelets.values() if lanelet.is_near(x, y, within)]
+        if near and min(near) <= within:
+            return min(near)
+    return math.inf
 
 
 def angle_in(value, bounds):
@@ -122,50 +253,97 @@ def angle_in(value, bounds):
     return high - low >= math.tau or (value - low) % math.tau <= high - low
 
 
-def is_goal(goal, lanelets, row, step):
-    time_s, x, y, heading, speed = row
+def goal_misses(goal, lanelets, row, step):
+    """What of the goal state does not hold; None outside of its time."""
+    _, x, y, heading, speed = row
     steps = interval(goal, "time")
     if not steps[0] <= step <= steps[1]:
-        return False
+        return None
+    misses = []
+    position = goal.find("position")
+    if position is not None:
+        is_there = any(contains(area, x, y) for area in read_shapes(position)) or any(
+            lanelets[shape.get("ref")].contains(x, y) for shape in position.iterfind("lanelet") if shape.get("ref") in lanelets)  # fmt: skip
+        if not is_there:
+            misses.append("place")
     headings, speeds = interval(goal, "orientation"), interval(goal, "velocity")
     if headings is not None and not angle_in(heading, headings):
-        return False
+        misses.append("heading")
     if speeds is not None and not speeds[0] <= speed <= speeds[1]:
-        return False
-    position = goal.find("position")
-    if position is None:
-        return True
-    for shape in position.iterfind("rectangle"):
-        centre = shape.find("center")
-        box = rectangle(float(centre.find("x").text), float(centre.find("y").text), number(shape, "orientation") or 0.0,
-                        float(shape.find("length").text), float(shape.find("width").text))  # fmt: skip
-        if contains(box, x, y):
-            return True
-    return any(contains(lanelets[shape.get("ref")], x, y) for shape in position.iterfind("lanelet"))
+        misses.append("speed")
+    return misses
 
 
-def judge(scenario, rows, with_traffic):
+def fault_of(lanelets, row, body, step):
+    """Whose fault a contact is, and why: "own" or "other"."""
+    _, x, y, heading, speed = row
+    if speed <= STANDING_MPS:
+        return "other", "it was touched while it stood"
+    if body.speed(step) <= STANDING_MPS:
+        return "own", "it drove into what stood"
+    bx, by, *_ = body.pose(step)
+    rear = (x - REAR_AXLE_M * math.cos(heading), y - REAR_AXLE_M * math.sin(heading))
+    seen = math.remainder(math.atan2(by - rear[1], bx - rear[0]) - heading, math.tau)
+    if abs(seen) > BEHIND_RAD:
+        return "other", "it was touched from behind"
+    ego = rectangle(x, y, heading, LENGTH_M, WIDTH_M)
+    front = [ego[0], ego[3]]
+    for area in place(body.areas, *body.pose(step)[:3]):
+        edges = list(zip(area, area[1:] + area[:1]))
+        if any(contains(area, *corner) for corner in front) or any(segments_cross(*front, *edge) for edge in edges):
+            return "own", "its front touched"
+    if any(all(lanelet.contains(*corner) for corner in ego) for lanelet in lanelets.values()):
+        return "other", "it was touched at its side while it kept its lane"
+    return "own", "it was touched at its side between lanes"
+
+
+def outline(x, y, heading):
+    """Corners and the middles of the sides."""
+    corners = rectangle(x, y, heading, LENGTH_M, WIDTH_M)
+    return corners + [((ax + bx) / 2.0, (ay + by) / 2.0) for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1])]
+
+
+def judge(scenario, rows, with_traffic, moved_bodies=None):
+    """What became of a drive. `moved_bodies` are those of `read_moved_bodies`, instead of the recorded ones."""
     lanelets = read_lanelets(scenario)
-    goals = scenario.findall("planningProblem/goalState")
-    bodies = read_bodies(scenario) if with_traffic else []
-    result = {"rows": len(rows), "goal_step": None, "smallest_gap_m": None, "smallest_gap_to": None,
-              "smallest_gap_at_s": None, "touched": [], "rows_off_road": 0}  # fmt: skip
-    for row in rows:
+    problem = scenario.find("planningProblem")
+    goals = [] if problem is None else problem.findall("goalState")
+    step_s = float(scenario.get("timeStepSize") or ROW_S)
+    first_step = 0 if problem is None else round(number(problem.find("initialState"), "time") or 0)
+    bodies = moved_bodies if moved_bodies is not None else read_bodies(scenario, step_s, first_step) if with_traffic else []
+    result = {"rows": len(rows), "goal_step": None, "goal_missed_by": None, "smallest_gap_m": None, "smallest_gap_to": None,
+              "smallest_gap_at_s": None, "first_gap_m": None, "touched": [], "contact": None, "rows_off_road": 0,
+              "over_edge_m": 0.0, "over_edge_at_s": None, "first_over_edge_m": 0.0}  # fmt: skip
+    for row_index, row in enumerate(rows):
         time_s, x, y, heading, _ = row
-        step = round(time_s / ROW_S)
+        index = round(time_s / ROW_S)
+        step = first_step + round(time_s / step_s)
         ego = rectangle(x, y, heading, LENGTH_M, WIDTH_M)
-        for identity, length, width, stands, poses in bodies:
-            pose = poses[min(poses)] if stands else poses.get(step)
-            if pose is None or math.hypot(pose[0] - x, pose[1] - y) > 50.0:
+        for body in bodies:
+            pose = body.pose(index)
+            if pose is None or math.hypot(pose[0] - x, pose[1] - y) > 50.0 + body.reach:
                 continue
-            gap = gap_between(ego, rectangle(*pose, length, width))
+            gap = body.gap(ego, index)
             if result["smallest_gap_m"] is None or gap < result["smallest_gap_m"]:
-                result.update(smallest_gap_m=round(gap, 3), smallest_gap_to=identity, smallest_gap_at_s=time_s)
-            if gap == 0.0 and identity not in result["touched"]:
-                result["touched"].append(identity)
-        result["rows_off_road"] += not any(contains(polygon, x, y) for polygon in lanelets.values())
-        if result["goal_step"] is None and any(is_goal(goal, lanelets, row, step) for goal in goals):
-            result["goal_step"] = step
+                result.update(smallest_gap_m=round(gap, 3), smallest_gap_to=body.identity, smallest_gap_at_s=time_s)
+            if gap == 0.0 and body.identity not in result["touched"]:
+                result["touched"].append(body.identity)
+                if result["contact"] is None:
+                    fault, why = fault_of(lanelets, row, body, index)
+                    result["contact"] = {"with": body.identity, "at_s": time_s, "fault": fault, "why": why}
+        result["rows_off_road"] += over_edge(lanelets, x, y) > SEAM_M
+        over = max(over_edge(lanelets, *place_m) for place_m in outline(x, y, heading)) if lanelets else 0.0
+        if over > result["over_edge_m"]:
+            result.update(over_edge_m=round(over, 3), over_edge_at_s=time_s)
+        if row_index == 0:
+            result.update(first_gap_m=result["smallest_gap_m"], first_over_edge_m=round(over, 3))
+        for goal in goals:
+            misses = goal_misses(goal, lanelets, row, step)
+            if misses == [] and result["goal_step"] is None:
+                result.update(goal_step=step, goal_missed_by=None)
+            elif misses and result["goal_step"] is None and (
+                    result["goal_missed_by"] is None or len(misses) < len(result["goal_missed_by"])):  # fmt: skip
+                result["goal_missed_by"] = misses
     along = [(after[4] - before[4]) / ROW_S for before, after in zip(rows, rows[1:])]
     lateral = [abs((after[4] + before[4]) / 2.0 * math.remainder(after[3] - before[3], math.tau) / ROW_S)
                for before, after in zip(rows, rows[1:])]  # fmt: skip
@@ -194,9 +372,11 @@ def main():
     line.add_argument("scenario")
     line.add_argument("trajectory")
     line.add_argument("--no-traffic", action="store_true")
+    line.add_argument("--bodies", metavar="BODIES.csv")
     chosen = line.parse_args()
     try:
-        result = judge(ElementTree.parse(chosen.scenario).getroot(), read_rows(chosen.trajectory), not chosen.no_traffic)
+        bodies = read_moved_bodies(chosen.bodies) if chosen.bodies else None
+        result = judge(ElementTree.parse(chosen.scenario).getroot(), read_rows(chosen.trajectory), not chosen.no_traffic, bodies)
     except OSError as error:
         print(f"judge_drive: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2

@@ -15,6 +15,8 @@ import sys
 import tempfile
 import urllib.parse
 
+import message_tables
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PICTURES = {".svg", ".png", ".jpg"}
 LANGUAGES = {".cc": "cpp", ".h": "cpp", ".py": "python", ".json": "json", ".proto": "protobuf", ".sh": "bash",
@@ -23,7 +25,7 @@ LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 CODE = re.compile(r"(```.*?```|`[^`\n]*`)", flags=re.S)
 GUIDES = ["first_component", "parameters", "life_cycle", "quality_of_service", "choosing_queues", "kept_messages",
           "synchronized_inputs", "services_and_actions", "back_pressure", "modes", "supervision", "transforms",
-          "writing_a_driver", "real_time", "latency_chains", "finding_a_latency", "debugging", "looking_inside", "from_ros2",
+          "writing_a_driver", "real_time", "latency_chains", "finding_a_latency", "debugging", "looking_inside", "on_a_vehicle", "troubleshooting", "from_ros2",
           "beside_ros2",
           "from_cyberrt"]
 
@@ -124,7 +126,7 @@ class Staging:
                 + [{"Measurements": [{"Benchmarks": "benchmarks/README.md"}]},
                    {"Decisions": [{"Contents": "docs/decisions/README.md"}] + self.entries("docs/decisions/*.md")}]},
             {"Project": [self.entry(f"{name}.md") for name in
-                         ("CONTRIBUTING", "docs/versioning", "SECURITY", "CHANGELOG")]},
+                         ("docs/comparison", "CONTRIBUTING", "docs/testing", "docs/versioning", "SECURITY", "CHANGELOG")]},
         ]
 
 
@@ -133,6 +135,7 @@ def build_pages(folder):
         staging = Staging(pathlib.Path(name) / "pages")
         for listed in ("docs/guides", "docs/reference", "docs/flows"):
             staging.folder_page(pathlib.Path(listed))
+        staging.add(pathlib.Path("docs/reference/messages.md"), message_tables.tables(ROOT / "messages"))
         staging.write()
         shutil.copyfile(ROOT / "docs/site/site.css", staging.folder / "site.css")
         scheme = {"primary": "indigo", "accent": "indigo"}

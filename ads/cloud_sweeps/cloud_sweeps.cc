@@ -3,18 +3,17 @@
 #include <cmath>
 #include <exception>
 #include <numbers>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 
-#include <Eigen/Geometry>
+#include "devices/mounting.h"
 
 namespace ads {
 namespace {
 
-double number(fastcycle::Context& context, std::string_view name, std::optional<double> fallback,
-              double min, double max, std::string unit, std::string description) {
+double number(fastcycle::Context& context, std::string_view name, double fallback, double min,
+              double max, std::string unit, std::string description) {
   return context
       .param<double>(name, {.fallback = fallback,
                             .min = min,
@@ -24,26 +23,9 @@ double number(fastcycle::Context& context, std::string_view name, std::optional<
       .get();
 }
 
-float angle(fastcycle::Context& context, std::string_view name, std::string description) {
-  constexpr double kHalfTurn_rad = std::numbers::pi;
-  return static_cast<float>(
-      number(context, name, 0.0, -kHalfTurn_rad, kHalfTurn_rad, "rad", std::move(description)));
-}
-
-// From the sensor's axes to the vehicle's: about z, then the new y, then the new x.
-Eigen::Matrix3f mounting(fastcycle::Context& context) {
-  using Axis = Eigen::Vector3f;
-  const float roll = angle(context, "mount_roll_rad", "Of the sensor, about its x");
-  const float pitch = angle(context, "mount_pitch_rad", "About its y");
-  const float yaw = angle(context, "mount_yaw_rad", "About its z: how far left its x points");
-  return (Eigen::AngleAxisf(yaw, Axis::UnitZ()) * Eigen::AngleAxisf(pitch, Axis::UnitY()) *
-          Eigen::AngleAxisf(roll, Axis::UnitX()))
-      .toRotationMatrix();
-}
-
 CloudConfig read_config(fastcycle::Context& context) {
   CloudConfig config;
-  config.rotation = mounting(context);
+  config.rotation = read_mount_rotation(context);
   config.time_field =
       context
           .param<std::string>("time_field", {.fallback = "",
@@ -86,10 +68,8 @@ CloudConfig read_config(fastcycle::Context& context) {
 CloudSweeps::CloudSweeps(fastcycle::Context& context)
     : Component(context),
       config_(read_config(context)),
-      mount_forward_m_(number(context, "mount_forward_m", 0.0, -10.0, 10.0, "m",
-                              "Of the sensor before the vehicle's centre")),
-      mount_height_m_(number(context, "mount_height_m", std::nullopt, 0.0, 10.0, "m",
-                             "Of the sensor above the ground")),
+      mount_forward_m_(read_mount_forward_m(context)),
+      mount_height_m_(read_mount_height_m(context)),
       sweeps_(context.create_publisher<lidar::Sweep>("lidar/points")) {
   context.create_subscriber<foxglove::PointCloud>(
       "points", [this](const foxglove::PointCloud& cloud) { on_cloud(cloud); });

@@ -104,18 +104,21 @@ def kitti_cloud(number, file):
     return cloud(number, points)
 
 
+def street_params():
+    """How the application of the drive sets perception for such a street."""
+    kitti = (HERE.parent / "kitti" / "kitti.json").read_text().splitlines()
+    read = json.loads("\n".join(line for line in kitti if not line.strip().startswith("//")))
+    return next(one["params"] for one in read["components"] if one["name"] == "perception")
+
+
 def perception_finds_what_is_labelled(tool):
     data = pathlib.Path(os.environ.get("FASTCYCLE_DATA", "/nowhere")) / "kitti_0005_lidar_labels"
     if not (data / "velodyne").is_dir():
         print(f"skipped: no {data}; FASTCYCLE_DATA names the folder of recorded data")
         return SKIPPED
     files = sorted((data / "velodyne").iterdir())[:10]
-    # The application of the drive says how perception is set for such a street, and scores it.
-    kitti = (HERE.parent / "kitti" / "kitti.json").read_text().splitlines()
-    read = json.loads("\n".join(line for line in kitti if not line.strip().startswith("//")))
-    params = next(one["params"] for one in read["components"] if one["name"] == "perception")
     (tool.folder / "street.json").write_text(json.dumps({"components": [
-        {"name": "perception", "params": params},
+        {"name": "perception", "params": street_params()},
         {"name": "scoring", "library": "ads/kitti_scoring", "params": {"data": str(data)}}]}))
     # The run begins with the first message: the begin of the first sweep.
     begin = Cdr().put("I", 0)

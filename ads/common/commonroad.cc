@@ -214,10 +214,10 @@ Obstacle read_obstacle(const Element& element, bool is_static) {
   if (trajectory) {
     for (const Element& place : trajectory->all("state")) {
       const ScenarioState state = read_state(place);
-      if (state.step == obstacle.states.front().step) {
-        continue;  // some files tell the initial state twice
+      if (state.step == obstacle.states.front().step || state.step == obstacle.states.back().step) {
+        continue;  // some files tell the initial state, or another one, twice: the first counts
       }
-      if (state.step <= obstacle.states.back().step) {
+      if (state.step < obstacle.states.back().step) {
         place.fail(fmt::format("a step after {}", obstacle.states.back().step),
                    fmt::format("{}", state.step));
       }

@@ -272,6 +272,21 @@ TEST(CommonRoad, IntervalsAndAreasHaveAMiddle) {
   EXPECT_EQ(last.speed_mps, 4.0);
 }
 
+TEST(CommonRoad, StepThatATrajectoryTellsTwiceCountsOnce) {
+  const Scenario scenario = parse(
+      "<obstacle id=\"1\"><role>dynamic</role><type>car</type><shape><rectangle><length>4</length>"
+      "<width>2</width></rectangle></shape>" +
+          state("initialState", 0.0, "<exact>0</exact>") + "<trajectory>" +
+          state("state", 1.0, "<exact>1</exact>") + state("state", 1.5, "<exact>1</exact>") +
+          state("state", 2.0, "<exact>2</exact>") + "</trajectory></obstacle>",
+      "2018b");
+
+  const auto& states = scenario.obstacles.at(0).states;
+  ASSERT_EQ(states.size(), 3U);
+  EXPECT_EQ(states[1].position_m.x(), 1.0);
+  EXPECT_EQ(states[2].step, 2);
+}
+
 TEST(CommonRoad, GoalMayBeOneOfSeveral) {
   const Scenario scenario = parse(
       lanelet(1, 0.0) +

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <utility>
 
+#include "common/lead_in.h"
+
 namespace ads {
 namespace {
 
@@ -17,17 +19,19 @@ fastcycle::Duration seconds(double value_s) {
   return std::chrono::duration_cast<fastcycle::Duration>(std::chrono::duration<double>(value_s));
 }
 
-mission::InitialPose initial_pose(const ScenarioState& initial, fastcycle::Time start,
+mission::InitialPose initial_pose(const Scenario& scenario, fastcycle::Time start,
                                   const ScenarioLinkOptions& options) {
-  const double settle_s = std::chrono::duration<double>(options.settle).count();
-  const Eigen::Vector2d position_m =
-      initial.position_m - settle_s * initial.speed_mps * direction(initial.heading_rad);
+  const ScenarioState& initial = scenario.problem().initial;
+  const double way_m =
+      std::chrono::duration<double>(options.settle).count() * std::max(0.0, initial.speed_mps);
+  const LeadIn::Pose begin =
+      LeadIn(scenario, initial, options.centre_to_rear_axle_m, way_m).at(way_m);
   mission::InitialPose pose;
   pose.mutable_header()->set_taken_ns(nanoseconds_of(start));
   pose.mutable_header()->set_frame("map");
-  pose.set_x_m(position_m.x());
-  pose.set_y_m(position_m.y());
-  pose.set_heading_rad(normalize_angle(initial.heading_rad));
+  pose.set_x_m(begin.center_m.x());
+  pose.set_y_m(begin.center_m.y());
+  pose.set_heading_rad(begin.heading_rad);
   pose.set_speed_mps(initial.speed_mps);
   pose.set_position_stddev_m(options.position_stddev_m);
   pose.set_heading_stddev_rad(options.heading_stddev_rad);
@@ -114,7 +118,7 @@ ScenarioLink::ScenarioLink(const Scenario& scenario, connectivity::HazardPlan ha
                            fastcycle::Time start, const ScenarioLinkOptions& options) {
   const fastcycle::Time step_0 = start + options.settle;
   const PlanningProblem& problem = scenario.problem();
-  mission_.emplace(initial_pose(problem.initial, start, options),
+  mission_.emplace(initial_pose(scenario, start, options),
                    goal_message(problem.goals.front(), scenario.step_s, start, step_0));
   for (connectivity::PlannedHazard& planned : *hazards.mutable_hazards()) {
     DueHazard due{.due = step_0 + seconds(planned.time_s()),

@@ -13,12 +13,14 @@ struct ScenarioLinkOptions {
   double position_stddev_m = 0.5;
   double heading_stddev_rad = 0.02;
   double speed_stddev_mps = 0.5;
+  double centre_to_rear_axle_m = 1.29;
 };
 
 /// The mission is that of a scenario; hazards come as planned; reports are only counted.
 ///
-/// The initial pose is that of step 0, rolled back with constant velocity to the start. Of several
-/// goals it is the first; a goal that is a circle or a polygon is told by a square inside of it.
+/// The initial pose is that of step 0, rolled back to the start with constant speed, along its lane
+/// (`LeadIn`). Of several goals it is the first; a goal that is a circle or a polygon is told by a
+/// square inside of it.
 class ScenarioLink final : public Link {
  public:
   ScenarioLink(const Scenario& scenario, connectivity::HazardPlan hazards, fastcycle::Time start,

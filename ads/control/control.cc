@@ -6,6 +6,8 @@
 #include <string_view>
 #include <utility>
 
+#include "controller_state.h"
+
 namespace ads {
 namespace {
 
@@ -60,6 +62,11 @@ TrackerConfig read_config(fastcycle::Context& context) {
                                       "1/s^2", "Acceleration for each metre too far behind");
   config.speed_gain_per_s = value("speed_gain_per_s", standard.speed_gain_per_s, "1/s",
                                   "Acceleration for each m/s too slow");
+  config.lateral_integral = value("lateral_integral", standard.lateral_integral, "1",
+                                  "How fast a lasting error to the side is made good, as a share "
+                                  "of what makes it unstable; 0: it stays");
+  config.along_integral =
+      value("along_integral", standard.along_integral, "1", "The same of an error along the way");
   return config;
 }
 
@@ -117,11 +124,55 @@ Control::Control(fastcycle::Context& context)
       stale_braking_mps2_(context.param<double>(
           "stale_braking_mps2", positive(3.0, "m/s^2", "How the vehicle then stops on its line"))),
       tracker_(read_config(context)),
-      plans_(context.create_latest<planning::Plan>("planning/plan")),
+      plans_(context.create_latest<planning::Plan>("planning/checked_plan")),
       egos_(context.create_latest<localization::Ego>("localization/ego")),
       vehicle_states_(context.create_latest<vehicle::State>("vehicle/state")),
       states_(context.create_latest<supervision::State>("supervision/state")),
-      commands_(context.create_publisher<control::Command>("control/command")) {}
+      commands_(context.create_publisher<control::Command>("control/command")),
+      state_(context.state<control::ControllerState>("controller",
+                                                     [this](auto& state) { save(state); })) {
+  load(*state_);
+}
+
+void Control::save(control::ControllerState& state) const {
+  if (!first_ns_) {
+    return;
+  }
+  state.set_first_ns(*first_ns_);
+  write(tracker_.memory(), *state.mutable_tracker());
+  state.set_plan_sequence(plan_sequence_);
+  state.set_plan_s(plan_s_);
+  if (!nominal_.points.empty()) {
+    write(nominal_, *state.mutable_nominal());
+    write(minimal_risk_, *state.mutable_minimal_risk());
+  }
+  if (stop_) {
+    write(*stop_, *state.mutable_stop());
+  }
+  state.set_lateral_error_max_m(lateral_error_max_m_);
+  state.set_along_error_max_m(along_error_max_m_);
+  state.set_commands_stale(commands_stale_);
+}
+
+void Control::load(const control::ControllerState& state) {
+  if (!state.has_first_ns()) {
+    return;  // It begins.
+  }
+  first_ns_ = state.first_ns();
+  tracker_.set_memory(read(state.tracker()));
+  plan_sequence_ = state.plan_sequence();
+  plan_s_ = state.plan_s();
+  if (state.has_nominal()) {
+    nominal_ = read(state.nominal());
+    minimal_risk_ = read(state.minimal_risk());
+  }
+  if (state.has_stop()) {
+    stop_ = read(state.stop());
+  }
+  lateral_error_max_m_ = state.lateral_error_max_m();
+  along_error_max_m_ = state.along_error_max_m();
+  commands_stale_ = state.commands_stale();
+}
 
 void Control::stop() {
   report("lateral_error_max_m", lateral_error_max_m_);

@@ -6,6 +6,7 @@
 #include <fastcycle/fastcycle.h>
 
 #include "control/command.pb.h"
+#include "control/controller_state.pb.h"
 #include "localization/ego.pb.h"
 #include "planning/plan.pb.h"
 #include "supervision/state.pb.h"
@@ -16,7 +17,8 @@ namespace ads {
 
 /// Makes the vehicle follow its plan; see `Tracker`.
 ///
-/// In:   the newest of `planning/plan`, `localization/ego`, `vehicle/state`, `supervision/state`
+/// In:   the newest of `planning/checked_plan`, `localization/ego`, `vehicle/state`,
+///       `supervision/state`
 /// Out:  `control/command`, with each tick of the Serve Timer, from the first plan and pose on
 class Control final : public fastcycle::Component {
  public:
@@ -32,6 +34,8 @@ class Control final : public fastcycle::Component {
   [[nodiscard]] Actuation act(supervision::DrivingState state, const Motion& motion,
                               double motion_s, double now_s);
   void publish(const Actuation& actuation, bool is_autonomous);
+  void save(control::ControllerState& state) const;
+  void load(const control::ControllerState& state);
 
   fastcycle::Param<double> plan_age_s_;
   fastcycle::Param<double> stale_braking_mps2_;
@@ -41,6 +45,7 @@ class Control final : public fastcycle::Component {
   fastcycle::Latest<vehicle::State> vehicle_states_;
   fastcycle::Latest<supervision::State> states_;
   fastcycle::Publisher<control::Command> commands_;
+  fastcycle::State<control::ControllerState> state_;
 
   std::optional<std::int64_t> first_ns_;  // When the controller's clock begins.
   std::uint64_t plan_sequence_ = 0;       // Of the plan that was taken last.

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include <fastcycle/testing.h>
 #include <gtest/gtest.h>
@@ -15,10 +16,9 @@ using std::chrono_literals::operator""ms;
 
 class ControlTest : public ::testing::Test {
  protected:
-  ControlTest() {
-    bench_.add<Control>("control", R"({"serve_period_ms": 20})");
-    bench_.start();
-  }
+  ControlTest() { bench_.add<Control>("control", R"({"serve_period_ms": 20})"); }
+
+  void SetUp() override { bench_.start(); }
 
   std::int64_t now_ns() { return bench_.now().time_since_epoch().count(); }
 
@@ -67,7 +67,7 @@ class ControlTest : public ::testing::Test {
   }
 
   Bench bench_;
-  Bench::Input<planning::Plan> plans_ = bench_.input<planning::Plan>("planning/plan");
+  Bench::Input<planning::Plan> plans_ = bench_.input<planning::Plan>("planning/checked_plan");
   Bench::Input<localization::Ego> egos_ = bench_.input<localization::Ego>("localization/ego");
   Bench::Input<vehicle::State> vehicles_ = bench_.input<vehicle::State>("vehicle/state");
   Bench::Input<supervision::State> states_ = bench_.input<supervision::State>("supervision/state");
@@ -200,6 +200,84 @@ TEST_F(ControlTest, NumbersThatAreNoneNeverComeOut) {
     EXPECT_TRUE(std::isfinite(command.steering_rad()));
     EXPECT_TRUE(std::isfinite(command.acceleration_mps2()));
   }
+}
+
+/// Control that throws when it is told to.
+class FaultyControl final : public fastcycle::Component {
+ public:
+  explicit FaultyControl(fastcycle::Context& context) : Component(context), control_(context) {
+    context.create_subscriber<common::Header>(
+        "test/fault", [](const common::Header&) { throw std::runtime_error("the test wants it"); });
+  }
+  void serve() override { control_.serve(); }
+  void stop() override { control_.stop(); }
+
+ private:
+  Control control_;
+};
+
+/// Beside the other one, on the same inputs.
+class FaultyControlTest : public ControlTest {
+ protected:
+  FaultyControlTest() {
+    bench_.add<FaultyControl>("faulty", R"({"serve_period_ms": 20, "on_fault": "restart",
+        "restart": {"limit": 100}, "remap": {"control/command": "faulty/command"}})");
+  }
+
+  void fault_and_run(std::chrono::milliseconds span) {
+    faults_.publish({});
+    bench_.advance(span);
+  }
+
+  void expect_same_commands() {
+    const auto commands = commands_.take();
+    const auto faulty_commands = faulty_commands_.take();
+    ASSERT_EQ(faulty_commands.size(), commands.size());
+    for (std::size_t i = 0; i < commands.size(); ++i) {
+      EXPECT_EQ(faulty_commands[i].SerializeAsString(), commands[i].SerializeAsString())
+          << "command " << i << ": " << faulty_commands[i].ShortDebugString() << "\n"
+          << commands[i].ShortDebugString();
+    }
+  }
+
+  Bench::Input<common::Header> faults_ = bench_.input<common::Header>("test/fault");
+  Bench::Output<control::Command> faulty_commands_ =
+      bench_.output<control::Command>("faulty/command");
+};
+
+TEST_F(FaultyControlTest, AnObjectThatIsMadeAnewGoesOnAsTheOldOneWouldHave) {
+  fault_and_run(100ms);
+  send_ego(0.0, 0.2, 9.0);
+  send_plan(1.0);
+  fault_and_run(100ms);
+  send_state(supervision::ENGAGED);
+  bench_.advance(100ms);
+  fault_and_run(100ms);
+  send_ego(1.9, 0.1, 9.2);
+  fault_and_run(300ms);
+  send_ego(4.0, 0.1, 9.2);
+  fault_and_run(100ms);  // The plan is stale.
+  fault_and_run(100ms);
+  send_ego(6.0, 0.0, 9.0);
+  send_plan();
+  bench_.advance(60ms);
+  send_state(supervision::MINIMAL_RISK_STOP);
+  bench_.advance(100ms);
+  fault_and_run(300ms);
+  send_plan();  // It begins elsewhere: the stop is gone on with.
+  fault_and_run(100ms);
+  send_ego(9.0, 0.1, 4.0);
+  fault_and_run(100ms);
+  send_state(supervision::STOPPED);
+  fault_and_run(100ms);
+  expect_same_commands();
+  bench_.stop();
+
+  EXPECT_EQ(bench_.faults("faulty").size(), 10);
+  for (const char* const name : {"lateral_error_max_m", "along_error_max_m", "commands_stale"}) {
+    EXPECT_EQ(bench_.result("faulty", name), bench_.result("control", name)) << name;
+  }
+  EXPECT_GT(std::get<std::int64_t>(bench_.result("control", "commands_stale")), 5);
 }
 
 }  // namespace

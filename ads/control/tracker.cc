@@ -13,6 +13,12 @@ constexpr double kPredictionStep_s = 0.02;
 // Slower than this the vehicle is about to stand.
 constexpr double kStanding_mps = 0.15;
 constexpr double kHolding_mps2 = -2.0;
+// Errors beyond these are those of a manoeuvre, and do not last.
+constexpr double kLastingLateral_m = 0.6;
+constexpr double kLastingAlong_m = 0.5;
+constexpr double kLastingSpeed_mps = 0.5;
+constexpr double kMoving_mps = 1.0;
+constexpr double kIntegralStepMax_s = 0.1;
 
 double wrapped(double angle_rad) {
   return std::remainder(angle_rad, 2.0 * std::numbers::pi);
@@ -82,7 +88,7 @@ Reference Path::nearest(double x_m, double y_m) const {
 // What was commanded last by then; null before the first command.
 const Actuation* Tracker::command_at(double time_s) const {
   const Actuation* command = nullptr;
-  for (const Past& past : past_) {
+  for (const Past& past : memory_.past) {
     if (past.time_s > time_s + 1e-9) {
       break;
     }
@@ -121,6 +127,7 @@ Motion Tracker::predict(const Motion& motion, double from_s, double to_s) const 
 }
 
 double Tracker::steering(const Reference& reference, const Motion& motion) {
+  TrackingError& error = memory_.error;
   const double lever = config_.centre_to_rear_axle_m;
   const double cosine = std::cos(reference.heading_rad);
   const double sine = std::sin(reference.heading_rad);
@@ -129,27 +136,56 @@ double Tracker::steering(const Reference& reference, const Motion& motion) {
       motion.x_m - lever * std::cos(motion.heading_rad) - (reference.x_m - lever * cosine);
   const double dy =
       motion.y_m - lever * std::sin(motion.heading_rad) - (reference.y_m - lever * sine);
-  error_.along_m = dx * cosine + dy * sine;
-  error_.lateral_m = -dx * sine + dy * cosine;
-  error_.heading_rad = wrapped(motion.heading_rad - reference.heading_rad);
-  error_.speed_mps = motion.speed_mps - reference.speed_mps;
+  error.along_m = dx * cosine + dy * sine;
+  error.lateral_m = -dx * sine + dy * cosine;
+  error.heading_rad = wrapped(motion.heading_rad - reference.heading_rad);
+  error.speed_mps = motion.speed_mps - reference.speed_mps;
   // What is too far along a curve is not beside it.
-  const double bend = 0.5 * reference.curvature_per_m * error_.along_m * error_.along_m;
-  error_.lateral_m -= bend;
-  error_.heading_rad -= reference.curvature_per_m * error_.along_m;
+  const double bend = 0.5 * reference.curvature_per_m * error.along_m * error.along_m;
+  error.lateral_m -= bend;
+  error.heading_rad -= reference.curvature_per_m * error.along_m;
   const double length =
       std::max(config_.lateral_length_m, config_.lateral_time_s * motion.speed_mps);
-  const double curvature = reference.curvature_per_m - error_.lateral_m / (length * length) -
-                           2.0 * config_.lateral_damping * std::sin(error_.heading_rad) / length;
+  const double curvature = reference.curvature_per_m + memory_.curvature_per_m -
+                           error.lateral_m / (length * length) -
+                           2.0 * config_.lateral_damping * std::sin(error.heading_rad) / length;
   return std::atan(config_.wheelbase_m * curvature);
 }
 
-Actuation Tracker::give(Actuation wanted, double now_s) {
-  if (!std::isfinite(wanted.steering_rad) || !std::isfinite(wanted.acceleration_mps2)) {
-    wanted = past_.empty() ? Actuation{} : past_.back().command;
+// What lasts is not the error of a manoeuvre but of the model: wheels that turn the vehicle less,
+// a slope, a heavier load. With lengths counted in L the lateral error obeys the third derivative
+// of e + 2 d times the second + the first + g e = 0, which is stable up to g = 2 d (Routh); along,
+// with gains p and v, its third + v times the second + p times the first + g e = 0, stable up to g
+// = v p.
+void Tracker::integrate(const Motion& motion, double passed_s) {
+  const TrackingError& error = memory_.error;
+  const bool may_last =
+      motion.speed_mps > kMoving_mps && std::abs(error.lateral_m) < kLastingLateral_m &&
+      std::abs(error.along_m) < kLastingAlong_m && std::abs(error.speed_mps) < kLastingSpeed_mps;
+  if (!may_last) {  // Nor if one of them is no number.
+    return;
   }
-  if (!past_.empty()) {
-    const Past& last = past_.back();
+  const double length =
+      std::max(config_.lateral_length_m, config_.lateral_time_s * motion.speed_mps);
+  const double lateral_gain =
+      config_.lateral_integral * 2.0 * config_.lateral_damping / (length * length * length);
+  memory_.curvature_per_m = std::clamp(
+      memory_.curvature_per_m - lateral_gain * error.lateral_m * motion.speed_mps * passed_s,
+      -config_.lateral_integral_max_per_m, config_.lateral_integral_max_per_m);
+  const double along_gain =
+      config_.along_integral * config_.speed_gain_per_s * config_.position_gain_per_s2;
+  memory_.acceleration_mps2 =
+      std::clamp(memory_.acceleration_mps2 - along_gain * error.along_m * passed_s,
+                 -config_.along_integral_max_mps2, config_.along_integral_max_mps2);
+}
+
+Actuation Tracker::give(Actuation wanted, double now_s) {
+  std::deque<Past>& past = memory_.past;
+  if (!std::isfinite(wanted.steering_rad) || !std::isfinite(wanted.acceleration_mps2)) {
+    wanted = past.empty() ? Actuation{} : past.back().command;
+  }
+  if (!past.empty()) {
+    const Past& last = past.back();
     const double passed = std::clamp(now_s - last.time_s, 0.0, 0.1);
     const double turn = config_.steering_rate_max_radps * passed;
     const double jerk = config_.jerk_max_mps3 * passed;
@@ -163,9 +199,9 @@ Actuation Tracker::give(Actuation wanted, double now_s) {
       std::clamp(wanted.steering_rad, -config_.steering_max_rad, config_.steering_max_rad);
   wanted.acceleration_mps2 = std::clamp(wanted.acceleration_mps2, config_.acceleration_min_mps2,
                                         config_.acceleration_max_mps2);
-  past_.push_back({now_s, wanted});
-  while (past_.size() > 2 && past_[1].time_s < now_s - kRemembered_s) {
-    past_.pop_front();
+  past.push_back({now_s, wanted});
+  while (past.size() > 2 && past[1].time_s < now_s - kRemembered_s) {
+    past.pop_front();
   }
   return wanted;
 }
@@ -178,8 +214,11 @@ Actuation Tracker::follow(const Path& path, const Motion& motion, double motion_
   // What follows with a lag has to be asked for earlier.
   const Reference ahead =
       path.at(now_s + config_.acceleration_delay_s + config_.acceleration_lag_s);
-  wanted.acceleration_mps2 = ahead.acceleration_mps2 - config_.speed_gain_per_s * error_.speed_mps -
-                             config_.position_gain_per_s2 * error_.along_m;
+  const double last_s = memory_.past.empty() ? now_s : memory_.past.back().time_s;
+  integrate(then, std::clamp(now_s - last_s, 0.0, kIntegralStepMax_s));
+  wanted.acceleration_mps2 = ahead.acceleration_mps2 + memory_.acceleration_mps2 -
+                             config_.speed_gain_per_s * memory_.error.speed_mps -
+                             config_.position_gain_per_s2 * memory_.error.along_m;
   const bool ends_standing = ahead.speed_mps < kStanding_mps && ahead.acceleration_mps2 < 0.1;
   if (ends_standing && then.speed_mps < kStanding_mps) {
     wanted.acceleration_mps2 = std::min(wanted.acceleration_mps2, kHolding_mps2);
@@ -199,14 +238,13 @@ Actuation Tracker::brake(const Path& path, const Motion& motion, double motion_s
 }
 
 Actuation Tracker::hold(double now_s) {
-  error_ = {};
-  const double steering = past_.empty() ? 0.0 : past_.back().command.steering_rad;
+  memory_.error = {};
+  const double steering = memory_.past.empty() ? 0.0 : memory_.past.back().command.steering_rad;
   return give({.steering_rad = steering, .acceleration_mps2 = kHolding_mps2}, now_s);
 }
 
 void Tracker::forget() {
-  past_.clear();
-  error_ = {};
+  memory_ = {};
 }
 
 }  // namespace ads

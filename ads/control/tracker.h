@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <deque>
+#include <utility>
 #include <vector>
 
 namespace ads {
@@ -16,6 +17,8 @@ struct Reference {
   double curvature_per_m = 0.0;
   double speed_mps = 0.0;
   double acceleration_mps2 = 0.0;
+
+  friend bool operator==(const Reference&, const Reference&) = default;
 };
 
 /// References at even times.
@@ -28,6 +31,8 @@ struct Path {
   [[nodiscard]] Reference at(double time_s) const;
   /// That point of the line through the points which is nearest to a place.
   [[nodiscard]] Reference nearest(double x_m, double y_m) const;
+
+  friend bool operator==(const Path&, const Path&) = default;
 };
 
 /// Where the vehicle is: the centre of its box.
@@ -43,6 +48,8 @@ struct Motion {
 struct Actuation {
   double steering_rad = 0.0;
   double acceleration_mps2 = 0.0;
+
+  friend bool operator==(const Actuation&, const Actuation&) = default;
 };
 
 /// How far the vehicle is from what it follows: it is to the left, turned to the left, too fast,
@@ -73,6 +80,13 @@ struct TrackerConfig {
   double lateral_damping = 0.9;
   double position_gain_per_s2 = 0.8;
   double speed_gain_per_s = 1.6;
+  /// How fast a lasting error is made good, in proportion to what makes the loop unstable; 0: it
+  /// stays.
+  double lateral_integral = 0.0;
+  double along_integral = 0.0;
+  /// And how much it may make good at most: of the curvature, of the acceleration.
+  double lateral_integral_max_per_m = 0.02;
+  double along_integral_max_mps2 = 1.0;
 };
 
 /// Follows a path in time; see README.md for the law.
@@ -80,6 +94,18 @@ struct TrackerConfig {
 /// @threads  Confined.
 class Tracker {
  public:
+  struct Past {
+    double time_s = 0.0;
+    Actuation command = {};
+  };
+  /// All that the next command depends on, besides what it is given.
+  struct Memory {
+    std::deque<Past> past = {};  ///< Commands of the last second, oldest first.
+    TrackingError error = {};
+    double curvature_per_m = 0.0;    ///< Added to the reference's for a lasting error.
+    double acceleration_mps2 = 0.0;  ///< The same.
+  };
+
   explicit Tracker(const TrackerConfig& config) : config_(config) {}
 
   /// The command for `now_s`, so that the vehicle, which was at `motion` at `motion_s`, follows
@@ -93,22 +119,21 @@ class Tracker {
   /// What the vehicle really does is unknown from now on: a driver drives.
   void forget();
 
-  [[nodiscard]] const TrackingError& error() const { return error_; }
+  [[nodiscard]] const TrackingError& error() const { return memory_.error; }
+
+  [[nodiscard]] const Memory& memory() const { return memory_; }
+  /// Goes on where the one was that remembered this.
+  void set_memory(Memory memory) { memory_ = std::move(memory); }
 
  private:
-  struct Past {
-    double time_s = 0.0;
-    Actuation command;
-  };
-
   [[nodiscard]] const Actuation* command_at(double time_s) const;
   [[nodiscard]] Motion predict(const Motion& motion, double from_s, double to_s) const;
   [[nodiscard]] double steering(const Reference& reference, const Motion& motion);
+  void integrate(const Motion& motion, double passed_s);
   Actuation give(Actuation wanted, double now_s);
 
   const TrackerConfig config_;
-  std::deque<Past> past_;  // Commands of the last second, oldest first.
-  TrackingError error_;
+  Memory memory_;
 };
 
 }  // namespace ads

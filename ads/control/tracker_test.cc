@@ -16,7 +16,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // The vehicle that the tracker reckons with: dead time, no lag.
 class Car {
  public:
-  explicit Car(const Motion& motion) : motion_(motion) {}
+  explicit Car(const Motion& motion, double steering_gain = 1.0, double resistance_mps2 = 0.0)
+      : motion_(motion), steering_gain_(steering_gain), resistance_mps2_(resistance_mps2) {}
 
   void take(double time_s, const Actuation& command) { commands_.push_back({time_s, command}); }
   void advance(double time_s) {
@@ -29,9 +30,10 @@ class Car {
     }
     const double turn = config.steering_rate_max_radps * kStep_s;
     motion_.steering_rad += std::clamp(demand_.steering_rad - motion_.steering_rad, -turn, turn);
-    motion_.acceleration_mps2 = demand_.acceleration_mps2;
+    motion_.acceleration_mps2 = demand_.acceleration_mps2 - resistance_mps2_;
     const double lever = config.centre_to_rear_axle_m;
-    const double yaw = motion_.speed_mps * std::tan(motion_.steering_rad) / config.wheelbase_m;
+    const double yaw =
+        motion_.speed_mps * std::tan(steering_gain_ * motion_.steering_rad) / config.wheelbase_m;
     motion_.x_m += kStep_s * (motion_.speed_mps * std::cos(motion_.heading_rad) -
                               lever * yaw * std::sin(motion_.heading_rad));
     motion_.y_m += kStep_s * (motion_.speed_mps * std::sin(motion_.heading_rad) +
@@ -43,6 +45,8 @@ class Car {
 
  private:
   Motion motion_;
+  double steering_gain_;
+  double resistance_mps2_;
   Actuation demand_;
   std::deque<std::pair<double, Actuation>> commands_;
 };
@@ -75,8 +79,9 @@ struct Largest {
   double along_m = 0.0;
 };
 
-Largest follow(const Path& path, Car& car, double from_s, double until_s, double judged_from_s) {
-  Tracker tracker{TrackerConfig{}};
+Largest follow(const Path& path, Car& car, double from_s, double until_s, double judged_from_s,
+               const TrackerConfig& config = {}) {
+  Tracker tracker{config};
   Largest largest;
   for (int tick = 0; 0.01 * tick < until_s; ++tick) {
     const double now = from_s + 0.01 * tick;
@@ -125,6 +130,22 @@ TEST(Tracker, ErrorsFade) {
 
   EXPECT_LT(largest.lateral_m, 0.2);
   EXPECT_LT(largest.along_m, 0.15);
+}
+
+// A car that is not as the controller takes it for: its error lasts unless something makes it good.
+TEST(Tracker, ErrorsOfTheModelFadeToo) {
+  const auto error_with = [](double integral) {
+    TrackerConfig config;
+    config.lateral_integral = integral;
+    config.along_integral = integral;
+    Car car({.x_m = 1.29, .speed_mps = 7.0}, 0.9, 0.3);
+    return follow(curve(7.0), car, 0.0, 11.5, 10.0, config);
+  };
+  const Largest without = error_with(0.0);
+  const Largest with = error_with(0.1);
+
+  EXPECT_LT(with.lateral_m, 0.6 * without.lateral_m);
+  EXPECT_LT(with.along_m, 0.4 * without.along_m);
 }
 
 TEST(Tracker, StopsAndStays) {

@@ -4,9 +4,14 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
+
+#include <fmt/format.h>
+
+#include "common/even.h"
 
 namespace ads {
 namespace {
@@ -49,6 +54,16 @@ LidarConfig read_lidar(fastcycle::Context& context) {
       angle("lidar.elevation_min_deg", lidar.elevation_min_deg, "Of the lowest ring");
   lidar.elevation_max_deg =
       angle("lidar.elevation_max_deg", lidar.elevation_max_deg, "Of the highest ring");
+  lidar.elevations_deg =
+      context
+          .param<std::vector<double>>("lidar.elevations_deg",
+                                      {.fallback = lidar.elevations_deg,
+                                       .description = "Of each ring, from the lowest; empty: even"})
+          .get();
+  lidar.is_clockwise = context
+                           .param<bool>("lidar.is_clockwise", {.fallback = lidar.is_clockwise,
+                                                               .description = "Seen from above"})
+                           .get();
   lidar.first_azimuth_deg =
       angle("lidar.first_azimuth_deg", lidar.first_azimuth_deg, "Where a turn begins");
   lidar.range_max_m = number(context, "lidar.range_max_m", lidar.range_max_m, 1000.0, "m",
@@ -117,6 +132,9 @@ Drivers::Drivers(fastcycle::Context& context)
                                    .max = 1e6,
                                    .unit = "s",
                                    .description = "Correlation time of the offsets"})},
+      noise_deviation_(number(context, "noise_deviation", 0.0, 2.0, "1",
+                              "How far errors may be larger or smaller than they are said to be: "
+                              "by a factor of 2 to this power")),
       seed_(context.param<std::uint64_t>(
           "seed", {.fallback = 0, .description = "Another number makes other noise"})),
       lidar_fault_(context.param<LidarFault>("lidar_fault",
@@ -136,18 +154,27 @@ Drivers::Drivers(fastcycle::Context& context)
 }
 
 void Drivers::start() {
+  const std::size_t elevations = lidar_config_.elevations_deg.size();
+  if (elevations != 0 && elevations != static_cast<std::size_t>(lidar_config_.rings)) {
+    throw std::runtime_error(
+        fmt::format("param lidar.elevations_deg: expected one for each of the {} rings, found {}",
+                    lidar_config_.rings, elevations));
+  }
   std::seed_seq seeds{static_cast<std::uint32_t>(random()()),
                       static_cast<std::uint32_t>(seed_.get()),
                       static_cast<std::uint32_t>(seed_.get() >> 32)};
   random_.seed(seeds);
   lidar_.emplace(lidar_config_, random_());
-  const GaussMarkov position(gnss_.bias_m.get(), gnss_.bias_time_s.get());
-  const GaussMarkov acceleration(imu_.acceleration_bias_mps2.get(), imu_.bias_time_s.get());
-  errors_ = Errors{.east = position,
-                   .north = position,
-                   .forward = acceleration,
-                   .left = acceleration,
-                   .yaw_rate = {imu_.yaw_rate_bias_radps.get(), imu_.bias_time_s.get()}};
+  sizes_ = draw_sizes(noise_deviation_.get(), seed_.get());
+  const GaussMarkov position(sizes_.gnss_bias * gnss_.bias_m.get(), gnss_.bias_time_s.get());
+  const GaussMarkov acceleration(sizes_.imu_bias * imu_.acceleration_bias_mps2.get(),
+                                 imu_.bias_time_s.get());
+  errors_ = Errors{
+      .east = position,
+      .north = position,
+      .forward = acceleration,
+      .left = acceleration,
+      .yaw_rate = {sizes_.imu_bias * imu_.yaw_rate_bias_radps.get(), imu_.bias_time_s.get()}};
 
   report("lidar_beams", std::int64_t{lidar_config_.columns} * lidar_config_.rings);
   report("lidar_range_stddev_m", lidar_config_.range_stddev_m);
@@ -163,6 +190,24 @@ void Drivers::start() {
   report("imu_acceleration_bias_mps2", imu_.acceleration_bias_mps2.get());
   report("imu_yaw_rate_bias_radps", imu_.yaw_rate_bias_radps.get());
   report("seed", static_cast<std::int64_t>(seed_.get()));
+  if (noise_deviation_.get() > 0.0) {
+    report("gnss_noise_size", sizes_.gnss_noise);
+    report("gnss_bias_size", sizes_.gnss_bias);
+    report("imu_noise_size", sizes_.imu_noise);
+    report("imu_bias_size", sizes_.imu_bias);
+  }
+}
+
+Drivers::ErrorSizes Drivers::draw_sizes(double share, std::uint64_t seed) {
+  // A generator of its own: the errors themselves are the same numbers for any share.
+  std::mt19937_64 random(seed);
+  const auto size = [&] { return std::exp2(share * (2.0 * even(random) - 1.0)); };
+  ErrorSizes sizes;
+  for (double* const one :
+       {&sizes.gnss_noise, &sizes.gnss_bias, &sizes.imu_noise, &sizes.imu_bias}) {
+    *one = size();
+  }
+  return sizes;
 }
 
 void Drivers::stop() {
@@ -240,8 +285,9 @@ void Drivers::end_turn() {
 
 void Drivers::publish_position(const world::Scene& scene) {
   const double passed_s = gnss_.period_s.get();
-  const double east_m = errors_->east.step(passed_s, random_) + noise(gnss_.noise_m.get());
-  const double north_m = errors_->north.step(passed_s, random_) + noise(gnss_.noise_m.get());
+  const double stddev_m = sizes_.gnss_noise * gnss_.noise_m.get();
+  const double east_m = errors_->east.step(passed_s, random_) + noise(stddev_m);
+  const double north_m = errors_->north.step(passed_s, random_) + noise(stddev_m);
   ++position_count_;
   const std::uint32_t dropout = gnss_.fix_dropout.get();
   if (dropout > 0 && position_count_ % dropout == 0) {
@@ -263,11 +309,12 @@ void Drivers::publish_motion(const world::Scene& scene, double passed_s) {
   motion->mutable_header()->set_taken_ns(scene.header().taken_ns());
   motion->set_forward_mps2(scene.ego_acceleration_mps2() +
                            errors_->forward.step(passed_s, random_) +
-                           noise(imu_.forward_noise_mps2.get()));
+                           noise(sizes_.imu_noise * imu_.forward_noise_mps2.get()));
   motion->set_left_mps2(ego.speed_mps() * ego.yaw_rate_radps() +
-                        errors_->left.step(passed_s, random_) + noise(imu_.left_noise_mps2.get()));
+                        errors_->left.step(passed_s, random_) +
+                        noise(sizes_.imu_noise * imu_.left_noise_mps2.get()));
   motion->set_yaw_rate_radps(ego.yaw_rate_radps() + errors_->yaw_rate.step(passed_s, random_) +
-                             noise(imu_.yaw_rate_noise_radps.get()));
+                             noise(sizes_.imu_noise * imu_.yaw_rate_noise_radps.get()));
   motions_.publish(std::move(motion));
 }
 

@@ -44,6 +44,13 @@ class Drivers final : public fastcycle::Component {
     fastcycle::Param<double> yaw_rate_bias_radps;
     fastcycle::Param<double> bias_time_s;
   };
+  // How much larger errors are than the params say.
+  struct ErrorSizes {
+    double gnss_noise = 1.0;
+    double gnss_bias = 1.0;
+    double imu_noise = 1.0;
+    double imu_bias = 1.0;
+  };
   // The slow errors of one run.
   struct Errors {
     GaussMarkov east;
@@ -59,11 +66,13 @@ class Drivers final : public fastcycle::Component {
   void end_turn();
   void publish_position(const world::Scene& scene);
   void publish_motion(const world::Scene& scene, double passed_s);
+  [[nodiscard]] static ErrorSizes draw_sizes(double share, std::uint64_t seed);
   [[nodiscard]] double noise(double stddev);
 
   const LidarConfig lidar_config_;
   GnssParams gnss_;
   ImuParams imu_;
+  fastcycle::Param<double> noise_deviation_;
   fastcycle::Param<std::uint64_t> seed_;
   fastcycle::Param<LidarFault> lidar_fault_;
   fastcycle::Param<double> lidar_fault_after_s_;
@@ -75,6 +84,7 @@ class Drivers final : public fastcycle::Component {
   std::mt19937_64 random_;
   std::optional<LidarModel> lidar_;
   std::optional<Errors> errors_;
+  ErrorSizes sizes_;
 
   fastcycle::Sample<world::Scene> before_;
   std::optional<fastcycle::Loan<lidar::Sweep>> sweep_;  // Of the turn that is not yet over.

@@ -176,5 +176,30 @@ TEST_F(DriversTest, ValuesInUseAreInTheReport) {
   EXPECT_EQ(std::get<double>(bench_.result("drivers", "lidar_range_stddev_m")), 0.02);
 }
 
+TEST_F(DriversTest, ErrorsMayBeLargerAndSmallerThanTheyAreSaidToBe) {
+  add(std::string(kSmall) + R"(, "noise_deviation": 1.0, "seed": 5)");
+  bench_.start();
+  bench_.stop();
+
+  for (const char* name :
+       {"gnss_noise_size", "gnss_bias_size", "imu_noise_size", "imu_bias_size"}) {
+    const double size = std::get<double>(bench_.result("drivers", name));
+    EXPECT_GE(size, 0.5) << name;
+    EXPECT_LE(size, 2.0) << name;
+    EXPECT_NE(size, 1.0) << name;
+  }
+  EXPECT_EQ(std::get<double>(bench_.result("drivers", "gnss_noise_m")), 0.1);
+}
+
+TEST_F(DriversTest, ElevationsForOtherRingsAreRefused) {
+  add(R"("lidar": {"rings": 3, "elevations_deg": [-3, -2]})");
+  bench_.start();
+
+  const auto faults = bench_.faults("drivers");
+
+  ASSERT_EQ(faults.size(), 1U);
+  EXPECT_NE(faults[0].find("expected one for each of the 3 rings, found 2"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace ads

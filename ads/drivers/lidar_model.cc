@@ -36,7 +36,10 @@ LidarModel::LidarModel(const LidarConfig& config, std::uint64_t seed)
   const double step_deg = (config.elevation_max_deg - config.elevation_min_deg) /
                           std::max(1.0, static_cast<double>(config.rings - 1));
   for (int ring = 0; ring < config.rings; ++ring) {
-    const double elevation = (config.elevation_min_deg + ring * step_deg) * kRadPerDeg;
+    const double elevation_deg = config.elevations_deg.empty()
+                                     ? config.elevation_min_deg + ring * step_deg
+                                     : config.elevations_deg[static_cast<std::size_t>(ring)];
+    const double elevation = elevation_deg * kRadPerDeg;
     const double slope = std::tan(elevation);
     rings_.push_back({.slope = slope,
                       .cosine = std::cos(elevation),
@@ -65,8 +68,9 @@ void LidarModel::cast(const world::Scene& before, const world::Scene& after,
   for (int column = first; column < last; ++column) {
     const auto since_ns = static_cast<double>(turn_begin_ns + column_ns(column) - begin_ns);
     const double share = length_ns > 0.0 ? std::clamp(since_ns / length_ns, 0.0, 1.0) : 1.0;
+    const double turned = 2.0 * std::numbers::pi * column / config_.columns;
     const double azimuth =
-        config_.first_azimuth_deg * kRadPerDeg + 2.0 * std::numbers::pi * column / config_.columns;
+        config_.first_azimuth_deg * kRadPerDeg + (config_.is_clockwise ? -turned : turned);
     const double heading = ego_.heading_rad + share * ego_.turn_rad;
     const Eigen::Vector2d sensor_m =
         ego_.begin_m + share * ego_.change_m + config_.mount_forward_m * direction(heading);

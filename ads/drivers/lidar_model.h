@@ -15,13 +15,15 @@
 
 namespace ads {
 
-/// A spinning lidar on the roof. Its beams turn counter-clockwise; the vehicle's own body is not
-/// hit.
+/// A spinning lidar on the roof. The vehicle's own body is not hit.
 struct LidarConfig {
   int columns = 1800;
   int rings = 64;
   double elevation_min_deg = -24.8;
   double elevation_max_deg = 2.0;
+  /// Of each ring, from the lowest; empty: evenly from `elevation_min_deg` to `elevation_max_deg`.
+  std::vector<double> elevations_deg = {};
+  bool is_clockwise = false;  ///< Seen from above.
   /// Of the first column, from the vehicle's heading, counter-clockwise.
   double first_azimuth_deg = -150.0;
   std::int64_t turn_ns = 100'000'000;

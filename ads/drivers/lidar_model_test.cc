@@ -194,5 +194,28 @@ TEST_F(LidarModelTest, SpoiledPointsAreNoNumbers) {
   EXPECT_EQ(point.ring, points_[1].ring);
 }
 
+TEST_F(LidarModelTest, TurnsClockwiseWithRingsOfItsOwnElevations) {
+  config_.columns = 4;
+  config_.rings = 3;
+  config_.first_azimuth_deg = 0.0;
+  config_.is_clockwise = true;
+  config_.elevations_deg = {-30.0, -10.0, -5.0};
+
+  cast();
+
+  // Columns ahead, right, behind, left.
+  const auto at = [this](std::size_t column, std::size_t ring) {
+    return points_[3 * column + ring];
+  };
+  for (std::size_t ring = 0; ring < 3; ++ring) {
+    const double slope = std::tan(-config_.elevations_deg[ring] * std::numbers::pi / 180.0);
+    const double distance_m = config_.mount_height_m / slope;
+    EXPECT_NEAR(at(0, ring).x_m, distance_m, 1e-3);
+    EXPECT_NEAR(at(1, ring).y_m, -distance_m, 1e-3);
+    EXPECT_NEAR(at(2, ring).x_m, -distance_m, 1e-3);
+    EXPECT_NEAR(at(3, ring).y_m, distance_m, 1e-3);
+  }
+}
+
 }  // namespace
 }  // namespace ads

@@ -11,6 +11,7 @@ namespace ads {
 namespace {
 
 constexpr std::array<std::string_view, 4> kYieldSigns{"205", "206", "R1-1", "R1-2"};
+constexpr std::array<std::string_view, 2> kStopSigns{"206", "R1-1"};
 constexpr std::array<std::string_view, 2> kPrioritySigns{"301", "306"};
 
 bool is_one_of(const auto& words, std::string_view word) {
@@ -39,13 +40,25 @@ LaneKind kind_of(const Lanelet& lanelet) {
   return kind;
 }
 
-int priority_of(const Lanelet& lanelet, const Scenario& scenario) {
+std::vector<std::int64_t> signs_of(const Lanelet& lanelet) {
   std::vector<std::int64_t> signs = lanelet.signs;
   if (lanelet.stop_line) {
     signs.insert(signs.end(), lanelet.stop_line->signs.begin(), lanelet.stop_line->signs.end());
   }
+  return signs;
+}
+
+bool has_stop_sign(const Lanelet& lanelet, const Scenario& scenario) {
+  return std::ranges::any_of(signs_of(lanelet), [&](std::int64_t id) {
+    return std::ranges::any_of(
+        scenario.signs.at(id).elements,
+        [](const TrafficSign::Element& element) { return is_one_of(kStopSigns, element.sign); });
+  });
+}
+
+int priority_of(const Lanelet& lanelet, const Scenario& scenario) {
   int priority = 0;
-  for (const std::int64_t id : signs) {
+  for (const std::int64_t id : signs_of(lanelet)) {
     for (const TrafficSign::Element& element : scenario.signs.at(id).elements) {
       if (is_one_of(kYieldSigns, element.sign)) {
         return -1;
@@ -68,7 +81,8 @@ std::optional<LaneBeside> beside(const std::optional<Neighbour>& neighbour) {
                    : std::nullopt;
 }
 
-MapLane lane_of(const Lanelet& lanelet) {
+// A stop sign without a line is at the lane's end.
+MapLane lane_of(const Lanelet& lanelet, const Scenario& scenario) {
   MapLane lane{.id = lanelet.id,
                .kind = kind_of(lanelet),
                .left_m = lanelet.left_m,
@@ -77,10 +91,11 @@ MapLane lane_of(const Lanelet& lanelet) {
                .successors = lanelet.successors,
                .left = beside(lanelet.left),
                .right = beside(lanelet.right),
-               .speed_limit_mps = lanelet.speed_limit_mps.value_or(0.0)};
-  if (lanelet.stop_line) {
-    lane.stop_line = lanelet.stop_line->ends_m.value_or(
-        std::array<Eigen::Vector2d, 2>{lanelet.left_m.back(), lanelet.right_m.back()});
+               .speed_limit_mps = lanelet.speed_limit_mps.value_or(0.0),
+               .has_stop_sign = has_stop_sign(lanelet, scenario)};
+  if (lanelet.stop_line || lane.has_stop_sign) {
+    const std::array<Eigen::Vector2d, 2> end{lanelet.left_m.back(), lanelet.right_m.back()};
+    lane.stop_line = lanelet.stop_line ? lanelet.stop_line->ends_m.value_or(end) : end;
   }
   return lane;
 }
@@ -138,7 +153,7 @@ void add_intersection(const Intersection& intersection, const Scenario& scenario
 std::vector<MapLane> lanes_of(const Scenario& scenario) {
   std::map<std::int64_t, MapLane> lanes;
   for (const auto& [id, lanelet] : scenario.lanelets) {
-    lanes.emplace(id, lane_of(lanelet));
+    lanes.emplace(id, lane_of(lanelet, scenario));
   }
   // Where lanes join outside of an intersection, the signs of each say who waits.
   for (auto& [id, lane] : lanes) {

@@ -70,6 +70,7 @@ void fill(const LaneGraph::Node& node, hd_map::Lane& message) {
   if (lane.stop_line) {
     fill(*lane.stop_line, *message.mutable_stop_line());
   }
+  message.set_has_stop_sign(lane.has_stop_sign);
   message.set_is_in_intersection(lane.is_in_intersection);
 }
 

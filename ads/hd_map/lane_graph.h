@@ -61,6 +61,7 @@ struct MapLane {
   double speed_limit_mps = 0.0;  ///< 0 where the map says nothing.
   /// From left to right.
   std::optional<std::array<Eigen::Vector2d, 2>> stop_line = {};
+  bool has_stop_sign = false;  ///< To stop at the stop line in any case.
   bool is_in_intersection = false;
   /// Of its signs: above 0 for a road with priority, below 0 for yield and stop.
   int priority = 0;

@@ -126,6 +126,28 @@ TEST(LaneGraph, WrongMapIsRefusedByName) {
   EXPECT_THROW(LaneGraph{twice}, std::runtime_error);
 }
 
+TEST(CommonRoadLanes, StopSignWithoutALineIsAtTheLanesEnd) {
+  for (const auto& [name, is_stop] :
+       {std::pair("206", true), std::pair("R1-1", true), std::pair("205", false)}) {
+    Scenario scenario;
+    scenario.lanelets[1] = {.id = 1,
+                            .left_m = {{0.0, 3.0}, {10.0, 3.0}},
+                            .right_m = {{0.0, 0.0}, {10.0, 0.0}},
+                            .signs = {9}};
+    scenario.signs[9] = {.id = 9, .elements = {{.sign = name}}};
+
+    const MapLane lane = lanes_of(scenario).at(0);
+
+    EXPECT_EQ(lane.has_stop_sign, is_stop) << name;
+    EXPECT_EQ(lane.priority, -1) << name;
+    ASSERT_EQ(lane.stop_line.has_value(), is_stop) << name;
+    if (is_stop) {
+      EXPECT_EQ(lane.stop_line->at(0), Eigen::Vector2d(10.0, 3.0));
+      EXPECT_EQ(lane.stop_line->at(1), Eigen::Vector2d(10.0, 0.0));
+    }
+  }
+}
+
 // Six lanes, of which the right one leaves the road.
 TEST(LaneGraph, LanesOfARecordedHighwayLieSideBySide) {
   const auto file = std::filesystem::path(ADS_DIR) / "data/commonroad/USA_US101-23_1_T-1.xml";

@@ -588,12 +588,18 @@ class Reader {
 
   void add_signs(const std::vector<std::int64_t>& lanelets, const OsmRelation& rule,
                  const LocalFrame& frame) {
-    constexpr std::array<std::string_view, 2> kYield{"de205", "de206"};
+    constexpr std::string_view kStop = "de206";
+    constexpr std::array<std::string_view, 2> kYield{"de205", kStop};
     constexpr std::array<std::string_view, 2> kPriority{"de301", "de306"};
     for (const std::string_view sign : signs_of(rule)) {
       if (is_one_of(kYield, sign)) {
         set_priority(lanelets, -1);
         set_stop_line(lanelets, rule, frame);
+        if (sign == kStop) {
+          for (const std::int64_t lanelet : lanelets) {
+            change_lanes(lanelet, [](MapLane& lane) { lane.has_stop_sign = true; });
+          }
+        }
       } else if (is_one_of(kPriority, sign)) {
         set_priority(lanelets, 1);
       }

@@ -184,6 +184,23 @@ TEST(Lanelet2, RightOfWayGivesPriorityAndAStopLine) {
   EXPECT_FALSE(lanes[201].stop_line);
 }
 
+TEST(Lanelet2, StopSignAsksForAStopAtItsLine) {
+  for (const auto& [sign, is_stop] : {std::pair("de206", true), std::pair("de205", false)}) {
+    OsmText osm = two_lanes();
+    osm.way(51, {12, 2}).way(52, {12, 2}, {{"type", "traffic_sign"}, {"subtype", sign}});
+    osm.relation(300, {{"refers", 52}, {"ref_line", 51}},
+                 {{"type", "regulatory_element"}, {"subtype", "traffic_sign"}});
+
+    osm.relation(101, {{"left", 11}, {"right", 21}, {"regulatory_element", 300}},
+                 {{"type", "lanelet"}, {"subtype", "road"}});
+
+    auto lanes = lanes_of(osm);
+
+    EXPECT_EQ(lanes[101].has_stop_sign, is_stop);
+    EXPECT_TRUE(lanes[101].stop_line);
+  }
+}
+
 TEST(Lanelet2, PriorityHoldsThroughTheIntersectionUntilOthersJoin) {
   OsmText osm = two_lanes();
   osm.node(4, 250.0, 0.0).node(14, 250.0, -3.5).node(50, 150.0, 60.0).node(51, 153.5, 60.0);

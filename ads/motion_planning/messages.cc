@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "common/plane.h"
@@ -59,6 +60,58 @@ bool is_finite(const PredictedWay& way) {
          });
 }
 
+// A goal of lanes along which the road leads is the stretch of the road on the first of them, and
+// on those that follow without a gap. Bends of the lanes are bends of the road.
+void put_on_road(const mission::Goal& goal, const hd_map::Tile& tile, const Road& road,
+                 Goal& known) {
+  constexpr double kBeside_m = 2.0;
+  constexpr double kGap_m = 1.0;
+  if (road.is_empty()) {
+    return;
+  }
+  struct Part {
+    double begin_m = 0.0;
+    double end_m = 0.0;
+    double width_m = 0.0;
+    ads::Polyline centre;
+  };
+  std::vector<Part> parts;
+  for (const hd_map::Lane& lane : tile.lanes()) {
+    const std::vector<Eigen::Vector2d> points = centre_of(lane);
+    if (std::ranges::find(goal.lanes(), lane.id()) == goal.lanes().end() || points.size() < 2) {
+      continue;
+    }
+    ads::Polyline centre(points);
+    const Eigen::Vector2d middle = centre.point_at(centre.length_m() / 2.0);
+    const double begin_m = road.locate(points.front().x(), points.front().y()).along_m;
+    const double end_m = road.locate(points.back().x(), points.back().y()).along_m;
+    if (std::abs(road.locate(middle.x(), middle.y()).offset_m) < kBeside_m && end_m > begin_m) {
+      parts.push_back({begin_m, end_m, width_of(lane), std::move(centre)});
+    }
+  }
+  if (parts.empty()) {
+    return;
+  }
+  std::ranges::sort(parts, {}, &Part::begin_m);
+  GoalStretch stretch{.begin_m = parts.front().begin_m, .offsets_m = {}};
+  double end_m = stretch.begin_m;
+  for (const Part& part : parts) {
+    if (part.begin_m > end_m + kGap_m) {
+      break;
+    }
+    for (; end_m <= part.end_m; end_m += Road::kStep_m) {
+      const Pose on_line = road.pose(end_m, 0.0);
+      const auto at = part.centre.project({on_line.x_m, on_line.y_m});
+      const Eigen::Vector2d place = part.centre.point_at(at.along_m);
+      stretch.offsets_m.push_back(road.locate(place.x(), place.y()).offset_m);
+    }
+  }
+  known.half_length_m = 0.5 * Road::kStep_m * static_cast<double>(stretch.offsets_m.size() - 1);
+  known.half_width_m = parts.front().width_m / 2.0;
+  known.centre = road.pose(stretch.middle_m(), stretch.offset_m(stretch.middle_m()));
+  known.on_road = std::move(stretch);
+}
+
 // With room on both sides: it says where a lane goes, not how wide the road is.
 Road road_along(const std::vector<const hd_map::Lane*>& lanes) {
   constexpr double kRoom_m = 50.0;
@@ -70,6 +123,22 @@ Road road_along(const std::vector<const hd_map::Lane*>& lanes) {
     }
   }
   return Road(points);
+}
+
+planning::BindingRule::Kind kind_of(RuleKind kind) {
+  switch (kind) {
+    case RuleKind::kSpeedLimit:
+      return planning::BindingRule::SPEED_LIMIT;
+    case RuleKind::kHazard:
+      return planning::BindingRule::HAZARD;
+    case RuleKind::kStopLine:
+      return planning::BindingRule::STOP_LINE;
+    case RuleKind::kGiveWay:
+      return planning::BindingRule::GIVE_WAY;
+    case RuleKind::kRedLight:
+      break;
+  }
+  return planning::BindingRule::RED_LIGHT;
 }
 
 }  // namespace
@@ -139,6 +208,35 @@ std::vector<Road> lanes_of(const hd_map::Tile& tile) {
   return roads;
 }
 
+std::vector<WaitingLine> waiting_lines_of(const hd_map::Route& route, const hd_map::Tile& tile,
+                                          const Road& road) {
+  // Lines may be drawn somewhat shorter than the lane is wide.
+  constexpr double kBeside_m = 0.5;
+  std::set<std::int64_t> lanes;
+  for (const hd_map::Route::Section& section : route.sections()) {
+    lanes.insert(section.lanes().begin(), section.lanes().end());
+  }
+  std::vector<WaitingLine> lines;
+  for (const hd_map::Lane& lane : tile.lanes()) {
+    const hd_map::Line& line = lane.stop_line();
+    if (road.is_empty() || !lanes.contains(lane.id()) || line.x_m_size() < 2 ||
+        line.y_m_size() < 2) {
+      continue;
+    }
+    const RoadPlace one = road.locate(line.x_m(0), line.y_m(0));
+    const RoadPlace other = road.locate(line.x_m(1), line.y_m(1));
+    if (std::min(one.offset_m, other.offset_m) < kBeside_m &&
+        std::max(one.offset_m, other.offset_m) > -kBeside_m) {
+      lines.push_back({.lane = lane.id(),
+                       .along_m = 0.5 * (one.along_m + other.along_m),
+                       .is_stop_sign = lane.has_stop_sign()});
+    }
+  }
+  std::ranges::sort(lines, {},
+                    [](const WaitingLine& line) { return std::pair(line.along_m, line.lane); });
+  return lines;
+}
+
 std::vector<TrafficObject> objects_of(const prediction::Predictions& predictions, double age_s) {
   std::vector<TrafficObject> objects;
   for (const prediction::PredictedObject& predicted : predictions.objects()) {
@@ -176,7 +274,7 @@ std::vector<HazardArea> hazards_of(const prediction::Predictions& predictions,
   return hazards;
 }
 
-std::optional<Goal> goal_of(const mission::Goal& goal, const hd_map::Tile* tile,
+std::optional<Goal> goal_of(const mission::Goal& goal, const hd_map::Tile* tile, const Road& road,
                             const std::function<double(std::int64_t)>& seconds) {
   Goal known;
   known.half_length_m = kInfinity;
@@ -201,6 +299,7 @@ std::optional<Goal> goal_of(const mission::Goal& goal, const hd_map::Tile* tile,
     known.centre = {.x_m = place.x(), .y_m = place.y(), .heading_rad = centre.heading_at(middle)};
     known.half_length_m = middle;
     known.half_width_m = width_of(*lane) / 2.0;
+    put_on_road(goal, *tile, road, known);
   } else {
     return std::nullopt;
   }
@@ -212,6 +311,20 @@ std::optional<Goal> goal_of(const mission::Goal& goal, const hd_map::Tile* tile,
   }
   known.time_s = {.low = seconds(goal.window_begin_ns()), .high = seconds(goal.window_end_ns())};
   return known;
+}
+
+void write(const std::vector<BindingRule>& rules,
+           google::protobuf::RepeatedPtrField<planning::BindingRule>& messages) {
+  for (const BindingRule& binding : rules) {
+    planning::BindingRule& message = *messages.Add();
+    message.set_kind(kind_of(binding.rule.kind));
+    message.set_speed_mps(binding.rule.speed_mps);
+    message.set_x_m(binding.place.x_m);
+    message.set_y_m(binding.place.y_m);
+    message.set_ahead_m(binding.ahead_m);
+    message.set_time_s(binding.time_s);
+    message.set_object(binding.rule.object);
+  }
 }
 
 void write(const Vehicle& vehicle, const Trajectory& trajectory, std::int64_t start_ns,

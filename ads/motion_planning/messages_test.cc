@@ -53,8 +53,9 @@ prediction::Predictions one_car() {
   return predictions;
 }
 
-std::optional<Goal> goal_from(const mission::Goal& goal, const hd_map::Tile* tile = nullptr) {
-  return goal_of(goal, tile, [](std::int64_t ns) { return 1e-9 * static_cast<double>(ns); });
+std::optional<Goal> goal_from(const mission::Goal& goal, const hd_map::Tile* tile = nullptr,
+                              const Road& road = {}) {
+  return goal_of(goal, tile, road, [](std::int64_t ns) { return 1e-9 * static_cast<double>(ns); });
 }
 
 TEST(Messages, LanesGoOnToEachOfTheirSuccessors) {
@@ -161,6 +162,36 @@ TEST(Messages, GoalOnALaneIsInItsMiddle) {
   EXPECT_FALSE(goal_from(message));
 }
 
+TEST(Messages, GoalOnLanesOfTheRoadIsTheStretchAlongThem) {
+  // Around a quarter of a circle, in two lanes of which one follows the other.
+  hd_map::Tile tile;
+  std::vector<RoadPoint> points;
+  for (double turn = 0.0; turn < 1.6; turn += 0.05) {
+    points.push_back({.x_m = 40.0 * std::sin(turn), .y_m = 40.0 * (1.0 - std::cos(turn))});
+  }
+  for (const int part : {1, 2}) {
+    hd_map::Lane& lane = *tile.add_lanes();
+    lane.set_id(part);
+    for (int step = 0; step <= 10; ++step) {
+      const double turn = 0.4 * part + 0.04 * step;
+      lane.mutable_left()->add_x_m(38.25 * std::sin(turn));
+      lane.mutable_left()->add_y_m(40.0 - 38.25 * std::cos(turn));
+      lane.mutable_right()->add_x_m(41.75 * std::sin(turn));
+      lane.mutable_right()->add_y_m(40.0 - 41.75 * std::cos(turn));
+    }
+  }
+  mission::Goal message;
+  message.add_lanes(2);
+  message.add_lanes(1);
+  const auto goal = goal_from(message, &tile, Road(points));
+
+  ASSERT_TRUE(goal && goal->on_road);
+  EXPECT_NEAR(goal->on_road->middle_m(), 0.8 * 40.0, 1.0);
+  EXPECT_NEAR(goal->on_road->offset_m(20.0), 0.0, 0.1);
+  EXPECT_NEAR(goal->half_length_m, 0.4 * 40.0, 1.0);
+  EXPECT_NEAR(goal->half_width_m, 1.75, 0.01);
+}
+
 TEST(Messages, TrajectoryIsWrittenWithItsTimes) {
   planning::Trajectory message;
   const Trajectory trajectory{.states = {{.x_m = 1.0, .steering_rad = 0.1}, {.x_m = 2.0}}};
@@ -170,6 +201,55 @@ TEST(Messages, TrajectoryIsWrittenWithItsTimes) {
   ASSERT_EQ(message.points_size(), 2);
   EXPECT_NEAR(message.points(0).curvature_per_m(), std::tan(0.1) / 2.58, 1e-12);
   EXPECT_NEAR(message.points(1).time_s(), 0.1, 1e-12);
+}
+
+hd_map::Tile tile_with_stop_line(std::int64_t lane, double x_m, double y_m) {
+  hd_map::Tile tile = tile_with_lane(lane, y_m);
+  hd_map::Line& line = *tile.mutable_lanes(0)->mutable_stop_line();
+  line.add_x_m(x_m);
+  line.add_y_m(y_m + 1.75);
+  line.add_x_m(x_m);
+  line.add_y_m(y_m - 1.75);
+  return tile;
+}
+
+TEST(Messages, StopLineOfTheLaneThatTheRoadFollowsIsToWaitAt) {
+  hd_map::Route route = straight_route();
+  route.add_sections()->add_lanes(1);
+  hd_map::Tile tile = tile_with_stop_line(1, 70.0, 0.0);
+  const Road road = road_of(route, &tile);
+  const WaitingLine line{.lane = 1, .along_m = 70.0, .is_stop_sign = false};
+
+  EXPECT_EQ(waiting_lines_of(route, tile, road), std::vector{line});
+  tile.mutable_lanes(0)->set_has_stop_sign(true);
+  ASSERT_EQ(waiting_lines_of(route, tile, road).size(), 1U);
+  EXPECT_TRUE(waiting_lines_of(route, tile, road)[0].is_stop_sign);
+
+  // Those of lanes beside it, and of lanes that the route does not lead over, are others'.
+  route.mutable_sections(0)->add_lanes(2);
+  EXPECT_TRUE(waiting_lines_of(route, tile_with_stop_line(2, 70.0, 3.5), road).empty());
+  EXPECT_TRUE(waiting_lines_of(route, tile_with_stop_line(3, 70.0, 0.0), road).empty());
+}
+
+TEST(Messages, BindingRulesAreWrittenAsTheyAre) {
+  google::protobuf::RepeatedPtrField<planning::BindingRule> messages;
+  write({{.rule = {.kind = RuleKind::kGiveWay, .along_m = 30.0, .object = 7},
+          .place = {.x_m = 1.0, .y_m = 2.0},
+          .ahead_m = 20.0,
+          .time_s = 1.5},
+         {.rule = {.kind = RuleKind::kSpeedLimit, .speed_mps = 13.9}}},
+        messages);
+
+  ASSERT_EQ(messages.size(), 2);
+  EXPECT_EQ(messages[0].kind(), planning::BindingRule::GIVE_WAY);
+  EXPECT_EQ(messages[0].speed_mps(), 0.0);
+  EXPECT_EQ(messages[0].x_m(), 1.0);
+  EXPECT_EQ(messages[0].y_m(), 2.0);
+  EXPECT_EQ(messages[0].ahead_m(), 20.0);
+  EXPECT_EQ(messages[0].time_s(), 1.5);
+  EXPECT_EQ(messages[0].object(), 7U);
+  EXPECT_EQ(messages[1].kind(), planning::BindingRule::SPEED_LIMIT);
+  EXPECT_EQ(messages[1].speed_mps(), 13.9);
 }
 
 }  // namespace

@@ -129,32 +129,80 @@ const std::vector<Road>& lanes_of(const Problem& problem) {
   return problem.lanes == nullptr ? none : *problem.lanes;
 }
 
-// When the first of those who come from behind on the lane where the vehicle stands would be there;
-// infinite if nobody comes, or no lane is known.
-double arrival_s(const Problem& problem, const Traffic& unyielding, const Trajectory& stop) {
-  constexpr double kMoving_mps = 0.5;
-  constexpr double kAligned = 0.85;
-  const auto step =
-      std::min(unyielding.steps(), static_cast<std::size_t>(kLook_s / Traffic::kStep_s));
-  const State& end = stop.states.back();
-  double first = std::numeric_limits<double>::infinity();
-  for (const Road& lane : lanes_of(problem)) {
-    const RoadPlace place = lane.locate(end.x_m, end.y_m);
-    if (std::abs(place.offset_m) > kLaneWidth_m / 2.0) {
-      continue;
-    }
-    for (const Occupant& other : unyielding.at(step)) {
-      const RoadPlace from = lane.locate(other.x_m, other.y_m);
-      const double way = place.along_m - from.along_m;
-      const double beside = other.half_width_m + problem.vehicle.width_m / 2.0;
-      if (other.probability >= kProbabilityMin && other.speed_mps > kMoving_mps && way > 0.0 &&
-          std::cos(other.heading_rad - from.heading_rad) > kAligned &&
-          std::abs(from.offset_m - place.offset_m) < beside) {
-        first = std::min(first, kLook_s + way / other.speed_mps);
+// Who comes from behind on each of the lanes when nothing later is predicted.
+class Arrivals {
+ public:
+  Arrivals(const Problem& problem, const Traffic& unyielding) : problem_(problem) {
+    constexpr double kMoving_mps = 0.5;
+    constexpr double kAligned = 0.85;
+    const auto step =
+        std::min(unyielding.steps(), static_cast<std::size_t>(kLook_s / Traffic::kStep_s));
+    for (const Road& lane : lanes_of(problem)) {
+      comers_.emplace_back();
+      for (const Occupant& other : unyielding.at(step)) {
+        if (other.probability < kProbabilityMin || other.speed_mps <= kMoving_mps) {
+          continue;
+        }
+        const RoadPlace from = lane.locate(other.x_m, other.y_m);
+        if (std::cos(other.heading_rad - from.heading_rad) > kAligned) {
+          comers_.back().push_back({.along_m = from.along_m,
+                                    .offset_m = from.offset_m,
+                                    .half_width_m = other.half_width_m,
+                                    .speed_mps = other.speed_mps});
+        }
       }
     }
   }
-  return first;
+
+  // When the first of them would be where the vehicle stands; infinite if nobody comes, or no lane
+  // is known.
+  [[nodiscard]] double first_s(const State& end) const {
+    double first = std::numeric_limits<double>::infinity();
+    for (std::size_t index = 0; index < comers_.size(); ++index) {
+      if (comers_[index].empty()) {
+        continue;
+      }
+      const RoadPlace place = lanes_of(problem_)[index].locate(end.x_m, end.y_m);
+      if (std::abs(place.offset_m) > kLaneWidth_m / 2.0) {
+        continue;
+      }
+      for (const Comer& comer : comers_[index]) {
+        const double way = place.along_m - comer.along_m;
+        const double beside = comer.half_width_m + problem_.vehicle.width_m / 2.0;
+        if (way > 0.0 && std::abs(comer.offset_m - place.offset_m) < beside) {
+          first = std::min(first, kLook_s + way / comer.speed_mps);
+        }
+      }
+    }
+    return first;
+  }
+
+ private:
+  struct Comer {
+    double along_m = 0.0;
+    double offset_m = 0.0;
+    double half_width_m = 0.0;
+    double speed_mps = 0.0;
+  };
+
+  const Problem& problem_;
+  std::vector<std::vector<Comer>> comers_;  // For each lane.
+};
+
+// Whether both lanes lead the same way for as far as the vehicle may go until it stands: of lanes
+// that part far ahead, each is known from the map's begin on.
+bool is_same_ahead(const Road& one, double one_m, const Road& other, double other_m,
+                   double reach_m) {
+  constexpr double kStep_m = 5.0;
+  constexpr double kSame_m = 0.1;
+  for (double ahead = 0.0; ahead < reach_m + kStep_m; ahead += kStep_m) {
+    const Pose a = one.pose(one_m + ahead, 0.0);
+    const Pose b = other.pose(other_m + ahead, 0.0);
+    if (std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) > kSame_m) {
+      return false;
+    }
+  }
+  return true;
 }
 
 // Drives on at the present speed, into a lane.
@@ -176,10 +224,8 @@ Trajectory into_lane(const Problem& problem, const Road& lane, const RoadPlace& 
   return trajectory_of(problem.vehicle, Optimizer(on_lane).follow(guess), start_s);
 }
 
-}  // namespace
-
-Stop stop_along(const Problem& problem, const Traffic& unyielding, const Trajectory& along,
-                StopLine kind) {
+Stop stop_along(const Problem& problem, const Traffic& unyielding, const Arrivals& arrivals,
+                const Trajectory& along, StopLine kind) {
   const Line line(along);
   const State& start = along.states.front();
   // Those who come from behind on the same line see the vehicle brake.
@@ -214,12 +260,12 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Traject
     } else if (verdict.smallest_gap_m < 0.5) {
       price += 20.0 * (0.5 - verdict.smallest_gap_m);
     }
+    const double arrival_s = arrivals.first_s(stop.states.back());
     const auto pressed_s = [&](double probability_min) {
       const Verdict pressed =
           judge(problem.vehicle, stop, unyielding, kLook_s, {}, probability_min);
-      return pressed.smallest_gap_m < std::min(kPressed_m, verdict.smallest_gap_m)
-                 ? pressed.gap_s
-                 : arrival_s(problem, unyielding, stop);
+      return pressed.smallest_gap_m < std::min(kPressed_m, verdict.smallest_gap_m) ? pressed.gap_s
+                                                                                   : arrival_s;
     };
     const double possible_s = pressed_s(kProbabilityMin);
     const bool is_too_late =
@@ -245,11 +291,22 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Traject
   return best;
 }
 
+}  // namespace
+
+Stop stop_along(const Problem& problem, const Traffic& unyielding, const Trajectory& along,
+                StopLine kind) {
+  return stop_along(problem, unyielding, Arrivals(problem, unyielding), along, kind);
+}
+
 Stop safest_stop(const Problem& problem, const Traffic& unyielding, const Trajectory& nominal) {
   constexpr double kAligned = 0.85;
   constexpr double kLanesBeside = 2.2;
   constexpr double kLengthMin_m = 20.0;
-  Stop best = stop_along(problem, unyielding, nominal);
+  const Arrivals arrivals(problem, unyielding);
+  Stop best = stop_along(problem, unyielding, arrivals, nominal, StopLine::kPlan);
+  const double speed = std::max(0.0, problem.start.speed_mps);
+  const double reach_m = speed * kDrivingOn_s + speed * speed / (2.0 * kBrakings_mps2.front());
+  std::vector<std::pair<const Road*, double>> tried;
   for (const Road& lane : lanes_of(problem)) {
     const RoadPlace start = lane.locate(problem.start.x_m, problem.start.y_m);
     const double changes = std::abs(start.offset_m) / kLaneWidth_m;
@@ -257,8 +314,15 @@ Stop safest_stop(const Problem& problem, const Traffic& unyielding, const Trajec
         std::cos(problem.start.heading_rad - start.heading_rad) < kAligned) {
       continue;
     }
-    Stop other = stop_along(problem, unyielding, into_lane(problem, lane, start, nominal.start_s),
-                            changes < 0.5 ? StopLine::kOwnLane : StopLine::kOtherLane);
+    if (std::ranges::any_of(tried, [&](const auto& other) {
+          return is_same_ahead(lane, start.along_m, *other.first, other.second, reach_m);
+        })) {
+      continue;
+    }
+    tried.emplace_back(&lane, start.along_m);
+    Stop other =
+        stop_along(problem, unyielding, arrivals, into_lane(problem, lane, start, nominal.start_s),
+                   changes < 0.5 ? StopLine::kOwnLane : StopLine::kOtherLane);
     other.price += kLeavingThePlan + kChangingLane * changes;
     if (other.price < best.price) {
       best = std::move(other);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "messages.h"
+#include "planner_state.h"
 
 namespace motion_planning {
 namespace {
@@ -53,6 +54,9 @@ PlannerConfig read_config(fastcycle::Context& context, const Vehicle& vehicle) {
       param(context, "horizon_min_s", standard.horizon_min_s, 60.0, "s", "Planned ahead at least");
   config.horizon_max_s = param(context, "horizon_max_s", standard.horizon_max_s, 60.0, "s",
                                "Planned ahead at most, when the goal is far");
+  config.cruise_mps = param(context, "cruise_mps", standard.cruise_mps, 60.0, "m/s",
+                            "To drive at where the map has no limit, unless others or the driver "
+                            "were faster");
   config.certain_s = param(context, "certain_s", standard.certain_s, 10.0, "s",
                            "A collision predicted within this time calls for evasion");
   return config;
@@ -81,7 +85,10 @@ MotionPlanning::MotionPlanning(fastcycle::Context& context)
       routes_(context.create_latest<hd_map::Route>("map/route")),
       tiles_(context.create_latest<hd_map::Tile>("map/tile")),
       goals_(context.create_latest<mission::Goal>("mission/goal")),
-      plans_(context.create_publisher<planning::Plan>("planning/plan")) {
+      plans_(context.create_publisher<planning::Plan>("planning/plan")),
+      state_(
+          context.state<planning::PlannerState>("planner", [this](auto& state) { save(state); })) {
+  load(*state_);
   context.create_subscriber<prediction::Predictions>(
       "prediction/objects",
       [this](const prediction::Predictions& predictions) { on_predictions(predictions); });
@@ -91,6 +98,28 @@ void MotionPlanning::stop() {
   report("plans", plans_made_);
   report("plans_evasive", plans_evasive_);
   report("plans_to_goal", plans_to_goal_);
+}
+
+void MotionPlanning::save(planning::PlannerState& state) const {
+  if (!first_ns_) {
+    return;
+  }
+  state.set_first_ns(*first_ns_);
+  write(planner_.memory(), state);
+  state.set_plans(plans_made_);
+  state.set_plans_evasive(plans_evasive_);
+  state.set_plans_to_goal(plans_to_goal_);
+}
+
+void MotionPlanning::load(const planning::PlannerState& state) {
+  if (!state.has_first_ns()) {
+    return;  // It begins.
+  }
+  first_ns_ = state.first_ns();
+  planner_.set_memory(read(state));
+  plans_made_ = state.plans();
+  plans_evasive_ = state.plans_evasive();
+  plans_to_goal_ = state.plans_to_goal();
 }
 
 double MotionPlanning::seconds(std::int64_t ns) const {
@@ -108,6 +137,7 @@ void MotionPlanning::update_road() {
   tile_sequence_ = tile_sequence;
   road_ = road_of(*route, tile ? &*tile : nullptr);
   lanes_ = tile ? lanes_of(*tile) : std::vector<Road>();
+  waiting_lines_ = tile ? waiting_lines_of(*route, *tile, road_) : std::vector<WaitingLine>();
 }
 
 // The newest estimate, moved on to now.
@@ -136,7 +166,8 @@ std::optional<Goal> MotionPlanning::goal() const {
   if (!goal) {
     return std::nullopt;
   }
-  return goal_of(*goal, tile ? &*tile : nullptr, [this](std::int64_t ns) { return seconds(ns); });
+  return goal_of(*goal, tile ? &*tile : nullptr, road_,
+                 [this](std::int64_t ns) { return seconds(ns); });
 }
 
 Situation MotionPlanning::situation_of(const prediction::Predictions& predictions) const {
@@ -150,6 +181,7 @@ Situation MotionPlanning::situation_of(const prediction::Predictions& prediction
           .lanes = &lanes_,
           .objects = objects_of(predictions, now_s - seconds(predictions.header().taken_ns())),
           .hazards = hazards_of(predictions, now_ns),
+          .waiting_lines = waiting_lines_,
           .goal = goal()};
 }
 
@@ -184,6 +216,7 @@ void MotionPlanning::publish(const prediction::Predictions& predictions, const P
   message->set_candidates(static_cast<std::uint32_t>(plan.candidates));
   message->set_feasible(static_cast<std::uint32_t>(plan.feasible));
   message->set_reason(plan.reason);
+  write(plan.binding_rules, *message->mutable_binding_rules());
   plans_.publish(std::move(message));
 
   ++plans_made_;

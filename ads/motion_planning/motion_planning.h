@@ -12,6 +12,7 @@
 #include "mission/goal.pb.h"
 #include "planner.h"
 #include "planning/plan.pb.h"
+#include "planning/planner_state.pb.h"
 #include "prediction/prediction.pb.h"
 #include "vehicle/state.pb.h"
 
@@ -36,6 +37,8 @@ class MotionPlanning final : public fastcycle::Component {
   [[nodiscard]] std::optional<Goal> goal() const;
   [[nodiscard]] Situation situation_of(const prediction::Predictions& predictions) const;
   void publish(const prediction::Predictions& predictions, const Plan& plan);
+  void save(planning::PlannerState& state) const;
+  void load(const planning::PlannerState& state);
 
   Vehicle vehicle_;
   Planner planner_;
@@ -45,12 +48,16 @@ class MotionPlanning final : public fastcycle::Component {
   fastcycle::Latest<hd_map::Tile> tiles_;
   fastcycle::Latest<mission::Goal> goals_;
   fastcycle::Publisher<planning::Plan> plans_;
+  fastcycle::State<planning::PlannerState> state_;
 
   std::optional<std::int64_t> first_ns_;
-  std::uint64_t route_sequence_ = 0;  // Of the messages that the road is made of.
+  // Of the messages that the road is made of. A new object makes it anew: the views still have
+  // them.
+  std::uint64_t route_sequence_ = 0;
   std::uint64_t tile_sequence_ = 0;
   Road road_;
   std::vector<Road> lanes_;
+  std::vector<WaitingLine> waiting_lines_;
   std::int64_t plans_made_ = 0;
   std::int64_t plans_evasive_ = 0;
   std::int64_t plans_to_goal_ = 0;

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <limits>
+#include <stdexcept>
 
 #include <fastcycle/testing.h>
 #include <gtest/gtest.h>
@@ -14,8 +15,9 @@ using std::chrono_literals::operator""ms;
 
 class MotionPlanningTest : public ::testing::Test {
  protected:
-  MotionPlanningTest() {
-    bench_.add<MotionPlanning>("motion_planning");
+  MotionPlanningTest() { bench_.add<MotionPlanning>("motion_planning"); }
+
+  void SetUp() override {
     bench_.start();
     bench_.advance(100ms);
   }
@@ -142,6 +144,80 @@ TEST_F(MotionPlanningTest, TellsWhatItDid) {
 
   EXPECT_EQ(std::get<std::int64_t>(bench_.result("motion_planning", "plans")), 1);
   EXPECT_EQ(std::get<std::int64_t>(bench_.result("motion_planning", "plans_evasive")), 0);
+}
+
+/// Motion planning that throws when it is told to.
+class FaultyMotionPlanning final : public fastcycle::Component {
+ public:
+  explicit FaultyMotionPlanning(fastcycle::Context& context)
+      : Component(context), motion_planning_(context) {
+    context.create_subscriber<common::Header>(
+        "test/fault", [](const common::Header&) { throw std::runtime_error("the test wants it"); });
+  }
+  void stop() override { motion_planning_.stop(); }
+
+ private:
+  MotionPlanning motion_planning_;
+};
+
+/// Beside the other one, on the same inputs.
+class FaultyMotionPlanningTest : public MotionPlanningTest {
+ protected:
+  FaultyMotionPlanningTest() {
+    bench_.add<FaultyMotionPlanning>("faulty", R"({"on_fault": "restart",
+        "restart": {"limit": 100}, "remap": {"planning/plan": "faulty/plan"}})");
+  }
+
+  // Drives what was planned for a tenth of a second.
+  void plan_and_drive(bool is_driving) {
+    predictions_.publish(nothing_around());
+    bench_.advance(100ms);
+    const auto plans = plans_.take();
+    const auto faulty_plans = faulty_plans_.take();
+    ASSERT_EQ(plans.size(), 1U);
+    ASSERT_EQ(faulty_plans.size(), 1U);
+    EXPECT_EQ(faulty_plans[0].SerializeAsString(), plans[0].SerializeAsString())
+        << faulty_plans[0].reason() << "\n"
+        << plans[0].reason();
+    const planning::TrajectoryPoint& next = plans[0].nominal().points(1);
+    vehicle::State vehicle;
+    vehicle.set_is_autonomous(is_driving);
+    vehicle.set_acceleration_mps2(next.acceleration_mps2());
+    vehicles_.publish(vehicle);
+    localization::Ego ego;
+    ego.mutable_header()->set_taken_ns(now_ns());
+    ego.set_x_m(next.x_m() + 0.1);  // Localization does not quite agree.
+    ego.set_y_m(next.y_m() - 0.1);
+    ego.set_heading_rad(next.heading_rad());
+    ego.set_speed_mps(next.speed_mps());
+    egos_.publish(ego);
+  }
+
+  Bench::Input<common::Header> faults_ = bench_.input<common::Header>("test/fault");
+  Bench::Output<planning::Plan> faulty_plans_ = bench_.output<planning::Plan>("faulty/plan");
+};
+
+TEST_F(FaultyMotionPlanningTest, AnObjectThatIsMadeAnewGoesOnAsTheOldOneWouldHave) {
+  faults_.publish({});
+  send_route();
+  send_ego(10.0);
+  send_goal(46.0);
+  faults_.publish({});
+  plan_and_drive(false);
+  faults_.publish({});
+  plan_and_drive(true);
+  for (int cycle = 0; cycle < 3; ++cycle) {
+    faults_.publish({});
+    plan_and_drive(true);
+    plan_and_drive(true);
+  }
+  bench_.stop();
+
+  EXPECT_EQ(bench_.faults("faulty").size(), 6);
+  for (const char* const name : {"plans", "plans_evasive", "plans_to_goal"}) {
+    EXPECT_EQ(bench_.result("faulty", name), bench_.result("motion_planning", name)) << name;
+  }
+  EXPECT_EQ(std::get<std::int64_t>(bench_.result("faulty", "plans")), 8);
 }
 
 }  // namespace

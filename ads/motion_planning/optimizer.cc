@@ -22,10 +22,15 @@ constexpr double kDiscomfort = 1.5;
 constexpr double kLimit = 1000.0;
 constexpr double kLane = 0.03;
 constexpr double kCruise = 0.05;
-constexpr double kSpeedLimit = 0.5;
-constexpr double kSlow = 20.0;
+// Above what the road allows: a limit as the others, but not worth a collision.
+constexpr std::array kAboveBound = {kLimit, 0.5};
+// To the road's edges: what one likes to keep, and what localization and control need.
+constexpr double kEdgeSpace_m = 0.35;
+constexpr double kEdgeNeed_m = 0.3;
 constexpr double kEdge = 100.0;
-constexpr double kEdgeSpace_m = 0.2;
+constexpr double kEdgeNear = 800.0;
+// So much nearer than at its centre an edge may be at the ends of the vehicle.
+constexpr double kEdgeChange_m = 1.5;
 
 constexpr double kComfortBraking_mps2 = -2.5;
 constexpr double kComfortSpeedingUp_mps2 = 1.8;
@@ -156,31 +161,67 @@ void Optimizer::add_road(Quadratic& sum, std::size_t step, const State& state) c
   const RoadPlace place = road.locate_near(state.x_m, state.y_m, road_hints_[step]);
   const Eigen::Vector3d to_left{-std::sin(place.heading_rad), std::cos(place.heading_rad), 0.0};
   sum.add_pose(to_left, place.offset_m - lanes_m_[step], kStep_s * kLane);
-  const double space = problem_.vehicle.width_m / 2.0 + kEdgeSpace_m;
-  const double over_left = place.offset_m + space - road.left_edge_m(place.along_m);
-  const double over_right = -place.offset_m + space - road.right_edge_m(place.along_m);
-  if (over_left > 0.0) {
-    sum.add_pose(to_left, over_left, kStep_s * kEdge);
-  } else if (over_right > 0.0) {
-    sum.add_pose(-to_left, over_right, kStep_s * kEdge);
-  }
-  const double limit = road.speed_limit_mps(place.along_m);
-  if (limit > 0.0 && state.speed_mps > limit) {
-    sum.add(3, state.speed_mps - limit, kStep_s * kSpeedLimit);
-  }
-  for (const SlowStretch& stretch : problem_.slow_stretches) {
-    const bool is_there =
-        place.along_m > stretch.along_m.low && place.along_m < stretch.along_m.high;
-    if (is_there && state.speed_mps > stretch.speed_mps) {
-      sum.add(3, state.speed_mps - stretch.speed_mps, kStep_s * kSlow);
-    }
-  }
+  add_edges(sum, state, place);
+  add_speed(sum, step, state, place);
   const bool is_cruising = goal_step_ == 0 || step > goal_step_;
   if (is_cruising) {
-    sum.add(3, state.speed_mps - problem_.cruise_mps, kStep_s * kCruise);
+    const double error = state.speed_mps - cruise_at(problem_, profile_, place.along_m);
+    sum.add(3, error, kStep_s * kCruise * cruise_share(error));
   }
   if (step == problem_.traffic.steps()) {
     sum.add(2, wrapped(state.heading_rad - place.heading_rad), 20.0);
+  }
+}
+
+void Optimizer::add_speed(Quadratic& sum, std::size_t step, const State& state,
+                          const RoadPlace& place) const {
+  const SpeedProfile::Bound bound = profile_.at(place.along_m, kStep_s * static_cast<double>(step));
+  const double allowed = std::max(0.0, bound.speed_mps);
+  if (state.speed_mps <= allowed) {
+    return;
+  }
+  StateVector by_state = StateVector::Zero();
+  by_state(0) = -bound.by_along * std::cos(place.heading_rad);
+  by_state(1) = -bound.by_along * std::sin(place.heading_rad);
+  by_state(3) = 1.0;
+  sum.add(by_state, state.speed_mps - allowed,
+          kStep_s * kAboveBound[problem_.is_emergency ? 1 : 0]);
+}
+
+// The whole body is to stay on the road: in a bend its corners and the middles of its sides come
+// nearer to the edges than its centre tells.
+void Optimizer::add_edges(Quadratic& sum, const State& state, const RoadPlace& place) const {
+  const Road& road = problem_.road;
+  const double half_length = problem_.vehicle.length_m / 2.0;
+  const double half_width = problem_.vehicle.width_m / 2.0;
+  const double reach = std::hypot(half_length, half_width) + kEdgeSpace_m;
+  const double left_m = road.left_edge_m(place.along_m);
+  const double right_m = road.right_edge_m(place.along_m);
+  if (place.offset_m + reach + kEdgeChange_m < left_m &&
+      -place.offset_m + reach + kEdgeChange_m < right_m) {
+    return;
+  }
+  const double cosine = std::cos(state.heading_rad);
+  const double sine = std::sin(state.heading_rad);
+  for (const double ahead : {-half_length, 0.0, half_length}) {
+    for (const double aside : {-half_width, half_width}) {
+      const double dx = ahead * cosine - aside * sine;
+      const double dy = ahead * sine + aside * cosine;
+      const RoadPlace at = road.locate_near(state.x_m + dx, state.y_m + dy, place.index);
+      const double over_left = at.offset_m + kEdgeSpace_m - road.left_edge_m(at.along_m);
+      const double over_right = -at.offset_m + kEdgeSpace_m - road.right_edge_m(at.along_m);
+      const double side = over_left > over_right ? 1.0 : -1.0;
+      const double over = std::max(over_left, over_right);
+      if (over > 0.0) {
+        const double left_x = -std::sin(at.heading_rad);
+        const double left_y = std::cos(at.heading_rad);
+        const Eigen::Vector3d jacobian{left_x, left_y, left_y * dx - left_x * dy};
+        sum.add_pose(side * jacobian, over, kStep_s * kEdge);
+        if (over > kEdgeSpace_m - kEdgeNeed_m) {
+          sum.add_pose(side * jacobian, over - (kEdgeSpace_m - kEdgeNeed_m), kStep_s * kEdgeNear);
+        }
+      }
+    }
   }
 }
 
@@ -234,20 +275,29 @@ void Optimizer::add_traffic(Quadratic& sum, std::size_t step, const State& state
   }
 }
 
-void Optimizer::add_goal(Quadratic& sum, const State& state) const {
+void Optimizer::add_goal(Quadratic& sum, std::size_t step, const State& state) const {
   const Goal& goal = *problem_.goal;
-  const double cosine = std::cos(goal.centre.heading_rad);
-  const double sine = std::sin(goal.centre.heading_rad);
   const double way = state.speed_mps * goal_extra_s_;
-  const double dx = state.x_m + way * std::cos(state.heading_rad) - goal.centre.x_m;
-  const double dy = state.y_m + way * std::sin(state.heading_rad) - goal.centre.y_m;
-  const double along = dx * cosine + dy * sine;
-  const double across = -dx * sine + dy * cosine;
+  const double x = state.x_m + way * std::cos(state.heading_rad);
+  const double y = state.y_m + way * std::sin(state.heading_rad);
+  double cosine = std::cos(goal.centre.heading_rad);
+  double sine = std::sin(goal.centre.heading_rad);
+  double along = (x - goal.centre.x_m) * cosine + (y - goal.centre.y_m) * sine;
+  double across = -(x - goal.centre.x_m) * sine + (y - goal.centre.y_m) * cosine;
+  if (goal.on_road) {
+    const RoadPlace place = problem_.road.locate_near(x, y, road_hints_[step]);
+    cosine = std::cos(place.heading_rad);
+    sine = std::sin(place.heading_rad);
+    along = place.along_m - goal.on_road->middle_m();
+    across = place.offset_m - goal.on_road->offset_m(place.along_m);
+  }
   const Eigen::Vector3d by_along{cosine, sine, 0.0};
   const Eigen::Vector3d by_across{-sine, cosine, 0.0};
-  const double room_along = 0.4 * goal.half_length_m;
+  const double room_along = goal.room_along_m();
   const double room_across = 0.3 * goal.half_width_m;
-  sum.add_pose_bounded(by_along, along, kGoalCentre, 1.0);
+  if (!goal.on_road) {
+    sum.add_pose_bounded(by_along, along, kGoalCentre, 1.0);
+  }
   sum.add_pose_bounded(by_across, across, kGoalCentre, 1.0);
   if (std::abs(along) > room_along) {
     sum.add_pose_bounded(by_along, outside(along, -room_along, room_along), kGoalPlace, 1.0);
@@ -290,7 +340,7 @@ void Optimizer::add_stage(Quadratic& sum, std::size_t step, const State& state,
   add_road(sum, step, state);
   add_traffic(sum, step, state);
   if (goal_step_ != 0 && step == goal_step_) {
-    add_goal(sum, state);
+    add_goal(sum, step, state);
   }
 }
 
@@ -331,7 +381,7 @@ void Optimizer::aim(const Way& way) {
     }
     goal_extra_s_ = wanted - time;
     Quadratic sum;
-    add_goal(sum, way.states[step]);
+    add_goal(sum, step, way.states[step]);
     if (sum.value < best) {
       best = sum.value;
       goal_step_ = step;

@@ -18,7 +18,7 @@ class Optimizer {
   /// At most so many iterations, each of them linear in the number of steps.
   static constexpr int kIterationsMax = 25;
 
-  explicit Optimizer(const Problem& problem) : problem_(problem) {}
+  explicit Optimizer(const Problem& problem) : problem_(problem), profile_(profile_of(problem)) {}
 
   /// The way that follows `guess`, one pose for each step after the start, as well as the vehicle
   /// can.
@@ -39,11 +39,15 @@ class Optimizer {
   void add_stage(Quadratic& sum, std::size_t step, const State& state, const Input* input) const;
   void add_motion(Quadratic& sum, const State& state, const Input* input) const;
   void add_road(Quadratic& sum, std::size_t step, const State& state) const;
+  void add_speed(Quadratic& sum, std::size_t step, const State& state,
+                 const RoadPlace& place) const;
+  void add_edges(Quadratic& sum, const State& state, const RoadPlace& place) const;
   void add_traffic(Quadratic& sum, std::size_t step, const State& state) const;
-  void add_goal(Quadratic& sum, const State& state) const;
+  void add_goal(Quadratic& sum, std::size_t step, const State& state) const;
   void add_pursuit(Quadratic& sum, const Pose& pose, const State& state) const;
 
   const Problem& problem_;
+  const SpeedProfile profile_;
 
   // What the present iteration takes as given.
   const std::vector<Pose>* pursued_ = nullptr;

@@ -1,5 +1,6 @@
 #include "optimizer.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -53,6 +54,92 @@ TEST_F(OptimizerTest, FollowsAGuess) {
   EXPECT_NEAR(way.states.back().y_m, kLane_m, 0.2);
 }
 
+TEST_F(OptimizerTest, WholeBodyStaysOnTheRoadInABend) {
+  // 3.5 m wide, around a quarter of a circle with a radius of 9 m.
+  std::vector<RoadPoint> points;
+  const auto add = [&](double x, double y) {
+    points.push_back({.x_m = x, .y_m = y, .left_edge_m = 1.75, .right_edge_m = 1.75});
+  };
+  for (double x = -20.0; x < 12.0; x += 1.0) {
+    add(x, 0.0);
+  }
+  for (double turn = 0.0; turn < 1.57; turn += 0.1) {
+    add(12.0 + 9.0 * std::sin(turn), 9.0 - 9.0 * std::cos(turn));
+  }
+  for (double y = 9.0; y < 80.0; y += 1.0) {
+    add(21.0, y);
+  }
+  road_ = Road(points);
+  std::vector<Pose> guess;
+  for (std::size_t step = 1; step <= kSteps; ++step) {
+    guess.push_back(road_.pose(20.0 + 1.0 * static_cast<double>(step), 0.0));
+  }
+  Problem given = problem();
+  given.start.speed_mps = 5.0;
+  given.cruise_mps = 5.0;
+  Optimizer optimizer(given);
+  const Way way = optimizer.improve(optimizer.follow(guess));
+
+  EXPECT_GT(way.states.back().y_m, 9.0);
+  EXPECT_LT(over_edge_m(vehicle_, trajectory_of(vehicle_, way, 0.0), road_, 8.0), 0.0 + 1e-9);
+}
+
+TEST_F(OptimizerTest, DrivesAtTheLimitOfTheRoad) {
+  road_ = straight_road(8.0);
+  const Problem given = problem();
+  const Way way = Optimizer(given).improve(straight_on());
+
+  EXPECT_NEAR(way.states.back().speed_mps, 8.0, 0.7);
+}
+
+TEST_F(OptimizerTest, LimitHoldsAgainstAGoalThatNeedsMore) {
+  road_ = straight_road(10.0);
+  goal_ = Goal{.centre = {.x_m = 100.0},
+               .half_length_m = 1.0,
+               .half_width_m = 0.8,
+               .speed_mps = {12.0, 16.0},
+               .time_s = {6.0, 7.0}};
+  const Problem given = problem();
+  const Way way = Optimizer(given).improve(straight_on());
+
+  for (const State& state : way.states) {
+    EXPECT_LT(state.speed_mps, 10.0 + SpeedProfile::kTolerance_mps) << state.x_m;
+  }
+}
+
+TEST_F(OptimizerTest, MoreThanTheLimitIsForEmergencies) {
+  road_ = straight_road(10.0);
+  traffic_ = Traffic({car(-12.0, 0.0, 13.0)}, kSteps);
+  Problem given = problem();
+  given.is_emergency = true;
+  const Way way = Optimizer(given).improve(straight_on());
+
+  EXPECT_GT(std::ranges::max(way.states, {}, &State::speed_mps).speed_mps, 10.5);
+}
+
+TEST_F(OptimizerTest, StopsBeforeAHalt) {
+  Problem given = problem();
+  given.halt = Halt{.along_m = 90.0};  // x = 40 m.
+  const Way way = Optimizer(given).improve(straight_on());
+
+  EXPECT_LT(way.states.back().x_m, 40.3);
+  EXPECT_GT(way.states.back().x_m, 35.0);
+  EXPECT_LT(way.states.back().speed_mps, 1.5);
+}
+
+TEST_F(OptimizerTest, GoalAlongTheRoadIsReachedAnywhereOnIt) {
+  goal_ =
+      Goal{.centre = {.x_m = 60.0},
+           .half_length_m = 30.0,
+           .half_width_m = 1.75,
+           .time_s = {6.0, 7.0},
+           .on_road = GoalStretch{.begin_m = 80.0, .offsets_m = std::vector<double>(61, kLane_m)}};
+  const Problem given = problem();
+  const Way way = Optimizer(given).improve(straight_on());
+
+  EXPECT_NEAR(way.states[33].y_m, kLane_m, 0.7);
+}
+
 TEST_F(OptimizerTest, MeetsTheGoalState) {
   goal_ = Goal{.centre = {.x_m = 70.0, .y_m = 1.0, .heading_rad = 0.05},
                .half_length_m = 1.0,
@@ -95,7 +182,7 @@ TEST_F(OptimizerTest, MakesWayForACarThatComesFromBehind) {
 }
 
 TEST_F(OptimizerTest, IsSlowWhereItIsAskedTo) {
-  slow_ = {{.along_m = {90.0, 110.0}, .speed_mps = 5.0}};  // x from 40 m to 60 m.
+  slow_ = {{.begin_m = 90.0, .end_m = 110.0, .speed_mps = 5.0}};  // x from 40 m to 60 m.
   const Problem given = problem();
   const Way way = Optimizer(given).improve(straight_on());
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -22,6 +23,8 @@ constexpr double kAfterGoal_s = 2.0;
 constexpr double kOffPlan_m = 1.0;
 constexpr double kOffPlan_mps = 1.5;
 constexpr double kOffPlan_rad = 0.2;
+// So much over an edge counts as on the road: what the margins of a plan are for.
+constexpr double kOverEdge_m = 0.1;
 
 // What is missing to the goal state: 0 in all of them when it is reached.
 struct Miss {
@@ -40,13 +43,20 @@ double outside(double value, double low, double high) {
   return value < low ? value - low : std::max(0.0, value - high);
 }
 
-Miss miss_of(const Goal& goal, const State& state) {
+Miss miss_of(const Goal& goal, const Road& road, const State& state) {
   const double cosine = std::cos(goal.centre.heading_rad);
   const double sine = std::sin(goal.centre.heading_rad);
   const double dx = state.x_m - goal.centre.x_m;
   const double dy = state.y_m - goal.centre.y_m;
-  Miss miss{.along_m = outside(dx * cosine + dy * sine, -goal.half_length_m, goal.half_length_m),
-            .across_m = outside(-dx * sine + dy * cosine, -goal.half_width_m, goal.half_width_m),
+  double along = dx * cosine + dy * sine;
+  double across = -dx * sine + dy * cosine;
+  if (goal.on_road) {
+    const RoadPlace place = road.locate(state.x_m, state.y_m);
+    along = place.along_m - goal.on_road->middle_m();
+    across = place.offset_m - goal.on_road->offset_m(place.along_m);
+  }
+  Miss miss{.along_m = outside(along, -goal.half_length_m, goal.half_length_m),
+            .across_m = outside(across, -goal.half_width_m, goal.half_width_m),
             .speed_mps = outside(state.speed_mps, goal.speed_mps.low, goal.speed_mps.high)};
   const double middle = 0.5 * (goal.heading_rad.low + goal.heading_rad.high);
   if (std::isfinite(middle)) {
@@ -57,13 +67,13 @@ Miss miss_of(const Goal& goal, const State& state) {
 }
 
 // When the trajectory reaches the goal, or what it misses it by at best.
-void tell_of_goal(const Goal& goal, Plan& plan) {
+void tell_of_goal(const Goal& goal, const Road& road, Plan& plan) {
   constexpr double kLook_s = 0.02;
   Miss best;
   double best_size = kInfinity;
   const double begin = std::max(goal.time_s.low, plan.nominal.start_s);
   for (double time = begin; time <= goal.time_s.high + 1e-9; time += kLook_s) {
-    const Miss miss = miss_of(goal, plan.nominal.at(time));
+    const Miss miss = miss_of(goal, road, plan.nominal.at(time));
     if (miss.size() == 0.0) {
       plan.goal_s = time;
       return;
@@ -127,11 +137,34 @@ std::vector<SlowStretch> slow_stretches(const Situation& situation) {
   for (const HazardArea& hazard : situation.hazards) {
     if (hazard.speed_mps > 0.0) {
       const double along = situation.road->locate(hazard.x_m, hazard.y_m).along_m;
-      stretches.push_back({.along_m = {along - hazard.radius_m, along + hazard.radius_m},
+      stretches.push_back({.begin_m = along - hazard.radius_m,
+                           .end_m = along + hazard.radius_m,
                            .speed_mps = hazard.speed_mps});
     }
   }
   return stretches;
+}
+
+// A rule binds from where the trajectory comes within the profile's tolerance of it.
+std::vector<BindingRule> binding_rules(const Problem& problem, const Trajectory& trajectory) {
+  const SpeedProfile profile = profile_of(problem);
+  std::vector<BindingRule> binding;
+  const State& first = trajectory.states.front();
+  RoadPlace place = problem.road.locate(first.x_m, first.y_m);
+  const double from_m = place.along_m;
+  for (std::size_t index = 0; index < trajectory.states.size(); ++index) {
+    const State& state = trajectory.states[index];
+    place = problem.road.locate_near(state.x_m, state.y_m, place.index);
+    const std::optional<Rule> rule = profile.binding(place.along_m, state.speed_mps);
+    const auto is_same = [&](const BindingRule& other) { return other.rule == *rule; };
+    if (rule && std::ranges::none_of(binding, is_same)) {
+      binding.push_back({.rule = *rule,
+                         .place = problem.road.pose(rule->along_m, 0.0),
+                         .ahead_m = rule->along_m - from_m,
+                         .time_s = trajectory.step_s * static_cast<double>(index)});
+    }
+  }
+  return binding;
 }
 
 // Positions that brake as hard as can be, and move to the side by `side_m`.
@@ -152,6 +185,22 @@ std::vector<Pose> braking_guess(const Problem& problem, double side_m) {
 }
 
 }  // namespace
+
+Planner::Memory Planner::memory() const {
+  return {.last = last_,
+          .last_s = last_s_,
+          .last_trajectory = last_trajectory_,
+          .begun_mps = begun_mps_,
+          .stood_at_lane = stood_at_lane_};
+}
+
+void Planner::set_memory(Memory memory) {
+  last_ = std::move(memory.last);
+  last_s_ = memory.last_s;
+  last_trajectory_ = std::move(memory.last_trajectory);
+  begun_mps_ = memory.begun_mps;
+  stood_at_lane_ = memory.stood_at_lane;
+}
 
 // What will be driven before the new plan can show: the last one, if the vehicle follows it, else
 // the present motion. The last state is where the new plan starts.
@@ -210,6 +259,33 @@ Way Planner::continued(const Problem& problem, double start_s) const {
   return way;
 }
 
+// Without a limit: as is usual in towns, or faster, as the driver was or those around him are.
+double Planner::cruise_mps(const Situation& situation) const {
+  constexpr double kMoving_mps = 1.0;
+  constexpr double kAround_m = 60.0;
+  constexpr double kAligned = 0.85;
+  const Road& road = *situation.road;
+  const double along = road.locate(situation.ego.x_m, situation.ego.y_m).along_m;
+  double sum = 0.0;
+  double count = 0.0;
+  for (const TrafficObject& object : situation.objects) {
+    if (object.ways.empty() || object.ways.front().states.empty()) {
+      continue;
+    }
+    const PredictedState& state = object.ways.front().states.front();
+    const RoadPlace place = road.locate(state.x_m, state.y_m);
+    const bool is_on_road = place.offset_m < road.left_edge_m(place.along_m) &&
+                            -place.offset_m < road.right_edge_m(place.along_m);
+    if (state.speed_mps > kMoving_mps && std::abs(place.along_m - along) < kAround_m &&
+        is_on_road && std::cos(state.heading_rad - place.heading_rad) > kAligned) {
+      sum += state.speed_mps;
+      count += 1.0;
+    }
+  }
+  const double flow = count > 0.0 ? sum / count : 0.0;
+  return std::max({config_.cruise_mps, begun_mps_.value_or(0.0), flow});
+}
+
 Way Planner::best_way(const Problem& problem, double start_s, bool is_driving, Plan& plan) const {
   Optimizer optimizer(problem);
   const Found found = Search(problem, config_.beam).run();
@@ -235,14 +311,28 @@ Way Planner::evade(const Problem& problem, const Way& nominal) const {
   for (const double side : {0.0, kAside_m, -kAside_m}) {
     ways.push_back(optimizer.improve(optimizer.follow(braking_guess(problem, side))));
   }
+  // Beside the road nobody knows what there is: only where every way leads over its edge, the one
+  // that does so by least is driven.
+  const Trajectory start{.start_s = 0.0, .step_s = kHalfStep_s, .states = {problem.start}};
+  const double allowed_m =
+      kOverEdge_m + over_edge_m(config_.vehicle, start, problem.road, config_.certain_s);
   const auto price = [&](const Way& way) {
     const Trajectory trajectory = trajectory_of(config_.vehicle, way, 0.0);
     const double hit = judge(config_.vehicle, trajectory, problem.traffic, config_.certain_s).hit_s;
-    return std::pair(-std::min(hit, config_.certain_s), way.cost);
+    const double over =
+        over_edge_m(config_.vehicle, trajectory, problem.road, config_.certain_s) - allowed_m;
+    return std::tuple(std::max(0.0, over), -std::min(hit, config_.certain_s), way.cost);
   };
-  return *std::min_element(ways.begin(), ways.end(), [&](const Way& one, const Way& other) {
-    return price(one) < price(other);
-  });
+  std::size_t best = 0;
+  auto least = price(ways.front());
+  for (std::size_t index = 1; index < ways.size(); ++index) {
+    const auto other = price(ways[index]);
+    if (other < least) {
+      least = other;
+      best = index;
+    }
+  }
+  return ways[best];
 }
 
 void Planner::add_minimal_risk(const Problem& problem, const Traffic& unyielding,
@@ -252,7 +342,7 @@ void Planner::add_minimal_risk(const Problem& problem, const Traffic& unyielding
     // In no lane, then: wherever there is room to stop.
     Problem stopping = problem;
     stopping.goal.reset();
-    stopping.cruise_mps = 0.0;
+    stopping.cruise_within_mps = {.low = 0.0, .high = 0.0};
     stopping.is_emergency = true;
     Optimizer optimizer(stopping);
     const Way aside = optimizer.improve(optimizer.follow(braking_guess(problem, 0.0)));
@@ -268,8 +358,15 @@ void Planner::add_minimal_risk(const Problem& problem, const Traffic& unyielding
 Plan Planner::plan(const Situation& situation) {
   const std::vector<State> committed_states = committed(situation);
   const double start_s = situation.now_s + config_.committed_s;
-  const std::optional<Goal> goal = goal_from(situation.goal, start_s);
+  std::optional<Goal> goal = goal_from(situation.goal, start_s);
   double horizon = config_.horizon_min_s;
+  if (goal && goal->on_road) {
+    // Who is farther already may stay there.
+    const State& start = committed_states.back();
+    const double ahead = situation.road->locate(start.x_m, start.y_m).along_m -
+                         goal->on_road->middle_m() - goal->room_along_m();
+    goal->spare_share = ahead > 0.0 ? 0.0 : goal->spare_share;
+  }
   if (goal) {
     horizon = std::clamp(goal->time_s.high + kAfterGoal_s, horizon, config_.horizon_max_s);
   }
@@ -287,11 +384,20 @@ Plan Planner::plan(const Situation& situation) {
                   .lanes = situation.lanes,
                   .goal = goal,
                   .slow_stretches = slow_stretches(situation)};
+  if (!situation.is_driving || !begun_mps_) {
+    begun_mps_ = std::max(0.0, situation.ego.speed_mps);
+  }
+  problem.cruise_mps = cruise_mps(situation);
   if (situation.goal &&
       std::isfinite(situation.goal->speed_mps.low + situation.goal->speed_mps.high)) {
-    problem.cruise_mps =
+    // After the goal as at the goal.
+    const double speed =
         std::max(0.0, 0.5 * (situation.goal->speed_mps.low + situation.goal->speed_mps.high));
+    problem.cruise_within_mps = {.low = speed, .high = speed};
   }
+  stood_at_lane_ = stood_at(*situation.road, config_.vehicle, situation.ego,
+                            situation.waiting_lines, stood_at_lane_);
+  problem.halt = halt_before(problem, unyielding, objects, situation.waiting_lines, stood_at_lane_);
 
   Plan plan;
   plan.kind = PlanKind::kNominal;
@@ -309,7 +415,11 @@ Plan Planner::plan(const Situation& situation) {
   add_minimal_risk(problem, unyielding, plan);
   if (std::isfinite(verdict.hit_s)) {
     const Verdict stopping = judge(config_.vehicle, plan.minimal_risk, traffic, config_.certain_s);
-    if (stopping.hit_s > verdict.hit_s) {
+    const auto over = [&](const Trajectory& trajectory) {
+      return over_edge_m(config_.vehicle, trajectory, problem.road, config_.certain_s);
+    };
+    if (stopping.hit_s > verdict.hit_s &&
+        over(plan.minimal_risk) <= kOverEdge_m + over(plan.nominal)) {
       plan.kind = PlanKind::kNone;
       plan.nominal = plan.minimal_risk;
     }
@@ -318,8 +428,9 @@ Plan Planner::plan(const Situation& situation) {
       judge(config_.vehicle, plan.nominal, traffic, plan.nominal.duration_s()).smallest_gap_m;
   prepend(committed_states, plan.nominal);
   prepend(committed_states, plan.minimal_risk);
+  plan.binding_rules = binding_rules(problem, plan.nominal);
   if (situation.goal) {
-    tell_of_goal(*situation.goal, plan);
+    tell_of_goal(*situation.goal, *situation.road, plan);
   }
   last_ = std::move(way);
   last_s_ = start_s;

@@ -18,6 +18,7 @@ class PlannerTest : public ::testing::Test {
                         .road = &road_,
                         .objects = objects_,
                         .hazards = hazards_,
+                        .waiting_lines = lines_,
                         .goal = goal_};
     return planner_.plan(situation);
   }
@@ -28,6 +29,10 @@ class PlannerTest : public ::testing::Test {
       const double now = 0.1 * cycle;
       const Plan plan = this->plan(now);
       ego_ = plan.nominal.at(now + 0.1);
+      if (ego_.speed_mps < 0.1) {
+        stood_m_ = ego_.x_m;
+      }
+      hardest_mps2_ = std::min(hardest_mps2_, ego_.acceleration_mps2);
       for (TrafficObject& object : objects_) {
         PredictedState& state = object.ways[0].states[0];
         state.x_m += 0.1 * state.speed_mps;
@@ -50,9 +55,79 @@ class PlannerTest : public ::testing::Test {
   bool is_driving_ = false;
   std::vector<TrafficObject> objects_;
   std::vector<HazardArea> hazards_;
+  std::vector<WaitingLine> lines_;
   std::optional<Goal> goal_;
   Plan last_;
+  double hardest_mps2_ = 0.0;
+  std::optional<double> stood_m_;  // Where the vehicle has stood last.
 };
+
+TEST_F(PlannerTest, WithoutLimitItGoesWithTheOthers) {
+  objects_ = {car(40.0, kLane_m, 18.0), car(-30.0, -kLane_m, 18.0, 2)};
+  EXPECT_GT(plan().nominal.states.back().speed_mps, 13.0);
+  road_ = straight_road(7.0);
+  EXPECT_LT(plan().nominal.states.back().speed_mps, 7.0 + SpeedProfile::kTolerance_mps);
+}
+
+TEST_F(PlannerTest, KeepsTheLimitAndSaysThatItBinds) {
+  road_ = straight_road(10.5);
+  goal_ = goal_at(100.0, 0.0);
+  const Plan made = plan();
+
+  for (const State& state : made.nominal.states) {
+    EXPECT_LT(state.speed_mps, 10.5 + SpeedProfile::kTolerance_mps);
+  }
+  ASSERT_EQ(made.binding_rules.size(), 1U);
+  EXPECT_EQ(made.binding_rules[0].rule.kind, RuleKind::kSpeedLimit);
+  EXPECT_EQ(made.binding_rules[0].rule.speed_mps, 10.5);
+  EXPECT_GT(made.binding_rules[0].time_s, 0.0);
+}
+
+TEST_F(PlannerTest, NoRuleBindsWhoIsSlowerThanAllOfThem) {
+  road_ = straight_road(20.0);
+  goal_ = goal_at(66.0, 0.0);
+
+  EXPECT_TRUE(plan().binding_rules.empty());
+}
+
+TEST_F(PlannerTest, BrakesComfortablyToTheLimitFromAbove) {
+  road_ = straight_road(8.0);
+  ego_.speed_mps = 14.0;
+  drive_for(6.0);
+
+  EXPECT_NEAR(ego_.speed_mps, 8.0, SpeedProfile::kTolerance_mps);
+  EXPECT_GT(hardest_mps2_, -SpeedProfile::kBraking_mps2 - 0.7);
+}
+
+TEST_F(PlannerTest, StopsAtAStopSignAndGoesOn) {
+  lines_ = {{.lane = 5, .along_m = 100.0, .is_stop_sign = true}};  // x = 50 m.
+  const Plan first = plan();
+  ASSERT_FALSE(first.binding_rules.empty());
+  EXPECT_EQ(first.binding_rules[0].rule.kind, RuleKind::kStopLine);
+  EXPECT_NEAR(first.binding_rules[0].place.x_m, 50.0, 1e-6);
+  drive_for(20.0);
+
+  ASSERT_TRUE(stood_m_);
+  const double front = *stood_m_ + Vehicle().length_m / 2.0;
+  EXPECT_GT(front, 48.0);
+  EXPECT_LT(front, 50.0);
+  EXPECT_GT(ego_.x_m, 60.0);
+}
+
+TEST_F(PlannerTest, WaitsBeforeTheLineForWhoGoesFirst) {
+  lines_ = {{.lane = 5, .along_m = 100.0}};
+  objects_ = {car(60.0, -45.0, 8.0, 7)};
+  objects_[0].goes_first = true;
+  objects_[0].ways[0].states[0].heading_rad = std::asin(1.0);
+  const Plan made = plan();
+
+  ASSERT_FALSE(made.binding_rules.empty());
+  EXPECT_EQ(made.binding_rules[0].rule.kind, RuleKind::kGiveWay);
+  EXPECT_EQ(made.binding_rules[0].rule.object, 7U);
+  for (const State& state : made.nominal.states) {
+    EXPECT_LT(state.x_m + Vehicle().length_m / 2.0, 50.0);
+  }
+}
 
 TEST_F(PlannerTest, ReachesTheGoalStateOnAFreeRoad) {
   goal_ = goal_at(66.0, kLane_m);
@@ -134,8 +209,12 @@ TEST_F(PlannerTest, SlowsDownForAHazard) {
   const Plan made = plan();
 
   for (const State& state : made.nominal.states) {
-    EXPECT_TRUE(std::abs(state.x_m - 50.0) > 9.0 || state.speed_mps < 4.6);
+    EXPECT_TRUE(std::abs(state.x_m - 50.0) > 10.0 ||
+                state.speed_mps < 4.0 + SpeedProfile::kTolerance_mps);
   }
+  ASSERT_FALSE(made.binding_rules.empty());
+  EXPECT_EQ(made.binding_rules[0].rule.kind, RuleKind::kHazard);
+  EXPECT_NEAR(made.binding_rules[0].ahead_m, 40.0, 1.0);
 }
 
 TEST_F(PlannerTest, DrivesByACarThatStands) {

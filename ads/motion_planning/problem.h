@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -7,6 +9,7 @@
 #include <vector>
 
 #include "road.h"
+#include "speed_profile.h"
 #include "traffic.h"
 #include "vehicle.h"
 
@@ -17,6 +20,22 @@ struct Interval {
   double high = std::numeric_limits<double>::infinity();
 };
 
+/// A lane beside the road's line, which may change to it only there.
+struct GoalStretch {
+  double begin_m = 0.0;  ///< Along the road.
+  /// Where the lane's centre is, to the left of the road's line, at each `Road::kStep_m`.
+  std::vector<double> offsets_m = {0.0};
+
+  [[nodiscard]] double middle_m() const {
+    return begin_m + 0.5 * Road::kStep_m * static_cast<double>(offsets_m.size() - 1);
+  }
+  [[nodiscard]] double offset_m(double along_m) const {
+    const double index = std::clamp((along_m - begin_m) / Road::kStep_m, 0.0,
+                                    static_cast<double>(offsets_m.size() - 1));
+    return offsets_m[static_cast<std::size_t>(index)];
+  }
+};
+
 /// The state to reach. Times are seconds since the plan's start.
 struct Goal {
   Pose centre = {};  ///< Of the rectangle in which the vehicle's centre is to lie.
@@ -25,12 +44,23 @@ struct Goal {
   Interval heading_rad = {};
   Interval speed_mps = {};
   Interval time_s = {};
-};
+  /// If the goal is a stretch of the road instead of a rectangle: length and width are along the
+  /// road and across then.
+  std::optional<GoalStretch> on_road = {};
 
-/// A stretch of the road to be slow on.
-struct SlowStretch {
-  Interval along_m = {};
-  double speed_mps = 0.0;
+  /// The share of the length that is to stay free to both ends: who waits in a lane does not wait
+  /// at its end.
+  double spare_share = 0.25;
+
+  /// How far the vehicle may be before or behind the centre, with room to spare.
+  [[nodiscard]] double room_along_m() const {
+    constexpr double kSpare_m = 1.5;
+    if (!on_road) {
+      return 0.4 * half_length_m;
+    }
+    return std::max(0.4 * half_length_m,
+                    half_length_m - std::max(kSpare_m, spare_share * half_length_m));
+  }
 };
 
 /// All that a trajectory is judged by.
@@ -42,9 +72,34 @@ struct Problem {
   const std::vector<Road>* lanes = nullptr;  ///< Ways along single lanes; to stop on, see there.
   std::optional<Goal> goal = {};
   std::vector<SlowStretch> slow_stretches = {};
-  double cruise_mps = 10.0;   ///< The speed to drive at where no goal asks for another.
-  bool is_emergency = false;  ///< Whether more than comfort's and the usual limits may be used.
+  std::optional<Halt> halt = {};
+  double cruise_mps = 10.0;         ///< The speed to drive at where the road has no limit.
+  Interval cruise_within_mps = {};  ///< What the speed to drive at lies within anywhere.
+  bool is_emergency =
+      false;  ///< Whether more than comfort's, the usual and the road's limits may be used.
 };
+
+/// What is allowed on the road of a problem.
+inline SpeedProfile profile_of(const Problem& problem) {
+  return {problem.road, problem.slow_stretches, problem.halt, problem.start};
+}
+
+/// The speed to drive at where no goal is ahead: the limit of the road where there is one, as far
+/// as the profile allows it.
+inline double cruise_at(const Problem& problem, const SpeedProfile& profile, double along_m) {
+  const double limit_mps = problem.road.speed_limit_mps(along_m);
+  const double speed_mps = limit_mps > 0.0 ? limit_mps : problem.cruise_mps;
+  return std::min(
+      std::clamp(speed_mps, problem.cruise_within_mps.low, problem.cruise_within_mps.high),
+      profile.wanted_mps(along_m));
+}
+
+/// How much of the weight of a speed's error counts: who is far from the speed to drive at is not
+/// pulled to it harder than from `kFar_mps`.
+inline double cruise_share(double error_mps) {
+  constexpr double kFar_mps = 4.0;
+  return std::min(1.0, kFar_mps / std::max(1e-9, std::abs(error_mps)));
+}
 
 /// A way to drive: `inputs[k]` leads from `states[k]` to `states[k + 1]`, `Traffic::kStep_s` later.
 struct Way {

@@ -65,6 +65,22 @@ Road::Road(const std::vector<RoadPoint>& points) {
     point.cosine = std::cos(point.heading_rad);
     point.sine = std::sin(point.heading_rad);
   }
+  make_blocks();
+}
+
+void Road::make_blocks() {
+  // As many blocks as points in each: what is looked at, of both, is least then.
+  const auto size = static_cast<std::size_t>(std::ceil(std::sqrt(points_.size())));
+  for (std::size_t first = 0; first < points_.size(); first += size) {
+    const std::size_t last = std::min(first + size, points_.size());
+    const RoadPoint& middle = points_[(first + last) / 2].at;
+    Block block{.first = first, .last = last, .x_m = middle.x_m, .y_m = middle.y_m};
+    for (std::size_t index = first; index < last; ++index) {
+      const RoadPoint& at = points_[index].at;
+      block.radius_m = std::max(block.radius_m, length(at.x_m - block.x_m, at.y_m - block.y_m));
+    }
+    blocks_.push_back(block);
+  }
 }
 
 void Road::add_lane(const std::vector<Eigen::Vector2d>& centre_m) {
@@ -109,17 +125,34 @@ RoadPlace Road::place_on(std::size_t index, double x_m, double y_m) const {
           .index = index};
 }
 
-RoadPlace Road::locate(double x_m, double y_m) const {
+std::size_t Road::nearest_point(double x_m, double y_m) const {
+  // The middle of a block is a point of the road: none that is farther is the nearest.
+  double bound_m = std::numeric_limits<double>::infinity();
+  for (const Block& block : blocks_) {
+    bound_m = std::min(bound_m, length(block.x_m - x_m, block.y_m - y_m));
+  }
+  constexpr double kRounding = 1.0 + 1e-9;
   std::size_t nearest = 0;
   double smallest = std::numeric_limits<double>::infinity();
-  for (std::size_t index = 0; index < points_.size(); ++index) {
-    const double x = points_[index].at.x_m - x_m;
-    const double y = points_[index].at.y_m - y_m;
-    if (x * x + y * y < smallest) {
-      smallest = x * x + y * y;
-      nearest = index;
+  for (const Block& block : blocks_) {
+    if (length(block.x_m - x_m, block.y_m - y_m) > (bound_m + block.radius_m) * kRounding) {
+      continue;
+    }
+    for (std::size_t index = block.first; index < block.last; ++index) {
+      const double x = points_[index].at.x_m - x_m;
+      const double y = points_[index].at.y_m - y_m;
+      if (x * x + y * y < smallest) {
+        smallest = x * x + y * y;
+        nearest = index;
+        bound_m = std::min(bound_m, std::sqrt(smallest));
+      }
     }
   }
+  return nearest;
+}
+
+RoadPlace Road::locate(double x_m, double y_m) const {
+  const std::size_t nearest = nearest_point(x_m, y_m);
   const RoadPlace before = place_on(nearest == 0 ? 0 : nearest - 1, x_m, y_m);
   const RoadPlace after = place_on(std::min(nearest, points_.size() - 2), x_m, y_m);
   return std::abs(after.offset_m) < std::abs(before.offset_m) ? after : before;

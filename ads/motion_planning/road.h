@@ -53,6 +53,8 @@ class Road {
   }
 
   /// The nearest place of the whole road.
+  ///
+  /// @realtime Grows with the square root of the road's length.
   [[nodiscard]] RoadPlace locate(double x_m, double y_m) const;
   /// The nearest place within some steps of `hint`, the index of a place nearby.
   [[nodiscard]] RoadPlace locate_near(double x_m, double y_m, std::size_t hint) const;
@@ -76,10 +78,22 @@ class Road {
     std::vector<double> lanes_m = {};  // Offsets of the lanes' centres, left positive.
   };
 
+  // Consecutive points, all within `radius_m` of one of them.
+  struct Block {
+    std::size_t first = 0;
+    std::size_t last = 0;  // After the block.
+    double x_m = 0.0;
+    double y_m = 0.0;
+    double radius_m = 0.0;
+  };
+
+  void make_blocks();
+  [[nodiscard]] std::size_t nearest_point(double x_m, double y_m) const;
   [[nodiscard]] std::size_t index_at(double along_m) const;
   [[nodiscard]] RoadPlace place_on(std::size_t index, double x_m, double y_m) const;
 
   std::vector<Point> points_;
+  std::vector<Block> blocks_;  // An index: most of the road is too far away to be looked at.
 };
 
 /// An angle brought into (-pi, pi].

@@ -1,7 +1,10 @@
 #include "road.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -43,6 +46,26 @@ TEST(Road, FindsPlacesInACurveAgain) {
       EXPECT_NEAR(place.along_m, along, 0.15);
       EXPECT_NEAR(place.offset_m, offset, 0.02);
       EXPECT_NEAR(place.heading_rad, pose.heading_rad, 0.02);
+    }
+  }
+}
+
+TEST(Road, NoPlaceOfALongWindingRoadIsNearerThanTheOneFound) {
+  // A spiral, whose turns lie 4 m beside each other.
+  std::vector<RoadPoint> points;
+  for (double turn = 4.0; turn < 60.0; turn += 0.02) {
+    const double radius = 4.0 * turn / (2.0 * std::numbers::pi);
+    points.push_back({.x_m = radius * std::cos(turn), .y_m = radius * std::sin(turn)});
+  }
+  const Road road(points);
+  for (double x = -50.0; x < 50.0; x += 9.1) {
+    for (double y = -50.0; y < 50.0; y += 7.3) {
+      double least = std::numeric_limits<double>::infinity();
+      for (double along = 0.0; along <= road.length_m(); along += 1.0) {
+        const Pose pose = road.pose(along, 0.0);
+        least = std::min(least, std::hypot(pose.x_m - x, pose.y_m - y));
+      }
+      EXPECT_LE(std::abs(road.locate(x, y).offset_m), least + 1e-9) << x << ", " << y;
     }
   }
 }

@@ -25,10 +25,8 @@ constexpr double kSideSpeed = 0.3;
 constexpr double kSideChange = 0.3;
 constexpr double kLane = 0.03;
 constexpr double kCruise = 0.05;
-constexpr double kSpeedLimit = 0.5;
 constexpr double kLateral_mps2 = 2.5;
 constexpr double kLateral = 20.0;
-constexpr double kSlow = 20.0;
 constexpr double kEdge = 100.0;
 constexpr double kGoalMiss = 50.0;
 constexpr double kGoalMissMax = 400.0;
@@ -43,11 +41,19 @@ constexpr double square(double value) {
 
 }  // namespace
 
-Search::Search(const Problem& problem, std::size_t beam) : problem_(problem), beam_(beam) {
+Search::Search(const Problem& problem, std::size_t beam)
+    : problem_(problem),
+      profile_(profile_of(problem)),
+      braking_mps2_(problem.halt ? std::max(SpeedProfile::kBraking_mps2, problem.halt->braking_mps2)
+                                 : SpeedProfile::kBraking_mps2),
+      beam_(beam) {
   layers_ = problem.traffic.steps() / 2;
   start_ = problem.road.locate(problem.start.x_m, problem.start.y_m);
   if (problem.goal) {
     goal_ = problem.road.locate(problem.goal->centre.x_m, problem.goal->centre.y_m);
+    if (problem.goal->on_road) {
+      goal_.along_m = problem.goal->on_road->middle_m();
+    }
   }
   cells_.assign(kCells, -1);
   place_traffic();
@@ -104,6 +110,11 @@ double Search::traffic_cost(std::size_t step, double along_m, double offset_m, b
   return cost;
 }
 
+double Search::goal_offset_m(double along_m) const {
+  const auto& stretch = problem_.goal->on_road;
+  return stretch ? stretch->offset_m(along_m) : goal_.offset_m;
+}
+
 // How far the goal state is missed on the way from one node to the next, at the best time on it.
 double Search::goal_miss(const Node& from, const Node& to, double from_s) const {
   const Goal& goal = *problem_.goal;
@@ -116,11 +127,11 @@ double Search::goal_miss(const Node& from, const Node& to, double from_s) const 
   const double end_share = (end - from_s) / kLayer_s;
   const double begin_m = from.along_m + begin_share * (to.along_m - from.along_m);
   const double end_m = from.along_m + end_share * (to.along_m - from.along_m);
-  const double room = 0.4 * goal.half_length_m;
+  const double room = goal.room_along_m();
   const double along = outside(goal_.along_m, begin_m - room, end_m + room);
   const double offset = start_.offset_m + kOffset_m * (to.offset - 0.5 * to.move);
   const double across =
-      outside(offset - goal_.offset_m, -0.3 * goal.half_width_m, 0.3 * goal.half_width_m);
+      outside(offset - goal_offset_m(end_m), -0.3 * goal.half_width_m, 0.3 * goal.half_width_m);
   const double speed = outside(to.speed_mps, goal.speed_mps.low, goal.speed_mps.high);
   return kGoalMiss * (std::min(square(along), 4.0 + std::abs(along)) +
                       std::min(square(across), 4.0 + std::abs(across)) + 0.3 * square(speed));
@@ -136,12 +147,14 @@ double Search::still_to_come(const Node& node, double time_s) const {
   const double latest = std::max(kLayer_s, goal.time_s.high - time_s);
   const double earliest = std::max(kLayer_s, goal.time_s.low - time_s);
   const double way = goal_.along_m - node.along_m;
-  const double late = std::max(0.0, way - node.speed_mps * latest);
-  const double early = std::max(0.0, node.speed_mps * earliest - way);
+  const double room = goal.on_road ? goal.room_along_m() : 0.0;
+  const double late = std::max(0.0, way - room - node.speed_mps * latest);
+  const double early = std::max(0.0, node.speed_mps * earliest - way - room);
   // The least integral of a^2 that gains a way of e within T is 3 e^2 / T^3.
   const double effort = late > 0.0 ? 1.5 * square(late) / (latest * latest * latest)
                                    : 1.5 * square(early) / (earliest * earliest * earliest);
-  const double side = std::abs(start_.offset_m + kOffset_m * node.offset - goal_.offset_m);
+  const double side =
+      std::abs(start_.offset_m + kOffset_m * node.offset - goal_offset_m(goal_.along_m));
   const double unreachable = std::max(0.0, side - latest) +
                              std::max(0.0, 2.0 * late / square(latest) - 3.0) * 5.0 +
                              std::max(0.0, 2.0 * early / square(earliest) - 5.0) * 5.0;
@@ -158,15 +171,6 @@ double Search::road_cost(const Node& node) const {
   const double space = problem_.vehicle.width_m / 2.0 + 0.2;
   cost += 0.5 * kEdge * square(std::max(0.0, offset + space - road.left_edge_m(node.along_m)));
   cost += 0.5 * kEdge * square(std::max(0.0, -offset + space - road.right_edge_m(node.along_m)));
-  const double limit = road.speed_limit_mps(node.along_m);
-  if (limit > 0.0) {
-    cost += 0.5 * kSpeedLimit * square(std::max(0.0, node.speed_mps - limit));
-  }
-  for (const SlowStretch& stretch : problem_.slow_stretches) {
-    if (node.along_m > stretch.along_m.low && node.along_m < stretch.along_m.high) {
-      cost += 0.5 * kSlow * square(std::max(0.0, node.speed_mps - stretch.speed_mps));
-    }
-  }
   const double lateral = square(node.speed_mps) * std::abs(road.curvature_per_m(node.along_m));
   cost += 0.5 * kLateral * square(std::max(0.0, lateral - kLateral_mps2));
   return cost;
@@ -188,13 +192,32 @@ void Search::keep(const Node& node) {
   next_.push_back(node);
 }
 
+// The acceleration over a layer that ends at `end_s`, held to what the road allows at its end. Who
+// is above that brakes comfortably, or harder if he tries to.
+double Search::allowed(const Node& from, double acceleration_mps2, double end_s) const {
+  const double speed = std::max(0.0, from.speed_mps + acceleration_mps2 * kLayer_s);
+  const double along = from.along_m + kLayer_s * 0.5 * (from.speed_mps + speed);
+  const double bound = std::max(0.0, profile_.at(along, end_s).speed_mps);
+  if (speed <= bound) {
+    return acceleration_mps2;
+  }
+  const double held = std::max((bound - from.speed_mps) / kLayer_s, -braking_mps2_);
+  return std::min(acceleration_mps2, held);
+}
+
 void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
   const double from_s = kLayer_s * static_cast<double>(layer);
   const std::size_t step = 2 * layer;
-  for (const double acceleration : kAccelerations_mps2) {
-    if (std::abs(acceleration - from.acceleration_mps2) > kJerkMax_mps3 * kLayer_s) {
+  bool is_at_bound = false;
+  for (const double tried : kAccelerations_mps2) {
+    if (is_at_bound) {
+      break;  // All that speed up more would be held to the same.
+    }
+    if (std::abs(tried - from.acceleration_mps2) > kJerkMax_mps3 * kLayer_s) {
       continue;
     }
+    const double acceleration = allowed(from, tried, from_s + kLayer_s);
+    is_at_bound = acceleration < tried;
     Node to = from;
     to.parent = index;
     to.acceleration_mps2 = acceleration;
@@ -237,7 +260,8 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
                kSideChange * square(kOffset_m * (move - from.move) / kLayer_s));
       const bool is_cruising = !problem_.goal || from_s >= problem_.goal->time_s.high;
       if (is_cruising) {
-        cost += 0.5 * kLayer_s * kCruise * square(to.speed_mps - problem_.cruise_mps);
+        const double error = to.speed_mps - cruise_at(problem_, profile_, to.along_m);
+        cost += 0.5 * kLayer_s * kCruise * cruise_share(error) * square(error);
       }
       to.cost = from.cost + cost;
       to.goal_cost = from.goal_cost;

@@ -59,13 +59,17 @@ class Search {
   void place_traffic();
   void expand(std::size_t layer, const Node& from, std::int32_t index);
   void keep(const Node& node);
+  [[nodiscard]] double allowed(const Node& from, double acceleration_mps2, double end_s) const;
   [[nodiscard]] double traffic_cost(std::size_t step, double along_m, double offset_m,
                                     bool& is_hit) const;
+  [[nodiscard]] double goal_offset_m(double along_m) const;
   [[nodiscard]] double goal_miss(const Node& from, const Node& to, double from_s) const;
   [[nodiscard]] double still_to_come(const Node& node, double time_s) const;
   [[nodiscard]] double road_cost(const Node& node) const;
 
   const Problem& problem_;
+  const SpeedProfile profile_;
+  const double braking_mps2_;  // Of one who is above what the profile allows.
   const std::size_t beam_;
   std::size_t layers_ = 0;
   RoadPlace start_;

@@ -23,9 +23,10 @@ Goal goal_at(double x_m, double y_m) {
 }
 
 Found found_for(const std::vector<TrafficObject>& objects, const std::optional<Goal>& goal,
-                double speed_mps = 10.0, double acceleration_mps2 = 0.0) {
+                double speed_mps = 10.0, double acceleration_mps2 = 0.0,
+                double speed_limit_mps = 0.0) {
   const Vehicle vehicle;
-  const Road road = straight_road();
+  const Road road = straight_road(speed_limit_mps);
   const Traffic traffic(objects, kSteps);
   const Problem problem{.vehicle = vehicle,
                         .road = road,
@@ -55,6 +56,36 @@ TEST(Search, ReachesAGoalInTheOtherLane) {
 
 TEST(Search, SaysThatAGoalIsTooFar) {
   EXPECT_FALSE(found_for({}, goal_at(180.0, 0.0)).reaches_goal);
+}
+
+// How far it goes in each layer, by the time that a layer takes.
+std::vector<double> speeds_of(const Found& found) {
+  std::vector<double> speeds;
+  double before_m = 0.0;
+  for (std::size_t step = 1; step < found.poses.size(); step += 2) {
+    speeds.push_back((found.poses[step].x_m - before_m) / (2.0 * Traffic::kStep_s));
+    before_m = found.poses[step].x_m;
+  }
+  return speeds;
+}
+
+TEST(Search, LimitHoldsAgainstAGoalThatNeedsMore) {
+  EXPECT_TRUE(found_for({}, goal_at(75.0, 0.0), 10.0).reaches_goal);
+  const Found found = found_for({}, goal_at(75.0, 0.0), 10.0, 0.0, 10.0);
+
+  EXPECT_FALSE(found.reaches_goal);
+  for (const double speed : speeds_of(found)) {
+    EXPECT_LT(speed, 10.0 + 1e-6);
+  }
+}
+
+TEST(Search, WhoIsAboveTheLimitBrakesComfortably) {
+  const std::vector<double> speeds = speeds_of(found_for({}, std::nullopt, 14.0, 0.0, 8.0));
+
+  EXPECT_GT(speeds[2], 11.0);
+  for (std::size_t layer = 10; layer < speeds.size(); ++layer) {
+    EXPECT_NEAR(speeds[layer], 8.0, 0.5) << layer;
+  }
 }
 
 TEST(Search, GoesAroundACarThatStands) {

@@ -86,4 +86,27 @@ Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffi
   return verdict;
 }
 
+double over_edge_m(const Vehicle& vehicle, const Trajectory& trajectory, const Road& road,
+                   double until_s) {
+  double most = 0.0;
+  for (std::size_t index = 0; index < trajectory.states.size(); ++index) {
+    if (trajectory.step_s * static_cast<double>(index) > until_s) {
+      break;
+    }
+    const State& state = trajectory.states[index];
+    const double cosine = std::cos(state.heading_rad);
+    const double sine = std::sin(state.heading_rad);
+    const std::size_t hint = road.locate(state.x_m, state.y_m).index;
+    for (const double ahead : {-vehicle.length_m / 2.0, 0.0, vehicle.length_m / 2.0}) {
+      for (const double aside : {-vehicle.width_m / 2.0, vehicle.width_m / 2.0}) {
+        const RoadPlace place = road.locate_near(state.x_m + ahead * cosine - aside * sine,
+                                                 state.y_m + ahead * sine + aside * cosine, hint);
+        most = std::max({most, place.offset_m - road.left_edge_m(place.along_m),
+                         -place.offset_m - road.right_edge_m(place.along_m)});
+      }
+    }
+  }
+  return most;
+}
+
 }  // namespace motion_planning

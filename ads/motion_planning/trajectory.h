@@ -34,6 +34,11 @@ struct Verdict {
   double lateral_max_mps2 = 0.0;
 };
 
+/// How far the vehicle's body, by its corners and the middles of its sides, is over an edge of the
+/// road at most in the first `until_s` of a trajectory; 0 if it is not.
+double over_edge_m(const Vehicle& vehicle, const Trajectory& trajectory, const Road& road,
+                   double until_s);
+
 /// Less probable ways are looked at by what they cost only.
 inline constexpr double kProbabilityMin = 0.2;
 

@@ -7,13 +7,13 @@
 
 #include <fmt/format.h>
 
+#include "object_class.h"
+
 namespace ads {
 namespace {
 
 // A little more than a second at 100 Hz: a sweep, and what it is late by.
 constexpr std::size_t kPoses = 128;
-// Posts stand.
-constexpr double kTwoWheelerSpeed_mps = 1.5;
 
 RecognizerConfig read_config(fastcycle::Context& context) {
   RecognizerConfig config;
@@ -100,26 +100,6 @@ void fill(perception::Border& message, const std::vector<BorderPlace>& border,
     message.add_y_m(place.place_m.y());
     message.add_stddev_m(place.stddev_m);
   }
-}
-
-perception::ObjectClass class_of(const TrackedObject& object, double likeness_min) {
-  const Track& track = object.track;
-  const bool may_ride =
-      track.speed_mps() > kTwoWheelerSpeed_mps || track.speed_stddev_mps() > kTwoWheelerSpeed_mps;
-  if (object.two_wheeler_likeness > 0.0 && may_ride && track.length_m() < 3.0) {
-    return perception::TWO_WHEELER;
-  }
-  if (object.vehicle_likeness - object.hollowness < likeness_min) {
-    return perception::UNKNOWN;
-  }
-  if (track.length_m() < 1.2 && track.width_m() < 1.2) {
-    return perception::PEDESTRIAN;
-  }
-  if (track.width_m() < 1.2 && track.length_m() < 3.0) {
-    return perception::TWO_WHEELER;
-  }
-  const bool is_large = track.length_m() > 7.0 || track.height_m() > 2.6;
-  return is_large ? perception::TRUCK : perception::CAR;
 }
 
 void fill(perception::Object& message, const TrackedObject& object, std::int64_t time_ns,

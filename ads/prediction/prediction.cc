@@ -23,12 +23,6 @@ PredictorOptions options(fastcycle::Context& context) {
   return {
       .horizon_s = number(context, "horizon_s", usual.horizon_s, 20.0, "s", "How far ahead"),
       .step_s = number(context, "step_s", usual.step_s, 1.0, "s", "Between two points"),
-      .acceleration_mps2 = number(context, "acceleration_mps2", usual.acceleration_mps2, 5.0,
-                                  "m/s^2", "Of those who follow others"),
-      .deceleration_mps2 = number(context, "deceleration_mps2", usual.deceleration_mps2, 9.0,
-                                  "m/s^2", "How they like to brake"),
-      .time_gap_s = number(context, "time_gap_s", usual.time_gap_s, 5.0, "s",
-                           "The largest that they are taken to keep"),
       .distance_min_m = number(context, "distance_min_m", usual.distance_min_m, 10.0, "m",
                                "What they keep when they stand"),
       .along_stddev_mps2 = number(context, "along_stddev_mps2", usual.along_stddev_mps2, 5.0,

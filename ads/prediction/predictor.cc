@@ -15,11 +15,15 @@ constexpr double kStart_mps = 5.0;
 constexpr double kStandingProbability = 0.6;
 constexpr double kTurnProbability = 0.2;
 // An acceleration that is seen dies away with this time, and is not believed beyond the limit.
-constexpr double kAccelerationDecay_s = 0.3;
+constexpr double kAccelerationDecay_s = 0.05;
 constexpr double kAccelerationMax_mps2 = 3.0;
 constexpr double kBraking_mps2 = 8.0;
+constexpr double kGapMin_m = 1.0;
 // A motion to the side that is no change of lane dies away.
 constexpr double kAcrossDecay_s = 0.7;
+// What is seen of the direction counts for this long, where the lane bends by less than that angle.
+constexpr double kStraight_s = 3.0;
+constexpr double kStraight_rad = 0.1;
 // A change of lane is likely when the offset in this time is beyond the threshold.
 constexpr double kChangeAhead_s = 2.0;
 constexpr double kChangeOffset_m = 1.4;
@@ -111,10 +115,6 @@ void Predictor::find_leaders(std::vector<Track>& tracks) const {
         track.gap_m = ahead_m - (own.length_m() + other.source->object().length_m()) / 2.0;
       }
     }
-    // Who follows closely does not brake for that alone.
-    track.time_gap_s =
-        std::clamp((track.gap_m - options_.distance_min_m) / std::max(1.0, own.speed_mps()), 0.0,
-                   options_.time_gap_s);
   }
 }
 
@@ -152,17 +152,14 @@ double Predictor::acceleration(const Track& track, const std::vector<Track>& tra
     return free_mps2;
   }
   const Track& leader = tracks[*track.leader];
-  const double gap_m = std::max(0.1, track.gap_m + leader.way_m[step] - track.way_m[step]);
   const double closing_mps = speed_mps - leader.speed_mps[step];
-  const double wanted_m =
-      options_.distance_min_m + speed_mps * track.time_gap_s +
-      std::max(0.0, speed_mps * closing_mps /
-                        (2.0 * std::sqrt(options_.acceleration_mps2 * options_.deceleration_mps2)));
-  if (wanted_m < gap_m && closing_mps <= 0.0) {
+  if (closing_mps <= 0.0) {
     return free_mps2;
   }
-  const double behind_mps2 = options_.acceleration_mps2 * (1.0 - square(wanted_m / gap_m));
-  return std::max(-kBraking_mps2, std::min(free_mps2, behind_mps2));
+  // As gently as is enough to keep the distance, if the leader goes on as it drives then.
+  const double gap_m = track.gap_m + leader.way_m[step] - track.way_m[step];
+  const double left_m = std::max(kGapMin_m, gap_m - options_.distance_min_m);
+  return std::max(-kBraking_mps2, std::min(free_mps2, -square(closing_mps) / (2.0 * left_m)));
 }
 
 void Predictor::add_hypotheses(const Track& track, prediction::PredictedObject& predicted) const {
@@ -234,6 +231,7 @@ double Predictor::add_changes(const Track& track, double slant_rad, double proba
 
 void Predictor::follow(const Track& track, const LanePath& path, double along_m,
                        const Across& across, prediction::Hypothesis& hypothesis) const {
+  const perception::Object& object = track.source->object();
   for (std::size_t step = 0; step <= steps(); ++step) {
     const double time_s = static_cast<double>(step) * options_.step_s;
     const double at_m = along_m + track.way_m[step];
@@ -250,7 +248,17 @@ void Predictor::follow(const Track& track, const LanePath& path, double along_m,
       offset_m = across.begin_m + across.speed_mps * kAcrossDecay_s * (1.0 - rest);
       across_mps = across.speed_mps * rest;
     }
-    const Eigen::Vector2d position = path.line.point_at(at_m, offset_m);
+    Eigen::Vector2d position = path.line.point_at(at_m, offset_m);
+    if (!across.target_m) {
+      // Lanes are mapped to decimetres, and nobody drives exactly along one: at first it is better
+      // to go straight on.
+      const double bend_rad =
+          normalize_angle(path.line.heading_at(at_m) - path.line.heading_at(along_m));
+      const double share = std::exp(-time_s / kStraight_s - square(bend_rad / kStraight_rad));
+      const Eigen::Vector2d straight = Eigen::Vector2d(object.x_m(), object.y_m()) +
+                                       track.way_m[step] * direction(object.heading_rad());
+      position = share * straight + (1.0 - share) * position;
+    }
     prediction::Point& point = *hypothesis.add_points();
     point.set_time_s(time_s);
     point.set_x_m(position.x());

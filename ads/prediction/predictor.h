@@ -13,10 +13,7 @@ namespace ads {
 struct PredictorOptions {
   double horizon_s = 6.0;
   double step_s = 0.1;
-  /// Of the Intelligent Driver Model.
-  double acceleration_mps2 = 1.5;
-  double deceleration_mps2 = 2.0;
-  double time_gap_s = 1.5;
+  /// What drivers keep to the one before them when they stand.
   double distance_min_m = 2.0;
   /// How the standard deviations grow: along the way by 1/2 a t^2 and by v t, across up to a limit.
   double along_stddev_mps2 = 0.7;
@@ -44,8 +41,7 @@ class Predictor {
     std::vector<LanePath> paths = {};  // The first one is that which it is taken to follow.
     double along_m = 0.0;              // At the beginning.
     std::optional<std::size_t> leader = {};
-    double gap_m = 0.0;  // To the leader, bumper to bumper, at the beginning.
-    double time_gap_s = 0.0;
+    double gap_m = 0.0;              // To the leader, bumper to bumper, at the beginning.
     std::vector<double> way_m = {};  // From the beginning, at each step.
     std::vector<double> speed_mps = {};
   };

@@ -26,7 +26,7 @@ import judge_drive  # noqa: E402
 SKIPPED = 77
 CLOCK_AHEAD_MS = 8
 TO_COMPUTE = ("lidar/points", "localization/ego", "vehicle/state")
-TO_VEHICLE = ("perception/objects", "planning/plan")
+TO_VEHICLE = ("perception/objects", "planning/plan", "planning/checked_plan", "planning/verdict")
 
 
 def run(*command, check=True):
@@ -137,8 +137,8 @@ class Drive:
         if chain["count"] == 0 and self.vehicle["results"]["fastcycle/lidar/points sent"] < 80:
             raise TooSlow
         hops = list(dict.fromkeys(hop["component"] for hop in chain["hops"]))
-        assert hops[:9] == ["drivers", "gateway", "perception", "scene_understanding", "prediction", "motion_planning", "control",
-                            "vehicle", "world"], hops  # fmt: skip
+        assert hops[:10] == ["drivers", "gateway", "perception", "scene_understanding", "prediction", "motion_planning", "plan_checker",
+                             "control", "vehicle", "world"], hops  # fmt: skip
         assert chain["count"] > 0, chain
         there = next(chain for chain in self.compute["chains"] if chain["name"] == "lidar_to_can")
         assert there["count"] > 0, there

@@ -95,10 +95,22 @@ bool DrivingStates::look_while_engaged(const Observation& observation, const std
   return go_to(DrivingState::kEngaged, {}, observation.time_s);
 }
 
+bool DrivingStates::take_over(supervision::TakeoverCause cause, std::string reason, double time_s) {
+  if (!is_autonomous(state_)) {
+    return false;
+  }
+  takeover_ = cause;
+  standing_since_s_.reset();
+  return go_to(DrivingState::kOff, std::move(reason), time_s);
+}
+
 bool DrivingStates::look_at(const Observation& observation) {
   switch (state_) {
     case DrivingState::kOff:
     case DrivingState::kAvailable:
+      if (takeover_ != supervision::TAKEOVER_NONE) {
+        return false;
+      }
       return look_while_off(observation, find_missing(observation));
     case DrivingState::kEngaged:
     case DrivingState::kEngagedDegraded:
@@ -122,6 +134,7 @@ void DrivingStates::save(supervision::DrivingMemory& memory) const {
   memory.set_reason(reason_);
   memory.set_since_s(since_s_);
   memory.set_weak_until_s(weak_until_s_);
+  memory.set_takeover(takeover_);
   if (standing_since_s_) {
     memory.set_standing_since_s(*standing_since_s_);
   }
@@ -132,6 +145,7 @@ void DrivingStates::load(const supervision::DrivingMemory& memory) {
   reason_ = memory.reason();
   since_s_ = memory.since_s();
   weak_until_s_ = memory.weak_until_s();
+  takeover_ = memory.takeover();
   standing_since_s_ =
       memory.has_standing_since_s() ? std::optional(memory.standing_since_s()) : std::nullopt;
 }

@@ -49,7 +49,7 @@ struct Observation {
 ///
 /// Off, until everything is there; engaged when it was asked for; degraded while something is weak;
 /// and a stop of minimal risk, which nothing takes back, as soon as something is missing or has
-/// failed. A driver may take over from a vehicle that stands: that is not modelled.
+/// failed. The driver may take over at any time: off, until autonomous driving is asked for anew.
 ///
 /// @threads  Confined.
 class DrivingStates {
@@ -65,7 +65,16 @@ class DrivingStates {
   /// Looks at `observation`; true if the state has changed.
   bool look_at(const Observation& observation);
 
+  /// The driver drives, from `time_s` on; true if the vehicle drove by itself before. It stays off
+  /// until `ask_again`.
+  bool take_over(supervision::TakeoverCause cause, std::string reason, double time_s);
+  /// Autonomous driving is asked for anew.
+  void ask_again() { takeover_ = supervision::TAKEOVER_NONE; }
+
   [[nodiscard]] DrivingState state() const { return state_; }
+  /// By what the driver took over; none if that was not so, or autonomous driving was asked for
+  /// since.
+  [[nodiscard]] supervision::TakeoverCause takeover() const { return takeover_; }
   /// Why it is not engaged, or only with care; empty otherwise.
   [[nodiscard]] const std::string& reason() const { return reason_; }
   [[nodiscard]] double since_s() const { return since_s_; }
@@ -85,6 +94,7 @@ class DrivingStates {
   DrivingState state_ = DrivingState::kOff;
   std::string reason_ = "nothing has been seen yet";
   double since_s_ = 0.0;
+  supervision::TakeoverCause takeover_ = supervision::TAKEOVER_NONE;
   double weak_until_s_ = 0.0;
   std::optional<double> standing_since_s_;
 };

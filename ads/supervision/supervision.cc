@@ -39,6 +39,31 @@ bool is_finite(const localization::Ego& ego) {
          std::isfinite(ego.speed_mps()) && std::isfinite(ego.acceleration_mps2());
 }
 
+bool is_finite(const vehicle::DriverInput& input) {
+  return std::isfinite(input.steering_torque_nm()) && std::isfinite(input.brake_pedal());
+}
+
+Takeover::Limits read_takeover_limits(fastcycle::Context& context) {
+  const Takeover::Limits usual;
+  const auto read = [&context](std::string_view name, double fallback, double max, std::string unit,
+                               std::string description) {
+    return context
+        .param<double>(name, {.fallback = fallback,
+                              .min = 0.0,
+                              .max = max,
+                              .unit = std::move(unit),
+                              .description = std::move(description)})
+        .get();
+  };
+  return {
+      .steering_torque_nm = read("takeover.steering_torque_nm", usual.steering_torque_nm, 9.5, "Nm",
+                                 "More on the steering wheel is a driver who takes over,"),
+      .steering_time_s = read("takeover.steering_time_s", usual.steering_time_s, 0.08, "s",
+                              "if it lasts that long"),
+      .brake_pedal = read("takeover.brake_pedal", usual.brake_pedal, 1.0, "1",
+                          "So is a brake pedal that is pressed by more")};
+}
+
 }  // namespace
 
 fastcycle::Param<double> Supervision::limit(std::string_view name, double fallback_s) {
@@ -76,14 +101,27 @@ Supervision::Supervision(fastcycle::Context& context)
                         .max = 10.0,
                         .unit = "s",
                         .description = "Without a way other than to stop for longer, it stops"})),
+      rejected_plans_max_(context.param<int>(
+          "rejected_plans_max", {.fallback = 3,
+                                 .min = 1,
+                                 .max = 100,
+                                 .description = "After so many rejected plans in a row it stops"})),
       states_(context.create_publisher<supervision::State>("supervision/state")),
       state_(context.state<supervision::SupervisorState>("supervisor",
                                                          [this](auto& state) { save(state); })),
       ego_input_{"the ego pose", limit("ego_age_s", 0.1), {}},
       objects_input_{"the newest look at the objects", limit("objects_age_s", 0.4), {}},
-      plan_input_{"the plan", limit("plan_age_s", 0.5), {}},
+      plan_input_{"the last accepted plan", limit("plan_age_s", 0.5), {}},
       command_input_{"the newest command", limit("command_age_s", 0.15), {}},
-      vehicle_input_{"the vehicle's own state", limit("vehicle_age_s", 0.1), {}} {
+      vehicle_input_{"the vehicle's own state", limit("vehicle_age_s", 0.1), {}},
+      driver_age_s_(context.param<double>(
+          "driver_age_s", {.fallback = 0.0,
+                           .min = 0.0,
+                           .max = 60.0,
+                           .unit = "s",
+                           .description = "Older inputs of the driver are missing; 0: a vehicle "
+                                          "without a driver"})),
+      takeover_(read_takeover_limits(context)) {
   load(*state_);
   context.create_subscriber<fastcycle::status::Status>(
       "fastcycle/status", [this](const fastcycle::status::Status& status) { on_status(status); });
@@ -91,8 +129,10 @@ Supervision::Supervision(fastcycle::Context& context)
       "localization/ego", [this](const localization::Ego& ego) { on_ego(ego); });
   context.create_subscriber<perception::Objects>(
       "perception/objects", [this](const perception::Objects& objects) { on_objects(objects); });
-  context.create_subscriber<planning::Plan>("planning/plan",
+  context.create_subscriber<planning::Plan>("planning/checked_plan",
                                             [this](const planning::Plan& plan) { on_plan(plan); });
+  context.create_subscriber<planning::PlanVerdict>(
+      "planning/verdict", [this](const planning::PlanVerdict& verdict) { on_verdict(verdict); });
   context.create_subscriber<control::Command>(
       "control/command", [this](const control::Command& command) {
         command_input_.taken = time_of(command.header().taken_ns());
@@ -100,6 +140,8 @@ Supervision::Supervision(fastcycle::Context& context)
   context.create_subscriber<vehicle::State>("vehicle/state", [this](const vehicle::State& state) {
     vehicle_input_.taken = time_of(state.header().taken_ns());
   });
+  context.create_subscriber<vehicle::DriverInput>(
+      "vehicle/driver", [this](const vehicle::DriverInput& input) { on_driver(input); });
   context.create_subscriber<mission::Goal>("mission/goal",
                                            [this](const mission::Goal& goal) { on_goal(goal); });
   context.create_subscriber<hd_map::Tile>("map/tile",
@@ -120,6 +162,12 @@ void Supervision::save(supervision::SupervisorState& state) const {
   write_time(command_input_.taken, &Memory::set_command_taken_ns);
   write_time(vehicle_input_.taken, &Memory::set_vehicle_taken_ns);
   write_time(engage_at_, &Memory::set_engage_at_ns);
+  write_time(driver_taken_, &Memory::set_driver_taken_ns);
+  write_time(taken_over_, &Memory::set_taken_over_ns);
+  if (takeover_.torque_since_s()) {
+    state.set_torque_since_s(*takeover_.torque_since_s());
+  }
+  state.set_takeovers(takeovers_);
   write_time(sweeps_invalid_since_, &Memory::set_sweeps_invalid_since_ns);
   write_time(plan_missing_since_, &Memory::set_plan_missing_since_ns);
   write_time(last_look_, &Memory::set_last_look_ns);
@@ -127,6 +175,8 @@ void Supervision::save(supervision::SupervisorState& state) const {
   state.set_sweep_reason(sweep_reason_);
   state.set_plan_reason(plan_reason_);
   state.set_plan_kind(plan_kind_);
+  state.set_rejected_in_a_row(rejected_in_a_row_);
+  state.set_rejection(rejection_);
   state.mutable_failures()->Assign(failures_.begin(), failures_.end());
   state.set_breach(breach_);
   for (const auto& [chain, count] : breaches_) {
@@ -176,6 +226,11 @@ void Supervision::load(const supervision::SupervisorState& state) {
   command_input_.taken = read_time(state.has_command_taken_ns(), state.command_taken_ns());
   vehicle_input_.taken = read_time(state.has_vehicle_taken_ns(), state.vehicle_taken_ns());
   engage_at_ = read_time(state.has_engage_at_ns(), state.engage_at_ns());
+  driver_taken_ = read_time(state.has_driver_taken_ns(), state.driver_taken_ns());
+  taken_over_ = read_time(state.has_taken_over_ns(), state.taken_over_ns());
+  takeover_.set_torque_since_s(state.has_torque_since_s() ? std::optional(state.torque_since_s())
+                                                          : std::nullopt);
+  takeovers_ = state.takeovers();
   sweeps_invalid_since_ =
       read_time(state.has_sweeps_invalid_since_ns(), state.sweeps_invalid_since_ns());
   plan_missing_since_ = read_time(state.has_plan_missing_since_ns(), state.plan_missing_since_ns());
@@ -184,6 +239,8 @@ void Supervision::load(const supervision::SupervisorState& state) {
   sweep_reason_ = state.sweep_reason();
   plan_reason_ = state.plan_reason();
   plan_kind_ = state.plan_kind();
+  rejected_in_a_row_ = state.rejected_in_a_row();
+  rejection_ = state.rejection();
   failures_.assign(state.failures().begin(), state.failures().end());
   breach_ = state.breach();
   for (const auto& breaches : state.breaches()) {
@@ -267,8 +324,39 @@ void Supervision::on_plan(const planning::Plan& plan) {
   }
 }
 
+// The vehicle is the driver's at once, and not with the next tick.
+void Supervision::on_driver(const vehicle::DriverInput& input) {
+  if (!is_finite(input)) {
+    return;
+  }
+  driver_taken_ = time_of(input.header().taken_ns());
+  const auto found = takeover_.look_at(
+      {.time_s = std::chrono::duration<double>(*driver_taken_ - start_time()).count(),
+       .steering_torque_nm = input.steering_torque_nm(),
+       .brake_pedal = input.brake_pedal(),
+       .has_pressed_button = input.takeover_button()});
+  const DrivingState before = driving_.state();
+  if (!found || !driving_.take_over(found->cause, found->reason, seconds(now()))) {
+    return;
+  }
+  taken_over_ = now();
+  ++takeovers_;
+  count_time(before);
+  tell_change(before);
+  publish();
+}
+
+void Supervision::on_verdict(const planning::PlanVerdict& verdict) {
+  rejected_in_a_row_ = verdict.rejected_in_a_row();
+  rejection_ = verdict.reason();
+}
+
 void Supervision::on_goal(const mission::Goal& goal) {
   engage_at_ = time_of(goal.engage_ns());
+  if (taken_over_ && *engage_at_ > *taken_over_) {
+    taken_over_.reset();
+    driving_.ask_again();
+  }
   picture_.goals.clear();
   if (goal.has_rectangle()) {
     set_goal(goal.rectangle());
@@ -310,6 +398,11 @@ Observation Supervision::observe_now() const {
     observation.inputs.push_back(
         {.what = input->what, .age_s = age_s(input->taken), .limit_s = input->limit_s.get()});
   }
+  if (driver_age_s_.get() > 0.0) {
+    observation.inputs.push_back({.what = "the newest of the driver's inputs",
+                                  .age_s = age_s(driver_taken_),
+                                  .limit_s = driver_age_s_.get()});
+  }
   observation.failures = failures_;
   if (ego_.quality() == localization::LOST) {
     observation.failures.push_back("the position is lost: " + ego_.reason());
@@ -319,6 +412,12 @@ Observation Supervision::observe_now() const {
   }
   if (plan_missing_since_ && age_s(plan_missing_since_) > no_plan_s_.get()) {
     observation.failures.push_back("there is no way but to stop: " + plan_reason_);
+  }
+  if (std::cmp_greater_equal(rejected_in_a_row_, rejected_plans_max_.get())) {
+    observation.failures.push_back(
+        fmt::format("{} plans in a row were rejected: {}", rejected_in_a_row_, rejection_));
+  } else if (rejected_in_a_row_ > 0) {
+    observation.weaknesses.push_back("a plan was rejected: " + rejection_);
   }
   if (ego_.quality() != localization::GOOD) {
     observation.weaknesses.push_back("the position is uncertain: " + ego_.reason());
@@ -338,22 +437,36 @@ Observation Supervision::observe_now() const {
 void Supervision::serve() {
   const Observation observation = observe_now();
   const DrivingState before = driving_.state();
+  count_time(before);
+  if (driving_.look_at(observation)) {
+    tell_change(before);
+  }
+  publish();
+}
+
+// Until now it was in `before`.
+void Supervision::count_time(DrivingState before) {
   if (last_look_) {
     seconds_in_[before] += std::chrono::duration<double>(now() - *last_look_).count();
   }
   last_look_ = now();
-  if (driving_.look_at(observation)) {
-    const std::string text =
-        fmt::format("{} → {}{}{}", to_string(before), to_string(driving_.state()),
-                    driving_.reason().empty() ? "" : ": ", driving_.reason());
-    driving_.state() == DrivingState::kMinimalRiskStop ? log().warning("{}", text)
-                                                       : log().info("{}", text);
-    add_event(text);
-  }
+}
+
+void Supervision::tell_change(DrivingState before) {
+  const std::string text =
+      fmt::format("{} → {}{}{}", to_string(before), to_string(driving_.state()),
+                  driving_.reason().empty() ? "" : ": ", driving_.reason());
+  driving_.state() == DrivingState::kMinimalRiskStop ? log().warning("{}", text)
+                                                     : log().info("{}", text);
+  add_event(text);
+}
+
+void Supervision::publish() {
   auto state = states_.loan();
   state->mutable_header()->set_taken_ns(now().time_since_epoch().count());
   state->set_state(message_of(driving_.state()));
   state->set_reason(driving_.reason());
+  state->set_takeover(driving_.takeover());
   state->set_since_ns((engage_at_.value_or(start_time()).time_since_epoch() +
                        fastcycle::Duration(std::llround(driving_.since_s() * 1e9)))
                           .count());
@@ -400,6 +513,7 @@ void Supervision::remember(const perception::Objects& objects) {
 void Supervision::stop() {
   report("state", std::string(to_string(driving_.state())));
   report("reason", driving_.reason());
+  report("takeovers", takeovers_);
   for (const DrivingState state : {DrivingState::kEngaged, DrivingState::kEngagedDegraded,
                                    DrivingState::kMinimalRiskStop, DrivingState::kStopped}) {
     std::string name = fmt::format("{}_s", to_string(state));

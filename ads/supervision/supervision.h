@@ -19,9 +19,12 @@
 #include "mission/goal.pb.h"
 #include "perception/objects.pb.h"
 #include "planning/plan.pb.h"
+#include "planning/plan_verdict.pb.h"
 #include "status/status.pb.h"
 #include "supervision/state.pb.h"
 #include "supervision/supervisor_state.pb.h"
+#include "takeover.h"
+#include "vehicle/driver.pb.h"
 #include "vehicle/state.pb.h"
 
 namespace ads {
@@ -29,9 +32,11 @@ namespace ads {
 /// Lets the vehicle enter autonomous driving when all is there, and leave it safely when something
 /// is missing, has failed, or comes too late. Draws the drive when it is over.
 ///
-/// In:   `fastcycle/status`, `localization/ego`, `perception/objects`, `planning/plan`,
-///       `control/command`, `vehicle/state`, `mission/goal`, `map/tile`
-/// Out:  `supervision/state`, with every tick of the Serve Timer; a picture, at the end
+/// In:   `fastcycle/status`, `localization/ego`, `perception/objects`,
+///       `planning/checked_plan`, `planning/verdict`, `control/command`, `vehicle/state`,
+///       `vehicle/driver`, `mission/goal`, `map/tile`
+/// Out:  `supervision/state`, with every tick of the Serve Timer, and at once when the driver takes
+///       over; a picture, at the end
 /// Keeps: `supervisor`, all that it remembers but the moments of the picture
 class Supervision final : public fastcycle::Component {
  public:
@@ -60,11 +65,16 @@ class Supervision final : public fastcycle::Component {
   void on_ego(const localization::Ego& ego);
   void on_objects(const perception::Objects& objects);
   void on_plan(const planning::Plan& plan);
+  void on_driver(const vehicle::DriverInput& input);
+  void on_verdict(const planning::PlanVerdict& verdict);
   void on_goal(const mission::Goal& goal);
   void on_tile(const hd_map::Tile& tile);
   void set_goal(const mission::Rectangle& rectangle);
   void add_lane(const hd_map::Lane& lane);
   void remember(const perception::Objects& objects);
+  void publish();
+  void tell_change(DrivingState before);
+  void count_time(DrivingState before);
   void add_event(std::string text);
   void draw();
 
@@ -75,6 +85,7 @@ class Supervision final : public fastcycle::Component {
   fastcycle::Param<double> ego_width_m_;
   fastcycle::Param<double> invalid_sweeps_s_;
   fastcycle::Param<double> no_plan_s_;
+  fastcycle::Param<int> rejected_plans_max_;
   fastcycle::Publisher<supervision::State> states_;
   fastcycle::State<supervision::SupervisorState> state_;
 
@@ -83,14 +94,21 @@ class Supervision final : public fastcycle::Component {
   Input plan_input_;
   Input command_input_;
   Input vehicle_input_;
+  fastcycle::Param<double> driver_age_s_;  // 0: not watched.
+  std::optional<fastcycle::Time> driver_taken_;
 
   DrivingStates driving_{{}};
+  Takeover takeover_;
+  std::optional<fastcycle::Time> taken_over_;
+  std::int64_t takeovers_ = 0;
   localization::Ego ego_;
   std::optional<fastcycle::Time> engage_at_;
   std::optional<fastcycle::Time> sweeps_invalid_since_;
   std::optional<fastcycle::Time> plan_missing_since_;
   std::string sweep_reason_;
   std::string plan_reason_;
+  std::uint32_t rejected_in_a_row_ = 0;
+  std::string rejection_;
   planning::PlanKind plan_kind_ = planning::NOMINAL;
   std::vector<std::string> failures_;
   std::string breach_;

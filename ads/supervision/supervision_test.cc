@@ -56,6 +56,14 @@ class SupervisionTest : public ::testing::Test {
     }
   }
 
+  void reject(std::uint32_t in_a_row) {
+    planning::PlanVerdict verdict;
+    verdict.set_is_accepted(in_a_row == 0);
+    verdict.set_rejected_in_a_row(in_a_row);
+    verdict.set_reason(in_a_row == 0 ? "" : "it begins elsewhere");
+    verdicts_.publish(verdict);
+  }
+
   supervision::State last_state() {
     const auto states = states_.take();
     return states.empty() ? supervision::State() : states.back();
@@ -83,9 +91,13 @@ class SupervisionTest : public ::testing::Test {
   Bench::Input<localization::Ego> egos_ = bench_.input<localization::Ego>("localization/ego");
   Bench::Input<perception::Objects> objects_in_ =
       bench_.input<perception::Objects>("perception/objects");
-  Bench::Input<planning::Plan> plans_ = bench_.input<planning::Plan>("planning/plan");
+  Bench::Input<planning::Plan> plans_ = bench_.input<planning::Plan>("planning/checked_plan");
+  Bench::Input<planning::PlanVerdict> verdicts_ =
+      bench_.input<planning::PlanVerdict>("planning/verdict");
   Bench::Input<control::Command> commands_ = bench_.input<control::Command>("control/command");
   Bench::Input<vehicle::State> vehicles_ = bench_.input<vehicle::State>("vehicle/state");
+  Bench::Input<vehicle::DriverInput> drivers_ =
+      bench_.input<vehicle::DriverInput>("vehicle/driver");
   Bench::Input<mission::Goal> goals_ = bench_.input<mission::Goal>("mission/goal");
   Bench::Input<hd_map::Tile> tiles_ = bench_.input<hd_map::Tile>("map/tile");
   Bench::Output<supervision::State> states_ =
@@ -103,6 +115,55 @@ TEST_F(SupervisionTest, EngagesWhenAllIsThere) {
   EXPECT_EQ(last_state().state(), supervision::ENGAGED);
 }
 
+TEST_F(SupervisionTest, IsOffInTheMomentInWhichTheDriverBrakes) {
+  run(200ms);
+  ASSERT_EQ(last_state().state(), supervision::ENGAGED);
+  vehicle::DriverInput input;
+  input.set_brake_pedal(0.3);
+
+  drivers_.publish(taken_now(input));
+
+  // No tick, and no time, has passed.
+  const supervision::State state = last_state();
+  EXPECT_EQ(state.state(), supervision::OFF);
+  EXPECT_EQ(state.takeover(), supervision::TAKEOVER_BRAKE);
+  EXPECT_THAT(state.reason(), HasSubstr("the driver took over: the brake pedal"));
+}
+
+TEST_F(SupervisionTest, StaysOffAfterATakeoverUntilItIsAskedAgain) {
+  run(200ms);
+  vehicle::DriverInput input;
+  input.set_takeover_button(true);
+  drivers_.publish(taken_now(input));
+
+  run(500ms);
+  const supervision::State off = last_state();
+  mission::Goal goal;
+  goal.set_engage_ns(nanoseconds(bench_.now()) + 1);
+  goals_.publish(goal);
+  run(100ms);
+
+  EXPECT_EQ(off.state(), supervision::OFF);
+  EXPECT_EQ(off.takeover(), supervision::TAKEOVER_BUTTON);
+  EXPECT_EQ(last_state().state(), supervision::ENGAGED);
+}
+
+TEST_F(SupervisionTest, TheDriverEndsAMinimalRiskStopToo) {
+  run(200ms);
+  has_sweeps_ = false;
+  run(600ms);
+  ASSERT_EQ(last_state().state(), supervision::MINIMAL_RISK_STOP);
+  vehicle::DriverInput input;
+  input.set_steering_torque_nm(5.0);
+
+  for (int count = 0; count < 4; ++count) {
+    drivers_.publish(taken_now(input));
+    run(10ms);
+  }
+
+  EXPECT_EQ(last_state().takeover(), supervision::TAKEOVER_STEERING);
+}
+
 TEST_F(SupervisionTest, StopsWhenPerceptionStalls) {
   run(200ms);
   has_sweeps_ = false;
@@ -111,6 +172,29 @@ TEST_F(SupervisionTest, StopsWhenPerceptionStalls) {
   const supervision::State state = last_state();
   EXPECT_EQ(state.state(), supervision::MINIMAL_RISK_STOP);
   EXPECT_THAT(state.reason(), HasSubstr("the newest look at the objects is"));
+}
+
+TEST_F(SupervisionTest, CaresWhenAPlanIsRejectedAndForgetsItAfterAnAcceptedOne) {
+  run(200ms);
+  reject(2);
+  run(100ms);
+  const supervision::State after_two = last_state();
+  reject(0);
+  run(1200ms);
+
+  EXPECT_EQ(after_two.state(), supervision::ENGAGED_DEGRADED);
+  EXPECT_THAT(after_two.reason(), HasSubstr("a plan was rejected: it begins elsewhere"));
+  EXPECT_EQ(last_state().state(), supervision::ENGAGED);
+}
+
+TEST_F(SupervisionTest, StopsWhenThreePlansInARowAreRejectedAndSaysWhy) {
+  run(200ms);
+  reject(3);
+  run(100ms);
+
+  const supervision::State state = last_state();
+  EXPECT_EQ(state.state(), supervision::MINIMAL_RISK_STOP);
+  EXPECT_EQ(state.reason(), "3 plans in a row were rejected: it begins elsewhere");
 }
 
 TEST_F(SupervisionTest, StopsWhenSweepsStayUnusableAndOnlyCaresAtFirst) {

@@ -1,5 +1,6 @@
 #include "vehicle.h"
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -36,6 +37,14 @@ Vehicle::Bus::Bus(const Dbc& dbc)
     (void)state.signal(signal);
   }
   (void)state.signal("SPEED");
+  const auto its = std::ranges::find(dbc.messages(), "DRIVER_INPUT", &DbcMessage::name);
+  if (its != dbc.messages().end()) {
+    driver = *its;
+    driver_guard.emplace(*driver);
+    for (const char* const signal : {"STEERING_TORQUE", "BRAKE_PEDAL", "TAKEOVER_BUTTON"}) {
+      (void)driver->signal(signal);
+    }
+  }
 }
 
 Vehicle::Vehicle(fastcycle::Context& context)
@@ -49,6 +58,7 @@ Vehicle::Vehicle(fastcycle::Context& context)
            .unit = "s",
            .description = "Commands are withheld when supervision is silent for longer"})),
       states_(context.create_publisher<vehicle::State>("vehicle/state")),
+      drivers_(context.create_publisher<vehicle::DriverInput>("vehicle/driver")),
       frames_(context.create_publisher<can::Frame>("can/command")),
       supervision_(context.create_latest<supervision::State>("supervision/state")) {
   context.create_subscriber<can::Frame>("can/state",
@@ -65,6 +75,7 @@ void Vehicle::stop() {
   report("frames_received", received_);
   report("frames_refused", refused_);
   report("frames_lost", static_cast<std::int64_t>(bus_->state_guard.lost()));
+  report("driver_frames_refused", driver_refused_);
   report("commands_sent", sent_);
   report("commands_sent_autonomous", sent_autonomous_);
   report("commands_withheld", withheld_);
@@ -72,6 +83,10 @@ void Vehicle::stop() {
 }
 
 void Vehicle::on_frame(const can::Frame& frame) {
+  if (bus_->driver && frame.address() == bus_->driver->address) {
+    on_driver(frame);
+    return;
+  }
   if (frame.address() != bus_->state.address) {
     return;
   }
@@ -93,6 +108,22 @@ void Vehicle::on_frame(const can::Frame& frame) {
   state->set_acceleration_mps2(bus_->state.signal("ACCELERATION").decode(payload));
   state->set_is_autonomous(bus_->state.signal("AUTONOMOUS").decode(payload) != 0.0);
   states_.publish(std::move(state));
+}
+
+// A frame that is refused is none: supervision misses it.
+void Vehicle::on_driver(const can::Frame& frame) {
+  const auto payload = payload_of(frame);
+  if (bus_->driver_guard->check(payload) != FrameGuard::Verdict::kGood) {
+    ++driver_refused_;
+    return;
+  }
+  const double percent = bus_->driver->signal("BRAKE_PEDAL").decode(payload);
+  auto input = drivers_.loan();
+  input->mutable_header()->set_taken_ns(frame.header().taken_ns());
+  input->set_steering_torque_nm(bus_->driver->signal("STEERING_TORQUE").decode(payload));
+  input->set_brake_pedal(0.01 * percent);
+  input->set_takeover_button(bus_->driver->signal("TAKEOVER_BUTTON").decode(payload) != 0.0);
+  drivers_.publish(std::move(input));
 }
 
 void Vehicle::refuse(const can::Frame& frame, FrameGuard::Verdict verdict) {

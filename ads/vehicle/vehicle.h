@@ -10,6 +10,7 @@
 #include "common/frame_guard.h"
 #include "control/command.pb.h"
 #include "supervision/state.pb.h"
+#include "vehicle/driver.pb.h"
 #include "vehicle/state.pb.h"
 
 namespace ads {
@@ -21,7 +22,7 @@ namespace ads {
 /// itself then.
 ///
 /// In:   `can/state`, `control/command`, `supervision/state`
-/// Out:  `vehicle/state`, `can/command`
+/// Out:  `vehicle/state`, `can/command`; `vehicle/driver`, if the bus has DRIVER_INPUT
 class Vehicle final : public fastcycle::Component {
  public:
   explicit Vehicle(fastcycle::Context& context);
@@ -37,15 +38,19 @@ class Vehicle final : public fastcycle::Component {
     DbcMessage state;
     FrameGuard command_guard;
     FrameGuard state_guard;
+    std::optional<DbcMessage> driver;  // Not every bus has it.
+    std::optional<FrameGuard> driver_guard;
   };
 
   void on_frame(const can::Frame& frame);
+  void on_driver(const can::Frame& frame);
   void on_command(const control::Command& command);
   void refuse(const can::Frame& frame, FrameGuard::Verdict verdict);
 
   fastcycle::Param<fastcycle::Path> dbc_;
   fastcycle::Param<double> supervision_age_max_s_;
   fastcycle::Publisher<vehicle::State> states_;
+  fastcycle::Publisher<vehicle::DriverInput> drivers_;
   fastcycle::Publisher<can::Frame> frames_;
   fastcycle::Latest<supervision::State> supervision_;
 
@@ -53,6 +58,7 @@ class Vehicle final : public fastcycle::Component {
   std::int64_t received_ = 0;
   std::int64_t refused_ = 0;
   std::int64_t refused_in_a_row_ = 0;
+  std::int64_t driver_refused_ = 0;
   std::int64_t sent_ = 0;
   std::int64_t sent_autonomous_ = 0;
   std::int64_t withheld_ = 0;

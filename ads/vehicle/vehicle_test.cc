@@ -77,6 +77,8 @@ class VehicleTest : public ::testing::Test {
   Bench::Input<supervision::State> supervision_ =
       bench_.input<supervision::State>("supervision/state");
   Bench::Output<vehicle::State> states_ = bench_.output<vehicle::State>("vehicle/state");
+  Bench::Output<vehicle::DriverInput> drivers_ =
+      bench_.output<vehicle::DriverInput>("vehicle/driver");
   Bench::Output<can::Frame> frames_ = bench_.output<can::Frame>("can/command");
 };
 
@@ -114,6 +116,32 @@ TEST_F(VehicleTest, WrongAndRepeatedFramesAreRefusedAndCounted) {
   EXPECT_EQ(result("frames_received"), 5);
   EXPECT_EQ(result("frames_refused"), 3);
   EXPECT_EQ(result("frames_lost"), 3);
+}
+
+TEST_F(VehicleTest, FramesBecomeWhatTheDriverDoes) {
+  const DbcMessage& message = dbc_.message("DRIVER_INPUT");
+  FrameGuard guard(message);
+  std::array<std::uint8_t, 8> payload{};
+  message.signal("STEERING_TORQUE").encode(-4.25, payload);
+  message.signal("BRAKE_PEDAL").encode(40.0, payload);
+  message.signal("TAKEOVER_BUTTON").encode(1.0, payload);
+  guard.seal(payload);
+  can::Frame frame;
+  frame.mutable_header()->set_taken_ns(55);
+  frame.set_address(message.address);
+  frame.set_data(payload.data(), payload.size());
+
+  bus_.publish(frame);
+  bus_.publish(frame);
+
+  const auto drivers = drivers_.take();
+  ASSERT_EQ(drivers.size(), 1U);
+  EXPECT_EQ(drivers[0].header().taken_ns(), 55);
+  EXPECT_NEAR(drivers[0].steering_torque_nm(), -4.25, 0.005);
+  EXPECT_NEAR(drivers[0].brake_pedal(), 0.4, 1e-9);
+  EXPECT_TRUE(drivers[0].takeover_button());
+  bench_.stop();
+  EXPECT_EQ(result("driver_frames_refused"), 1);
 }
 
 TEST_F(VehicleTest, CommandsBecomeFrames) {

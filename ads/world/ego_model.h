@@ -18,6 +18,24 @@ struct EgoLimits {
   double deceleration_max_mps2 = 8.0;
 };
 
+/// How a vehicle differs from its model in a controller. None does by default.
+struct EgoDeviation {
+  /// Of the angle by which the front wheels act to the one that they are turned by.
+  double steering_gain = 1.0;
+  /// It turns less the faster it is: curvature is divided by 1 + this * speed^2 (Rajamani, section
+  /// 3.3).
+  double understeer_s2_per_m2 = 0.0;
+  /// Of the acceleration that it reaches to the one that is demanded: a heavier vehicle.
+  double force_gain = 1.0;
+  /// By which it slows down without any demand: a slope, wind.
+  double resistance_mps2 = 0.0;
+  /// Time constants of what follows a demand.
+  double acceleration_lag_s = 0.0;
+  double steering_lag_s = 0.0;
+  /// Of the speed that it measures to the one that it has.
+  double speed_gain = 1.0;
+};
+
 struct EgoState {
   Eigen::Vector2d center_m = Eigen::Vector2d::Zero();  ///< Of its box: midway between its axles.
   double heading_rad = 0.0;
@@ -34,14 +52,15 @@ struct EgoDemand {
 };
 
 /// How the ego vehicle moves: a kinematic single-track model, whose wheels do not slip and whose
-/// rear axle goes where it points. It does not drive backwards.
+/// rear axle goes where it points, but for what a deviation says. It does not drive backwards.
 ///
 /// R. Rajamani, "Vehicle Dynamics and Control", 2nd edition, Springer 2012, section 2.2.
 ///
 /// @threads  Compatible.
 class EgoModel {
  public:
-  EgoModel(const EgoLimits& limits, const EgoState& initial) : limits_(limits), state_(initial) {}
+  EgoModel(const EgoLimits& limits, const EgoState& initial, const EgoDeviation& deviation = {})
+      : limits_(limits), deviation_(deviation), state_(initial) {}
 
   /// Goes on by `seconds`, above 0, along an arc. A demand beyond the limits is met as far as they
   /// go.
@@ -56,8 +75,13 @@ class EgoModel {
   }
 
  private:
+  /// The wheelbase of a vehicle without deviations that turns as this one does.
+  [[nodiscard]] double wheelbase_at_m(double speed_mps) const;
+
   EgoLimits limits_;
+  EgoDeviation deviation_;
   EgoState state_;
+  double force_mps2_ = 0.0;  // What drive and brakes would reach without resistance.
 };
 
 }  // namespace ads

@@ -82,6 +82,47 @@ TEST(EgoModel, StopWithinAStepIsExact) {
   EXPECT_NEAR(ego.state().acceleration_mps2, -3.0, 1e-9);
 }
 
+TEST(EgoModel, ThatUndersteersTurnsLessTheFasterItIs) {
+  for (const double speed_mps : {1.0, 10.0, 20.0}) {
+    const EgoDeviation deviation{.understeer_s2_per_m2 = 0.002};
+    EgoModel ego(EgoLimits(), {.speed_mps = speed_mps, .steering_rad = 0.1}, deviation);
+
+    ego.advance(0.01, {.steering_rad = 0.1});
+
+    EXPECT_NEAR(ego.state().yaw_rate_radps,
+                speed_mps * std::tan(0.1) / (2.58 * (1.0 + 0.002 * speed_mps * speed_mps)), 1e-9);
+    EXPECT_NEAR(ego.state().heading_rad, 0.01 * ego.state().yaw_rate_radps, 1e-9);
+  }
+}
+
+TEST(EgoModel, ThatIsHeavyAndGoesUphillIsSlowerThanDemanded) {
+  EgoModel ego(EgoLimits(), {.speed_mps = 10.0}, {.force_gain = 0.8, .resistance_mps2 = 0.3});
+
+  advance(ego, 2.0, {.acceleration_mps2 = 1.0});
+
+  EXPECT_NEAR(ego.state().acceleration_mps2, 0.5, 1e-9);
+  EXPECT_NEAR(ego.state().speed_mps, 11.0, 1e-9);
+}
+
+TEST(EgoModel, ThatStandsUphillDoesNotRollBackwards) {
+  EgoModel ego(EgoLimits(), EgoState(), {.resistance_mps2 = 0.3});
+
+  advance(ego, 1.0, {});
+
+  EXPECT_EQ(ego.state().speed_mps, 0.0);
+  EXPECT_EQ(ego.state().center_m.x(), 0.0);
+}
+
+TEST(EgoModel, WithALagFollowsADemandWithItsTimeConstant) {
+  EgoModel ego(EgoLimits(), {.speed_mps = 10.0},
+               {.acceleration_lag_s = 0.2, .steering_lag_s = 0.1});
+
+  advance(ego, 0.2, {.steering_rad = 0.01, .acceleration_mps2 = 1.0});
+
+  EXPECT_NEAR(ego.state().acceleration_mps2, 1.0 - std::exp(-1.0), 0.02);
+  EXPECT_NEAR(ego.state().steering_rad, 0.01 * (1.0 - std::exp(-2.0)), 0.0005);
+}
+
 TEST(EgoModel, BoxIsAroundItsCentre) {
   const EgoModel ego(EgoLimits(), {.center_m = {3.0, 4.0}, .heading_rad = 0.5});
 

@@ -9,6 +9,9 @@
 namespace ads {
 namespace {
 
+// Maps draw lanes that lie side by side with seams of some centimetres between them.
+constexpr double kSeam_m = 0.05;
+
 double distance_from_polygon_m(std::span<const Eigen::Vector2d> polygon_m,
                                const Eigen::Vector2d& point_m) {
   if (contains(polygon_m, point_m)) {
@@ -136,9 +139,9 @@ std::string Referee::verdict() const {
 
 bool Referee::is_on_road(const Eigen::Vector2d& point_m) const {
   return lanes_.empty() || std::ranges::any_of(lanes_, [&](const Lane& lane) {
-           return (point_m.array() >= lane.least_m.array()).all() &&
-                  (point_m.array() <= lane.most_m.array()).all() &&
-                  contains(lane.polygon_m, point_m);
+           return (point_m.array() >= lane.least_m.array() - kSeam_m).all() &&
+                  (point_m.array() <= lane.most_m.array() + kSeam_m).all() &&
+                  distance_from_polygon_m(lane.polygon_m, point_m) <= kSeam_m;
          });
 }
 

@@ -13,6 +13,9 @@
 
 #include <fmt/format.h>
 
+#include "clutter.h"
+#include "deviation.h"
+
 namespace ads {
 namespace {
 
@@ -23,6 +26,8 @@ constexpr double kTick_s = 0.01;
 constexpr std::int64_t kTicksPerSecond = 100;
 constexpr std::int64_t kTicksPerRow = 10;
 constexpr double kStanding_mps = 0.01;
+// Farther than a lidar reaches.
+constexpr double kClutterSeen_m = 150.0;
 
 std::int64_t ticks_of(double seconds) {
   return std::llround(seconds * static_cast<double>(kTicksPerSecond));
@@ -38,6 +43,17 @@ std::span<const std::uint8_t> payload_of(const can::Frame& frame) {
                                        std::generic_category().message(errno)));
 }
 
+void begin_file(const std::filesystem::path& file, std::string_view columns, std::ofstream& rows) {
+  if (!file.has_filename()) {
+    return;
+  }
+  rows.open(file);
+  rows << columns << '\n';
+  if (!rows.flush()) {
+    throw_unwritten(file);
+  }
+}
+
 void fill(world::Body& message, const Body& body) {
   message.set_id(body.id);
   message.set_x_m(body.box.center_m.x());
@@ -50,25 +66,40 @@ void fill(world::Body& message, const Body& body) {
   message.set_yaw_rate_radps(body.yaw_rate_radps);
 }
 
-EgoState initial_of(const PlanningProblem& problem) {
-  return {.center_m = problem.initial.position_m,
-          .heading_rad = normalize_angle(problem.initial.heading_rad),
-          .speed_mps = problem.initial.speed_mps};
+// On its way to the scenario's initial state, with wheels that point along it.
+EgoState state_on(const LeadIn& way, double before_m, double speed_mps, const EgoLimits& limits) {
+  const LeadIn::Pose pose = way.at(before_m);
+  return {.center_m = pose.center_m,
+          .heading_rad = pose.heading_rad,
+          .speed_mps = speed_mps,
+          .steering_rad = std::clamp(std::atan(limits.wheelbase_m * pose.curvature_per_m),
+                                     -limits.steering_max_rad, limits.steering_max_rad),
+          .yaw_rate_radps = speed_mps * pose.curvature_per_m};
 }
 
 }  // namespace
 
-World::Drive::Drive(Scenario read, const Dbc& dbc, const EgoLimits& limits, TrafficMode mode)
+World::Drive::Drive(Scenario read, const Dbc& dbc, const EgoLimits& limits,
+                    const EgoDeviation& its_deviation, TrafficMode mode, double settle_s)
     : scenario(std::move(read)),
       begin_s(static_cast<double>(scenario.problem().initial.step) * scenario.step_s),
-      initial(initial_of(scenario.problem())),
-      ego(limits, initial),
+      lead_in(scenario, scenario.problem().initial, limits.wheelbase_m / 2.0,
+              settle_s * std::max(0.0, scenario.problem().initial.speed_mps)),
+      initial(state_on(lead_in, 0.0, scenario.problem().initial.speed_mps, limits)),
+      deviation(its_deviation),
+      ego(limits, initial, its_deviation),
       traffic(scenario, begin_s, mode),
       referee(scenario),
       command(dbc.message("ADS_COMMAND")),
       state(dbc.message("VEHICLE_STATE")),
       command_guard(command),
-      state_guard(state) {}
+      state_guard(state) {
+  const auto its = std::ranges::find(dbc.messages(), "DRIVER_INPUT", &DbcMessage::name);
+  if (its != dbc.messages().end()) {
+    driver = *its;
+    driver_guard.emplace(*driver);
+  }
+}
 
 World::World(fastcycle::Context& context)
     : Component(context),
@@ -79,12 +110,30 @@ World::World(fastcycle::Context& context)
           "trajectory",
           {.fallback = fastcycle::Path(),
            .description = "Where the way of the ego vehicle is written (CSV); empty: nowhere"})),
+      bodies_(context.param<fastcycle::Path>(
+          "bodies", {.fallback = fastcycle::Path(),
+                     .description = "Where the places of all others are written (CSV), at the same "
+                                    "times; empty: nowhere"})),
       mode_(context.param<TrafficMode>(
           "traffic",
           {.fallback = TrafficMode::kReplay,
            .names = {{"replay", TrafficMode::kReplay}, {"reactive", TrafficMode::kReactive}},
            .description = "Whether cars behind the ego vehicle follow it instead of their "
                           "recording when they would run into it"})),
+      driver_(context.param<DriverMode>("driver",
+                                        {.fallback = DriverMode::kNone,
+                                         .names = {{"none", DriverMode::kNone},
+                                                   {"hands_off", DriverMode::kHandsOff},
+                                                   {"steers", DriverMode::kSteers},
+                                                   {"brakes", DriverMode::kBrakes},
+                                                   {"presses_button", DriverMode::kPressesButton}},
+                                         .description = "What the driver does with the controls"})),
+      driver_after_s_(context.param<double>(
+          "driver_after_s", {.fallback = 0.0,
+                             .min = 0.0,
+                             .max = 1e6,
+                             .unit = "s",
+                             .description = "When that begins, after the scenario has"})),
       settle_s_(context.param<double>("settle_s",
                                       {.fallback = 2.0,
                                        .min = 0.0,
@@ -105,6 +154,24 @@ World::World(fastcycle::Context& context)
            .max = 3600.0,
            .unit = "s",
            .description = "How long a vehicle that has missed the goal has to come to a stop"})),
+      deviation_(context.param<double>(
+          "deviation", {.fallback = 0.0,
+                        .min = 0.0,
+                        .max = 2.0,
+                        .unit = "1",
+                        .description = "How far the vehicle may differ from what the controller "
+                                       "takes it for: a share of the bounds in README.md"})),
+      clutter_share_(context.param<double>(
+          "clutter",
+          {.fallback = 0.0,
+           .min = 0.0,
+           .max = 10.0,
+           .unit = "1",
+           .description = "How much stands beside the road: posts, bushes and walls; 1: one at "
+                          "about each 12 m of an edge"})),
+      seed_(context.param<std::uint64_t>(
+          "seed",
+          {.fallback = 0, .description = "Another number draws another vehicle and clutter"})),
       limits_(read_limits(context)),
       actuators_(read_actuators(context)),
       scenes_(context.create_publisher<world::Scene>("world/scene")),
@@ -178,14 +245,11 @@ void World::start() {
     throw std::runtime_error(
         fmt::format("settle_s: expected a multiple of 0.01 s, found {}", settle_s_.get()));
   }
-  drive_.emplace(Scenario::read(scenario_.get()), Dbc::read(dbc_.get()), limits_, mode_.get());
-  if (trajectory_.get().has_filename()) {
-    rows_.open(trajectory_.get());
-    rows_ << "time_s,x_m,y_m,heading_rad,speed_mps\n";
-    if (!rows_.flush()) {
-      throw_unwritten(trajectory_.get());
-    }
-  }
+  drive_.emplace(Scenario::read(scenario_.get()), Dbc::read(dbc_.get()), limits_,
+                 draw_deviation(deviation_.get(), seed_.get()), mode_.get(), settle_s_.get());
+  clutter_ = draw_clutter(drive_->scenario, clutter_share_.get(), seed_.get());
+  begin_file(trajectory_.get(), "time_s,x_m,y_m,heading_rad,speed_mps", rows_);
+  begin_file(bodies_.get(), "time_s,id,x_m,y_m,heading_rad,length_m,width_m,speed_mps", body_rows_);
 }
 
 void World::stop() {
@@ -212,6 +276,16 @@ void World::stop() {
   report("commands", commands_);
   report("commands_refused", refused_);
   report("commands_lost", static_cast<std::int64_t>(drive_->command_guard.lost()));
+  if (deviation_.get() > 0.0) {
+    const EgoDeviation& deviation = drive_->deviation;
+    report("deviation.steering_gain", deviation.steering_gain);
+    report("deviation.understeer_s2_per_m2", deviation.understeer_s2_per_m2);
+    report("deviation.force_gain", deviation.force_gain);
+    report("deviation.resistance_mps2", deviation.resistance_mps2);
+    report("deviation.acceleration_lag_s", deviation.acceleration_lag_s);
+    report("deviation.steering_lag_s", deviation.steering_lag_s);
+    report("deviation.speed_gain", deviation.speed_gain);
+  }
   if (mode_.get() == TrafficMode::kReactive) {
     report("reacting_cars_max", static_cast<std::int64_t>(reacting_max_));
   }
@@ -247,6 +321,7 @@ void World::on_tick() {
     go_on();
     publish_scene();
     publish_state();
+    publish_driver();
   }
 }
 
@@ -255,13 +330,14 @@ void World::go_on() {
   const EgoState before = drive_->ego.state();
   drive_->traffic.move_to(drive_->begin_s + time_s, drive_->ego.box(), before.speed_mps);
   if (time_s < 0.0) {
-    EgoState state = drive_->initial;
-    state.center_m += time_s * state.speed_mps * direction(state.heading_rad);
-    drive_->ego = EgoModel(limits_, state);
+    const double speed_mps = drive_->initial.speed_mps;
+    drive_->ego = EgoModel(
+        limits_, state_on(drive_->lead_in, -time_s * std::max(0.0, speed_mps), speed_mps, limits_),
+        drive_->deviation);
     return;
   }
   if (tick_ == begin_tick_) {
-    drive_->ego = EgoModel(limits_, drive_->initial);
+    drive_->ego = EgoModel(limits_, drive_->initial, drive_->deviation);
   } else {
     drive_->ego.advance(kTick_s, actuators_.demand_at(time_s - kTick_s, before));
     autonomous_ticks_ += actuators_.is_autonomous() ? 1 : 0;
@@ -291,6 +367,7 @@ void World::judge(double time_s) {
   }
   if (ticks % kTicksPerRow == 0 && time_s <= referee.window_end_s() + kTick_s / 2.0) {
     write_row(time_s);
+    write_bodies(time_s);
   }
 }
 
@@ -328,6 +405,11 @@ void World::publish_scene() {
     }
     fill(*scene->add_bodies(), body);
   }
+  for (const Body& body : clutter_) {
+    if ((body.box.center_m - ego.center_m).norm() < kClutterSeen_m) {
+      fill(*scene->add_bodies(), body);
+    }
+  }
   scenes_.publish(std::move(scene));
 }
 
@@ -335,7 +417,7 @@ void World::publish_state() {
   const EgoState& ego = drive_->ego.state();
   std::array<std::uint8_t, 64> bytes{};
   const std::span payload = std::span(bytes).first(drive_->state.byte_count);
-  drive_->state.signal("SPEED").encode(ego.speed_mps, payload);
+  drive_->state.signal("SPEED").encode(drive_->deviation.speed_gain * ego.speed_mps, payload);
   drive_->state.signal("STEERING").encode(ego.steering_rad, payload);
   drive_->state.signal("ACCELERATION").encode(ego.acceleration_mps2, payload);
   drive_->state.signal("AUTONOMOUS").encode(actuators_.is_autonomous() ? 1.0 : 0.0, payload);
@@ -343,6 +425,31 @@ void World::publish_state() {
   auto frame = states_.loan();
   frame->mutable_header()->set_taken_ns(time_of_tick().time_since_epoch().count());
   frame->set_address(drive_->state.address);
+  frame->mutable_data()->assign(payload.begin(), payload.end());
+  states_.publish(std::move(frame));
+}
+
+void World::publish_driver() {
+  if (driver_.get() == DriverMode::kNone || !drive_->driver) {
+    return;
+  }
+  // Well beyond what hands that rest on the wheel, or a foot on the pedal, do.
+  constexpr double kTorque_nm = 6.0;
+  constexpr double kBrake_percent = 40.0;
+  const DriverMode does =
+      drive_time_s() >= driver_after_s_.get() ? driver_.get() : DriverMode::kHandsOff;
+  std::array<std::uint8_t, 64> bytes{};
+  const std::span payload = std::span(bytes).first(drive_->driver->byte_count);
+  const auto encode = [&](std::string_view signal, double value, bool is_done) {
+    drive_->driver->signal(signal).encode(is_done ? value : 0.0, payload);
+  };
+  encode("STEERING_TORQUE", kTorque_nm, does == DriverMode::kSteers);
+  encode("BRAKE_PEDAL", kBrake_percent, does == DriverMode::kBrakes);
+  encode("TAKEOVER_BUTTON", 1.0, does == DriverMode::kPressesButton);
+  drive_->driver_guard->seal(payload);
+  auto frame = states_.loan();
+  frame->mutable_header()->set_taken_ns(time_of_tick().time_since_epoch().count());
+  frame->set_address(drive_->driver->address);
   frame->mutable_data()->assign(payload.begin(), payload.end());
   states_.publish(std::move(frame));
 }
@@ -356,6 +463,21 @@ void World::write_row(double time_s) {
                        ego.heading_rad, ego.speed_mps);
   if (!rows_.flush()) {
     throw_unwritten(trajectory_.get());
+  }
+}
+
+void World::write_bodies(double time_s) {
+  if (!body_rows_.is_open()) {
+    return;
+  }
+  for (const Body& body : drive_->traffic.bodies()) {
+    const Box& box = body.box;
+    body_rows_ << fmt::format("{:.1f},{},{},{},{},{},{},{}\n", time_s, body.id, box.center_m.x(),
+                              box.center_m.y(), box.heading_rad, box.length_m, box.width_m,
+                              body.speed_mps);
+  }
+  if (!body_rows_.flush()) {
+    throw_unwritten(bodies_.get());
   }
 }
 

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include <fastcycle/fastcycle.h>
 
@@ -11,6 +12,7 @@
 #include "can/frame.pb.h"
 #include "common/commonroad.h"
 #include "common/frame_guard.h"
+#include "common/lead_in.h"
 #include "ego_model.h"
 #include "referee.h"
 #include "traffic.h"
@@ -23,7 +25,7 @@ namespace ads {
 ///
 /// The world goes in steps of 10 ms from the application's start. The drive begins `settle_s`
 /// later, with exactly the initial state of the scenario; before, all that moves comes from behind
-/// with constant speed.
+/// with constant speed: the ego vehicle along its lane, all others straight.
 ///
 /// In:   `can/command`
 /// Out:  `world/scene`, `can/state`
@@ -34,15 +36,21 @@ class World final : public fastcycle::Component {
   void stop() override;
 
  private:
+  // What the driver does with the controls. Without one no frames tell of it.
+  enum class DriverMode : std::uint8_t { kNone, kHandsOff, kSteers, kBrakes, kPressesButton };
+
   // What the files say, made when the run starts.
   struct Drive {
-    Drive(Scenario read, const Dbc& dbc, const EgoLimits& limits, TrafficMode mode);
+    Drive(Scenario read, const Dbc& dbc, const EgoLimits& limits, const EgoDeviation& deviation,
+          TrafficMode mode, double settle_s);
     Drive(const Drive&) = delete;
     Drive& operator=(const Drive&) = delete;
 
     const Scenario scenario;
     const double begin_s;  // The initial state's, of the scenario's time.
+    const LeadIn lead_in;
     const EgoState initial;
+    const EgoDeviation deviation;
     EgoModel ego;
     Traffic traffic;
     Referee referee;
@@ -50,11 +58,14 @@ class World final : public fastcycle::Component {
     const DbcMessage state;
     FrameGuard command_guard;
     FrameGuard state_guard;
+    std::optional<DbcMessage> driver;
+    std::optional<FrameGuard> driver_guard;
   };
 
   [[nodiscard]] static EgoLimits read_limits(fastcycle::Context& context);
   [[nodiscard]] static Actuators::Options read_actuators(fastcycle::Context& context);
 
+  void publish_driver();
   void on_command(const can::Frame& frame);
   void on_tick();
   // Goes on by one step, to tick `tick_`.
@@ -64,6 +75,7 @@ class World final : public fastcycle::Component {
   void publish_scene();
   void publish_state();
   void write_row(double time_s);
+  void write_bodies(double time_s);
   // Since the drive began; negative before.
   [[nodiscard]] double drive_time_s() const;
   [[nodiscard]] fastcycle::Time time_of_tick() const;
@@ -71,10 +83,16 @@ class World final : public fastcycle::Component {
   fastcycle::Param<fastcycle::Path> scenario_;
   fastcycle::Param<fastcycle::Path> dbc_;
   fastcycle::Param<fastcycle::Path> trajectory_;
+  fastcycle::Param<fastcycle::Path> bodies_;
   fastcycle::Param<TrafficMode> mode_;
+  fastcycle::Param<DriverMode> driver_;
+  fastcycle::Param<double> driver_after_s_;
   fastcycle::Param<double> settle_s_;
   fastcycle::Param<double> linger_s_;
   fastcycle::Param<double> overtime_s_;
+  fastcycle::Param<double> deviation_;
+  fastcycle::Param<double> clutter_share_;
+  fastcycle::Param<std::uint64_t> seed_;
   EgoLimits limits_;
   Actuators actuators_;
 
@@ -83,7 +101,9 @@ class World final : public fastcycle::Component {
   fastcycle::Source source_;
 
   std::optional<Drive> drive_;
+  std::vector<Body> clutter_;
   std::ofstream rows_;
+  std::ofstream body_rows_;
   std::int64_t tick_ = 0;
   std::int64_t begin_tick_ = 0;
   bool is_over_ = false;

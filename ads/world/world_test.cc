@@ -7,6 +7,7 @@
 
 #include <fastcycle/testing.h>
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -18,7 +19,9 @@ namespace {
 using fastcycle::testing::Bench;
 using std::chrono_literals::operator""ms;
 using std::chrono_literals::operator""s;
+using ::testing::Contains;
 using testing::SmallScenario;
+using ::testing::StartsWith;
 
 const std::filesystem::path kAds = ADS_DIR;
 
@@ -96,6 +99,34 @@ class WorldTest : public ::testing::Test {
   Bench::Output<can::Frame> states_ = bench_.output<can::Frame>("can/state");
 };
 
+TEST_F(WorldTest, AVehicleThatDeviatesMeasuresAnotherSpeedThanItHas) {
+  start(SmallScenario().ego(10.0).goal(50.0, 40, 50), R"(, "deviation": 1.0, "seed": 2)");
+  bench_.advance(100ms);
+
+  const auto frames = states_.take();
+  ASSERT_FALSE(frames.empty());
+  const std::string& data = frames.back().data();
+  const double measured =
+      dbc_.message("VEHICLE_STATE")
+          .signal("SPEED")
+          .decode({reinterpret_cast<const std::uint8_t*>(data.data()), data.size()});
+
+  bench_.stop();
+  const double gain = result<double>("deviation.speed_gain");
+  EXPECT_NE(gain, 1.0);
+  EXPECT_NEAR(measured, 10.0 * gain, 0.01);
+}
+
+TEST_F(WorldTest, WhatStandsBesideTheRoadIsInTheScene) {
+  start(SmallScenario().goal(50.0, 40, 50), R"(, "clutter": 1.0)");
+  bench_.advance(20ms);
+
+  const world::Scene scene = last_scene();
+
+  ASSERT_GT(scene.bodies_size(), 5);
+  EXPECT_LT(scene.bodies(0).id(), 0);
+}
+
 TEST_F(WorldTest, SceneComesAHundredTimesASecondWithTheTimeThatItHoldsFor) {
   start(SmallScenario().car(5, 20.0, 3.5, 8.0, 50).standing(6, 60.0, 0.0).goal(50.0, 40, 50));
   const std::int64_t start_ns = bench_.now().time_since_epoch().count();
@@ -121,8 +152,8 @@ TEST_F(WorldTest, DriveBeginsWithExactlyTheInitialState) {
   bench_.advance(1s);
   const auto begin = last_scene();
 
-  // A second before, as far behind as a second takes.
-  EXPECT_NEAR(std::hypot(before.ego().x_m(), before.ego().y_m()), 16.8859, 1e-9);
+  // A second before, as far behind on its lane as a second takes.
+  EXPECT_NEAR(std::hypot(before.ego().x_m(), before.ego().y_m()), 16.8859, 0.05);
   EXPECT_EQ(begin.ego().x_m(), 0.0);
   EXPECT_EQ(begin.ego().y_m(), 0.0);
   EXPECT_EQ(begin.ego().heading_rad(), -0.71162);
@@ -279,6 +310,22 @@ TEST_F(WorldTest, WayThatCannotBeWrittenIsAFault) {
 
   ASSERT_EQ(faults.size(), 1U);
   EXPECT_NE(faults[0].find("missing/way.csv: cannot be written"), std::string::npos) << faults[0];
+}
+
+TEST_F(WorldTest, PlacesOfAllOthersAreWrittenAtTheTimesOfTheWay) {
+  const std::filesystem::path bodies = folder_ / "bodies.csv";
+  start(SmallScenario().ego(0.0).car(5, 20.0, 3.5, 8.0, 50).standing(6, 60.0, 0.0).goal(50.0, 4, 5),
+        fmt::format(R"(, "bodies": "{}")", bodies.string()));
+  drive(4s, 0.0, 0.0);
+  std::ifstream file(bodies);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(file, line);) {
+    lines.push_back(line);
+  }
+  ASSERT_EQ(lines.size(), 1U + 2U * (rows().size() - 1U));
+  EXPECT_EQ(lines[0], "time_s,id,x_m,y_m,heading_rad,length_m,width_m,speed_mps");
+  EXPECT_THAT(lines, Contains(StartsWith("0.5,5,24,3.5,0,4,2,")));
+  EXPECT_THAT(lines, Contains("0.5,6,60,0,0,4,2,0"));
 }
 
 TEST_F(WorldTest, WayIsWrittenNowhereUnlessAskedFor) {

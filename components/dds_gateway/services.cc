@@ -1,7 +1,9 @@
 #include "dds_gateway/services.h"
 
+#include <chrono>
 #include <exception>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include <fmt/format.h>
@@ -10,7 +12,6 @@
 #include "ros2/type_hash.h"
 
 namespace fastcycle::dds_gateway {
-
 ServiceCrossing::ServiceCrossing(Context& context, ServiceSettings settings,
                                  ros2::KnownTypes& types, Tell tell)
     : core_(context.core()),
@@ -93,6 +94,7 @@ void ServiceCrossing::ask_here(const Identity& request, std::span<const std::byt
                    ros2::Buffer serialized;
                    reply_.to_ros(*reply->payload, serialized);
                    if (writer_ != nullptr) {
+                     await_reader();
                      writer_->write_reply(serialized, request);
                    }
                    ++answered;
@@ -101,6 +103,19 @@ void ServiceCrossing::ask_here(const Identity& request, std::span<const std::byt
                  }
                },
                {});
+}
+
+// A client asks as soon as it has found the server; the server may find the client later, and a
+// reply that finds no reader is gone. Middlewares of ROS 2 wait for it too, 0.1 s. Who asks and
+// never reads is waited for once, until there was a reader: others go through the same thread.
+void ServiceCrossing::await_reader() {
+  constexpr std::chrono::milliseconds kLimit{250};
+  const auto end = std::chrono::steady_clock::now() + kLimit;
+  while (writer_->matched() == 0 && awaits_readers_) {
+    awaits_readers_ = std::chrono::steady_clock::now() < end;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  awaits_readers_ = awaits_readers_ || writer_->matched() > 0;
 }
 
 void ServiceCrossing::ask_there(const google::protobuf::Message& request,

@@ -47,6 +47,7 @@ class ServiceCrossing {
 
  private:
   void ask_here(const Identity& request, std::span<const std::byte> message);
+  void await_reader();
   /// What became of a request to ROS 2.
   struct Sent {
     enum class What : std::int64_t { kGone, kNobodyServes, kNotTaken } what = What::kGone;
@@ -70,6 +71,7 @@ class ServiceCrossing {
 
   std::unique_ptr<Reader> reader_;
   std::unique_ptr<Writer> writer_;
+  bool awaits_readers_ = true;  // Of replies; not after it was in vain.
 };
 
 }  // namespace fastcycle::dds_gateway

@@ -31,7 +31,7 @@ Clock::Clock(const Clock& other) noexcept
     : is_simulated_(other.is_simulated_),
       rate_(other.rate_),
       origin_ns_(other.origin_ns_),
-      monotonic_origin_ns_(other.monotonic_origin_ns_),
+      monotonic_origin_ns_(other.monotonic_origin_ns_.load()),
       simulated_ns_(other.simulated_ns_.load()) {}
 
 Clock Clock::live(double rate) {
@@ -51,7 +51,8 @@ Time Clock::at_monotonic(std::int64_t monotonic) const noexcept {
   if (is_simulated_) {
     return from_ns(simulated_ns_.load(std::memory_order_acquire));
   }
-  const std::int64_t elapsed = monotonic - monotonic_origin_ns_;
+  const std::int64_t origin = monotonic_origin_ns_.load(std::memory_order_relaxed);
+  const std::int64_t elapsed = origin == kNever ? 0 : monotonic - origin;
   return from_ns(
       origin_ns_ +
       (rate_ == 1.0 ? elapsed : static_cast<std::int64_t>(static_cast<double>(elapsed) * rate_)));
@@ -59,7 +60,8 @@ Time Clock::at_monotonic(std::int64_t monotonic) const noexcept {
 
 std::int64_t Clock::monotonic_at(Time time) const noexcept {
   const std::int64_t ahead = to_ns(time) - origin_ns_;
-  return monotonic_origin_ns_ +
+  const std::int64_t origin = monotonic_origin_ns_.load(std::memory_order_relaxed);
+  return (origin == kNever ? monotonic_ns() : origin) +
          (rate_ == 1.0 ? ahead : static_cast<std::int64_t>(static_cast<double>(ahead) / rate_) + 1);
 }
 
@@ -72,6 +74,21 @@ void Clock::restart(Time time) noexcept {
   origin_ns_ = to_ns(time);
   monotonic_origin_ns_ = is_simulated_ ? 0 : monotonic_ns();
   simulated_ns_.store(origin_ns_, std::memory_order_release);
+}
+
+void Clock::stand_at(Time time) noexcept {
+  FASTCYCLE_ASSERT(!is_simulated_, "a simulated clock stands by itself");
+  origin_ns_ = to_ns(time);
+  monotonic_origin_ns_ = kNever;
+}
+
+bool Clock::stands() const noexcept {
+  return monotonic_origin_ns_.load(std::memory_order_relaxed) == kNever;
+}
+
+void Clock::go_on_at(std::int64_t monotonic) noexcept {
+  FASTCYCLE_ASSERT(stands(), "a clock that goes on did stand");
+  monotonic_origin_ns_.store(monotonic, std::memory_order_relaxed);
 }
 
 }  // namespace fastcycle::base

@@ -39,7 +39,8 @@ class Clock {
   /// does.
   [[nodiscard]] Time at_monotonic(std::int64_t monotonic) const noexcept;
 
-  /// The CLOCK_MONOTONIC nanoseconds at which a live clock will show `time`.
+  /// The CLOCK_MONOTONIC nanoseconds at which a live clock will show `time`; of one that stands, if
+  /// it went on now.
   [[nodiscard]] std::int64_t monotonic_at(Time time) const noexcept;
 
   /// @pre  The clock is simulated, and `time` is not before `now()`.
@@ -48,13 +49,22 @@ class Clock {
   /// Lets it show `time` now, and go on from there. Before anybody reads it.
   void restart(Time time) noexcept;
 
+  /// Lets a live clock show `time`, and stand there until it is told to go on. Before anybody reads
+  /// it.
+  void stand_at(Time time) noexcept;
+  [[nodiscard]] bool stands() const noexcept;
+  /// Lets a clock that stands go on, as if it had done so when CLOCK_MONOTONIC was `monotonic`.
+  ///
+  /// @threads  One; others may read it meanwhile.
+  void go_on_at(std::int64_t monotonic) noexcept;
+
  private:
   Clock(bool is_simulated, double rate, std::int64_t origin_ns, std::int64_t monotonic_origin_ns);
 
   const bool is_simulated_;
   const double rate_;
   std::int64_t origin_ns_;
-  std::int64_t monotonic_origin_ns_;
+  std::atomic<std::int64_t> monotonic_origin_ns_;  ///< `kNever` while a live clock stands.
   std::atomic<std::int64_t> simulated_ns_;
 };
 

@@ -57,6 +57,24 @@ TEST(Clock, RestartedItGoesOnFromThere) {
   EXPECT_EQ(simulated.now(), begin);
 }
 
+TEST(Clock, ALiveClockStandsUntilItIsToldToGoOn) {
+  const Time begin{5s};
+  Clock clock = Clock::live(2.0);
+  clock.stand_at(begin);
+  const std::int64_t before = monotonic_ns();
+  while (monotonic_ns() - before < 2'000'000) {
+  }
+  EXPECT_EQ(clock.now(), begin);
+  EXPECT_GE(clock.monotonic_at(begin + 2s), monotonic_ns() + 900'000'000);
+
+  clock.go_on_at(before);
+
+  EXPECT_FALSE(clock.stands());
+  EXPECT_EQ(clock.at_monotonic(before), begin);
+  EXPECT_EQ(clock.at_monotonic(before + 1'000'000'000), begin + 2s);
+  EXPECT_GE(clock.now(), begin + 4ms);
+}
+
 TEST(Clock, SimulatedTimeStandsUntilItIsMoved) {
   Clock clock = Clock::simulated();
   EXPECT_EQ(clock.now(), kSimulatedStart);

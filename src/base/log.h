@@ -140,7 +140,11 @@ class LogSource {
   LogSource(const LogSource&) = delete;
   LogSource& operator=(const LogSource&) = delete;
 
-  [[nodiscard]] bool wants(LogLevel level) const noexcept { return level >= level_; }
+  [[nodiscard]] bool wants(LogLevel level) const noexcept {
+    return level >= level_ && !is_muted_.load(std::memory_order_relaxed);
+  }
+  /// Whether nothing is written: somebody else writes the same.
+  void mute(bool is_muted) noexcept { is_muted_.store(is_muted, std::memory_order_relaxed); }
   void write(LogLevel level, std::string_view text) { write(level, name_, text); }
   /// In the name of `component`.
   void write(LogLevel level, std::string_view component, std::string_view text);
@@ -172,6 +176,7 @@ class LogSource {
   const std::string_view name_;
   const base::Clock& clock_;
   const LogLevel level_;
+  std::atomic<bool> is_muted_{false};
   LogThrottle throttle_;
 
   std::atomic<bool> is_kept_{false};

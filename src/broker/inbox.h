@@ -60,6 +60,9 @@ class Inbox {
 
   using Head = LaneHead;
 
+  /// How many messages may wait in a lane while the component follows another one. Before lanes.
+  std::uint16_t lane_room = 0;
+
   Inbox() = default;
   Inbox(const Inbox&) = delete;
   Inbox& operator=(const Inbox&) = delete;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -73,12 +74,13 @@ class Lane {
   struct Options {
     std::size_t depth = 16;
     Overflow overflow = Overflow::kDropOldest;
-    bool is_view = false;                   ///< Causes no activation.
-    bool is_external = false;               ///< Fed by a thread that is not FastCycle's.
-    bool ages = true;                       ///< Counts for the origin of what timers publish.
-    bool is_judged = false;                 ///< Each message is looked at before it is delivered.
-    bool is_imported = false;               ///< Its publisher is in another process.
+    bool is_view : 1 = false;               ///< Causes no activation.
+    bool is_external : 1 = false;           ///< Fed by a thread that is not FastCycle's.
+    bool ages : 1 = true;                   ///< Counts for the origin of what timers publish.
+    bool is_judged : 1 = false;             ///< Each message is looked at before it is delivered.
+    bool is_imported : 1 = false;           ///< Its publisher is in another process.
     std::uint16_t history = kWholeHistory;  ///< Latched messages that are given to it.
+    std::uint16_t room = 0;                 ///< What `set_limit` may ask for beyond the depth.
   };
 
   /// A message in the lane, with what its receiver must know before its callback: the envelope
@@ -96,8 +98,10 @@ class Lane {
       : options(its_options),
         subscription(its_subscription),
         publisher(its_publisher),
-        mask_(round_up(its_options.depth) - 1),
-        slots_(std::make_unique<Slot[]>(mask_ + 1)),
+        limit_(static_cast<std::uint32_t>(its_options.depth)),
+        mask_(static_cast<std::uint32_t>(
+            round_up(std::max<std::size_t>(its_options.depth, its_options.room)) - 1)),
+        slots_(std::make_unique<Slot[]>(std::size_t{mask_} + 1)),
         credit(std::move(its_credit)) {}
 
   Lane(const Lane&) = delete;
@@ -111,10 +115,11 @@ class Lane {
     Envelope* displaced = nullptr;
     const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
     // `head` only grows: what was room once is room still, and its line is not asked for.
-    if (tail - known_head_ >= options.depth) {
+    const std::uint32_t limit = limit_.load(std::memory_order_relaxed);
+    if (tail - known_head_ >= limit) {
       known_head_ = head_.load(std::memory_order_acquire);
     }
-    if (tail - known_head_ >= options.depth) {
+    if (tail - known_head_ >= limit) {
       if (options.overflow == Overflow::kDropNewest) {
         overflowed.add();
         return envelope;
@@ -181,6 +186,11 @@ class Lane {
     }
   }
 
+  /// From the next push on so many may wait: at most the depth, or the room. Any thread.
+  void set_limit(std::size_t limit) noexcept {
+    limit_.store(static_cast<std::uint32_t>(limit), std::memory_order_relaxed);
+  }
+
   /// Takes out and releases all that waits; returns how many. Either end may call it.
   std::uint64_t drain() noexcept {
     std::uint64_t count = 0;
@@ -245,7 +255,8 @@ class Lane {
     std::atomic<std::uintptr_t> envelope{0};
   };
 
-  const std::size_t mask_;
+  std::atomic<std::uint32_t> limit_;  ///< Its depth, but for who follows another component.
+  const std::uint32_t mask_;
   const std::unique_ptr<Slot[]> slots_;
 
  public:
@@ -307,7 +318,7 @@ class Lane {
 
   /// Tells what was pushed to `position` from what its slot held one lap before.
   [[nodiscard]] std::uintptr_t lap(std::uint64_t position) const noexcept {
-    return (position & (mask_ + 1)) == 0 ? 1 : 0;
+    return (position & (std::uint64_t{mask_} + 1)) == 0 ? 1 : 0;
   }
   [[nodiscard]] static Envelope* envelope_of(std::uintptr_t word) noexcept {
     return reinterpret_cast<Envelope*>(word & ~std::uintptr_t{1});

@@ -373,6 +373,12 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   --loans_;
   share(*loan);
   loan->payload = loan->own;
+  if (followed_ != nullptr) [[unlikely]] {
+    loan->info.origin = origin;
+    send_following(loan, options_.taken_at ? nullptr : owner.trails,
+                   options_.taken_at ? nullptr : owner.held_trails);
+    return;
+  }
   const bool is_simulated = owner.stage != nullptr;
   number(*loan, origin, is_simulated ? owner.now + owner.simulated_cost : owner.clock->now());
   owner.published = loan->info.publish_time;
@@ -413,6 +419,12 @@ void PublisherCore::forward(Envelope* received, Holder holder) {
   if (is_forwarded_alone) {
     origin = received->info.origin;
   }
+  if (followed_ != nullptr) [[unlikely]] {
+    envelope->info.origin = origin;
+    send_following(envelope, is_forwarded_alone ? received->trails : owner.trails,
+                   owner.held_trails);
+    return;
+  }
   const bool is_simulated = owner.stage != nullptr;
   number(*envelope, origin, is_simulated ? owner.now + owner.simulated_cost : owner.clock->now());
   owner.published = envelope->info.publish_time;
@@ -420,6 +432,84 @@ void PublisherCore::forward(Envelope* received, Holder holder) {
     follow(*envelope, is_forwarded_alone ? received->trails : owner.trails, owner.held_trails);
   }
   send(envelope, owner.stage);
+}
+
+void PublisherCore::follow(OutputComparer& comparer) {
+  const std::lock_guard lock(mutex_);
+  followed_ = std::make_unique<FollowedOutputs>(*this, comparer);
+}
+
+void PublisherCore::stop_following() {
+  const std::lock_guard lock(mutex_);
+  followed_->clear();
+  followed_->is_following = false;
+  // Who comes later is given these; the memory of the other process is not for that.
+  for (Envelope*& kept : latched_) {
+    Envelope* const copy = loan(false);
+    copy->own->CopyFrom(*kept->payload);
+    share(*copy);
+    --loans_;
+    copy->payload = copy->own;
+    copy->info = kept->info;
+    copy->references.store(1, std::memory_order_relaxed);
+    release(std::exchange(kept, copy));
+  }
+  if (followed_->made >= published_.get()) {
+    followed_.reset();
+  }
+}
+
+void PublisherCore::continue_following_after(std::uint64_t sequence) {
+  const std::lock_guard lock(mutex_);
+  followed_->clear_own();
+  followed_->made = sequence;
+}
+
+const Envelope* PublisherCore::find_followed(std::uint64_t sequence, bool& is_past) const noexcept {
+  const Envelope* const found = followed_->find_theirs(sequence);
+  is_past = found == nullptr && followed_->is_past(sequence);
+  return found;
+}
+
+void PublisherCore::skip_followed() {
+  const std::lock_guard lock(mutex_);
+  followed_.reset();
+}
+
+/// What the component publishes while it follows another one, or what it does again when it takes
+/// its place.
+void PublisherCore::send_following(Envelope* envelope, const Trail* cause, const Trail* held) {
+  const std::lock_guard lock(mutex_);
+  MessageInfo& info = envelope->info;
+  info.sequence = ++followed_->made;
+  info.publisher = id;
+  info.publish_time = std::max(owner.clock->now(), last_publish_time() + Duration(1));
+  owner.published = info.publish_time;
+  if (root_count != 0) [[unlikely]] {
+    follow(*envelope, cause, held);
+  }
+  if (followed_->is_following) {
+    envelope->references.store(1, std::memory_order_relaxed);
+    followed_->add_own(envelope);
+    return;
+  }
+  if (info.sequence > published_.get()) {  // Not even here it came from the other one.
+    followed_.reset();
+    published_.set(info.sequence);
+    handed_over_ = info.sequence;
+    last_publish_time_.store(info.publish_time, std::memory_order_relaxed);
+    put_into_lanes(envelope);
+    return;
+  }
+  envelope->references.store(1 + static_cast<std::uint32_t>(exports_.size()),
+                             std::memory_order_relaxed);
+  for (MessageExport* const to : exports_) {
+    to->put(*envelope);
+  }
+  release(envelope);
+  if (followed_->made == published_.get()) {
+    followed_.reset();
+  }
 }
 
 void PublisherCore::publish_external(Envelope* loan, Time taken_at) {
@@ -508,9 +598,14 @@ void PublisherCore::drop_outside(Envelope* loan) noexcept {
   give_loan_back(loan);
 }
 
-void PublisherCore::publish_imported(Envelope* envelope) noexcept {
+void PublisherCore::publish_imported(Envelope* envelope, bool may_repeat) noexcept {
   const std::uint64_t sequence = envelope->info.sequence;
   const std::uint64_t last = published_.get();
+  if (may_repeat && sequence <= std::exchange(imported_, std::max(imported_, sequence))) {
+    envelope->references.store(0, std::memory_order_relaxed);
+    recycle(envelope);
+    return;
+  }
   if (sequence > last + 1) {
     for (const Target& target : targets_) {
       target.lane->published.add(sequence - last - 1);
@@ -524,7 +619,27 @@ void PublisherCore::publish_imported(Envelope* envelope) noexcept {
   if (first_publish_ns_.load(std::memory_order_relaxed) == 0) {
     first_publish_ns_.store(base::monotonic_ns(), std::memory_order_relaxed);
   }
-  put_into_lanes(envelope);
+  if (followed_ != nullptr) [[unlikely]] {
+    put_followed(envelope);
+  } else {
+    put_into_lanes(envelope);
+  }
+}
+
+/// What the publisher that is followed published, to those who receive it here.
+void PublisherCore::put_followed(Envelope* envelope) noexcept {
+  envelope->references.store(
+      static_cast<std::uint32_t>(targets_.size()) + (options.latched > 0 ? 2 : 1),
+      std::memory_order_relaxed);
+  if (options.latched > 0) {
+    keep_latched(envelope);
+  }
+  WakeList wakes;
+  for (const Target& target : targets_) {
+    push(target, envelope, topic, wakes);
+  }
+  wakes.wake_all();
+  followed_->add_theirs(envelope);
 }
 
 void PublisherCore::drop_muted(Envelope* loan) noexcept {

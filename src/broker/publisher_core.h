@@ -12,6 +12,7 @@
 #include "base/clock.h"
 #include "base/priority_mutex.h"
 #include "broker/credits.h"
+#include "broker/followed_outputs.h"
 #include "broker/inbox.h"
 #include "broker/lane_gate.h"
 #include "broker/message_export.h"
@@ -79,8 +80,9 @@ class PublisherCore {
   void give_latched(MessageExport& to, std::size_t count) noexcept;
   /// Of an import: puts a message of the publisher that this stands for, with all that is known of
   /// it, into the lanes. What is missing between its sequence and that of the message before is
-  /// counted as lost on the way. Under the mutex.
-  void publish_imported(Envelope* envelope) noexcept;
+  /// counted as lost on the way. `may_repeat`: what came before is left out, since who took the
+  /// place of another one publishes again what may be missing. Under the mutex.
+  void publish_imported(Envelope* envelope, bool may_repeat) noexcept;
   /// `lane` is closed and gets nothing more.
   void disconnect(const Lane& lane) noexcept;
   /// From now on there is room for one more lane, and messages for all that it may hold: when it is
@@ -138,6 +140,25 @@ class PublisherCore {
   /// Of the gate, which holds its mutex: puts `envelope`, of which one reference is given away,
   /// into the lane of `subscription`. False if there is none any more; then it is released.
   bool put_behind_gate(const Subscription& subscription, Envelope* envelope) noexcept;
+
+  /// Its component follows another one from now on: what it publishes goes nowhere and is given to
+  /// `comparer`, with what that one's publisher does, which comes as to an import. Before anything
+  /// is published.
+  void follow(OutputComparer& comparer);
+  /// It takes the other one's place: from now on what it publishes goes on from what it published
+  /// itself. What of that came here from the other one reaches nobody here again. Once nothing of
+  /// the other one comes any more.
+  void stop_following();
+  /// After `stop_following`: what came here from the other one was published, and is not done
+  /// again.
+  void skip_followed();
+  [[nodiscard]] bool is_following() const noexcept { return followed_ != nullptr; }
+  /// Of one that follows: the next message has the number after this; what it published so far does
+  /// not count.
+  void continue_following_after(std::uint64_t sequence);
+  /// Of one that follows: the other one's message of this sequence, which is held as long as the
+  /// caller holds the mutex; null if it is not here. `is_past`: it does not come any more.
+  [[nodiscard]] const Envelope* find_followed(std::uint64_t sequence, bool& is_past) const noexcept;
 
   /// An external publisher's lock; the others need none.
   [[nodiscard]] base::PriorityMutex& mutex() noexcept { return mutex_; }
@@ -212,6 +233,8 @@ class PublisherCore {
   void hand_over(Envelope* envelope) noexcept;
   void put_into_lanes(Envelope* envelope) noexcept;
   void put_through_gate(Envelope* envelope) noexcept;
+  void put_followed(Envelope* envelope) noexcept;
+  void send_following(Envelope* envelope, const Trail* cause, const Trail* held);
   static void push(const Target& target, Envelope* envelope, const Topic& topic,
                    WakeList& wakes) noexcept;
   void give_loan_back(Envelope* loan) noexcept;
@@ -239,12 +262,15 @@ class PublisherCore {
   Envelope* scratch_forwards_ = nullptr;
 
   std::vector<Target> targets_;
-  LaneGate* gate_ = nullptr;             ///< Only where faults are injected.
+  LaneGate* gate_ = nullptr;  ///< Only where faults are injected.
+  /// While its component follows another one, or takes its place. Its own activations make it null.
+  std::unique_ptr<FollowedOutputs> followed_;
   std::vector<MessageExport*> exports_;  ///< To other processes; most publishers have none.
   std::vector<Envelope*> latched_;
   std::atomic<Time> last_publish_time_{};
   Counter published_;
   Counter muted_;
+  std::uint64_t imported_ = 0;     ///< Of an import that may repeat: the last sequence.
   std::uint64_t handed_over_ = 0;  ///< In simulated time: of those, who left the stage.
   std::shared_ptr<Credits> credits_;
   bool is_asked_ = false;  ///< For credits, in this activation.

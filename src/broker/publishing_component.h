@@ -17,6 +17,20 @@ namespace fastcycle::detail {
 
 class PublisherCore;
 
+/// Who is told of a component's activations when they are over: another process, which follows it.
+///
+/// @threads  Safe.
+/// @realtime No lock, no allocation; one system call if the other one sleeps.
+class ActivationBell {
+ public:
+  ActivationBell() = default;
+  ActivationBell(const ActivationBell&) = delete;
+  ActivationBell& operator=(const ActivationBell&) = delete;
+  virtual ~ActivationBell() = default;
+
+  virtual void ring() noexcept = 0;
+};
+
 /// Where published messages wait until a round of simulated time is over.
 class Stage {
  public:
@@ -81,6 +95,9 @@ struct PublishingComponent {
   /// Where its activations are executed again: what they learned when they were recorded. Else
   /// null.
   ToldReads* told = nullptr;
+  /// Its process follows another one: what it does has been done there. Else false.
+  bool is_following = false;
+  ActivationBell* follower = nullptr;  ///< Rung after each activation; null: nobody follows it.
   /// It learned something in this activation.
   void learned(ReadKind kind, PublisherId about, std::uint64_t value,
                std::uint32_t place = 0) const noexcept {

@@ -94,7 +94,8 @@ std::shared_ptr<Lane> Subscription::add_lane(PublisherId publisher, std::string_
                     .ages = ages,
                     .is_judged = chain_end != nullptr || is_judged_by_quality(),
                     .is_imported = is_imported,
-                    .history = history},
+                    .history = history,
+                    .room = inbox.lane_room},
       std::move(credit));
   // Lanes that both ends have left only count from now on.
   std::erase_if(lanes_, [this](const std::shared_ptr<Lane>& old) {

@@ -50,7 +50,7 @@ ComponentCore::~ComponentCore() = default;
 std::optional<std::string> ComponentCore::construct(config::Problems& its_problems) {
   problems = &its_problems;
   params = std::make_unique<config::ParamReader>(
-      description.params, application.description().shared_params, its_problems);
+      own_params(), application.description().shared_params, its_problems);
   if (param_table.begin()) {
     publishing.learned(ReadKind::kMadeWith, param_table.begun_with());
   }
@@ -305,6 +305,7 @@ void ComponentCore::call_stop() {
     return;
   }
   const State before = state.exchange(State::kStopped);
+  versions->interrupted("the application stops");
   was_active_at_end = before == State::kActive;
   cancel_alarm();
   if (is_suspended()) {
@@ -357,6 +358,13 @@ void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValu
 }
 
 void ComponentCore::note_fault(std::string_view what) {
+  note_contained_fault(what);
+  if (description.on_fault == config::OnFault::kStop) {
+    application.end_by_fault();
+  }
+}
+
+void ComponentCore::note_contained_fault(std::string_view what) {
   ++fault_count;
   if (state != State::kFailed) {
     last_fault = what;  // What ended it stays, whatever work that it had offloaded says later.
@@ -365,14 +373,15 @@ void ComponentCore::note_fault(std::string_view what) {
     faults.emplace_back(what);
   }
   log_source.write(LogLevel::kError, what);
-  application.fault_noted(*this, what);
-  if (description.on_fault == config::OnFault::kStop) {
-    application.end_by_fault();
+  if (publishing.is_following) {
+    return;  // What follows from it is done by the one that does the work.
   }
+  application.fault_noted(*this, what);
 }
 
 void ComponentCore::fail(std::string_view what) {
   note_fault(what);
+  versions->interrupted(std::string(what));
   end_calls(what);
   state = State::kFailed;
   cancel_alarm();
@@ -395,6 +404,12 @@ void ComponentCore::take_fault_of_thread(std::uint64_t object, const std::string
   throw std::runtime_error(what);
 }
 
+void ComponentCore::on_qos_event(const Watch&, const QosEvent& event) {
+  if (event.kind == QosKind::kDeadlineMissed) {
+    application.deadline_missed(event);
+  }
+}
+
 void ComponentCore::on_breach(std::size_t chain) {
   application.chain_breached(*this, chain);
 }
@@ -404,9 +419,12 @@ void ComponentCore::on_fault(std::string_view thrown) {
   if (const char* call = in_call_.exchange(nullptr)) {
     what = std::string(call) + " threw: " + what;
   }
+  versions->interrupted(what);
   if (state == State::kStopped || state == State::kFailed || state == State::kRestarting) {
     note_fault(what);
     application.component_changed(*this, true);
+  } else if (versions->take_fault(what)) {
+    return;
   } else if (description.on_fault == config::OnFault::kRestart && has_started()) {
     restart(what);
   } else {
@@ -470,6 +488,28 @@ bool ComponentCore::is_redeclared() const noexcept {
          redeclared.synchronizers.size() == declared.synchronizers.size();
 }
 
+void ComponentCore::escalate(std::string_view what) {
+  using config::AfterRestarts;
+  const config::RestartDescription& limits = description.restart;
+  const bool ends_process =
+      limits.then == AfterRestarts::kProcess && application.may_end_process(*this);
+  const char* const then = ends_process                          ? "its process is restarted"
+                           : limits.then == AfterRestarts::kStop ? "the application stops"
+                                                                 : "it stays stopped";
+  const std::string text =
+      std::string(what) + fmt::format(" (restarted {} times within {} s: {})", restarts,
+                                      std::chrono::duration<double>(limits.within).count(), then);
+  if (ends_process) {
+    note_fault(text);
+    application.end_process(*this, text);
+    return;
+  }
+  fail(text);
+  if (limits.then == AfterRestarts::kStop) {
+    application.end_by_fault();
+  }
+}
+
 void ComponentCore::restart(std::string_view what) {
   const config::RestartDescription& limits = description.restart;
   const std::int64_t now_ns = base::to_ns(publishing.now);
@@ -478,9 +518,7 @@ void ComponentCore::restart(std::string_view what) {
     first_restart_ns = now_ns;
   }
   if (restarts >= limits.limit) {
-    fail(std::string(what) + fmt::format(" (restarted {} times within {} s: it stays stopped)",
-                                         restarts,
-                                         std::chrono::duration<double>(limits.within).count()));
+    escalate(what);
     return;
   }
   ++restarts;
@@ -528,7 +566,11 @@ void ComponentCore::await_threads(std::int64_t deadline_ns, const std::function<
   if (state != State::kRestarting) {
     state = State::kRestarting;
     application.component_changed(*this, true);
-    suspend();
+    if (keeps_messages_) {
+      suspend_keeping();
+    } else {
+      suspend();
+    }
   }
   set_alarm(publishing.now + kThreadLook,
             [this, deadline_ns, next] { await_threads(deadline_ns, next); });
@@ -540,16 +582,21 @@ void ComponentCore::begin_anew() {
   make_anew();
 }
 
-void ComponentCore::replace(std::chrono::nanoseconds delay) {
+void ComponentCore::end_object() {
   ++restart_count;
+  destroy();
+  end_old_subscriptions();
+  clear_timers();
+}
+
+void ComponentCore::replace(std::chrono::nanoseconds delay) {
+  keeps_messages_ = false;
   if (states != nullptr) {
     states->end_object();
   }
-  destroy();
-  end_old_subscriptions();
+  end_object();
   drop_held(DropReason::kFault);
   forget_held();
-  clear_timers();
   if (delay.count() == 0) {
     make_anew();
     return;
@@ -590,6 +637,12 @@ std::string ComponentCore::obey(LifeStep step) {
   if (step == LifeStep::kRenew) {
     return renew();
   }
+  if (step == LifeStep::kRollBack) {
+    return versions->roll_back("a tool asked for it");
+  }
+  if (step == LifeStep::kConfirm) {
+    return versions->confirm("a tool asked for it");
+  }
   if (step == LifeStep::kToolStop && before == State::kActive) {
     call_deactivate();
   } else if (step == LifeStep::kToolStart && before == State::kStandby) {
@@ -601,36 +654,43 @@ std::string ComponentCore::obey(LifeStep step) {
 }
 
 void ComponentCore::make_anew() {
+  if (const std::string why_not = try_anew(); !why_not.empty()) {
+    fail(why_not);
+  }
+}
+
+std::string ComponentCore::try_anew() {
   redeclared = {};
   threads.clear();
   is_redeclaring = true;
-  config::Problems ignored;  // The same parameters were found right before.
+  // Of the same class they were found right before; of another one, by its trial.
+  config::Problems ignored;
   const auto thrown = construct(ignored);
   is_redeclaring = false;
   if (thrown) {
-    fail("its constructor threw when it was restarted: " + *thrown);
-    return;
+    return "its constructor threw when it was restarted: " + *thrown;
   }
   if (!is_redeclared()) {
-    fail("it declared fewer topics or services than before when it was restarted");
-    return;
+    return "it declared fewer topics or services than before when it was restarted";
   }
   std::string what = "something that is no std::exception";
   try {
     call_start();
+    keeps_messages_ = false;
     application.threads().start_threads(*this);
     if (state == State::kActive) {
       start_timers(publishing.now);
       application.wiring().tell_liveliness(*this, true, "restarted");
     }
+    versions->watch();
     application.component_changed(*this, true);
-    return;
+    return {};
   } catch (const std::exception& exception) {
     what = exception.what();
   } catch (...) {  // In words already.
   }
   const char* call = in_call_.exchange(nullptr);
-  fail(std::string(call == nullptr ? "it" : call) + " threw when it was restarted: " + what);
+  return std::string(call == nullptr ? "it" : call) + " threw when it was restarted: " + what;
 }
 
 }  // namespace fastcycle::detail

@@ -19,6 +19,7 @@
 #include "component/bell.h"
 #include "component/component_state.h"
 #include "component/service_end.h"
+#include "component/versions.h"
 #include "config/description.h"
 #include "config/params.h"
 #include "executor/activation.h"
@@ -34,6 +35,8 @@ class ComponentHost;
 }  // namespace fastcycle::host
 
 namespace fastcycle::detail {
+
+class Reloading;
 
 /// One component of an application: owns its object, what it declared, and what became of it.
 ///
@@ -62,11 +65,21 @@ class ComponentCore final : public Actor {
   void call_deactivate();
   void call_stop();
 
+  /// The params that its present object is made with, without the shared ones.
+  [[nodiscard]] const config::Value& own_params() const {
+    return versions->params() != nullptr ? *versions->params() : description.params;
+  }
+
   /// What is wrong with a `start` that takes longer than it may.
   [[nodiscard]] std::string late_start() const;
 
   /// The call of its life cycle that it is in, as "its start()"; null if it is in none. Safe.
   [[nodiscard]] const char* call_in_words() const noexcept { return in_call_.load(); }
+
+  /// How often it was made anew, after faults or since it was asked for; reloads do not count.
+  [[nodiscard]] std::uint64_t renewals() const noexcept {
+    return restart_count - versions->exchanges();
+  }
 
   [[nodiscard]] bool has_started() const noexcept {
     return state == State::kStandby || state == State::kActive || state == State::kRestarting;
@@ -79,7 +92,8 @@ class ComponentCore final : public Actor {
   /// In an activation. Returns why that cannot be done; empty if it was, whatever came of it, or
   /// will be, once its threads have ended.
   [[nodiscard]] std::string renew();
-  /// What a tool asks for: `kRenew`, `kToolStop` or `kToolStart`. As `renew`.
+  /// What a tool asks for: `kRenew`, `kToolStop`, `kToolStart`, `kRollBack` or `kConfirm`. As
+  /// `renew`.
   [[nodiscard]] std::string obey(LifeStep step);
 
   /// Puts changed parameters in place; in an activation. `text` is what a log says of them.
@@ -148,7 +162,7 @@ class ComponentCore final : public Actor {
     hang_ = std::move(hang);
   }
 
-  const ComponentClass component_class;
+  ComponentClass component_class;  ///< Of its present object; see `versions`.
   Context context{*this};
   LogSource log_source;
   Component* component = nullptr;
@@ -233,8 +247,9 @@ class ComponentCore final : public Actor {
   std::vector<std::string> faults;  ///< The first 16, in words.
   std::string last_fault;
   std::uint64_t fault_count = 0;
-  std::uint64_t restart_count = 0;  ///< Tells its objects apart; not changed while threads run.
-  std::uint32_t restarts = 0;       ///< Within the time that began at `first_restart_ns`.
+  std::uint64_t restart_count = 0;     ///< Tells its objects apart; not changed while threads run.
+  std::unique_ptr<Versions> versions;  ///< `Reloading`; set once it is made.
+  std::uint32_t restarts = 0;          ///< Within the time that began at `first_restart_ns`.
   std::int64_t first_restart_ns = 0;
 
   // A source that has not finished keeps the run going.
@@ -244,19 +259,31 @@ class ComponentCore final : public Actor {
  protected:
   void on_fault(std::string_view what) override;
   void on_breach(std::size_t chain) override;
+  void on_qos_event(const Watch& watch, const QosEvent& event) override;
 
  private:
+  friend class Reloading;
+
   void activate_now();
   void check_params(config::Problems& its_problems) const;
   [[nodiscard]] std::string inactive() const;
   void restart(std::string_view what);
+  /// Its restarts are used up: does what `then` of their description says.
+  void escalate(std::string_view what);
   /// Asks the threads of the object to end, and calls `next` once they have: at once if there are
   /// none; live, after waiting suspended. Fails if one of them takes too long.
   void end_threads(const std::function<void()>& next);
   void await_threads(std::int64_t deadline_ns, const std::function<void()>& next);
   /// Destroys the object, and makes it anew after `delay`.
   void replace(std::chrono::nanoseconds delay);
+  /// Destroys the object, and what must not go on without it. What synchronizers hold goes on.
+  void end_object();
+  /// Makes the object, as after `end_object`, and starts it. Returns why that failed, or nothing.
+  [[nodiscard]] std::string try_anew();
+  /// The same; the component has failed if that fails.
   void make_anew();
+  /// A fault that changes nothing of what becomes of the application.
+  void note_contained_fault(std::string_view what);
   /// From now on what it publishes reaches nobody, that of its threads included; or does again.
   void mute(bool is_muted);
   /// Its object is gone: nobody waits for its calls, and nobody else can give the answers it owes.
@@ -272,6 +299,8 @@ class ComponentCore final : public Actor {
 
   /// What it was, in words, if it throws or does not return. Written by its worker.
   NotedCall in_call_;
+  /// While it is replaced, what comes for it waits. Until it is active again.
+  bool keeps_messages_ = false;
   bool owes_stop_ = false;  ///< It is made anew in order, and `stop` was not called yet.
 
   mutable base::PriorityMutex hang_mutex_;

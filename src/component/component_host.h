@@ -13,6 +13,7 @@
 #include "executor/actor.h"
 #include "fastcycle/param_list.h"
 #include "fastcycle/params.h"
+#include "fastcycle/qos.h"
 #include "params/param_table.h"
 
 namespace fastcycle::detail {
@@ -127,15 +128,24 @@ class ComponentHost {
 
   /// `component` has another state, health, fault, or, not urgently, another reason for its health.
   virtual void component_changed(detail::ComponentCore& component, bool is_urgent) = 0;
+  /// Another library is the code of `component` now, or is on probation no longer.
+  virtual void version_changed(detail::ComponentCore& component) = 0;
   virtual void fault_noted(const detail::ComponentCore& component, std::string_view what) = 0;
   /// It has failed and will not be made anew.
   virtual void component_failed(detail::ComponentCore& component) = 0;
   /// Its input is over.
   virtual void source_finished(detail::ComponentCore& component) = 0;
+  /// A topic's publisher, or whoever publishes on it, missed a deadline. In a turn of some
+  /// component.
+  virtual void deadline_missed(const QosEvent& event) = 0;
   /// A message for `sink` came too late for the chain at this place of the file.
   virtual void chain_breached(detail::ComponentCore& sink, std::size_t chain) = 0;
   /// Ends the run: a component failed whose policy says so.
   virtual void end_by_fault() = 0;
+  /// Whether the process that `component` runs in is one of its own that is restarted when it ends.
+  [[nodiscard]] virtual bool may_end_process(const detail::ComponentCore& component) const = 0;
+  /// Ends this process at once: `component` could not be helped otherwise.
+  virtual void end_process(detail::ComponentCore& component, const std::string& what) = 0;
   /// Whether `component` runs in another process of the application. Any thread.
   [[nodiscard]] virtual bool runs_elsewhere(const std::string& component) const = 0;
 

@@ -79,10 +79,13 @@ void check_pool(const PublisherCore& publisher, const config::PublisherDescripti
 ParamSlot& declare_param(ComponentCore& core, std::unique_ptr<ParamSlot> slot) {
   assert_constructing(core, "param()", slot->spec.name);
   const std::string& name = slot->spec.name;
-  const bool is_shared = core.description.params.find_dotted(name) == nullptr;
+  const bool is_shared = core.own_params().find_dotted(name) == nullptr;
+  const config::Value* ordered = core.versions->ordered_params();
+  const bool is_ordered = ordered != nullptr && ordered->find_dotted(name) != nullptr;
   const config::Value* value =
       slot->spec.fallback ? core.params->find(name) : core.params->require(name);
-  return core.param_table.declare(std::move(slot), value, is_shared, *core.problems);
+  return core.param_table.declare(
+      std::move(slot), value, {.is_shared = is_shared, .is_ordered = is_ordered}, *core.problems);
 }
 
 void set_on_change(ComponentCore& core, const ParamSlot& slot, std::function<void()> callback) {
@@ -176,7 +179,7 @@ View& create_view(ComponentCore& core, std::string_view topic,
   assert_constructing(core, "a view of", topic);
   const std::string name = core.declare_topic(topic);
   if (core.is_redeclaring) {
-    return redeclare(core.declared.views, core.redeclared.views, name);
+    return redeclare(core.declared.views, core.redeclared.views, name, default_instance);
   }
   Topic& its_topic = core.application.wiring().topics().get(name, core.name, default_instance);
   const auto kind =

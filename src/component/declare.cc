@@ -21,7 +21,7 @@ PublisherCore& declare_publisher(ComponentCore& core, const std::string& topic,
                                  const google::protobuf::Message* prototype, bool is_external,
                                  std::optional<std::size_t> keep) {
   if (core.is_redeclaring) {
-    return redeclare(core.declared.publishers, core.redeclared.publishers, topic);
+    return redeclare(core.declared.publishers, core.redeclared.publishers, topic, default_instance);
   }
   PublisherCore& publisher = core.application.wiring().topics().add_publisher(
       topic, core.publishing, default_instance, prototype, is_external, keep);
@@ -34,12 +34,9 @@ CallbackSubscription& declare_subscription(ComponentCore& core, const std::strin
                                            const SubscriberOptions& options,
                                            EnvelopeCallback callback) {
   if (core.is_redeclaring) {
-    CallbackSubscription& subscription =
-        redeclare(core.declared.subscriptions, core.redeclared.subscriptions, topic);
-    if (subscription.kind != Subscription::Kind::kCallback) {
-      throw std::logic_error("a restarted component subscribes to \"" + topic +
-                             "\", which it had synchronized before");
-    }
+    CallbackSubscription& subscription = redeclare(
+        core.declared.subscriptions, core.redeclared.subscriptions, topic, default_instance,
+        [](const auto& one) { return one.kind == Subscription::Kind::kCallback; });
     core.redeclare_subscription(subscription, options, std::move(callback));
     return subscription;
   }

@@ -3,12 +3,15 @@
 // What the host itself declares for a component: topics by their full names, whatever the file says
 // of names in the component's code.
 
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include <google/protobuf/message.h>
 
 #include "component/component_core.h"
 #include "executor/actor.h"
@@ -27,15 +30,31 @@ CallbackSubscription& declare_subscription(ComponentCore& core, const std::strin
                                            const SubscriberOptions& options,
                                            EnvelopeCallback callback);
 
-/// The next of what a restarted component declares again; it must be what it was.
-template <typename T>
-T& redeclare(std::vector<T*>& first, std::vector<T*>& again, const std::string& topic) {
-  if (again.size() >= first.size() || first[again.size()]->topic.name != topic) {
-    throw std::logic_error("a restarted component declares other topics than before: \"" + topic +
-                           "\"");
+/// What a component that is made anew declares again: the first of that topic which it has not
+/// declared again yet, and of which `is_such` holds. It must be of the same type.
+template <typename T, typename IsSuch>
+T& redeclare(std::vector<T*>& first, std::vector<T*>& again, const std::string& topic,
+             const google::protobuf::Message& default_instance, const IsSuch& is_such) {
+  const auto found = std::ranges::find_if(first, [&](const T* one) {
+    return one->topic.name == topic && is_such(*one) &&
+           std::ranges::find(again, one) == again.end();
+  });
+  if (found == first.end()) {
+    throw std::logic_error("a component that is made anew declares other topics than before: \"" +
+                           topic + "\"");
   }
-  again.push_back(first[again.size()]);
+  const std::string type(default_instance.GetTypeName());
+  if ((*found)->topic.type != type) {
+    throw std::logic_error("a component that is made anew declares \"" + topic + "\" as a " + type +
+                           ", which was a " + (*found)->topic.type);
+  }
+  again.push_back(*found);
   return *again.back();
+}
+template <typename T>
+T& redeclare(std::vector<T*>& first, std::vector<T*>& again, const std::string& topic,
+             const google::protobuf::Message& default_instance) {
+  return redeclare(first, again, topic, default_instance, [](const T&) { return true; });
 }
 
 }  // namespace fastcycle::detail

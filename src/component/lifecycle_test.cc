@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -228,6 +229,52 @@ TEST_F(ALifecycle, DoesNotLetAStartWaitForOneThatHangsOnItsExecutor) {
               ElementsAre("its start() takes longer than 5 ms"));
   EXPECT_THAT(application_->components()[1]->faults,
               ElementsAre("its start() could not begin within 1005 ms: its executor is busy"));
+}
+
+/// Throws whenever it is called.
+class Throwing final : public Component {
+ public:
+  explicit Throwing(Context& context) : Component(context) {}
+  void serve() override { throw std::runtime_error("on purpose"); }
+};
+
+/// A run of one that always throws, and may be made anew twice. Returns why it ended.
+EndReason run_throwing(const std::string& then, std::unique_ptr<Application>& application) {
+  TestClasses classes;
+  classes.with<Throwing>("throwing");
+  application = make_application(
+      R"({"name": "t", "components": [{"name": "throwing", "library": "throwing",
+          "serve_period_ms": 10, "on_fault": "restart",
+          "restart": {"limit": 2, "within_s": 60, "then": ")" +
+          then + R"("}}]})",
+      classes, {.is_simulated = true});
+  application->start();
+  const EndReason reason = application->run(1s);
+  application->stop();
+  return reason;
+}
+
+TEST(RestartsThatAreUsedUp, LeaveTheComponentStopped) {
+  // In one process there is none that could be restarted instead.
+  for (const char* then : {"stay", "process"}) {
+    std::unique_ptr<Application> application;
+    EXPECT_FALSE(is_failure(run_throwing(then, application))) << then;
+
+    const detail::ComponentCore& core = *application->components().front();
+    EXPECT_EQ(core.state, State::kFailed);
+    EXPECT_EQ(core.renewals(), 2U);
+    EXPECT_EQ(core.last_fault,
+              "its serve() threw: on purpose (restarted 2 times within 60 s: it stays stopped)");
+  }
+}
+
+TEST(RestartsThatAreUsedUp, StopTheApplicationWhereItSaysSo) {
+  std::unique_ptr<Application> application;
+  EXPECT_EQ(run_throwing("stop", application), EndReason::kFault);
+
+  EXPECT_EQ(application->components().front()->fault_count, 3U);
+  EXPECT_THAT(application->components().front()->last_fault,
+              ::testing::HasSubstr("the application stops"));
 }
 
 }  // namespace

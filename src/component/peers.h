@@ -1,13 +1,16 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "component/component_core.h"
 #include "executor/peer_activity.h"
 #include "executor/round_peers.h"
@@ -29,6 +32,7 @@ struct Notice {
     kModeJoined = 'j',     ///< Those of a process that join it are active.
     kNews = 'n',           ///< How a component is. Live, the main process alone takes it.
     kLine = 'o',           ///< A line of the log. Live, the main process alone takes it.
+    kFollows = 'y',        ///< How one that follows another stands. The main process keeps it.
     kLifeAsked = 'a',      ///< A tool asks to restart, stop or start a component.
     kLifeMade = 'f',       ///< What became of it.
     kParamsListed = 'i',   ///< The params of a component.
@@ -42,6 +46,9 @@ struct Notice {
   std::uint32_t component =
       0;  ///< For whom it is said. Those of a simulated round come in this order.
   std::string text = {};
+
+  /// The text of `kGone` where the process is restarted.
+  static constexpr const char* kRestarts = "restarts";
 };
 
 /// The other processes of an application, as far as one of them must know them: which components
@@ -61,6 +68,8 @@ class Peers {
   [[nodiscard]] virtual bool runs_here(const std::string& component) const = 0;
   /// The process of `component`, as notices name it.
   [[nodiscard]] virtual std::uint32_t process_of(const std::string& component) const = 0;
+  /// How many messages may wait in each lane of a component while it follows another one.
+  [[nodiscard]] virtual std::uint16_t lane_room(const std::string& component) const = 0;
   /// Whether a component of any process subscribes to `topic`.
   [[nodiscard]] virtual bool is_wanted(const std::string& topic) const = 0;
   /// How this process is called.
@@ -131,11 +140,26 @@ class Peers {
   /// Waits until the component at `place`, which runs elsewhere, was called to start, or `is_over`.
   virtual void await_start(const detail::ComponentCore& component, std::size_t place,
                            const std::function<bool()>& is_over) = 0;
-  /// All have started here: waits for the others, and returns when timers start everywhere.
-  [[nodiscard]] virtual Time agree_on_begin(const std::function<bool()>& is_over) = 0;
+  /// All have started here: waits for the others, and returns when timers start everywhere. A clock
+  /// that stands goes on, in all processes at the same moment.
+  [[nodiscard]] virtual Time agree_on_begin(base::Clock& clock,
+                                            const std::function<bool()>& is_over) = 0;
+  /// Live: when the others' clocks stopped standing, in nanoseconds of CLOCK_MONOTONIC, if this is
+  /// a process that was restarted after that.
+  [[nodiscard]] virtual std::optional<std::int64_t> clocks_began() const = 0;
   /// When timers started in the application's first processes; after `agree_on_begin`.
   [[nodiscard]] virtual Time began() const = 0;
 
+  /// Live: all that is replayed here has come. Waits for the others, or until `is_over`.
+  virtual void reach_end_of_input(const std::function<bool()>& is_over) = 0;
+
+  /// Has the process of `component` give its place to its standby. Returns why not; empty if it
+  /// does. Safe.
+  [[nodiscard]] virtual std::string switch_to_standby(const std::string& component) = 0;
+  /// Where a crash says in whose activation it was, the component's place + 1; null: nobody asks.
+  [[nodiscard]] virtual std::atomic<std::uint32_t>* crashed() = 0;
+  /// The application begins to stop here.
+  virtual void stops() = 0;
   /// What all do together at the end, in this order; each waits until all others came as far.
   enum class Step : std::uint8_t { kTimersStopped, kDrained, kDrainedAgain };
   virtual void reach(Step step) = 0;

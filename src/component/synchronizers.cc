@@ -1,5 +1,6 @@
 // What `Context::create_synchronizer` asks of the application.
 
+#include <algorithm>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -47,7 +48,7 @@ SynchronizerOptions checked(ComponentCore& core, const std::vector<std::string>&
 }
 
 void redeclare(ComponentCore& core, const std::vector<std::string>& names,
-               EnvelopeSetCallback callback) {
+               std::span<const SynchronizedTopic> topics, EnvelopeSetCallback callback) {
   const auto complain = [&] {
     throw std::logic_error("a restarted component declares other synchronizers than before: \"" +
                            names.front() + "\"");
@@ -61,14 +62,13 @@ void redeclare(ComponentCore& core, const std::vector<std::string>& names,
     complain();
   }
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const std::size_t place = core.redeclared.subscriptions.size();
-    const bool is_same = place < core.declared.subscriptions.size() &&
-                         core.declared.subscriptions[place] == &synchronizer.input(i) &&
-                         synchronizer.input(i).topic.name == names[i];
-    if (!is_same) {
+    const auto input = std::ranges::find(core.declared.subscriptions, &synchronizer.input(i));
+    if (input == core.declared.subscriptions.end() ||
+        synchronizer.input(i).topic.name != names[i] ||
+        synchronizer.input(i).topic.type != topics[i].default_instance->GetTypeName()) {
       complain();
     }
-    core.redeclared.subscriptions.push_back(core.declared.subscriptions[place]);
+    core.redeclared.subscriptions.push_back(*input);
   }
   again.push_back(&synchronizer);
   synchronizer.set_callback(std::move(callback));
@@ -89,7 +89,7 @@ void create_synchronizer(ComponentCore& core, std::span<const SynchronizedTopic>
     names.push_back(core.declare_topic(topic.name));
   }
   if (core.is_redeclaring) {
-    redeclare(core, names, std::move(callback));
+    redeclare(core, names, topics, std::move(callback));
     return;
   }
   const SynchronizerOptions wanted = checked(core, names, options);

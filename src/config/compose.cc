@@ -249,6 +249,11 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
         mistake(faults->place(),
                 "an included file cannot say what faults are injected, only the one that is run"));
   }
+  if (const Value* shadow = part.find("shadow")) {
+    problems_.add(
+        mistake(shadow->place(),
+                "an included file cannot say what has a shadow, only the one that is run"));
+  }
   if (const Value* libraries = part.find("libraries")) {
     problems_.add(
         mistake(libraries->place(),
@@ -324,7 +329,7 @@ void Composer::add_own(Value& tree, const Value& file, Variables& variables) {
     }
   }
   for (const std::string_view key :
-       {"record", "flight_recorder", "trace", "inspect", "live", "libraries", "faults"}) {
+       {"record", "flight_recorder", "trace", "inspect", "live", "libraries", "faults", "shadow"}) {
     if (const Value* own = file.find(key)) {
       tree.set(key, *own);
     }
@@ -420,7 +425,7 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
     } else if (key == "shared_params" || key == "modes" || key == "restart") {
       merge(*tree.find(key), value, problems_);
     } else if (key == "record" || key == "flight_recorder" || key == "trace" || key == "inspect" ||
-               key == "live" || key == "libraries" || key == "faults") {
+               key == "live" || key == "libraries" || key == "faults" || key == "shadow") {
       apply_overlay_optional(tree, key, value);
     } else if (key == "name" || key == "on_fault" || key == "log_level" || key == "library_path" ||
                key == "initial_mode" || key == "start_timeout_ms" || key == "callback_limit_ms" ||

@@ -100,7 +100,7 @@ TEST_F(ComposeTest, AnIncludedFileSaysHowItsComponentsStartAndRestart) {
       "restart": {"limit": 1}, "components": [{"name": "planner", "library": "p"}]})");
   folder.write("a.json", R"({"restart": {"limit": 7, "back_off_ms": 50}, "start_timeout_ms": 200,
       "components": [{"name": "lidar", "library": "l", "after": ["radar", "/planner"]},
-                     {"name": "radar", "library": "r", "restart": {"limit": 9}}]})");
+                     {"name": "radar", "library": "r", "restart": {"limit": 9, "then": "process"}}]})");
 
   const ApplicationDescription app = describe(compose());
 
@@ -109,6 +109,8 @@ TEST_F(ComposeTest, AnIncludedFileSaysHowItsComponentsStartAndRestart) {
   EXPECT_EQ(app.components[0].after, (std::vector<std::string>{"front/radar", "planner"}));
   EXPECT_EQ(app.components[1].restart.limit, 9U);
   EXPECT_EQ(app.components[1].restart.back_off, std::chrono::milliseconds(50));
+  EXPECT_EQ(app.components[0].restart.then, AfterRestarts::kStay);
+  EXPECT_EQ(app.components[1].restart.then, AfterRestarts::kProcess);
   EXPECT_EQ(app.components[2].restart.limit, 1U);
   EXPECT_EQ(app.components[2].start_timeout.count(), 0);
   EXPECT_EQ(start_order(app), (std::vector<std::size_t>{1, 2, 0}));
@@ -418,6 +420,41 @@ TEST_F(ComposeTest, AnIsolatedComponentGetsTheProcessThatIsDescribedForIt) {
   EXPECT_EQ(app.processes[0].on_exit, OnExit::kRestart);
   EXPECT_EQ(app.components[0].process, "lidar");
   EXPECT_EQ(text_of(problems), "");
+}
+
+TEST_F(ComposeTest, AComponentWithAStandbyGetsAProcessOfItsOwnName) {
+  folder.write("app.json", R"({"processes": [{"name": "sensing", "heartbeat_ms": 20}],
+      "components": [{"name": "planner", "library": "p", "standby": true},
+                     {"name": "lidar", "library": "l", "process": "sensing", "standby": true},
+                     {"name": "radar", "library": "r", "process": "sensing"},
+                     {"name": "camera", "library": "c"}]})");
+
+  const ApplicationDescription app = describe(compose({.file = {}}));
+
+  ASSERT_EQ(app.processes.size(), 2U);
+  EXPECT_EQ(app.components[0].process, "planner");
+  EXPECT_EQ(app.components[3].process, "");
+  for (const ProcessDescription& process : app.processes) {
+    EXPECT_TRUE(process.has_standby) << process.name;
+    EXPECT_EQ(process.on_exit, OnExit::kRestart) << process.name;
+  }
+  EXPECT_EQ(app.processes[0].heartbeat, std::chrono::milliseconds(20));
+  EXPECT_EQ(app.processes[1].heartbeat, std::chrono::milliseconds(100));
+}
+
+TEST_F(ComposeTest, ShadowsAreNamedByTheirNumberUnlessTheyHaveAName) {
+  folder.write("app.json", R"({"components": [{"name": "planner", "library": "p"}],
+      "shadow": [{"of": "planner"}, {"of": "planner", "name": "next", "library": "q",
+                  "params": {"horizon_s": 8}}]})");
+
+  const ApplicationDescription app = describe(compose({.file = {}}));
+
+  ASSERT_EQ(app.shadows.size(), 2U);
+  EXPECT_EQ(app.shadows[0].name, "shadow_1");
+  EXPECT_EQ(app.shadows[0].library, "");
+  EXPECT_EQ(app.shadows[1].name, "next");
+  EXPECT_EQ(app.shadows[1].library, "q");
+  EXPECT_EQ(app.shadows[1].params["horizon_s"].as_int64(), 8);
 }
 
 TEST_F(ComposeTest, AComponentThatIsNamedToBeIsolatedAndStaysIsAWarning) {

@@ -15,6 +15,9 @@ namespace fastcycle::config {
 
 namespace {
 
+/// Of a process with a standby whose file asks for none: who does not hear of it takes over.
+constexpr std::chrono::milliseconds kHeartbeatWithStandby{100};
+
 template <typename Integer>
 void read_integer(const Value& object, std::string_view key, Integer& result) {
   const Value* value = object.find(key);
@@ -198,6 +201,10 @@ RestartDescription describe_restart(const Value& object, RestartDescription defa
     defaults.within = find_s(*restart, "within_s").value_or(defaults.within);
     defaults.back_off = find_ms(*restart, "back_off_ms").value_or(defaults.back_off);
     defaults.back_off_max = find_ms(*restart, "back_off_max_ms").value_or(defaults.back_off_max);
+    defaults.then = find_word(*restart, "then",
+                              std::array{AfterRestarts::kStay, AfterRestarts::kProcess,
+                                         AfterRestarts::kStop, AfterRestarts::kContinue})
+                        .value_or(defaults.then);
   }
   return defaults;
 }
@@ -231,6 +238,10 @@ ComponentDescription describe_component(const Value& value, const ComponentDefau
   component.process = text_of(value, "process");
   if (component.process == kMainProcess) {
     component.process.clear();
+  }
+  read_bool(value, "standby", component.has_standby);
+  if (component.has_standby && component.process.empty()) {
+    component.process = component.name;  // Who follows it follows a process.
   }
   component.serve_period = find_ms(value, "serve_period_ms");
   component.serve_phase = find_ms(value, "serve_phase_ms").value_or(std::chrono::nanoseconds{0});
@@ -312,10 +323,11 @@ ProcessDescription describe_process(const Value& value) {
   ProcessDescription process;
   process.name = text_of(value, "name");
   process.place = value.place();
+  read_bool(value, "standby", process.has_standby);
   process.on_exit =
       find_word(value, "on_exit", std::array{OnExit::kStop, OnExit::kRestart, OnExit::kContinue})
-          .value_or(process.on_exit);
-  process.restart = describe_restart(value, {});
+          .value_or(process.has_standby ? OnExit::kRestart : process.on_exit);
+  process.restart = describe_restart(value, {.then = AfterRestarts::kStop});
   process.heartbeat = find_ms(value, "heartbeat_ms").value_or(process.heartbeat);
   read_mb(value, "memory_mb", process.memory_bytes);
   read_cpus(value, process.cpus);
@@ -330,6 +342,23 @@ ProcessDescription describe_process(const Value& value) {
   process.user = text_of(value, "user");
   read_bool(value, "trusted", process.is_trusted);
   return process;
+}
+
+/// A component with a standby is followed with all of its process.
+void add_standbys(ApplicationDescription& application) {
+  for (ProcessDescription& process : application.processes) {
+    const bool is_asked_for =
+        std::ranges::any_of(application.components, [&](const ComponentDescription& component) {
+          return component.has_standby && component.process == process.name;
+        });
+    if (is_asked_for && !process.has_standby) {
+      process.has_standby = true;
+      process.on_exit = process.on_exit == OnExit::kStop ? OnExit::kRestart : process.on_exit;
+    }
+    if (process.has_standby && process.heartbeat.count() == 0) {
+      process.heartbeat = kHeartbeatWithStandby;
+    }
+  }
 }
 
 /// Those that the tree describes and a component is in, then those that a component is in only.
@@ -353,6 +382,15 @@ void add_processes(const Value& tree, ApplicationDescription& application) {
       application.processes.push_back(std::move(process));
     }
   }
+  for (const ComponentDescription& component : application.components) {
+    if (missing.erase(component.process) > 0) {  // It has one only for its standby.
+      ProcessDescription process;
+      process.name = component.process;
+      process.place = component.place;
+      application.processes.push_back(std::move(process));
+    }
+  }
+  add_standbys(application);
 }
 
 ModeDescription describe_mode(const std::string& name, const Value& value) {
@@ -416,6 +454,25 @@ FaultDescription describe_fault(const Value& value) {
     fault.value = number->as_double();
   }
   return fault;
+}
+
+std::vector<ShadowDescription> describe_shadows(const Value& list) {
+  std::vector<ShadowDescription> shadows;
+  for (const Value& value : list.items()) {
+    ShadowDescription shadow;
+    shadow.of = text_of(value, "of");
+    shadow.name = text_of(value, "name");
+    if (shadow.name.empty()) {
+      shadow.name = list.size() == 1 ? "shadow" : "shadow_" + std::to_string(shadows.size() + 1);
+    }
+    shadow.library = text_of(value, "library");
+    shadow.class_name = text_of(value, "class");
+    const Value* params = find_object(value, "params");
+    shadow.params = params == nullptr ? Value::object_at(value) : *params;
+    shadow.place = value.place();
+    shadows.push_back(std::move(shadow));
+  }
+  return shadows;
 }
 
 FaultsDescription describe_faults(const Value& value) {
@@ -503,6 +560,7 @@ std::optional<InspectDescription> describe_inspect(const Value& value) {
   inspect.allows_params = allows("params");
   inspect.allows_publish = allows("publish");
   inspect.allows_lifecycle = allows("lifecycle");
+  inspect.allows_reload = allows("reload");
   return inspect;
 }
 
@@ -585,6 +643,9 @@ ApplicationDescription describe(const Value& tree) {
     for (const Value& chain : chains->items()) {
       application.chains.push_back(describe_chain(chain));
     }
+  }
+  if (const Value* shadows = find_array(tree, "shadow")) {
+    application.shadows = describe_shadows(*shadows);
   }
   if (const Value* faults = find_object(tree, "faults")) {
     application.faults = describe_faults(*faults);

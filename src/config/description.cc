@@ -94,6 +94,20 @@ std::string_view to_string(OnHang on_hang) {
   return "";
 }
 
+std::string_view to_string(AfterRestarts then) {
+  switch (then) {
+    case AfterRestarts::kStay:
+      return "stay";
+    case AfterRestarts::kProcess:
+      return "process";
+    case AfterRestarts::kStop:
+      return "stop";
+    case AfterRestarts::kContinue:
+      return "continue";
+  }
+  return "";
+}
+
 std::string_view to_string(Policy policy) {
   switch (policy) {
     case Policy::kOther:

@@ -90,6 +90,7 @@ struct InspectDescription {
   bool allows_params = false;     ///< Parameters.
   bool allows_publish = false;    ///< Messages of their own, and calls of services.
   bool allows_lifecycle = false;  ///< Modes, and components that stop, start, or are made anew.
+  bool allows_reload = false;     ///< Components that are made of another library.
   Place place;
 };
 
@@ -173,12 +174,22 @@ struct PublisherDescription {
   Place place;
 };
 
+/// What follows when the restarts of a component or a process are used up.
+enum class AfterRestarts : std::uint8_t {
+  kStay,      ///< It stays stopped.
+  kProcess,   ///< Of a component: its process is restarted, if that is one of its own; else as
+              ///< before.
+  kStop,      ///< The application stops.
+  kContinue,  ///< Of a process: the others go on without it.
+};
+
 /// How often, and how fast, a component that faults is made anew.
 struct RestartDescription {
   std::uint32_t limit = 3;  ///< Restarts within `within`; one more fault is the end.
   std::chrono::nanoseconds within{10'000'000'000};
   std::chrono::nanoseconds back_off{0};  ///< Before the first of them; doubled each time,
   std::chrono::nanoseconds back_off_max{5'000'000'000};  ///< up to this.
+  AfterRestarts then = AfterRestarts::kStay;
 };
 
 /// A process of its own for some components of an application.
@@ -195,6 +206,8 @@ struct ProcessDescription {
   std::vector<std::filesystem::path> writable;  ///< and those to write as well.
   std::string user;        ///< The user that it runs as; empty: the one who started the run.
   bool is_trusted = true;  ///< Others read its messages in its memory; else they get copies.
+  /// A second process follows it, and takes its place when it ends.
+  bool has_standby = false;
   Place place;
 };
 
@@ -289,12 +302,13 @@ struct FaultsDescription {
 
 /// One component of the application, with all that its file, overlays and options say of it.
 struct ComponentDescription {
-  std::string name;        ///< Full: `front/limiter` for `limiter` in the namespace `front`.
-  std::string name_space;  ///< `front`, or empty; `"namespace"` in JSON.
-  std::string library;     ///< `speed_limiter` for the file `libspeed_limiter.so`.
-  std::string class_name;  ///< Which class of the library; empty: its only one. `"class"`.
-  std::string executor;    ///< Empty: the one of all who name none.
-  std::string process;     ///< One of the application's `processes`; empty: the main process.
+  std::string name;          ///< Full: `front/limiter` for `limiter` in the namespace `front`.
+  std::string name_space;    ///< `front`, or empty; `"namespace"` in JSON.
+  std::string library;       ///< `speed_limiter` for the file `libspeed_limiter.so`.
+  std::string class_name;    ///< Which class of the library; empty: its only one. `"class"`.
+  std::string executor;      ///< Empty: the one of all who name none.
+  std::string process;       ///< One of the application's `processes`; empty: the main process.
+  bool has_standby = false;  ///< Its process has one.
   std::optional<std::chrono::nanoseconds> serve_period;  ///< None: `serve()` is never called.
   std::chrono::nanoseconds serve_phase{0};
   std::chrono::nanoseconds simulated_cost{0};  ///< In simulated time, of each of its turns.
@@ -321,6 +335,16 @@ struct LibrariesDescription {
   Place place;
 };
 
+/// A component that is executed once more beside the one that it follows.
+struct ShadowDescription {
+  std::string name;  ///< Of it and its process.
+  std::string of;
+  std::string library;     ///< Empty: that of the component.
+  std::string class_name;  ///< Empty: the library's only one; without a library the component's.
+  Value params;            ///< An object: in what it differs from the component.
+  Place place;
+};
+
 /// A checked application: plain values, complete, no file is needed any more.
 struct ApplicationDescription {
   std::string name;
@@ -338,6 +362,7 @@ struct ApplicationDescription {
   std::string initial_mode;                      ///< Empty where there are no modes.
   std::vector<ChainDescription> chains;          ///< In file order.
   FaultsDescription faults;                      ///< Empty in all but a trial of faults.
+  std::vector<ShadowDescription> shadows;        ///< In file order.
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
@@ -370,6 +395,7 @@ struct ApplicationDescription {
 /// The words of the enums as JSON has them: `drop_oldest`, `stop_component`.
 [[nodiscard]] std::string_view to_string(OnFault on_fault);
 [[nodiscard]] std::string_view to_string(OnHang on_hang);
+[[nodiscard]] std::string_view to_string(AfterRestarts then);
 [[nodiscard]] std::string_view to_string(Policy policy);
 [[nodiscard]] std::string_view to_string(Wait wait);
 [[nodiscard]] std::string_view to_string(Overflow overflow);

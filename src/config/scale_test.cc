@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <ctime>
 #include <functional>
+#include <limits>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -47,22 +48,18 @@ void PrintTo(const Scaled& scaled, std::ostream* stream) {
 
 class Loading : public testing::TestWithParam<Scaled> {
  protected:
-  /// CPU time of this thread for the application with `size` things; the least of some attempts.
+  /// CPU time of this thread, in seconds, to load the application with `size` things.
   [[nodiscard]] double time_of(int size) const {
     const TestFolder folder;
     LoadOptions options{.file = folder.write("app.json", GetParam().application(size))};
     if (GetParam().overlay) {
       options.overlays = {folder.write("overlay.json", GetParam().overlay(size))};
     }
-    double least = 1e9;
-    for (int attempt = 0; attempt < 3; ++attempt) {
-      const double before = now();
-      Problems problems;
-      const ApplicationDescription application = load(options, problems);
-      EXPECT_EQ(start_order(application).size(), application.components.size());
-      least = std::min(least, now() - before);
-    }
-    return least;
+    const double before = now();
+    Problems problems;
+    const ApplicationDescription application = load(options, problems);
+    EXPECT_EQ(start_order(application).size(), application.components.size());
+    return now() - before;
   }
 
  private:
@@ -74,11 +71,17 @@ class Loading : public testing::TestWithParam<Scaled> {
 };
 
 TEST_P(Loading, OfFourTimesAsMuchTakesAboutFourTimesAsLong) {
-  const double small = time_of(GetParam().size);
-  const double large = time_of(4 * GetParam().size);
+  // The least of some attempts: what else runs on the machine makes a single one longer. One is
+  // enough where it holds, and is all that a slow machine has time for.
+  double small = std::numeric_limits<double>::infinity();
+  double large = std::numeric_limits<double>::infinity();
+  const double bound = 9;  // 16 if the work grows with the square.
+  for (int attempt = 0; attempt < 3 && !(large < bound * small); ++attempt) {
+    small = std::min(small, time_of(GetParam().size));
+    large = std::min(large, time_of(4 * GetParam().size));
+  }
 
-  // 16 if the work grows with the square.
-  EXPECT_LT(large / small, 9) << small << " s, " << large << " s";
+  EXPECT_LT(large / small, bound) << small << " s, " << large << " s";
 }
 
 INSTANTIATE_TEST_SUITE_P(

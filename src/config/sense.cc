@@ -44,6 +44,9 @@ class Sense {
       check_executor_in_processes(executor);
     }
     check_processes();
+    for (const ShadowDescription& shadow : application_.shadows) {
+      check_shadow(shadow);
+    }
     for (const TopicDescription& topic : application_.topics) {
       check_pool(topic);
     }
@@ -252,6 +255,30 @@ class Sense {
         warn(process.place, "the process " + in_quotes(process.name) + " is not described",
              did_you_mean(meant));
       }
+    }
+  }
+
+  void check_shadow(const ShadowDescription& shadow) {
+    const auto found = components_.find(shadow.of);
+    if (found == components_.end()) {
+      std::vector<std::string> names;
+      for (const ComponentDescription& component : application_.components) {
+        names.push_back(component.name);
+      }
+      add(shadow.place, "of", "there is no component " + in_quotes(shadow.of),
+          did_you_mean(nearest(shadow.of, names)));
+      return;
+    }
+    const auto process = processes_.find(found->second->process);
+    if (process != processes_.end() && process->second->has_standby) {
+      add(shadow.place, "of",
+          "the process of the component " + in_quotes(shadow.of) + " has a standby, and no shadow");
+    }
+    const auto is_of_that_name = [&](const auto& one) { return one.name == shadow.name; };
+    if (processes_.contains(shadow.name) || components_.contains(shadow.name) ||
+        std::ranges::count_if(application_.shadows, is_of_that_name) > 1) {
+      add(shadow.place, "name", "the name " + in_quotes(shadow.name) + " is used twice",
+          "give each shadow a \"name\" of its own");
     }
   }
 

@@ -422,6 +422,11 @@ void report(std::string_view what, const void* context) noexcept {
   }
   text << "fastcycle: crash of " << summary.text() << "\n";
   write_all(STDERR_FILENO, text.text());
+  if (const detail::RunningActivation* const running = detail::current_activation();
+      known != nullptr && known->facts.crashed != nullptr && running != nullptr &&
+      running->record != nullptr) {
+    known->facts.crashed->store(running->record->component + 1);
+  }
   if (known != nullptr && known->facts.note != nullptr) {
     leave_note(*known->facts.note, summary.text(), text.text());
   }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -35,7 +37,9 @@ struct RunFacts {
   std::vector<Component> components;  ///< By their places in the application file.
   std::vector<Publisher> publishers;
   std::vector<const detail::ActivationRing*> rings;
-  CrashNote* note = nullptr;              ///< Filled in by the crash; or none.
+  CrashNote* note = nullptr;  ///< Filled in by the crash; or none.
+  /// Where the crash says in whose activation it was: the component's place + 1; or none.
+  std::atomic<std::uint32_t>* crashed = nullptr;
   const detail::LogQueue* log = nullptr;  ///< Whose lines are printed before the end; or none.
 };
 

@@ -82,6 +82,9 @@ void Activator::activate(ActivationRing& ring, ActivationRecord record, Activati
     ring.end(place, record);
     clock_.read();  // A restart takes long.
   }
+  if (publishing.follower != nullptr) [[unlikely]] {
+    publishing.follower->ring();
+  }
   publishing.origin = &PublishingComponent::kNoOrigin;
   publishing.trails = nullptr;
 }

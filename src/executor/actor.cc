@@ -103,6 +103,11 @@ void Actor::suspend() noexcept {
   suspension_.suspend();
 }
 
+void Actor::suspend_keeping() noexcept {
+  cancel_timers();
+  suspension_.suspend_keeping();
+}
+
 void Actor::resume() noexcept {
   suspension_.resume();
   inbox.mark(Inbox::kTimerBit);  // Credits may have come.
@@ -143,6 +148,7 @@ void Actor::look(ActivationRing& ring, TimerCore& timer) {
   const auto event = timer.watch->look(turn_.now_ns());
   timers_.look_again(timer);  // Before the callback, which may end the subscription.
   if (event) {
+    on_qos_event(watch, *event);
     activator_.run(ring, watch, *event);
   }
 }
@@ -239,7 +245,8 @@ Actor::Served Actor::take(ActivationRing& ring, const Inbox::Head& head) {
 
 bool Actor::run_early(ActivationRing& ring, std::int64_t now_ns) {
   Inbox::Head head;
-  if (!inbox.peek_early(head) || !is_open() || controls_.has_posted() || controls_.has_own()) {
+  if (script_ != nullptr || !inbox.peek_early(head) || !is_open() || controls_.has_posted() ||
+      controls_.has_own()) {
     return false;
   }
   if (head.lane->options.is_judged) {
@@ -267,6 +274,10 @@ bool Actor::run_early(ActivationRing& ring, std::int64_t now_ns) {
 [[gnu::always_inline]] inline bool Actor::serve(ActivationRing& ring) {
   // The bit first: what is posted after the look sets it again.
   inbox.take_bit(Inbox::kControlBit);
+  if (script_ != nullptr) [[unlikely]] {
+    inbox.take_bit(Inbox::kTimerBit);
+    return script_->serve(ring);
+  }
   if (controls_.has_posted() && run_posted(ring)) {
     return true;
   }
@@ -308,7 +319,7 @@ void Actor::run_turn(ActivationRing& ring) {
       continue;
     }
     publish_due();
-    if (is_ticking() ? inbox.try_end_idle() : inbox.try_end_unopened()) {
+    if (is_ticking() && script_ == nullptr ? inbox.try_end_idle() : inbox.try_end_unopened()) {
       return;
     }
     turn_.read();
@@ -392,6 +403,41 @@ bool Actor::repeat_alarm(ActivationRing& ring) {
   return true;
 }
 
+bool Actor::repeat_own(ActivationRing& ring) {
+  if (!controls_.has_own()) {
+    return false;
+  }
+  activator_.run(ring, controls_.take_own());
+  return true;
+}
+
+// ---- Of one that follows another ----
+
+bool Actor::drop_posted(Control& dropped) {
+  if (!controls_.take_posted(dropped)) {
+    return false;
+  }
+  if (dropped.finished) {
+    dropped.finished();
+  }
+  return true;
+}
+
+void Actor::follow(Script& script) noexcept {
+  script_ = &script;
+  subscriptions.follow(true);
+}
+
+void Actor::stop_following() noexcept {
+  script_ = nullptr;
+  subscriptions.follow(false);
+  publishing.told = nullptr;
+  turn_.let_go();
+  inbox.mark_all();
+  inbox.mark_control();
+  inbox.mark(Inbox::kTimerBit);
+}
+
 void Actor::start_timers(Time start) {
   for (CallbackSubscription* subscription : subscriptions.callbacks()) {
     if (subscription->quality == nullptr || subscription->is_ended) {
@@ -419,8 +465,8 @@ void Actor::clear_timers() noexcept {
 }
 
 void Actor::publish_due() noexcept {
-  std::int64_t due_ns = suspension_.alarm_ns();
-  if (!is_suspended()) {
+  std::int64_t due_ns = script_ == nullptr ? suspension_.alarm_ns() : base::kNever;
+  if (!is_suspended() && script_ == nullptr) {
     due_ns = std::min(due_ns, timers_.next_due_ns());
   }
   if (due_ns != base::kNever && !clock.is_simulated()) {

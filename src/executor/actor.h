@@ -18,6 +18,7 @@
 #include "executor/due_time.h"
 #include "executor/held_origins.h"
 #include "executor/round_stage.h"
+#include "executor/script.h"
 #include "executor/subscription_set.h"
 #include "executor/subscriptions.h"
 #include "executor/suspension.h"
@@ -93,10 +94,28 @@ class Actor : public ActorBase {
   void repeat(ActivationRing& ring, TimerCore& timer, const Tick& tick);
   void repeat(ActivationRing& ring, const Watch& watch, const QosEvent& event);
   void repeat(ActivationRing& ring, const Control& control);
+  /// Whether something was posted with this cause and key.
+  [[nodiscard]] bool has_posted(Cause cause, std::uint64_t key) {
+    return controls_.has_posted(cause, key);
+  }
+  [[nodiscard]] bool has_own() const noexcept { return controls_.has_own(); }
   /// What was posted with this cause and key; false if nothing was.
   [[nodiscard]] bool repeat_posted(ActivationRing& ring, Cause cause, std::uint64_t key);
   /// The alarm; false if none is set.
   [[nodiscard]] bool repeat_alarm(ActivationRing& ring);
+  /// The next of what it posted to itself; false if nothing is left of that.
+  [[nodiscard]] bool repeat_own(ActivationRing& ring);
+  /// Drops the next of what others posted, as if it had been served, and says in `dropped` what it
+  /// was; false if there is none.
+  bool drop_posted(Control& dropped);
+
+  /// From now on `script` says what is served, and nothing else does. Before the start, or between
+  /// its activations.
+  void follow(Script& script) noexcept;
+  /// It serves by itself again, as of now, what waits and what is due. As `follow`.
+  void stop_following() noexcept;
+  /// The next activation of one that follows is at `time`.
+  void follow_at(Time time) noexcept { turn_.hold(time); }
 
   /// Hands over what was published and posted in a simulated round.
   void hand_over_stage() { stage_.hand_over(); }
@@ -114,7 +133,9 @@ class Actor : public ActorBase {
   /// still comes is `dropped{inactive}`, except for the last messages of latched topics, which go
   /// on waiting. Views go on. Cancels all timers.
   void suspend() noexcept;
-  /// Drops what came until now, and serves again.
+  /// As `suspend`, but nothing is dropped: all goes on waiting, as far as its queue has room.
+  void suspend_keeping() noexcept;
+  /// Drops what came until now, unless it is kept, and serves again.
   void resume() noexcept;
   [[nodiscard]] bool is_suspended() const noexcept { return suspension_.is_suspended(); }
   /// Drops what waits for callbacks as inactive, latched messages too.
@@ -211,6 +232,10 @@ class Actor : public ActorBase {
   /// A callback threw `what`; called in the same turn, after the activation ended.
   virtual void on_fault(std::string_view what) = 0;
 
+  /// A watch has something to tell, before its callback is called. In a turn, but in no activation.
+  virtual void on_qos_event([[maybe_unused]] const Watch& watch,
+                            [[maybe_unused]] const QosEvent& event) {}
+
   /// A message came too late for the chain at this place of the application file, and is delivered
   /// next, or dropped. In a turn, but in no activation.
   virtual void on_breach([[maybe_unused]] std::size_t chain) {}
@@ -255,6 +280,7 @@ class Actor : public ActorBase {
   DueTime due_time_;
   TurnClock turn_{clock};
   Activator activator_;
+  Script* script_ = nullptr;  ///< Null: it serves by itself.
 
  public:
   SubscriptionSet subscriptions;

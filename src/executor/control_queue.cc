@@ -34,10 +34,19 @@ bool ControlQueue::take_posted(Control& control) {
   return true;
 }
 
+std::deque<Control>::iterator ControlQueue::find(Cause cause, std::uint64_t key) {
+  return std::ranges::find_if(
+      posted_, [&](const Control& posted) { return posted.cause == cause && posted.key == key; });
+}
+
+bool ControlQueue::has_posted(Cause cause, std::uint64_t key) {
+  const std::lock_guard lock(mutex_);
+  return find(cause, key) != posted_.end();
+}
+
 bool ControlQueue::take_posted(Cause cause, std::uint64_t key, Control& control) {
   const std::lock_guard lock(mutex_);
-  const auto found = std::ranges::find_if(
-      posted_, [&](const Control& posted) { return posted.cause == cause && posted.key == key; });
+  const auto found = find(cause, key);
   if (found == posted_.end()) {
     return false;
   }

@@ -57,6 +57,8 @@ class ControlQueue {
   }
   /// The next of what others posted; false if there is none.
   [[nodiscard]] bool take_posted(Control& control);
+  /// Whether one of this cause and key waits.
+  [[nodiscard]] bool has_posted(Cause cause, std::uint64_t key);
   /// The next of this cause and key, wherever it stands; false if there is none.
   [[nodiscard]] bool take_posted(Cause cause, std::uint64_t key, Control& control);
 
@@ -66,6 +68,9 @@ class ControlQueue {
   [[nodiscard]] Control take_own();
 
  private:
+  /// @pre The mutex is held.
+  [[nodiscard]] std::deque<Control>::iterator find(Cause cause, std::uint64_t key);
+
   std::deque<Control> own_;
 
   // Taken only when a control cause is posted or served.

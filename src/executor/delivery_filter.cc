@@ -14,6 +14,10 @@ using Decision = DeliveryFilter::Decision;
 using Verdict = DeliveryFilter::Verdict;
 
 Verdict take_by_quality(Quality& quality, const Inbox::Head& head, Time now) {
+  if (head.lane->is_closed()) {
+    // The subscription is over, and what its callback for events belonged to may be gone.
+    return {.decision = Inbox::pop(head) ? Decision::kDeliver : Decision::kGone};
+  }
   QosEvent event;
   const auto verdict = quality.judge(*head.lane, head.head, base::to_ns(now), event);
   if (verdict == Quality::Verdict::kTell) {
@@ -23,7 +27,7 @@ Verdict take_by_quality(Quality& quality, const Inbox::Head& head, Time now) {
     return {.decision = Decision::kGone};
   }
   quality.took(*head.lane, head.head);
-  if (verdict == Quality::Verdict::kDeliver || head.lane->is_closed()) {
+  if (verdict == Quality::Verdict::kDeliver) {
     return {};
   }
   quality.expired.add();

@@ -147,6 +147,9 @@ bool Executor::is_quiet() const noexcept {
 void Executor::work(unsigned worker) {
   const ServingThread serving;
   t_executor = this;
+  if (foreign_ != nullptr) {
+    foreign_->begin_worker(worker);
+  }
   while (!is_stopping_.load(std::memory_order_relaxed)) {
     // Jobs and timers have their turn also where components are always ready.
     bool is_busy = run_ready(worker);
@@ -158,6 +161,9 @@ void Executor::work(unsigned worker) {
     if (!is_busy) {
       idle(worker);
     }
+  }
+  if (foreign_ != nullptr) {
+    foreign_->end_worker(worker);
   }
 }
 

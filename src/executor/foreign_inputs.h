@@ -19,6 +19,10 @@ class ForeignInputs {
   ForeignInputs& operator=(const ForeignInputs&) = delete;
   virtual ~ForeignInputs() = default;
 
+  /// A worker of the executor, number `worker`, begins, and ends: called by itself.
+  virtual void begin_worker(unsigned) noexcept {}
+  virtual void end_worker(unsigned) noexcept {}
+
   /// Hands what came to the lanes; true if there was anything.
   virtual bool take() noexcept = 0;
 

@@ -18,6 +18,9 @@ enum class LifeStep : std::uint8_t {
   kRenew,      ///< A tool has it made anew,
   kToolStop,   ///< has it deactivated,
   kToolStart,  ///< or activated.
+  kReload,     ///< Its object is replaced by one of another library,
+  kRollBack,   ///< by one of the library before,
+  kConfirm,    ///< or the library stays.
 };
 
 [[nodiscard]] constexpr std::uint64_t to_key(LifeStep step) noexcept {

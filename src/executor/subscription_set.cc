@@ -129,6 +129,15 @@ void SubscriptionSet::destroy_callbacks() noexcept {
 }
 
 void SubscriptionSet::refresh_views() {
+  if (!is_following_) {
+    take_for_views();
+  }
+  for (View* view : views_) {
+    view->forget_old(actor_.publishing.now);
+  }
+}
+
+void SubscriptionSet::take_for_views() {
   Time& now = actor_.publishing.now;
   for (const auto& lane : actor_.inbox.views()) {
     auto& view = static_cast<View&>(lane->subscription);
@@ -160,9 +169,6 @@ void SubscriptionSet::refresh_views() {
       now = std::max(now, base::from_ns(head.time_ns));
       view.insert(head.envelope);
     }
-  }
-  for (View* view : views_) {
-    view->forget_old(now);
   }
 }
 

@@ -64,6 +64,8 @@ class SubscriptionSet {
   /// activation's time goes on to that of the newest message.
   void refresh_views();
   [[nodiscard]] bool has_views() const noexcept { return !views_.empty(); }
+  /// While it follows another component, views take over what that one's did, and nothing else.
+  void follow(bool is_following) noexcept { is_following_ = is_following; }
 
   /// The oldest message of a subscription that outlives faults, which stays; false if there is
   /// none. Of several such subscriptions the first that has one.
@@ -79,6 +81,8 @@ class SubscriptionSet {
   }
 
  private:
+  void take_for_views();
+
   ActorBase& actor_;
   HeldOrigins& held_;
   ActorCredits& credits_;
@@ -87,6 +91,7 @@ class SubscriptionSet {
   std::vector<CallbackSubscription*> callbacks_;
   std::vector<std::unique_ptr<Synchronizer>> synchronizers_;
   std::vector<std::unique_ptr<EnvelopeCallback>> ended_;  ///< Their callbacks.
+  bool is_following_ = false;
 };
 
 }  // namespace fastcycle::detail

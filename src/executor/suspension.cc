@@ -8,18 +8,30 @@
 namespace fastcycle::detail {
 
 void Suspension::suspend() noexcept {
+  is_keeping_ = false;
+  gate_.store(Gate::kSuspended, std::memory_order_relaxed);
+  inbox_.mark_all();
+}
+
+void Suspension::suspend_keeping() noexcept {
+  is_keeping_ = true;
   gate_.store(Gate::kSuspended, std::memory_order_relaxed);
   inbox_.mark_all();
 }
 
 void Suspension::resume() noexcept {
   drop_waiting(false);
+  is_keeping_ = false;
   cancel_alarm();
   open();
   inbox_.mark_all();  // Latched messages waited without their bits.
 }
 
 void Suspension::drop_waiting(bool with_latched) noexcept {
+  if (is_keeping_ && !with_latched) {
+    inbox_.take_ready([](Lane&) {});  // `resume` has all looked at.
+    return;
+  }
   inbox_.take_ready([&](Lane& lane) {
     Subscription& subscription = lane.subscription;
     if (subscription.is_called() &&

@@ -29,7 +29,9 @@ class Suspension {
   void open() noexcept { gate_.store(Gate::kOpen, std::memory_order_relaxed); }
   /// They are not, and what waits already is looked at in a turn: this one or the next.
   void suspend() noexcept;
-  /// Drops what came until now, and opens.
+  /// The same, but all that waits, and that comes until `resume`, goes on waiting.
+  void suspend_keeping() noexcept;
+  /// Drops what came until now, unless it is kept, and opens.
   void resume() noexcept;
 
   [[nodiscard]] bool is_open() const noexcept { return gate() == Gate::kOpen; }
@@ -38,7 +40,7 @@ class Suspension {
   [[nodiscard]] bool is_closed() const noexcept { return gate() == Gate::kClosed; }
 
   /// Drops, as inactive, what waits for callbacks that do not outlive that: all but the last
-  /// messages of latched topics, or these too.
+  /// messages of latched topics, or these too. Where all is kept, nothing, but with `with_latched`.
   void drop_waiting(bool with_latched) noexcept;
 
   void set_alarm(Time due, std::function<void()> action);
@@ -56,6 +58,7 @@ class Suspension {
   enum class Gate : std::uint8_t { kClosed, kOpen, kSuspended };
   [[nodiscard]] Gate gate() const noexcept { return gate_.load(std::memory_order_relaxed); }
 
+  bool is_keeping_ = false;
   Inbox& inbox_;
   const GiveBack give_back_;
   /// Written by the worker, read by who waits for the end.

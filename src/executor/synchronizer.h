@@ -72,7 +72,7 @@ class Synchronizer {
   /// Lets go of all that is held, and counts it as dropped for `reason`.
   void drop_held(DropReason reason) noexcept;
 
-  /// What a restarted component calls from now on. @pre Nothing is held.
+  /// What a restarted component calls from now on. What is held stays.
   void set_callback(EnvelopeSetCallback callback) { callback_ = std::move(callback); }
 
   [[nodiscard]] const SynchronizerInput& input(std::size_t place) const { return *inputs_[place]; }

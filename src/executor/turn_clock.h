@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 
 #include "base/clock.h"
 
@@ -20,15 +21,21 @@ class TurnClock {
   /// It is not before `time`, which may have come after the clock was read. Live only.
   void pass(Time time) noexcept { read_ns_ = std::max(read_ns_, clock_.monotonic_at(time)); }
 
+  /// Until `let_go` it is `time` on the application's clock: another component's, which is
+  /// followed.
+  void hold(Time time) noexcept { held_ = time; }
+  void let_go() noexcept { held_.reset(); }
+
   /// As it was read last, CLOCK_MONOTONIC.
   [[nodiscard]] std::int64_t read_ns() const noexcept { return read_ns_; }
   /// The same on the application's clock.
-  [[nodiscard]] Time now() const noexcept { return clock_.at_monotonic(read_ns_); }
+  [[nodiscard]] Time now() const noexcept { return held_ ? *held_ : clock_.at_monotonic(read_ns_); }
   [[nodiscard]] std::int64_t now_ns() const noexcept { return base::to_ns(now()); }
 
  private:
   const base::Clock& clock_;
   std::int64_t read_ns_ = 0;
+  std::optional<Time> held_;
 };
 
 }  // namespace fastcycle::detail

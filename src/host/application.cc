@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstdio>
 #include <stdexcept>
 #include <thread>
 #include <utility>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "base/memory.h"
@@ -13,7 +15,9 @@
 #include "component/credits.h"
 #include "component/own_names.h"
 #include "component/peers.h"
+#include "component/reloading.h"
 #include "config/params.h"
+#include "diagnostics/crash_reporter.h"
 #include "host/build_checks.h"
 #include "host/explanation.h"
 #include "host/live_driver.h"
@@ -129,8 +133,12 @@ void Application::add_component(const config::ComponentDescription& component,
                                 const ComponentClass& its_class) {
   auto core = std::make_unique<ComponentCore>(*this, static_cast<std::uint32_t>(components_.size()),
                                               component, its_class, driver_->clock_of_next(clock_));
+  core->versions = std::make_unique<detail::Reloading>(*core);
   core->is_wanted = modes_.is_active_at_first(core->index);
   core->set_root_count(chains_.root_count());
+  if (peers_ != nullptr) {
+    core->inbox.lane_room = peers_->lane_room(component.name);
+  }
   driver_->add(*core, component);
   components_.push_back(std::move(core));
 }
@@ -146,6 +154,7 @@ void Application::listen_to_peers() {
     peer_news_.take(notice);
     peer_log_.take(notice);
     life_changes_.take(notice);
+    follower_news_.take(notice);
   };
   peers_->on_round_ends = [this] { peer_log_.tell_round(); };
   peers_->on_look = [this] { return peer_news_.look(); };
@@ -153,6 +162,11 @@ void Application::listen_to_peers() {
     if (end_reason() == EndReason::kNone) {  // Processes that end with the run have not failed.
       observers_.changed(news);
       status_.changed_elsewhere(news);
+    }
+  };
+  peer_news_.on_lost = [this](const ComponentCore& component, const std::string& why) {
+    if (!component.description.fault_mode.empty() && end_reason() == EndReason::kNone) {
+      modes_.ask(component.description.fault_mode, component.name + ": " + why, nullptr);
     }
   };
   peers_->on_round_over = [this](bool is_anyone_busy) { modes_.round_is_over(is_anyone_busy); };
@@ -209,6 +223,16 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
     }
   }
   is_built_ = !problems.has_errors();
+}
+
+void Application::construct_only(ComponentClasses& classes, config::Problems& problems) {
+  for (const config::ComponentDescription& component : description_.components) {
+    if (const ComponentClass* its_class = classes.find(component, problems)) {
+      add_component(component, *its_class);
+    }
+  }
+  std::set<std::string> ignored;
+  construct(problems, ConstructorFault::kMistake, ignored);
 }
 
 void Application::construct(config::Problems& problems, ConstructorFault on_throw,
@@ -349,9 +373,12 @@ const record::Recorder* Application::recorder() const {
 
 void Application::keep_last(const config::FlightRecorderDescription& description) {
   kept_ = description;
-  auto recorder = std::make_unique<FlightObserver>(
-      description, description_.name, clock_, own_log_,
-      [this] { return explain(description_, clock_, components_); });
+  auto recorder =
+      std::make_unique<FlightObserver>(description, description_.name, clock_, own_log_, [this] {
+        record::Explanation explanation = explain(description_, clock_, components_);
+        note_reloads(explanation.facts);
+        return explanation;
+      });
   flight_recorder_ = recorder.get();
   observers_.add(std::move(recorder));
 }
@@ -374,7 +401,19 @@ record::Explanation Application::explanation() const {
   if (replay_ != nullptr) {
     replay_->explain(explanation.facts);
   }
+  note_reloads(explanation.facts);
   return explanation;
+}
+
+void Application::note_reloads(std::map<std::string, std::string>& facts) const {
+  for (const auto& component : components_) {
+    const detail::VersionNews version = runs_elsewhere(component->name)
+                                            ? peer_news_.version_of(component->index)
+                                            : component->versions->news();
+    if (version.reloads > 0) {
+      facts["reloaded." + component->name] = version.library + " " + version.build_id;
+    }
+  }
 }
 
 /// What a recording says of this run when it has ended.
@@ -383,6 +422,7 @@ std::map<std::string, std::string> Application::end_facts() const {
                                               {"timers_ns", std::to_string(start_ns_.load())},
                                               {"reason", to_word(end_reason())}};
   explain(modes_.switches(), facts);
+  note_reloads(facts);
   facts.merge(params_.facts());
   return facts;
 }
@@ -426,8 +466,11 @@ std::string Application::service_name(std::uint64_t id) const {
 /// When the timers start: now, or when they did in the run that is replayed.
 Time Application::begin_of_timers() {
   if (replay_ == nullptr) {
-    return peers_ != nullptr ? peers_->agree_on_begin([this] { return is_to_end(); })
+    return peers_ != nullptr ? peers_->agree_on_begin(clock_, [this] { return is_to_end(); })
                              : clock_.now();
+  }
+  if (peers_ != nullptr && !driver_->is_simulated()) {
+    static_cast<void>(peers_->agree_on_begin(clock_, [this] { return is_to_end(); }));
   }
   const Time begin = replay_->begin_of_timers();
   if (begin > clock_.now()) {
@@ -468,11 +511,28 @@ std::vector<const detail::ReadRing*> Application::keep_reads() {
   return rings;
 }
 
+/// The time of the recording. Of several processes all have to show the same: until all have
+/// started theirs stand, as they do in simulated time.
+void Application::begin_clock_of_replay() {
+  if (peers_ == nullptr || driver_->is_simulated()) {
+    clock_.restart(replay_->begin());
+    return;
+  }
+  clock_.stand_at(replay_->begin());
+  if (const std::optional<std::int64_t> began_ns = peers_->clocks_began()) {
+    clock_.go_on_at(*began_ns);
+    replay_->skip_to(clock_.now());
+  }
+}
+
 std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   const std::int64_t deadline_ns = within ? deadline_in(*within) : base::kNever;
   if (replay_ != nullptr) {
-    clock_.restart(replay_->begin());
+    begin_clock_of_replay();
     replay_->start(clock_, own_log_, [this](ReplayEnd end) {
+      if (end == ReplayEnd::kOver && peers_ != nullptr && !driver_->is_simulated()) {
+        peers_->reach_end_of_input([this] { return replay_->is_stopping(); });
+      }
       request_end(end == ReplayEnd::kFailed ? EndReason::kReplayFailed
                                             : EndReason::kSourcesFinished);
     });
@@ -573,6 +633,10 @@ void Application::stop() {
     return;
   }
   status_.end();
+  if (peers_ != nullptr) {
+    peers_->stops();
+  }
+  reloads_.end();
   wiring_.end();
   if (is_started_) {
     modes_.end();
@@ -628,7 +692,30 @@ void Application::destroy_components(
 
 // ---- What components tell ----
 
+bool Application::may_end_process(const ComponentCore& component) const {
+  if (peers_ == nullptr || peers_->is_main()) {
+    return false;
+  }
+  const auto& processes = description_.processes;
+  const auto its = std::ranges::find(processes, component.description.process,
+                                     &config::ProcessDescription::name);
+  return its != processes.end() && its->on_exit == config::OnExit::kRestart;
+}
+
+void Application::end_process(ComponentCore& component, const std::string& what) {
+  // What is told here is read when this process is gone.
+  peer_news_.tell_end(component);
+  // What is printed goes past the log, which may not be written any more.
+  std::fputs(fmt::format("\nfastcycle: component \"{}\": {}\n", component.name, what).c_str(),
+             stderr);
+  std::fflush(stderr);
+  diagnostics::end_process(1);
+}
+
 void Application::component_changed(ComponentCore& component, bool is_urgent) {
+  if (component.publishing.is_following) {
+    return;  // It is told by the one that does the work.
+  }
   if (observers_.wants_changes()) {
     observers_.changed(news_of(component));
   }
@@ -638,7 +725,17 @@ void Application::component_changed(ComponentCore& component, bool is_urgent) {
   }
 }
 
+void Application::version_changed(ComponentCore& component) {
+  component_changed(component, true);
+  if (peers_ != nullptr) {
+    params_.tell_all();  // Another class may declare others.
+  }
+}
+
 void Application::hang_changed(ComponentCore& component, std::string hang) {
+  if (!hang.empty()) {
+    component.versions->note_hang(hang);
+  }
   component.set_hang(std::move(hang));
   if (!driver_->is_simulated()) {
     status_.mode_changed();  // Simulated time cannot go on before the call returns.

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -25,12 +26,14 @@
 #include "config/description.h"
 #include "config/problem.h"
 #include "faults/injector.h"
+#include "host/follower_news.h"
 #include "host/life_changes.h"
 #include "host/observers.h"
 #include "host/param_changes.h"
 #include "host/peer_log.h"
 #include "host/peer_news.h"
 #include "host/pool_teller.h"
+#include "host/reloads.h"
 #include "host/status_news.h"
 #include "loading/component_classes.h"
 #include "modes/chains.h"
@@ -137,6 +140,9 @@ class Application final : public ApplicationHost {
   /// Constructs all components, connects all topics, and finds what does not fit together.
   void build(ComponentClasses& classes, config::Problems& problems, ConstructorFault on_throw);
 
+  /// Constructs the components, and looks at nothing that concerns them as a whole: for a trial.
+  void construct_only(ComponentClasses& classes, config::Problems& problems);
+
   /// Starts workers and components, in the order of the file but each after those that it names
   /// under `"after"`, then the timers. Returns what the machine refused.
   ///
@@ -182,6 +188,22 @@ class Application final : public ApplicationHost {
   void change_life(detail::ComponentCore& component, detail::LifeStep step,
                    LifeChanges::Done done) {
     life_changes_.make(component, step, std::move(done));
+  }
+
+  /// Has the process of `component` give its place to its standby. Returns why not; empty if it
+  /// does. Safe.
+  [[nodiscard]] std::string switch_to_standby(const detail::ComponentCore& component) {
+    return peers_ == nullptr ? "component \"" + component.name + "\" has no standby"
+                             : peers_->switch_to_standby(component.name);
+  }
+  /// Replaces a component by one of another library, as `Reloads::reload`. Safe.
+  void reload(detail::ComponentCore& component, const ReloadRequest& request,
+              LifeChanges::Done done) {
+    reloads_.reload(component, request, std::move(done));
+  }
+  /// As `Reloads::set_library_path`.
+  void set_library_path(std::vector<std::filesystem::path> library_path) {
+    reloads_.set_library_path(std::move(library_path));
   }
 
   void request_end(EndReason reason);
@@ -239,8 +261,13 @@ class Application final : public ApplicationHost {
   }
   [[nodiscard]] const std::vector<base::Refusal>& refusals() const { return refusals_; }
 
+  /// In the main process: what processes that follow others say of themselves.
+  [[nodiscard]] const FollowerNews& follower_news() const { return follower_news_; }
+
   // What components tell.
   void end_by_fault() override { request_end(EndReason::kFault); }
+  [[nodiscard]] bool may_end_process(const detail::ComponentCore& component) const override;
+  void end_process(detail::ComponentCore& component, const std::string& what) override;
   [[nodiscard]] bool is_to_end() const override;
   void component_changed(detail::ComponentCore& component, bool is_urgent) override;
   /// A call of `component` takes longer than it may, or, if `hang` is empty, does no more. Safe.
@@ -251,10 +278,15 @@ class Application final : public ApplicationHost {
   void mode_changed() override { status_.mode_changed(); }
   void chain_breached(detail::ComponentCore& sink, std::size_t chain) override {
     chains_.breached(sink, chain);
+    reloads_.chain_breached(chain);
   }
+  void deadline_missed(const QosEvent& event) override { reloads_.deadline_missed(event); }
+  void version_changed(detail::ComponentCore& component) override;
   [[nodiscard]] std::string mode() const override { return modes_.current(); }
   void ask_mode(std::string_view mode, std::string_view why, detail::ComponentCore& by) override {
-    modes_.ask(mode, why, &by);
+    if (!by.publishing.is_following) {
+      modes_.ask(mode, why, &by);
+    }
   }
   void declare_replayed(detail::ComponentCore& component) override;
   void put_recorded_params(detail::ComponentCore& component, std::uint64_t transaction,
@@ -287,10 +319,13 @@ class Application final : public ApplicationHost {
   void add_log(config::Problems& problems);
   /// Whether all processes of the application serve the same rounds of simulated time.
   [[nodiscard]] bool shares_rounds() const;
+  void begin_clock_of_replay();
   Time begin_of_timers();
   std::vector<const detail::ReadRing*> keep_reads();
   [[nodiscard]] bool sources_are_finished() const;
   [[nodiscard]] std::map<std::string, std::string> end_facts() const;
+  /// Which components a reload has made of another library than the file says.
+  void note_reloads(std::map<std::string, std::string>& facts) const;
   void destroy_components(const std::function<bool(const detail::ComponentCore&)>& is_left_alone);
 
   const config::ApplicationDescription description_;
@@ -310,6 +345,8 @@ class Application final : public ApplicationHost {
   PeerNews peer_news_{*this, wiring_};
   PeerLog peer_log_{*this};
   LifeChanges life_changes_{*this};
+  FollowerNews follower_news_;
+  Reloads reloads_{*this, wiring_, chains_, life_changes_};
   Lifecycle lifecycle_{*this, wiring_, *driver_, bell_};
   std::optional<config::RecordDescription> recorded_;
   std::optional<config::FlightRecorderDescription> kept_;

@@ -1,45 +1,12 @@
 #pragma once
 
-#include <cstddef>
-#include <string>
-#include <vector>
+#include "host/declared_wiring.h"
 
 namespace fastcycle::host {
 
 class Application;
 
-/// Who publishes and who subscribes in an application, as its components declared it: plain values,
-/// which a trial reports and from which the lanes between processes are planned.
-struct ApplicationWiring {
-  struct Publisher {
-    std::string topic;
-    std::string type;       ///< Of its messages, the full name.
-    std::string component;  ///< Of several on one topic the order counts.
-    std::size_t latched = 0;
-  };
-  struct Subscription {
-    std::string topic;
-    std::string type;
-    std::string component;
-    bool is_called = true;  ///< Its messages cause activations.
-    bool drops_newest = false;
-    std::size_t depth = 0;
-    std::size_t keep = 0;
-  };
-
-  std::vector<Publisher> publishers;
-  std::vector<Subscription> subscriptions;
-  std::vector<std::string> services;   ///< That components serve.
-  std::vector<std::string> recorders;  ///< Components that record all topics.
-};
-
 /// The wiring of `application`, which was built.
 [[nodiscard]] ApplicationWiring wiring_of(const Application& application);
-
-/// The same as one line of JSON, and back.
-///
-/// @errors  std::runtime_error if it is not what `to_text` gives.
-[[nodiscard]] std::string to_text(const ApplicationWiring& wiring);
-[[nodiscard]] ApplicationWiring wiring_from_text(const std::string& text);
 
 }  // namespace fastcycle::host

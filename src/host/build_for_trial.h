@@ -13,7 +13,7 @@ namespace fastcycle::host {
 /// The `BuildForTrial` of a whole application.
 [[nodiscard]] BuiltForTrial build_for_trial(
     config::ApplicationDescription description, ComponentClasses& classes,
-    ConstructorFault on_throw,
+    ConstructorFault on_throw, bool is_part,
     const std::function<void(const std::string& component)>& before_construct,
     config::Problems& problems);
 

@@ -99,6 +99,9 @@ void Diagnosis::tell_reporter(std::vector<const detail::ActivationRing*> rings) 
       facts.folder = ".";
     }
   }
+  if (Peers* const peers = application_.peers()) {
+    facts.crashed = peers->crashed();
+  }
   facts.rings = std::move(rings);
   facts.log = &application_.log_queue();
   reporter_.know(std::move(facts));

@@ -3,6 +3,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -27,7 +28,8 @@ std::string dumped(const json& said) {
 
 /// What a tool may ask for; none if it is nothing of that.
 std::optional<LifeStep> step_of(const json& said) {
-  for (const LifeStep step : {LifeStep::kRenew, LifeStep::kToolStop, LifeStep::kToolStart}) {
+  for (const LifeStep step : {LifeStep::kRenew, LifeStep::kToolStop, LifeStep::kToolStart,
+                              LifeStep::kReload, LifeStep::kRollBack, LifeStep::kConfirm}) {
     if (said == static_cast<unsigned>(step)) {
       return step;
     }
@@ -42,6 +44,19 @@ void LifeChanges::make(ComponentCore& component, LifeStep step, Done done) {
     make_here(component, step, std::move(done));
     return;
   }
+  ask_elsewhere(component, {{"step", static_cast<unsigned>(step)}}, std::move(done));
+}
+
+void LifeChanges::reload(ComponentCore& component, const json& order, Done done) {
+  if (!application_.runs_elsewhere(component.name)) {
+    on_reload(component, order, std::move(done));
+    return;
+  }
+  ask_elsewhere(component, {{"step", static_cast<unsigned>(LifeStep::kReload)}, {"order", order}},
+                std::move(done));
+}
+
+void LifeChanges::ask_elsewhere(ComponentCore& component, json what, Done done) {
   Peers& peers = *application_.peers();
   std::uint64_t number = 0;
   {
@@ -49,8 +64,12 @@ void LifeChanges::make(ComponentCore& component, LifeStep step, Done done) {
     number = ++numbers_;
     asked_[number] = {.process = peers.process_of(component.name), .done = std::move(done)};
   }
-  peers.tell(Notice::Kind::kLifeAsked, component.index,
-             dumped({{"number", number}, {"step", static_cast<unsigned>(step)}}));
+  what["number"] = number;
+  try {
+    peers.tell(Notice::Kind::kLifeAsked, component.index, dumped(what));
+  } catch (const std::length_error& error) {
+    answer(number, error.what(), {});
+  }
 }
 
 void LifeChanges::make_here(ComponentCore& component, LifeStep step, Done done) {
@@ -91,15 +110,18 @@ void LifeChanges::take(const Notice& notice) {
     if (application_.runs_elsewhere(component.name)) {
       return;
     }
-    make_here(component, *step,
-              [&peers, number, process = notice.process](const std::string& why_not,
-                                                         const std::string& state) {
-                peers.tell(Notice::Kind::kLifeMade, 0,
-                           dumped({{"process", process},
-                                   {"number", number},
-                                   {"why_not", why_not},
-                                   {"state", state}}));
-              });
+    const Done tell = [&peers, number, process = notice.process](const std::string& why_not,
+                                                                 const std::string& state) {
+      peers.tell(
+          Notice::Kind::kLifeMade, 0,
+          dumped(
+              {{"process", process}, {"number", number}, {"why_not", why_not}, {"state", state}}));
+    };
+    if (*step == LifeStep::kReload) {
+      on_reload(component, said.at("order"), tell);
+    } else {
+      make_here(component, *step, tell);
+    }
   } catch (const json::exception&) {  // Who says it is broken: it counts as not said.
   }
 }

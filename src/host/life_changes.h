@@ -5,6 +5,8 @@
 #include <map>
 #include <string>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "base/priority_mutex.h"
 #include "component/peers.h"
 #include "executor/life_step.h"
@@ -17,7 +19,8 @@ namespace fastcycle::host {
 
 class ApplicationHost;
 
-/// Restarts, stops and starts components on behalf of a tool, in whatever process they run.
+/// Restarts, stops, starts and reloads components on behalf of a tool, in whatever process they
+/// run.
 ///
 /// @threads  `make` is Safe; `take` as `Peers::on_notice`.
 class LifeChanges {
@@ -27,9 +30,14 @@ class LifeChanges {
 
   explicit LifeChanges(ApplicationHost& application) : application_(application) {}
 
-  /// `step` is `kRenew`, `kToolStop` or `kToolStart`. `done` is called in an activation of the
-  /// component, or on the thread that takes notices.
+  /// `step` is `kRenew`, `kToolStop`, `kToolStart`, `kRollBack` or `kConfirm`. `done` is called in
+  /// an activation of the component, or on the thread that takes notices.
   void make(detail::ComponentCore& component, detail::LifeStep step, Done done);
+  /// Has the component reloaded as `order` says, which `on_reload` understands. `done` as above.
+  void reload(detail::ComponentCore& component, const nlohmann::json& order, Done done);
+  /// Reloads a component that runs here. Set before the start.
+  std::function<void(detail::ComponentCore& component, const nlohmann::json& order, Done done)>
+      on_reload;
   void take(const Notice& notice);
 
  private:
@@ -38,6 +46,8 @@ class LifeChanges {
     Done done;
   };
 
+  /// Says `what` to the process of the component, which answers `done`.
+  void ask_elsewhere(detail::ComponentCore& component, nlohmann::json what, Done done);
   void make_here(detail::ComponentCore& component, detail::LifeStep step, Done done);
   void answer(std::uint64_t number, const std::string& why_not, const std::string& state);
   void process_has_ended(std::uint32_t process);

@@ -379,8 +379,8 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
         [&component, tell, key] { component.post(detail::Cause::kParameter, tell, nullptr, key); });
   };
   application_.time().stage(component, [this, &component, changes = std::move(changes), answer] {
-    if (application_.time().is_recorded()) {
-      answer({});  // The log has what became of it.
+    if (application_.time().is_recorded() || component.publishing.is_following) {
+      answer({});  // What became of it is known from then, or from there.
     } else if (application_.peers() == nullptr) {
       answer(make(changes, component.name));
     } else {

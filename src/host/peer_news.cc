@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "base/clock.h"
@@ -78,17 +79,32 @@ FiguresElsewhere::Subscription subscription_from(const json& said) {
   return subscription;
 }
 
+json to_json(const detail::VersionNews& version) {
+  return {{"library", shortened(version.library)},
+          {"build_id", shortened(version.build_id)},
+          {"is_on_probation", version.is_on_probation},
+          {"reloads", version.reloads},
+          {"rollbacks", version.rollbacks},
+          {"last", shortened(version.last)}};
+}
+
+detail::VersionNews version_from(const json& said) {
+  return {.library = said.at("library"),
+          .build_id = said.at("build_id"),
+          .is_on_probation = said.at("is_on_probation"),
+          .reloads = said.at("reloads"),
+          .rollbacks = said.at("rollbacks"),
+          .last = said.at("last")};
+}
+
 std::string to_text(const ComponentNews& news, bool has_figures) {
-  json said{{"state", news.elsewhere->state},
-            {"health", news.health},
-            {"reason", shortened(news.health_reason)},
-            {"faults", news.faults},
-            {"last_fault", shortened(news.last_fault)},
-            {"restarts", news.restarts},
-            {"is_urgent", news.is_urgent},
-            {"activations", news.elsewhere->activations},
-            {"overruns", news.elsewhere->overruns},
-            {"hang", shortened(news.elsewhere->hang)}};
+  json said{
+      {"state", news.elsewhere->state},           {"health", news.health},
+      {"reason", shortened(news.health_reason)},  {"faults", news.faults},
+      {"last_fault", shortened(news.last_fault)}, {"restarts", news.restarts},
+      {"version", to_json(news.version)},         {"is_urgent", news.is_urgent},
+      {"ends_process", news.ends_process},        {"activations", news.elsewhere->activations},
+      {"overruns", news.elsewhere->overruns},     {"hang", shortened(news.elsewhere->hang)}};
   if (has_figures) {
     said["callback"] = to_json(news.elsewhere->callback);
     said["lateness"] = to_json(news.elsewhere->lateness);
@@ -116,6 +132,8 @@ std::optional<ComponentNews> news_from(const std::string& text, const ComponentN
                        .faults = said.at("faults"),
                        .last_fault = said.at("last_fault"),
                        .restarts = said.at("restarts"),
+                       .version = version_from(said.at("version")),
+                       .ends_process = said.at("ends_process"),
                        .is_urgent = said.at("is_urgent"),
                        .elsewhere = before.elsewhere};
     FiguresElsewhere& elsewhere = news.elsewhere ? *news.elsewhere : news.elsewhere.emplace();
@@ -199,6 +217,16 @@ void PeerNews::changed(ComponentCore& component, bool is_urgent) {
   } else {
     application_.peers()->look();
   }
+}
+
+void PeerNews::tell_end(ComponentCore& component) {
+  Its& its = its_[component.index];
+  const std::lock_guard lock(mutex_);
+  its.news = news_of(component);
+  its.news.ends_process = true;
+  its.news.is_urgent = true;
+  its.is_new = true;
+  tell(its);
 }
 
 void PeerNews::hang_changed(const ComponentCore& component) {
@@ -298,7 +326,7 @@ void PeerNews::take(const Notice& notice) {
     return;
   }
   if (notice.kind == Notice::Kind::kGone) {
-    process_has_ended(notice.process);
+    process_has_ended(notice);
   } else if (notice.kind == Notice::Kind::kNews && notice.component < its_.size()) {
     const std::string& name = application_.components()[notice.component]->name;
     if (application_.peers()->process_of(name) == notice.process) {
@@ -314,7 +342,12 @@ void PeerNews::hear(std::uint32_t component, ComponentNews news) {
   news.component = component;
   news.faults += its.faults_before;
   news.restarts += its.restarts_before;
-  its.news = news;
+  news.version.reloads += its.reloads_before;
+  news.version.rollbacks += its.rollbacks_before;
+  {
+    const std::lock_guard lock(mutex_);  // For `version_of`.
+    its.news = news;
+  }
   // The restart takes no simulated time; that it was needed is to be seen nevertheless.
   if (its.ended_in == round_) {
     next_.push_back(std::move(news));
@@ -324,22 +357,32 @@ void PeerNews::hear(std::uint32_t component, ComponentNews news) {
 }
 
 /// Its components have failed with it; those that come again begin to count anew.
-void PeerNews::process_has_ended(std::uint32_t process) {
+void PeerNews::process_has_ended(const Notice& notice) {
+  const std::uint32_t process = notice.process;
+  const bool is_restarted = notice.text == Notice::kRestarts;
+  std::string why;  // Which component ended it, if one did.
+  for (const auto& component : application_.components()) {
+    if (component->index < its_.size() && its_[component->index].news.ends_process &&
+        application_.peers()->process_of(component->name) == process) {
+      why = fmt::format(", ended by \"{}\": {}", component->name,
+                        its_[component->index].news.last_fault);
+      its_[component->index].news.ends_process = false;
+    }
+  }
   for (const auto& component : application_.components()) {
     if (component->index >= its_.size() ||
         application_.peers()->process_of(component->name) != process) {
       continue;
     }
     const std::string& name = component->description.process;
-    const auto& processes = application_.description().processes;
-    const auto described = std::ranges::find(processes, name, &config::ProcessDescription::name);
-    const bool is_restarted =
-        described != processes.end() && described->on_exit == config::OnExit::kRestart;
     Its& its = its_[component->index];
     its.ended_in = application_.time().is_simulated() ? round_ : 0;
     its.faults_before = its.news.faults + 1;
     its.restarts_before = its.news.restarts + (is_restarted ? 1 : 0);
-    const std::string what = "its process \"" + name + "\" has ended";
+    // It begins with the library of the application file again.
+    its.reloads_before = its.news.version.reloads;
+    its.rollbacks_before = its.news.version.rollbacks + (its.news.version.is_on_probation ? 1 : 0);
+    const std::string what = "its process \"" + name + "\" has ended" + why;
     ComponentNews news{
         .component = component->index,
         .health = Health::kFailed,
@@ -347,12 +390,30 @@ void PeerNews::process_has_ended(std::uint32_t process) {
         .faults = its.faults_before,
         .last_fault = what,
         .restarts = its.restarts_before,
+        .version = {.library = component->description.library,
+                    .build_id = {},
+                    .is_on_probation = false,
+                    .reloads = its.reloads_before,
+                    .rollbacks = its.rollbacks_before,
+                    .last = its.news.version.is_on_probation ? "rolled back: " + what
+                                                             : its.news.version.last},
         .is_urgent = true,
         .elsewhere = FiguresElsewhere{.state = is_restarted ? ComponentState::kRestarting
                                                             : ComponentState::kFailed}};
-    its.news = news;
+    {
+      const std::lock_guard lock(mutex_);
+      its.news = news;
+    }
     on_news(news);
+    if (!is_restarted) {
+      on_lost(*component, what);
+    }
   }
+}
+
+detail::VersionNews PeerNews::version_of(std::uint32_t component) const {
+  const std::lock_guard lock(mutex_);
+  return component < its_.size() ? its_[component].news.version : detail::VersionNews();
 }
 
 }  // namespace fastcycle::host

@@ -29,8 +29,14 @@ class PeerNews {
   /// In the main process: gets what the others say. Set before the start.
   std::function<void(const ComponentNews&)> on_news;
 
+  /// In the main process: a component is gone with its process, which nobody restarts. Set before
+  /// the start.
+  std::function<void(const detail::ComponentCore& component, const std::string& why)> on_lost;
+
   /// Once the components are made.
   void begin();
+  /// `component` ends this process next: tells that, and how it is, at once. In its activation.
+  void tell_end(detail::ComponentCore& component);
   /// When they have started.
   void tell_all();
   void changed(detail::ComponentCore& component, bool is_urgent);
@@ -39,6 +45,8 @@ class PeerNews {
   /// The same in simulated time.
   void round_is_over();
   void take(const Notice& notice);
+  /// In the main process: whose code a component runs in another one. Safe.
+  [[nodiscard]] detail::VersionNews version_of(std::uint32_t component) const;
 
  private:
   /// One component.
@@ -50,17 +58,19 @@ class PeerNews {
     // In the main process: of processes that have ended.
     std::uint64_t faults_before = 0;
     std::uint64_t restarts_before = 0;
+    std::uint64_t reloads_before = 0;
+    std::uint64_t rollbacks_before = 0;
     std::uint64_t ended_in = 0;  ///< In simulated time: the round in which the last one did.
   };
 
   void tell(Its& its);
   void take_figures();
   void hear(std::uint32_t component, ComponentNews news);
-  void process_has_ended(std::uint32_t process);
+  void process_has_ended(const Notice& notice);
 
   ApplicationHost& application_;
   const Wiring& wiring_;
-  base::PriorityMutex mutex_;
+  mutable base::PriorityMutex mutex_;
   std::vector<Its> its_;            ///< By component.
   std::int64_t figures_at_ns_ = 0;  ///< When figures are taken next.
   // In simulated time.

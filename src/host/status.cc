@@ -86,7 +86,8 @@ ComponentNews news_of(const ComponentCore& core) {
           .health_reason = base::to_utf8(core.health_reason),
           .faults = core.fault_count,
           .last_fault = base::to_utf8(core.last_fault),
-          .restarts = core.restart_count};
+          .restarts = core.renewals(),
+          .version = core.versions->news()};
 }
 
 bool PendingNews::put(ComponentNews news) {
@@ -270,6 +271,12 @@ void StatusComponent::fill_component(std::size_t index, status::Component& compo
                                         : core.statistics.overruns.get());
   component.set_restarts(news.restarts);
   component.set_last_fault(news.last_fault);
+  component.set_library(news.version.library);
+  component.set_build_id(news.version.build_id);
+  component.set_is_on_probation(news.version.is_on_probation);
+  component.set_reloads(news.version.reloads);
+  component.set_rollbacks(news.version.rollbacks);
+  component.set_last_reload(base::to_utf8(news.version.last));
 }
 
 void StatusComponent::fill_topic(const detail::Topic& topic) {

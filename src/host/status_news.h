@@ -11,6 +11,7 @@
 #include "base/priority_mutex.h"
 #include "broker/subscription.h"
 #include "component/component_state.h"
+#include "component/versions.h"
 #include "fastcycle/component.h"
 
 namespace fastcycle::detail {
@@ -51,7 +52,9 @@ struct ComponentNews {
   std::uint64_t faults = 0;
   std::string last_fault = {};
   std::uint64_t restarts = 0;
-  bool is_urgent = false;  ///< Not only for the next period.
+  detail::VersionNews version = {};
+  bool ends_process = false;  ///< Its process ends for its last fault.
+  bool is_urgent = false;     ///< Not only for the next period.
   /// What others see by themselves, of one that does not run in another process.
   std::optional<FiguresElsewhere> elsewhere = {};
 };

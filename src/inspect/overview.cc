@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "base/clock.h"
+#include "base/utf8.h"
 #include "calls/server_core.h"
 #include "component/component_core.h"
 #include "component/service_topics.h"
@@ -191,6 +192,12 @@ void fill_components(const host::Application& application,
       said.set_faults(std::max(said.faults(), its.faults));
       said.set_last_fault(its.last_fault);
       said.set_restarts(its.restarts);
+      said.set_library(its.version.library);
+      said.set_build_id(its.version.build_id);
+      said.set_is_on_probation(its.version.is_on_probation);
+      said.set_reloads(its.version.reloads);
+      said.set_rollbacks(its.version.rollbacks);
+      said.set_last_reload(base::to_utf8(its.version.last));
       if (its.elsewhere) {
         said.set_state(host::to_word(its.elsewhere->state));
         said.set_activations(its.elsewhere->activations);

@@ -304,54 +304,118 @@ void Server::switch_mode(Client& client, const protocol::SwitchMode& request,
   answer.mutable_done()->set_text(fmt::format("the mode \"{}\" was asked for", request.mode()));
 }
 
-void Server::change_lifecycle(Client& client, const protocol::Request& request) {
-  using detail::ComponentCore;
-  need(description_.allows_lifecycle, "lifecycle", "stop and start components");
-  const protocol::Lifecycle& wanted = request.lifecycle();
+detail::ComponentCore& Server::component_of(const std::string& name) const {
   std::vector<std::string> known;
-  ComponentCore* core = nullptr;
   for (const auto& component : application_.components()) {
     known.push_back(component->name);
-    core = component->name == wanted.component() ? component.get() : core;
+    if (component->name != name) {
+      continue;
+    }
+    if (name == host::kOwnName || name == host::kLogName) {
+      throw Refusal(protocol::Error::KIND_REFUSED, "FastCycle's own component stays as it is");
+    }
+    return *component;
   }
-  if (core == nullptr) {
-    throw not_found("component", wanted.component(), known);
+  throw not_found("component", name, known);
+}
+
+void Server::switch_to_standby(Client& client, const protocol::Request& request) {
+  need(description_.allows_lifecycle, "lifecycle", "switch components to their standby");
+  const detail::ComponentCore& core = component_of(request.lifecycle().component());
+  note(client, fmt::format("asks to switch component \"{}\" to its standby", core.name));
+  const std::string why_not = application_.switch_to_standby(core);
+  if (!why_not.empty()) {
+    throw Refusal(protocol::Error::KIND_REFUSED, why_not);
   }
-  const auto action = wanted.action();
-  const char* verb = action == protocol::Lifecycle::ACTION_RESTART ? "restart"
-                     : action == protocol::Lifecycle::ACTION_STOP  ? "stop"
-                     : action == protocol::Lifecycle::ACTION_START ? "start"
-                                                                   : nullptr;
-  if (verb == nullptr) {
+  protocol::Answer answer;
+  answer.set_id(request.id());
+  answer.mutable_done()->set_text("the standby of component \"" + core.name + "\" takes over");
+  client.connection->put(answer);
+}
+
+void Server::change_lifecycle(Client& client, const protocol::Request& request) {
+  using Lifecycle = protocol::Lifecycle;
+  using detail::LifeStep;
+  struct Action {
+    Lifecycle::Action action;
+    const char* verb;
+    LifeStep step;
+    bool is_reload;
+  };
+  static constexpr Action kActions[] = {
+      {Lifecycle::ACTION_RESTART, "restart", LifeStep::kRenew, false},
+      {Lifecycle::ACTION_STOP, "stop", LifeStep::kToolStop, false},
+      {Lifecycle::ACTION_START, "start", LifeStep::kToolStart, false},
+      {Lifecycle::ACTION_RELOAD, "reload", LifeStep::kReload, true},
+      {Lifecycle::ACTION_ROLL_BACK, "roll back", LifeStep::kRollBack, true},
+      {Lifecycle::ACTION_CONFIRM, "confirm", LifeStep::kConfirm, true}};
+  const Lifecycle& wanted = request.lifecycle();
+  if (wanted.action() == Lifecycle::ACTION_SWITCH) {
+    switch_to_standby(client, request);
+    return;
+  }
+  const auto* const found = std::ranges::find(kActions, wanted.action(), &Action::action);
+  if (found == std::end(kActions)) {
+    need(description_.allows_lifecycle, "lifecycle", "stop and start components");
     throw Refusal(protocol::Error::KIND_REFUSED, "a component is restarted, stopped or started");
   }
-  if (core->name == host::kOwnName || core->name == host::kLogName) {
-    throw Refusal(protocol::Error::KIND_REFUSED, "FastCycle's own component stays as it is");
+  if (found->is_reload) {
+    need(description_.allows_reload, "reload", "reload components");
+  } else {
+    need(description_.allows_lifecycle, "lifecycle", "stop and start components");
   }
-  note(client, fmt::format("asks to {} component \"{}\"", verb, core->name));
-  const detail::LifeStep step =
-      action == protocol::Lifecycle::ACTION_RESTART ? detail::LifeStep::kRenew
-      : action == protocol::Lifecycle::ACTION_STOP  ? detail::LifeStep::kToolStop
-                                                    : detail::LifeStep::kToolStart;
-  application_.change_life(
-      *core, step,
-      [this, name = core->name, verb, connection = client.connection->number, id = request.id()](
-          const std::string& why_not, const std::string& state) {
-        protocol::Answer answer;
-        answer.set_id(id);
-        const std::string who = "component \"" + name + "\"";
-        if (!why_not.empty()) {
-          answer = error_answer(id, {protocol::Error::KIND_REFUSED,
-                                     fmt::format("{} cannot {}: {}", who, verb, why_not)});
-        } else {
-          answer.mutable_done()->set_text(fmt::format("{} is {}", who, state));
-        }
-        {
-          const std::lock_guard lock(mutex_);
-          made_.push_back({connection, std::move(answer)});
-        }
-        wake();
-      });
+  detail::ComponentCore& core = component_of(wanted.component());
+  note(client,
+       fmt::format(
+           "asks to {} component \"{}\"{}", found->verb, core.name,
+           found->step == LifeStep::kReload ? " with library \"" + wanted.library() + "\"" : ""));
+  auto done = [this, name = core.name, verb = found->verb, connection = client.connection->number,
+               id = request.id()](const std::string& why_not, const std::string& state) {
+    protocol::Answer answer;
+    answer.set_id(id);
+    const std::string who = "component \"" + name + "\"";
+    if (!why_not.empty()) {
+      answer = error_answer(id, {protocol::Error::KIND_REFUSED,
+                                 to_utf8(fmt::format("{} cannot {}: {}", who, verb, why_not))});
+    } else {
+      answer.mutable_done()->set_text(fmt::format("{} is {}", who, state));
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      made_.push_back({connection, std::move(answer)});
+    }
+    wake();
+  };
+  if (found->step == LifeStep::kReload) {
+    reload(client, core, wanted, std::move(done));
+  } else {
+    application_.change_life(core, found->step, std::move(done));
+  }
+}
+
+void Server::reload(const Client& client, detail::ComponentCore& core,
+                    const protocol::Lifecycle& wanted, host::LifeChanges::Done done) {
+  constexpr std::int64_t kMostProbationNs = std::int64_t{86'400} * 1'000'000'000;
+  if (client.connection->is_within) {
+    // It speaks for who comes over a network.
+    throw Refusal(protocol::Error::KIND_NOT_ALLOWED, "a library is loaded for local tools only");
+  }
+  if (wanted.library().empty()) {
+    throw Refusal(protocol::Error::KIND_REFUSED, "which library is it made of?");
+  }
+  if (application_.is_replayed(core.name) && !application_.runs_elsewhere(core.name)) {
+    throw Refusal(protocol::Error::KIND_REFUSED,
+                  "a recording is published in the place of this component");
+  }
+  host::ReloadRequest request{
+      .library = wanted.library(),
+      .class_name = wanted.class_name(),
+      .params = wanted.params_json(),
+      .probation = Duration(std::clamp<std::int64_t>(wanted.probation_ns(), 0, kMostProbationNs))};
+  if (wanted.has_misses_forgiven()) {
+    request.misses_forgiven = wanted.misses_forgiven();
+  }
+  application_.reload(core, request, std::move(done));
 }
 
 void Server::publish(Client& client, const protocol::Publish& request, protocol::Answer& answer) {

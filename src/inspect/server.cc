@@ -49,6 +49,9 @@ std::vector<std::string> allowed_words(const config::InspectDescription& descrip
   if (description.allows_lifecycle) {
     words.emplace_back("lifecycle");
   }
+  if (description.allows_reload) {
+    words.emplace_back("reload");
+  }
   return words;
 }
 

@@ -149,7 +149,11 @@ class Server final : public host::Observer {
   void change_params(Client& client, const protocol::ChangeParams& request,
                      protocol::Answer& answer);
   void switch_mode(Client& client, const protocol::SwitchMode& request, protocol::Answer& answer);
+  [[nodiscard]] detail::ComponentCore& component_of(const std::string& name) const;
+  void switch_to_standby(Client& client, const protocol::Request& request);
   void change_lifecycle(Client& client, const protocol::Request& request);
+  void reload(const Client& client, detail::ComponentCore& core, const protocol::Lifecycle& wanted,
+              host::LifeChanges::Done done);
   void publish(Client& client, const protocol::Publish& request, protocol::Answer& answer);
   void call_service(Client& client, const protocol::Request& request);
   void give_document(const protocol::GetDocument& request, protocol::Answer& answer);

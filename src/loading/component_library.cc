@@ -195,6 +195,87 @@ std::string host_build_note() {
   return FASTCYCLE_BUILD_NOTE;
 }
 
+bool has_right_note(const std::string& name, const fs::path& file, const config::Place& place,
+                    config::Problems& problems) {
+  const std::string library = "library \"" + name + "\"";
+  const BuildNote note = read_build_note(file);
+  if (!note.error.empty()) {
+    problems.add(config::mistake(
+        place, library + " cannot be loaded: " + file.string() + ": " + note.error));
+    return false;
+  }
+  if (!note.text) {
+    problems.add(config::mistake(
+        place, library + " is no component library: " + file.string() + " has no FastCycle note",
+        "is FASTCYCLE_COMPONENT(YourClass) at the end of one of its sources?"));
+    return false;
+  }
+  if (*note.text != host_build_note()) {
+    config::Problem problem;
+    problem.place = place;
+    problem.expected = host_build_note();
+    problem.found = *note.text;
+    problem.message = library + " was built for another FastCycle: " +
+                      first_difference(host_build_note(), *note.text) + " (" + file.string() + ")";
+    problem.hint = "build it again against the FastCycle that runs it";
+    problems.add(std::move(problem));
+    return false;
+  }
+  return true;
+}
+
+const ComponentLibrary* library_in(void* handle, const std::string& name, const fs::path& file,
+                                   const config::Place& place, config::Problems& problems) {
+  const std::string library = "library \"" + name + "\"";
+  using Entry = const ComponentLibrary* (*)();
+  const auto entry = reinterpret_cast<Entry>(dlsym(handle, kEntry));
+  if (entry == nullptr) {
+    problems.add(
+        config::mistake(place, library + " has no function " + kEntry + " (" + file.string() + ")",
+                        "is FASTCYCLE_COMPONENT(YourClass) in one of its sources?"));
+    return nullptr;
+  }
+  const ComponentLibrary* classes = entry();
+  if (const std::string wrong = find_wrong(classes); !wrong.empty()) {
+    problems.add(config::mistake(place, library + " " + wrong + " (" + file.string() + ")"));
+    return nullptr;
+  }
+  return classes;
+}
+
+const ComponentClass* class_of(const ComponentLibrary& library,
+                               const config::ComponentDescription& component,
+                               config::Problems& problems) {
+  const std::span classes(library.classes, library.class_count);
+  if (component.class_name.empty() && classes.size() == 1) {
+    return &classes.front();
+  }
+  std::vector<std::string> names;
+  for (const ComponentClass& candidate : classes) {
+    if (component.class_name == candidate.name) {
+      return &candidate;
+    }
+    names.emplace_back(candidate.name);
+  }
+  std::string all;
+  for (const std::string& name : names) {
+    all += (all.empty() ? "\"" : ", \"") + name + "\"";
+  }
+  if (component.class_name.empty()) {
+    problems.add(config::mistake(component.place, "library \"" + component.library +
+                                                      "\" has several "
+                                                      "classes: say \"class\": one of " +
+                                                      all));
+  } else {
+    problems.add(
+        config::mistake(component.place,
+                        "library \"" + component.library + "\" has no class \"" +
+                            component.class_name + "\", only " + all,
+                        config::did_you_mean(config::nearest(component.class_name, names))));
+  }
+  return nullptr;
+}
+
 LibraryLoader::LibraryLoader(std::vector<fs::path> folders,
                              const std::optional<config::LibrariesDescription>& pins)
     : folders_(std::move(folders)) {
@@ -277,27 +358,7 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
         "start again when nothing writes it any more, such as a build"));
     return nullptr;
   }
-  const BuildNote note = read_build_note(file);
-  if (!note.error.empty()) {
-    problems.add(config::mistake(
-        place, library + " cannot be loaded: " + file.string() + ": " + note.error));
-    return nullptr;
-  }
-  if (!note.text) {
-    problems.add(config::mistake(
-        place, library + " is no component library: " + file.string() + " has no FastCycle note",
-        "is FASTCYCLE_COMPONENT(YourClass) at the end of one of its sources?"));
-    return nullptr;
-  }
-  if (*note.text != host_build_note()) {
-    config::Problem problem;
-    problem.place = place;
-    problem.expected = host_build_note();
-    problem.found = *note.text;
-    problem.message = library + " was built for another FastCycle: " +
-                      first_difference(host_build_note(), *note.text) + " (" + file.string() + ")";
-    problem.hint = "build it again against the FastCycle that runs it";
-    problems.add(std::move(problem));
+  if (!has_right_note(name, file, place, problems)) {
     return nullptr;
   }
   void* handle = pinned_ ? pinned_->open(name, file, problems)
@@ -310,20 +371,7 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
     problems.add(config::mistake(place, library + " cannot be loaded: " + dlerror()));
     return nullptr;
   }
-  using Entry = const ComponentLibrary* (*)();
-  const auto entry = reinterpret_cast<Entry>(dlsym(handle, kEntry));
-  if (entry == nullptr) {
-    problems.add(
-        config::mistake(place, library + " has no function " + kEntry + " (" + file.string() + ")",
-                        "is FASTCYCLE_COMPONENT(YourClass) in one of its sources?"));
-    return nullptr;
-  }
-  const ComponentLibrary* classes = entry();
-  if (const std::string wrong = find_wrong(classes); !wrong.empty()) {
-    problems.add(config::mistake(place, library + " " + wrong + " (" + file.string() + ")"));
-    return nullptr;
-  }
-  return classes;
+  return library_in(handle, name, file, place, problems);
 }
 
 const ComponentClass* LibraryLoader::find(const config::ComponentDescription& component,
@@ -347,34 +395,7 @@ const ComponentClass* LibraryLoader::choose(const config::ComponentDescription& 
   if (library == nullptr) {
     return nullptr;
   }
-  const std::span classes(library->classes, library->class_count);
-  if (component.class_name.empty() && classes.size() == 1) {
-    return &classes.front();
-  }
-  std::vector<std::string> names;
-  for (const ComponentClass& candidate : classes) {
-    if (component.class_name == candidate.name) {
-      return &candidate;
-    }
-    names.emplace_back(candidate.name);
-  }
-  std::string all;
-  for (const std::string& name : names) {
-    all += (all.empty() ? "\"" : ", \"") + name + "\"";
-  }
-  if (component.class_name.empty()) {
-    problems.add(config::mistake(component.place, "library \"" + component.library +
-                                                      "\" has several "
-                                                      "classes: say \"class\": one of " +
-                                                      all));
-  } else {
-    problems.add(
-        config::mistake(component.place,
-                        "library \"" + component.library + "\" has no class \"" +
-                            component.class_name + "\", only " + all,
-                        config::did_you_mean(config::nearest(component.class_name, names))));
-  }
-  return nullptr;
+  return class_of(*library, component, problems);
 }
 
 }  // namespace fastcycle::host

@@ -56,6 +56,20 @@ struct LibraryFile {
 /// By the libraries' names.
 using LibraryFiles = std::map<std::string, LibraryFile>;
 
+/// Whether a library's file may be opened: else the reason is added to `problems`. `name` is what
+/// people call it.
+[[nodiscard]] bool has_right_note(const std::string& name, const std::filesystem::path& file,
+                                  const config::Place& place, config::Problems& problems);
+/// What the library offers that was opened as `handle`; null after adding to `problems`.
+[[nodiscard]] const ComponentLibrary* library_in(void* handle, const std::string& name,
+                                                 const std::filesystem::path& file,
+                                                 const config::Place& place,
+                                                 config::Problems& problems);
+/// The class of `library` that `component` names; null after adding to `problems`.
+[[nodiscard]] const ComponentClass* class_of(const ComponentLibrary& library,
+                                             const config::ComponentDescription& component,
+                                             config::Problems& problems);
+
 /// Finds, checks and opens component libraries: owns the list of those that are open. An opened
 /// library stays mapped until the process ends: messages and callbacks of its types may outlive
 /// every component.

@@ -77,31 +77,6 @@ std::string copy_and_sum(int from, int to) {
   return text;
 }
 
-/// The descriptor of a copy in memory that cannot be changed any more, and the copy's SHA-256; -1,
-/// with `errno`, if there is none.
-std::pair<int, std::string> seal(const std::string& name, const fs::path& file) {
-  const File original(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
-  File copy(::memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (original.descriptor() < 0 || copy.descriptor() < 0 ||
-      copy_and_sum(original.descriptor(), copy.descriptor()).empty() ||
-      ::fcntl(copy.descriptor(), F_ADD_SEALS,
-              F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0 ||
-      ::lseek(copy.descriptor(), 0, SEEK_SET) != 0) {
-    return {-1, {}};
-  }
-  // Of what will be loaded, and not of what was read.
-  std::string sum = copy_and_sum(copy.descriptor(), -1);
-  return {copy.release(), std::move(sum)};
-}
-
-bool is_loaded(const std::string& name) {
-  void* const handle = ::dlopen(name.c_str(), RTLD_LAZY | RTLD_NOLOAD);
-  if (handle != nullptr) {
-    ::dlclose(handle);
-  }
-  return handle != nullptr;
-}
-
 void add_needed(const fs::path& library, std::vector<NeededLibrary>& all) {
   const LibraryNeeds needs = needs_of(library);
   for (const std::string& name : needs.names) {
@@ -134,6 +109,33 @@ std::vector<NeededLibrary> needed_libraries(const fs::path& library) {
   return all;
 }
 
+bool is_library_loaded(const std::string& name) {
+  void* const handle = ::dlopen(name.c_str(), RTLD_LAZY | RTLD_NOLOAD);
+  if (handle != nullptr) {
+    ::dlclose(handle);
+  }
+  return handle != nullptr;
+}
+
+SealedCopy seal_copy(const std::string& name, const fs::path& file) {
+  const File original(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  File copy(::memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (original.descriptor() < 0 || copy.descriptor() < 0 ||
+      copy_and_sum(original.descriptor(), copy.descriptor()).empty() ||
+      ::fcntl(copy.descriptor(), F_ADD_SEALS,
+              F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0 ||
+      ::lseek(copy.descriptor(), 0, SEEK_SET) != 0) {
+    return {};
+  }
+  // Of what will be loaded, and not of what was read.
+  std::string sum = copy_and_sum(copy.descriptor(), -1);
+  return {.file = copy.release(), .sha256 = std::move(sum)};
+}
+
+std::string path_of(const SealedCopy& copy) {
+  return fmt::format("/proc/self/fd/{}", copy.file);
+}
+
 std::string sha256_of(const fs::path& file) {
   const File original(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   return original.descriptor() < 0 ? std::string() : copy_and_sum(original.descriptor(), -1);
@@ -143,7 +145,8 @@ void* PinnedLibraries::open(const std::string& name, const fs::path& file,
                             config::Problems& problems) const {
   // The loader takes what is loaded by its name, and does not look for it in folders.
   for (const NeededLibrary& needed : needed_libraries(file)) {
-    if (!is_loaded(needed.name) && open_one(needed.name, needed.file, problems) == nullptr) {
+    if (!is_library_loaded(needed.name) &&
+        open_one(needed.name, needed.file, problems) == nullptr) {
       return nullptr;
     }
   }
@@ -160,24 +163,23 @@ void* PinnedLibraries::open_one(const std::string& name, const fs::path& file,
         "fastcycle check APPLICATION --print-pins prints what \"libraries\" has to say"));
     return nullptr;
   }
-  const auto [copy, sum] = seal(name, file);
-  if (copy < 0) {
+  const SealedCopy copy = seal_copy(name, file);
+  if (copy.file < 0) {
     problems.add(config::mistake(
         pins_.place, library + " cannot be read: " + file.string() + ": " + std::strerror(errno)));
     return nullptr;
   }
-  if (sum != pin->second) {
-    ::close(copy);
+  if (copy.sha256 != pin->second) {
+    ::close(copy.file);
     problems.add(config::mistake(
         pins_.place,
         fmt::format("{} has other contents than are pinned ({}): expected SHA-256 {}, found {}",
-                    library, file.string(), pin->second, sum),
+                    library, file.string(), pin->second, copy.sha256),
         "if it was built again on purpose, pin that"));
     return nullptr;
   }
   // It stays open: its name must not become that of another library.
-  void* const handle = ::dlopen(fmt::format("/proc/self/fd/{}", copy).c_str(),
-                                RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+  void* const handle = ::dlopen(path_of(copy).c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (handle == nullptr) {
     problems.add(config::mistake(pins_.place, library + " cannot be loaded: " + ::dlerror()));
   }

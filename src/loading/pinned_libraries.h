@@ -23,6 +23,19 @@ struct NeededLibrary {
 /// SHA-256 of a file, in 64 hexadecimal digits; empty, with `errno`, if it cannot be read.
 [[nodiscard]] std::string sha256_of(const std::filesystem::path& file);
 
+/// Whether the process has loaded a library of this name, as those that need it say it.
+[[nodiscard]] bool is_library_loaded(const std::string& name);
+
+/// A copy of a file in memory that cannot be changed any more. Its descriptor stays open as long as
+/// it is loaded: its name must not become that of another one.
+struct SealedCopy {
+  int file = -1;       ///< A descriptor; -1, with `errno`: there is no copy.
+  std::string sha256;  ///< In 64 hexadecimal digits.
+};
+[[nodiscard]] SealedCopy seal_copy(const std::string& name, const std::filesystem::path& file);
+/// By which it is opened in this process.
+[[nodiscard]] std::string path_of(const SealedCopy& copy);
+
 /// Opens libraries whose contents an application pins: each is copied to memory that nobody can
 /// write any more, looked at there, and loaded from there. What was looked at is what runs.
 ///

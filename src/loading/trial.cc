@@ -23,6 +23,7 @@
 #include <unistd.h>
 
 #include "loading/component_library.h"
+#include "loading/library_versions.h"
 #include "loading/protection.h"
 
 namespace fastcycle::host {
@@ -91,6 +92,10 @@ json to_json(const TrialOptions& options, const std::set<std::string>& without,
           {"isolated", options.load.isolated},
           {"schema", options.load.schema_file.string()},
           {"library_path", paths},
+          {"library", options.library ? json{{"name", options.library->name},
+                                             {"file", options.library->file.string()},
+                                             {"others", options.library->others}}
+                                      : json()},
           {"throw_is_mistake", options.on_throw == ConstructorFault::kMistake},
           // The secrets of the one are those of the other.
           {"refuses_tracers", is_protected()},
@@ -326,6 +331,8 @@ void take(const json& said, ChildResult& result) {
                                            .modified_ns = said.at("modified_ns")};
   } else if (kind == "wiring") {
     result.trial.wiring = said.at("text");
+  } else if (kind == "version") {
+    result.trial.sha256 = said.at("sha256");
   } else if (kind == "done") {
     result.is_done = true;
   } else {
@@ -461,6 +468,20 @@ TrialResult try_application(const TrialOptions& options, config::Problems& probl
   return {};
 }
 
+TrialResult try_library(const TrialOptions& options, config::Problems& problems) {
+  const ChildResult result = run_child(options, {}, {});
+  const config::Place place{.file = options.library->file.string(), .line = 0, .pointer = {}};
+  for (const config::Problem& problem : result.problems) {
+    problems.add(problem);
+  }
+  if (!result.is_done) {
+    problems.add(result.last_name.empty()
+                     ? config::mistake(place, "the trial of the library " + result.ending)
+                     : to_problem(options, place, result, {}));
+  }
+  return result.trial;
+}
+
 namespace {
 
 void say(const json& line) {
@@ -504,6 +525,36 @@ class NarratingClasses final : public ComponentClasses {
   const std::set<std::string> without_;
   std::string wanted_proto_;
 };
+
+/// One class for all components.
+class OneClass final : public ComponentClasses {
+ public:
+  explicit OneClass(const ComponentLibrary& library) : library_(library) {}
+
+  const ComponentClass* find(const config::ComponentDescription& component,
+                             config::Problems& problems) override {
+    return class_of(library_, component, problems);
+  }
+
+ private:
+  const ComponentLibrary& library_;
+};
+
+/// Opens the library that is tried, beside those that the application has; null after adding to
+/// `problems`.
+const ComponentLibrary* open_tried(const json& tried, LibraryLoader& loader,
+                                   LibraryVersions& versions, config::Problems& problems) {
+  for (const std::string name : tried["others"]) {
+    config::Problems ignored;  // They run: what is at their places now may be something else.
+    loader.open(name, {}, ignored);
+  }
+  const std::string name = tried["name"];
+  say({{"kind", "loading"}, {"name", name}});
+  const auto [library, sha256] =
+      versions.open(name, tried["file"].get<std::string>(), {}, problems);
+  say({{"kind", "version"}, {"sha256", sha256}});
+  return library;
+}
 
 /// What the parent wants, read from standard input, which is empty from then on.
 json read_options() {
@@ -563,10 +614,25 @@ int run_trial_child(const BuildForTrial& build) {
   config::ApplicationDescription description = config::load(load, problems);
   LibraryLoader loader(library_folders(description, to_paths(options["library_path"])),
                        description.libraries);
-  NarratingClasses classes(loader, options["without"], options["wanted_proto"]);
+  NarratingClasses narrating(loader, options["without"], options["wanted_proto"]);
+  LibraryVersions versions(description.libraries);
+  std::optional<OneClass> one_class;
+  if (const json& tried = options["library"]; tried.is_object()) {
+    const ComponentLibrary* const library = open_tried(tried, loader, versions, problems);
+    if (library == nullptr) {
+      description.components.clear();
+    } else {
+      one_class.emplace(*library);
+      for (config::ComponentDescription& component : description.components) {
+        component.library = tried["name"];
+      }
+    }
+  }
+  ComponentClasses& classes = one_class ? static_cast<ComponentClasses&>(*one_class) : narrating;
   const BuiltForTrial built = build(
       std::move(description), classes,
       options["throw_is_mistake"] ? ConstructorFault::kMistake : ConstructorFault::kFault,
+      options["library"].is_object(),
       [](const std::string& component) { say({{"kind", "constructing"}, {"name", component}}); },
       problems);
   for (const config::Problem& problem : problems.all()) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,13 @@
 
 namespace fastcycle::host {
 
+/// A library whose class is to replace that of a running component.
+struct TriedLibrary {
+  std::string name;  ///< As people call it.
+  std::filesystem::path file;
+  std::vector<std::string> others;  ///< The libraries that the application has loaded.
+};
+
 /// What is tried, as the command line gave it.
 struct TrialOptions {
   config::LoadOptions load;
@@ -22,6 +30,8 @@ struct TrialOptions {
   ConstructorFault on_throw = ConstructorFault::kFault;
   /// How long one library may load, or one component construct.
   std::chrono::milliseconds limit{10'000};
+  /// The class of all components is of this library, and nobody looks at what they make as a whole.
+  std::optional<TriedLibrary> library = {};
   /// Called, once for each, with the sentence for what takes longer than `kNotice`.
   std::function<void(const std::string& sentence)> on_slow = [](const std::string&) {};
   static constexpr std::chrono::milliseconds kNotice{900};
@@ -31,6 +41,7 @@ struct TrialOptions {
 struct TrialResult {
   LibraryFiles files;  ///< Which files the libraries were, for `LibraryLoader::expect`.
   std::string wiring;  ///< `ApplicationWiring` as text; empty if it could not be built.
+  std::string sha256;  ///< Of `TrialOptions::library`.
 };
 
 /// Loads all libraries and constructs all components in a child process, and adds to `problems`
@@ -44,6 +55,13 @@ struct TrialResult {
 /// @errors   Everything goes to `problems`.
 TrialResult try_application(const TrialOptions& options, config::Problems& problems);
 
+/// Constructs the one component of the application of `options`, of the class that it names in
+/// `options.library`, in a child process.
+///
+/// @threads  As `try_application`.
+/// @errors   Everything goes to `problems`.
+TrialResult try_library(const TrialOptions& options, config::Problems& problems);
+
 /// An application that was constructed, in a trial: `kept` keeps its components, whose destructors
 /// are not called there.
 struct BuiltForTrial {
@@ -52,10 +70,11 @@ struct BuiltForTrial {
 };
 
 /// Constructs all components of an application, as a run does, and starts none. Calls
-/// `before_construct` with the name of each before its constructor.
+/// `before_construct` with the name of each before its constructor. `is_part`: what they make as a
+/// whole is not looked at.
 using BuildForTrial = std::function<BuiltForTrial(
     config::ApplicationDescription description, ComponentClasses& classes,
-    ConstructorFault on_throw,
+    ConstructorFault on_throw, bool is_part,
     const std::function<void(const std::string& component)>& before_construct,
     config::Problems& problems)>;
 

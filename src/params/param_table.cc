@@ -41,7 +41,7 @@ std::string ParamTable::begun_with() const {
 }
 
 ParamSlot& ParamTable::declare(std::unique_ptr<ParamSlot> fresh, const config::Value* value,
-                               bool is_shared, config::Problems& problems) {
+                               Given given, config::Problems& problems) {
   const std::lock_guard lock(mutex_);
   for (std::size_t i = 0; i < is_declared_again_.size(); ++i) {
     ParamSlot& slot = *params_[i].slot;
@@ -50,6 +50,13 @@ ParamSlot& ParamTable::declare(std::unique_ptr<ParamSlot> fresh, const config::V
         typeid(slot) == typeid(declared)) {
       is_declared_again_[i] = true;
       slot.renew(*fresh);
+      if (given.is_ordered && value != nullptr) {
+        if (auto data = read_param(slot.spec, *value, problems)) {
+          params_[i].committed = for_object_[i] = std::move(*data);
+          params_[i].origin = ParamOrigin::kOwn;
+          params_[i].place = value->place();
+        }
+      }
       slot.put(for_object_[i]);
       return slot;
     }
@@ -59,7 +66,7 @@ ParamSlot& ParamTable::declare(std::unique_ptr<ParamSlot> fresh, const config::V
   auto data = value != nullptr ? read_param(param.spec(), *value, problems) : std::nullopt;
   param.committed = data ? std::move(*data) : fallback_of(param.spec());
   if (value != nullptr) {
-    param.origin = is_shared ? ParamOrigin::kShared : ParamOrigin::kOwn;
+    param.origin = given.is_shared ? ParamOrigin::kShared : ParamOrigin::kOwn;
     param.place = value->place();
   }
   param.slot->put(param.committed);
@@ -82,6 +89,34 @@ void ParamTable::end() {
   checks_ = std::move(checks_of_object_);
   checks_of_object_.clear();
   for_object_.clear();
+}
+
+std::vector<ParamTable::Kept> ParamTable::keep(const config::Value& params) const {
+  std::vector<Kept> kept;
+  const std::lock_guard lock(mutex_);
+  for (const DeclaredParam& param : params_) {
+    if (params.find_dotted(param.spec().name) != nullptr) {
+      kept.push_back({.slot = param.slot.get(),
+                      .committed = param.committed,
+                      .origin = param.origin,
+                      .place = param.place});
+    }
+  }
+  return kept;
+}
+
+void ParamTable::put_back(const config::Value& params, const std::vector<Kept>& kept) {
+  const std::lock_guard lock(mutex_);
+  for (DeclaredParam& param : params_) {
+    if (params.find_dotted(param.spec().name) == nullptr) {
+      continue;
+    }
+    const auto before = std::ranges::find(kept, param.slot.get(), &Kept::slot);
+    const bool was_there = before != kept.end();
+    param.committed = was_there ? before->committed : fallback_of(param.spec());
+    param.origin = was_there ? before->origin : ParamOrigin::kFallback;
+    param.place = was_there ? before->place : config::Place();
+  }
 }
 
 void ParamTable::take_over(std::uint64_t transaction, const ParamValues& values, bool tells) {

@@ -52,14 +52,31 @@ class ParamTable {
   /// What the present object began with, for a log: a JSON array of the number of the last
   /// transaction, and an object of all values by name.
   [[nodiscard]] std::string begun_with() const;
+  /// What is said of the value of a declared parameter.
+  struct Given {
+    bool is_shared = false;
+    bool is_ordered = false;  ///< It counts for an object that is made anew, too.
+  };
   [[nodiscard]] detail::ParamSlot& declare(std::unique_ptr<detail::ParamSlot> fresh,
-                                           const config::Value* value, bool is_shared,
+                                           const config::Value* value, Given given,
                                            config::Problems& problems);
   /// Null if `slot` belongs to another component.
   [[nodiscard]] detail::ParamSlot* find(const detail::ParamSlot& slot);
   void add_check(ParamCheck check) { checks_of_object_.push_back(std::move(check)); }
   /// After a constructor that returned.
   void end();
+
+  /// What was committed of one parameter.
+  struct Kept {
+    detail::ParamSlot* slot;
+    detail::ParamData committed;
+    ParamOrigin origin;
+    config::Place place;
+  };
+  /// Of those that `params` names, also where the present object does not declare them.
+  [[nodiscard]] std::vector<Kept> keep(const config::Value& params) const;
+  /// The same again, for the next object. What was not there has its fallback.
+  void put_back(const config::Value& params, const std::vector<Kept>& kept);
 
   // In the component's activations; no mutex.
 

@@ -19,8 +19,9 @@ ActivityOfProcess::ActivityOfProcess(const ProcessPlan& process_plan, const segm
       rings.workers.push_back(&wire.ring(process, incarnation, worker));
     }
     for (std::size_t component = 0; component < plan.reads.size(); ++component) {
-      if (plan.reads[component].process == process) {
-        reads_.push_back(wire.reads(component, incarnation));
+      const bool is_on_standby = plan.reads_on_standby[component].process == process;
+      if (plan.reads[component].process == process || is_on_standby) {
+        reads_.push_back(wire.reads(process, component, incarnation));
         rings.reads.push_back(reads_.back().get());
       } else {
         rings.reads.push_back(nullptr);

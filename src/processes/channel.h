@@ -14,7 +14,8 @@ enum class Word : char {
   kConnected = 'd',    ///< From it: it does.
   kRun = 'r',          ///< To it: all do; start.
   kSourcesOver = 's',  ///< From it: all its sources have finished.
-  kEnd = 'e',          ///< Both ways, with the reason: the run ends.
+  kSwitch = 'w',  ///< From the main one: the process of this name gives its place to its standby.
+  kEnd = 'e',     ///< Both ways, with the reason: the run ends.
 };
 
 inline constexpr const char* kHasSources = "sources";

@@ -35,7 +35,7 @@ std::string to_record(const Notice& notice) {
 
 /// None if it is no notice: who wrote it may be broken.
 std::optional<Notice> from_record(std::string_view record) {
-  constexpr std::string_view kKinds = "gcrbmlejnoafipvwd";
+  constexpr std::string_view kKinds = "gcrbmlejnoyafipvwd";
   if (record.empty() || kKinds.find(record.front()) == std::string_view::npos) {
     return std::nullopt;
   }
@@ -209,6 +209,24 @@ bool NoticeOrder::look_as_main() {
   return look_for_changes() || has_taken;
 }
 
+/// That a process has ended; `is_back`: there is a next incarnation already.
+Notice NoticeOrder::gone(ProcessIndex process, bool is_back) const {
+  const bool is_coming = wire_.restarting(process).load(std::memory_order_seq_cst) != 0;
+  return {.kind = Notice::Kind::kGone,
+          .process = process,
+          .text = is_back || is_coming ? Notice::kRestarts : ""};
+}
+
+/// Whether a process that was to come will not: its last incarnation was too short to be seen here.
+bool NoticeOrder::is_lost(ProcessIndex process) const {
+  const auto is_absent = [&] {
+    return wire_.restarting(process).load(std::memory_order_seq_cst) == 0 &&
+           wire_.incarnation(process).load(std::memory_order_seq_cst) == 0;
+  };
+  // Twice, since it may come between two looks.
+  return coming_.contains(process) && is_absent() && is_absent();
+}
+
 /// Tells of processes that have ended, after all that they had said, and of those that came.
 bool NoticeOrder::look_for_changes() {
   if (wire_.incarnation(ProcessPlan::kMain).load(std::memory_order_seq_cst) == 0) {
@@ -218,15 +236,25 @@ bool NoticeOrder::look_for_changes() {
   for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
     const std::uint32_t now = wire_.incarnation(one).load(std::memory_order_seq_cst);
     const std::uint32_t known = notices_.incarnation_of(one);
-    if (now == known) {
+    if (now == known && !is_lost(one)) {
       continue;
     }
     has_told = true;
+    if (now == known) {
+      coming_.erase(one);
+      put_in_order(gone(one, false));
+      continue;
+    }
     notices_.follow(one, now, 0);
     if (known != 0) {
-      put_in_order({.kind = Notice::Kind::kGone, .process = one});
+      const Notice notice = gone(one, now != 0);
+      put_in_order(notice);
+      if (now == 0 && notice.text == Notice::kRestarts) {
+        coming_.insert(one);
+      }
     }
     if (now != 0) {
+      coming_.erase(one);
       put_in_order({.kind = Notice::Kind::kCame, .process = one});
     }
   }
@@ -234,7 +262,8 @@ bool NoticeOrder::look_for_changes() {
 }
 
 void NoticeOrder::put_in_order(const Notice& notice) {
-  if (notice.kind == Notice::Kind::kNews || notice.kind == Notice::Kind::kLine) {
+  if (notice.kind == Notice::Kind::kNews || notice.kind == Notice::Kind::kLine ||
+      notice.kind == Notice::Kind::kFollows) {
     take(notice);  // Nobody else wants to know.
     return;
   }
@@ -288,7 +317,7 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
     const bool is_there = said[one].incarnation != 0;
     const bool is_new = is_there && notices_.incarnation_of(one) != said[one].incarnation;
     if (told_.contains(one) && (!is_there || is_new)) {
-      take({.kind = Notice::Kind::kGone, .process = one});
+      take(gone(one, is_new));
     }
     if (is_new) {
       notices_.follow(one, said[one].incarnation, 0);

@@ -63,6 +63,8 @@ class NoticeOrder {
   bool look_as_main();
   bool look_for_changes();
   [[nodiscard]] std::vector<base::WatchedWord> watched_words() const;
+  [[nodiscard]] host::Notice gone(segment::ProcessIndex process, bool is_back) const;
+  [[nodiscard]] bool is_lost(segment::ProcessIndex process) const;
   void put_in_order(const host::Notice& notice);
   void take(const host::Notice& notice);
   void put_snapshot();
@@ -75,6 +77,7 @@ class NoticeOrder {
   host::Peers& peers_;
   Notices notices_;
   std::set<std::uint32_t> told_;
+  std::set<std::uint32_t> coming_;  ///< Of the main process, live: those that ended last.
 
   base::PriorityMutex mutex_;
   std::vector<host::Notice> own_;  ///< Of the main process, or in simulated time: not said yet.

@@ -58,7 +58,42 @@ const ComponentClass* Partition::find(const config::ComponentDescription& compon
 }
 
 bool Partition::runs_here(const std::string& component) const {
-  return plan_.process_of(component) == process_;
+  return plan_.hosts(process_, component);
+}
+
+std::uint32_t Partition::process_of(const std::string& component) const {
+  const ProcessIndex its = plan_.process_of(component);
+  const auto twin = plan_.twin_of(its);
+  return twin ? Pair::active_of(wire_, its, *twin) : its;
+}
+
+std::uint16_t Partition::lane_room(const std::string& component) const {
+  constexpr std::uint16_t kRoom = 256;
+  return plan_.other_of(process_) && runs_here(component) ? kRoom : 0;
+}
+
+std::atomic<std::uint32_t>* Partition::crashed() {
+  return pair_ == nullptr ? nullptr : &wire_.standby(process_, incarnation_).crashed;
+}
+
+std::string Partition::switch_to_standby(const std::string& component) {
+  const ProcessIndex active = process_of(component);
+  const auto standby = plan_.twin_of(active);
+  if (!standby) {
+    return "component \"" + component + "\" has no standby: \"standby\": true gives it one";
+  }
+  const std::uint32_t incarnation = wire_.incarnation(*standby).load();
+  if (incarnation == 0 || wire_.standby(*standby, incarnation).is_in_step.load() == 0) {
+    return "process \"" + plan_.name(*standby) + "\" is not in step yet";
+  }
+  on_switch(plan_.name(active));
+  return {};
+}
+
+void Partition::stops() {
+  if (pair_ != nullptr) {
+    pair_->end();
+  }
 }
 
 void Partition::give_latched(std::uint32_t process) {
@@ -136,12 +171,8 @@ void Partition::connect(host::Application& application) {
       continue;
     }
     if (wire.from == process_) {
-      if (incarnation_ >
-          1) {  // Its sequence goes on, so that no two messages have the same number.
-        publisher->continue_after(
-            std::max(publisher->published(),
-                     wire_.out(wire, incarnation_ - 1).sequence.load(std::memory_order_relaxed)));
-      }
+      // Its sequence goes on, so that no two messages have the same number.
+      publisher->continue_after(std::max(publisher->published(), last_sequence(link)));
       outlets_.push_back({.topic = link.topic,
                           .depth = link.depth,
                           .publisher = publisher,
@@ -152,11 +183,16 @@ void Partition::connect(host::Application& application) {
       sets.at(is_simulated ? 0 : wire.executor)->add(wire, *publisher);
     }
   }
-  for (unsigned place = 0; place < executors.size(); ++place) {
-    executors[place]->set_foreign_inputs(*sets[place]);
+  tell_followers();
+  if (plan_.other_of(process_)) {
+    begin_pair();
+  } else {
+    for (unsigned place = 0; place < executors.size(); ++place) {
+      executors[place]->set_foreign_inputs(*sets[place]);
+    }
   }
   for (ProcessIndex one = ProcessPlan::kMain; keeps_activity() && one < plan_.count(); ++one) {
-    if (one != process_) {
+    if (one != process_ && plan_.shadow_in(one) == nullptr) {
       activity_elsewhere_.push_back(std::make_unique<ActivityOfProcess>(plan_, wire_, one));
     }
   }
@@ -169,6 +205,111 @@ void Partition::connect(host::Application& application) {
   }
 }
 
+/// The components here that somebody follows say when their activations are over.
+void Partition::tell_followers() {
+  const std::vector<ProcessIndex> followers = plan_.followers_of(process_);
+  if (followers.empty()) {
+    return;
+  }
+  bell_ = std::make_unique<FollowerBell>(plan_, wire_, process_, incarnation_);
+  for (const auto& component : application_->components()) {
+    if (runs_here(component->name) && std::ranges::any_of(followers, [&](ProcessIndex follower) {
+          return plan_.hosts(follower, component->name);
+        })) {
+      component->publishing.follower = bell_.get();
+    }
+  }
+}
+
+/// Why the component here cannot follow the one that was tried; empty if it can: it has to publish
+/// on the same topics, and to subscribe to the same.
+std::string Partition::why_other(const detail::ComponentCore& core) const {
+  std::vector<std::string> published;
+  std::vector<std::string> subscribed;
+  for (const auto& publisher : plan_.wiring().publishers) {
+    if (publisher.component == core.name) {
+      published.push_back(publisher.topic);
+    }
+  }
+  for (const auto& subscription : plan_.wiring().subscriptions) {
+    if (subscription.component == core.name && subscription.is_called) {
+      subscribed.push_back(subscription.topic);
+    }
+  }
+  const auto topics_of = [](const auto& ends) {
+    std::vector<std::string> topics;
+    for (const auto* end : ends) {
+      topics.push_back(end->topic.name);
+    }
+    std::ranges::sort(topics);
+    return topics;
+  };
+  std::ranges::sort(published);
+  std::ranges::sort(subscribed);
+  const char* const what = topics_of(core.declared.publishers) != published ? "publishes on"
+                           : topics_of(core.subscriptions.callbacks()) != subscribed
+                               ? "subscribes to"
+                               : nullptr;
+  return what == nullptr
+             ? std::string()
+             : "its \"" + core.name + "\" " + what + " other topics than the one that it follows";
+}
+
+void Partition::begin_pair() {
+  pair_ = std::make_unique<Pair>(plan_, wire_, process_, incarnation_);
+  unsigned workers = 0;
+  const auto& executors = application_->executors();
+  for (unsigned place = 0; place < executors.size(); ++place) {
+    paired_inputs_.push_back(std::make_unique<PairedInputs>(*link_sets_[place], *pair_, workers));
+    executors[place]->set_foreign_inputs(*paired_inputs_.back());
+    workers += executors[place]->options().threads;
+  }
+  std::vector<detail::ComponentCore*> components;
+  for (const auto& component : application_->components()) {
+    if (plan_.hosts(process_, component->name) && component->index < plan_.stage_count()) {
+      components.push_back(component.get());
+    }
+  }
+  for (const detail::ComponentCore* core : components) {
+    if (const std::string why = why_other(*core);
+        plan_.shadow_in(process_) != nullptr && !why.empty()) {
+      on_standby.lost(why);
+    }
+  }
+  std::vector<segment::LinkSet*> links;
+  for (const auto& one : link_sets_) {
+    links.push_back(one.get());
+  }
+  pair_->begin(*application_, components, std::move(links), on_standby);
+}
+
+/// Of what was published over this link before this process was made, also by the other one of two
+/// processes. Who follows that one learns it from it.
+std::uint64_t Partition::last_sequence(const ProcessPlan::Link& link) const {
+  const segment::LinkPlan& wire = plan_.wire().links[link.wire];
+  const auto last_of = [this](const segment::LinkPlan& one, std::uint32_t incarnation) {
+    return incarnation == 0 ? 0
+                            : wire_.out(one, incarnation).sequence.load(std::memory_order_relaxed);
+  };
+  std::uint64_t last = last_of(wire, incarnation_ - 1);
+  const auto twin = plan_.twin_of(process_);
+  if (!twin) {
+    return last;
+  }
+  const std::uint32_t said = wire_.begins_on_standby(process_).load();
+  if ((said & segment::kFollows) != 0) {
+    return 0;
+  }
+  for (const ProcessPlan::Link& other : plan_.links()) {
+    const segment::LinkPlan& its = plan_.wire().links[other.wire];
+    if (its.from == *twin && its.to == wire.to && other.topic == link.topic &&
+        other.component == link.component && other.ordinal == link.ordinal) {
+      last = std::max(last, last_of(its, said));
+    }
+  }
+  return last;
+}
+
 std::vector<detail::ActivationRing*> Partition::rings() const {
   std::vector<detail::ActivationRing*> rings;
   for (unsigned worker = 0; worker < plan_.wire().workers[process_]; ++worker) {
@@ -178,7 +319,9 @@ std::vector<detail::ActivationRing*> Partition::rings() const {
 }
 
 std::unique_ptr<detail::ReadRing> Partition::reads_of(std::size_t component) const {
-  return component < plan_.wire().reads.size() ? wire_.reads(component, incarnation_) : nullptr;
+  return component < plan_.wire().reads.size() && plan_.shadow_in(process_) == nullptr
+             ? wire_.reads(process_, component, incarnation_)
+             : nullptr;
 }
 
 std::vector<const detail::PeerActivity*> Partition::activity_elsewhere() const {
@@ -303,44 +446,63 @@ void Partition::await_start(const detail::ComponentCore& component, std::size_t 
   }
 }
 
-Time Partition::agree_on_begin(const std::function<bool()>& is_over) {
+Time Partition::agree_on_begin(base::Clock& clock, const std::function<bool()>& is_over) {
   if (rounds_ != nullptr) {
     if (is_main()) {
-      say_begin(clock_->now());
+      say_begin(base::to_ns(clock.now()));
     }
-    return clock_->now();
+    return clock.now();
   }
   if (incarnation_ > 1) {
+    if (clock.stands()) {  // The others have not begun either.
+      await_progress(ProcessPlan::kMain, steps() + 2, is_over);
+      clock.go_on_at(begin_said() != 0 ? begin_said() : base::monotonic_ns());
+    }
     say_progress(steps() + 2);
-    return clock_->now();  // The others began long ago.
+    return clock.now();  // The others began long ago.
   }
   say_progress(steps() + 1);
   await_all(steps() + 1, is_over);
   if (is_main()) {
-    const Time begin = clock_->now();
-    say_begin(begin);
-    say_progress(steps() + 2);
-    return begin;
+    say_begin(base::monotonic_ns());
+  } else {
+    await_progress(ProcessPlan::kMain, steps() + 2, is_over);
   }
-  await_progress(ProcessPlan::kMain, steps() + 2, is_over);
+  if (clock.stands()) {
+    clock.go_on_at(begin_said() != 0 ? begin_said() : base::monotonic_ns());
+  }
   say_progress(steps() + 2);
   return began();
+}
+
+std::optional<std::int64_t> Partition::clocks_began() const {
+  const bool is_later = incarnation_ > 1 && rounds_ == nullptr;
+  return is_later && begin_said() != 0 ? std::optional(begin_said()) : std::nullopt;
 }
 
 std::atomic<std::uint32_t>& Partition::begin_word(std::size_t which) const {
   return wire_.stage(ProcessPlan::kMain, 1, plan_.stage_count() + which);
 }
 
-void Partition::say_begin(Time begin) {
-  const auto ns = static_cast<std::uint64_t>(base::to_ns(begin));
+/// Of the application's time where that is simulated, of CLOCK_MONOTONIC live: what all share.
+void Partition::say_begin(std::int64_t begin_ns) {
+  const auto ns = static_cast<std::uint64_t>(begin_ns);
   begin_word(kBeginLow).store(static_cast<std::uint32_t>(ns), std::memory_order_relaxed);
   begin_word(kBeginHigh).store(static_cast<std::uint32_t>(ns >> 32), std::memory_order_release);
 }
 
-Time Partition::began() const {
+std::int64_t Partition::begin_said() const {
   const std::uint64_t high = begin_word(kBeginHigh).load(std::memory_order_acquire);
-  const std::uint64_t ns = high << 32 | begin_word(kBeginLow).load(std::memory_order_relaxed);
-  return ns == 0 ? clock_->now() : base::from_ns(static_cast<std::int64_t>(ns));
+  return static_cast<std::int64_t>(high << 32 |
+                                   begin_word(kBeginLow).load(std::memory_order_relaxed));
+}
+
+Time Partition::began() const {
+  const std::int64_t ns = begin_said();
+  if (ns == 0) {
+    return clock_->now();
+  }
+  return rounds_ != nullptr ? base::from_ns(ns) : clock_->at_monotonic(ns);
 }
 
 namespace {
@@ -356,17 +518,22 @@ auto until(std::chrono::steady_clock::duration limit) {
 
 }  // namespace
 
+void Partition::reach_end_of_input(const std::function<bool()>& is_over) {
+  say_progress(steps() + 3);
+  await_all(steps() + 3, is_over);
+}
+
 void Partition::reach(Step step) {
   if (rounds_ != nullptr) {
     return;
   }
-  const std::uint32_t progress = steps() + 3 + static_cast<std::uint32_t>(step);
+  const std::uint32_t progress = steps() + 4 + static_cast<std::uint32_t>(step);
   say_progress(progress);
   await_all(progress, until(kStepLimit));
 }
 
 void Partition::reach_stop(std::size_t place) {
-  say_progress(steps() + 7 + steps() - static_cast<std::uint32_t>(place));
+  say_progress(steps() + 8 + steps() - static_cast<std::uint32_t>(place));
 }
 
 void Partition::await_stop(const detail::ComponentCore& component, std::size_t place) {
@@ -374,11 +541,11 @@ void Partition::await_stop(const detail::ComponentCore& component, std::size_t p
     return;
   }
   await_progress(plan_.process_of(component.name),
-                 steps() + 8 + steps() - static_cast<std::uint32_t>(place), until(kStepLimit));
+                 steps() + 9 + steps() - static_cast<std::uint32_t>(place), until(kStepLimit));
 }
 
 void Partition::end() {
-  say_progress(steps() + 9 + steps());
+  say_progress(steps() + 10 + steps());
 }
 
 }  // namespace fastcycle::processes

@@ -16,6 +16,7 @@
 #include "loading/component_classes.h"
 #include "processes/activity.h"
 #include "processes/notice_order.h"
+#include "processes/pair.h"
 #include "processes/process_plan.h"
 #include "processes/rounds.h"
 #include "segment/export.h"
@@ -45,6 +46,10 @@ class Partition final : public host::Peers, public host::ComponentClasses {
                                                   std::uint32_t incarnation);
   [[nodiscard]] segment::ProcessIndex process() const { return process_; }
   [[nodiscard]] std::uint32_t incarnation() const { return incarnation_; }
+  /// Null where nobody is followed.
+  [[nodiscard]] const standby::Follower* follower() const {
+    return pair_ == nullptr ? nullptr : pair_->follower();
+  }
 
   const ComponentClass* find(const config::ComponentDescription& component,
                              config::Problems& problems) override;
@@ -55,6 +60,12 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   /// Reads what the others publish; once all that is to come at the start is there.
   void attach();
 
+  /// Of a process with a standby, and of that: what became of following. Set before `connect`; any
+  /// thread.
+  standby::Follower::Listener on_standby;
+  /// Asks the one that makes the processes to end this one, whose place its standby takes; set
+  /// before the start. Any thread.
+  std::function<void(const std::string& process)> on_switch;
   /// Called when all sources of this process have finished; set before the start. Any thread.
   std::function<void()> on_sources_finished;
 
@@ -78,9 +89,11 @@ class Partition final : public host::Peers, public host::ComponentClasses {
     notices_->tell(kind, component, text);
   }
   void look() override { notices_->wake(); }
-  [[nodiscard]] std::uint32_t process_of(const std::string& component) const override {
-    return plan_.process_of(component);
-  }
+  [[nodiscard]] std::uint32_t process_of(const std::string& component) const override;
+  [[nodiscard]] std::uint16_t lane_room(const std::string& component) const override;
+  void stops() override;
+  [[nodiscard]] std::string switch_to_standby(const std::string& component) override;
+  [[nodiscard]] std::atomic<std::uint32_t>* crashed() override;
   [[nodiscard]] bool is_wanted(const std::string& topic) const override;
   [[nodiscard]] bool is_here(std::uint32_t process) const override { return process == process_; }
   [[nodiscard]] const std::set<std::uint32_t>& told() const override { return notices_->told(); }
@@ -94,8 +107,11 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void reach_start(std::size_t place) override;
   void await_start(const detail::ComponentCore& component, std::size_t place,
                    const std::function<bool()>& is_over) override;
-  [[nodiscard]] Time agree_on_begin(const std::function<bool()>& is_over) override;
+  [[nodiscard]] Time agree_on_begin(base::Clock& clock,
+                                    const std::function<bool()>& is_over) override;
+  [[nodiscard]] std::optional<std::int64_t> clocks_began() const override;
   [[nodiscard]] Time began() const override;
+  void reach_end_of_input(const std::function<bool()>& is_over) override;
   void reach(Step step) override;
   void reach_stop(std::size_t place) override;
   void await_stop(const detail::ComponentCore& component, std::size_t place) override;
@@ -105,13 +121,18 @@ class Partition final : public host::Peers, public host::ComponentClasses {
  private:
   void say_progress(std::uint32_t progress);
   [[nodiscard]] std::atomic<std::uint32_t>& begin_word(std::size_t which) const;
-  void say_begin(Time begin);
+  void say_begin(std::int64_t begin_ns);
+  [[nodiscard]] std::int64_t begin_said() const;
   [[nodiscard]] std::uint32_t progress_of(segment::ProcessIndex process) const;
   void await_progress(segment::ProcessIndex process, std::uint32_t progress,
                       const std::function<bool()>& is_over) const;
   void await_all(std::uint32_t progress, const std::function<bool()>& is_over) const;
   [[nodiscard]] std::uint32_t steps() const;
   void await_readers();
+  void tell_followers();
+  void begin_pair();
+  [[nodiscard]] std::string why_other(const detail::ComponentCore& core) const;
+  [[nodiscard]] std::uint64_t last_sequence(const ProcessPlan::Link& link) const;
   void beat(std::chrono::nanoseconds limit, const std::stop_token& stop);
 
   const ProcessPlan& plan_;
@@ -125,6 +146,9 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   host::Application* application_ = nullptr;
   std::vector<Outlet> outlets_;
   std::vector<std::unique_ptr<segment::LinkSet>> link_sets_;
+  std::unique_ptr<FollowerBell> bell_;  ///< Null in a process that nobody follows.
+  std::unique_ptr<Pair> pair_;          ///< Null in one that follows nobody, and never will.
+  std::vector<std::unique_ptr<PairedInputs>> paired_inputs_;
   std::vector<std::unique_ptr<ActivityOfProcess>> activity_elsewhere_;
   std::unique_ptr<NoticeOrder> notices_;  ///< Null until it has become a process.
   std::unique_ptr<Rounds> rounds_;        ///< In simulated time.

@@ -20,6 +20,8 @@ constexpr std::size_t kMaxDepth = 16'384;
 /// More than what all may hold on purpose: what was returned and not collected yet, what is in a
 /// callback.
 constexpr std::size_t kSpare = 8;
+/// What may wait for a component on standby, or for one that had been.
+constexpr std::size_t kDepthOfStandby = 16;
 
 }  // namespace
 
@@ -31,6 +33,10 @@ ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::Appli
   names_ = {"supervisor", kMainName};
   for (const config::ProcessDescription& process : description_.processes) {
     names_.push_back(process.name);
+  }
+  if (!is_simulated_) {
+    first_standby_ = count();
+    add_standbys();
   }
   find_problems();
   if (problem_) {
@@ -50,10 +56,86 @@ ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::Appli
         std::max(wire_.executors, static_cast<unsigned>(executors_in(process).size()));
   }
   add_links(needs);
-  if (needs.has_activity || !wiring_.recorders.empty()) {
+  if (needs.has_activity || !wiring_.recorders.empty() ||
+      (first_standby_ > 0 && count() > first_standby_)) {
     add_activity(needs);
   }
   wire_.lay_out();
+}
+
+/// In simulated time there are none: nothing fails there by itself.
+void ProcessPlan::add_standbys() {
+  for (ProcessIndex process = kMain + 1; process < first_standby_; ++process) {
+    if (description_of(process).has_standby) {
+      names_.push_back(names_[process] + kStandbySuffix);
+      primaries_.push_back(process);
+    }
+  }
+  first_shadow_ = count();
+  for (const config::ShadowDescription& shadow : description_.shadows) {
+    names_.push_back(shadow.name);
+  }
+}
+
+const config::ShadowDescription* ProcessPlan::shadow_in(ProcessIndex process) const {
+  return first_shadow_ > 0 && process >= first_shadow_
+             ? &description_.shadows[process - first_shadow_]
+             : nullptr;
+}
+
+std::optional<ProcessIndex> ProcessPlan::other_of(ProcessIndex process) const {
+  if (const config::ShadowDescription* const shadow = shadow_in(process)) {
+    return process_of(shadow->of);
+  }
+  return twin_of(process);
+}
+
+std::vector<ProcessIndex> ProcessPlan::followers_of(ProcessIndex process) const {
+  std::vector<ProcessIndex> followers;
+  for (ProcessIndex one = kMain; one < count(); ++one) {
+    if (one != process && shadow_in(process) == nullptr && other_of(one) == process) {
+      followers.push_back(one);
+    }
+  }
+  return followers;
+}
+
+config::ComponentDescription described_as_shadow(config::ComponentDescription component,
+                                                 const config::ShadowDescription& shadow) {
+  if (!shadow.library.empty()) {
+    component.library = shadow.library;
+    component.class_name = shadow.class_name;
+  } else if (!shadow.class_name.empty()) {
+    component.class_name = shadow.class_name;
+  }
+  for (const auto& [name, value] : shadow.params.members()) {
+    component.params.set(name, value);
+  }
+  component.executor.clear();
+  component.threads.clear();
+  return component;
+}
+
+std::optional<ProcessIndex> ProcessPlan::twin_of(ProcessIndex process) const {
+  if (shadow_in(process) != nullptr) {
+    return std::nullopt;
+  }
+  if (first_standby_ > 0 && process >= first_standby_) {
+    return primaries_[process - first_standby_];
+  }
+  const auto found = std::ranges::find(primaries_, process);
+  if (found == primaries_.end()) {
+    return std::nullopt;
+  }
+  return first_standby_ + static_cast<ProcessIndex>(found - primaries_.begin());
+}
+
+bool ProcessPlan::hosts(ProcessIndex process, const std::string& component) const {
+  if (const config::ShadowDescription* const shadow = shadow_in(process)) {
+    return shadow->of == component;
+  }
+  const ProcessIndex its = process_of(component);
+  return its == process || (follows_at_start(process) && twin_of(process) == its);
 }
 
 void ProcessPlan::add_activity(const Needs& needs) {
@@ -63,7 +145,10 @@ void ProcessPlan::add_activity(const Needs& needs) {
                                                : host::worker_count(description_in(process)));
   }
   for (const config::ComponentDescription& component : description_.components) {
-    wire_.reads.push_back({.process = process_of(component.name)});
+    const ProcessIndex process = process_of(component.name);
+    wire_.reads.push_back({.process = process});
+    const auto standby = twin_of(process);
+    wire_.reads_on_standby.push_back({.process = standby.value_or(0)});
   }
 }
 
@@ -95,6 +180,15 @@ ProcessIndex ProcessPlan::process_of(const std::string& component) const {
 }
 
 config::ProcessDescription ProcessPlan::description_of(ProcessIndex process) const {
+  if (const config::ShadowDescription* const shadow = shadow_in(process)) {
+    config::ProcessDescription its;
+    its.name = shadow->name;
+    its.on_exit = config::OnExit::kContinue;
+    return its;
+  }
+  if (follows_at_start(process)) {
+    return description_of(primaries_[process - first_standby_]);
+  }
   if (process > kMain) {
     return description_.processes[process - kMain - 1];
   }
@@ -107,7 +201,10 @@ config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process)
   config::ApplicationDescription part = description_;
   std::set<std::string> used;
   for (config::ComponentDescription& component : part.components) {
-    if (process_of(component.name) == process) {
+    if (hosts(process, component.name)) {
+      if (const config::ShadowDescription* const shadow = shadow_in(process)) {
+        component = described_as_shadow(std::move(component), *shadow);
+      }
       used.insert(component.executor);
       continue;
     }
@@ -123,6 +220,8 @@ config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process)
     known.params = config::Value::object_at(part.shared_params);
     known.place = component.place;
     known.hang = component.hang;
+    // The main process asks for it where this one is gone for good.
+    known.fault_mode = component.fault_mode;
     component = std::move(known);
   }
   for (config::ModeDescription& mode : part.modes) {
@@ -160,9 +259,8 @@ std::vector<std::string> ProcessPlan::executors_in(ProcessIndex process) const {
 /// Whether somebody there looks at topics to which no component there subscribes.
 bool ProcessPlan::gets_all(ProcessIndex process, const Needs& needs) const {
   return (process == kMain && needs.main_gets_all) ||
-         std::ranges::any_of(wiring_.recorders, [&](const std::string& recorder) {
-           return process_of(recorder) == process;
-         });
+         std::ranges::any_of(wiring_.recorders,
+                             [&](const std::string& recorder) { return hosts(process, recorder); });
 }
 
 void ProcessPlan::add_links(const Needs& needs) {
@@ -170,57 +268,77 @@ void ProcessPlan::add_links(const Needs& needs) {
   std::map<std::pair<std::string, std::string>, std::size_t> ordinals;
   for (const auto& publisher : wiring_.publishers) {
     const std::size_t ordinal = ordinals[{publisher.topic, publisher.component}]++;
-    const ProcessIndex from = process_of(publisher.component);
-    for (ProcessIndex to = kMain; to < count(); ++to) {
-      std::size_t depth = 0;
-      std::size_t keep = 0;
-      bool is_wanted = gets_all(to, needs);
-      bool drops_newest = true;
-      std::string component;
-      for (const auto& subscription : wiring_.subscriptions) {
-        if (subscription.topic != publisher.topic || process_of(subscription.component) != to) {
-          continue;
-        }
-        is_wanted = true;
-        drops_newest = drops_newest && subscription.drops_newest;
-        depth = std::max(depth, subscription.depth);
-        keep += subscription.depth + subscription.keep + 1;
-        if (subscription.is_called && component.empty()) {
-          component = subscription.component;
-        }
+    const ProcessIndex its = process_of(publisher.component);
+    std::vector<ProcessIndex> sources = {its};
+    if (const auto standby = twin_of(its)) {
+      sources.push_back(*standby);
+    }
+    for (const ProcessIndex from : sources) {
+      for (ProcessIndex to = kMain; to < count(); ++to) {
+        add_link(publisher, ordinal, from, to, needs, executors);
       }
-      if (to == from || !is_wanted) {
-        continue;
-      }
-      if (executors[to].empty()) {
-        executors[to] = executors_in(to);
-      }
-      std::string executor = kLinkExecutor;
-      if (!component.empty()) {
-        const auto described = std::ranges::find(description_.components, component,
-                                                 &config::ComponentDescription::name);
-        executor = described->executor.empty() ? host::kPoolName : described->executor;
-      }
-      const auto place = std::ranges::find(executors[to], executor) - executors[to].begin();
-      // The recorder may hold many; and a burst must not be lost while a worker is busy.
-      // In simulated time all of a round waits for its end.
-      const std::size_t least_depth = needs.is_simulated ? 256 : 16;
-      const std::size_t queue = std::clamp(2 * depth, least_depth, kMaxDepth);
-      segment::LinkPlan link{.from = from, .to = to};
-      link.depth = static_cast<std::uint32_t>(queue);
-      link.capacity = static_cast<std::uint32_t>(
-          std::min(2 * queue + keep + publisher.latched + kSpare, 3 * kMaxDepth));
-      link.executor = static_cast<unsigned>(place);
-      link.drops_newest = drops_newest && depth > 0;
-      links_.push_back({.topic = publisher.topic,
-                        .component = publisher.component,
-                        .ordinal = ordinal,
-                        .executor = executor,
-                        .wire = wire_.links.size(),
-                        .depth = std::max<std::size_t>(depth, 1)});
-      wire_.links.push_back(link);
     }
   }
+}
+void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, std::size_t ordinal,
+                           ProcessIndex from, ProcessIndex to, const Needs& needs,
+                           std::map<ProcessIndex, std::vector<std::string>>& executors) {
+  std::size_t depth = 0;
+  std::size_t keep = 0;
+  // Two that follow each other compare what they publish.
+  const config::ShadowDescription* const shadow = shadow_in(to);
+  const bool is_followed =
+      twin_of(from) == to || (shadow != nullptr && shadow->of == publisher.component);
+  bool is_wanted = gets_all(to, needs) || is_followed;
+  bool drops_newest = true;
+  std::string component;
+  for (const auto& subscription : wiring_.subscriptions) {
+    if (subscription.topic != publisher.topic || !hosts(to, subscription.component)) {
+      continue;
+    }
+    is_wanted = true;
+    drops_newest = drops_newest && subscription.drops_newest;
+    depth = std::max(depth, subscription.depth);
+    keep += subscription.depth + subscription.keep + 1;
+    if (subscription.is_called && component.empty()) {
+      component = subscription.component;
+    }
+  }
+  if (to == from || !is_wanted) {
+    return;
+  }
+  if (twin_of(to) || shadow != nullptr) {
+    // Who follows is behind, and must not lose what the other one still takes.
+    depth = std::max(2 * depth, kDepthOfStandby);
+    keep += 2 * depth;
+  }
+  if (executors[to].empty()) {
+    executors[to] = executors_in(to);
+  }
+  std::string executor = kLinkExecutor;
+  if (!component.empty()) {
+    const auto described =
+        std::ranges::find(description_.components, component, &config::ComponentDescription::name);
+    executor = described->executor.empty() ? host::kPoolName : described->executor;
+  }
+  const auto place = std::ranges::find(executors[to], executor) - executors[to].begin();
+  // The recorder may hold many; and a burst must not be lost while a worker is busy.
+  // In simulated time all of a round waits for its end.
+  const std::size_t least_depth = needs.is_simulated ? 256 : 16;
+  const std::size_t queue = std::clamp(2 * depth, least_depth, kMaxDepth);
+  segment::LinkPlan link{.from = from, .to = to};
+  link.depth = static_cast<std::uint32_t>(queue);
+  link.capacity = static_cast<std::uint32_t>(
+      std::min(2 * queue + keep + publisher.latched + kSpare, 3 * kMaxDepth));
+  link.executor = static_cast<unsigned>(place);
+  link.drops_newest = drops_newest && depth > 0 && !is_followed;
+  links_.push_back({.topic = publisher.topic,
+                    .component = publisher.component,
+                    .ordinal = ordinal,
+                    .executor = executor,
+                    .wire = wire_.links.size(),
+                    .depth = std::max<std::size_t>(depth, 1)});
+  wire_.links.push_back(link);
 }
 
 }  // namespace fastcycle::processes

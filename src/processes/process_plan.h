@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,6 +23,8 @@ class ProcessPlan {
   static constexpr segment::ProcessIndex kSupervisor = 0;
   static constexpr segment::ProcessIndex kMain = 1;
   static constexpr const char* kMainName = "main";
+  /// Behind the name of a process, for its standby.
+  static constexpr const char* kStandbySuffix = ".standby";
   /// The executor of what is no component's: in each process, for what nobody else takes.
   static constexpr const char* kLinkExecutor = "processes";
 
@@ -56,7 +59,23 @@ class ProcessPlan {
   [[nodiscard]] const std::string& name(segment::ProcessIndex process) const {
     return names_[process];
   }
+  /// Where the file has it.
   [[nodiscard]] segment::ProcessIndex process_of(const std::string& component) const;
+  /// The other one of the two that a process with a standby is; none if it has none.
+  [[nodiscard]] std::optional<segment::ProcessIndex> twin_of(segment::ProcessIndex process) const;
+  /// Whether it follows another one at the start: of two, the one that is on standby; a shadow.
+  [[nodiscard]] bool follows_at_start(segment::ProcessIndex process) const {
+    return first_standby_ > 0 && process >= first_standby_;
+  }
+  /// What the process is a shadow of; null if it is none.
+  [[nodiscard]] const config::ShadowDescription* shadow_in(segment::ProcessIndex process) const;
+  /// Whom it follows at the start, or takes turns with; none if it stands alone.
+  [[nodiscard]] std::optional<segment::ProcessIndex> other_of(segment::ProcessIndex process) const;
+  /// Who follows it, or may.
+  [[nodiscard]] std::vector<segment::ProcessIndex> followers_of(
+      segment::ProcessIndex process) const;
+  /// Whether `process` has an object of the component that does its work: on standby too.
+  [[nodiscard]] bool hosts(segment::ProcessIndex process, const std::string& component) const;
   /// What the file says of a process; defaults for the main one.
   [[nodiscard]] config::ProcessDescription description_of(segment::ProcessIndex process) const;
   [[nodiscard]] const config::ApplicationDescription& description() const { return description_; }
@@ -76,7 +95,11 @@ class ProcessPlan {
 
  private:
   [[nodiscard]] std::vector<std::string> executors_in(segment::ProcessIndex process) const;
+  void add_standbys();
   void add_links(const Needs& needs);
+  void add_link(const host::ApplicationWiring::Publisher& publisher, std::size_t ordinal,
+                segment::ProcessIndex from, segment::ProcessIndex to, const Needs& needs,
+                std::map<segment::ProcessIndex, std::vector<std::string>>& executors);
   void add_activity(const Needs& needs);
   [[nodiscard]] bool gets_all(segment::ProcessIndex process, const Needs& needs) const;
   void find_problems();
@@ -84,10 +107,17 @@ class ProcessPlan {
   config::ApplicationDescription description_;
   host::ApplicationWiring wiring_;
   std::vector<std::string> names_;
+  segment::ProcessIndex first_standby_ = 0;       ///< Behind all that the file has,
+  segment::ProcessIndex first_shadow_ = 0;        ///< and behind these.
+  std::vector<segment::ProcessIndex> primaries_;  ///< Of these: whom they follow at the start.
   std::vector<Link> links_;
   segment::WirePlan wire_;
   std::optional<std::string> problem_;
   bool is_simulated_ = false;
 };
+
+/// The component as its shadow is.
+[[nodiscard]] config::ComponentDescription described_as_shadow(
+    config::ComponentDescription component, const config::ShadowDescription& shadow);
 
 }  // namespace fastcycle::processes

@@ -50,6 +50,15 @@ std::string describe_end(int status) {
   return fmt::format("ended with exit code {}", WEXITSTATUS(status));
 }
 
+/// As `ps` shows a process: of long names the begin, and what tells a standby from whom it follows.
+std::string short_name(const std::string& name) {
+  constexpr std::size_t kMost = 15;
+  const std::string suffix = ProcessPlan::kStandbySuffix;
+  return name.size() > kMost && name.ends_with(suffix)
+             ? name.substr(0, kMost - suffix.size()) + suffix
+             : name;
+}
+
 std::string read_all(int file) {
   std::string text;
   std::array<char, 65536> buffer;
@@ -132,6 +141,19 @@ bool Supervisor::fork_one(ProcessIndex process) {
   ++its.incarnation;
   its.is_built = its.is_connected = its.is_running = false;
   its.silence_ns = 0;
+  if (const auto other = plan_.other_of(process)) {
+    const bool follows = plan_.shadow_in(process) != nullptr ||
+                         (is_started_ ? may_be_followed(*other) : plan_.follows_at_start(process));
+    its.is_active = !follows;
+    if (is_started_ && !follows) {
+      tell_(
+          fmt::format("process \"{}\" begins without the state of before: process \"{}\" was not "
+                      "there to follow",
+                      plan_.name(process), plan_.name(*other)));
+    }
+    wire_.begins_on_standby(process).store(std::max(1U, its_[*other].incarnation) |
+                                           (follows ? segment::kFollows : 0));
+  }
   const pid_t parent = getpid();
   const pid_t pid = fork();
   if (pid < 0) {
@@ -153,10 +175,17 @@ bool Supervisor::fork_one(ProcessIndex process) {
   return true;
 }
 
+/// Whether it does the work of both, or will.
+bool Supervisor::may_be_followed(ProcessIndex process) const {
+  const segment::StandbyWords& words = wire_.standby(process, its_[process].incarnation);
+  return its_[process].pid > 0 &&
+         (its_[process].is_active || words.epoch.load() > 0 || words.is_in_step.load() != 0);
+}
+
 void Supervisor::work_in_child(ProcessIndex process, Channel channel) {
   // What a terminal sends goes to the supervisor alone, which passes it on.
   setpgid(0, 0);
-  prctl(PR_SET_NAME, plan_.name(process).c_str());
+  prctl(PR_SET_NAME, short_name(plan_.name(process)).c_str());
   const int report = its_[process].report;
   const std::uint32_t incarnation = its_[process].incarnation;
   for (Its& other : its_) {
@@ -208,6 +237,9 @@ void Supervisor::hear(ProcessIndex process) {
       its.has_sources = false;
       end_if_sources_finished();
       break;
+    case Word::kSwitch:
+      end_for_standby(message->text);
+      break;
     case Word::kEnd:
       end_all(message->text);
       break;
@@ -216,6 +248,19 @@ void Supervisor::hear(ProcessIndex process) {
       break;
   }
   proceed();
+}
+
+/// Ends a process whose place its standby takes: as a crash would, since that is what works always.
+void Supervisor::end_for_standby(const std::string& name) {
+  for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
+    const auto standby = plan_.twin_of(process);
+    if (plan_.name(process) == name && standby && its_[process].pid > 0 &&
+        wire_.standby(*standby, its_[*standby].incarnation).is_in_step.load() != 0) {
+      tell_(fmt::format("process \"{}\" is ended, as it was asked for: process \"{}\" takes over",
+                        name, plan_.name(*standby)));
+      kill(its_[process].pid, SIGKILL);
+    }
+  }
 }
 
 /// Leads those that wait to the next step, as far as all are there.
@@ -404,6 +449,13 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
         restart_due();
         return;
       }
+      if (restart.then == config::AfterRestarts::kContinue) {
+        tell_(
+            fmt::format("{}, after {} restarts; the others go on without it", what, its.restarts));
+        its.has_sources = false;
+        end_if_sources_finished();
+        return;
+      }
       tell_(its.never_joined > 0
                 ? fmt::format("{}, {} times before it had come to the time of the others; the "
                               "application stops",
@@ -522,6 +574,9 @@ Supervisor::Result Supervisor::run() {
   const bool has_heartbeats =
       std::ranges::any_of(plan_.description().processes,
                           [](const auto& process) { return process.heartbeat.count() > 0; });
+  const bool has_standbys = std::ranges::any_of(plan_.description().processes,
+                                                &config::ProcessDescription::has_standby) &&
+                            !plan_.is_simulated();
   while (is_anyone_left()) {
     std::vector<pollfd> files = {{signals_, POLLIN, 0}};
     std::vector<std::pair<ProcessIndex, bool>> whose = {{0, false}};
@@ -537,8 +592,8 @@ Supervisor::Result Supervisor::run() {
     const bool has_due =
         kill_at_ns_ != 0 || has_heartbeats ||
         std::ranges::any_of(its_, [](const Its& its) { return its.restart_at_ns != 0; });
-    constexpr int kLookMs = 5;
-    poll(files.data(), files.size(), has_due ? kLookMs : -1);
+    const int look_ms = has_standbys ? 1 : 5;
+    poll(files.data(), files.size(), has_due ? look_ms : -1);
     if (files[0].revents != 0) {
       take_signal();
     }

@@ -57,6 +57,7 @@ class Supervisor {
     bool is_built = false;
     bool is_connected = false;
     bool is_running = false;
+    bool is_active = false;          ///< Of two: it was made to do the work.
     bool has_sources = false;        ///< That have not finished.
     std::int64_t restart_at_ns = 0;  ///< 0: it is not to be made anew.
     bool is_wait_told = false;       ///< That its restart waits for somebody.
@@ -69,9 +70,11 @@ class Supervisor {
   };
 
   bool fork_one(segment::ProcessIndex process);
+  [[nodiscard]] bool may_be_followed(segment::ProcessIndex process) const;
   [[noreturn]] void work_in_child(segment::ProcessIndex process, Channel channel);
   void announce(segment::ProcessIndex process, std::uint32_t incarnation);
   void hear(segment::ProcessIndex process);
+  void end_for_standby(const std::string& name);
   void proceed();
   void take_signal();
   void take_end(segment::ProcessIndex process);

@@ -70,4 +70,12 @@ std::span<const mcap::Bytes> Serializer::serialize(const google::protobuf::Messa
   return parts_;
 }
 
+std::string Serializer::serialize_to_string(const google::protobuf::Message& message) {
+  std::string bytes;
+  for (const mcap::Bytes& part : serialize(message)) {
+    bytes.append(reinterpret_cast<const char*>(part.data()), part.size());
+  }
+  return bytes;
+}
+
 }  // namespace fastcycle::record

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <google/protobuf/io/zero_copy_stream.h>
@@ -30,6 +31,9 @@ class Serializer {
   ///
   /// @errors  `std::length_error` for a message of 2 GiB or more, which protobuf cannot hold.
   [[nodiscard]] std::span<const mcap::Bytes> serialize(const google::protobuf::Message& message);
+
+  /// The same, all parts in one string.
+  [[nodiscard]] std::string serialize_to_string(const google::protobuf::Message& message);
 
   /// Of what `serialize` gave last, in bytes.
   [[nodiscard]] std::uint64_t size() const { return size_; }

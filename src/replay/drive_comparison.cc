@@ -1,9 +1,7 @@
 #include "replay/drive_comparison.h"
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
-#include <set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -12,7 +10,6 @@
 #include "base/clock.h"
 #include "broker/publisher_core.h"
 #include "broker/topics.h"
-#include "replay/message_difference.h"
 
 namespace fastcycle::host {
 namespace {
@@ -132,66 +129,26 @@ void DriveComparison::compare(Lane& lane, const Recorded& recorded, const Publis
   const google::protobuf::Message& type = lane.publisher->default_instance;
   const std::unique_ptr<google::protobuf::Message> then(type.New());
   const std::unique_ptr<google::protobuf::Message> now(type.New());
-  const auto place = [&] {
-    return ChangePlace{.activation = published.activation,
-                       .time_ns = published.activation_time_ns,
-                       .sequence = recorded.sequence};
-  };
-  const auto field_of = [&](const std::string& name) -> FieldChange& {
-    FieldChange& field = lane.fields[name];
-    field.field = name;
-    return field;
-  };
-  std::set<std::string> changed;
-  if (then->ParseFromString(recorded.bytes) && now->ParseFromString(published.bytes)) {
-    for_each_difference(*then, *now, [&](const FieldDifference& difference) {
-      const std::string name = difference.pattern();
-      FieldChange& field = field_of(name);
-      const auto where = [&] {
-        ChangePlace at = place();
-        at.path = difference.path();
-        at.recorded = difference.recorded();
-        at.now = difference.now();
-        return at;
-      };
-      if (field.values++ == 0) {
-        field.first = where();
-      }
-      if (const std::optional<double> change = difference.change()) {
-        const double size = std::abs(*change);
-        if (field.numbers++ == 0 || size > field.most) {
-          field.most = size;
-          field.largest = where();
-        }
-        field.sum += size;
-      }
-      if (changed.insert(name).second) {
-        ++field.messages;
-      }
-    });
+  // What cannot be read has no fields, and differs as a whole.
+  const bool is_read =
+      then->ParseFromString(recorded.bytes) && now->ParseFromString(published.bytes);
+  if (!is_read) {
+    then->Clear();
+    now->Clear();
   }
-  if (changed.empty()) {
-    FieldChange& field = field_of("(bytes)");
-    ++field.messages;
-    if (field.values++ == 0) {
-      field.first = place();
-      field.first.path = field.field;
-      field.first.recorded = fmt::format("{} bytes", recorded.bytes.size());
-      field.first.now = fmt::format("{} other bytes", published.bytes.size());
-    }
-  }
+  lane.fields.add(*then, *now,
+                  {.activation = published.activation,
+                   .time_ns = published.activation_time_ns,
+                   .sequence = recorded.sequence,
+                   .recorded = fmt::format("{} bytes", recorded.bytes.size()),
+                   .now = fmt::format("{} other bytes", published.bytes.size())});
 }
 
 std::vector<TopicChange> DriveComparison::topics() const {
   std::vector<TopicChange> topics;
   for (const auto& [id, lane] : lanes_) {
     TopicChange topic = lane.change;
-    for (const auto& [name, field] : lane.fields) {
-      topic.fields.push_back(field);
-    }
-    std::ranges::sort(topic.fields, [](const FieldChange& a, const FieldChange& b) {
-      return a.messages != b.messages ? a.messages > b.messages : a.field < b.field;
-    });
+    topic.fields = lane.fields.all();
     topics.push_back(std::move(topic));
   }
   std::ranges::sort(

@@ -13,6 +13,8 @@
 #include "broker/quality.h"
 #include "broker/topics.h"
 #include "component/declared_states.h"
+#include "component/key_frame.h"
+#include "component/repeat_event.h"
 #include "config/nearest.h"
 #include "executor/activation.h"
 #include "executor/life_step.h"
@@ -30,12 +32,8 @@ using record::RecordedActivation;
 
 namespace {
 
-std::string joined(std::span<const mcap::Bytes> parts) {
-  std::string bytes;
-  for (const mcap::Bytes& part : parts) {
-    bytes.append(reinterpret_cast<const char*>(part.data()), part.size());
-  }
-  return bytes;
+bool is_reload(const RecordedActivation& activation) {
+  return activation.cause == Cause::kMode && activation.key == detail::to_key(LifeStep::kReload);
 }
 
 bool is_caused_by_message(const RecordedActivation& activation) {
@@ -63,6 +61,10 @@ const char* to_word(LifeStep step) {
     case LifeStep::kAlarm:
     case LifeStep::kRenew:
       return "a restart";
+    case LifeStep::kReload:
+    case LifeStep::kRollBack:
+    case LifeStep::kConfirm:
+      return "a reload";
     case LifeStep::kOther:
       break;
   }
@@ -255,6 +257,14 @@ std::string ExactReplay::why_not(const Player& player) const {
   if (activations.empty()) {
     return "the log has no activation of it";
   }
+  const auto reload = std::ranges::find_if(activations, is_reload);
+  const bool begins_reloaded =
+      reload == activations.end()
+          ? schedule_.facts.contains(fmt::format("reloaded.{}", player.core->name))
+          : player.next < activations.size() && reload->number <= activations[player.next].number;
+  if (begins_reloaded) {
+    return "it had been reloaded before: it ran another library than the application names";
+  }
   if (activations.front().number != 1 && !player.is_beginning) {
     return fmt::format(
         "the log begins with its activation {}, and has no key frame of its state{}",
@@ -391,6 +401,14 @@ void ExactReplay::choose(config::Problems& problems) {
       --player->end;
       player->result.why = fmt::format("activation {} had not ended when the log did",
                                        player->recorded->activations[player->end].number);
+    }
+    const auto& all = player->recorded->activations;
+    const auto reload = std::ranges::find_if(all, is_reload);
+    if (const auto place = static_cast<std::size_t>(reload - all.begin());
+        reload != all.end() && place < player->end) {
+      player->end = place;
+      player->result.why = fmt::format(
+          "it was reloaded in activation {}: what follows is of another library", reload->number);
     }
     if (player->result.why.empty() && player->recorded->is_restarted) {
       player->result.why = fmt::format("its process was restarted after activation {}",
@@ -785,60 +803,25 @@ void ExactReplay::end_waiting() {
 /// Brings the component into the state that it had after the activation of a key frame: it is
 /// started, what it publishes meanwhile is dropped, and then it is given all that the frame has.
 void ExactReplay::begin_at(Player& player, const RecordedActivation& frame) {
-  using Number = detail::DeclaredStates::FrameNumber;
   ComponentCore& core = *player.core;
   driver_.clock(core.index).set_simulated(base::from_ns(frame.time_ns));
-  player.told.begin({});
-  const auto numbers = [&](Number place) -> std::optional<std::uint64_t> {
-    for (const detail::ToldReads::Entry& entry : frame.reads) {
-      if (entry.read.kind == detail::ReadKind::kFrameNumber && entry.read.place == place) {
-        return entry.read.value;
-      }
-    }
-    return std::nullopt;
-  };
-  if (core.states != nullptr) {
+  const auto state = [&](const detail::Read& read) -> const google::protobuf::Message& {
     std::size_t input = 0;
     for (const detail::ToldReads::Entry& entry : frame.reads) {
-      if (entry.read.kind != detail::ReadKind::kKeyFrame &&
-          entry.read.kind != detail::ReadKind::kHeld) {
-        continue;
+      if (&entry.read == &read) {
+        break;
       }
-      const Envelope& envelope = *player.inputs[input++].second;
-      const auto& states = static_cast<detail::DeclaredStates&>(*core.states).all();
-      if (entry.read.kind == detail::ReadKind::kKeyFrame && entry.read.place < states.size() &&
-          states[entry.read.place]->value->GetDescriptor() == envelope.payload->GetDescriptor()) {
-        states[entry.read.place]->value->CopyFrom(*envelope.payload);
-      }
+      input += entry.read.kind == detail::ReadKind::kKeyFrame ||
+               entry.read.kind == detail::ReadKind::kHeld;
     }
-  }
-  core.is_wanted = true;
-  if (const auto began = numbers(Number::kTimersBegan); began && *began > 0) {
-    core.timers_began = base::from_ns(static_cast<std::int64_t>(*began));
-  }
-  core.repeat_next(frame.number, player.told);
-  core.repeat(*player.ring, {.cause = Cause::kMode,
-                             .body = [&core] { core.begin_anew(); },
-                             .key = static_cast<std::uint64_t>(LifeStep::kStart)});
-  for (const detail::ToldReads::Entry& entry : frame.reads) {
-    if (entry.read.kind == detail::ReadKind::kFrameParams) {
-      const std::uint64_t transaction = numbers(Number::kTransaction).value_or(0);
-      config::Problems problems;
-      application_.put_recorded_params(core, transaction, entry.text, problems);
-      core.repeat_next(frame.number, player.told);
-      static_cast<void>(core.repeat_posted(*player.ring, Cause::kParameter, transaction));
-    }
-  }
-  core.hand_over_stage();
+    return *player.inputs[input].second->payload;
+  };
+  detail::begin_at_key_frame(application_, core, *player.ring, player.told,
+                             {.activation = frame.number, .reads = frame.reads, .state = state});
   for (const Outputs::Output& output : player.outputs.all) {
     detail::release(output.envelope);
   }
   player.outputs.all.clear();
-  core.restarts = static_cast<std::uint32_t>(numbers(Number::kRestarts).value_or(0));
-  core.first_restart_ns = static_cast<std::int64_t>(numbers(Number::kFirstRestart).value_or(0));
-  core.restart_count = numbers(Number::kObjects).value_or(0);
-  core.jobs_made = core.jobs_ended = numbers(Number::kJobs).value_or(0);
-  core.params_asked = core.params_answered = numbers(Number::kParamsAsked).value_or(0);
   for (const auto& [id, sequence] : player.begun_after) {
     if (PublisherCore* its = publisher(id)) {
       its->continue_after(sequence);
@@ -864,7 +847,7 @@ void ExactReplay::execute(Player& player, const RecordedActivation& activation) 
   }
   core.hand_over_stage();
   for (Outputs::Output& output : player.outputs.all) {
-    output.bytes = joined(player.serializer.serialize(*output.envelope->payload));
+    output.bytes = player.serializer.serialize_to_string(*output.envelope->payload);
   }
 }
 
@@ -921,7 +904,8 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
       call_lifecycle(player, activation);
       return;
     case Cause::kEvent:
-      call_event(player, activation);
+      detail::repeat_event(core, *player.ring, activation.reads, activation.key, activation.time_ns,
+                           activation.skipped);
       return;
     case Cause::kParameter:
       call_params(player, activation);
@@ -1035,6 +1019,7 @@ void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activ
     case LifeStep::kRenew:
     case LifeStep::kToolStop:
     case LifeStep::kToolStart:
+    case LifeStep::kConfirm:
       repeat([&core, step] { static_cast<void>(core.obey(step)); });
       return;
     case LifeStep::kAlarm:
@@ -1043,38 +1028,10 @@ void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activ
              {.field = "restart", .recorded = "goes on", .now = "none is under way"});
       }
       return;
+    case LifeStep::kReload:  // The execution ends before it.
+    case LifeStep::kRollBack:
     case LifeStep::kOther:
       return;
-  }
-}
-
-void ExactReplay::call_event(Player& player, const RecordedActivation& activation) {
-  ComponentCore& core = *player.core;
-  const auto told = std::ranges::find_if(activation.reads, [](const auto& entry) {
-    return entry.read.kind == detail::ReadKind::kQosEvent;
-  });
-  if (told != activation.reads.end()) {
-    const std::uint32_t place = told->read.place & ~detail::Watch::kOffered;
-    const detail::Watch* watch = nullptr;
-    std::string_view topic;
-    if ((told->read.place & detail::Watch::kOffered) != 0 && place < core.offered.size()) {
-      watch = core.offered[place].get();
-      topic = core.offered[place]->publisher.topic.name;
-    } else if (place < core.subscriptions.callbacks().size()) {
-      const detail::CallbackSubscription& its = *core.subscriptions.callbacks()[place];
-      watch = its.quality.get();
-      topic = its.topic.name;
-    }
-    const auto event = detail::WrittenEvent::read(told->text, topic);
-    if (watch != nullptr && event) {
-      core.repeat(*player.ring, *watch, *event);
-    }
-    return;
-  }
-  const auto& timers = core.timers();
-  if (activation.key < timers.size()) {
-    core.repeat(*player.ring, *timers[activation.key],
-                {.due = base::from_ns(activation.time_ns), .skipped = activation.skipped});
   }
 }
 
@@ -1105,6 +1062,11 @@ void ExactReplay::call_params(Player& player, const RecordedActivation& activati
 void ExactReplay::check_end(Player& player, const RecordedActivation& activation) {
   detail::ActivationRecord record;
   if (!player.ring->read_at(player.ring->size() - 1, record)) {
+    return;
+  }
+  if (activation.outcome == detail::Outcome::kRunning) {
+    // Its process ended in it. Activations follow, so the standby has completed it, from what the
+    // other one had read; what was published then is compared as ever.
     return;
   }
   const Source source{activation.number, cause_in_words(player, activation), activation.time_ns};

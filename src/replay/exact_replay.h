@@ -200,7 +200,6 @@ class ExactReplay {
   void execute(Player& player, const record::RecordedActivation& activation);
   void call(Player& player, const record::RecordedActivation& activation);
   void call_lifecycle(Player& player, const record::RecordedActivation& activation);
-  void call_event(Player& player, const record::RecordedActivation& activation);
   void note_params(Player& player, const record::RecordedActivation& activation,
                    const std::string& recorded, const config::Problems& problems);
   void call_params(Player& player, const record::RecordedActivation& activation);

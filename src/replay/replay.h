@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -96,6 +97,8 @@ class Replay final : public ComponentClasses, public detail::Feed {
   void declare(detail::ComponentCore& component);
   /// Says in a log of this run what it repeats.
   void explain(std::map<std::string, std::string>& facts) const;
+  /// Begins at `time` instead, with the latched messages of before. Before `start`.
+  void skip_to(Time time) { from_ = std::clamp(time, from_, to_); }
   /// Before the first component starts. `clock` and `log` are the application's. `ended` is called
   /// after a failure, and live when all has come; on the thread that feeds.
   void start(const base::Clock& clock, detail::LogSource& log,
@@ -103,6 +106,8 @@ class Replay final : public ComponentClasses, public detail::Feed {
   /// Live only: from now on messages come.
   void start_thread(std::vector<base::Refusal>& refusals);
   void stop();
+  /// Safe.
+  [[nodiscard]] bool is_stopping() const { return is_stopping_; }
 
   [[nodiscard]] std::int64_t next_due_ns() const noexcept override;
   [[nodiscard]] std::uint32_t next_step() const noexcept override;

@@ -110,7 +110,8 @@ ComponentReport report_component(const ComponentCore& core, const Modes& modes,
   }
   report.faults = core.fault_count;
   report.fault_texts = core.faults;
-  report.restarts = core.restart_count;
+  report.restarts = core.renewals();
+  report.version = core.versions->news();
   if (modes.is_switched(core.index)) {
     report.was_active = core.was_active_at_end;
   }
@@ -119,19 +120,27 @@ ComponentReport report_component(const ComponentCore& core, const Modes& modes,
   return report;
 }
 
-TopicReport report_topic(const detail::Topic& topic, double time_s) {
+/// Whether the component only follows another process here, which tells of it.
+bool only_follows(const Peers* peers, const std::string& component) {
+  return peers != nullptr && peers->runs_here(component) &&
+         !peers->is_here(peers->process_of(component));
+}
+
+TopicReport report_topic(const detail::Topic& topic, double time_s, const Peers* peers) {
   TopicReport report;
   report.name = topic.name;
   report.type = topic.type;
   for (const auto& publisher : topic.publishers) {
-    if (!publisher->is_imported) {  // Else the process that it is in tells of it.
+    // Else the process that it is in tells of it.
+    if (!publisher->is_imported && !only_follows(peers, publisher->owner.name)) {
       report.published += publisher->published();
       report.allocated += publisher->allocated();
     }
   }
   report.rate_hz = static_cast<double>(report.published) / time_s;
   for (const auto& subscription : topic.subscriptions) {
-    if (subscription->kind == detail::Subscription::Kind::kTap) {
+    if (subscription->kind == detail::Subscription::Kind::kTap ||
+        only_follows(peers, subscription->component)) {
       continue;  // What it took, and what it lost, is told by its owner.
     }
     report.subscribers.push_back({.component = subscription->component,
@@ -415,6 +424,10 @@ ordered_json json_of(const ComponentReport& component) {
                        {"faults", component.faults},
                        {"fault_texts", component.fault_texts},
                        {"restarts", component.restarts},
+                       {"library", component.version.library},
+                       {"build_id", component.version.build_id},
+                       {"reloads", component.version.reloads},
+                       {"rollbacks", component.version.rollbacks},
                        {"health", to_word(component.health)},
                        {"health_reason", component.health_reason},
                        {"timer_lateness_us", json_of_short(component.timer_lateness)}};
@@ -647,6 +660,13 @@ std::string troubles_text(const RunReport& report) {
     if (component.restarts > 0) {
       text += "  " + component.name + " was restarted " + std::to_string(component.restarts) +
               (component.restarts == 1 ? " time\n" : " times\n");
+    }
+    if (component.version.reloads > 0) {
+      text += fmt::format(
+          "  {} was reloaded {} {}, and rolled back {} {}; it ran {} at the end\n", component.name,
+          component.version.reloads, component.version.reloads == 1 ? "time" : "times",
+          component.version.rollbacks, component.version.rollbacks == 1 ? "time" : "times",
+          component.version.library);
     }
     if (component.health != Health::kOk) {
       const std::string reason = base::on_one_line(component.health_reason);
@@ -999,7 +1019,7 @@ RunReport make_report(const Application& application, Duration wall) {
   auto callbacks = find_callbacks(application);
   const Peers* const peers = application.peers();
   for (const auto& component : application.components()) {
-    if (peers != nullptr && !peers->runs_here(component->name)) {
+    if (peers != nullptr && !peers->is_here(peers->process_of(component->name))) {
       continue;
     }
     const bool is_replayed = replay != nullptr && !replay->plan().runs(component->name);
@@ -1012,7 +1032,7 @@ RunReport make_report(const Application& application, Duration wall) {
     add_results(report, *component);
   }
   for (const auto& [name, topic] : application.topics().all()) {
-    report.topics.push_back(report_topic(*topic, report.time_s));
+    report.topics.push_back(report_topic(*topic, report.time_s, peers));
   }
   for (const auto& component : application.components()) {
     add_offered(report, *component);

@@ -38,6 +38,7 @@ struct ComponentReport {
   std::uint64_t faults = 0;
   std::vector<std::string> fault_texts = {};  ///< Of the first faults.
   std::uint64_t restarts = 0;
+  detail::VersionNews version = {};  ///< Whose code it ran at the end.
   /// Whether it was active when the run ended; none if no mode names it.
   std::optional<bool> was_active = {};
   bool is_stuck = false;  ///< It had not come back from its own code when the application stopped.

@@ -129,10 +129,15 @@ void pass(Archive& archive, CallbackReport& report) {
   pass_all(archive, report.name, report.kind, report.time);
 }
 template <typename Archive>
+void pass(Archive& archive, detail::VersionNews& version) {
+  pass_all(archive, version.library, version.build_id, version.is_on_probation, version.reloads,
+           version.rollbacks, version.last);
+}
+template <typename Archive>
 void pass(Archive& archive, ComponentReport& report) {
   pass_all(archive, report.name, report.state, report.activations, report.callback,
            report.callbacks, report.timer_lateness, report.overruns, report.faults,
-           report.fault_texts, report.restarts, report.was_active, report.is_stuck,
+           report.fault_texts, report.restarts, report.version, report.was_active, report.is_stuck,
            report.is_replayed, report.health, report.health_reason);
 }
 template <typename Archive>
@@ -292,6 +297,7 @@ RunReport put_together(std::vector<RunReport> parts,
     std::ranges::move(part->components, std::back_inserter(whole.components));
     std::ranges::move(part->results, std::back_inserter(whole.results));
     std::ranges::move(part->processes, std::back_inserter(whole.processes));
+    std::ranges::move(part->tools, std::back_inserter(whole.tools));
     // Each process counts what it did to messages that come to its own components.
     for (const faults::FaultCount& fault : part->faults) {
       const auto known = std::ranges::find(whole.faults, fault.name, &faults::FaultCount::name);

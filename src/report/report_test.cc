@@ -115,10 +115,10 @@ TEST(Report, HasItsKeysInOrder) {
               ElementsAre("application", "clock", "startup_ms", "time_s", "wall_s", "cpu_s",
                           "rss_max_kib", "end", "components", "topics", "results"));
   EXPECT_THAT(keys_of(json["components"]), ElementsAre("teller", "listener"));
-  EXPECT_THAT(
-      keys_of(json["components"]["teller"]),
-      ElementsAre("state", "activations", "callback_us", "callbacks", "overruns", "faults",
-                  "fault_texts", "restarts", "health", "health_reason", "timer_lateness_us"));
+  EXPECT_THAT(keys_of(json["components"]["teller"]),
+              ElementsAre("state", "activations", "callback_us", "callbacks", "overruns", "faults",
+                          "fault_texts", "restarts", "library", "build_id", "reloads", "rollbacks",
+                          "health", "health_reason", "timer_lateness_us"));
   EXPECT_THAT(keys_of(json["components"]["teller"]["callback_us"]),
               ElementsAre("p50", "p99", "max"));
   EXPECT_THAT(keys_of(json["topics"]["numbers"]),

@@ -113,7 +113,7 @@ void Import::attach() {
     say_oldest();  // Who wants the memory of an old incarnation asks by ringing.
     return;
   }
-  while (publisher_ != 0 && take_one()) {
+  while (publisher_ != 0 && take_in_order()) {
   }
   if (!held_.empty()) {
     held_.back()->is_old.store(true, std::memory_order_release);
@@ -172,10 +172,33 @@ bool Import::has_any() noexcept {
 
 bool Import::take() noexcept {
   bool has_taken = false;
-  for (std::uint32_t i = 0; i < link_.depth && take_one(); ++i) {
+  for (std::uint32_t i = 0; i < link_.depth && take_in_order(); ++i) {
     has_taken = true;
   }
   return has_taken;
+}
+
+/// The sequence of the message that `word` tells of.
+std::uint64_t Import::sequence_of(std::uint64_t word) const noexcept {
+  return number_of(word) < link_.capacity
+             ? wire_.messages(link_, publisher_)[number_of(word)].info.sequence
+             : 0;
+}
+
+/// As `take_one`; what the other one of two processes published before comes first. The own link is
+/// looked at first: had something come there later, the other one's would be complete.
+bool Import::take_in_order() noexcept {
+  if (partner_ != nullptr) [[unlikely]] {
+    std::uint64_t own = 0;
+    std::uint64_t other = 0;
+    if (!find(own)) {
+      return false;
+    }
+    if (partner_->find(other) && partner_->sequence_of(other) < sequence_of(own)) {
+      return partner_->take_one();
+    }
+  }
+  return take_one();
 }
 
 /// Takes one message, or passes over what is gone; false if there is nothing.
@@ -219,7 +242,7 @@ bool Import::take_one() noexcept {
     envelope->trails[root] = wire_.trails(link_, publisher_)[number * wire_.plan().roots + root];
   }
   const std::lock_guard lock(stand_in_.mutex());
-  stand_in_.publish_imported(envelope);
+  stand_in_.publish_imported(envelope, partner_ != nullptr || stand_in_.is_following());
   return true;
 }
 

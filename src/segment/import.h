@@ -34,6 +34,16 @@ class Import final {
   bool take() noexcept;
   [[nodiscard]] bool has_any() noexcept;
 
+  /// `other` comes from the other one of two processes that take each other's place: of both
+  /// messages come in the order of their sequences.
+  void pair_with(Import& other) noexcept {
+    partner_ = &other;
+    other.partner_ = this;
+  }
+  [[nodiscard]] bool stands_for(const detail::PublisherCore& publisher) const noexcept {
+    return &stand_in_ == &publisher;
+  }
+
   [[nodiscard]] const LinkPlan& link() const noexcept { return link_; }
   /// Messages that this process holds.
   [[nodiscard]] std::size_t held() const noexcept;
@@ -44,12 +54,15 @@ class Import final {
   void say_oldest();
   bool find(std::uint64_t& word) noexcept;
   bool take_one() noexcept;
+  bool take_in_order() noexcept;
+  [[nodiscard]] std::uint64_t sequence_of(std::uint64_t word) const noexcept;
 
   const Wire& wire_;
   const LinkPlan& link_;
   const std::uint32_t incarnation_;
   detail::PublisherCore& stand_in_;
   LinkIn& in_;
+  Import* partner_ = nullptr;
 
   std::uint32_t publisher_ = 0;  ///< Its incarnation that is read; 0: none.
   std::uint32_t newest_ = 0;     ///< The last that there was.

@@ -15,6 +15,11 @@ LinkSet::LinkSet(const Wire& wire, ProcessIndex process, std::uint32_t incarnati
 
 Import& LinkSet::add(const LinkPlan& link, detail::PublisherCore& stand_in) {
   imports_.push_back(std::make_unique<Import>(wire_, link, incarnation_, stand_in));
+  for (const auto& other : imports_) {
+    if (other != imports_.back() && other->stands_for(stand_in)) {
+      imports_.back()->pair_with(*other);
+    }
+  }
   if (std::ranges::find(sources_, link.from, &Source::process) == sources_.end()) {
     sources_.push_back({.process = link.from});
   }

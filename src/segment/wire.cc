@@ -44,11 +44,15 @@ std::size_t snapshot_offset(const WirePlan& plan) {
   return round_up(notices_offset(plan) + sizeof(NoticeWords), kLine);
 }
 
+std::size_t standby_offset(const WirePlan& plan) {
+  return round_up(snapshot_offset(plan) + sizeof(SnapshotWords), kLine);
+}
+
 }  // namespace
 
 void WirePlan::lay_out() {
-  const std::size_t begin = snapshot_offset(*this) + sizeof(SnapshotWords);
-  std::vector<std::size_t> ends(processes, std::max(begin, (2 * processes + 1) * sizeof(Bell)));
+  const std::size_t begin = standby_offset(*this) + sizeof(StandbyWords);
+  std::vector<std::size_t> ends(processes, std::max(begin, (3 * processes + 1) * sizeof(Bell)));
   for (LinkPlan& link : links) {
     link.out_offset = ends[link.from];
     ends[link.from] +=
@@ -63,9 +67,17 @@ void WirePlan::lay_out() {
     ring_offsets[process] = ends[process];
     ends[process] += round_up(workers[process] * sizeof(detail::ActivationRing), kLine);
   }
-  for (Reads& its : reads) {
-    its.offset = ends[its.process];
-    ends[its.process] += round_up(detail::ReadRing::bytes_of(Wire::kReads), kLine);
+  for (ProcessIndex process = 0; process < workers.size(); ++process) {
+    life_offsets.push_back(ends[process]);
+    ends[process] += workers[process] * sizeof(WorkerLife);
+  }
+  for (std::vector<Reads>* const all : {&reads, &reads_on_standby}) {
+    for (Reads& its : *all) {
+      if (its.process != 0) {
+        its.offset = ends[its.process];
+        ends[its.process] += round_up(detail::ReadRing::bytes_of(Wire::kReads), kLine);
+      }
+    }
   }
   constexpr std::size_t kPage = 4096;
   control_bytes = round_up(*std::ranges::max_element(ends), kPage);
@@ -114,6 +126,10 @@ NoticeWords& Wire::notices(ProcessIndex process, std::uint32_t incarnation) cons
 
 SnapshotWords& Wire::snapshot(ProcessIndex process, std::uint32_t incarnation) const noexcept {
   return at<SnapshotWords>(process, incarnation, snapshot_offset(plan_));
+}
+
+StandbyWords& Wire::standby(ProcessIndex process, std::uint32_t incarnation) const noexcept {
+  return at<StandbyWords>(process, incarnation, standby_offset(plan_));
 }
 
 void wake(const std::atomic<std::uint32_t>& word, int count) noexcept {

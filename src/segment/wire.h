@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <google/protobuf/message.h>
+#include <pthread.h>
 
 #include "broker/read_ring.h"
 #include "broker/trail.h"
@@ -46,9 +47,12 @@ struct WirePlan {
     std::size_t offset = 0;  ///< Set by `lay_out`.
   };
   std::vector<Reads> reads = {};  ///< By component.
+  /// The same of its process's standby; process 0: it has none.
+  std::vector<Reads> reads_on_standby = {};
 
   // Set by `lay_out`.
   std::vector<std::size_t> ring_offsets = {};  ///< By process: the rings of its workers.
+  std::vector<std::size_t> life_offsets = {};  ///< The same: their lives.
   std::size_t control_bytes = 0;
   void lay_out();
 };
@@ -142,6 +146,27 @@ struct alignas(64) SnapshotWords {
   std::atomic<std::uint64_t> words[kWords];
 };
 
+/// What a process with a standby says to the other one of the two.
+struct alignas(64) StandbyWords {
+  /// The how manyth of both that publishes for others; 0: it follows the other one.
+  std::atomic<std::uint32_t> epoch;
+  std::atomic<std::uint32_t> progress;    ///< Counted up after each activation. Slept on.
+  std::atomic<std::uint32_t> sleepers;    ///< Workers that sleep until the other one goes on.
+  std::atomic<std::uint32_t> is_ending;   ///< It ends in order: nobody takes its place.
+  std::atomic<std::uint32_t> is_in_step;  ///< It follows, and may take the other one's place.
+  std::atomic<std::uint32_t> crashed;     ///< In whose activation it crashed: its place + 1.
+  std::atomic<std::uint64_t> known;       ///< Activations of the other one that it knows of,
+  std::atomic<std::uint64_t> executed;    ///< and of these, executed.
+};
+
+constexpr std::uint32_t kFollows = std::uint32_t{1} << 31U;
+
+/// Held by a worker as long as it lives. The kernel tells of its end, before the memory of its
+/// process goes.
+struct alignas(64) WorkerLife {
+  pthread_mutex_t mutex;
+};
+
 /// How far a component is; for processes that wait for each other's components.
 enum class Stage : std::uint32_t { kNone, kStarted, kFailed, kStopped };
 
@@ -206,10 +231,21 @@ class Wire {
         process, incarnation,
         plan_.ring_offsets[process] + worker * sizeof(detail::ActivationRing));
   }
-  /// What a component learns: of that incarnation of its process.
-  [[nodiscard]] std::unique_ptr<detail::ReadRing> reads(std::size_t component,
+  /// The life of a worker of the process.
+  [[nodiscard]] WorkerLife& life(ProcessIndex process, std::uint32_t incarnation,
+                                 unsigned worker) const noexcept {
+    return at<WorkerLife>(process, incarnation,
+                          plan_.life_offsets[process] + worker * sizeof(WorkerLife));
+  }
+  [[nodiscard]] StandbyWords& standby(ProcessIndex process,
+                                      std::uint32_t incarnation) const noexcept;
+
+  /// What a component learns: of that incarnation of `process`, which is its own or the standby of
+  /// that.
+  [[nodiscard]] std::unique_ptr<detail::ReadRing> reads(ProcessIndex process, std::size_t component,
                                                         std::uint32_t incarnation) const {
-    const WirePlan::Reads& its = plan_.reads[component];
+    const bool is_standby = plan_.reads[component].process != process;
+    const WirePlan::Reads& its = (is_standby ? plan_.reads_on_standby : plan_.reads)[component];
     return std::make_unique<detail::ReadRing>(&at<char>(its.process, incarnation, its.offset),
                                               kReads);
   }
@@ -224,6 +260,11 @@ class Wire {
   /// simulated time the others wait for it.
   [[nodiscard]] std::atomic<std::uint32_t>& restarting(ProcessIndex process) const noexcept {
     return at<Bell>(0, 1, (std::size_t{plan_.processes} + 1 + process) * sizeof(Bell)).word;
+  }
+  /// Of a process with a standby, as it is made now: which incarnation of the other one there is,
+  /// or was last, and with `kFollows`, that it follows that one.
+  [[nodiscard]] std::atomic<std::uint32_t>& begins_on_standby(ProcessIndex process) const noexcept {
+    return at<Bell>(0, 1, (2 * std::size_t{plan_.processes} + 1 + process) * sizeof(Bell)).word;
   }
   /// The present incarnation of a process; 0: there is none.
   [[nodiscard]] std::atomic<std::uint32_t>& incarnation(ProcessIndex process) const noexcept {

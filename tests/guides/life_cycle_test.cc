@@ -147,6 +147,30 @@ TEST(TheGuideToTheLifeCycle, HasConfigurationsThatLoad) {
   EXPECT_EQ(restarts->description().components[0].restart.limit, 20U);
   EXPECT_EQ(restarts->description().components[0].restart.back_off, 100ms);
   EXPECT_EQ(restarts->description().components[1].restart.limit, 5U);
+  classes.with<Other>("camera").with<Other>("detector");
+  const auto steps = load(R"(
+// [snippet steps]
+{
+  "name": "car",
+  "on_fault": "restart",
+  "restart": {"limit": 3, "within_s": 10, "back_off_ms": 50, "then": "process"},
+  "modes": {"full": {"components": ["detector"]}, "limp": {"components": []}},
+  "initial_mode": "full",
+  "components": [
+    {"name": "camera", "library": "camera"},
+    {"name": "detector", "library": "detector", "process": "perception", "fault_mode": "limp"}
+  ],
+  "processes": [
+    {"name": "perception", "on_exit": "restart",
+     "restart": {"limit": 2, "within_s": 60, "back_off_ms": 200, "then": "continue"}}
+  ]
+}
+// [end]
+)",
+                          classes);
+  using fastcycle::config::AfterRestarts;
+  EXPECT_EQ(steps->description().components[1].restart.then, AfterRestarts::kProcess);
+  EXPECT_EQ(steps->description().processes[0].restart.then, AfterRestarts::kContinue);
 }
 
 }  // namespace

@@ -252,7 +252,7 @@ test("the graph has all components, and says more of one that is chosen", async 
   assert.match(await page.textContent("#details"), /perception.*callbacks take.*p99/s);
   await page.focus('#graph .topic[data-name="planning/plan"]');
   await page.keyboard.press("Enter");
-  await page.waitForFunction(() => /from.*motion_planning.*to.*control/s.test(document.getElementById("details").textContent));
+  await page.waitForFunction(() => /from.*motion_planning.*to.*plan_checker/s.test(document.getElementById("details").textContent));
   await picture(page, "live_page");
 });
 

@@ -23,7 +23,7 @@ HEARTBEAT_MS = 2000
 
 
 def fail(text):
-    sys.exit(f"kills: {text}")
+    sys.exit(f"{pathlib.Path(sys.argv[0]).stem}: {text}")
 
 
 def wait_for(what, condition, limit_s):

@@ -7,6 +7,7 @@
 #include <string>
 
 #include <fastcycle/fastcycle.h>
+#include <fcntl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -63,6 +64,7 @@ class Relay final : public fastcycle::Component {
         crash_again_at_(context.param<std::int64_t>("crash_again_at", {.fallback = 0})),
         hang_at_(context.param<std::int64_t>("hang_at", {.fallback = 0})),
         throw_at_(context.param<std::int64_t>("throw_at", {.fallback = 0})),
+        throws_(context.param<bool>("throws", {.fallback = false})),
         write_at_(context.param<std::int64_t>("write_at", {.fallback = 0})),
         log_every_(context.param<std::int64_t>("log_every", {.fallback = 0})),
         gain_(context.param<std::int64_t>("gain", {.fallback = 1, .max = 10, .is_tunable = true})),
@@ -87,6 +89,9 @@ class Relay final : public fastcycle::Component {
         while (is_hanging.load()) {
         }
       }
+      if (throws_.get()) {
+        throw std::runtime_error("it always throws");
+      }
       if (throw_at_.get() != 0 && reading.value() == throw_at_.get()) {
         throw std::runtime_error("it was told to");
       }
@@ -108,10 +113,87 @@ class Relay final : public fastcycle::Component {
   fastcycle::Param<std::int64_t> crash_again_at_;
   fastcycle::Param<std::int64_t> hang_at_;
   fastcycle::Param<std::int64_t> throw_at_;
+  fastcycle::Param<bool> throws_;
   fastcycle::Param<std::int64_t> write_at_;
   fastcycle::Param<std::int64_t> log_every_;
   fastcycle::Param<std::int64_t> gain_;
   fastcycle::Publisher<Reading> relayed_;
+};
+
+/// Publishes the sum of all readings, and how many there were. With `drifts`, the sum is wrong in
+/// one of two processes.
+class Accumulator final : public fastcycle::Component {
+ public:
+  explicit Accumulator(fastcycle::Context& context)
+      : Component(context),
+        drifts_(context.param<bool>("drifts", {.fallback = false})),
+        crash_at_(context.param<std::int64_t>("crash_at", {.fallback = 0})),
+        stops_at_(context.param<std::int64_t>("stops_at", {.fallback = 0})),
+        stops_once_(context.param<std::string>("stops_once", {.fallback = ""})),
+        sum_(context.state<Reading>("sum")),
+        sums_(context.create_publisher<Reading>("sums")) {
+    context.create_subscriber<Reading>("readings", {.depth = 200}, [this](const Reading& reading) {
+      if (reading.value() == crash_at_.get()) {
+        std::raise(SIGSEGV);
+      }
+      if (reading.value() == stops_at_.get()) {
+        stop_once();
+      }
+      sum_->set_value(sum_->value() + reading.value());
+      sum_->set_text(std::to_string(reading.value()));
+      auto sum = sums_.loan();
+      sum->CopyFrom(*sum_);
+      if (drifts_.get() && reading.value() == 50) {
+        sum->set_text(std::to_string(getpid()));
+      }
+      sums_.publish(std::move(sum));
+      report("process_of_accumulator", std::int64_t{getpid()});
+    });
+  }
+
+ private:
+  /// Stands still in the process that comes here first.
+  void stop_once() const {
+    const int file =
+        ::open(stops_once_.get().c_str(), O_CREAT | O_EXCL | O_CLOEXEC | O_WRONLY, 0600);
+    if (file >= 0) {
+      ::close(file);
+      std::raise(SIGSTOP);
+    }
+  }
+
+  fastcycle::Param<bool> drifts_;
+  fastcycle::Param<std::int64_t> crash_at_;
+  fastcycle::Param<std::int64_t> stops_at_;
+  fastcycle::Param<std::string> stops_once_;
+  fastcycle::State<Reading> sum_;
+  fastcycle::Publisher<Reading> sums_;
+};
+
+/// Looks whether each sum comes once, and is right.
+class Auditor final : public fastcycle::Component {
+ public:
+  explicit Auditor(fastcycle::Context& context) : Component(context) {
+    context.create_subscriber<Reading>(
+        "sums", {.depth = 1000}, [this](const fastcycle::Sample<Reading>& sum) {
+          const auto sequence = static_cast<std::int64_t>(sum.info().sequence);
+          missing_ += sequence > last_ + 1 ? sequence - last_ - 1 : 0;
+          twice_ += sequence <= last_ ? 1 : 0;
+          last_ = sequence;
+          wrong_ += sum->value() == sequence * (sequence + 1) / 2 ? 0 : 1;
+          report("sums", ++count_);
+          report("missing", missing_);
+          report("twice", twice_);
+          report("wrong", wrong_);
+        });
+  }
+
+ private:
+  std::int64_t count_ = 0;
+  std::int64_t last_ = 0;
+  std::int64_t missing_ = 0;
+  std::int64_t twice_ = 0;
+  std::int64_t wrong_ = 0;
 };
 
 /// Counts the lines that the relay writes to the log.
@@ -245,4 +327,5 @@ class Watcher final : public fastcycle::Component {
 
 }  // namespace
 
-FASTCYCLE_COMPONENTS(Sensor, Relay, LogReader, Sink, Steering, Observer, Watcher)
+FASTCYCLE_COMPONENTS(Sensor, Relay, Accumulator, Auditor, LogReader, Sink, Steering, Observer,
+                     Watcher)

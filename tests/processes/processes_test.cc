@@ -2,6 +2,7 @@
 #include <chrono>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <set>
 #include <sstream>
 #include <string>
@@ -214,6 +215,49 @@ TEST_F(ComponentsInProcesses, AreMadeAnewWhenOneOfThemHangs) {
   EXPECT_EQ(said["processes"]["relaying"]["restarts"], 1);
   EXPECT_EQ(said["results"]["whole"], 400);
   expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, AreHelpedByStepsUntilTheOthersGoOnWithoutThem) {
+  for (const char* clock : {"live", "simulated"}) {
+    Process run(
+        options(application(
+                    R"("process": "relaying", "params": {"throws": true}, "on_fault": "restart",
+               "restart": {"limit": 2, "within_s": 60, "then": "process"}, "fault_mode": "alone")",
+                    R"("modes": {"all": {"components": ["relay"]}, "alone": {"components": []}},
+               "initial_mode": "all",
+               "processes": [{"name": "relaying", "on_exit": "restart",
+                              "restart": {"limit": 2, "within_s": 60, "then": "continue"}}], )",
+                    400),
+                {"--clock", clock}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    EXPECT_THAT(run.errors(), HasSubstr("it always throws (restarting)"));
+    EXPECT_THAT(run.errors(),
+                HasSubstr("(restarted 2 times within 60 s: its process is restarted)"));
+    EXPECT_THAT(run.errors(), HasSubstr("ended with exit code 1; it is restarted"));
+    EXPECT_THAT(run.errors(), HasSubstr("after 2 restarts; the others go on without it"));
+    const json said = report();
+    EXPECT_EQ(said["topics"]["readings"]["published"], 400) << clock;
+    ASSERT_EQ(said["modes"]["switches"].size(), 1U) << clock << run.errors();
+    EXPECT_EQ(said["modes"]["switches"][0]["to"], "alone");
+    EXPECT_THAT(said["modes"]["switches"][0]["why"].get<std::string>(),
+                HasSubstr("its process \"relaying\" has ended"));
+    expect_ledgers(said);
+  }
+}
+
+TEST_F(ComponentsInProcesses, StopTheApplicationWhereTheirProcessIsRestartedTooOften) {
+  Process run(options(
+      application(R"("process": "relaying", "params": {"throws": true}, "on_fault": "restart",
+                     "restart": {"limit": 1, "then": "process"})",
+                  R"("processes": [{"name": "relaying", "on_exit": "restart",
+                                    "restart": {"limit": 1, "within_s": 60}}], )",
+                  1'000'000)));
+
+  EXPECT_EQ(run.wait().exit_code, 1) << run.errors();
+
+  EXPECT_THAT(run.errors(), HasSubstr("after 1 restarts; the application stops"));
 }
 
 TEST_F(ComponentsInProcesses, AreMadeAnewWhenTheirProcessStandsStill) {
@@ -573,6 +617,45 @@ TEST_F(ComponentsInProcesses, GetTheSameFromALogAsInOneProcess) {
   EXPECT_EQ(report()["end"], report_of_one["end"]);
 }
 
+TEST_F(ComponentsInProcesses, GetALogLiveAtTheTimesThatItHas) {
+  const auto recorded = folder_ / "recorded.mcap";
+  const std::string text = application(R"("after": ["source"])", "", 200);
+  Process record(options(text, {"--clock", "simulated", "--record", recorded.string()}));
+  ASSERT_EQ(record.wait().exit_code, 0) << record.errors();
+  const auto log = folder_ / "isolated.mcap";
+
+  Process run(
+      options(text, {"--replay", recorded.string(), "--replay-into", "relay", "--replay-into",
+                     "sink", "--isolate", "all", "--record", log.string()}));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+  const json said = report();
+  EXPECT_EQ(said["results"]["whole"], 200);
+  EXPECT_EQ(said["topics"]["relayed"]["published"], 200) << said["topics"]["relayed"];
+  EXPECT_EQ(said["end"], "input finished");
+  expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, GoOnInALogWhereTheOthersAreAfterARestart) {
+  const auto recorded = folder_ / "recorded.mcap";
+  Process record(options(application(R"("after": ["source"])", "", 1000),
+                         {"--clock", "simulated", "--record", recorded.string()}));
+  ASSERT_EQ(record.wait().exit_code, 0) << record.errors();
+
+  Process run(
+      options(application(R"("process": "relaying", "params": {"crash_at": 50})",
+                          R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 1000),
+              {"--replay", recorded.string(), "--replay-into", "relay", "--replay-into", "sink"}));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+  const json said = report();
+  EXPECT_EQ(said["processes"]["relaying"]["restarts"], 1);
+  EXPECT_EQ(said["results"]["whole"], 1000);
+  // What was fed while it was away is not fed again.
+  EXPECT_GT(said["results"]["relayed"], 50);
+  EXPECT_LE(said["results"]["relayed"], 1000);
+}
+
 TEST_F(ComponentsInProcesses, AreInTheStatusThatAnyProcessGets) {
   for (const char* clock : {"live", "simulated"}) {
     json described =
@@ -748,6 +831,74 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
   run.send(SIGINT);
   EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
   EXPECT_EQ(report()["results"]["gain_of_relay"], 4);
+}
+
+TEST_F(ComponentsInProcesses, AreReloadedInTheirProcess) {
+  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
+  const auto log = folder_ / "log.mcap";
+  test::ProcessOptions watched =
+      options(application(R"("process": "relaying")", "", 1'000'000),
+              {"--inspect", "--inspect-allow", "reload", "--record", log.string()});
+  watched.environment = environment;
+  Process run(watched);
+  const auto tool = [&](std::vector<std::string> words) {
+    Process asked({.program = FASTCYCLE_PROGRAM,
+                   .arguments = words,
+                   .folder = folder_.path(),
+                   .environment = environment});
+    const int code = asked.wait().exit_code;
+    return std::pair(code, asked.output() + asked.errors());
+  };
+  const auto wait_until = [&](const auto& is_so) {
+    const auto end = std::chrono::steady_clock::now() + Process::kLongest;
+    for (;;) {
+      const auto [code, said] = tool({"component", "info", "relay", "--json"});
+      const json shown = json::parse(code == 0 ? said : "{}", nullptr, false);
+      if (shown.value("state", "") == "active" && is_so(shown)) {
+        return;
+      }
+      ASSERT_LT(std::chrono::steady_clock::now(), end) << said << run.errors();
+    }
+  };
+  // The same code with other contents, at a place that no application knows.
+  const auto file = folder_ / "libother.so";
+  std::filesystem::copy_file(std::filesystem::path(FASTCYCLE_PROGRAM).parent_path() /
+                                 "../lib/fastcycle/libprocesses_parts.so",
+                             file);
+  std::ofstream(file, std::ios::app) << "other";
+  const auto reload = [&](const std::string& class_name, const std::string& params,
+                          const std::string& library = "processes_parts") {
+    return tool({"component", "reload", "relay", "--library", library, "--class", class_name,
+                 "--params", params});
+  };
+  wait_until([](const json&) { return true; });
+
+  const auto [refused, why] = reload("Sink", "{}");
+  EXPECT_EQ(refused, 1);
+  EXPECT_THAT(why, HasSubstr("it no longer publishes \"relayed\""));
+  EXPECT_EQ(reload("Relay", R"({"gain": 3})"),
+            std::pair(0, std::string("component \"relay\" is active\n")));
+  wait_until([](const json& shown) { return shown.value("is_on_probation", false); });
+  EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("3"));
+  EXPECT_EQ(tool({"component", "confirm", "relay"}).first, 0);
+  const auto [code, said] = reload("Relay", R"({"throws": true, "gain": 5})", file.string());
+  EXPECT_EQ(code, 0) << said;
+  wait_until([](const json& shown) { return shown.value("rollbacks", 0) == 1; });
+  EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("3"));
+
+  run.send(SIGINT);
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+  const json made = report();
+  EXPECT_EQ(made["results"]["gain_of_relay"], 3);
+  EXPECT_EQ(made["components"]["relay"]["reloads"], 2);
+  EXPECT_EQ(made["components"]["relay"]["rollbacks"], 1);
+  EXPECT_EQ(made["components"]["relay"]["restarts"], 0);
+  expect_ledgers(made);
+
+  // The log says where its code became another one.
+  const Verified verified = verify(log, folder_);
+  EXPECT_EQ(verified.exit_code, 0) << verified.output;
+  EXPECT_THAT(verified.components.dump(), HasSubstr("it was reloaded in activation"));
 }
 
 TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {

@@ -92,7 +92,7 @@ std::string processes_text(const config::ApplicationDescription& description) {
     names.emplace_back(config::kMainProcess);
   }
   for (const config::ProcessDescription& process : description.processes) {
-    names.push_back(process.name);
+    names.push_back(process.name + (process.has_standby ? " (with a standby)" : ""));
   }
   constexpr std::size_t kMaxShown = 16;
   const std::size_t shown = std::min(names.size(), kMaxShown);

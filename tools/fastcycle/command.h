@@ -64,6 +64,8 @@ Command add_service(CLI::App& program);
 Command add_mode(CLI::App& program);
 Command add_log(CLI::App& program);
 Command add_chain(CLI::App& program);
+Command add_shadow(CLI::App& program);
+Command add_standby(CLI::App& program);
 
 /// The examples at the end of a command's help.
 [[nodiscard]] std::string examples(const std::string& lines);

@@ -28,17 +28,15 @@
 #include "quantity.h"
 #include "record/descriptor_set.h"
 #include "replay/drive_comparison.h"
+#include "report/changes.h"
 #include "report_file.h"
 
 namespace fastcycle::tool {
 namespace {
 
 namespace fs = std::filesystem;
-using host::FieldChange;
 using host::TopicChange;
 using nlohmann::ordered_json;
-
-constexpr std::size_t kMostFields = 8;  // Of a topic, in the table; the report has all.
 
 struct CompareOptions {
   ExactReplaying replaying;
@@ -92,50 +90,6 @@ class NewLog {
   std::uint64_t messages_ = 0;
 };
 
-double seconds(std::int64_t time_ns, std::int64_t begin_ns) {
-  return static_cast<double>(time_ns - begin_ns) / 1e9;
-}
-
-ordered_json to_json(const host::ChangePlace& place, std::int64_t begin_ns) {
-  return {{"activation", place.activation}, {"time_s", seconds(place.time_ns, begin_ns)},
-          {"sequence", place.sequence},     {"field", place.path},
-          {"recorded", place.recorded},     {"now", place.now}};
-}
-
-ordered_json to_json(const FieldChange& field, std::int64_t begin_ns) {
-  ordered_json json = {{"field", field.field},
-                       {"messages", field.messages},
-                       {"values", field.values},
-                       {"mean", nullptr},
-                       {"max", nullptr},
-                       {"max_at", nullptr},
-                       {"first", to_json(field.first, begin_ns)}};
-  if (field.numbers > 0) {
-    json["mean"] = field.mean();
-    json["max"] = field.most;
-    json["max_at"] = to_json(field.largest, begin_ns);
-  }
-  return json;
-}
-
-ordered_json to_json(const std::vector<TopicChange>& topics, std::int64_t begin_ns) {
-  ordered_json json = ordered_json::array();
-  for (const TopicChange& topic : topics) {
-    ordered_json fields = ordered_json::array();
-    for (const FieldChange& field : topic.fields) {
-      fields.push_back(to_json(field, begin_ns));
-    }
-    json.push_back({{"topic", topic.topic},
-                    {"component", topic.publisher},
-                    {"compared", topic.compared},
-                    {"different", topic.different},
-                    {"missing", topic.missing},
-                    {"new", topic.added},
-                    {"fields", std::move(fields)}});
-  }
-  return json;
-}
-
 ordered_json to_json(const std::vector<host::ExactReplayResult>& results) {
   ordered_json json = ordered_json::object();
   for (const host::ExactReplayResult& result : results) {
@@ -146,40 +100,6 @@ ordered_json to_json(const std::vector<host::ExactReplayResult>& results) {
                               {"why", result.why}};
   }
   return json;
-}
-
-std::string to_line(const FieldChange& field, std::int64_t begin_ns) {
-  const auto place_in_words = [&](const host::ChangePlace& place) {
-    return fmt::format("{:.3f} s, {}: {} -> {}", seconds(place.time_ns, begin_ns), place.path,
-                       place.recorded, place.now);
-  };
-  if (field.numbers == 0) {
-    return fmt::format("  {:<38} {:>9} {:>11} {:>11}  first at {}\n", field.field, field.messages,
-                       "", "", place_in_words(field.first));
-  }
-  return fmt::format("  {:<38} {:>9} {:>11.4g} {:>11.4g}  max at {}\n", field.field, field.messages,
-                     field.mean(), field.most, place_in_words(field.largest));
-}
-
-std::string to_table(const std::vector<TopicChange>& topics, std::int64_t begin_ns) {
-  std::string text = fmt::format("{:<40} {:>9} {:>9} {:>9} {:>9}\n", "TOPIC", "compared",
-                                 "different", "missing", "new");
-  for (const TopicChange& topic : topics) {
-    text += fmt::format("{:<40} {:>9} {:>9} {:>9} {:>9}\n", topic.topic, topic.compared,
-                        topic.different, topic.missing, topic.added);
-    if (topic.fields.empty()) {
-      continue;
-    }
-    text += fmt::format("  {:<38} {:>9} {:>11} {:>11}\n", "FIELD", "messages", "mean", "max");
-    for (std::size_t i = 0; i < std::min(kMostFields, topic.fields.size()); ++i) {
-      text += to_line(topic.fields[i], begin_ns);
-    }
-    if (topic.fields.size() > kMostFields) {
-      text += fmt::format("  and {} more fields (--report has them)\n",
-                          topic.fields.size() - kMostFields);
-    }
-  }
-  return text;
 }
 
 /// What is to be known of components that were not executed, or not to their end.
@@ -235,7 +155,7 @@ int write_page(const CompareOptions& options, const DriveView& view,
     const mcap::Reader now_reader(now);
     archive::ViewOptions new_times = times;
     new_times.may_be_empty = true;
-    ordered_json differences = to_json(topics, static_cast<std::int64_t>(*times.zero_ns));
+    ordered_json differences = host::json_of(topics, static_cast<std::int64_t>(*times.zero_ns));
     data += ",\"other\":" + archive::view_data(now_reader, view.text, new_times).json +
             ",\"differences\":";
     // Nothing in it ends the element of the page that it stands in.
@@ -305,8 +225,8 @@ int compare_drive(CompareOptions& options, const ReportFile& report_file) {
   const std::vector<host::ExactReplayResult> results = replayed->replay().results();
   const std::vector<TopicChange> topics = comparison.topics();
   const std::int64_t begin_ns = replayed->replay().begin_ns();
-  print_text(stdout, to_table(topics, begin_ns) + to_notes(results));
-  const ordered_json report = {{"topics", to_json(topics, begin_ns)},
+  print_text(stdout, host::table_of(topics, begin_ns) + to_notes(results));
+  const ordered_json report = {{"topics", host::json_of(topics, begin_ns)},
                                {"components", to_json(results)}};
   const std::string obstacle = report_file.write(
       base::printable_json(report.dump(2, ' ', false, ordered_json::error_handler_t::replace)) +

@@ -5,7 +5,7 @@ namespace fastcycle::tool {
 void InspectOptions::add_to(CLI::App& line) {
   line.add_flag("--inspect", is_asked, "Let your tools look at the run: fastcycle top, topic, ...");
   line.add_option("--inspect-allow", allow,
-                  "And change it: params, publish, lifecycle (repeatable, or with commas)")
+                  "And change it: params, publish, lifecycle, reload (repeatable, or with commas)")
       ->delimiter(',')
       ->type_name("WORD");
 }
@@ -13,8 +13,8 @@ void InspectOptions::add_to(CLI::App& line) {
 std::string InspectOptions::find_wrong(const config::ApplicationDescription& application,
                                        bool is_live) const {
   for (const std::string& word : allow) {
-    if (word != "params" && word != "publish" && word != "lifecycle") {
-      return "--inspect-allow wants params, publish or lifecycle, not \"" + word + "\"";
+    if (word != "params" && word != "publish" && word != "lifecycle" && word != "reload") {
+      return "--inspect-allow wants params, publish, lifecycle or reload, not \"" + word + "\"";
     }
   }
   if (!allow.empty() && !is_wanted(application) && !is_live) {
@@ -34,6 +34,7 @@ config::InspectDescription InspectOptions::describe(
     description.allows_params |= word == "params";
     description.allows_publish |= word == "publish";
     description.allows_lifecycle |= word == "lifecycle";
+    description.allows_reload |= word == "reload";
   }
   return description;
 }

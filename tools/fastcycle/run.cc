@@ -27,6 +27,7 @@
 #include "end_bound.h"
 #include "fastcycle/version.h"
 #include "flight_options.h"
+#include "following.h"
 #include "host/application_wiring.h"
 #include "host/diagnosis.h"
 #include "host/pace.h"
@@ -262,6 +263,9 @@ void tell_refusals(const std::string& process,
 bool wait_for_others(const ProcessRole& role, const host::Application& application) {
   using processes::Word;
   role.partition.on_sources_finished = [&role] { role.channel.say(Word::kSourcesOver); };
+  role.partition.on_switch = [&role](const std::string& process) {
+    role.channel.say(Word::kSwitch, process);
+  };
   const bool has_sources = std::ranges::any_of(
       application.components(), [](const auto& component) { return component->is_source.load(); });
   role.channel.say(Word::kBuilt, has_sources ? processes::kHasSources : "");
@@ -487,6 +491,7 @@ int run_application(const config::ApplicationDescription& description,
     clock.shared.emplace(*role->clock);
   }
   host::Application application(replay != nullptr ? replay->description() : description, clock);
+  application.set_library_path(options.configuration.library_path);
   if (role != nullptr) {
     application.set_peers(role->partition);
   }
@@ -499,6 +504,12 @@ int run_application(const config::ApplicationDescription& description,
     application.add(*inspection);  // Before those who record what it publishes.
     if (options.is_played && replay != nullptr) {
       inspection->offer(play_control.emplace(pace, application, *replay));
+    }
+    if (plan != nullptr) {
+      inspection->offer("followers", [&application] {
+        return fmt::format("{{\"followers\": [{}]}}",
+                           fmt::join(application.follower_news().all(), ", "));
+      });
     }
     if (!description.chains.empty()) {
       inspection->offer("chains",
@@ -582,19 +593,33 @@ int run_application(const config::ApplicationDescription& description,
     }
   }
   std::optional<EndListener> end_listener;
+  std::optional<Following> following;
   if (role != nullptr) {
+    if (plan->other_of(role->partition.process())) {
+      following.emplace(*plan, role->partition, application, options.command);
+      role->partition.on_standby = following->listener();
+    }
     role->partition.connect(application);
     if (!wait_for_others(*role, application)) {
       return kDone;  // All end, and it was only about to be restarted.
     }
     end_listener.emplace(*role, application);
+    if (following) {
+      following->begin();
+    }
   }
   const auto began = std::chrono::steady_clock::now();
   const std::string failure = carry_out(application, options, end_bound, progress, role);
   keys.reset();
+  if (following) {
+    following->end();
+  }
   host::RunReport report = host::make_report(application, std::chrono::steady_clock::now() - began);
   if (!failure.empty()) {
     report.end = failure;
+  }
+  if (following) {
+    report.tools = following->report();
   }
   if (tracer != nullptr) {
     const trace::TraceReport traced = tracer->report();
@@ -628,15 +653,6 @@ int run_application(const config::ApplicationDescription& description,
       (tracer != nullptr && !tracer->report().problem.empty()) ||
       (options.fails_on_fault && std::ranges::any_of(report.components, has_faulted));
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
-}
-
-/// What does not go with several processes; empty if all does.
-std::string find_wrong_with_processes(const RunOptions& options) {
-  if (!options.replay.files.empty() && options.clock == "live") {
-    return "--replay into several processes is for --clock simulated; add that, or leave out "
-           "\"process\"";
-  }
-  return {};
 }
 
 /// What a recording is replayed into, in one process of several: they are connected as `wiring`
@@ -675,6 +691,12 @@ host::ApplicationWiring wiring_of_running(host::ApplicationWiring wiring,
   return wiring;
 }
 
+/// @pre It is there: the file was checked.
+const config::ComponentDescription& component_named(
+    const config::ApplicationDescription& description, const std::string& name) {
+  return *std::ranges::find(description.components, name, &config::ComponentDescription::name);
+}
+
 /// Runs an application whose components are in several processes: this one makes the others.
 int run_processes(const config::ApplicationDescription& description, const host::TrialResult& tried,
                   host::LibraryLoader& libraries, const sigset_t& signals,
@@ -694,6 +716,10 @@ int run_processes(const config::ApplicationDescription& description, const host:
   config::Problems problems;
   for (const config::ComponentDescription& component : description.components) {
     static_cast<void>(libraries.find(component, problems));
+  }
+  for (const config::ShadowDescription& shadow : description.shadows) {
+    static_cast<void>(libraries.find(
+        processes::described_as_shadow(component_named(description, shadow.of), shadow), problems));
   }
   if (!may_start(without_warnings(problems), options.configuration.load.file.string())) {
     return kWrong;
@@ -850,11 +876,19 @@ int run(const RunOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
   // Before any other thread is made, so that none of them is interrupted.
   const sigset_t signals = block_stop_signals();
-  if (description.processes.empty()) {
-    return run_application(description, libraries, signals, options, report_file);
+  const bool is_simulated = clock_of(options).is_simulated;
+  const bool has_standbys =
+      std::ranges::any_of(description.processes, &config::ProcessDescription::has_standby);
+  if (is_simulated && (has_standbys || !description.shadows.empty())) {
+    print_to(
+        stderr,
+        "fastcycle {}: in simulated time nothing has a standby or a shadow; `fastcycle compare` "
+        "executes a recorded drive with another library\n",
+        options.command);
   }
-  if (const std::string sentence = find_wrong_with_processes(options); !sentence.empty()) {
-    return wrong(sentence);
+  const bool has_shadows = !description.shadows.empty() && !is_simulated;
+  if (description.processes.empty() && !has_shadows) {
+    return run_application(description, libraries, signals, options, report_file);
   }
   return run_processes(description, tried, libraries, signals, options, report_file);
 }

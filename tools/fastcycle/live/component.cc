@@ -1,4 +1,10 @@
+#include <cerrno>
+#include <chrono>
 #include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -6,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "command.h"
+#include "duration.h"
 #include "live/session.h"
 #include "live/text.h"
 
@@ -17,6 +24,25 @@ struct ComponentOptions {
   Target target;
   std::string component;
 };
+
+struct ReloadOptions {
+  ComponentOptions of;
+  std::string library;
+  std::string class_name;
+  std::string params;
+  std::string probation = "10s";
+  std::uint32_t misses_forgiven = 2;
+};
+
+/// "ads/perception", or with its build where that is not the library of the application file.
+std::string library_text(const protocol::Component& component) {
+  constexpr std::size_t kDigits = 12;
+  std::string text = component.library();
+  if (!component.build_id().empty()) {
+    text += ", build " + component.build_id().substr(0, kDigits);
+  }
+  return text + (component.is_on_probation() ? ", on probation" : "");
+}
 
 std::string health_text(const protocol::Component& component) {
   return component.health() + (component.health_reason().empty() ? "" : ": ") +
@@ -41,7 +67,7 @@ int list_components(const Target& target) {
   const protocol::Overview overview = session.overview();
   std::vector<std::vector<std::string>> rows{{"component", "state", "executor", "activations",
                                               "CPU", "p50", "p99", "max", "queued", "faults",
-                                              "health"}};
+                                              "health", "library"}};
   Json json = Json::array();
   for (const protocol::Component& component : overview.components()) {
     const protocol::Histogram& callback = component.callback();
@@ -51,7 +77,8 @@ int list_components(const Target& target) {
          fmt::format("{}", component.activations()), cpu_text(component, overview),
          span_or_none(callback, callback.p50_ns()), span_or_none(callback, callback.p99_ns()),
          span_or_none(callback, callback.max_ns()), fmt::format("{}", component.queued()),
-         fmt::format("{}", component.faults()), health_text(component)});
+         fmt::format("{}", component.faults()), health_text(component),
+         component.library() + (component.is_on_probation() ? " (on probation)" : "")});
     json.push_back(json_of(component));
   }
   return target.is_json ? print_json(json) : print_text(table_text(rows));
@@ -134,6 +161,7 @@ std::string info_text(const protocol::Component& component, const protocol::Over
       {"class", component.class_name().empty()
                     ? component.library()
                     : component.class_name() + " of " + component.library()},
+      {"code", library_text(component)},
       {"executor", component.executor().empty() ? "-" : component.executor()},
       {"state", component.state()},
       {"health", health_text(component)},
@@ -147,6 +175,11 @@ std::string info_text(const protocol::Component& component, const protocol::Over
                                 count_text(component.restarts(), "restart")});
   if (!component.last_fault().empty()) {
     rows.push_back({"last fault", component.last_fault()});
+  }
+  if (!component.last_reload().empty()) {
+    rows.push_back({"reloads", fmt::format("{}, {}", count_text(component.reloads(), "reload"),
+                                           count_text(component.rollbacks(), "rollback"))});
+    rows.push_back({"last reload", component.last_reload()});
   }
   std::string text;
   for (const auto& row : rows) {
@@ -171,14 +204,12 @@ int info(const ComponentOptions& options) {
 
 // ---- Life ----
 
-int change(const ComponentOptions& options, const std::string& command,
-           protocol::Lifecycle::Action action) {
+int ask(const ComponentOptions& options, const std::string& command, protocol::Request request,
+        std::chrono::milliseconds patience = inspect::Client::kPatience) {
   Session session(options.target, command);
   require_known(options.component, names_of_components(session.overview()), "component");
-  protocol::Request request;
-  request.mutable_lifecycle()->set_action(action);
   request.mutable_lifecycle()->set_component(options.component);
-  const std::string done = session.client().ask(std::move(request)).done().text();
+  const std::string done = session.client().ask(std::move(request), patience).done().text();
   if (options.target.is_json) {
     return print_json({{"component", options.component}, {"done", done}});
   }
@@ -186,13 +217,14 @@ int change(const ComponentOptions& options, const std::string& command,
 }
 
 Command add_change(CLI::App& group, const std::string& word, const std::string& what,
-                   protocol::Lifecycle::Action action) {
+                   protocol::Lifecycle::Action action, const std::string& allow = "lifecycle") {
   CLI::App* line = group.add_subcommand(word, what);
   line->footer(examples("  fastcycle component " + word +
                         " planner\n"
                         "\n"
                         "The application has to allow it: \"inspect\": {\"allow\": "
-                        "[\"lifecycle\"]}.\n"));
+                        "[\"" +
+                        allow + "\"]}.\n"));
   const auto options = std::make_shared<ComponentOptions>();
   line->add_option("component", options->component, "The component")
       ->required()
@@ -200,8 +232,79 @@ Command add_change(CLI::App& group, const std::string& word, const std::string& 
   options->target.add_to(*line);
   const std::string command = "component " + word;
   return {line, [options, command, action] {
-            return guarded(command, [&] { return change(*options, command, action); });
+            return guarded(command, [&] {
+              protocol::Request request;
+              request.mutable_lifecycle()->set_action(action);
+              return ask(*options, command, std::move(request));
+            });
           }};
+}
+
+/// `said` is JSON, or names a file that holds it.
+std::string params_text(const std::string& said) {
+  if (said.empty() || said.front() == '{') {
+    return said;
+  }
+  std::ifstream file(said);
+  if (!file) {
+    throw Failure(kWrong, "--params: " + said + " cannot be read: " + std::strerror(errno));
+  }
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+int reload(const ReloadOptions& options) {
+  protocol::Request request;
+  protocol::Lifecycle& wanted = *request.mutable_lifecycle();
+  wanted.set_action(protocol::Lifecycle::ACTION_RELOAD);
+  // The run may have been started in another folder.
+  const bool is_file = options.library.ends_with(".so");
+  wanted.set_library(is_file ? std::filesystem::absolute(options.library).string()
+                             : options.library);
+  wanted.set_class_name(options.class_name);
+  wanted.set_params_json(params_text(options.params));
+  const auto probation = parse_duration(options.probation);
+  if (!probation && options.probation != "0") {
+    throw Failure(kWrong, "--probation wants a time with its unit, as 500ms, 10s or 2min, or 0");
+  }
+  wanted.set_probation_ns(probation ? probation->count() : 0);
+  wanted.set_misses_forgiven(options.misses_forgiven);
+  constexpr std::chrono::seconds kPatience{60};  // A trial may take long, and so may its threads.
+  return ask(options.of, "component reload", std::move(request), kPatience);
+}
+
+Command add_reload(CLI::App& group) {
+  CLI::App* line =
+      group.add_subcommand("reload", "Replace a component by one of another library, on probation");
+  line->footer(examples(
+      "  fastcycle component reload planner --library planner_v2\n"
+      "  fastcycle component reload planner --library build/libplanner.so --probation 30s\n"
+      "  fastcycle component reload planner --library planner --params '{\"horizon_s\": 4}'\n"
+      "\n"
+      "It is tried in a process of its own before. It gets the declared state, and no message is\n"
+      "lost. During the probation a fault, a call that hangs, or missed deadlines take it back.\n"
+      "The application has to allow it: \"inspect\": {\"allow\": [\"reload\"]}.\n"));
+  const auto options = std::make_shared<ReloadOptions>();
+  line->add_option("component", options->of.component, "The component")
+      ->required()
+      ->type_name("COMPONENT");
+  line->add_option("--library", options->library,
+                   "Which: a name as in the application file, or the file of the library")
+      ->required()
+      ->type_name("NAME|FILE.so");
+  line->add_option("--class", options->class_name, "Which class, if the library has several")
+      ->type_name("NAME");
+  line->add_option("--params", options->params,
+                   "A JSON object of params, or its file, upon what the component has now")
+      ->type_name("JSON|FILE");
+  line->add_option("--probation", options->probation,
+                   "For how long it can be rolled back, in the application's time (10s); 0: not")
+      ->type_name("TIME");
+  line->add_option("--misses-forgiven", options->misses_forgiven,
+                   "How many missed deadlines do not take it back (2)")
+      ->type_name("N");
+  options->of.target.add_to(*line);
+  return {line,
+          [options] { return guarded("component reload", [&] { return reload(*options); }); }};
 }
 
 Command add_list_of_components(CLI::App& group) {
@@ -242,15 +345,25 @@ Command add_component(CLI::App& program) {
   group->footer(
       examples("  fastcycle component list\n"
                "  fastcycle component info planner\n"
-               "  fastcycle component restart planner\n"));
-  return {.line = group,
-          .words = {live::add_list_of_components(*group), live::add_info_of_component(*group),
-                    live::add_change(*group, "start", "Activate a component that was stopped",
-                                     Lifecycle::ACTION_START),
-                    live::add_change(*group, "stop", "Deactivate a component: its callbacks end",
-                                     Lifecycle::ACTION_STOP),
-                    live::add_change(*group, "restart", "Make a component anew, as after a fault",
-                                     Lifecycle::ACTION_RESTART)}};
+               "  fastcycle component restart planner\n"
+               "  fastcycle component reload planner --library planner_v2\n"));
+  return {
+      .line = group,
+      .words = {live::add_list_of_components(*group), live::add_info_of_component(*group),
+                live::add_change(*group, "start", "Activate a component that was stopped",
+                                 Lifecycle::ACTION_START),
+                live::add_change(*group, "stop", "Deactivate a component: its callbacks end",
+                                 Lifecycle::ACTION_STOP),
+                live::add_change(*group, "switch", "Have the standby of a component take its place",
+                                 Lifecycle::ACTION_SWITCH),
+                live::add_change(*group, "restart", "Make a component anew, as after a fault",
+                                 Lifecycle::ACTION_RESTART),
+                live::add_reload(*group),
+                live::add_change(*group, "rollback",
+                                 "Return to the library before a reload, on probation",
+                                 Lifecycle::ACTION_ROLL_BACK, "reload"),
+                live::add_change(*group, "confirm", "End the probation of a reload",
+                                 Lifecycle::ACTION_CONFIRM, "reload")}};
 }
 
 }  // namespace fastcycle::tool

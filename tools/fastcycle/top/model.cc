@@ -77,6 +77,9 @@ ComponentRow component_row(const inspect::protocol::Component* before,
   if (now.state() == "elsewhere") {
     row.remark = "in the process " + now.process();
   }
+  if (now.is_on_probation()) {
+    row.remark = now.library() + ", on probation" + (row.remark.empty() ? "" : "; " + row.remark);
+  }
   if (before != nullptr) {
     const std::int64_t busy = before->busy_ns();
     const std::uint64_t activations = before->activations();

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <string>
+#include <utility>
+
+namespace ads {
+
+/// An open file descriptor, which is closed with it.
+///
+/// @threads  Compatible.
+class Descriptor {
+ public:
+  Descriptor() = default;
+  explicit Descriptor(int number) : number_(number) {}
+  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  ~Descriptor() { reset(); }
+
+  [[nodiscard]] int get() const { return number_; }
+  [[nodiscard]] bool is_open() const { return number_ >= 0; }
+  void reset() noexcept;
+
+ private:
+  int number_ = -1;
+};
+
+/// Throws `std::system_error` with `errno`, and `what` in front of its text.
+[[noreturn]] void throw_errno(const std::string& what);
+
+/// `number` as a descriptor.
+///
+/// @errors  As `throw_errno` if it is negative.
+Descriptor checked_descriptor(int number, const std::string& what);
+
+}  // namespace ads

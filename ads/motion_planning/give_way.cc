@@ -1,0 +1,179 @@
+#include "give_way.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "trajectory.h"
+
+namespace motion_planning {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kStep_s = Traffic::kStep_s;
+
+// Braking for a line: so hard at most, and the time that it takes to build up. Who would have to
+// brake harder drives on.
+constexpr double kBrakingMax_mps2 = 3.5;
+constexpr double kBuildUp_s = 0.3;
+// What counts as standing at a line: so slow, and so near before it.
+constexpr double kStanding_mps = 0.1;
+constexpr double kNear_m = 2.0;
+// The front may be so far over a line that is still to be kept: control is not exact.
+constexpr double kOver_m = 0.3;
+// So far behind a line the vehicle has left it.
+constexpr double kLeft_m = 5.0;
+
+// How the vehicle would drive off.
+constexpr double kGoing_mps2 = 1.5;
+// The way behind a line on which others count: a wide crossing.
+constexpr double kCrossing_m = 40.0;
+// Room beside both.
+constexpr double kBeside_m = 0.5;
+// Who passes before another one is gone so long before he comes, and so long after he has left
+// passes behind him.
+constexpr double kBefore_s = 1.5;
+constexpr double kAfter_s = 0.5;
+// Headings that differ by less lead the same way.
+constexpr double kAligned = 0.85;
+
+// Where the vehicle's centre would be along the road at each step, if nobody else were there.
+std::vector<double> free_drive(const Problem& problem, double along_m) {
+  const SpeedProfile profile(problem.road, problem.slow_stretches, std::nullopt, problem.start);
+  std::vector<double> alongs = {along_m};
+  double speed = std::max(0.0, problem.start.speed_mps);
+  for (std::size_t step = 1; step <= problem.traffic.steps(); ++step) {
+    const double allowed =
+        std::min(std::max(problem.cruise_mps, problem.start.speed_mps),
+                 profile.at(alongs.back(), kStep_s * static_cast<double>(step)).speed_mps);
+    speed = std::clamp(speed + kStep_s * kGoing_mps2, 0.0, std::max(0.0, allowed));
+    alongs.push_back(alongs.back() + kStep_s * speed);
+  }
+  return alongs;
+}
+
+// Where and when another one is in the vehicle's way.
+struct Passage {
+  double begin_m = kInfinity;
+  double end_m = -kInfinity;
+  double comes_s = kInfinity;
+  double leaves_s = -kInfinity;  // Or has begun to drive ahead on the same way.
+};
+
+Passage passage_of(const Problem& problem, const Traffic& traffic, std::size_t index,
+                   double line_m) {
+  Passage passage;
+  for (std::size_t step = 0; step <= traffic.steps(); ++step) {
+    const Occupant& other = traffic.at(step)[index];
+    const RoadPlace place = problem.road.locate(other.x_m, other.y_m);
+    const double angle = other.heading_rad - place.heading_rad;
+    const double cosine = std::abs(std::cos(angle));
+    const double sine = std::abs(std::sin(angle));
+    const double half_along = other.half_length_m * cosine + other.half_width_m * sine;
+    const double half_across = other.half_length_m * sine + other.half_width_m * cosine;
+    const bool is_in_way =
+        std::abs(place.offset_m) < half_across + problem.vehicle.width_m / 2.0 + kBeside_m &&
+        place.along_m + half_along > line_m && place.along_m - half_along < line_m + kCrossing_m;
+    if (!is_in_way) {
+      if (std::isfinite(passage.comes_s)) {
+        break;
+      }
+      continue;
+    }
+    const double time = kStep_s * static_cast<double>(step);
+    passage.comes_s = std::min(passage.comes_s, time);
+    passage.leaves_s = time;
+    passage.begin_m = std::min(passage.begin_m, place.along_m - half_along);
+    passage.end_m = std::max(passage.end_m, place.along_m + half_along);
+    if (std::cos(angle) > kAligned) {
+      break;  // From here on he leads.
+    }
+  }
+  return passage;
+}
+
+// When the drive reaches a place; infinite if it does not.
+double reached_s(const std::vector<double>& alongs_m, double along_m) {
+  const auto first = std::ranges::lower_bound(alongs_m, along_m);
+  return first == alongs_m.end() ? kInfinity
+                                 : kStep_s * static_cast<double>(first - alongs_m.begin());
+}
+
+// Who goes first behind the line, and would be met there.
+std::optional<std::uint64_t> first_to_let_pass(const Problem& problem, const Traffic& traffic,
+                                               const std::vector<TrafficObject>& objects,
+                                               const std::vector<double>& drive, double line_m) {
+  const double half_length = problem.vehicle.length_m / 2.0;
+  for (std::size_t index = 0; index < traffic.at(0).size(); ++index) {
+    const Occupant& now = traffic.at(0)[index];
+    if (now.probability < kProbabilityMin || !objects[now.object].goes_first) {
+      continue;
+    }
+    const Passage passage = passage_of(problem, traffic, index, line_m);
+    const double arrives_s = reached_s(drive, passage.begin_m - half_length);
+    const double gone_s = reached_s(drive, passage.end_m + half_length);
+    if (std::isfinite(passage.comes_s) && gone_s > passage.comes_s - kBefore_s &&
+        arrives_s < passage.leaves_s + kAfter_s) {
+      return objects[now.object].id;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
+                                const std::vector<TrafficObject>& objects,
+                                const std::vector<WaitingLine>& lines,
+                                const std::optional<std::int64_t>& stood_at_lane) {
+  if (lines.empty()) {
+    return std::nullopt;
+  }
+  const double half_length = problem.vehicle.length_m / 2.0;
+  const double along = problem.road.locate(problem.start.x_m, problem.start.y_m).along_m;
+  const double speed = std::max(0.0, problem.start.speed_mps);
+  const std::vector<double> drive = free_drive(problem, along);
+  for (const WaitingLine& line : lines) {
+    const double to_line = line.along_m - half_length - along;
+    const double braking_way = to_line - kBuildUp_s * speed;
+    const bool is_passed = to_line < -kOver_m;
+    const bool is_too_late = speed > kStanding_mps &&
+                             speed * speed > 2.0 * kBrakingMax_mps2 * std::max(0.0, braking_way);
+    if (is_passed || is_too_late) {
+      continue;
+    }
+    Halt halt{.along_m = line.along_m - half_length - kBeforeLine_m, .line_m = line.along_m};
+    halt.braking_mps2 =
+        std::clamp(speed * speed / (2.0 * std::max(0.1, braking_way - kBeforeLine_m)),
+                   SpeedProfile::kBraking_mps2, kBrakingMax_mps2);
+    if (line.is_stop_sign && stood_at_lane != line.lane) {
+      halt.kind = RuleKind::kStopLine;
+      return halt;
+    }
+    if (const auto object = first_to_let_pass(problem, traffic, objects, drive, line.along_m)) {
+      halt.kind = RuleKind::kGiveWay;
+      halt.object = *object;
+      return halt;
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<std::int64_t> stood_at(const Road& road, const Vehicle& vehicle, const State& ego,
+                                     const std::vector<WaitingLine>& lines,
+                                     const std::optional<std::int64_t>& before) {
+  const double front = road.locate(ego.x_m, ego.y_m).along_m + vehicle.length_m / 2.0;
+  std::optional<std::int64_t> stood;
+  for (const WaitingLine& line : lines) {
+    const bool is_near = front > line.along_m - kNear_m && front < line.along_m + kOver_m;
+    if (is_near && ego.speed_mps < kStanding_mps) {
+      return line.lane;
+    }
+    if (line.lane == before && front < line.along_m + kLeft_m) {
+      stood = before;
+    }
+  }
+  return stood;
+}
+
+}  // namespace motion_planning

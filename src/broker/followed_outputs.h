@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+
+#include "fastcycle/detail/envelope.h"
+
+namespace fastcycle::detail {
+
+class PublisherCore;
+
+/// Compares what a component on standby publishes with what the one published that it follows.
+///
+/// @threads  By one thread at a time for each publisher.
+class OutputComparer {
+ public:
+  OutputComparer() = default;
+  OutputComparer(const OutputComparer&) = delete;
+  OutputComparer& operator=(const OutputComparer&) = delete;
+  virtual ~OutputComparer() = default;
+
+  /// Two messages of the same sequence.
+  virtual void compare(const PublisherCore& publisher, const Envelope& theirs,
+                       const Envelope& own) noexcept = 0;
+  /// One that only one side has published: the other one, or this.
+  virtual void unmatched(const PublisherCore& publisher, bool is_theirs) noexcept = 0;
+};
+
+/// The outputs of one publisher on standby: its own, and those of the publisher that it follows,
+/// each until the other one is there. At most `kMost` of each wait; what is older is not compared.
+///
+/// @threads  Under the publisher's mutex.
+class FollowedOutputs {
+ public:
+  static constexpr std::size_t kMost = 32;
+
+  FollowedOutputs(const PublisherCore& publisher, OutputComparer& comparer)
+      : publisher_(publisher), comparer_(comparer) {}
+  FollowedOutputs(const FollowedOutputs&) = delete;
+  FollowedOutputs& operator=(const FollowedOutputs&) = delete;
+  ~FollowedOutputs();
+
+  /// Take over a reference.
+  void add_theirs(Envelope* envelope) noexcept { add(envelope, theirs_, own_, true); }
+  void add_own(Envelope* envelope) noexcept { add(envelope, own_, theirs_, false); }
+  /// The other one's message of this sequence; null if it is not here. It stays.
+  [[nodiscard]] const Envelope* find_theirs(std::uint64_t sequence) const noexcept;
+  /// Whether it cannot come any more.
+  [[nodiscard]] bool is_past(std::uint64_t sequence) const noexcept {
+    return !theirs_.empty() && theirs_.back()->info.sequence > sequence;
+  }
+  /// Lets go of all that waits, or of its own.
+  void clear() noexcept;
+  void clear_own() noexcept;
+
+  bool is_following = true;  ///< Else it takes the other one's place.
+  std::uint64_t made = 0;    ///< The sequence of its own last message.
+
+ private:
+  void add(Envelope* envelope, std::deque<Envelope*>& here, std::deque<Envelope*>& there,
+           bool is_theirs) noexcept;
+
+  const PublisherCore& publisher_;
+  OutputComparer& comparer_;
+  std::deque<Envelope*> theirs_;  ///< By sequence.
+  std::deque<Envelope*> own_;
+};
+
+}  // namespace fastcycle::detail

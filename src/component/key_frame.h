@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+
+#include "broker/read_ring.h"
+#include "component/application_host.h"
+#include "executor/activation_ring.h"
+
+namespace google::protobuf {
+class Message;
+}
+
+namespace fastcycle::detail {
+
+class ComponentCore;
+
+/// A key frame: the activation at whose end it was written, and what that learned, which is all
+/// that FastCycle keeps for a component (see `DeclaredStates`).
+struct KeyFrame {
+  std::uint64_t activation = 0;
+  std::span<const ToldReads::Entry> reads;
+  /// The message of a state, by a read of the kind `kKeyFrame`.
+  std::function<const google::protobuf::Message&(const Read& read)> state;
+};
+
+/// Brings a component that was built into the state of a key frame: its object is made anew and
+/// started, with the state and the params of then. What it publishes meanwhile is not meant for
+/// anybody; whose messages its views hold, and how far its publishers have counted, is left to the
+/// caller. Between its activations.
+void begin_at_key_frame(host::ApplicationHost& application, ComponentCore& core,
+                        ActivationRing& ring, ToldReads& told, const KeyFrame& frame);
+
+}  // namespace fastcycle::detail

@@ -1,0 +1,512 @@
+#include "standby/followed_component.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <fmt/format.h>
+#include <google/protobuf/message.h>
+
+#include "base/clock.h"
+#include "broker/publisher_core.h"
+#include "broker/topic.h"
+#include "component/component_core.h"
+#include "component/component_state.h"
+#include "component/declared_states.h"
+#include "component/key_frame.h"
+#include "component/repeat_event.h"
+#include "executor/life_step.h"
+
+namespace fastcycle::standby {
+
+using detail::Cause;
+using detail::Lane;
+using detail::LifeStep;
+using detail::ReadKind;
+
+namespace {
+
+/// For an input on its way, when the process that was followed has ended.
+constexpr std::int64_t kPatienceNs = 200'000'000;
+
+bool is_posted(Cause cause) {
+  return cause == Cause::kMode || cause == Cause::kParameter || cause == Cause::kJob ||
+         cause == Cause::kFault;
+}
+
+bool is_step(LifeStep step, Cause cause, std::uint64_t key) {
+  return cause == Cause::kMode && key == detail::to_key(step);
+}
+
+/// Steps that one which began at a key frame takes although its own process may have posted them
+/// before that, when they were dropped.
+std::function<void()> step_to_repeat(detail::ComponentCore& core,
+                                     const detail::ActivationRecord& record) {
+  if (is_step(LifeStep::kBeginTimers, record.cause, record.key)) {
+    return [&core] { core.begin_timers(core.publishing.now); };
+  }
+  if (is_step(LifeStep::kActivate, record.cause, record.key)) {
+    return [&core] { core.call_activate(); };
+  }
+  if (is_step(LifeStep::kDeactivate, record.cause, record.key)) {
+    return [&core] { core.call_deactivate(); };
+  }
+  return {};
+}
+
+/// The newest lane of that publisher: a subscription that ended and was made again has older ones.
+std::shared_ptr<Lane> lane_of(const detail::Subscription& subscription, PublisherId publisher) {
+  std::shared_ptr<Lane> found;
+  for (const auto& lane : subscription.lanes()) {
+    found = lane->publisher == publisher ? lane : found;
+  }
+  return found;
+}
+
+}  // namespace
+
+FollowedComponent::FollowedComponent(detail::ComponentCore& core, detail::OutputComparer& comparer,
+                                     Listener listener, host::ApplicationHost* late)
+    : core_(core), listener_(std::move(listener)), late_(late) {
+  core.follow(*this);
+  core.publishing.is_following = true;
+  core.log_source.mute(true);
+  for (detail::PublisherCore* publisher : core.declared.publishers) {
+    if (!publisher->options.is_external) {
+      publisher->follow(comparer);
+      publishers_.push_back(publisher);
+    }
+  }
+  const auto widen = [](const detail::Subscription& subscription) {
+    for (const auto& lane : subscription.lanes()) {
+      lane->set_limit(std::max<std::size_t>(lane->options.depth, lane->options.room));
+    }
+  };
+  std::ranges::for_each(core.subscriptions.callbacks(), widen,
+                        [](auto* one) -> auto& { return *one; });
+  std::ranges::for_each(core.subscriptions.views(), widen, [](auto* one) -> auto& { return *one; });
+}
+
+void FollowedComponent::add(FollowedActivation activation) {
+  const std::lock_guard lock(mutex_);
+  waiting_.push_back(std::move(activation));
+}
+
+void FollowedComponent::take_over() {
+  Stage expected = Stage::kFollows;
+  stage_.compare_exchange_strong(expected, Stage::kTakesOver);
+}
+
+void FollowedComponent::end() {
+  for (Stage now = stage_.load(); now == Stage::kFollows || now == Stage::kTakesOver;) {
+    if (stage_.compare_exchange_weak(now, Stage::kEnds)) {
+      mark();
+      wake();
+      return;
+    }
+  }
+}
+
+const FollowedActivation* FollowedComponent::next() {
+  const std::lock_guard lock(mutex_);
+  return waiting_.empty() ? nullptr : &waiting_.front();
+}
+
+bool FollowedComponent::serve(detail::ActivationRing&) {
+  detail::ActivationRing& ring = *ring_;
+  const Stage stage = stage_.load();  // Before the look at what waits: nothing is added after it.
+  if (stage == Stage::kEnds) {
+    core_.publishing.is_muted = true;
+    return stop_following();
+  }
+  if (stage == Stage::kTakesOver && !std::exchange(is_public_, true)) {
+    go_public();
+  }
+  connect_what_waits(ring);
+  const FollowedActivation* const activation = next();
+  if (late_ != nullptr) {
+    drop_posted();
+    return has_started_ && activation != nullptr && seek(ring, *activation);
+  }
+  if (activation != nullptr) {
+    return execute_next(ring, *activation);
+  }
+  if (stage != Stage::kTakesOver || is_lost_) {
+    answer_for_mode(ring);
+    return false;
+  }
+  static_cast<void>(stop_following());
+  listener_.taken_over();
+  return true;
+}
+
+bool FollowedComponent::execute_next(detail::ActivationRing& ring,
+                                     const FollowedActivation& activation) {
+  if (is_lost_) {
+    return false;
+  }
+  const Input input = find_inputs(activation);
+  if (stage_.load() == Stage::kTakesOver && input != Input::kThere) {
+    // Who published it may have ended too, before it came here: it is not waited for.
+    const std::int64_t now_ns = base::monotonic_ns();
+    missing_since_ns_ = missing_since_ns_ == 0 ? now_ns : missing_since_ns_;
+    if (input == Input::kLost || now_ns - missing_since_ns_ > kPatienceNs) {
+      missing_since_ns_ = 0;
+      skip(activation, "an input of it never came");
+      executed_.store(activation.record.number);
+      pop();
+      return true;
+    }
+  }
+  switch (input) {
+    case Input::kThere:
+      missing_since_ns_ = 0;
+      break;
+    case Input::kNotYet:
+      return false;
+    case Input::kLost:
+      lose(fmt::format("a message that activation {} of \"{}\" was given never came",
+                       activation.record.number, core_.name));
+      return false;
+  }
+  const std::uint64_t number = activation.record.number;
+  if (number == left_out_.load()) {
+    skip(activation, "the other process crashed in it");
+  } else {
+    execute(ring, activation);
+  }
+  executed_.store(number);
+  pop();
+  return true;
+}
+
+/// What it published before it crashed counts as published.
+void FollowedComponent::skip(const FollowedActivation& activation, std::string_view why) {
+  for (const ForView& one : std::exchange(for_views_, {})) {
+    core_.repeat_view(*one.view, *one.lane, one.envelope);
+  }
+  reads_found_ = 0;
+  if (message_.lane != nullptr) {
+    detail::release(message_.head.envelope);
+    message_.lane->subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+    message_ = {};
+  }
+  for (detail::PublisherCore* publisher : publishers_) {
+    publisher->skip_followed();
+  }
+  core_.repeat_next(activation.record.number + 1, told_);
+  core_.log_source.write(LogLevel::kWarning, fmt::format("activation {} is left out: {}",
+                                                         activation.record.number, why));
+}
+
+/// What is posted before it begins at a key frame, the state has seen. That is so of the steps of a
+/// start too, which its process posts and waits for as for any other component: it does not begin
+/// before the last of them has come, since later ones would never be served.
+void FollowedComponent::drop_posted() {
+  detail::Control dropped;
+  while (core_.drop_posted(dropped)) {
+    has_started_ = has_started_ || is_step(LifeStep::kBeginTimers, dropped.cause, dropped.key);
+  }
+}
+
+void FollowedComponent::pop() {
+  const std::lock_guard lock(mutex_);
+  waiting_.pop_front();
+}
+
+/// Looks whether it can begin behind this activation; false if it must wait for that.
+bool FollowedComponent::seek(detail::ActivationRing& ring, const FollowedActivation& activation) {
+  const bool is_frame = std::ranges::any_of(activation.reads, [](const auto& entry) {
+    return entry.read.kind == ReadKind::kFrameNumber;
+  });
+  const Input input = is_frame ? find_frame(activation) : Input::kLost;
+  if (input == Input::kNotYet) {
+    return false;
+  }
+  if (input == Input::kThere) {
+    begin_at(ring, activation);
+    late_ = nullptr;
+    listener_.found_frame();
+  }
+  for (const ForView& one : for_views_) {  // Of a frame of which something is gone.
+    detail::release(one.envelope);
+  }
+  for_views_.clear();
+  reads_found_ = 0;
+  executed_.store(activation.record.number);
+  pop();
+  return true;
+}
+
+/// The messages that a key frame speaks of.
+FollowedComponent::Input FollowedComponent::find_frame(const FollowedActivation& activation) {
+  const auto& states = static_cast<detail::DeclaredStates&>(*core_.states).all();
+  const auto& views = core_.subscriptions.views();
+  for (; reads_found_ < activation.reads.size(); ++reads_found_) {
+    const detail::Read& read = activation.reads[reads_found_].read;
+    if (read.kind == ReadKind::kKeyFrame && read.place < states.size()) {
+      detail::PublisherCore& publisher = *states[read.place]->publisher;
+      const std::lock_guard lock(publisher.mutex());
+      bool is_past = false;
+      if (publisher.find_followed(read.value, is_past) == nullptr) {
+        return is_past ? Input::kLost : Input::kNotYet;
+      }
+    } else if (read.kind == ReadKind::kHeld && read.place < views.size()) {
+      const Input input = find_for_view(*views[read.place], read);
+      if (input != Input::kThere) {
+        return input;
+      }
+    }
+  }
+  return Input::kThere;
+}
+
+/// From now on what it publishes is published.
+void FollowedComponent::go_public() {
+  core_.publishing.is_following = false;
+  core_.log_source.mute(false);
+  for (detail::PublisherCore* publisher : publishers_) {
+    publisher->stop_following();
+  }
+}
+
+bool FollowedComponent::stop_following() {
+  const auto narrow = [](const detail::Subscription& subscription) {
+    for (const auto& lane : subscription.lanes()) {
+      lane->set_limit(lane->options.depth);
+      Lane::Head head;
+      while (lane->holds_more_than(lane->options.depth) && lane->peek(head)) {
+        if (lane->pop(head)) {
+          detail::release(head.envelope);
+          lane->subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+        }
+      }
+    }
+  };
+  for (const detail::CallbackSubscription* subscription : core_.subscriptions.callbacks()) {
+    narrow(*subscription);
+  }
+  for (const detail::View* view : core_.subscriptions.views()) {
+    narrow(*view);
+  }
+  core_.publishing.is_following = false;
+  core_.log_source.mute(false);
+  core_.stop_following();
+  stage_.store(Stage::kOver);
+  return true;
+}
+
+void FollowedComponent::lose(std::string why) {
+  is_lost_ = true;
+  listener_.lost(why);
+}
+
+/// Takes the message of this sequence out of its lane. Those before it were dropped where they are
+/// followed.
+FollowedComponent::Input FollowedComponent::find(Lane& lane, std::uint64_t sequence,
+                                                 Lane::Head& found) {
+  while (lane.peek(found)) {
+    if (found.sequence > sequence) {
+      return Input::kLost;
+    }
+    if (!lane.pop(found)) {
+      continue;
+    }
+    if (found.sequence == sequence) {
+      return Input::kThere;
+    }
+    detail::release(found.envelope);
+    lane.subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+  }
+  return Input::kNotYet;
+}
+
+FollowedComponent::Input FollowedComponent::find_inputs(const FollowedActivation& activation) {
+  if (const Input input = find_for_views(activation); input != Input::kThere) {
+    return input;
+  }
+  return find_cause(activation);
+}
+
+FollowedComponent::Input FollowedComponent::find_for_views(const FollowedActivation& activation) {
+  const auto& views = core_.subscriptions.views();
+  for (; reads_found_ < activation.reads.size(); ++reads_found_) {
+    const detail::Read& read = activation.reads[reads_found_].read;
+    if (read.kind == ReadKind::kTaken && read.place < views.size()) {
+      if (const Input input = find_for_view(*views[read.place], read); input != Input::kThere) {
+        return input;
+      }
+    }
+  }
+  return Input::kThere;
+}
+
+/// The message of which `read` says that a view took it over, or holds it.
+FollowedComponent::Input FollowedComponent::find_for_view(detail::View& view,
+                                                          const detail::Read& read) {
+  const auto lane = lane_of(view, read.publisher);
+  if (lane == nullptr) {
+    return Input::kLost;
+  }
+  Lane::Head found;
+  const Input input = find(*lane, read.value, found);
+  if (input == Input::kThere) {
+    lane->delivered.add();
+    for_views_.push_back({&view, lane.get(), found.envelope});
+  }
+  return input;
+}
+
+FollowedComponent::Input FollowedComponent::find_cause(const FollowedActivation& activation) {
+  const detail::ActivationRecord& record = activation.record;
+  if (record.publisher != 0) {
+    return find_message(activation);
+  }
+  if (record.cause == Cause::kReply) {
+    return core_.has_own() ? Input::kThere : Input::kLost;
+  }
+  if (!is_posted(record.cause) || core_.has_posted(record.cause, record.key)) {
+    return Input::kThere;
+  }
+  if (is_step(LifeStep::kAlarm, record.cause, record.key)) {
+    return Input::kThere;  // Its own.
+  }
+  return has_started_ && step_to_repeat(core_, record) ? Input::kThere : Input::kNotYet;
+}
+
+FollowedComponent::Input FollowedComponent::find_message(const FollowedActivation& activation) {
+  if (message_.lane != nullptr) {
+    return Input::kThere;
+  }
+  const detail::ActivationRecord& record = activation.record;
+  const auto& callbacks = core_.subscriptions.callbacks();
+  if (record.subscription >= callbacks.size()) {
+    return Input::kLost;
+  }
+  const auto lane = lane_of(*callbacks[record.subscription], record.publisher);
+  if (lane == nullptr) {
+    return Input::kLost;
+  }
+  const Input input = find(*lane, record.key, message_.head);
+  message_.lane = input == Input::kThere ? lane.get() : nullptr;
+  return input;
+}
+
+/// Begins behind the activation of a key frame.
+void FollowedComponent::begin_at(detail::ActivationRing& ring, const FollowedActivation& frame) {
+  const auto& states = static_cast<detail::DeclaredStates&>(*core_.states).all();
+  std::vector<std::unique_ptr<google::protobuf::Message>> copies(states.size());
+  for (const auto& entry : frame.reads) {
+    if (entry.read.kind == ReadKind::kKeyFrame && entry.read.place < states.size()) {
+      detail::PublisherCore& publisher = *states[entry.read.place]->publisher;
+      const std::lock_guard lock(publisher.mutex());
+      bool is_past = false;
+      const google::protobuf::Message& state =
+          *publisher.find_followed(entry.read.value, is_past)->payload;
+      copies[entry.read.place].reset(state.New());
+      copies[entry.read.place]->CopyFrom(state);
+    }
+  }
+  core_.follow_at(base::from_ns(frame.record.time_ns));
+  detail::begin_at_key_frame(
+      *late_, core_, ring, told_,
+      {.activation = frame.record.number,
+       .reads = frame.reads,
+       .state = [&copies](const detail::Read& read) -> const google::protobuf::Message& {
+         return *copies[read.place];
+       }});
+  for (const auto& entry : frame.reads) {
+    if (entry.read.kind == ReadKind::kSequence) {
+      const auto its =
+          std::ranges::find(publishers_, entry.read.publisher, &detail::PublisherCore::id);
+      if (its != publishers_.end()) {
+        (*its)->continue_following_after(entry.read.value);
+      }
+    }
+  }
+  for (const ForView& one : std::exchange(for_views_, {})) {
+    core_.repeat_view(*one.view, *one.lane, one.envelope);
+  }
+}
+
+/// A switch of modes waits for all processes. One that began at a key frame may be asked for a step
+/// that it took with that, or that it repeated before it was asked: nothing is left to be done.
+void FollowedComponent::answer_for_mode(detail::ActivationRing& ring) {
+  const detail::ComponentState state = core_.state;
+  const bool is_active = state == detail::ComponentState::kActive;
+  if (!has_started_ || (!is_active && state != detail::ComponentState::kStandby)) {
+    return;
+  }
+  const std::uint64_t done =
+      detail::to_key(is_active ? LifeStep::kActivate : LifeStep::kDeactivate);
+  while (core_.has_posted(Cause::kMode, done)) {
+    told_.begin({});
+    core_.repeat_next(executed_.load(), told_);
+    static_cast<void>(core_.repeat_posted(ring, Cause::kMode, done));
+  }
+}
+
+/// Who subscribes to it is nothing that its callbacks see, and is another matter in each process.
+void FollowedComponent::connect_what_waits(detail::ActivationRing& ring) {
+  while (core_.has_posted(Cause::kConnect, 0)) {
+    told_.begin({});
+    core_.repeat_next(executed_.load(), told_);
+    static_cast<void>(core_.repeat_posted(ring, Cause::kConnect, 0));
+  }
+}
+
+void FollowedComponent::execute(detail::ActivationRing& ring,
+                                const FollowedActivation& activation) {
+  const detail::ActivationRecord& record = activation.record;
+  told_.begin(activation.reads);
+  core_.repeat_next(record.number, told_);
+  core_.follow_at(base::from_ns(record.time_ns));
+  for (const ForView& one : for_views_) {
+    core_.repeat_view(*one.view, *one.lane, one.envelope);
+  }
+  for_views_.clear();
+  reads_found_ = 0;
+  if (message_.lane != nullptr) {
+    core_.repeat(ring, std::exchange(message_, {}));
+    return;
+  }
+  switch (record.cause) {
+    case Cause::kTick:
+    case Cause::kTimeout:
+      if (record.key < core_.timers().size()) {
+        core_.repeat(ring, *core_.timers()[record.key],
+                     {.due = base::from_ns(record.cause_ns), .skipped = record.skipped});
+      }
+      return;
+    case Cause::kEvent:
+      if (!core_.repeat_posted(ring, Cause::kEvent, record.key)) {
+        detail::repeat_event(core_, ring, activation.reads, record.key, record.time_ns,
+                             record.skipped);
+      }
+      return;
+    case Cause::kReply:
+      static_cast<void>(core_.repeat_own(ring));
+      return;
+    case Cause::kMode:
+      if (core_.repeat_posted(ring, record.cause, record.key)) {
+        return;
+      }
+      if (auto body = step_to_repeat(core_, record)) {
+        core_.repeat(ring, {.cause = record.cause, .body = std::move(body), .key = record.key});
+        return;
+      }
+      static_cast<void>(core_.repeat_alarm(ring));
+      return;
+    case Cause::kParameter:
+    case Cause::kJob:
+    case Cause::kFault:
+      static_cast<void>(core_.repeat_posted(ring, record.cause, record.key));
+      return;
+    case Cause::kConnect:
+    case Cause::kMessage:
+    case Cause::kExternal:
+    case Cause::kRequest:
+      return;
+  }
+}
+
+}  // namespace fastcycle::standby

@@ -1,0 +1,129 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/priority_mutex.h"
+#include "broker/inbox.h"
+#include "broker/read_ring.h"
+#include "component/application_host.h"
+#include "component/component_core.h"
+#include "executor/activation_ring.h"
+#include "executor/script.h"
+
+namespace fastcycle::standby {
+
+/// One activation of the component that is followed, with what it learned.
+struct FollowedActivation {
+  detail::ActivationRecord record;
+  std::vector<detail::ToldReads::Entry> reads = {};
+};
+
+/// The script of one component on standby: the activations of the component that it follows, each
+/// once its inputs have come here too.
+///
+/// @threads  `add`, `take_over`, `end` and the numbers are Safe; `serve` as `Script`.
+class FollowedComponent final : public detail::Script {
+ public:
+  /// What its owner is told, by the worker that serves the component.
+  struct Listener {
+    /// It has begun at a key frame.
+    std::function<void()> found_frame;
+    /// It cannot follow any longer.
+    std::function<void(const std::string& why)> lost;
+    /// It has taken the other one's place, and serves by itself.
+    std::function<void()> taken_over;
+  };
+
+  /// From now on `core` follows: from its first activation on, or, with an application, whose it
+  /// is, from the first key frame of its state that can be had once that has started. Before
+  /// anything runs; all outlive it.
+  FollowedComponent(detail::ComponentCore& core, detail::OutputComparer& comparer,
+                    Listener listener, host::ApplicationHost* late = nullptr);
+
+  /// The next one, in the order of their numbers.
+  void add(FollowedActivation activation);
+  /// The activation of this number, in which the other one crashed, is not executed: what it was
+  /// given is lost. Before `take_over`.
+  void leave_out(std::uint64_t number) { left_out_.store(number); }
+  /// Nothing comes any more: once what was added is executed, the component serves by itself. What
+  /// it publishes from now on is published.
+  void take_over();
+  /// The application stops: the component serves by itself, and what it publishes goes nowhere.
+  void end();
+  /// Has it look whether it can go on.
+  void mark() { core_.inbox.mark_control(); }
+  void wake() { core_.inbox.queue().wake(); }
+
+  bool serve(detail::ActivationRing& ring) override;
+
+  [[nodiscard]] detail::ComponentCore& core() noexcept { return core_; }
+  /// Of the activations that it executed, the last.
+  [[nodiscard]] std::uint64_t executed() const noexcept { return executed_.load(); }
+  [[nodiscard]] bool is_over() const noexcept { return stage_.load() == Stage::kOver; }
+
+ private:
+  enum class Stage : std::uint8_t { kFollows, kTakesOver, kEnds, kOver };
+  enum class Input : std::uint8_t { kThere, kNotYet, kLost };
+
+  /// A message for a view that was taken out of its lane.
+  struct ForView {
+    detail::View* view;
+    detail::Lane* lane;
+    detail::Envelope* envelope;
+  };
+
+  [[nodiscard]] const FollowedActivation* next();
+  void drop_posted();
+  void pop();
+  void skip(const FollowedActivation& activation, std::string_view why);
+  [[nodiscard]] bool seek(detail::ActivationRing& ring, const FollowedActivation& activation);
+  [[nodiscard]] Input find_frame(const FollowedActivation& activation);
+  void begin_at(detail::ActivationRing& ring, const FollowedActivation& frame);
+  bool execute_next(detail::ActivationRing& ring, const FollowedActivation& activation);
+  void go_public();
+  bool stop_following();
+  void lose(std::string why);
+  [[nodiscard]] Input find(detail::Lane& lane, std::uint64_t sequence, detail::Lane::Head& found);
+  [[nodiscard]] Input find_inputs(const FollowedActivation& activation);
+  [[nodiscard]] Input find_for_views(const FollowedActivation& activation);
+  [[nodiscard]] Input find_for_view(detail::View& view, const detail::Read& read);
+  [[nodiscard]] Input find_cause(const FollowedActivation& activation);
+  [[nodiscard]] Input find_message(const FollowedActivation& activation);
+  void execute(detail::ActivationRing& ring, const FollowedActivation& activation);
+  void answer_for_mode(detail::ActivationRing& ring);
+  void connect_what_waits(detail::ActivationRing& ring);
+
+  detail::ComponentCore& core_;
+  /// What it does while it follows has been recorded where it was done first.
+  const std::unique_ptr<detail::ActivationRing> ring_ = std::make_unique<detail::ActivationRing>();
+  const Listener listener_;
+  detail::ToldReads told_;
+  std::vector<detail::PublisherCore*> publishers_;
+
+  std::mutex mutex_;
+  std::deque<FollowedActivation> waiting_;
+  std::atomic<Stage> stage_{Stage::kFollows};
+  std::atomic<std::uint64_t> executed_{0};
+  std::atomic<std::uint64_t> left_out_{0};  ///< 0: none.
+
+  // The worker's.
+  bool is_public_ = false;  ///< What it publishes is published.
+  bool is_lost_ = false;
+  std::int64_t missing_since_ns_ = 0;  ///< 0: no input is.
+  host::ApplicationHost* late_;        ///< Null once there is nothing to look for.
+  bool has_started_ = false;           ///< With `late_`: the start of its process is over.
+  std::size_t reads_found_ = 0;        ///< Of the next activation: whose messages were looked for.
+  std::vector<ForView> for_views_;
+  detail::LaneHead message_;  ///< Its cause; none: it was not found yet, or is no message.
+};
+
+}  // namespace fastcycle::standby

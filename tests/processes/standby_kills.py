@@ -1,0 +1,153 @@
+"""standby_kills.py FASTCYCLE APPLICATION PROCESSES TOPICS KILLS [SEED] [--stop]: an application live, processes of which (comma between them)
+have standbys; whichever of the two does the work is killed, or stopped, KILLS times at random moments. An application that comes to its end is run
+again.
+
+What is judged is the log that the main process records: on TOPICS (comma between them) no sequence is missing, none comes twice, and the
+gap between two messages around a kill is shown beside the gaps of the time without kills. Of each kill: how long until the next message.
+"""
+import argparse
+import json
+import os
+import pathlib
+import random
+import re
+import signal
+import statistics
+import subprocess
+import tempfile
+import time
+
+from kills import children_of, fail, wait_for
+
+
+def messages_of(program, log, topic):
+    """Of each message of the topic in the log: its sequence, and when it was published, s since 1970."""
+    shown = subprocess.run([program, "echo", str(log), topic, "--json"], capture_output=True, text=True, check=True)
+    said = [json.loads(line) for line in shown.stdout.splitlines()]
+    return [(int(one["sequence"]), one["publish_time_ns"] * 1e-9) for one in said]
+
+
+class Over(Exception):
+    """The application has come to its end."""
+
+
+class Drive:
+    """One run of the application, with kills."""
+
+    def __init__(self, options, program, folder):
+        self.options = options
+        self.moments = []  # When who was killed.
+        self.out = folder / "out.txt"
+        self.log = folder / "log.mcap"
+        words = [word for overlay in options.overlay for word in ("--overlay", os.path.abspath(overlay))]
+        record = ["--set", f"{options.recorder}.file={self.log}"] if options.recorder else ["--record", str(self.log)]
+        with self.out.open("w") as errors:
+            self.run = subprocess.Popen([program, "run", os.path.abspath(options.application), *words, "--quiet", *record],
+                                        stdout=errors, stderr=subprocess.STDOUT, cwd=folder)
+        self.active = {name: name for name in options.processes}
+        self.runs = {}
+
+    def await_standby(self, name, run):
+        """Waits until the process follows the other one, in this run or a later one: one that cannot follow is made anew."""
+        def told():
+            runs = re.findall(rf'"{re.escape(name)}" is on standby, in its run (\d+)', self.out.read_text())
+            if runs and int(runs[-1]) >= run:
+                return int(runs[-1])
+            if self.run.poll() is not None:
+                raise Over
+            return None
+        self.runs[name] = wait_for(f"the standby {name}", told, 120)
+
+    def pid_of(self, name):
+        def there():
+            if self.run.poll() is not None:
+                raise Over
+            is_long = len(name) > 15 and name.endswith(".standby")
+            return children_of(self.run.pid).get(name[:7] + ".standby" if is_long else name[:15])
+        return wait_for(name, there, 30)
+
+    def begin(self):
+        for name in self.options.processes:
+            self.runs[name] = 1
+            self.await_standby(name + ".standby", 1)
+        time.sleep(0.5)
+
+    def kill_one(self, rng):
+        time.sleep(rng.uniform(0, 2 * self.options.pause))
+        name = rng.choice(self.options.processes)
+        active = self.active[name]
+        process = self.pid_of(active)
+        moment = time.time()
+        os.kill(process, signal.SIGSTOP if self.options.stop else signal.SIGKILL)
+        self.await_standby(active, self.runs[active] + 1)
+        self.moments.append(moment)  # Only now: before its end nothing is judged.
+        self.active[name] = name if active != name else name + ".standby"
+
+    def end(self):
+        if self.run.poll() is None:
+            self.run.send_signal(signal.SIGINT)
+        return self.run.wait(60)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("program")
+    parser.add_argument("application")
+    parser.add_argument("processes", type=lambda text: text.split(","))
+    parser.add_argument("topics", type=lambda text: text.split(","))
+    parser.add_argument("kills", type=int)
+    parser.add_argument("seed", type=int, nargs="?", default=1)
+    parser.add_argument("--stop", action="store_true", help="SIGSTOP instead of SIGKILL")
+    parser.add_argument("--pause", type=float, default=0.3, help="s between kills, on average")
+    parser.add_argument("--recorder", help="the component that records, where the application has one")
+    parser.add_argument("--overlay", action="append", default=[])
+    options = parser.parse_args()
+    rng = random.Random(options.seed)
+    program = os.path.abspath(options.program)
+    kills, runs = 0, 0
+    found = {topic: {"missing": 0, "twice": 0, "messages": 0, "around": [], "others": [], "firsts": []} for topic in options.topics}
+    while kills < options.kills:
+        with tempfile.TemporaryDirectory() as name:
+            drive = Drive(options, program, pathlib.Path(name))
+            try:
+                drive.begin()
+                while kills + len(drive.moments) < options.kills:
+                    drive.kill_one(rng)
+                time.sleep(1)
+            except Over:
+                pass
+            finally:
+                code = drive.end()
+            if code != 0 or not drive.moments:
+                fail(f"the run ended with {code} after {len(drive.moments)} kills:\n{drive.out.read_text()}")
+            kills += len(drive.moments)
+            runs += 1
+            for topic in options.topics:
+                add(found[topic], messages_of(program, drive.log, topic), drive.moments)
+    print(f"{kills} {'stops' if options.stop else 'kills'} in {runs} runs")
+    for topic, its in found.items():
+        show(topic, its)
+    if any(its["missing"] or its["twice"] for its in found.values()):
+        fail("messages are missing, or come twice")
+
+
+def add(its, messages, moments):
+    sequences = [sequence for sequence, _ in messages]
+    times = [at for _, at in messages]
+    its["messages"] += len(messages)
+    its["missing"] += sum(b - a - 1 for a, b in zip(sequences, sequences[1:]) if b > a + 1)
+    its["twice"] += sum(1 for a, b in zip(sequences, sequences[1:]) if b <= a)
+    for a, b in zip(times, times[1:]):
+        its["around" if any(a <= moment <= b for moment in moments) else "others"].append(b - a)
+    its["firsts"] += [at - moment for moment in moments for at in [next((at for at in times if at >= moment), None)] if at]
+
+
+def show(topic, its):
+    print(f"{topic}: {its['messages']} messages, {its['missing']} missing, {its['twice']} twice")
+    for name, words in (("around", "gap around a kill"), ("others", "other gaps"), ("firsts", "from a kill to the next message")):
+        if its[name]:
+            print(f"  {words}: p50 {1e3 * statistics.median(its[name]):.3f} ms, max {1e3 * max(its[name]):.3f} ms")
+
+
+if __name__ == "__main__":
+    main()
