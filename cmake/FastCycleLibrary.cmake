@@ -48,12 +48,9 @@ function(fastcycle_library name)
 
   add_library(fastcycle_${name} OBJECT ${LIB_SOURCES})
   set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON
-    INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}"
-    UNITY_BUILD "${FASTCYCLE_UNITY}" UNITY_BUILD_BATCH_SIZE 8)
+    INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}")
   target_compile_options(fastcycle_${name} PRIVATE ${FASTCYCLE_WARNINGS} -fno-semantic-interposition)
-  if(FASTCYCLE_UNITY)   # What a file keeps for itself looks like something of a header there.
-    target_compile_options(fastcycle_${name} PRIVATE -Wno-subobject-linkage)
-  endif()
+  fastcycle_join(fastcycle_${name})
   target_include_directories(fastcycle_${name} PRIVATE
     ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(fastcycle_${name} PRIVATE
@@ -81,7 +78,46 @@ function(fastcycle_test target)
   set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests
                                              INTERPROCEDURAL_OPTIMIZATION OFF)
   fastcycle_precompile(${target} test "${FASTCYCLE_PRECOMPILED_TEST}" "${TEST_PRECOMPILE}")
+  fastcycle_join_tests(${target} ${TEST_SOURCES})
   fastcycle_discover_tests(${target} "${TEST_PREFIX}" "${TEST_LABELS}")
+endfunction()
+
+# With FASTCYCLE_UNITY, compiles the files of a test program in a few large pieces: the headers that they all include take
+# most of the time of each. What is tested is compiled file by file.
+function(fastcycle_join_tests target)
+  if(FASTCYCLE_UNITY)
+    set(others ${ARGN})
+    list(FILTER others EXCLUDE REGEX "_test\\.cc$")
+    fastcycle_compile_alone(${others})
+  endif()
+  fastcycle_join(${target})
+endfunction()
+
+# The same for the files of any target.
+function(fastcycle_join target)
+  if(FASTCYCLE_UNITY)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+    # What a file keeps for itself looks like something of a header there.
+    target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+  endif()
+endfunction()
+
+# fastcycle_compile_alone(). What is tested is compiled file by file.
+function(fastcycle_join_tests target)
+  if(NOT FASTCYCLE_UNITY)
+    return()
+  endif()
+  set(others ${ARGN})
+  list(FILTER others EXCLUDE REGEX "_test\\.cc$")
+  fastcycle_compile_alone(${others})
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+endfunction()
+
+# fastcycle_compile_alone(<file> ...): files whose own names collide with those of others, and which are no part of a
+# larger piece.
+function(fastcycle_compile_alone)
+  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
 
 # fastcycle_program(<name> SOURCES ... [LINK ...] [HELPER])
