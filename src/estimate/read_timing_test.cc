@@ -1,10 +1,11 @@
 #include "estimate/read_timing.h"
 
-#include <fstream>
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "config/test_folder.h"
 
 namespace fastcycle::estimate {
 namespace {
@@ -16,11 +17,8 @@ using std::chrono::milliseconds;
 class ATimingFile : public testing::Test {
  protected:
   Timing read(const std::string& text, double margin = 1.0) {
-    const std::filesystem::path file = testing::TempDir() + "times.json";
-    std::ofstream(file) << text;
     Timing timing;
-    read_timing(file, margin, timing, problems_);
-    std::filesystem::remove(file);
+    read_timing(folder_.write("times.json", text), margin, timing, problems_);
     return timing;
   }
   std::string mistakes() {
@@ -32,6 +30,7 @@ class ATimingFile : public testing::Test {
     return text;
   }
 
+  config::TestFolder folder_;  // Of its own: tests run beside each other.
   config::Problems problems_;
 };
 
