@@ -532,6 +532,9 @@ void Supervisor::look_at_heartbeats() {
   const std::int64_t now_ns = base::monotonic_ns();
   const std::int64_t passed_ns = std::min(now_ns - looked_ns_, kMostNs);
   looked_ns_ = now_ns;
+  if (is_ending_) {
+    return;  // Who ends gives no more signs; `kill_at_ns_` bounds how long that may take.
+  }
   for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
     Its& its = its_[process];
     const std::int64_t limit_ns = plan_.description_of(process).heartbeat.count();
