@@ -83,7 +83,7 @@ function(fastcycle_test target)
 endfunction()
 
 # With FASTCYCLE_UNITY, compiles the files of a test program in a few large pieces: the headers that they all include take
-# most of the time of each. What is tested is compiled file by file.
+# most of the time of each. Other files of the program are compiled alone.
 function(fastcycle_join_tests target)
   if(FASTCYCLE_UNITY)
     set(others ${ARGN})
@@ -100,18 +100,6 @@ function(fastcycle_join target)
     # What a file keeps for itself looks like something of a header there.
     target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
   endif()
-endfunction()
-
-# fastcycle_compile_alone(). What is tested is compiled file by file.
-function(fastcycle_join_tests target)
-  if(NOT FASTCYCLE_UNITY)
-    return()
-  endif()
-  set(others ${ARGN})
-  list(FILTER others EXCLUDE REGEX "_test\\.cc$")
-  fastcycle_compile_alone(${others})
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
-  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
 endfunction()
 
 # fastcycle_compile_alone(<file> ...): files whose own names collide with those of others, and which are no part of a
