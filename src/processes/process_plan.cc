@@ -322,12 +322,16 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
     executor = described->executor.empty() ? host::kPoolName : described->executor;
   }
   const auto place = std::ranges::find(executors[to], executor) - executors[to].begin();
-  // The recorder may hold many; and a burst must not be lost while a worker is busy.
-  // In simulated time all of a round waits for its end.
-  const std::size_t least_depth = needs.is_simulated ? 256 : 16;
+  // A burst must not be lost while a worker is busy; and a recorder must not lose anything while
+  // its process waits for a CPU. In simulated time all of a round waits for its end.
+  const std::size_t least_depth = needs.is_simulated || gets_all(to, needs) ? 256 : 16;
   const std::size_t queue = std::clamp(2 * depth, least_depth, kMaxDepth);
+  const std::size_t queue_of_large = needs.is_simulated || twin_of(to) || shadow != nullptr
+                                         ? queue
+                                         : std::clamp(2 * depth, std::size_t{16}, queue);
   segment::LinkPlan link{.from = from, .to = to};
   link.depth = static_cast<std::uint32_t>(queue);
+  link.depth_of_large = static_cast<std::uint32_t>(queue_of_large);
   link.capacity = static_cast<std::uint32_t>(
       std::min(2 * queue + keep + publisher.latched + kSpare, 3 * kMaxDepth));
   link.executor = static_cast<unsigned>(place);

@@ -216,6 +216,7 @@ class DumpFile {
     sum.overflow += loss.overflow;
     sum.pool += loss.pool;
     sum.too_large += loss.too_large;
+    sum.process += loss.process;
   }
 
   /// The activation that did not end, and what the process said of its end.
@@ -243,12 +244,12 @@ class DumpFile {
       if (channel == nullptr) {
         continue;
       }
-      writer_.write(
-          mcap::Metadata{.name = "fastcycle.dump_loss",
-                         .metadata = {{"topic", channel->topic},
-                                      {"lost.overflow", std::to_string(loss.overflow)},
-                                      {"lost.pool", std::to_string(loss.pool)},
-                                      {"lost.too_large", std::to_string(loss.too_large)}}});
+      writer_.write(mcap::Metadata{.name = "fastcycle.dump_loss",
+                                   .metadata = {{"topic", channel->topic},
+                                                {"lost.overflow", std::to_string(loss.overflow)},
+                                                {"lost.pool", std::to_string(loss.pool)},
+                                                {"lost.too_large", std::to_string(loss.too_large)},
+                                                {"lost.process", std::to_string(loss.process)}}});
     }
   }
 

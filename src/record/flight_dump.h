@@ -35,6 +35,7 @@ struct FlightLoss {
   std::uint64_t overflow = 0;
   std::uint64_t pool = 0;
   std::uint64_t too_large = 0;
+  std::uint64_t process = 0;
 };
 
 /// Why a dump was asked for, and when.

@@ -31,6 +31,10 @@ std::uint16_t to_kind(FlightKind kind) {
   return static_cast<std::uint16_t>(kind);
 }
 
+std::uint64_t lost_between_processes(const detail::Lane& lane) {
+  return lane.options.is_imported ? lane.dropped_outside.get() : 0;
+}
+
 std::string in_words(const FlightDump& dump) {
   std::string text = fmt::format("{} ({} messages; {}{}{})", dump.file.string(), dump.messages,
                                  dump.trigger.reason, dump.trigger.component.empty() ? "" : " of ",
@@ -226,7 +230,8 @@ void FlightRecorder::note_losses() {
     StreamState& state = states_[stream.index];
     const std::uint64_t overflow = stream.lane->overflowed.get();
     const std::uint64_t pool = stream.lane->dropped_by_pool.get();
-    if (overflow == state.overflow && pool == state.pool &&
+    const std::uint64_t process = lost_between_processes(*stream.lane);
+    if (overflow == state.overflow && pool == state.pool && process == state.process &&
         state.too_large == state.too_large_noted) {
       continue;
     }
@@ -234,7 +239,8 @@ void FlightRecorder::note_losses() {
         .channel = stream.channel,
         .overflow = overflow - std::exchange(state.overflow, overflow),
         .pool = pool - std::exchange(state.pool, pool),
-        .too_large = state.too_large - std::exchange(state.too_large_noted, state.too_large)};
+        .too_large = state.too_large - std::exchange(state.too_large_noted, state.too_large),
+        .process = process - std::exchange(state.process, process)};
     const mcap::Bytes part = std::as_bytes(std::span(&loss, 1));
     ring_->append(to_kind(FlightKind::kLoss), base::to_ns(clock_.now()), {&part, 1});
   }
@@ -418,6 +424,7 @@ FlightReport FlightRecorder::report() const {
   for (const Stream& stream : streams_.all()) {
     report.overflow += stream.lane->overflowed.get();
     report.pool += stream.lane->dropped_by_pool.get();
+    report.process += lost_between_processes(*stream.lane);
     report.too_large += states_[stream.index].too_large;
   }
   return report;

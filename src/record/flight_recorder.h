@@ -46,6 +46,7 @@ struct FlightReport {
   std::uint64_t overflow = 0;   ///< Lost: written over in the queue before the recorder came.
   std::uint64_t pool = 0;       ///< Lost: the publisher's pool was dry; nobody got them.
   std::uint64_t too_large = 0;  ///< Lost: larger than half of the ring.
+  std::uint64_t process = 0;    ///< Lost: on the way from the process that published them.
   std::uint64_t activations_lost = 0;
   std::string problem = {};            ///< What became of the ring; empty if it is there.
   std::vector<FlightDump> dumps;       ///< In the order in which they were written.
@@ -125,6 +126,7 @@ class FlightRecorder {
   struct StreamState {
     std::uint64_t overflow = 0;  ///< As noted in the ring.
     std::uint64_t pool = 0;
+    std::uint64_t process = 0;
     std::uint64_t too_large = 0;
     std::uint64_t too_large_noted = 0;
     std::deque<std::vector<std::byte>> latched;  ///< Its last messages, as they stand in the ring.

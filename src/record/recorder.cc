@@ -428,7 +428,9 @@ void Recorder::conclude(mcap::Writer& writer) {
                                              {"lost.pool", std::to_string(topic.pool)},
                                              {"lost.memory", std::to_string(topic.memory)},
                                              {"lost.disk", std::to_string(topic.disk)},
-                                             {"lost.too_large", std::to_string(topic.too_large)}}});
+                                             {"lost.too_large", std::to_string(topic.too_large)},
+                                             {"lost.process", std::to_string(topic.process)},
+                                             {"lost.shutdown", std::to_string(topic.shutdown)}}});
   }
 }
 
@@ -447,6 +449,8 @@ std::vector<RecordedTopic> Recorder::topics() const {
     topic.published += stream.lane->published.get();
     topic.overflow += stream.lane->overflowed.get();
     topic.pool += stream.lane->dropped_by_pool.get();
+    (stream.lane->options.is_imported ? topic.process : topic.shutdown) +=
+        stream.lane->dropped_outside.get();
   }
   return result;
 }

@@ -63,8 +63,12 @@ struct RecordedTopic {
   std::uint64_t memory = 0;     ///< Lost: more waited to be written than may.
   std::uint64_t disk = 0;       ///< Lost: could not be written, or the file was taken away.
   std::uint64_t too_large = 0;  ///< Lost: above `message_bytes_max`.
+  std::uint64_t process = 0;    ///< Lost: on the way from the process that published them.
+  std::uint64_t shutdown = 0;   ///< Lost: published before the start or after the stop.
 
-  [[nodiscard]] std::uint64_t lost() const { return overflow + pool + memory + disk + too_large; }
+  [[nodiscard]] std::uint64_t lost() const {
+    return overflow + pool + memory + disk + too_large + process + shutdown;
+  }
 };
 
 /// Records messages and activations of a running application into MCAP files.

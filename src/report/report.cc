@@ -267,7 +267,9 @@ ordered_json json_of(const RecordingReport& recording) {
                              {"pool", topic.pool},
                              {"memory", topic.memory},
                              {"disk", topic.disk},
-                             {"too_large", topic.too_large}}}};
+                             {"too_large", topic.too_large},
+                             {"process", topic.process},
+                             {"shutdown", topic.shutdown}}}};
   }
   return {{"files", recording.files},
           {"problem", recording.problem},
@@ -299,7 +301,8 @@ ordered_json json_of(const record::FlightReport& flight_recorder) {
           {"lost",
            {{"overflow", flight_recorder.overflow},
             {"pool", flight_recorder.pool},
-            {"too_large", flight_recorder.too_large}}},
+            {"too_large", flight_recorder.too_large},
+            {"process", flight_recorder.process}}},
           {"activations_lost", flight_recorder.activations_lost},
           {"dumps", std::move(dumps)},
           {"triggers_refused", flight_recorder.triggers_refused}};
@@ -889,6 +892,23 @@ std::string replay_text(const ReplayReport& replay) {
   return text;
 }
 
+std::string reasons_text(const record::RecordedTopic& topic) {
+  std::string text;
+  const auto add = [&](std::uint64_t count, std::string_view reason) {
+    if (count > 0) {
+      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, reason);
+    }
+  };
+  add(topic.overflow, "in its queue");
+  add(topic.process, "on the way from the process that published them");
+  add(topic.pool, "by a dry pool");
+  add(topic.memory, "since memory was full");
+  add(topic.disk, "since they could not be written or their file is gone");
+  add(topic.too_large, "since they were too large");
+  add(topic.shutdown, "before the start or after the stop");
+  return text;
+}
+
 std::string recording_text(const RecordingReport& recording) {
   record::RecordedTopic all;
   std::string losses;
@@ -896,11 +916,8 @@ std::string recording_text(const RecordingReport& recording) {
     all.recorded += topic.recorded;
     all.bytes += topic.bytes;
     if (topic.lost() > 0) {
-      losses += wrapped(fmt::format("  {}: {} of {} lost: {} in its queue, {} by a dry pool, {} "
-                                    "since memory was full, {} since they could not be written or "
-                                    "their file is gone, {} since they were too large",
-                                    topic.topic, topic.lost(), topic.published, topic.overflow,
-                                    topic.pool, topic.memory, topic.disk, topic.too_large),
+      losses += wrapped(fmt::format("  {}: {} of {} lost: {}", topic.topic, topic.lost(),
+                                    topic.published, reasons_text(topic)),
                         "      ");
     }
   }
@@ -921,15 +938,18 @@ std::string recording_text(const RecordingReport& recording) {
 }
 
 std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
-  const std::uint64_t lost =
-      flight_recorder.overflow + flight_recorder.pool + flight_recorder.too_large;
+  const std::uint64_t lost = flight_recorder.overflow + flight_recorder.pool +
+                             flight_recorder.too_large + flight_recorder.process;
   std::string text =
       fmt::format("FLIGHT RECORDER kept {} messages, {:.1f} MB, in {}, {}\n",
                   flight_recorder.messages, static_cast<double>(flight_recorder.bytes) / 1e6,
                   flight_recorder.file.string(), lost == 0 ? "nothing lost" : "with losses");
   if (lost > 0) {
-    text += fmt::format("  {} lost in their queues, {} by dry pools, {} larger than half of it\n",
-                        flight_recorder.overflow, flight_recorder.pool, flight_recorder.too_large);
+    text += fmt::format(
+        "  {} lost in their queues, {} by dry pools, {} larger than half of it, {} between two "
+        "processes\n",
+        flight_recorder.overflow, flight_recorder.pool, flight_recorder.too_large,
+        flight_recorder.process);
   }
   if (!flight_recorder.problem.empty()) {
     text += wrapped("  " + flight_recorder.problem, "      ");

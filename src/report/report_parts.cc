@@ -170,7 +170,7 @@ void pass(Archive& archive, TopicReport& report) {
 template <typename Archive>
 void pass(Archive& archive, record::RecordedTopic& topic) {
   pass_all(archive, topic.topic, topic.published, topic.recorded, topic.bytes, topic.overflow,
-           topic.pool, topic.memory, topic.disk, topic.too_large);
+           topic.pool, topic.memory, topic.disk, topic.too_large, topic.process, topic.shutdown);
 }
 template <typename Archive>
 void pass(Archive& archive, RecordingReport& report) {
@@ -180,7 +180,7 @@ template <typename Archive>
 void pass(Archive& archive, record::FlightReport& report) {
   // Without its dumps, which are named on standard error as they are written.
   pass_all(archive, report.file, report.capacity, report.messages, report.bytes, report.overflow,
-           report.pool, report.too_large, report.activations_lost, report.problem,
+           report.pool, report.too_large, report.process, report.activations_lost, report.problem,
            report.triggers_refused);
 }
 template <typename Archive>

@@ -1,5 +1,6 @@
 #include "segment/export.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/shared_memory.h"
@@ -83,6 +84,7 @@ bool Export::take_back(std::uint64_t word) noexcept {
     return false;
   }
   held_[number].given = 0;
+  bytes_out_ -= held_[number].bytes;
   free_.push_back(static_cast<std::uint16_t>(number));
   detail::release(std::exchange(held_[number].envelope, nullptr));
   return true;
@@ -112,8 +114,11 @@ void Export::collect() noexcept {
 bool Export::make_room(std::uint64_t tail) noexcept {
   const LinkIn& in = wire_.in(link_, receiver_);
   const std::uint64_t taking = in.taking.load(std::memory_order_seq_cst);
-  if (tail - taking < link_.depth || taking > tail) {
+  if (taking > tail) {
     return true;
+  }
+  if (tail - taking < link_.depth) {
+    return tail - taking < link_.depth_of_large || bytes_out_ < kBytesOut;
   }
   if (link_.drops_newest) {
     return false;
@@ -157,7 +162,12 @@ void Export::put(detail::Envelope& envelope) noexcept {
   }
   const std::uint16_t number = free_.back();
   free_.pop_back();
-  held_[number] = {.envelope = &envelope, .given = tail + 1};
+  // As `share` found it.
+  held_[number] = {
+      .envelope = &envelope,
+      .given = tail + 1,
+      .bytes = static_cast<std::uint64_t>(std::max(0, envelope.payload->GetCachedSize()))};
+  bytes_out_ += held_[number].bytes;
   WireMessage& message = messages_[number];
   message.payload = envelope.payload;
   message.info = envelope.info;

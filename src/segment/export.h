@@ -52,6 +52,7 @@ class Export final : public detail::MessageExport {
   struct Held {
     detail::Envelope* envelope = nullptr;
     std::uint64_t given = 0;  ///< Its position + 1; 0: it is free.
+    std::uint64_t bytes = 0;
   };
   /// One writer, any readers.
   using Count = std::atomic<std::uint64_t>;
@@ -78,6 +79,7 @@ class Export final : public detail::MessageExport {
   std::uint32_t receiver_ = 0;  ///< Its incarnation, as of the last look.
   std::uint64_t returns_read_ = 0;
   std::uint64_t given_to_receiver_ = 0;
+  std::uint64_t bytes_out_ = 0;  ///< Of all in `held_`.
 
   Count given_{0};
   Count copied_{0};

@@ -69,7 +69,8 @@ struct Processes {
   Progress progress;
 
   explicit Processes(std::uint32_t depth = 4, std::uint32_t capacity = 12,
-                     bool drops_newest = false, unsigned receivers = 1) {
+                     bool drops_newest = false, unsigned receivers = 1,
+                     std::uint32_t depth_of_large = 16) {
     plan.processes = kReceiver + receivers;
     plan.executors = 1;
     for (unsigned i = 0; i < receivers; ++i) {
@@ -77,6 +78,7 @@ struct Processes {
                             .to = static_cast<ProcessIndex>(kReceiver + i),
                             .depth = depth,
                             .capacity = capacity,
+                            .depth_of_large = depth_of_large,
                             .drops_newest = drops_newest});
     }
     plan.lay_out();
@@ -446,6 +448,49 @@ TEST(MessagesBetweenProcesses, AreDroppedOldestFirstAndCountedWhereTheReceiverIs
           const detail::Ledger ledger = receiving.ledger();
           EXPECT_EQ(ledger.published, 11U);
           EXPECT_EQ(ledger.dropped[static_cast<std::size_t>(detail::DropReason::kProcess)], 6U);
+        });
+  }));
+}
+
+// Many small ones may wait, but large ones must not take all memory where the receiver stands
+// still.
+TEST(MessagesBetweenProcesses, AreDroppedSoonerWhereTheyAreLarge) {
+  ASSERT_TRUE(holds_in_child([] {
+    Processes processes(64, 100, false, 1, 4);
+    run_both(
+        processes,
+        [&] {
+          Publishing publishing(processes, 1, SourceCodeInfo_Location::default_instance());
+          await_connection(publishing);
+          for (int i = 1; i <= 16; ++i) {
+            publishing.publish_file(long_name(i));
+          }
+          EXPECT_EQ(publishing.to().counts().overflowed, 0U);
+          processes.progress.reach(1);
+          processes.progress.await(2);  // All that waited was taken, and came back.
+          for (int i = 17; i <= 26; ++i) {
+            publishing.publish_file(std::string(kBytesOut / 5, 'x'));
+          }
+          EXPECT_EQ(publishing.to().counts().overflowed, 5U);
+          processes.progress.reach(3);
+          processes.progress.await(4);
+        },
+        [&] {
+          Receiving receiving(processes, 1, SourceCodeInfo_Location::default_instance());
+          processes.progress.await(1);
+          const auto receive = [&](std::uint64_t first, std::uint64_t last) {
+            for (std::uint64_t sequence = first; sequence <= last; ++sequence) {
+              detail::Envelope* const envelope = receiving.await();
+              ASSERT_NE(envelope, nullptr);
+              EXPECT_EQ(envelope->info.sequence, sequence);
+              detail::release(envelope);
+            }
+          };
+          receive(1, 16);
+          processes.progress.reach(2);
+          processes.progress.await(3);
+          receive(17, 21);
+          processes.progress.reach(4);
         });
   }));
 }

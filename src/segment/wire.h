@@ -17,6 +17,9 @@
 
 namespace fastcycle::segment {
 
+/// See `LinkPlan::depth_of_large`. Serialized.
+constexpr std::uint64_t kBytesOut = std::uint64_t{16} << 20U;
+
 /// The way of one publisher's messages to one process that subscribes to them: a queue of at most
 /// `depth` messages, of which, with those that the receiver holds, at most `capacity` are out.
 struct LinkPlan {
@@ -24,8 +27,11 @@ struct LinkPlan {
   ProcessIndex to = 0;
   std::uint32_t depth = 16;
   std::uint32_t capacity = 64;  ///< Above `depth`, below 65536.
-  unsigned executor = 0;        ///< Of the receiver: whose workers take the messages.
-  bool drops_newest = false;    ///< When it is full; else the oldest that was not taken.
+  /// Above it no message may wait while `kBytesOut` are out: the new one is dropped. A receiver
+  /// that stands still holds many small messages, but not all memory.
+  std::uint32_t depth_of_large = 16;
+  unsigned executor = 0;      ///< Of the receiver: whose workers take the messages.
+  bool drops_newest = false;  ///< When it is full; else the oldest that was not taken.
 
   // Set by `WirePlan::lay_out`.
   std::size_t out_offset = 0;  ///< Of `LinkOut` in the control area of `from`.

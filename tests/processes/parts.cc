@@ -69,7 +69,7 @@ class Relay final : public fastcycle::Component {
         log_every_(context.param<std::int64_t>("log_every", {.fallback = 0})),
         gain_(context.param<std::int64_t>("gain", {.fallback = 1, .max = 10, .is_tunable = true})),
         relayed_(context.create_publisher<Reading>("relayed")) {
-    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+    context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       report("process_of_relay", std::int64_t{getpid()});
       report("gain_of_relay", gain_.get());
       if (reading.value() == 1) {
@@ -221,7 +221,7 @@ class Sink final : public fastcycle::Component {
       : Component(context),
         subscribes_late_(context.param<bool>("subscribes_late", {.fallback = false})),
         relayed_(context.create_latest<Reading>("relayed")) {
-    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+    context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       if (reading.value() == 1 && subscribes_late_.get()) {
         this->context().create_subscriber<Reading>("relayed", [](const Reading&) {});
       }
@@ -252,7 +252,7 @@ class Steering final : public fastcycle::Component {
         change_at_(context.param<std::int64_t>("change_at", {.fallback = 0})),
         gain_(context.param<std::string>("gain", {.fallback = "3"})),
         gains_(context.param<std::int64_t>("own_gain", {.fallback = 1, .is_tunable = true})) {
-    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+    context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       if (reading.value() == switch_at_.get()) {
         this->context().switch_mode("degraded", "it was told to");
       }
@@ -286,7 +286,7 @@ class Steering final : public fastcycle::Component {
 class Observer final : public fastcycle::Component {
  public:
   explicit Observer(fastcycle::Context& context) : Component(context) {
-    context.create_subscriber<Reading>("readings", [this](const Reading& reading) {
+    context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       if (first_ == 0) {
         first_ = reading.value();
       }

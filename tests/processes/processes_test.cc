@@ -105,6 +105,44 @@ TEST_F(ComponentsInProcesses, AreRecordedInOneLog) {
   }
 }
 
+// The recorder's process gets no CPU for a while, as on a loaded machine. In the second run more
+// waits for it than may.
+TEST_F(ComponentsInProcesses, AreInTheLogOrCountedThereWhenTheRecorderStandsStill) {
+  for (const int milliseconds : {300, 2000}) {
+    const auto log = folder_ / (std::to_string(milliseconds) + ".mcap");
+    const auto written = log.string() + ".active";
+    Process run(options(application(R"("after": ["source"])", "", 100 + milliseconds / 5),
+                        {"--isolate", "all", "--record", log.string()}));
+    std::error_code missing;
+    for (int i = 0; i < 60'000 && (!std::filesystem::exists(written, missing) ||
+                                   std::filesystem::file_size(written, missing) < 10'000);
+         ++i) {
+      std::this_thread::sleep_for(1ms);
+    }
+
+    const pid_t recording = test::process_of_session(run.pid(), "main");
+    ASSERT_NE(recording, 0);
+    kill(recording, SIGSTOP);
+    std::this_thread::sleep_for(milliseconds * 1ms);
+    kill(recording, SIGCONT);
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+    Process info({.program = FASTCYCLE_PROGRAM, .arguments = {"info", "--json", log.string()}});
+    EXPECT_EQ(info.wait().exit_code, 0) << info.errors();
+    const json topics = json::parse(info.output(), nullptr, false)["files"][0]["topics"];
+    for (const char* topic : {"readings", "relayed"}) {
+      const json its = report()["recording"]["topics"][topic];
+      EXPECT_EQ(its["published"], 100 + milliseconds / 5) << topic;
+      std::uint64_t lost = 0;
+      for (const auto& [reason, count] : its["lost"].items()) {
+        lost += count.get<std::uint64_t>();
+      }
+      EXPECT_EQ(its["recorded"].get<std::uint64_t>() + lost, its["published"]) << topic << its;
+      EXPECT_EQ(topics[topic]["messages"], its["recorded"]) << topic;
+    }
+  }
+}
+
 /// What `fastcycle verify` says of a log: its exit code, and by component what its report has.
 struct Verified {
   int exit_code = 0;
