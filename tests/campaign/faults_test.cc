@@ -1,6 +1,7 @@
 // What the key "faults" does to a run.
 
 #include <string>
+#include <string_view>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -183,9 +184,14 @@ TEST_F(InjectedFaults, KillAProcessOnce) {
     EXPECT_EQ(report["faults"][0]["target"], "tracking") << clock;
     // Times count from the start of the application's timers, also in a restarted process.
     const json messages = report["faults"][1]["messages"];
-    EXPECT_THAT(messages, testing::AnyOf(json({21, 22}), json({20, 21}), json({20, 21, 22}),
-                                         json({21, 22, 23})))
-        << clock;
+    if (std::string_view(clock) == "simulated") {
+      EXPECT_THAT(messages, testing::AnyOf(json({21, 22}), json({20, 21}), json({20, 21, 22}),
+                                           json({21, 22, 23})));
+    } else {  // The machine may pause.
+      ASSERT_FALSE(messages.empty());
+      EXPECT_GT(messages.front(), 10);
+      EXPECT_LT(messages.back(), 28);
+    }
   }
 
   folder_.write("app.json", kApplication);
