@@ -202,7 +202,7 @@ TEST_P(BlameIn, NamesTheCall) {
   const std::string where = GetParam();
   write_application("segfault", where);
 
-  EXPECT_EQ(run({"--for", "300ms"}), 1000 + SIGSEGV) << errors_;
+  EXPECT_EQ(run({"--for", "1s"}), 1000 + SIGSEGV) << errors_;
 
   const std::string call = where == "constructor" || where == "destructor" ? "its " + where
                            : where == "thread"                             ? "its thread \"reader\""
@@ -214,7 +214,7 @@ TEST_P(BlameIn, NamesTheCallInSimulatedTime) {
   const std::string where = GetParam();
   write_application("abort", where);
 
-  EXPECT_EQ(run({"--for", "300ms", "--clock", "simulated"}), 1000 + SIGABRT) << errors_;
+  EXPECT_EQ(run({"--for", "1s", "--clock", "simulated"}), 1000 + SIGABRT) << errors_;
 
   EXPECT_THAT(errors_, HasSubstr("fastcycle: crash of component \"mine\", in its " + where));
 }
@@ -283,9 +283,9 @@ TEST_F(Blame, TheFlightRecorderNamesTheCrashInTheNextRun) {
 TEST_F(Blame, ThrownThingsAreFaultsThatDoNotEndTheRun) {
   for (const std::string how : {"throw", "throw of int"}) {
     write_application(how, "callback");
-    EXPECT_EQ(run({"--for", "200ms"}), 0) << errors_;
+    EXPECT_EQ(run({"--for", "1s"}), 0) << errors_;
     EXPECT_THAT(errors_, HasSubstr("mine: its callback for \"counts\" threw: "));
-    EXPECT_EQ(run({"--for", "200ms", "--fail-on-fault"}), 1) << errors_;
+    EXPECT_EQ(run({"--for", "1s", "--fail-on-fault"}), 1) << errors_;
   }
 }
 
@@ -295,7 +295,7 @@ TEST_F(Blame, WhatOffloadedWorkAndTheCallBehindItThrowNamesThem) {
         where == "work" ? "offloaded work" : "its callback behind offloaded work";
     for (const std::string how : {"throw", "throw of int"}) {
       write_application(how, where, {{"executor", "side"}}, {{"executors", {{{"name", "side"}}}}});
-      EXPECT_EQ(run({"--for", "200ms", "--fail-on-fault"}), 1) << errors_;
+      EXPECT_EQ(run({"--for", "1s", "--fail-on-fault"}), 1) << errors_;
       EXPECT_THAT(errors_, HasSubstr("mine: " + call + " threw: " +
                                      (how == "throw" ? "no calibration"
                                                      : "something that is no std::exception")));
@@ -337,7 +337,7 @@ TEST_P(BlameOfHangIn, NamesTheCallAndEndsTheRun) {
   write_application("loop", where, {{"on_hang", "stop"}},
                     {{"callback_limit_ms", 100}, {"lifecycle_limit_ms", 100}});
 
-  EXPECT_EQ(run({"--for", "200ms"}), 1) << errors_;
+  EXPECT_EQ(run({"--for", "1s"}), 1) << errors_;
 
   const bool is_plain = where == "constructor" || where == "destructor";
   const std::string call = "its " + where + (is_plain ? "" : "()");
@@ -352,7 +352,7 @@ INSTANTIATE_TEST_SUITE_P(Call, BlameOfHangIn,
 TEST_F(Blame, ADestructorThatHangsKeepsNoRunFromEnding) {
   for (const std::string how : {"loop", "joins"}) {
     write_application(how, "destructor");
-    EXPECT_EQ(run({"--for", "200ms"}), 1) << errors_;
+    EXPECT_EQ(run({"--for", "1s"}), 1) << errors_;
     EXPECT_THAT(errors_, HasSubstr("fastcycle run: component \"mine\" has not come back from its "
                                    "destructor, which stands in "));
     EXPECT_THAT(errors_, HasSubstr("the process ends without waiting for it"));
