@@ -3,8 +3,10 @@
 
 A source publishes every millisecond, and a sink on an executor of its own takes the time from publish to callback. In each round
 this runs without a server, with a server, with one client that has subscribed to all topics, and with CLIENTS of them; the order
-changes from round to round. Clients read all that they get, in a process with the scheduling class SCHED_IDLE: what they compute
-on the same CPUs is not the server's. Printed are medians of the rounds, and the ratios to the run without a server of the same round."""
+changes from round to round. Clients read all that they get, in a process with the scheduling class SCHED_IDLE. On a machine with two
+CPUs that alone delays others, since the kernel does not interrupt its own work for another thread: so there is also a run without a
+server, beside as many clients that read as many frames of another process. Printed are medians of the rounds, and the ratios to the
+run without a server of the same round, and to that beside such readers."""
 
 from __future__ import annotations
 
@@ -16,11 +18,14 @@ import os
 import pathlib
 import random
 import re
+import signal
+import socket
 import statistics
 import struct
 import subprocess
 import sys
 import tempfile
+import time
 
 LIMIT_S = 60
 WARMUP = 500
@@ -47,6 +52,10 @@ async def client(port: int, token: str, received: list[int]) -> None:
                   f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n").encode())  # fmt: skip
     if b" 101 " not in (await reader.readuntil(b"\r\n\r\n")).split(b"\r\n")[0]:
         raise ConnectionError("the server refused a client")
+    await read_frames(reader, writer, received)
+
+
+async def read_frames(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, received: list[int]) -> None:
     number = 0
     while True:
         head = await reader.readexactly(2)
@@ -70,6 +79,48 @@ async def client(port: int, token: str, received: list[int]) -> None:
             writer.write(b"\x81" + length + bytes(4) + answer)  # Masked with zeros.
 
 
+def feed(ends: list[socket.socket], size: int) -> None:
+    """Sends each a frame a millisecond, as a server does that sends to each every ten, until nobody reads any more."""
+    payload = bytes(13 + size)
+    frame = b"\x82" + (struct.pack("!BH", 126, len(payload)) if len(payload) < 1 << 16 else struct.pack("!BQ", 127, len(payload))) + payload
+    begin, sent = time.monotonic(), 0
+    while True:
+        due = int((time.monotonic() - begin) * 1000) - sent
+        if due < 10:
+            time.sleep(0.002)
+            continue
+        for end in ends:
+            end.sendall(frame * due)
+        sent += due
+
+
+async def readers_of_another_process(count: int, size: int, seconds: float) -> int:
+    pairs = [socket.socketpair() for _ in range(count)]
+    child = os.fork()
+    if child == 0:
+        for _, ours in pairs:
+            ours.close()
+        try:
+            feed([theirs for theirs, _ in pairs], size)
+        except OSError:
+            os._exit(0)
+    received = [0]
+
+    async def read(end: socket.socket) -> None:
+        reader, writer = await asyncio.open_connection(sock=end)
+        await read_frames(reader, writer, received)
+
+    for theirs, _ in pairs:
+        theirs.close()
+    tasks = [asyncio.create_task(read(ours)) for _, ours in pairs]
+    await asyncio.wait(tasks, timeout=seconds)
+    for task in tasks:
+        task.cancel()
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return received[0]
+
+
 async def clients(port: int, token: str, count: int) -> int:
     received = [0]
     tasks = [asyncio.create_task(client(port, token, received)) for _ in range(count)]
@@ -80,8 +131,9 @@ async def clients(port: int, token: str, count: int) -> int:
     return received[0]
 
 
-def run(options: argparse.Namespace, folder: pathlib.Path, count: int | None) -> tuple[list[float], int]:
-    """The latencies in µs, and how many frames the clients got; `count` None is without a server."""
+def run(options: argparse.Namespace, folder: pathlib.Path, count: int | None, beside: int = 0) -> tuple[list[float], int]:
+    """The latencies in µs, and how many frames the clients got; `count` None is without a server, `beside` so many readers of
+    another process."""
     samples = folder / "samples"
     messages = options.seconds * 1000
     application = {
@@ -102,6 +154,9 @@ def run(options: argparse.Namespace, folder: pathlib.Path, count: int | None) ->
     program = subprocess.Popen(words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     readers, frames = None, 0
     try:
+        if beside:
+            words = [sys.executable, __file__, "--be-readers", str(beside), str(options.bytes), str(options.seconds + 1)]
+            readers = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         if count:
             for line in program.stdout:
                 if found := re.search(r"http://127\.0\.0\.1:(\d+)/\S*token=([0-9a-f]+)", line):
@@ -130,7 +185,8 @@ def quantile(values: list[float], share: float) -> float:
 def main(words: list[str]) -> int:
     options = arguments(words)
     options.build = options.build.resolve()
-    ways = {"without": None, "with a server": 0, "one client": 1, f"{options.clients} clients": options.clients}
+    beside = f"beside {options.clients} readers"
+    ways = {"without": (None, 0), beside: (None, options.clients), "with a server": (0, 0), "one client": (1, 0), f"{options.clients} clients": (options.clients, 0)}
     found: dict[str, list[tuple[float, float]]] = {way: [] for way in ways}
     frames = {way: 0 for way in ways}
     with tempfile.TemporaryDirectory() as name:
@@ -139,15 +195,17 @@ def main(words: list[str]) -> int:
             random.shuffle(order)
             for way in order:
                 print(f"round {number + 1} of {options.rounds}: {way}", file=sys.stderr, flush=True)
-                latencies, got = run(options, pathlib.Path(name), ways[way])
+                latencies, got = run(options, pathlib.Path(name), *ways[way])
                 found[way].append((quantile(latencies, 0.5), quantile(latencies, 0.99)))
                 frames[way] += got
     print(f"publish → callback of a 1 kHz topic of {options.bytes} bytes, µs, medians of {options.rounds} rounds of {options.seconds} s")
-    print(f"{'':16} {'p50':>8} {'p99':>8} {'p50 ×':>7} {'p99 ×':>7}  frames that clients got")
+    print(f"{'':18} {'p50':>8} {'p99':>8} {'p50 ×':>7} {'p99 ×':>7} {'p50 × ' + beside:>26} {'p99 × ' + beside:>26}  frames that clients got")
     for way, values in found.items():
-        ratios = [statistics.median(a[place] / b[place] for a, b in zip(values, found["without"], strict=True)) for place in (0, 1)]
+        ratios = [
+            statistics.median(a[place] / b[place] for a, b in zip(values, found[base], strict=True)) for base in ("without", beside) for place in (0, 1)
+        ]
         p50, p99 = (statistics.median(value[place] for value in values) for place in (0, 1))
-        print(f"{way:16} {p50:8.2f} {p99:8.2f} {ratios[0]:7.2f} {ratios[1]:7.2f}  {frames[way]}")
+        print(f"{way:18} {p50:8.2f} {p99:8.2f} {ratios[0]:7.2f} {ratios[1]:7.2f} {ratios[2]:26.2f} {ratios[3]:26.2f}  {frames[way]}")
     return 0
 
 
@@ -155,5 +213,9 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--be-clients"]:
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
         print(asyncio.run(clients(int(sys.argv[2]), sys.argv[3], int(sys.argv[4]))))
+        sys.exit(0)
+    if sys.argv[1:2] == ["--be-readers"]:
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        print(asyncio.run(readers_of_another_process(int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4]))))
         sys.exit(0)
     sys.exit(main(sys.argv[1:]))

@@ -64,6 +64,7 @@ class Outbox {
   void put_binary(std::string bytes) {
     put({.is_text = false, .head = std::move(bytes), .message = {}});
   }
+  [[nodiscard]] bool has_control() const { return !control_.empty(); }
   /// A client that lets control frames pile up is to be dropped.
   [[nodiscard]] bool is_overrun() const { return control_waiting_ > options_.control_bytes; }
 
