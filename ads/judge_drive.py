@@ -7,7 +7,7 @@ The way has the columns time_s,x_m,y_m,heading_rad,speed_mps of the vehicle's ce
 initial state of the scenario's first planning problem. Prints a JSON document: the step at which the goal state was
 reached, the smallest gap to the recorded bodies, which were touched and whose fault the first contact was, how often
 the centre was off the road (on no lanelet, nor within 0.05 m of one) and how far the body was over the edge, and the accelerations between rows.
-Exit code 0 if the goal was reached, nothing touched, and the centre always on the road; 1 if not; 2 for a mistake.
+Exit code 0 if the goal was reached, nothing touched, and the centre always on the road; 1 if not; 2 for wrong input.
 `--no-traffic` leaves the recorded bodies out; `--bodies` takes them from a file that `world` wrote, for traffic that did
 not follow the recording.
 

@@ -1,9 +1,13 @@
 #!/usr/bin/env python3
-"""Says which links of the documents lead nowhere, and which code of README.md, of the guides and lessons is not
-code that the tests build and run. Exits with 1 if there is any."""
+"""Checks the documents: links and the headings they name, code that the tests build and run, tables, headings,
+phrases that docs/terms.json rules out, and spelling, where codespell is installed. Prints each problem with its file; exits
+with 1 if there is any."""
 
+import json
 import pathlib
 import re
+import shutil
+import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -92,14 +96,86 @@ def strange_lessons():
                     yield f"{lesson.relative_to(ROOT)}: no file beside it has its code {words(block)[:70]}…"
 
 
+def headings(text):
+    return re.findall(r"^#{1,6} +(.*)$", re.sub(r"```.*?```", "", text, flags=re.S), flags=re.M)
+
+
+def anchors(document):
+    """The anchors of its headings, as GitHub and the site make them."""
+    text = document.read_text(encoding="utf-8")
+    found = set(re.findall(r'<a (?:id|name)="([^"]+)"', text))
+    counts = {}
+    for heading in headings(text):
+        heading = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)
+        anchor = re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+        count = counts.get(anchor, 0)
+        counts[anchor] = count + 1
+        found.add(f"{anchor}-{count}" if count else anchor)
+    return found
+
+
+def dead_anchors():
+    known = {}
+    for document in documents():
+        for target in re.findall(r"\]\(([^)\s]+)\)", without_code(document.read_text(encoding="utf-8"))):
+            path, _, anchor = target.partition("#")
+            aim = (document.parent / path).resolve() if path else document
+            if re.match(r"[a-z]+:", target) or not anchor or aim.suffix != ".md" or not aim.exists():
+                continue
+            if anchor not in known.setdefault(aim, anchors(aim)):
+                yield f"{document.relative_to(ROOT)}: {target} names no heading"
+
+
+def broken_tables(document):
+    """Rows with another number of cells than the row before."""
+    cells = None
+    for line in re.sub(r"```.*?```", "", document.read_text(encoding="utf-8"), flags=re.S).split("\n"):
+        count = re.sub(r"`[^`]*`", "", line).replace("\\|", "").count("|") if line.startswith("|") else None
+        if None not in (cells, count) and cells != count:
+            yield f"{document.relative_to(ROOT)}: a row of a table has {count - 1} cells, that before {cells - 1}: {line[:60]}…"
+        cells = count
+
+
+def broken_headings(document):
+    for heading in headings(document.read_text(encoding="utf-8")):
+        if heading.count("`") % 2 or re.search(r"\s[,:;.]|[,:;.]$", heading):
+            yield f"{document.relative_to(ROOT)}: the heading is broken: {heading}"
+
+
+def ruled_out(document, terms):
+    """Phrases for which there is a better one; what is quoted or code may have them."""
+    text = without_code(document.read_text(encoding="utf-8"))
+    for phrase, better in terms.items():
+        for found in re.finditer(rf"\b{phrase}\b", text, flags=re.I):
+            line = text.count("\n", 0, found.start()) + 1
+            yield f"{document.relative_to(ROOT)}: \"{found.group()}\" (line {line} without code): {better}"
+
+
+def misspelled(ignored):
+    if shutil.which("codespell") is None:
+        return
+    files = [str(document) for document in documents()] + [str(path) for path in sorted((ROOT / "include").rglob("*.h"))]
+    files += [str(path) for path in sorted((ROOT / "tools").rglob("*.cc")) if not path.name.endswith("_test.cc")]
+    found = subprocess.run(["codespell", "--quiet-level", "3", "--ignore-words-list", ",".join(ignored), *files],
+                           capture_output=True, text=True, check=False)
+    yield from found.stdout.replace(f"{ROOT}/", "").splitlines()
+
+
 def main():
     problems = [problem for document in documents() for problem in dead_links(document)]
+    terms = json.loads((ROOT / "docs/terms.json").read_text(encoding="utf-8"))
+    problems += dead_anchors()
+    for document in documents():
+        problems += broken_tables(document)
+        problems += broken_headings(document)
+        problems += ruled_out(document, terms["ruled_out"])
+    problems += misspelled(terms["spelled_so"])
     problems += strange_snippets()
     problems += unbuilt_snippets()
     problems += lonely_snippets()
     problems += homeless_snippets()
     problems += strange_lessons()
-    print("\n".join(problems) if problems else "check_docs: links lead somewhere, the code shown is built")
+    print("\n".join(problems) if problems else "check_docs: links, code, tables, headings, terms and spelling are in order")
     return 1 if problems else 0
 
 

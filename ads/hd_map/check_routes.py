@@ -424,7 +424,7 @@ def main():
     for mistake in mistakes[:20]:
         print(mistake)
     if mistakes or not found:
-        print(f"{len(mistakes)} mistakes")
+        print(f"{len(mistakes)} errors")
         return 1
     return 0
 

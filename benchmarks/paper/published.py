@@ -30,7 +30,7 @@ CTEST = "ctest --test-dir build/dev"
 SHOWN = (
     ("modularity", "a component is a shared library, named in a JSON file; other projects build theirs against "
      "an installed FastCycle", f"`{CTEST} -R consumer`"),
-    ("modularity", "every mistake of a configuration is named with its place before anything starts",
+    ("modularity", "every error of a configuration is named with its place before anything starts",
      f"`fastcycle check app.json`; `{CTEST} -R BrokenConfiguration`"),
     ("modularity", "a library that is missing, broken, or hangs while loading is named, and nothing starts",
      f"`{CTEST} -L libraries`"),

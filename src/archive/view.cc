@@ -156,7 +156,7 @@ View parse_view(std::string_view text) {
   try {
     json = Json::parse(text, nullptr, true, true);
   } catch (const Json::parse_error& error) {
-    throw ViewMistake(fmt::format("expected JSON, found a mistake at byte {}", error.byte));
+    throw ViewMistake(fmt::format("expected JSON, found a syntax error at byte {}", error.byte));
   }
   const Part part{json, ""};
   part.expect_only({"constants", "layers"});

@@ -200,7 +200,7 @@ TEST(ViewData, ATimeBehindTheLogIsAnError) {
 }
 
 TEST(ViewData, WhatIsWrongWithAViewIsSaidWithItsPlace) {
-  EXPECT_EQ(mistake("{"), "expected JSON, found a mistake at byte 2");
+  EXPECT_EQ(mistake("{"), "expected JSON, found a syntax error at byte 2");
   EXPECT_EQ(mistake("7"), "/: expected an object, found 7");
   EXPECT_EQ(mistake("{}"), "/: expected an object with \"layers\", found {}");
   EXPECT_EQ(mistake(R"({"layers": {}})"), "/layers: expected an object of layers, found {}");

@@ -385,7 +385,7 @@ TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
     EXPECT_THAT(errors_, HasSubstr("did you mean \"launcher_parts\"?"));
     EXPECT_THAT(errors_, HasSubstr("did you mean \"Adder\"?"));
     EXPECT_THAT(errors_,
-                testing::EndsWith("app.json: 4 mistakes, 1 warning; nothing was started\n"));
+                testing::EndsWith("app.json: 4 errors, 1 warning; nothing was started\n"));
     EXPECT_EQ(output_, "");
   }
 }
@@ -396,7 +396,7 @@ TEST_F(Launcher, MissingLibraryIsOneMistake) {
   EXPECT_EQ(launch({"check", application()}), 2);
 
   EXPECT_THAT(errors_, HasSubstr("/components/0: the key \"library\" is missing"));
-  EXPECT_THAT(errors_, HasSubstr("1 mistake;"));
+  EXPECT_THAT(errors_, HasSubstr("1 error;"));
 }
 
 TEST_F(Launcher, MistakesInTheFileAndInComponentsAreFoundTogether) {
@@ -422,7 +422,7 @@ TEST_F(Launcher, WarningsAreShownAndDoNotStop) {
 
   EXPECT_EQ(launch({"check", application()}), 0);
   EXPECT_THAT(errors_, HasSubstr("warning: "));
-  EXPECT_THAT(output_, HasSubstr("no mistakes, 1 warning"));
+  EXPECT_THAT(output_, HasSubstr("no errors, 1 warning"));
 
   EXPECT_EQ(run({"--for", "10ms"}), 0) << errors_;
   EXPECT_THAT(errors_, HasSubstr("warning: "));
@@ -682,7 +682,7 @@ TEST_F(Launcher, ParamsThatAreWrongAreMistakesAndNothingIsListed) {
   EXPECT_EQ(output_, "");
   EXPECT_THAT(errors_, HasSubstr("expected an integer in [1, 9223372036854775807], found 0"));
   EXPECT_THAT(errors_, HasSubstr("there is no param \"txt\"; did you mean \"text\"?"));
-  EXPECT_THAT(errors_, HasSubstr("2 mistakes; nothing was started"));
+  EXPECT_THAT(errors_, HasSubstr("2 errors; nothing was started"));
 }
 
 // ---- Load, clocks, and the machine ----

@@ -116,7 +116,7 @@ TEST_P(BrokenLibrary, IsNamedAndNothingStarts) {
   for (const std::string& part : expected) {
     EXPECT_TRUE(any_contains(said, part)) << part << "\n" << testing::PrintToString(said);
   }
-  EXPECT_EQ(said.back(), "app.json: 1 mistake; nothing was started");
+  EXPECT_EQ(said.back(), "app.json: 1 error; nothing was started");
 }
 
 INSTANTIATE_TEST_SUITE_P(Cases, BrokenLibrary,
@@ -164,7 +164,7 @@ TEST(BrokenLibraries, AllOfOneApplicationAreNamedAtOnce) {
   }
   ASSERT_FALSE(said.empty());
   EXPECT_EQ(said.back(),
-            "app.json: " + std::to_string(expected.size()) + " mistakes; nothing was started");
+            "app.json: " + std::to_string(expected.size()) + " errors; nothing was started");
 }
 
 TEST(BrokenLibraries, OneWithoutPermissionIsNamed) {

@@ -161,7 +161,7 @@ int check(const CheckOptions& options) {
 
 Command add_check(CLI::App& program) {
   CLI::App* line = program.add_subcommand("check",
-                                          "Find every mistake of an application, in its files and "
+                                          "Find every error of an application, in its files and "
                                           "in its components, and start nothing");
   line->footer(examples(
       "  fastcycle check app.json\n"

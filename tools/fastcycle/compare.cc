@@ -289,7 +289,7 @@ Command add_compare(CLI::App& program) {
       "message that it publishes is compared, field by field, with the recorded one of the same\n"
       "activation. Mean and max are of the size of the change, over all values that changed.\n"
       "\n"
-      "Exit codes: 0 all equal, 1 stopped or not written, 2 a mistake, 3 a difference.\n"));
+      "Exit codes: 0 all equal, 1 stopped or not written, 2 wrong input, 3 a difference.\n"));
   const auto options = std::make_shared<CompareOptions>();
   options->replaying.add_to(*line);
   options->replaying.add_input_to(*line);

@@ -129,7 +129,7 @@ std::string summary(const config::Problems& problems, const std::string& file) {
       std::ranges::count_if(all, [](const config::Problem& problem) { return problem.warning; }));
   const std::size_t mistakes = all.size() - warnings;
   std::string text = file + ": ";
-  text += mistakes == 0 ? "no mistakes" : counted(mistakes, "mistake");
+  text += mistakes == 0 ? "no errors" : counted(mistakes, "error");
   if (warnings > 0) {
     text += ", " + counted(warnings, "warning");
   }

@@ -43,7 +43,7 @@ struct Configuration {
 /// Prints all mistakes and warnings to standard error, one a line.
 void print(const config::Problems& problems);
 
-/// "app.json: 3 mistakes, 1 warning"
+/// "app.json: 3 errors, 1 warning"
 [[nodiscard]] std::string summary(const config::Problems& problems, const std::string& file);
 
 /// Prints all there is to say; whether the application may start. With mistakes, that nothing was

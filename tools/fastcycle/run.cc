@@ -953,7 +953,7 @@ void add_options(CLI::App& line, RunOptions& options) {
 constexpr const char* kEnds =
     "\n"
     "The first Ctrl-C ends the run in order, with table and report; the second at once.\n"
-    "Exit codes: 0 done, 1 the run failed, 2 a mistake (nothing was started), 130 ended at\n"
+    "Exit codes: 0 done, 1 the run failed, 2 wrong input (nothing was started), 130 ended at\n"
     "once.\n";
 
 }  // namespace

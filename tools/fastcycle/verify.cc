@@ -178,7 +178,7 @@ Command add_verify(CLI::App& program) {
       "them saw. A live run repeats bit for bit, if its components keep to what FastCycle gives\n"
       "them: now(), random(), observe().\n"
       "\n"
-      "Exit codes: 0 all equal, 1 stopped or no report, 2 a mistake, 3 a difference.\n"));
+      "Exit codes: 0 all equal, 1 stopped or no report, 2 wrong input, 3 a difference.\n"));
   const auto options = std::make_shared<VerifyOptions>();
   options->replaying.add_to(*line);
   options->replaying.add_input_to(*line);

@@ -88,7 +88,7 @@ Command add_bench(CLI::App& program) {
                                 "\n"
                                 "Exit codes: 0 done, 1 stopped, could not be measured "
                                 "or written, or what arrived is\ndamaged or does not add up, "
-                                "2 a mistake, 130 ended at once.\n")));
+                                "2 wrong input, 130 ended at once.\n")));
   const auto options = std::make_shared<Options>();
   bench::add_options(*line, *options);
   return {line, [options, line] { return run_bench(*options, *line); }};

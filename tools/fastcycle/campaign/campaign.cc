@@ -585,8 +585,7 @@ int run_campaign(const CampaignOptions& options) {
     for (const std::string& mistake : mistakes) {
       print_to(stderr, "{}\n", mistake);
     }
-    return print_wrong(
-        fmt::format("{} mistake{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
+    return print_wrong(fmt::format("{} error{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
   }
   config::Problems problems;
   static_cast<void>(config::load(options.configuration.load, problems));
@@ -617,7 +616,7 @@ Command add_campaign(CLI::App& program) {
       "not met, if the run ends with another exit code than 0, by a signal, or not within its\n"
       "limit. What fails is reduced to the fewest faults and messages; OUT has an overlay and a\n"
       "log of each, summary.json, and the page index.html. After Ctrl-C the same command goes on.\n"
-      "Exit codes: 0 all passed, 1 some failed or did not run, 2 a mistake (nothing was "
+      "Exit codes: 0 all passed, 1 some failed or did not run, 2 wrong input (nothing was "
       "started).\n"));
   const auto options = std::make_shared<CampaignOptions>();
   options->configuration.add_to(*line);
