@@ -29,8 +29,9 @@ using namespace std::chrono_literals;
 /// Runs an application whose process "summing" has a standby.
 class AStandby : public testing::Test {
  protected:
-  [[nodiscard]] static std::string application(int count, const std::string& params = "{}",
-                                               const std::string& process = R"(, "heartbeat_ms": 5000)") {
+  [[nodiscard]] static std::string application(
+      int count, const std::string& params = "{}",
+      const std::string& process = R"(, "heartbeat_ms": 5000)") {
     return R"({"name": "pair", "state_period_s": 0.1,
                "processes": [{"name": "summing", "restart": {"limit": 1000}, "standby": true)" +
            process + R"(}],
