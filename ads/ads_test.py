@@ -16,7 +16,7 @@ import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
-import judge_drive  # noqa: E402
+import evaluate_drive  # noqa: E402
 
 MODULES = {"world", "drivers", "vehicle", "connectivity", "localization", "hd_map", "perception", "scene_understanding",
            "prediction", "motion_planning", "plan_checker", "control", "supervision", "logging"}  # fmt: skip
@@ -37,10 +37,10 @@ class Drive:
         assert done.returncode == 0, f"exit code {done.returncode}: {self.output[-2000:]}"
         self.report = json.loads((folder / "report.json").read_text())
         self.results = self.report["results"]
-        self.rows = judge_drive.read_rows(folder / "out.csv")
+        self.rows = evaluate_drive.read_rows(folder / "out.csv")
 
     def judge(self, with_traffic=True):
-        return judge_drive.judge(judge_drive.ElementTree.parse(self.scenario).getroot(), self.rows, with_traffic)
+        return evaluate_drive.judge(evaluate_drive.ElementTree.parse(self.scenario).getroot(), self.rows, with_traffic)
 
     def expect_goal(self):
         verdict = self.judge()
@@ -210,9 +210,9 @@ class Drives:
         without_logging = self.folder / "without_logging.json"
         without_logging.write_text(json.dumps({"components": [{"name": "logging", "library": None}]}))
         for options, is_recorded in (([], False), (["--record", "all.mcap"], True)):
-            drive = self.drive("4_1", "--overlay", without_logging, *options, environment={"LD_PRELOAD": os.environ["PAYLOAD_WITNESS_LIBRARY"],
-                                                             "PAYLOAD_WITNESS": "witness.json"})  # fmt: skip
-            seen = json.loads((drive.folder / "witness.json").read_text())
+            drive = self.drive("4_1", "--overlay", without_logging, *options, environment={"LD_PRELOAD": os.environ["ZERO_COPY_PROBE_LIBRARY"],
+                                                             "ZERO_COPY_PROBE": "zero_copy_probe.json"})  # fmt: skip
+            seen = json.loads((drive.folder / "zero_copy_probe.json").read_text())
             assert seen["published"] > 90 and seen["received"] > 90, seen
             assert seen["elsewhere"] == 0, seen
             assert (seen["serialized"] > seen["published"]) if is_recorded else (seen["serialized"] == 0), seen

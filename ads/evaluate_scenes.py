@@ -6,13 +6,13 @@
                        [-- WORD ...]
 
 Each scene is driven on simulated time, and ends by itself: at the goal, or after the goal's time (world's README). It is
-judged by judge_drive.py, from the scenario's file, the way that was driven, and, where traffic reacts, the places of all
+judged by evaluate_drive.py, from the scenario's file, the way that was driven, and, where traffic reacts, the places of all
 others as the world wrote them. The classes, the first that holds:
 
   refused                     the application did not start, or failed; with the reason
   timeout                     the run took longer than LIMIT seconds of the computer's time
   no route                    the map leads nowhere; with the reason
-  collision, own fault        the first contact was the vehicle's fault, as judge_drive.py says
+  collision, own fault        the first contact was the vehicle's fault, as evaluate_drive.py says
   hit by replayed traffic     it was not: others that follow a recording do not yield (or "hit by reacting traffic")
   off road                    the vehicle's centre was on no lanelet, nor within 0.05 m of one
   no goal                     the goal state was not reached in its time
@@ -47,7 +47,7 @@ import xml.etree.ElementTree as ElementTree
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
-import judge_drive  # noqa: E402
+import evaluate_drive  # noqa: E402
 
 GAP_M = 0.5
 SOLVED, GAP, EDGE = "solved", "solved, gap < 0.5 m", "solved, body over the edge"
@@ -85,12 +85,12 @@ def class_of(judged, traffic):
         what = f"{contact['why']}: {contact['with']} at {contact['at_s']:.1f} s"
         return (COLLISION if contact["fault"] == "own" else HIT[traffic]), what
     if judged["rows_off_road"]:
-        return OFF_ROAD, f"for {judged['rows_off_road'] * judge_drive.ROW_S:.1f} s"
+        return OFF_ROAD, f"for {judged['rows_off_road'] * evaluate_drive.ROW_S:.1f} s"
     if judged["goal_step"] is None:
         missed = judged["goal_missed_by"]
         return NO_GOAL, "its time never came" if missed is None else "missed by " + ", ".join(missed)
     over, gap = judged["over_edge_m"], judged["smallest_gap_m"]
-    if over > max(judge_drive.SEAM_M, judged["first_over_edge_m"]):
+    if over > max(evaluate_drive.SEAM_M, judged["first_over_edge_m"]):
         return EDGE, f"by {over:.2f} m at {judged['over_edge_at_s']:.1f} s"
     first = judged["first_gap_m"]
     if gap is not None and gap < GAP_M and (first is None or gap < first):
@@ -212,8 +212,8 @@ def evaluate(drives, scene):
     if drive["code"] != 0 or not report_file.is_file():
         return entry | {"class": REFUSED, "cause": reason_in(drive["output"], "error: ")}
     report = json.loads(report_file.read_text(encoding="utf-8"))
-    moved = judge_drive.read_moved_bodies(folder / "bodies.csv") if options.traffic == "reactive" else None
-    judged = judge_drive.judge(root, judge_drive.read_rows(folder / "way.csv"), True, moved)
+    moved = evaluate_drive.read_moved_bodies(folder / "bodies.csv") if options.traffic == "reactive" else None
+    judged = evaluate_drive.judge(root, evaluate_drive.read_rows(folder / "way.csv"), True, moved)
     if not report["results"].get("is_route_found", False):
         kind, cause = NO_ROUTE, reason_in(drive["output"], "no route: ")
     else:

@@ -21,7 +21,7 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 ADS = HERE.parent
 sys.path.insert(0, str(ADS))
-import judge_drive  # noqa: E402
+import evaluate_drive  # noqa: E402
 
 SKIPPED = 77
 CLOCK_AHEAD_MS = 8
@@ -117,10 +117,10 @@ class Drive:
         assert compute.returncode == 0, self.compute_said[-3000:]
         self.vehicle = json.loads((folder / "vehicle.json").read_text())
         self.compute = json.loads((folder / "compute.json").read_text())
-        self.rows = judge_drive.read_rows(folder / "out.csv")
+        self.rows = evaluate_drive.read_rows(folder / "out.csv")
 
     def judge(self):
-        return judge_drive.judge(judge_drive.ElementTree.parse(self.scenario).getroot(), self.rows, True)
+        return evaluate_drive.judge(evaluate_drive.ElementTree.parse(self.scenario).getroot(), self.rows, True)
 
     def expect_clocks(self):
         found = []

@@ -17,7 +17,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT / "ads"))
-import judge_drive  # noqa: E402
+import evaluate_drive  # noqa: E402
 
 SCENARIO = ROOT / "ads/data/commonroad/USA_US101-23_1_T-1.xml"
 DRIVE_S = 10.0  # Of the application's time; the scenario's drive takes somewhat longer.
@@ -132,7 +132,7 @@ def drive(run, counts):
 
 def judge(run, counts):
     report = json.loads((run.folder / "report.json").read_text())
-    verdict = judge_drive.judge(judge_drive.ElementTree.parse(SCENARIO).getroot(), judge_drive.read_rows(run.folder / "out.csv"), True)
+    verdict = evaluate_drive.judge(evaluate_drive.ElementTree.parse(SCENARIO).getroot(), evaluate_drive.read_rows(run.folder / "out.csv"), True)
     if verdict["goal_step"] is None or verdict["touched"] or verdict["rows_off_road"]:
         fail(f"the goal was not reached: {report['results'].get('verdict')}: {verdict}\n{run.log.read_text()[-3000:]}")
     for name, topic in report["topics"].items():

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Judges a drive by the scenario and the way that was driven, with nothing of the programs that drove.
 
-    judge_drive.py SCENARIO.xml TRAJECTORY.csv [--no-traffic | --bodies BODIES.csv]
+    evaluate_drive.py SCENARIO.xml TRAJECTORY.csv [--no-traffic | --bodies BODIES.csv]
 
 The way has the columns time_s,x_m,y_m,heading_rad,speed_mps of the vehicle's centre, a row each 0.1 s from the
 initial state of the scenario's first planning problem. Prints a JSON document: the step at which the goal state was
@@ -378,13 +378,13 @@ def main():
         bodies = read_moved_bodies(chosen.bodies) if chosen.bodies else None
         result = judge(ElementTree.parse(chosen.scenario).getroot(), read_rows(chosen.trajectory), not chosen.no_traffic, bodies)
     except OSError as error:
-        print(f"judge_drive: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(f"evaluate_drive: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2
     except ElementTree.ParseError as error:
-        print(f"judge_drive: {chosen.scenario}: expected XML: {error}", file=sys.stderr)
+        print(f"evaluate_drive: {chosen.scenario}: expected XML: {error}", file=sys.stderr)
         return 2
     except ValueError as error:
-        print(f"judge_drive: {error}", file=sys.stderr)
+        print(f"evaluate_drive: {error}", file=sys.stderr)
         return 2
     print(json.dumps(result))
     return 0 if result["goal_step"] is not None and not result["touched"] and not result["rows_off_road"] else 1

@@ -31,11 +31,11 @@
 
 namespace {
 
-/// What the run did, written to the file named by PAYLOAD_WITNESS when it ends.
+/// What the run did, written to the file named by ZERO_COPY_PROBE when it ends.
 class Testimony {
  public:
   ~Testimony() {
-    const char* const file = std::getenv("PAYLOAD_WITNESS");
+    const char* const file = std::getenv("ZERO_COPY_PROBE");
     std::FILE* const out = file == nullptr ? nullptr : std::fopen(file, "w");
     if (out == nullptr) {
       return;
@@ -88,7 +88,7 @@ template <typename Function>
 Function* next(const char* name) {
   auto* const found = reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
   if (found == nullptr) {
-    std::fprintf(stderr, "witness: there is no %s\n", name);
+    std::fprintf(stderr, "zero_copy_probe: there is no %s\n", name);
     std::abort();
   }
   return found;
@@ -150,7 +150,7 @@ bool watch(const std::string& name) {
                 .c_str());
   void** const slot = table == nullptr ? nullptr : std::find(table, table + kSlotsMax, function);
   if (function == nullptr || slot == nullptr || slot == table + kSlotsMax) {
-    std::fprintf(stderr, "witness: the serialization of %s is not where it should be\n",
+    std::fprintf(stderr, "zero_copy_probe: the serialization of %s is not where it should be\n",
                  name.c_str());
     std::abort();
   }

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks judge_drive.py and the classes of evaluate_scenes.py with a small road and ways made here."""
+"""Checks evaluate_drive.py and the classes of evaluate_scenes.py with a small road and ways made here."""
 
 import json
 import math
@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ElementTree
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 import evaluate_scenes  # noqa: E402
-import judge_drive  # noqa: E402
+import evaluate_drive  # noqa: E402
 
 
 def line(name, y):
@@ -68,7 +68,7 @@ def way(x=0.0, y=0.0, speed=10.0, rows=21, heading=0.0):
 
 
 def judge(root, rows, **how):
-    return judge_drive.judge(root, rows, True, **how)
+    return evaluate_drive.judge(root, rows, True, **how)
 
 
 class Goals(unittest.TestCase):
@@ -157,7 +157,7 @@ class Contacts(unittest.TestCase):
             file = pathlib.Path(folder) / "bodies.csv"
             file.write_text("time_s,id,x_m,y_m,heading_rad,length_m,width_m,speed_mps\n1.0,7,10,0,0,4,2,10\n")
             root = scene(car(8, [(15, 0)] * 21))
-            self.assertEqual(judge(root, way(), moved_bodies=judge_drive.read_moved_bodies(file))["touched"], ["7"])
+            self.assertEqual(judge(root, way(), moved_bodies=evaluate_drive.read_moved_bodies(file))["touched"], ["7"])
 
 
 class Road(unittest.TestCase):
