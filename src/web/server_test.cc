@@ -1,6 +1,7 @@
 // The live server as its clients see it: over sockets, with the Foxglove WebSocket protocol.
 #include "web/server.h"
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -10,6 +11,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -629,6 +631,38 @@ TEST_F(LiveServer, ClosesWhenTheApplicationStops) {
   while (client.read()) {
   }
   SUCCEED();
+}
+
+TEST_F(LiveServer, StopsWhileClientsComeAndLeave) {
+  for (int round = 0; round < 10; ++round) {
+    run();
+    std::atomic<bool> is_over = false;
+    std::atomic<int> connections = 0;
+    std::vector<std::jthread> clients;
+    for (int i = 0; i < 3; ++i) {
+      clients.emplace_back([&] {
+        while (!is_over) {
+          try {
+            Client client = connect();
+            client.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", 1}}}}});
+            ++connections;  // And it leaves without a word.
+          } catch (const boost::system::system_error&) {
+            std::this_thread::sleep_for(1ms);  // Nobody listens any more.
+          }
+        }
+      });
+    }
+    for (int i = 0; i < 60'000 && connections < 20 + round; ++i) {
+      std::this_thread::sleep_for(1ms);
+    }
+
+    application_->stop();
+
+    is_over = true;
+    clients.clear();
+    EXPECT_GE(connections, 20 + round);
+    TearDown();
+  }
 }
 
 /// A server that was opened as described, and what was wrong with it.
