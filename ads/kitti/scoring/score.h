@@ -45,7 +45,7 @@ class Score {
 
   /// One verdict for each box; boxes of other kinds get `kNeither`.
   std::vector<Verdict> add(const LabelledFrame& frame, std::span<const FoundBox> boxes);
-  /// Whether each label of the last frame that counts was missed.
+  /// For each counted label of the last frame, whether it was missed.
   [[nodiscard]] const std::vector<bool>& missed() const { return missed_; }
 
   [[nodiscard]] std::int64_t frames() const { return frames_; }
@@ -53,7 +53,7 @@ class Score {
   [[nodiscard]] std::int64_t found() const { return found_; }
   [[nodiscard]] std::int64_t false_boxes() const { return false_boxes_; }
   [[nodiscard]] std::int64_t id_switches() const { return id_switches_; }
-  // Each 0 if there is nothing to divide by.
+  // 0 where the denominator is 0.
   [[nodiscard]] double precision() const;
   [[nodiscard]] double recall() const;
   [[nodiscard]] double false_boxes_per_frame() const;
