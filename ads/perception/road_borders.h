@@ -59,8 +59,7 @@ class BorderFinder {
   static std::vector<BorderPlace> smooth(const std::vector<BorderPlace>& found);
 
   std::vector<Cell> cells_;
-  std::vector<float>
-      level_m_;  // Of the road in the middle of each slice, above the ground under the sensor.
+  std::vector<float> level_m_;  // Of the road at mid-slice, above the ground under the sensor.
   RoadBorders borders_;
 };
 
