@@ -18,8 +18,8 @@ struct Image {
 
 /// Reads a PGM or PPM (`P5`, `P6`; at most 64 million pixels). Samples of two bytes become little
 /// endian.
+///
 /// @param   name  is used in error messages
-/// @param   name  stands in the messages of what is thrown
 /// @errors  Throws `std::runtime_error` with name, byte, what was expected and what was found.
 Image read_netpbm(const std::string& bytes, const std::string& name);
 
