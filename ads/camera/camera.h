@@ -16,7 +16,7 @@
 
 namespace ads {
 
-/// Publishes the pictures of a camera, or of a folder at their times.
+/// Publishes the pictures of a camera, or plays back those of a folder at their times.
 ///
 /// Out:  `camera/image`
 class Camera final : public DeviceComponent {

@@ -19,11 +19,11 @@ struct Image {
 /// Reads a PGM or PPM (`P5`, `P6`; at most 64 million pixels). Samples of two bytes become little
 /// endian.
 ///
-/// @param   name  stands in the messages of what is thrown
+/// @param   name  is used in error messages
 /// @errors  Throws `std::runtime_error` with name, byte, what was expected and what was found.
 Image read_netpbm(const std::string& bytes, const std::string& name);
 
-/// A picture in a folder, and when it was taken.
+/// A picture in a folder, and the time at which it was taken.
 struct ImageFile {
   std::filesystem::path path;
   std::int64_t time_ns = 0;

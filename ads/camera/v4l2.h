@@ -12,7 +12,7 @@
 
 namespace ads {
 
-/// A format in which a camera sends pictures.
+/// A pixel format that cameras deliver.
 enum class PixelFormat : std::uint8_t { kYuyv, kRgb, kGrey };
 
 struct V4l2Config {
@@ -22,16 +22,16 @@ struct V4l2Config {
   PixelFormat format = PixelFormat::kYuyv;
 };
 
-/// A picture as it lies in the driver's memory.
+/// A picture in the driver's memory.
 struct V4l2Frame {
   std::span<const std::byte> data;
   std::uint32_t width = 0;
   std::uint32_t height = 0;
   std::uint32_t row_bytes = 0;
-  std::int64_t age_ns = 0;  ///< How long ago it was taken, by the driver's stamp.
+  std::int64_t age_ns = 0;  ///< The time since it was taken, from the driver's timestamp.
 };
 
-/// A camera of Linux (Video4Linux2), whose pictures are read where the driver writes them.
+/// A camera of Linux (Video4Linux2); its pictures are read in place from the driver's buffers.
 ///
 /// @threads  Confined to the thread that serves it.
 class V4l2Device final : public Device {

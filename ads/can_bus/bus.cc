@@ -18,7 +18,7 @@
 namespace ads {
 namespace {
 
-// What is read at once, before the thread looks whether it has to end.
+// The number of frames read in a row, before the thread checks whether it has to end.
 constexpr int kBurst = 64;
 
 struct ErrorBit {
@@ -171,7 +171,7 @@ Descriptor FakeCanBus::open_socket() {
   Descriptor socket =
       checked_descriptor(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), name());
   const sockaddr_un address = address_of(own_);
-  ::unlink(own_.c_str());  // What an earlier run has left.
+  ::unlink(own_.c_str());  // Left by an earlier run.
   if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) < 0) {
     throw_errno(name());
   }

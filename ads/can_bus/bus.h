@@ -13,10 +13,10 @@
 
 namespace ads {
 
-/// What an error frame says.
+/// The content of an error frame.
 struct CanError {
-  bool is_bus_off = false;  ///< The controller takes no part any more.
-  bool is_restart = false;  ///< It does again.
+  bool is_bus_off = false;  ///< The controller has left the bus.
+  bool is_restart = false;  ///< The controller takes part again.
   std::string text;         ///< In words: "no acknowledgement, error passive".
 };
 
@@ -28,7 +28,7 @@ CanError can_error_of(const can_frame& frame);
 /// @threads  As `Device`; `send` is safe to call on another thread.
 class CanBus : public Device {
  public:
-  /// Called with each frame, error frames too; returns whether it is usable.
+  /// Called with each frame, including error frames; returns whether it is usable.
   using Sink = std::function<bool(const can_frame&)>;
 
   explicit CanBus(Sink sink) : sink_(std::move(sink)) {}
@@ -37,7 +37,7 @@ class CanBus : public Device {
   bool read() final;
   void close() noexcept final;
 
-  /// Sends without waiting; empty if it was handed to the bus, else why not.
+  /// Sends without waiting. Returns why it failed; empty if the frame was handed to the bus.
   [[nodiscard]] std::string send(const can_frame& frame);
 
  protected:
@@ -67,8 +67,8 @@ class SocketCanBus final : public CanBus {
   std::string interface_;
 };
 
-/// Two ends of a bus on one machine, for where there is no CAN: each is a datagram socket with a
-/// path, and sends to that of the other.
+/// A substitute for a bus on one machine, where there is no CAN: each of its two ends is a datagram
+/// socket with a path, and sends to the path of the other.
 class FakeCanBus final : public CanBus {
  public:
   FakeCanBus(std::filesystem::path own, std::filesystem::path other, Sink sink)
@@ -77,7 +77,7 @@ class FakeCanBus final : public CanBus {
 
   [[nodiscard]] std::string name() const override { return "fake CAN " + own_.string(); }
 
-  /// The path of the end of the ADS, and of the vehicle, on the bus that is called `bus`.
+  /// The paths of the ADS's end and of the vehicle's end of the bus `bus`.
   static std::filesystem::path ads_end(const std::filesystem::path& bus);
   static std::filesystem::path vehicle_end(const std::filesystem::path& bus);
 

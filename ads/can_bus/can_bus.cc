@@ -65,7 +65,7 @@ bool CanBusComponent::receive(const can_frame& frame) {
   return true;
 }
 
-// Each class of errors is told once; bus-off is the device's trouble until a frame comes again.
+// Each class of errors is logged once; bus-off is the device's trouble until a frame arrives again.
 void CanBusComponent::receive_error(const can_frame& frame) {
   const CanError error = can_error_of(frame);
   ++errors_;

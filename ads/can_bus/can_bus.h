@@ -13,7 +13,7 @@
 
 namespace ads {
 
-/// Joins a CAN bus to the application: what comes from it is published, commands are sent.
+/// Connects a CAN bus to the application: publishes received frames, and sends commands.
 ///
 /// In:   `can/command`
 /// Out:  `can/state`, one message for each data frame of the bus
@@ -35,7 +35,7 @@ class CanBusComponent final : public DeviceComponent {
   fastcycle::ExternalPublisher<can::Frame> frames_;
 
   std::unique_ptr<CanBus> bus_;
-  std::uint32_t errors_seen_ = 0;  // Of the thread: classes that were told.
+  std::uint32_t errors_seen_ = 0;  // Of the thread: error classes already logged.
   std::atomic<std::int64_t> received_ = 0;
   std::atomic<std::int64_t> errors_ = 0;
   std::atomic<std::int64_t> bus_offs_ = 0;

@@ -163,7 +163,7 @@ std::vector<PredictedWay> lane_following(const ads::Scenario& scenario,
     for (std::size_t index = 0; index < count; ++index) {
       const double time = kPredictionStep_s * static_cast<double>(index);
       const double along = place.along_m + now.speed_mps * time;
-      // What it moves sideways fades away.
+      // Its lateral motion fades out.
       const double side =
           place.offset_m + now.speed_mps * std::sin(turn) * 1.0 * (1.0 - std::exp(-time / 1.0));
       const Eigen::Vector2d point = line.point_at(along, side);
@@ -270,8 +270,8 @@ std::vector<TrafficObject> foresee(const DriveCase& drive, std::int64_t step, co
   return objects;
 }
 
-// What the vehicle does with commands: dead time and lag, in steps of 10 ms; control at 50 Hz with
-// what localization says.
+// The vehicle's response to commands: dead time and lag, in steps of 10 ms; control at 50 Hz with
+// localization's estimate.
 class SimulatedVehicle {
  public:
   SimulatedVehicle(const Vehicle& vehicle, const State& initial)
@@ -306,7 +306,7 @@ class SimulatedVehicle {
 
   [[nodiscard]] const State& state() const { return state_; }
   [[nodiscard]] double tracking_m() const { return tracking_m_; }
-  // What localization says.
+  // Localization's estimate.
   [[nodiscard]] State estimated() const {
     State state = state_;
     if (!seen_.empty()) {

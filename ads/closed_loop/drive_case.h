@@ -10,12 +10,12 @@
 
 namespace motion_planning {
 
-/// A drive to be tried: a scenario, and the vehicle in it that the planner stands in for.
+/// A drive to test: a scenario, and the vehicle in it that the planner replaces.
 struct DriveCase {
   std::string name = {};
   const ads::Scenario* scenario = nullptr;
-  std::int64_t replaced = 0;    ///< The obstacle that is taken out; 0 for none.
-  std::int64_t first_step = 0;  ///< When the drive begins.
+  std::int64_t replaced = 0;    ///< The obstacle that is removed; 0 for none.
+  std::int64_t first_step = 0;  ///< The step at which the drive begins.
   State initial = {};
   Goal goal = {};  ///< Times since the drive's begin.
 };
@@ -23,11 +23,11 @@ struct DriveCase {
 /// The planning problem of the scenario's file.
 DriveCase given_case(const ads::Scenario& scenario);
 
-/// Drives of recorded vehicles: the goal is where the vehicle was at the end, with the intervals
-/// that planning problems of the family have.
+/// Drives of recorded vehicles: the goal is the vehicle's final position, with the intervals that
+/// planning problems of the family have.
 std::vector<DriveCase> recorded_cases(const ads::Scenario& scenario);
 
-/// The road to the goal: along the centres of lanes, joined where they change.
+/// The road to the goal: along the lanes' centres, joined at lane changes.
 Road make_road(const ads::Scenario& scenario, const State& from, const Pose& to);
 
 enum class Foresight { kPerfect, kConstantSpeed };
@@ -49,14 +49,14 @@ struct DriveResult {
   double time_mean_ms = 0.0;
   double time_max_ms = 0.0;
   double tracking_max_m = 0.0;
-  double recorded_gap_m = 1e9;  ///< What the recorded vehicle itself kept.
+  double recorded_gap_m = 1e9;  ///< The gap that the recorded vehicle kept.
 };
 
 struct DriveOptions {
   Foresight foresight = Foresight::kConstantSpeed;
   std::int64_t delay_steps = 1;
   bool with_model = false;  ///< Control and a vehicle with delays in the loop, not the plan itself.
-  double noise = 0.0;       ///< 1 for what the sensors of the ADS leave as errors.
+  double noise = 0.0;       ///< 1: the residual errors of the ADS's sensors.
   std::uint64_t seed = 1;
   bool is_verbose = false;
 };

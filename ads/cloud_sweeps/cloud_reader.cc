@@ -20,7 +20,7 @@ using foxglove::PackedElementField;
 
 constexpr std::size_t kEchoBytes = 16;
 constexpr double kSpanMax_s = 1.0;
-// What is larger are no seconds since the cloud, but since 1970; then nanoseconds.
+// Larger times are not relative to the cloud but since 1970; still larger ones are nanoseconds.
 constexpr double kAbsolute_s = 1e6;
 constexpr double kAbsolute_ns = 1e15;
 

@@ -10,10 +10,10 @@
 
 namespace ads {
 
-/// Publishes the clouds of another system's lidar, those of a ROS 2 bag for instance, as sweeps.
+/// Converts the point clouds of another system's lidar, for example from a ROS 2 bag, to sweeps.
 ///
 /// In:   `points`
-/// Out:  `lidar/points`, one for each cloud that can be read
+/// Out:  `lidar/points`, one for each readable cloud
 class CloudSweeps final : public fastcycle::Component {
  public:
   explicit CloudSweeps(fastcycle::Context& context);

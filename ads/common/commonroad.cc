@@ -23,8 +23,8 @@ namespace {
 constexpr std::uintmax_t kLargestFile = std::uintmax_t{32} << 20U;
 constexpr std::int64_t kLastStep = 10'000'000;
 
-// What countries number their signs for a speed limit: Germany and CommonRoad's Zamunda, the USA,
-// Spain, France, Belgium, Greece, Croatia.
+// Numbers of speed limit signs by country: Germany and CommonRoad's Zamunda, the USA, Spain,
+// France, Belgium, Greece, Croatia.
 constexpr std::array<std::string_view, 8> kSpeedLimitSigns{"274", "274.1", "R2-1", "R301",
                                                            "B14", "C43",   "R32",  "B31"};
 
@@ -215,7 +215,7 @@ Obstacle read_obstacle(const Element& element, bool is_static) {
     for (const Element& place : trajectory->all("state")) {
       const ScenarioState state = read_state(place);
       if (state.step == obstacle.states.front().step || state.step == obstacle.states.back().step) {
-        continue;  // some files tell the initial state, or another one, twice: the first counts
+        continue;  // some files contain the initial state, or another one, twice: the first counts
       }
       if (state.step < obstacle.states.back().step) {
         place.fail(fmt::format("a step after {}", obstacle.states.back().step),

@@ -15,7 +15,7 @@
 
 namespace ads {
 
-/// The lane beside a lanelet.
+/// The adjacent lane of a lanelet.
 struct Neighbour {
   std::int64_t id = 0;
   bool is_same_direction = false;
@@ -28,7 +28,7 @@ struct StopLine {
   std::vector<std::int64_t> lights = {};
 };
 
-/// A piece of a lane. Where it names others, they are in the scenario: references into parts of a
+/// A piece of a lane. All lanelets that it references are in the scenario: references to parts of a
 /// map that were cut off are left out.
 struct Lanelet {
   std::int64_t id = 0;
@@ -39,26 +39,26 @@ struct Lanelet {
   std::vector<std::int64_t> successors = {};
   std::optional<Neighbour> left = {};
   std::optional<Neighbour> right = {};
-  /// As the file calls them: "urban", "highway", "accessRamp", "crosswalk", ...; none in 2018b.
+  /// As named in the file: "urban", "highway", "accessRamp", "crosswalk", ...; none in 2018b.
   std::vector<std::string> types = {};
   std::vector<std::int64_t> signs = {};
   std::vector<std::int64_t> lights = {};
   std::optional<StopLine> stop_line = {};
-  /// The lowest of its signs, or what 2018b says of the lanelet itself.
+  /// The lowest limit of its signs, or the lanelet's own limit in 2018b.
   std::optional<double> speed_limit_mps = {};
 
-  /// Its edge: along the right bound, and back along the left one.
+  /// Its outline: along the right bound, and back along the left one.
   [[nodiscard]] std::vector<Eigen::Vector2d> polygon_m() const;
 };
 
 struct TrafficSign {
   struct Element {
-    std::string sign = {};  ///< As its country numbers it: "274" in Germany, "R2-1" in the USA.
+    std::string sign = {};  ///< Its number in its country: "274" in Germany, "R2-1" in the USA.
     std::vector<std::string> values = {};
   };
   std::int64_t id = 0;
   std::vector<Element> elements = {};
-  std::optional<double> speed_limit_mps = {};  ///< If it is a sign for one.
+  std::optional<double> speed_limit_mps = {};  ///< If it is a speed limit sign.
   std::optional<Eigen::Vector2d> position_m = {};
   bool is_virtual = false;
 };
@@ -84,14 +84,14 @@ struct Intersection {
         {};  ///< The lanelets through the intersection, by their turn.
     std::vector<std::int64_t> straight = {};
     std::vector<std::int64_t> left = {};
-    std::optional<std::int64_t> left_of = {};  ///< The incoming to whose left it is.
+    std::optional<std::int64_t> left_of = {};  ///< The incoming that it is to the left of.
   };
   std::int64_t id = 0;
   std::vector<Incoming> incomings = {};
   std::vector<std::int64_t> crossings = {};  ///< Lanelets that cross it.
 };
 
-/// Where something is at a step. `position_m` is the centre of its box.
+/// The state of an obstacle at a step. `position_m` is the centre of its box.
 struct ScenarioState {
   std::int64_t step = 0;
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
@@ -99,15 +99,15 @@ struct ScenarioState {
   double speed_mps = 0.0;
 };
 
-/// Something to be avoided. A shape that is no single rectangle is told by the smallest box along
-/// the heading around it.
+/// An obstacle. A shape other than a single rectangle is represented by its smallest bounding box
+/// along the heading.
 struct Obstacle {
   std::int64_t id = 0;
   bool is_static = false;
   std::string type = {};  ///< "car", "truck", "pedestrian", "parkedVehicle", ...
   double length_m = 0.0;
   double width_m = 0.0;
-  /// One at least, in the order of their steps, no two of one step.
+  /// At least one, in the order of their steps, with at most one for each step.
   std::vector<ScenarioState> states = {};
 };
 
@@ -121,7 +121,7 @@ struct Circle {
   double radius_m = 0.0;
 };
 
-/// A state to reach: all of what is said has to hold at one step.
+/// A state to reach: all given conditions must hold at one step.
 struct GoalState {
   /// The position is in any of these; anywhere if there are none.
   std::vector<Box> boxes = {};
@@ -142,15 +142,15 @@ struct GoalState {
 struct PlanningProblem {
   std::int64_t id = 0;
   ScenarioState initial;
-  std::vector<GoalState> goals = {};  ///< One at least: any of them is to be reached.
+  std::vector<GoalState> goals = {};  ///< At least one; any of them is to be reached.
 };
 
-/// A scenario of CommonRoad: lanes, what moves on them, and what is to be done. Versions 2018b and
-/// 2020a. Metres, radians counter-clockwise from +x, and steps of `step_s`.
+/// A scenario of CommonRoad: lanes, obstacles and planning problems. Versions 2018b and 2020a.
+/// Metres, radians counter-clockwise from +x, and steps of `step_s`.
 ///
-/// Of values that are given as an interval or an area this has the middle. Passed over are
-/// buildings (environmentObstacle), phantom obstacles, and occupancy sets: who has only those keeps
-/// its initial state.
+/// Values that are given as an interval or an area are represented by its middle. Ignored are
+/// buildings (environmentObstacle), phantom obstacles, and occupancy sets: an obstacle that has
+/// only those keeps its initial state.
 ///
 /// @threads  Compatible.
 struct Scenario {
@@ -166,7 +166,7 @@ struct Scenario {
 
   /// @errors  Throws `std::runtime_error` with file, line, what was expected and what was found.
   static Scenario read(const std::filesystem::path& file);
-  /// Reads the `text` of a file; `name` stands in the messages of what is thrown.
+  /// Reads the `text` of a file; `name` is used in error messages.
   static Scenario parse(std::string_view text, std::string_view name);
 
   /// The only planning problem, or the first of several.

@@ -10,7 +10,7 @@
 
 namespace ads {
 
-/// One signal of a CAN message: where its bits are, and what they mean.
+/// One signal of a CAN message: its bits, and their meaning.
 ///
 /// @threads  Compatible.
 struct DbcSignal {
@@ -31,8 +31,8 @@ struct DbcSignal {
   /// @pre  `payload.size() >= byte_count()`
   [[nodiscard]] double decode(std::span<const std::uint8_t> payload) const;
 
-  /// Writes the bits that come closest to `value`, in `unit`, and leaves all others as they are.
-  /// What the bits cannot hold becomes the nearest value that they can.
+  /// Writes the nearest representable value to `value`, in `unit`, and leaves all other bits
+  /// unchanged. A value outside the signal's range is clamped.
   ///
   /// @pre  `payload.size() >= byte_count()`, `value` is no NaN and `factor` is not 0.
   void encode(double value, std::span<std::uint8_t> payload) const;
@@ -43,7 +43,7 @@ struct DbcMessage {
   std::uint32_t address = 0;  ///< The identifier; without the flag that marks 29 bit ones.
   bool is_extended = false;
   std::string name;
-  std::string place;  ///< The file and line where it stands.
+  std::string place;  ///< The file and line of its definition.
   std::size_t byte_count = 0;
   std::vector<DbcSignal> signals;
 
@@ -53,15 +53,15 @@ struct DbcMessage {
   [[nodiscard]] const DbcSignal& signal(std::string_view name) const;
 };
 
-/// The messages of a CAN bus, as a file in Vector's DBC format describes them: its `BO_` and `SG_`
-/// lines. Whether a signal is multiplexed is not looked at, and other lines are passed over.
+/// The messages of a CAN bus, as described by a file in Vector's DBC format: its `BO_` and `SG_`
+/// lines. Multiplexing is not evaluated, and other lines are ignored.
 ///
 /// @threads  Compatible.
 class Dbc {
  public:
   /// @errors  Throws `std::runtime_error` with file, line, what was expected and what was found.
   static Dbc read(const std::filesystem::path& file);
-  /// Reads the `text` of a file; `name` stands in the messages of what is thrown.
+  /// Reads the `text` of a file; `name` is used in error messages.
   static Dbc parse(std::string_view text, std::string_view name);
 
   /// The message of that name.
@@ -78,10 +78,10 @@ class Dbc {
   std::vector<DbcMessage> messages_;
 };
 
-/// What a value in `unit`, as DBC files write it, is multiplied by to be in SI units (m, m/s, rad):
-/// 1 / 3.6 for "km/h".
+/// The factor that converts a value in `unit`, as DBC files write it, to SI units (m, m/s, rad): 1
+/// / 3.6 for "km/h".
 ///
-/// @errors  Throws `std::runtime_error` for a unit that it does not know.
+/// @errors  Throws `std::runtime_error` for an unknown unit.
 double si_per_unit(std::string_view unit);
 
 }  // namespace ads

@@ -4,10 +4,10 @@
 
 namespace ads {
 
-/// An even draw from [0, 1). Of the distributions of the standard library only the generators give
-/// the same numbers everywhere.
+/// A uniform random number in [0, 1). Of the standard library's random facilities only the
+/// generators give the same numbers on every platform, not the distributions.
 inline double even(std::mt19937_64& random) {
-  constexpr double kSteps = 9007199254740992.0;  // 2^53: all that a double can tell apart.
+  constexpr double kSteps = 9007199254740992.0;  // 2^53: the precision of a double.
   return static_cast<double>(random() >> 11U) / kSteps;
 }
 

@@ -12,9 +12,9 @@ namespace ads {
 ///          if it is larger than 1 GiB.
 std::string read_file(const std::filesystem::path& file);
 
-/// Makes the file, or writes it anew.
+/// Creates the file, or replaces its content.
 ///
-/// @errors  Throws `std::runtime_error` that names the file and says why not.
+/// @errors  Throws `std::runtime_error` with the file and the reason.
 void write_file(const std::filesystem::path& file, std::string_view content);
 
 }  // namespace ads

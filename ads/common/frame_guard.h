@@ -9,11 +9,11 @@
 
 namespace ads {
 
-/// The checksum CRC-8 of SAE J1850, going on from that of bytes before.
+/// The checksum CRC-8 of SAE J1850, continued from that of preceding bytes.
 std::uint8_t crc8(std::span<const std::uint8_t> bytes, std::uint8_t before = 0);
 
 /// Protects the frames of one message of a bus, as the profiles for end-to-end protection of
-/// AUTOSAR do: the signal COUNTER goes up by one from frame to frame, and CHECKSUM is a CRC over
+/// AUTOSAR do: the signal COUNTER is incremented from frame to frame, and CHECKSUM is a CRC over
 /// the message's address and all other bits. One guard seals frames, or checks those of one sender.
 ///
 /// @threads  Confined to its owner.
@@ -23,20 +23,19 @@ class FrameGuard {
     kGood,
     kWrongLength,
     kWrongChecksum,
-    kRepeated,  ///< The counter has not moved: a frame that is sent again, or its sender hangs.
+    kRepeated,  ///< The counter has not changed: a repeated frame, or a hung sender.
   };
 
   /// @errors  Throws `std::runtime_error` if the message has no COUNTER of 2 to 8 bits, or no
-  /// CHECKSUM
-  ///          of 8 bits, or if they do not fit.
+  ///          CHECKSUM of 8 bits, or if they do not fit.
   explicit FrameGuard(const DbcMessage& message);
 
-  /// Fills counter and checksum in. @pre `payload.size()` is that of the message.
+  /// Sets counter and checksum. @pre `payload.size()` is that of the message.
   void seal(std::span<std::uint8_t> payload);
 
   [[nodiscard]] Verdict check(std::span<const std::uint8_t> payload);
 
-  /// How many frames must have been sent between good ones that were checked, and did not come.
+  /// The number of lost frames, from the counters of the good frames.
   [[nodiscard]] std::uint64_t lost() const { return lost_; }
 
  private:
@@ -51,7 +50,7 @@ class FrameGuard {
   std::uint64_t lost_ = 0;
 };
 
-/// In words: "wrong checksum".
+/// As text: "wrong checksum".
 std::string_view text_of(FrameGuard::Verdict verdict);
 
 }  // namespace ads

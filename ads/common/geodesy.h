@@ -4,7 +4,7 @@
 
 namespace ads {
 
-/// A place on or above the WGS-84 ellipsoid.
+/// A position on or above the WGS-84 ellipsoid.
 struct GeodeticPosition {
   double latitude_deg = 0.0;
   double longitude_deg = 0.0;
@@ -13,13 +13,13 @@ struct GeodeticPosition {
   friend bool operator==(const GeodeticPosition&, const GeodeticPosition&) = default;
 };
 
-/// The place in earth-centred, earth-fixed coordinates, in metres.
+/// The position in earth-centred, earth-fixed coordinates, in metres.
 ///
 /// Exact; Groves, "Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems",
 /// 2nd edition, 2013, equations 2.105, 2.106 and 2.112; the ellipsoid is that of NIMA TR8350.2.
 Eigen::Vector3d ecef_from_geodetic(const GeodeticPosition& position);
 
-/// And back, by the iteration on the latitude that follows from them; within a millimetre up to
+/// The inverse, by the iteration on the latitude that follows from them; within a millimetre up to
 /// 100 km above the ellipsoid. The centre of the earth has no latitude.
 GeodeticPosition geodetic_from_ecef(const Eigen::Vector3d& position_m);
 
@@ -46,7 +46,7 @@ class LocalFrame {
   [[nodiscard]] GeodeticPosition geodetic_from_enu(const Eigen::Vector3d& position_m) const {
     return geodetic_from_ecef(ecef_from_enu(position_m));
   }
-  /// Turns a velocity, or any other free vector.
+  /// Rotates a velocity, or any other free vector.
   [[nodiscard]] Eigen::Vector3d rotate_to_enu(const Eigen::Vector3d& ecef_vector) const {
     return enu_from_ecef_ * ecef_vector;
   }

@@ -9,10 +9,9 @@
 
 namespace ads {
 
-/// The way on which a vehicle came to the initial state of a scenario, which says nothing of it:
-/// back along its lane, at the offset from the lane's centre that it has, and the way that its rear
-/// axle points at the end. Where it is on no lane in about its direction, and beyond the map, the
-/// way is straight.
+/// The path on which a vehicle reached the initial state of a scenario, which does not contain it:
+/// back along its lane, at its offset from the lane's centre, as the path of the rear axle. If it
+/// is on no lane with about its direction, and beyond the map, the path is straight.
 ///
 /// @threads  Immutable.
 class LeadIn {
@@ -20,14 +19,14 @@ class LeadIn {
   struct Pose {
     Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
     double heading_rad = 0.0;
-    double curvature_per_m = 0.0;  ///< Of the rear axle's way.
+    double curvature_per_m = 0.0;  ///< Of the rear axle's path.
   };
 
-  /// `to_rear_m` lies between the vehicle's centre and its rear axle; the way is known for
-  /// `length_m`, and straight before.
+  /// `to_rear_m` is the distance from the vehicle's centre to its rear axle; the path is computed
+  /// for `length_m`, and straight before.
   LeadIn(const Scenario& scenario, const ScenarioState& initial, double to_rear_m, double length_m);
 
-  /// Where the vehicle was `before_m` ago; exactly the initial state, with straight wheels, at 0.
+  /// The pose `before_m` before the initial state; exactly that state, with straight wheels, at 0.
   [[nodiscard]] Pose at(double before_m) const;
 
  private:

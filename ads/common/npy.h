@@ -8,7 +8,7 @@
 
 namespace ads {
 
-/// A table of numbers read from a .npy file. One value of the shape (n,) is a table of one column.
+/// A table of numbers read from a .npy file. An array of shape (n,) is a table of one column.
 ///
 /// @threads  Compatible.
 class NumberTable {
@@ -43,10 +43,9 @@ struct ByteTable {
 /// Reads a NumPy array file (NumPy Enhancement Proposal 1, "A Simple File Format for NumPy Arrays",
 /// versions 1.0 to 3.0): float64 numbers of the shape (n, `columns`), or (n,) for one column.
 ///
-/// @errors  Each of these functions throws `std::runtime_error` with the file, what was expected
-/// and
-///          what was found: a missing file, other content, type or shape, fewer or more bytes than
-///          the shape says. No content makes them read outside the file or allocate more than it.
+/// @errors  Each of these functions throws `std::runtime_error` with the file, expected and found:
+///          for a missing file, other content, type or shape, or fewer or more bytes than the shape
+///          requires. No content makes them read outside the file or allocate more than its size.
 NumberTable read_npy_numbers(const std::filesystem::path& file, std::size_t columns);
 
 /// Reads int64 numbers of the shape (n,).
@@ -55,7 +54,7 @@ std::vector<std::int64_t> read_npy_integers(const std::filesystem::path& file);
 /// Reads byte strings of `width` bytes each, of the shape (n,).
 ByteTable read_npy_bytes(const std::filesystem::path& file, std::size_t width);
 
-/// The same on the `content` of a file; `name` stands in the messages of what is thrown.
+/// The same for the `content` of a file; `name` is used in error messages.
 NumberTable parse_npy_numbers(std::string_view content, std::string_view name, std::size_t columns);
 std::vector<std::int64_t> parse_npy_integers(std::string_view content, std::string_view name);
 ByteTable parse_npy_bytes(std::string_view content, std::string_view name, std::size_t width);

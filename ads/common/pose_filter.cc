@@ -20,7 +20,7 @@ constexpr int kFixBias = 5;
 
 constexpr double kHistory_s = 1.0;
 constexpr double kLongestStep_s = 0.05;  // A longer gap is reckoned in parts.
-constexpr double kLongestGap_s = 10.0;   // Beyond it the last speed says nothing any more.
+constexpr double kLongestGap_s = 10.0;   // Beyond it the last speed is meaningless.
 constexpr double kUnknownPosition_m = 1e3;
 constexpr double kStandingAfter_s = 0.5;
 constexpr double kCourseGate = 10.8;  // 99.9 % of one dimension.
@@ -208,7 +208,7 @@ void PoseFilter::predict(const Step& step) {
         (squared(config_.distance_walk_m_per_sqrt_s) * ahead * ahead.transpose() +
          squared(config_.slip_walk_m_per_sqrt_s) * left_of(ahead) * left_of(ahead).transpose());
   } else {
-    // It may have gone anywhere.
+    // It may have moved in any direction.
     noise.block<2, 2>(kEast, kEast) =
         squared(step.wheel_speed_mps * duration) * Eigen::Matrix2d::Identity();
   }

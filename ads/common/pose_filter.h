@@ -10,20 +10,20 @@
 
 namespace ads {
 
-/// What the filter believes of its sensors and of the car. Standard deviations are 1 sigma.
+/// Parameters of sensors and car. Standard deviations are 1 sigma.
 struct PoseFilterConfig {
   /// The slow error of the receiver (atmosphere, multipath): size and correlation time.
   double fix_bias_stddev_m = 1.5;
   double fix_bias_time_s = 100.0;
-  /// The error that is new with every fix.
+  /// The independent error of each fix.
   double fix_noise_m = 0.6;
   /// Squared Mahalanobis distance beyond which a fix is an outlier; 13.8 is 99.9 % of two
   /// dimensions.
   double fix_gate = 13.8;
-  /// After so many outliers in a row the filter believes the fixes and not itself; 0: never.
+  /// After this many consecutive outliers the filter resets to the fixes; 0: never.
   std::size_t fix_outliers_max = 20;
 
-  /// True speed over wheel speed: how far from 1 it may be, and how it may wander.
+  /// True speed over wheel speed: its initial deviation from 1, and its random walk.
   double wheel_scale_stddev = 0.02;
   double wheel_scale_walk_per_sqrt_s = 2e-4;
   /// Noise of the distance from the wheels, as a random walk along the heading and across it
@@ -31,35 +31,35 @@ struct PoseFilterConfig {
   double distance_walk_m_per_sqrt_s = 0.05;
   double slip_walk_m_per_sqrt_s = 0.05;
 
-  /// Noise of the gyroscope, and the wander of its offset.
+  /// Noise of the gyroscope, and the random walk of its offset.
   double yaw_walk_rad_per_sqrt_s = 0.001;
   double gyro_bias_stddev_radps = 0.01;
   double gyro_bias_walk_radps_per_sqrt_s = 1e-4;
-  /// Noise of one measurement of the gyroscope, when it is averaged in a standing car.
+  /// Noise of one measurement of the gyroscope, when it is averaged in a stationary car.
   double gyro_noise_radps = 0.01;
 
-  /// The receiver's course is used from this speed on. The heading begins with it, believed to
-  /// `course_stddev_rad`; later courses count with `course_noise_rad`, which is more than they
-  /// deviate, because their errors last for several fixes.
+  /// The receiver's course is used from this speed on. The heading is initialized from it with
+  /// `course_stddev_rad`; later courses are weighted with `course_noise_rad`, which exceeds their
+  /// deviation because their errors last for several fixes.
   double course_speed_min_mps = 2.0;
   double course_stddev_rad = 0.09;
   double course_noise_rad = 0.05;
 
-  /// Noise of one wheel speed. It does not enter the position, but what is told of the speed.
+  /// Noise of one wheel speed. It affects only the reported speed, not the position.
   double wheel_noise_mps = 0.02;
 
-  /// From the middle of the rear axle forward to the point whose position is estimated.
+  /// The distance from the middle of the rear axle forward to the estimated point.
   double rear_axle_to_point_m = 1.6;
 };
 
-/// A position that a satellite receiver computed, in the local plane.
+/// A position computed by a satellite receiver, in the local plane.
 struct PlaneFix {
   Eigen::Vector2d position_m{0.0, 0.0};  ///< East, north.
   std::optional<double> yaw_rad;         ///< Its course, counter-clockwise from east.
   double speed_mps = 0.0;
 };
 
-/// A pose that is known from elsewhere.
+/// A pose that is known from another source.
 struct KnownPose {
   Eigen::Vector2d position_m{0.0, 0.0};
   double yaw_rad = 0.0;
@@ -68,7 +68,7 @@ struct KnownPose {
   double yaw_stddev_rad = 0.1;
 };
 
-/// What the filter knows at one time.
+/// The filter's estimate at one time.
 struct PoseEstimate {
   std::chrono::nanoseconds time{};
   Eigen::Vector2d position_m{0.0, 0.0};
@@ -97,14 +97,14 @@ struct PoseEstimate {
 /// Gauss-Markov process (Groves, "Principles of GNSS, Inertial, and Multisensor Integrated
 /// Navigation Systems", 2nd edition, 2013, appendix B.4.3).
 ///
-/// Update: a fix says where the point was some time before it arrived. The filter reckons back
-/// from its present state over what the sensors said meanwhile, so that a late fix corrects the
-/// present state, heading and wheel scale included, and no past state has to be kept. In a standing
-/// car the gyroscope shows its offset.
+/// Update: a fix is the position of the point some time before the fix arrived. The filter reckons
+/// back from its present state over the recorded sensor values, so that a late fix corrects the
+/// present state, including heading and wheel scale, and no past state has to be kept. In a
+/// stationary car the gyroscope measures its offset.
 ///
-/// Times of successive calls must not decrease; an earlier one counts as the last. It begins with
-/// the first fix, or with a known pose. Before there is no estimate, and with a fix no heading
-/// before one with a course at some speed.
+/// Times of successive calls must not decrease; an earlier one counts as the last. The filter
+/// starts with the first fix, or with a known pose. Before, there is no estimate; after a fix there
+/// is no heading until one with a course at sufficient speed.
 ///
 /// @threads  Confined.
 /// @realtime Bounded: it keeps the steps of at most one second, and no more than `kStepsMax`.
@@ -116,13 +116,13 @@ class PoseFilter {
   using State = Eigen::Matrix<double, kSize, 1>;
   using Covariance = Eigen::Matrix<double, kSize, kSize>;
 
-  /// The sensors were constant over a step.
+  /// Sensor values, constant over a step.
   struct Step {
     double duration_s = 0.0;
     double wheel_speed_mps = 0.0;
     double yaw_rate_radps = 0.0;
   };
-  /// All that it knows of what it was told.
+  /// The complete state of the filter.
   struct Memory {
     std::optional<std::chrono::nanoseconds> time;
     double wheel_speed_mps = 0.0;
@@ -140,20 +140,20 @@ class PoseFilter {
   explicit PoseFilter(const PoseFilterConfig& config);
 
   [[nodiscard]] const Memory& memory() const { return memory_; }
-  /// Goes on from what another one of the same configuration knew.
+  /// Restores the state of another filter with the same configuration.
   void set_memory(Memory memory) { memory_ = std::move(memory); }
 
-  /// Begins, or begins anew, with a pose that is known.
+  /// Starts, or restarts, with a known pose.
   void on_known_pose(std::chrono::nanoseconds time, const KnownPose& pose);
 
-  /// The turn rate about the vertical, counter-clockwise, with the sensor's offset still in it.
+  /// The yaw rate, counter-clockwise, including the sensor's offset.
   void on_yaw_rate(std::chrono::nanoseconds time, double radps);
   /// The speed of the rear axle.
   void on_wheel_speed(std::chrono::nanoseconds time, double mps);
-  /// The yaw rate that steering angle and speed make, as one measurement of the gyroscope's offset.
+  /// The yaw rate from steering angle and speed, as one measurement of the gyroscope's offset.
   void on_steered_yaw_rate(std::chrono::nanoseconds time, double radps, double stddev_radps);
-  /// A fix that arrived at `arrival` and says where the point was `age` before; an age beyond what
-  /// the filter remembers is reckoned with the oldest speed. False if it was taken for an outlier.
+  /// A fix that arrived at `arrival` with the position `age` before; an age beyond the recorded
+  /// steps is extrapolated with the oldest speed. Returns false if it was rejected as an outlier.
   bool on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age, const PlaneFix& fix);
 
   [[nodiscard]] bool has_position() const { return memory_.has_position; }
@@ -166,17 +166,17 @@ class PoseFilter {
 
   // A past time, reckoned back from the present state.
   struct Past {
-    Eigen::Vector2d moved_m{0.0, 0.0};            // Of the point, from then until now.
-    Eigen::Vector2d per_wheel_scale_m{0.0, 0.0};  // How that depends on the wheel scale.
-    double yaw_rad = 0.0;                         // What it was then.
-    Step step;                                    // What the sensors said then.
+    Eigen::Vector2d moved_m{0.0, 0.0};            // Motion of the point from then until now.
+    Eigen::Vector2d per_wheel_scale_m{0.0, 0.0};  // Its derivative by the wheel scale.
+    double yaw_rad = 0.0;                         // The yaw at that time.
+    Step step;                                    // The sensor values at that time.
   };
 
   // A measurement of one dimension.
   struct Scalar {
     double innovation = 0.0;
     double noise = 0.0;  // 1 sigma.
-    double gate = 0.0;   // Squared Mahalanobis distance beyond which it does not count.
+    double gate = 0.0;   // Squared Mahalanobis distance beyond which it is rejected.
   };
 
   void advance_to(std::chrono::nanoseconds time);

@@ -15,20 +15,19 @@
 
 namespace ads {
 
-/// A part of a text without the white space around it.
+/// `text` without leading and trailing white space.
 std::string_view trimmed(std::string_view text);
 
-/// An element of an XML file, which can say where it stands. Lives as long as its `XmlFile`.
+/// An element of an XML file, which can report its line. Valid as long as its `XmlFile`.
 ///
-/// @errors  What is not as expected throws `std::runtime_error` with file, line, what was expected
-///          and what was found.
+/// @errors  On unexpected content throws `std::runtime_error` with file, line, expected and found.
 /// @threads Compatible.
 class XmlElement {
  public:
-  /// Nothing on Earth is farther away; sums and squares of it stay exact enough.
+  /// Larger than any distance on Earth; sums and squares of such numbers stay exact enough.
   static constexpr double kLargestNumber = 1e8;
 
-  /// What all elements of a file share.
+  /// Shared by all elements of a file.
   struct File {
     std::string_view text;
     std::string_view name;
@@ -48,7 +47,7 @@ class XmlElement {
   [[nodiscard]] std::optional<std::string_view> find_attribute(const char* attribute) const;
   [[nodiscard]] std::string_view attribute(const char* wanted) const;
 
-  /// Of floating point numbers only those up to `kLargestNumber`.
+  /// Floating-point numbers are limited to `kLargestNumber`.
   template <typename Number>
   [[nodiscard]] Number number() const {
     return number_of<Number>(text(), fmt::format("in <{}>", name()));
@@ -65,7 +64,7 @@ class XmlElement {
 
   [[noreturn]] void fail(std::string_view expected, std::string_view found) const;
 
-  /// `text` as it stands in messages: at most 40 characters of it.
+  /// `text` as quoted in messages: at most 40 characters of it.
   static std::string quoted(std::string_view text);
 
  private:
@@ -90,10 +89,10 @@ class XmlElement {
   pugi::xml_node node_;
 };
 
-/// A parsed XML file. `text` and `name` have to live as long.
+/// A parsed XML file. `text` and `name` must outlive it.
 class XmlFile {
  public:
-  /// @errors  Throws `std::runtime_error` with the line if it is no XML.
+  /// @errors  Throws `std::runtime_error` with the line if it is not XML.
   XmlFile(std::string_view text, std::string_view name);
   XmlFile(const XmlFile&) = delete;
   XmlFile& operator=(const XmlFile&) = delete;

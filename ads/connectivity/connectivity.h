@@ -14,11 +14,11 @@
 
 namespace ads {
 
-/// Why a hazard is not passed on; empty if it is well.
+/// Why a hazard is rejected; empty if it is valid.
 std::string mistake_in(const connectivity::Hazard& hazard, fastcycle::Time now);
 
-/// The vehicle's join with the world outside: hands on the mission and checked hazards, and reports
-/// where the vehicle is.
+/// The vehicle's connection to the outside world: forwards the mission and validated hazards, and
+/// reports the vehicle's position.
 ///
 /// In:   `localization/ego`, `supervision/state`, `connectivity/inbox`
 /// Out:  `mission/initial_pose`, `mission/goal`, once; `connectivity/hazard`;

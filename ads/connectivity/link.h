@@ -15,8 +15,9 @@ struct Mission {
   mission::Goal goal;
 };
 
-/// What joins the vehicle with the world outside: a dispatcher who gives missions, others who warn
-/// of hazards and hear where the vehicle is. Times in its messages are on the application's clock.
+/// Connects the vehicle to the outside world: a dispatcher that assigns missions, and other parties
+/// that warn of hazards and receive the vehicle's reports. Times in its messages are on the
+/// application's clock.
 ///
 /// @threads  Confined to its component's activations.
 class Link {
@@ -26,11 +27,11 @@ class Link {
   Link& operator=(const Link&) = delete;
   virtual ~Link() = default;
 
-  /// A mission that was not received before.
+  /// A mission not returned before.
   virtual std::optional<Mission> receive_mission(fastcycle::Time now) = 0;
-  /// The hazards that were not received before.
+  /// The hazards not returned before.
   virtual std::vector<connectivity::Hazard> receive_hazards(fastcycle::Time now) = 0;
-  /// When something is to be received next; none if it is not known.
+  /// When to receive next; none if that is unknown.
   [[nodiscard]] virtual std::optional<fastcycle::Time> next_due() const = 0;
   virtual void send(const connectivity::VehicleReport& report) = 0;
 };

@@ -16,11 +16,11 @@ struct ScenarioLinkOptions {
   double centre_to_rear_axle_m = 1.29;
 };
 
-/// The mission is that of a scenario; hazards come as planned; reports are only counted.
+/// Takes the mission from a scenario and hazards from a plan; only counts the reports.
 ///
-/// The initial pose is that of step 0, rolled back to the start with constant speed, along its lane
-/// (`LeadIn`). Of several goals it is the first; a goal that is a circle or a polygon is told by a
-/// square inside of it.
+/// The initial pose is that of step 0, moved back to the start with constant speed along its lane
+/// (`LeadIn`). Of several goals it uses the first; a goal that is a circle or a polygon is replaced
+/// by a square inside it.
 class ScenarioLink final : public Link {
  public:
   ScenarioLink(const Scenario& scenario, connectivity::HazardPlan hazards, fastcycle::Time start,
@@ -40,13 +40,13 @@ class ScenarioLink final : public Link {
   };
 
   std::optional<Mission> mission_;
-  std::vector<DueHazard> hazards_;  // In the order in which they come.
+  std::vector<DueHazard> hazards_;  // In the order of their times.
   std::size_t next_hazard_ = 0;
   std::int64_t reports_ = 0;
 };
 
-/// The largest square along `heading_rad` around the middle of the polygon's corners that has its
-/// corners inside; one of 0.1 m if the middle is outside.
+/// The largest square along `heading_rad` around the mean of the polygon's corners whose corners
+/// are inside; one of 0.1 m if that mean is outside.
 Box square_inside(const std::vector<Eigen::Vector2d>& polygon_m, double heading_rad);
 
 }  // namespace ads

@@ -11,8 +11,8 @@
 namespace ads {
 namespace {
 
-// A newer minimal-risk trajectory is gone over to if it begins where the vehicle is, and ends no
-// later.
+// Control changes to a newer minimal-risk trajectory if that begins where the vehicle is, and ends
+// no later.
 constexpr double kSamePlace_m = 0.5;
 constexpr double kSameSpeed_mps = 0.5;
 
@@ -221,8 +221,8 @@ void Control::take_plan(const Motion& motion, double now_s) {
   }
 }
 
-// Whether the newest minimal-risk trajectory is better than the one that is followed: each of them
-// begins with a moment of driving on, and who takes one after the other never stops.
+// Whether the newest minimal-risk trajectory is better than the one that is followed. Each of them
+// begins with a moment of driving on, so that taking every new one would never stop.
 bool Control::is_better_stop(const Motion& motion, double now_s) const {
   const Reference begin = minimal_risk_.at(now_s);
   return end_s(minimal_risk_) <= end_s(*stop_) &&

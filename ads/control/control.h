@@ -15,7 +15,7 @@
 
 namespace ads {
 
-/// Makes the vehicle follow its plan; see `Tracker`.
+/// Makes the vehicle follow the plan; see `Tracker`.
 ///
 /// In:   the newest of `planning/checked_plan`, `localization/ego`, `vehicle/state`,
 ///       `supervision/state`
@@ -47,12 +47,12 @@ class Control final : public fastcycle::Component {
   fastcycle::Publisher<control::Command> commands_;
   fastcycle::State<control::ControllerState> state_;
 
-  std::optional<std::int64_t> first_ns_;  // When the controller's clock begins.
-  std::uint64_t plan_sequence_ = 0;       // Of the plan that was taken last.
-  double plan_s_ = 0.0;                   // When it came.
+  std::optional<std::int64_t> first_ns_;  // The begin of the controller's clock.
+  std::uint64_t plan_sequence_ = 0;       // Of the last plan taken.
+  double plan_s_ = 0.0;                   // When it was taken.
   Path nominal_;
   Path minimal_risk_;
-  std::optional<Path> stop_;  // What a minimal-risk stop follows, while there is one.
+  std::optional<Path> stop_;  // The path of a minimal-risk stop, during one.
   double lateral_error_max_m_ = 0.0;
   double along_error_max_m_ = 0.0;
   std::int64_t commands_stale_ = 0;

@@ -5,10 +5,10 @@
 
 namespace ads {
 
-/// From what the controller remembers to messages, which are empty, and back.
+/// Converts the controller's state to messages, which must be empty, and back.
 
 void write(const Path& path, control::Path& message);
-/// @throws std::invalid_argument  It is none that can be followed.
+/// @throws std::invalid_argument  The path cannot be followed.
 Path read(const control::Path& message);
 
 void write(const Tracker::Memory& memory, control::TrackerMemory& message);

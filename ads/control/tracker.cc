@@ -85,7 +85,7 @@ Reference Path::nearest(double x_m, double y_m) const {
   return best;
 }
 
-// What was commanded last by then; null before the first command.
+// The last command before that time; null before the first one.
 const Actuation* Tracker::command_at(double time_s) const {
   const Actuation* command = nullptr;
   for (const Past& past : memory_.past) {
@@ -140,7 +140,7 @@ double Tracker::steering(const Reference& reference, const Motion& motion) {
   error.lateral_m = -dx * sine + dy * cosine;
   error.heading_rad = wrapped(motion.heading_rad - reference.heading_rad);
   error.speed_mps = motion.speed_mps - reference.speed_mps;
-  // What is too far along a curve is not beside it.
+  // A longitudinal error along a curve is not a lateral one.
   const double bend = 0.5 * reference.curvature_per_m * error.along_m * error.along_m;
   error.lateral_m -= bend;
   error.heading_rad -= reference.curvature_per_m * error.along_m;
@@ -152,9 +152,9 @@ double Tracker::steering(const Reference& reference, const Motion& motion) {
   return std::atan(config_.wheelbase_m * curvature);
 }
 
-// What lasts is not the error of a manoeuvre but of the model: wheels that turn the vehicle less,
-// a slope, a heavier load. With lengths counted in L the lateral error obeys the third derivative
-// of e + 2 d times the second + the first + g e = 0, which is stable up to g = 2 d (Routh); along,
+// A lasting error is not one of a manoeuvre but of the model: wheels that turn the vehicle less, a
+// slope, a heavier load. With lengths in units of L the lateral error obeys the third derivative of
+// e + 2 d times the second + the first + g e = 0, which is stable up to g = 2 d (Routh); along,
 // with gains p and v, its third + v times the second + p times the first + g e = 0, stable up to g
 // = v p.
 void Tracker::integrate(const Motion& motion, double passed_s) {
@@ -211,7 +211,7 @@ Actuation Tracker::follow(const Path& path, const Motion& motion, double motion_
   const Motion then = predict(motion, motion_s, effect_s);
   Actuation wanted;
   wanted.steering_rad = steering(path.at(effect_s), then);
-  // What follows with a lag has to be asked for earlier.
+  // Compensates for the lag.
   const Reference ahead =
       path.at(now_s + config_.acceleration_delay_s + config_.acceleration_lag_s);
   const double last_s = memory_.past.empty() ? now_s : memory_.past.back().time_s;

@@ -7,9 +7,9 @@
 
 namespace ads {
 
-/// What is to be followed, at one time: the centre of the vehicle's box, the body's heading, and
-/// the speed along it. The curvature is that of the rear axle's path: yaw rate over speed, left
-/// positive.
+/// The reference at one time: the centre of the vehicle's box, the body's heading, and the speed
+/// along it. The curvature is that of the rear axle's path: yaw rate over speed, positive to the
+/// left.
 struct Reference {
   double x_m = 0.0;
   double y_m = 0.0;
@@ -21,15 +21,15 @@ struct Reference {
   friend bool operator==(const Reference&, const Reference&) = default;
 };
 
-/// References at even times.
+/// References at equal time intervals.
 struct Path {
   double start_s = 0.0;
   double step_s = 0.1;
   std::vector<Reference> points = {};
 
-  /// Between the points, and standing at the last one after it. @pre  There are points.
+  /// Interpolated between the points; at rest at the last one after it. @pre  There are points.
   [[nodiscard]] Reference at(double time_s) const;
-  /// That point of the line through the points which is nearest to a place.
+  /// The nearest point to a position on the line through the points.
   [[nodiscard]] Reference nearest(double x_m, double y_m) const;
 
   friend bool operator==(const Path&, const Path&) = default;
@@ -52,8 +52,8 @@ struct Actuation {
   friend bool operator==(const Actuation&, const Actuation&) = default;
 };
 
-/// How far the vehicle is from what it follows: it is to the left, turned to the left, too fast,
-/// too far by so much.
+/// The deviation of the vehicle from its reference. Positive: to the left, turned to the left, too
+/// fast, too far ahead.
 struct TrackingError {
   double lateral_m = 0.0;
   double heading_rad = 0.0;
@@ -69,27 +69,26 @@ struct TrackerConfig {
   double acceleration_min_mps2 = -8.0;
   double acceleration_max_mps2 = 4.0;
   double jerk_max_mps3 = 40.0;
-  /// A command shows so much later: dead time, and the time constant of what follows it.
+  /// The delay of commands: dead time, and the time constant of the first-order lag after it.
   double steering_delay_s = 0.1;
   double acceleration_delay_s = 0.1;
   double acceleration_lag_s = 0.0;
-  /// Lateral errors fade within this length: the larger of a length and a time at the present
+  /// Lateral errors decay within this length: the larger of a length and a time at the present
   /// speed.
   double lateral_length_m = 4.0;
   double lateral_time_s = 0.7;
   double lateral_damping = 0.9;
   double position_gain_per_s2 = 0.8;
   double speed_gain_per_s = 1.6;
-  /// How fast a lasting error is made good, in proportion to what makes the loop unstable; 0: it
-  /// stays.
+  /// Gain of the integral action, relative to the gain that makes the loop unstable; 0: none.
   double lateral_integral = 0.0;
   double along_integral = 0.0;
-  /// And how much it may make good at most: of the curvature, of the acceleration.
+  /// The limits of its output: of the curvature, of the acceleration.
   double lateral_integral_max_per_m = 0.02;
   double along_integral_max_mps2 = 1.0;
 };
 
-/// Follows a path in time; see README.md for the law.
+/// Follows a path in time; README.md describes the control law.
 ///
 /// @threads  Confined.
 class Tracker {
@@ -98,31 +97,31 @@ class Tracker {
     double time_s = 0.0;
     Actuation command = {};
   };
-  /// All that the next command depends on, besides what it is given.
+  /// The controller's state: all that determines the next command besides its inputs.
   struct Memory {
     std::deque<Past> past = {};  ///< Commands of the last second, oldest first.
     TrackingError error = {};
-    double curvature_per_m = 0.0;    ///< Added to the reference's for a lasting error.
+    double curvature_per_m = 0.0;    ///< Integral term, added to the reference's.
     double acceleration_mps2 = 0.0;  ///< The same.
   };
 
   explicit Tracker(const TrackerConfig& config) : config_(config) {}
 
-  /// The command for `now_s`, so that the vehicle, which was at `motion` at `motion_s`, follows
+  /// The command for `now_s` with which the vehicle, which was at `motion` at `motion_s`, follows
   /// `path` in time. Times must not decrease.
   Actuation follow(const Path& path, const Motion& motion, double motion_s, double now_s);
-  /// The command that keeps to the path's line and slows down to a stop.
+  /// The command that follows the path's line and decelerates to a stop.
   Actuation brake(const Path& path, const Motion& motion, double motion_s, double now_s,
                   double deceleration_mps2);
-  /// The command that holds the vehicle where it is.
+  /// The command that keeps the vehicle at rest.
   Actuation hold(double now_s);
-  /// What the vehicle really does is unknown from now on: a driver drives.
+  /// Resets the state, because a driver has taken control and the vehicle's commands are unknown.
   void forget();
 
   [[nodiscard]] const TrackingError& error() const { return memory_.error; }
 
   [[nodiscard]] const Memory& memory() const { return memory_; }
-  /// Goes on where the one was that remembered this.
+  /// Restores a saved state.
   void set_memory(Memory memory) { memory_ = std::move(memory); }
 
  private:

@@ -84,7 +84,7 @@ void DeviceFakes::start() {
   if (::grantpt(line_.get()) < 0 || ::unlockpt(line_.get()) < 0) {
     throw_errno("unlockpt");
   }
-  ::unlink(gnss_line_.get().c_str());  // What an earlier run has left.
+  ::unlink(gnss_line_.get().c_str());  // Left by an earlier run.
   std::filesystem::create_symlink(::ptsname(line_.get()), gnss_line_.get());
   map_.emplace(origin_);
 

@@ -21,12 +21,12 @@
 
 namespace ads {
 
-/// Plays the devices of a vehicle: what simulated sensors measure goes out as a real device would
-/// send it, and the vehicle's end of a fake CAN bus is joined to the simulated vehicle.
+/// Emulates the devices of a vehicle: sends the measurements of simulated sensors in the format of
+/// real devices, and connects the vehicle's end of a fake CAN bus to the simulated vehicle.
 ///
 /// In:   `fake/lidar/points`, as UDP packets; `fake/gnss/position`, as NMEA on a pseudo terminal;
 ///       `fake/can/state`, as frames
-/// Out:  `fake/can/command`, frames that the ADS has sent
+/// Out:  `fake/can/command`, frames sent by the ADS
 class DeviceFakes final : public DeviceComponent {
  public:
   explicit DeviceFakes(fastcycle::Context& context);

@@ -5,7 +5,7 @@
 
 namespace ads {
 
-/// An open file descriptor, which is closed with it.
+/// Owns an open file descriptor.
 ///
 /// @threads  Compatible.
 class Descriptor {
@@ -29,7 +29,7 @@ class Descriptor {
   int number_ = -1;
 };
 
-/// Throws `std::system_error` with `errno`, and `what` in front of its text.
+/// Throws `std::system_error` with `errno` and the prefix `what`.
 [[noreturn]] void throw_errno(const std::string& what);
 
 /// `number` as a descriptor.

@@ -31,7 +31,7 @@ class StopEvent {
           [[maybe_unused]] const auto written = ::write(event_.get(), &one, sizeof one);
         }) {}
 
-  // Waits for `descriptor` (-1: for nothing), at most until `limit`; what `poll` says of it.
+  // Waits for `descriptor` (-1: none), at most until `limit`; returns the events of `poll`.
   [[nodiscard]] short wait(int descriptor, std::optional<Clock::time_point> limit) const {
     pollfd waited[] = {{.fd = event_.get(), .events = POLLIN, .revents = 0},
                        {.fd = descriptor, .events = POLLIN, .revents = 0}};

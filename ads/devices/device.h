@@ -10,7 +10,7 @@ namespace ads {
 
 /// A device that a thread reads from: a socket, a serial line, a camera.
 ///
-/// @threads  Confined to the thread that serves it, unless an implementation says else.
+/// @threads  Confined to the thread that serves it, unless an implementation states otherwise.
 class Device {
  public:
   Device() = default;
@@ -18,7 +18,7 @@ class Device {
   Device& operator=(const Device&) = delete;
   virtual ~Device() = default;
 
-  /// For people: "UDP 0.0.0.0:2368".
+  /// For display: "UDP 0.0.0.0:2368".
   [[nodiscard]] virtual std::string name() const = 0;
 
   /// Opens the device and returns a descriptor that `poll` can wait for. The device owns it.
@@ -26,7 +26,7 @@ class Device {
   /// @errors  Throws `std::system_error` if that is not possible now.
   virtual int open() = 0;
 
-  /// Takes what is there, without waiting. Returns whether something usable was among it.
+  /// Reads the available data without waiting. Returns whether something usable was among it.
   ///
   /// @errors  Throws `std::system_error` if the device is lost.
   virtual bool read() = 0;
@@ -35,23 +35,23 @@ class Device {
   virtual void close() noexcept = 0;
 };
 
-/// When a device is tried again, and when it counts as silent.
+/// When a device is reopened, and when it counts as silent.
 struct DeviceConfig {
-  double retry_first_s = 0.1;  ///< After the first loss; twice as long after each that follows,
+  double retry_first_s = 0.1;  ///< After the first loss; doubled after each further one,
   double retry_max_s = 5.0;    ///< but never longer.
-  double silence_s = 1.0;      ///< Without anything usable for longer it is reported.
+  double silence_s = 1.0;      ///< Time without usable data after which it is reported.
 };
 
 /// Declares the params `retry_first_s`, `retry_max_s` and `silence_s`.
 DeviceConfig read_device_config(fastcycle::Context& context, double silence_s);
 
-/// What is wrong with a device: written by the thread that serves it, read by its component.
+/// The current fault of a device: written by the thread that serves it, read by its component.
 ///
 /// @threads  Safe.
 class DeviceTrouble {
  public:
   void set(std::string text);
-  /// Empty if all is well.
+  /// Empty if there is no fault.
   [[nodiscard]] std::string get() const;
 
  private:
@@ -59,14 +59,14 @@ class DeviceTrouble {
   std::string text_;
 };
 
-/// Opens `device`, waits for it and reads it until `stop` asks for the end, which wakes it at once.
+/// Opens `device`, waits for it and reads it until `stop` is requested, which wakes it immediately.
 ///
-/// A device that cannot be opened, or is lost, is closed and tried again, each time after a longer
-/// wait; the first usable reading resets that. `trouble` says what is wrong, and is empty again as
-/// soon as something usable has been read.
+/// A device that cannot be opened, or is lost, is closed and reopened with increasing delays; the
+/// first usable reading resets the delay. `trouble` contains the fault, and is cleared as soon as
+/// something usable has been read.
 ///
 /// @threads  Blocks the calling thread.
-/// @errors   Throws what the device throws, except `std::system_error`: that is a loss.
+/// @errors   Throws what the device throws, except `std::system_error`, which counts as a loss.
 void serve_device(Device& device, const DeviceConfig& config, DeviceTrouble& trouble,
                   const std::stop_token& stop);
 

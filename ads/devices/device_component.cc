@@ -8,7 +8,7 @@ namespace {
 
 using std::chrono_literals::operator""ms;
 
-// How often the component looks what its thread says of the device.
+// How often the component checks its thread's reports on the device.
 constexpr fastcycle::Duration kLook = 100ms;
 
 }  // namespace

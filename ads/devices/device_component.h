@@ -10,24 +10,24 @@
 
 namespace ads {
 
-/// A component with a thread that reads from a device. Its health says whether the device is there;
-/// each change is a line of the log.
+/// A component with a thread that reads from a device. Its health reports faults of the device;
+/// each change is logged.
 ///
-/// @threads  As a component; what `device` does is confined to the thread.
+/// @threads  As a component; calls to `device` are confined to the thread.
 class DeviceComponent : public fastcycle::Component {
  protected:
   /// Declares the params of `read_device_config`.
   DeviceComponent(fastcycle::Context& context, double silence_s);
 
-  /// Called in the constructor: from `start` on `device` is served by a thread of that name.
-  /// `device` is asked for when the thread begins.
+  /// Call in the constructor: from `start` on a thread named `name` serves `device`, which is
+  /// called when the thread begins.
   void create_device_thread(fastcycle::Context& context, const std::string& name,
                             std::function<Device&()> device);
 
-  /// In an activation: what else is wrong, while the device itself is well; empty if nothing is.
+  /// Call in an activation: reports a fault other than the device's own; empty if there is none.
   void tell(std::string text) { other_trouble_ = std::move(text); }
 
-  /// As the thread tells it.
+  /// The device's fault as reported by the thread.
   [[nodiscard]] DeviceTrouble& trouble() { return trouble_; }
 
  private:

@@ -17,7 +17,7 @@ namespace ads {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
-// Scenes that are farther apart are not joined: the lidar begins anew.
+// Scenes that are farther apart are not joined: the lidar starts again.
 constexpr std::int64_t kGapMax_ns = kSecond_ns / 5;
 
 fastcycle::Param<double> number(fastcycle::Context& context, std::string_view name, double fallback,
@@ -199,7 +199,7 @@ void Drivers::start() {
 }
 
 Drivers::ErrorSizes Drivers::draw_sizes(double share, std::uint64_t seed) {
-  // A generator of its own: the errors themselves are the same numbers for any share.
+  // A separate generator, so that the errors themselves are the same numbers for any share.
   std::mt19937_64 random(seed);
   const auto size = [&] { return std::exp2(share * (2.0 * even(random) - 1.0)); };
   ErrorSizes sizes;
@@ -258,7 +258,7 @@ void Drivers::turn_lidar(const world::Scene& after) {
 void Drivers::begin_turn(std::int64_t time_ns) {
   turn_begin_ns_ = time_ns;
   next_column_ = 0;
-  // Every byte of the points is written in each turn: they are neither cleared nor allocated anew.
+  // Every byte of the points is written in each turn: they need no clearing, and no new memory.
   sweep_.emplace(sweeps_.loan_uncleared());
   lidar::Sweep& sweep = **sweep_;
   sweep.mutable_header()->set_taken_ns(time_ns);

@@ -15,10 +15,10 @@
 
 namespace ads {
 
-/// What goes wrong with the lidar.
+/// Fault modes of the lidar.
 enum class LidarFault : std::uint8_t { kNone, kNan, kEmpty };
 
-/// The sensors of the vehicle: makes of the true scene what they would measure of it.
+/// The simulated sensors of the vehicle: computes their measurements of the true scene.
 ///
 /// In:   `world/scene`
 /// Out:  `lidar/points`, `gnss/position`, `imu/motion`
@@ -44,7 +44,7 @@ class Drivers final : public fastcycle::Component {
     fastcycle::Param<double> yaw_rate_bias_radps;
     fastcycle::Param<double> bias_time_s;
   };
-  // How much larger errors are than the params say.
+  // Factors on the errors of the params.
   struct ErrorSizes {
     double gnss_noise = 1.0;
     double gnss_bias = 1.0;
@@ -87,7 +87,7 @@ class Drivers final : public fastcycle::Component {
   ErrorSizes sizes_;
 
   fastcycle::Sample<world::Scene> before_;
-  std::optional<fastcycle::Loan<lidar::Sweep>> sweep_;  // Of the turn that is not yet over.
+  std::optional<fastcycle::Loan<lidar::Sweep>> sweep_;  // Of the current turn.
   std::int64_t turn_begin_ns_ = 0;
   int next_column_ = 0;
   std::int64_t next_position_ns_ = 0;

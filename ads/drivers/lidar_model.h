@@ -15,7 +15,7 @@
 
 namespace ads {
 
-/// A spinning lidar on the roof. The vehicle's own body is not hit.
+/// A spinning lidar on the roof. Beams do not hit the vehicle's own body.
 struct LidarConfig {
   int columns = 1800;
   int rings = 64;
@@ -29,13 +29,13 @@ struct LidarConfig {
   std::int64_t turn_ns = 100'000'000;
   double range_max_m = 120.0;
   double range_stddev_m = 0.02;
-  /// Share of the beams that give no echo, whatever they meet.
+  /// Fraction of beams that give no echo.
   double beam_dropout = 0.01;
   double mount_forward_m = 0.0;
   double mount_height_m = 1.8;
 };
 
-/// One point of `lidar.Sweep`, as its bytes lie there.
+/// Memory layout of one point of `lidar.Sweep`.
 struct SweepPoint {
   float x_m = 0.0F;
   float y_m = 0.0F;
@@ -46,10 +46,10 @@ struct SweepPoint {
 };
 static_assert(sizeof(SweepPoint) == 16);
 
-/// What a lidar sees of a scene: each beam meets the ground or the nearest body, at the time of its
-/// column. Ground and bodies are simple enough to be met in closed form: in the vertical plane of a
-/// column, a body is a rectangle between the two places where the column enters and leaves its
-/// outline (slabs: Kay and Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986).
+/// The lidar's view of a scene: each beam is intersected with the ground or the nearest body, at
+/// the time of its column. The intersections with ground and bodies have closed forms: in the
+/// vertical plane of a column, a body is a rectangle between the two points where the column enters
+/// and leaves its outline (slabs: Kay and Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986).
 ///
 /// @threads  Confined.
 /// @realtime Allocates while the number of bodies grows.
@@ -59,19 +59,18 @@ class LidarModel {
 
   [[nodiscard]] const LidarConfig& config() const { return config_; }
   [[nodiscard]] std::size_t sweep_bytes() const;
-  /// When the column is measured, counted from the begin of the turn.
+  /// The time of the column, from the begin of the turn.
   [[nodiscard]] std::int64_t column_ns(int column) const;
 
-  /// Casts the columns from `first` until before `last` of the turn that began at `turn_begin_ns`
-  /// into their places in `points`. Between both scenes everything moves evenly, and beyond them it
-  /// stands still.
+  /// Casts the columns [`first`, `last`) of the turn that began at `turn_begin_ns` into their
+  /// places in `points`. Bodies move linearly between the scenes, and stand still before and after.
   ///
   /// @pre  `points` has `sweep_bytes()`.
   void cast(const world::Scene& before, const world::Scene& after, std::int64_t turn_begin_ns,
             int first, int last, std::span<char> points);
 
  private:
-  // From the first scene to the second: the place at `share` of it is begin + share * change.
+  // From the first scene to the second: the position at `share` of it is begin + share * change.
   struct Moving {
     Eigen::Vector2d begin_m;
     Eigen::Vector2d change_m;
@@ -112,7 +111,7 @@ class LidarModel {
   std::vector<Crossing> crossings_;
 };
 
-/// Makes every coordinate of a sweep's points not a number.
+/// Sets all coordinates of a sweep's points to NaN.
 void spoil(std::string& points);
 
 }  // namespace ads

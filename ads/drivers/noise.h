@@ -6,15 +6,15 @@
 
 namespace ads {
 
-/// Normally distributed numbers at the price of a look into a table: quantiles of the standard
-/// normal distribution, in the middle of 4096 equal parts. None is beyond 3.7.
+/// Normally distributed numbers by table lookup: quantiles of the standard normal distribution at
+/// the centres of 4096 equal parts. None is beyond 3.7.
 ///
 /// @threads  Compatible.
 class NormalTable {
  public:
   NormalTable();
 
-  /// The number for 12 random bits; higher ones do not count.
+  /// The number for the low 12 bits; higher ones are ignored.
   [[nodiscard]] float operator()(std::uint64_t bits) const { return quantiles_[bits % kSize]; }
 
  private:

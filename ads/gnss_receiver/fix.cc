@@ -106,7 +106,7 @@ Clock clock_of(const GnssFix& fix) {
 }
 
 std::string angle_text(double degrees, int digits, char positive, char negative) {
-  // Rounded before degrees and minutes are told apart: there are no 60 minutes.
+  // Rounded before the split into degrees and minutes, so that there are no 60 minutes.
   const auto units = std::llround(std::abs(degrees) * 60e7);
   const auto whole = units / 600'000'000;
   const double minutes = static_cast<double>(units % 600'000'000) * 1e-7;

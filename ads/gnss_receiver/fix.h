@@ -10,29 +10,29 @@
 
 namespace ads {
 
-/// A position as a receiver tells it.
+/// A position as reported by a receiver.
 struct GnssFix {
   GeodeticPosition position;
   double stddev_m = 0.0;                ///< Of each axis in the plane, one sigma.
   std::optional<double> second_of_day;  ///< UTC, for which it holds.
 };
 
-/// Makes fixes of sentences of NMEA and messages of UBX. The best source that has come gives them:
-/// NAV-PVT, else GGA, else RMC.
+/// Decodes fixes from NMEA sentences and UBX messages. Only the best source received so far is
+/// used: NAV-PVT, else GGA, else RMC.
 ///
 /// @threads  Confined.
 class FixReader {
  public:
-  /// @param  range_error_m  what a sentence without an accuracy is taken for, times its HDOP
+  /// @param  range_error_m  the error assumed for a sentence without an accuracy, times its HDOP
   explicit FixReader(double range_error_m) : range_error_m_(range_error_m) {}
 
-  /// Of "GPGGA,…", "GNRMC,…", "GNGST,…" of any talker; nothing if that is no fix that counts.
+  /// Decodes "GPGGA,…", "GNRMC,…", "GNGST,…" of any talker; none if it contains no usable fix.
   std::optional<GnssFix> take_sentence(std::string_view body);
-  /// Of NAV-PVT (u-blox 8 receiver description, UBX-13003221, UBX-NAV-PVT).
+  /// Decodes NAV-PVT (u-blox 8 receiver description, UBX-13003221, UBX-NAV-PVT).
   std::optional<GnssFix> take_frame(std::uint8_t message_class, std::uint8_t message,
                                     std::span<const std::uint8_t> content);
 
-  /// Messages that could not be read, or said that there is no fix.
+  /// The numbers of messages that could not be decoded, and of those that reported no fix.
   [[nodiscard]] std::int64_t malformed() const { return malformed_; }
   [[nodiscard]] std::int64_t without_fix() const { return without_fix_; }
 
@@ -50,7 +50,7 @@ class FixReader {
   std::int64_t without_fix_ = 0;
 };
 
-/// GGA and GST of a fix, as a receiver sends them.
+/// GGA and GST of a fix, in the format of a receiver.
 std::string encode_nmea(const GnssFix& fix);
 /// NAV-PVT of a fix.
 std::string encode_nav_pvt(const GnssFix& fix);

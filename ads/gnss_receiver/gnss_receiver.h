@@ -18,10 +18,10 @@
 
 namespace ads {
 
-/// Publishes the positions of a receiver of satellites that is on a serial line and speaks NMEA
-/// 0183 or UBX, in the plane of the map.
+/// Publishes the positions of a satellite receiver on a serial line with NMEA 0183 or UBX, in the
+/// plane of the map.
 ///
-/// In:   `localization/ego`, for where the antenna is to the vehicle's centre
+/// In:   `localization/ego`, for the antenna's position relative to the vehicle's centre
 /// Out:  `gnss/position`, one for each fix
 class GnssReceiver final : public DeviceComponent {
  public:

@@ -19,15 +19,15 @@ struct SerialConfig {
   int stop_bits = 1;
 };
 
-/// Whether termios knows this speed.
+/// Whether termios supports this speed.
 bool is_baud(int baud);
 
-/// A serial line, raw, with 8 bits.
+/// A serial line in raw mode with 8 data bits.
 ///
 /// @threads  Confined to the thread that serves it.
 class SerialDevice final : public Device {
  public:
-  /// Called with what has come; returns whether something in it is usable.
+  /// Called with received bytes; returns whether something in them is usable.
   using Sink = std::function<bool(std::string_view)>;
 
   SerialDevice(const SerialConfig& config, Sink sink) : config_(config), sink_(std::move(sink)) {}

@@ -118,7 +118,7 @@ std::size_t StreamParser::take_frame(std::string_view rest) {
   }
   const auto [a, b] = frame_checksum(rest.substr(2, kFrameHeader - 2 + size));
   if (a != byte_at(rest, kFrameHeader + size) || b != byte_at(rest, kFrameHeader + size + 1)) {
-    // Its length may be what is wrong: what follows is looked at.
+    // Its length may be the damaged part: parsing continues within it.
     ++counts_.wrong_checksums;
     return leave_out(1);
   }

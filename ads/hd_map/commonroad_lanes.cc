@@ -31,7 +31,7 @@ LaneKind kind_of(const Lanelet& lanelet) {
       {"parking", LaneKind::kOther},     {"restrictedArea", LaneKind::kOther},
       {"border", LaneKind::kOther},
   };
-  // Of several types the one that says most: they are in the order of the enumeration.
+  // Of several types the most specific one: they are in the order of the enumeration.
   LaneKind kind = LaneKind::kRoad;
   for (const std::string& type : lanelet.types) {
     const auto found = kKinds.find(type);
@@ -155,7 +155,7 @@ std::vector<MapLane> lanes_of(const Scenario& scenario) {
   for (const auto& [id, lanelet] : scenario.lanelets) {
     lanes.emplace(id, lane_of(lanelet, scenario));
   }
-  // Where lanes join outside of an intersection, the signs of each say who waits.
+  // Where lanes join outside of an intersection, their signs determine which one waits.
   for (auto& [id, lane] : lanes) {
     lane.priority = priority_of(scenario.lanelets.at(id), scenario);
   }

@@ -14,7 +14,7 @@
 namespace ads {
 namespace {
 
-// A larger tile is a mistake.
+// Requests for a larger tile are errors.
 constexpr double kRadiusMax_m = 10'000.0;
 
 std::int64_t nanoseconds_of(fastcycle::Time time) {

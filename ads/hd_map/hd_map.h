@@ -14,7 +14,7 @@
 
 namespace ads {
 
-/// Knows the lanes: sends those around the vehicle, and the way to the mission's goal.
+/// Serves the map: the lanes around the vehicle, and the route to the mission's goal.
 ///
 /// In:   `localization/ego`, `mission/initial_pose`, `mission/goal`
 /// Out:  `map/tile`, when the vehicle has moved; `map/route`, for each goal

@@ -15,7 +15,7 @@ namespace {
 
 // A lane that changes its direction by more is a turn.
 constexpr double kTurn_rad = 0.6;
-// Who comes from farther round than this comes from ahead.
+// A lane that differs by more than this in heading comes from ahead.
 constexpr double kOncoming_rad = 2.2;
 // Ends of lanes touch those of others; what lies between counts.
 constexpr double kEnds_m = 1.0;
@@ -220,8 +220,8 @@ void LaneGraph::check_references() const {
   }
 }
 
-// Of each two lanes whose bounds touch each other, whether they conflict. The lanes are gone
-// through from west to east.
+// Determines for each two lanes with overlapping bounds whether they conflict, in a sweep from west
+// to east.
 void LaneGraph::find_conflicts(std::int64_t work_max) {
   std::vector<Node*> lanes;
   for (auto& [id, node] : nodes_) {

@@ -41,7 +41,7 @@ bool is_one_of(const auto& words, std::string_view word) {
   return std::ranges::find(words, word) != words.end();
 }
 
-// Into which direction a line may be crossed, as one looks along it.
+// The directions in which a line may be crossed, seen along it.
 struct Crossing {
   bool to_left = true;
   bool to_right = true;
@@ -149,7 +149,7 @@ std::optional<double> speed_mps(std::string_view text) {
   return unit == "m/s" || unit == "mps" ? std::optional(value) : std::nullopt;
 }
 
-// What a German sign for a speed limit says: "de274-60"; "de274_1" begins a zone of 30 km/h.
+// The limit of a German speed limit sign: "de274-60"; "de274_1" begins a zone of 30 km/h.
 std::optional<double> speed_of_sign_mps(std::string_view sign) {
   if (!sign.starts_with("de274")) {
     return std::nullopt;
@@ -186,7 +186,7 @@ double speed_limit_mps(const OsmRelation& lanelet) {
   return *speed;
 }
 
-// Whether cars may drive there: who takes part says so, where it is said, else the subtype.
+// Whether cars may drive there: given by the participants, if any, else by the subtype.
 bool is_for_cars(const Tags& tags) {
   constexpr std::array<std::string_view, 4> kForCars{"road", "highway", "play_street", "exit"};
   constexpr std::string_view kParticipant = "participant:";
@@ -354,7 +354,7 @@ class Reader {
     const OsmRelation& relation = osm_.relations().at(id);
     Polyline left_line = line_of(osm_, frame, left, relation.element);
     Polyline right_line = line_of(osm_, frame, right, relation.element);
-    // Ways may run either way; what is left and right says where the lane leads.
+    // Ways may have either direction; their roles as left and right determine that of the lane.
     const bool is_left_reversed =
         left_line.project(right_line.point_at(right_line.length_m() / 2.0)).offset_m > 0.0;
     const bool is_right_reversed =

@@ -9,18 +9,18 @@
 
 namespace ads {
 
-/// The lanes of a map file of any format that is known.
+/// The lanes of a map file of any supported format.
 struct MapFile {
   LaneGraph graph;
-  /// Where on Earth the map's (0, 0) is, if the file says it; x is east and y is north there.
+  /// The position on Earth of the map's (0, 0), if the file has it; x is east and y north there.
   std::optional<GeodeticPosition> origin = {};
 };
 
-/// Reads a map: CommonRoad, Lanelet2 or OpenDRIVE, as its root element says.
+/// Reads a map: CommonRoad, Lanelet2 or OpenDRIVE, by its root element.
 ///
 /// @errors  Throws `std::runtime_error` with file, place, what was expected and what was found.
 MapFile read_map(const std::filesystem::path& file);
-/// Reads the `text` of a file; `name` stands in the messages of what is thrown.
+/// Reads the `text` of a file; `name` is used in error messages.
 MapFile parse_map(std::string_view text, std::string_view name, const MapLimits& limits = {});
 
 }  // namespace ads

@@ -284,7 +284,7 @@ Road read_road(const XmlElement& element, double longest_m) {
   return road;
 }
 
-// The places of a section at which its bounds are told.
+// The positions of a section at which its bounds are sampled.
 std::vector<double> places_of(const Road& road, const Section& section) {
   const double length_m = section.end_m - section.begin_m;
   const auto steps = static_cast<std::size_t>(std::ceil(length_m / kStep_m));
@@ -453,8 +453,8 @@ class Reader {
     return found;
   }
 
-  // The lane to the left, as one looks along s, or to the right. The line between is the mark of
-  // the one that is nearer to the middle, or of the middle.
+  // The lane to the left, seen along s, or to the right. The line between them is the mark of the
+  // one nearer to the middle, or of the middle.
   static std::optional<LaneBeside> beside(const Section& section, const Lane& lane, bool is_left) {
     const int step = is_left ? 1 : -1;
     const int next = lane.number + step == 0 ? step : lane.number + step;
@@ -489,7 +489,7 @@ class Reader {
     }
   }
 
-  // Where the road leads to another one, its lanes say to which of its lanes.
+  // Where the road leads to another one, its lanes contain the links to that road's lanes.
   void link_end(const Road& from, End end) {
     const auto& link = from.link_at(end);
     if (!link || link->is_junction) {

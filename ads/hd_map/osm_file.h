@@ -11,14 +11,14 @@
 
 namespace ads {
 
-/// What an element of OpenStreetMap says of itself. The text belongs to the file.
+/// The tags of an element of OpenStreetMap. The text belongs to the file.
 using Tags = std::map<std::string_view, std::string_view>;
 
 Tags tags_of(const XmlElement& element);
 /// Empty if there is no such tag.
 std::string_view tag_of(const Tags& tags, std::string_view key);
 
-/// A line through nodes.
+/// A polyline through nodes.
 ///
 /// @threads  Compatible.
 struct OsmWay {
@@ -26,7 +26,7 @@ struct OsmWay {
   std::vector<std::int64_t> nodes = {};
 };
 
-/// Elements that belong together, each in a role.
+/// A group of elements, each with a role.
 ///
 /// @threads  Compatible.
 struct OsmRelation {
@@ -41,14 +41,12 @@ struct OsmRelation {
   std::vector<Member> members = {};
 };
 
-/// A file of OpenStreetMap, version 0.6: what is in it, by its number, without what an editor has
-/// marked as deleted. The XML outlives it.
+/// The elements of an OpenStreetMap file, version 0.6, by id, without those marked as deleted by an
+/// editor. The XML must outlive it.
 ///
 /// @threads  Compatible.
-/// @errors   Throws `std::runtime_error` that names file, line, expected and found: of what the
-/// file
-///           does not say rightly, when it is made; of an element that there is not, when `user`
-///           asks for it.
+/// @errors   Throws `std::runtime_error` with file, line, expected and found: on construction if
+///           the file is invalid; on access if the element that `user` references is missing.
 class OsmFile {
  public:
   explicit OsmFile(const XmlElement& root);

@@ -14,9 +14,9 @@ namespace ads {
 namespace {
 
 constexpr double kSpiralStep_m = 0.5;
-// What turns in less than this is no road.
+// A road with a larger curvature is an error.
 constexpr double kCurvatureMax_per_m = 10.0;
-// What programs that write files leave between one geometry and the next.
+// Gaps that programs leave between one geometry and the next.
 constexpr double kGap_m = 0.1;
 
 Eigen::Vector2d turned(const Eigen::Vector2d& vector, double angle_rad) {

@@ -10,7 +10,7 @@
 
 namespace ads {
 
-/// a + b ds + c ds² + d ds³, from a place of a road on.
+/// a + b ds + c ds² + d ds³, from a position on a road.
 struct Cubic {
   double s_m = 0.0;
   double a = 0.0;
@@ -22,11 +22,11 @@ struct Cubic {
   [[nodiscard]] double slope_at(double ds) const { return b + ds * (2.0 * c + ds * 3.0 * d); }
 };
 
-/// The value at `s_m` of cubics in the order of their places: that of the last one that begins
+/// The value at `s_m` of cubics in the order of their positions: that of the last one that begins
 /// before; 0 before the first.
 double value_at(const std::vector<Cubic>& cubics, double s_m);
 
-/// The reference line of a road of OpenDRIVE, made of lines, arcs, spirals and parametric cubics.
+/// The reference line of an OpenDRIVE road, composed of lines, arcs, spirals and parametric cubics.
 ///
 /// @threads  Compatible.
 class PlanView {
@@ -38,13 +38,13 @@ class PlanView {
 
   /// Reads <planView>.
   ///
-  /// @errors  Throws `std::runtime_error` that says where, what was expected and what was found: no
-  ///          geometry, one that does not begin where the one before it ends, one of another kind,
-  ///          or more than `longest_m` together.
+  /// @errors  Throws `std::runtime_error` with place, expected and found: if there is no geometry,
+  ///          one does not begin where its predecessor ends or is of an unsupported kind, or the
+  ///          total length exceeds `longest_m`.
   PlanView(const XmlElement& element, double longest_m);
 
   [[nodiscard]] double length_m() const;
-  /// `s_m` is from 0 to the length; beyond, the last geometry goes on.
+  /// `s_m` is from 0 to the length; beyond, the last geometry is continued.
   [[nodiscard]] Pose at(double s_m) const;
   /// Where its geometries begin.
   [[nodiscard]] std::vector<double> begins_m() const;
@@ -63,7 +63,7 @@ class PlanView {
     [[nodiscard]] double heading_at(double ds) const {
       return ds * (curvature + ds * curvature_per_m / 2.0);
     }
-    // The way from one place to another one nearby.
+    // The displacement between two nearby positions.
     [[nodiscard]] Eigen::Vector2d between(double begin, double end) const;
   };
   struct Parametric {

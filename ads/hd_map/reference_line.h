@@ -11,8 +11,8 @@
 namespace ads {
 
 struct ReferenceOptions {
-  double change_length_m = 60.0;  ///< Over so much road the line goes over to another lane.
-  double extension_m = 60.0;      ///< So far it goes beyond start and goal.
+  double change_length_m = 60.0;  ///< The length of a transition to another lane.
+  double extension_m = 60.0;      ///< Its extension beyond start and goal.
   /// The largest standard deviation of the weights that smooth it,
   double smoothing_m = 20.0;
   /// and how far this may shift it.
@@ -29,10 +29,11 @@ struct ReferenceLine {
   std::vector<double> speed_limit_mps = {};
 };
 
-/// Follows the lanes' centres; goes over from one to that beside it by a quintic blend of both;
-/// goes on along the map before the start and behind the goal, and straight where the map ends.
-/// Points are then averaged with Gaussian weights, as wide as the allowed shift lets them be, which
-/// takes the corners out of the map's lines; in a curve of radius R weights of deviation s shift
+/// Follows the lanes' centres; changes to an adjacent lane by a quintic blend of both; continues
+/// along the map before the start and after the goal, and straight beyond the map's end. Points are
+/// then averaged with Gaussian weights, as wide as the permitted shift allows, which smooths the
+/// corners of the map's lines; in a curve of radius R weights of deviation s shift the line inwards
+/// by s²/2R.
 /// the line inwards by s²/2R.
 ReferenceLine reference_line(const LaneGraph& graph, const LanePath& path,
                              const ReferenceOptions& options);

@@ -17,8 +17,8 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // A lane in another direction than this is another way.
 constexpr double kDirection_rad = 1.2;
-// What it costs to stand at a slant on a lane, in metres of way: of lanes that overlap, the one in
-// the vehicle's direction is taken.
+// The cost of a heading oblique to a lane, in metres of way: of overlapping lanes, the one in the
+// vehicle's direction is chosen.
 constexpr double kSlant_m_per_rad = 20.0;
 // A goal may be passed by so much at the start.
 constexpr double kPassed_m = 1.0;

@@ -54,7 +54,7 @@ PoseFilterConfig read_pose_config(fastcycle::Context& context) {
       read("gyro_bias_walk_radps_per_sqrt_s", 1e-4, "rad/s/sqrt(s)", "Its random walk");
   config.gyro_noise_radps =
       read("gyro_noise_radps", 0.0028, "rad/s", "Noise of one measurement of the gyroscope");
-  config.wheel_noise_mps = 0.0;  // The speed is told by its own filter.
+  config.wheel_noise_mps = 0.0;  // The speed is estimated by its own filter.
   config.rear_axle_to_point_m =
       read("rear_axle_to_center_m", 1.29, "m", "From the rear axle to the vehicle's centre");
   return config;
@@ -343,7 +343,7 @@ void Localization::on_vehicle_state(const vehicle::State& state) {
         newest_, steered,
         steering_noise_radps_.get() + steering_noise_share_.get() * std::abs(steered));
   }
-  // Else it is told with the next motion.
+  // Else it is published with the next motion.
   if (std::chrono::duration<double>(newest_ - heard_.motion.value_or(newest_)).count() >
       limits_.input_lost_s) {
     publish();

@@ -18,11 +18,11 @@
 
 namespace ads {
 
-/// Estimates where the ego vehicle is and how it moves; see `PoseFilter` and `SpeedFilter`.
+/// Estimates the pose and motion of the ego vehicle; see `PoseFilter` and `SpeedFilter`.
 ///
 /// In:   `mission/initial_pose`, `gnss/position`, `imu/motion`, `vehicle/state`
 /// Out:  `localization/ego`, with every inertial measurement
-/// Keeps: `filter`, all that it remembers
+/// Keeps: `filter`, its complete state
 class Localization final : public fastcycle::Component {
  public:
   explicit Localization(fastcycle::Context& context);
@@ -31,15 +31,14 @@ class Localization final : public fastcycle::Component {
  private:
   using Time = std::chrono::nanoseconds;
 
-  // When something was last heard of.
+  // When each input was last received.
   struct Heard {
     std::optional<Time> motion;
     std::optional<Time> vehicle_state;
     std::optional<Time> good_fix;
   };
 
-  // Times that the filters reckon with: since the first message, so that they are small. None goes
-  // back.
+  // The filters' times: since the first message, so that they are small. They never decrease.
   template <typename Measurement>
   Time time_of(const Measurement& message);
 

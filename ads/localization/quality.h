@@ -7,7 +7,7 @@
 
 namespace ads {
 
-/// From when on an estimate is uncertain, and lost.
+/// The limits beyond which an estimate is uncertain, and lost.
 struct QualityLimits {
   double fix_uncertain_s = 1.0;
   double fix_lost_s = 10.0;
@@ -20,22 +20,22 @@ struct QualityLimits {
   double input_lost_s = 0.3;
 };
 
-/// What the quality is judged by.
+/// The inputs of the quality assessment.
 struct QualityFacts {
-  double since_fix_s = 0.0;  ///< Since the last fix that was accepted, or the begin.
+  double since_fix_s = 0.0;  ///< Since the last accepted fix, or the start.
   double position_stddev_m = 0.0;
   double heading_stddev_rad = 0.0;
-  std::size_t rejected = 0;  ///< Fixes in a row.
+  std::size_t rejected = 0;  ///< Consecutive rejected fixes.
   double since_vehicle_state_s = 0.0;
   double since_motion_s = 0.0;
 };
 
 struct Judgement {
   localization::Quality quality = localization::GOOD;
-  std::string reason;  ///< Empty if it is good.
+  std::string reason;  ///< Empty if the quality is good.
 };
 
-/// The worst that the facts say, and the first reason for it.
+/// The worst quality that any fact implies, and the first reason for it.
 [[nodiscard]] Judgement judge(const QualityLimits& limits, const QualityFacts& facts);
 
 }  // namespace ads

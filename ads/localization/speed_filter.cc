@@ -38,7 +38,7 @@ void SpeedFilter::advance_to(std::chrono::nanoseconds time) {
     return;
   }
   if (passed_s > kLongestGap_s) {
-    // What the acceleration was says nothing any more.
+    // The old acceleration is meaningless.
     memory_.state[1] = 0.0;
     memory_.covariance(0, 0) = squared(kSpeed_mps);
     memory_.covariance(1, 1) = squared(kAcceleration_mps2);

@@ -12,20 +12,20 @@ struct SpeedFilterConfig {
   double wheel_noise_mps = 0.02;
   double acceleration_noise_mps2 = 0.67;
   double acceleration_bias_mps2 = 0.1;
-  /// How fast the acceleration changes.
+  /// The random walk of the acceleration.
   double jerk_mps3_per_sqrt_hz = 2.0;
 };
 
 /// Estimates speed and acceleration along the heading from wheel speeds and an accelerometer: a
-/// linear Kalman filter of speed [m/s], acceleration, which walks at random, and the
-/// accelerometer's offset [m/s^2].
+/// linear Kalman filter of speed [m/s], acceleration, as a random walk, and the accelerometer's
+/// offset [m/s^2].
 ///
 /// Times of successive calls must not decrease; an earlier one counts as the last.
 ///
 /// @threads  Confined.
 class SpeedFilter {
  public:
-  /// All that it knows of what it was told.
+  /// The complete state of the filter.
   struct Memory {
     std::optional<std::chrono::nanoseconds> time;
     Eigen::Vector3d state = Eigen::Vector3d::Zero();
@@ -35,7 +35,7 @@ class SpeedFilter {
   explicit SpeedFilter(const SpeedFilterConfig& config);
 
   [[nodiscard]] const Memory& memory() const { return memory_; }
-  /// Goes on from what another one of the same configuration knew.
+  /// Restores the state of another filter with the same configuration.
   void set_memory(const Memory& memory) { memory_ = memory; }
 
   void on_wheel_speed(std::chrono::nanoseconds time, double mps);

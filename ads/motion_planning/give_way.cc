@@ -12,11 +12,11 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kStep_s = Traffic::kStep_s;
 
-// Braking for a line: so hard at most, and the time that it takes to build up. Who would have to
+// Maximum braking for a line, and the time that it takes to build up. A vehicle that would have to
 // brake harder drives on.
 constexpr double kBrakingMax_mps2 = 3.5;
 constexpr double kBuildUp_s = 0.3;
-// What counts as standing at a line: so slow, and so near before it.
+// The vehicle counts as stopped at a line below this speed, and within this distance.
 constexpr double kStanding_mps = 0.1;
 constexpr double kNear_m = 2.0;
 // The front may be so far over a line that is still to be kept: control is not exact.
@@ -30,14 +30,14 @@ constexpr double kGoing_mps2 = 1.5;
 constexpr double kCrossing_m = 40.0;
 // Room beside both.
 constexpr double kBeside_m = 0.5;
-// Who passes before another one is gone so long before he comes, and so long after he has left
-// passes behind him.
+// A vehicle that passes first must have left this long before the other one arrives; one that
+// passes second arrives at least this long after the other one has left.
 constexpr double kBefore_s = 1.5;
 constexpr double kAfter_s = 0.5;
 // Headings that differ by less lead the same way.
 constexpr double kAligned = 0.85;
 
-// Where the vehicle's centre would be along the road at each step, if nobody else were there.
+// The vehicle's position along the road at each step, without other traffic.
 std::vector<double> free_drive(const Problem& problem, double along_m) {
   const SpeedProfile profile(problem.road, problem.slow_stretches, std::nullopt, problem.start);
   std::vector<double> alongs = {along_m};
@@ -99,7 +99,7 @@ double reached_s(const std::vector<double>& alongs_m, double along_m) {
                                  : kStep_s * static_cast<double>(first - alongs_m.begin());
 }
 
-// Who goes first behind the line, and would be met there.
+// The object with right of way behind the line that the vehicle would meet there.
 std::optional<std::uint64_t> first_to_let_pass(const Problem& problem, const Traffic& traffic,
                                                const std::vector<TrafficObject>& objects,
                                                const std::vector<double>& drive, double line_m) {

@@ -8,35 +8,35 @@
 
 namespace motion_planning {
 
-/// A line of the map across the lane that the road follows, to stop before.
+/// A stop or yield line of the map across the lane that the road follows.
 struct WaitingLine {
   std::int64_t lane = 0;
-  double along_m = 0.0;       ///< Of the road.
-  bool is_stop_sign = false;  ///< To stop at in any case.
+  double along_m = 0.0;       ///< Along the road.
+  bool is_stop_sign = false;  ///< Stop at it in any case.
 
   friend bool operator==(const WaitingLine&, const WaitingLine&) = default;
 };
 
-/// How far before a line the vehicle's front comes to stand.
+/// The distance between the line and the front of the stopped vehicle.
 inline constexpr double kBeforeLine_m = 1.0;
 
-/// The first line before which the vehicle has to stop: where a stop sign asks for it and it has
-/// not stood there yet, and where someone goes first whom it would meet behind the line. A line
-/// before which it can no longer stop, or which it has passed, is none.
+/// The first line before which the vehicle must stop: at a stop sign where it has not stopped yet,
+/// or where it would conflict behind the line with an object that has right of way. A line that it
+/// has passed, or before which it can no longer stop, is ignored.
 ///
-/// Whom it would meet is told by a drive with moderate acceleration, as fast as is allowed. It may
-/// pass before the other one if it is gone 1.5 s before he comes, and after him as soon as he is
-/// gone.
+/// Conflicts are found by predicting the vehicle with moderate acceleration up to the permitted
+/// speed. It may pass before the other object if it has left the conflict area 1.5 s before that
+/// arrives, and after it as soon as it has left.
 ///
-/// `objects` are those of `traffic`; `stood_at_lane` is that of the line at which the vehicle has
-/// stood.
+/// `objects` are those of `traffic`; `stood_at_lane` is the lane of the line at which the vehicle
+/// has stopped.
 std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
                                 const std::vector<TrafficObject>& objects,
                                 const std::vector<WaitingLine>& lines,
                                 const std::optional<std::int64_t>& stood_at_lane);
 
-/// The lane of the line at which the vehicle has stood last, until it has passed it: where it
-/// stands now, else what it was.
+/// The lane of the line at which the vehicle last stopped, until it has passed it: the line at
+/// which it stands now, else `before`.
 std::optional<std::int64_t> stood_at(const Road& road, const Vehicle& vehicle, const State& ego,
                                      const std::vector<WaitingLine>& lines,
                                      const std::optional<std::int64_t>& before);

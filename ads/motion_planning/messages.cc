@@ -112,7 +112,7 @@ void put_on_road(const mission::Goal& goal, const hd_map::Tile& tile, const Road
   known.on_road = std::move(stretch);
 }
 
-// With room on both sides: it says where a lane goes, not how wide the road is.
+// With room on both sides: lanes define where the road leads, not how wide it is.
 Road road_along(const std::vector<const hd_map::Lane*>& lanes) {
   constexpr double kRoom_m = 50.0;
   std::vector<RoadPoint> points;

@@ -11,28 +11,27 @@
 
 namespace motion_planning {
 
-/// From messages to what the planner knows, and back.
+/// Converts messages to the planner's types, and back.
 
-/// The road along the reference of a route, with the lanes that lead in its direction.
+/// The road along the reference of a route, with the lanes in its direction.
 Road road_of(const hd_map::Route& route, const hd_map::Tile* tile);
 
-/// Ways along single lanes: each lane that has no predecessor in the tile, with its successors.
-/// Where lanes part, there is a way for each, up to a bound.
+/// Ways along single lanes: each lane without a predecessor in the tile, with its successors. Where
+/// lanes diverge there is a way for each, up to a bound.
 std::vector<Road> lanes_of(const hd_map::Tile& tile);
 
-/// The stop lines of the route's lanes that the road leads over, in the order in which it does.
+/// The stop lines of the route's lanes that the road crosses, in the order along the road.
 std::vector<WaitingLine> waiting_lines_of(const hd_map::Route& route, const hd_map::Tile& tile,
                                           const Road& road);
 
-/// The objects to be looked at; `age_s` is how long ago the predictions begin.
+/// The objects to consider; the predictions begin `age_s` ago.
 std::vector<TrafficObject> objects_of(const prediction::Predictions& predictions, double age_s);
 
-/// Where to be careful; over ones are left out.
+/// The areas to be careful in, without expired hazards.
 std::vector<HazardArea> hazards_of(const prediction::Predictions& predictions, std::int64_t now_ns);
 
-/// The goal on a clock that `seconds` tells. A goal that names lanes is the stretch of the road
-/// along them; if the road does not lead there, it lies in the middle of the first that `tile`
-/// knows.
+/// The goal, with times converted by `seconds`. A goal that names lanes is the stretch of the road
+/// along them; if the road does not lead there, it is the middle of the first of them in `tile`.
 std::optional<Goal> goal_of(const mission::Goal& goal, const hd_map::Tile* tile, const Road& road,
                             const std::function<double(std::int64_t)>& seconds);
 

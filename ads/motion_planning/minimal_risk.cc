@@ -13,19 +13,19 @@ namespace {
 
 constexpr std::array kBrakings_mps2 = {2.0, 3.0, 4.0, 5.0, 6.0, 8.0};
 constexpr double kJerk_mps3 = 15.0;
-// What it holds the brake after it has stopped, and what it looks at.
+// The time after the stop for which the vehicle stands, and is checked.
 constexpr double kStanding_s = 1.0;
 // To leave a lane before it brakes.
 constexpr double kDrivingOn_s = 2.5;
-// Farther ahead the predictions of others say nothing.
+// Predictions of others are meaningless beyond this time.
 constexpr double kLook_s = 6.0;
 
-// What counts like a braking harder by so many m/s^2: someone behind who has to brake, at once, and
-// who would be too late; another line than the plan's; another lane.
+// Costs in m/s^2 of braking: an object behind that has to brake at once, and one that would brake
+// too late; another line than the plan's; another lane.
 constexpr double kNotYielding = 80.0;
 constexpr double kPressed_m = 1.0;
 constexpr double kTooLate = 60.0;
-// What others will likely do, and what weighs that they might do something else.
+// The probability of a likely way, and the weight of the less likely ones.
 constexpr double kLikely = 0.5;
 constexpr double kPossible = 0.25;
 constexpr double kLeavingThePlan = 0.5;
@@ -101,7 +101,7 @@ double price_of_hit(const Trajectory& stop, const Verdict& verdict) {
   return (3000.0 + 100.0 * impact_mps) / std::pow(0.2 + verdict.hit_s, 3.0);
 }
 
-// Whether a driver who comes from behind, on the same line, would run into the vehicle.
+// Whether a driver from behind, on the same line, would hit the vehicle.
 bool is_run_into(const Problem& problem, const Trajectory& stop, const Occupant& behind) {
   constexpr double kReaction_s = 1.0;
   constexpr double kBraking_mps2 = 5.0;
@@ -129,7 +129,7 @@ const std::vector<Road>& lanes_of(const Problem& problem) {
   return problem.lanes == nullptr ? none : *problem.lanes;
 }
 
-// Who comes from behind on each of the lanes when nothing later is predicted.
+// The objects that approach from behind on each lane beyond the prediction horizon.
 class Arrivals {
  public:
   Arrivals(const Problem& problem, const Traffic& unyielding) : problem_(problem) {
@@ -154,8 +154,8 @@ class Arrivals {
     }
   }
 
-  // When the first of them would be where the vehicle stands; infinite if nobody comes, or no lane
-  // is known.
+  // When the first of them would reach the vehicle's position; infinite if there is none, or no
+  // lane is known.
   [[nodiscard]] double first_s(const State& end) const {
     double first = std::numeric_limits<double>::infinity();
     for (std::size_t index = 0; index < comers_.size(); ++index) {
@@ -228,7 +228,7 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Arrival
                 const Trajectory& along, StopLine kind) {
   const Line line(along);
   const State& start = along.states.front();
-  // Those who come from behind on the same line see the vehicle brake.
+  // Objects behind on the same line see the vehicle brake.
   std::vector<bool> is_behind;
   std::vector<const Occupant*> followers;
   for (const Occupant& occupant : problem.traffic.at(0)) {

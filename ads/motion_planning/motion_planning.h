@@ -18,7 +18,7 @@
 
 namespace motion_planning {
 
-/// Plans how the vehicle is to move; see `Planner`.
+/// Plans the vehicle's motion; see `Planner`.
 ///
 /// In:   `prediction/objects`; the newest of `localization/ego`, `vehicle/state`, `map/route`,
 ///       `map/tile`, `mission/goal`
@@ -31,7 +31,7 @@ class MotionPlanning final : public fastcycle::Component {
  private:
   void on_predictions(const prediction::Predictions& predictions);
   void update_road();
-  /// On the planner's clock, which begins with the first prediction, so that its numbers are small.
+  /// On the planner's clock, which starts at the first prediction, so that its numbers are small.
   [[nodiscard]] double seconds(std::int64_t ns) const;
   [[nodiscard]] State ego_now() const;
   [[nodiscard]] std::optional<Goal> goal() const;
@@ -51,8 +51,8 @@ class MotionPlanning final : public fastcycle::Component {
   fastcycle::State<planning::PlannerState> state_;
 
   std::optional<std::int64_t> first_ns_;
-  // Of the messages that the road is made of. A new object makes it anew: the views still have
-  // them.
+  // Of the messages that the road was built from. A new component rebuilds it from them, because
+  // the views still hold them.
   std::uint64_t route_sequence_ = 0;
   std::uint64_t tile_sequence_ = 0;
   Road road_;

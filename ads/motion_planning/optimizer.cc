@@ -188,8 +188,8 @@ void Optimizer::add_speed(Quadratic& sum, std::size_t step, const State& state,
           kStep_s * kAboveBound[problem_.is_emergency ? 1 : 0]);
 }
 
-// The whole body is to stay on the road: in a bend its corners and the middles of its sides come
-// nearer to the edges than its centre tells.
+// The whole body must stay on the road: in a bend its corners and the middles of its sides come
+// nearer to the edges than its centre.
 void Optimizer::add_edges(Quadratic& sum, const State& state, const RoadPlace& place) const {
   const Road& road = problem_.road;
   const double half_length = problem_.vehicle.length_m / 2.0;
@@ -264,7 +264,7 @@ void Optimizer::add_traffic(Quadratic& sum, std::size_t step, const State& state
       const double norm = std::sqrt(into_along * into_along + into_across * into_across);
       const double residual = into_along * into_across / norm;
       const double by_along = cube(into_across / norm);
-      // Who is apart along the road stays in his lane; whether to leave it is the search's to say.
+      // If it is apart along the road, the vehicle keeps its lane: the search decides on changes.
       const double by_across = gap_along > 0.0 ? 0.0 : cube(into_along / norm);
       const Eigen::Vector3d jacobian{
           -by_along * sign_along * occupant.cosine + by_across * sign_across * occupant.sine,

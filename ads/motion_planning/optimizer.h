@@ -7,25 +7,26 @@
 
 namespace motion_planning {
 
-/// Makes a way locally optimal: iterative LQR with Gauss-Newton costs and limits as penalties
-/// (Tassa, Mansard, Todorov, "Control-limited differential dynamic programming", ICRA 2014; for
-/// driving: Chen, Zhan, Tomizuka, "Constrained iterative LQR for on-road autonomous driving motion
+/// Optimizes a way locally: iterative LQR with Gauss-Newton costs and limits as penalties (Tassa,
+/// Mansard, Todorov, "Control-limited differential dynamic programming", ICRA 2014; for driving:
+/// Chen, Zhan, Tomizuka, "Constrained iterative LQR for on-road autonomous driving motion
 /// planning", IEEE T-IV 4(2), 2019).
 ///
 /// @threads  Confined.
 class Optimizer {
  public:
-  /// At most so many iterations, each of them linear in the number of steps.
+  /// The maximum number of iterations, each linear in the number of steps.
   static constexpr int kIterationsMax = 25;
 
   explicit Optimizer(const Problem& problem) : problem_(problem), profile_(profile_of(problem)) {}
 
-  /// The way that follows `guess`, one pose for each step after the start, as well as the vehicle
-  /// can.
+  /// The feasible way that follows `guess` most closely, with one pose for each step after the
+  /// start.
   [[nodiscard]] Way follow(const std::vector<Pose>& guess);
-  /// The best way near `guess`. It starts at the problem's start and has as many steps as `guess`.
+  /// The locally best way near `guess`. It begins at the problem's start and has as many steps as
+  /// `guess`.
   [[nodiscard]] Way improve(const Way& guess);
-  /// What a way costs.
+  /// The cost of a way.
   [[nodiscard]] double cost(const Way& way);
 
  private:
@@ -49,12 +50,12 @@ class Optimizer {
   const Problem& problem_;
   const SpeedProfile profile_;
 
-  // What the present iteration takes as given.
+  // Fixed during an iteration.
   const std::vector<Pose>* pursued_ = nullptr;
   std::vector<std::size_t> road_hints_;
   std::vector<double> lanes_m_;
-  std::size_t goal_step_ = 0;  // 0: there is none.
-  double goal_extra_s_ = 0.0;  // The goal's time, after that of its step.
+  std::size_t goal_step_ = 0;  // 0: none.
+  double goal_extra_s_ = 0.0;  // The goal's time after that of its step.
 };
 
 }  // namespace motion_planning

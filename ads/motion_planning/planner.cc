@@ -17,7 +17,7 @@ constexpr double kStep_s = Traffic::kStep_s;
 constexpr double kHalfStep_s = kStep_s / 2.0;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Planned on after the goal, so that the vehicle does not come to it in a way that ends there.
+// Planned beyond the goal, so that the vehicle does not reach it in a state without continuation.
 constexpr double kAfterGoal_s = 2.0;
 // Farther than this from the plan the vehicle does not follow it.
 constexpr double kOffPlan_m = 1.0;
@@ -26,7 +26,7 @@ constexpr double kOffPlan_rad = 0.2;
 // So much over an edge counts as on the road: what the margins of a plan are for.
 constexpr double kOverEdge_m = 0.1;
 
-// What is missing to the goal state: 0 in all of them when it is reached.
+// Deviations from the goal state: all 0 when it is reached.
 struct Miss {
   double along_m = 0.0;
   double across_m = 0.0;
@@ -202,8 +202,8 @@ void Planner::set_memory(Memory memory) {
   stood_at_lane_ = memory.stood_at_lane;
 }
 
-// What will be driven before the new plan can show: the last one, if the vehicle follows it, else
-// the present motion. The last state is where the new plan starts.
+// The states driven before the new plan can take effect: those of the last plan, if the vehicle
+// follows it, else the present motion. The last state is the new plan's start.
 std::vector<State> Planner::committed(const Situation& situation) const {
   const State& ego = situation.ego;
   const Trajectory& last = last_trajectory_;
@@ -294,7 +294,7 @@ Way Planner::best_way(const Problem& problem, double start_s, bool is_driving, P
   Way best = optimizer.improve(optimizer.follow(found.poses));
   if (last_ && is_driving) {
     Way same = optimizer.improve(continued(problem, start_s));
-    // What was begun is gone on with, unless another way is clearly better.
+    // The last plan is continued, unless another way is clearly better.
     if (same.cost <= 1.02 * best.cost + 0.1) {
       best = std::move(same);
     }
@@ -311,8 +311,8 @@ Way Planner::evade(const Problem& problem, const Way& nominal) const {
   for (const double side : {0.0, kAside_m, -kAside_m}) {
     ways.push_back(optimizer.improve(optimizer.follow(braking_guess(problem, side))));
   }
-  // Beside the road nobody knows what there is: only where every way leads over its edge, the one
-  // that does so by least is driven.
+  // The area beside the road is unknown: only if every way leads over its edge, the one that does
+  // so by least is chosen.
   const Trajectory start{.start_s = 0.0, .step_s = kHalfStep_s, .states = {problem.start}};
   const double allowed_m =
       kOverEdge_m + over_edge_m(config_.vehicle, start, problem.road, config_.certain_s);
@@ -361,7 +361,7 @@ Plan Planner::plan(const Situation& situation) {
   std::optional<Goal> goal = goal_from(situation.goal, start_s);
   double horizon = config_.horizon_min_s;
   if (goal && goal->on_road) {
-    // Who is farther already may stay there.
+    // A vehicle that is farther already may stay there.
     const State& start = committed_states.back();
     const double ahead = situation.road->locate(start.x_m, start.y_m).along_m -
                          goal->on_road->middle_m() - goal->room_along_m();

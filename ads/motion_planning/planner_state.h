@@ -5,10 +5,10 @@
 
 namespace motion_planning {
 
-/// From what the planner remembers to a message that says nothing of it yet, and back.
+/// Converts the planner's state to an empty message, and back.
 
 void write(const Planner::Memory& memory, planning::PlannerState& message);
-/// @throws std::invalid_argument  No planner remembers this.
+/// @throws std::invalid_argument  The message is not a valid state.
 Planner::Memory read(const planning::PlannerState& message);
 
 }  // namespace motion_planning

@@ -20,10 +20,10 @@ struct Interval {
   double high = std::numeric_limits<double>::infinity();
 };
 
-/// A lane beside the road's line, which may change to it only there.
+/// A lane next to the road's line, to which the line may change only there.
 struct GoalStretch {
   double begin_m = 0.0;  ///< Along the road.
-  /// Where the lane's centre is, to the left of the road's line, at each `Road::kStep_m`.
+  /// The lane's centre, to the left of the road's line, at each `Road::kStep_m`.
   std::vector<double> offsets_m = {0.0};
 
   [[nodiscard]] double middle_m() const {
@@ -38,21 +38,21 @@ struct GoalStretch {
 
 /// The state to reach. Times are seconds since the plan's start.
 struct Goal {
-  Pose centre = {};  ///< Of the rectangle in which the vehicle's centre is to lie.
+  Pose centre = {};  ///< Of the rectangle that must contain the vehicle's centre.
   double half_length_m = 0.0;
   double half_width_m = 0.0;
   Interval heading_rad = {};
   Interval speed_mps = {};
   Interval time_s = {};
-  /// If the goal is a stretch of the road instead of a rectangle: length and width are along the
-  /// road and across then.
+  /// Set if the goal is a stretch of the road instead of a rectangle: then length and width are
+  /// along and across the road.
   std::optional<GoalStretch> on_road = {};
 
-  /// The share of the length that is to stay free to both ends: who waits in a lane does not wait
-  /// at its end.
+  /// The share of the length that is to stay free at both ends, so that the vehicle does not wait
+  /// at the very end of a lane.
   double spare_share = 0.25;
 
-  /// How far the vehicle may be before or behind the centre, with room to spare.
+  /// The maximum distance of the vehicle before or behind the centre, with a margin.
   [[nodiscard]] double room_along_m() const {
     constexpr double kSpare_m = 1.5;
     if (!on_road) {
@@ -63,29 +63,28 @@ struct Goal {
   }
 };
 
-/// All that a trajectory is judged by.
+/// The inputs of the optimization.
 struct Problem {
   const Vehicle& vehicle;
   const Road& road;
   const Traffic& traffic;
   State start = {};
-  const std::vector<Road>* lanes = nullptr;  ///< Ways along single lanes; to stop on, see there.
+  const std::vector<Road>* lanes = nullptr;  ///< Ways along single lanes, for stops.
   std::optional<Goal> goal = {};
   std::vector<SlowStretch> slow_stretches = {};
   std::optional<Halt> halt = {};
-  double cruise_mps = 10.0;         ///< The speed to drive at where the road has no limit.
-  Interval cruise_within_mps = {};  ///< What the speed to drive at lies within anywhere.
+  double cruise_mps = 10.0;         ///< The desired speed where the road has no limit.
+  Interval cruise_within_mps = {};  ///< The bounds of the desired speed everywhere.
   bool is_emergency =
       false;  ///< Whether more than comfort's, the usual and the road's limits may be used.
 };
 
-/// What is allowed on the road of a problem.
+/// The permitted speed along the road of a problem.
 inline SpeedProfile profile_of(const Problem& problem) {
   return {problem.road, problem.slow_stretches, problem.halt, problem.start};
 }
 
-/// The speed to drive at where no goal is ahead: the limit of the road where there is one, as far
-/// as the profile allows it.
+/// The desired speed without a goal ahead: the road's limit, if any, as far as the profile permits.
 inline double cruise_at(const Problem& problem, const SpeedProfile& profile, double along_m) {
   const double limit_mps = problem.road.speed_limit_mps(along_m);
   const double speed_mps = limit_mps > 0.0 ? limit_mps : problem.cruise_mps;
@@ -94,8 +93,8 @@ inline double cruise_at(const Problem& problem, const SpeedProfile& profile, dou
       profile.wanted_mps(along_m));
 }
 
-/// How much of the weight of a speed's error counts: who is far from the speed to drive at is not
-/// pulled to it harder than from `kFar_mps`.
+/// The factor on the weight of a speed error: beyond `kFar_mps` the pull to the desired speed does
+/// not increase further.
 inline double cruise_share(double error_mps) {
   constexpr double kFar_mps = 4.0;
   return std::min(1.0, kFar_mps / std::max(1e-9, std::abs(error_mps)));

@@ -69,7 +69,7 @@ Road::Road(const std::vector<RoadPoint>& points) {
 }
 
 void Road::make_blocks() {
-  // As many blocks as points in each: what is looked at, of both, is least then.
+  // As many blocks as points in each: this minimizes the total searched.
   const auto size = static_cast<std::size_t>(std::ceil(std::sqrt(points_.size())));
   for (std::size_t first = 0; first < points_.size(); first += size) {
     const std::size_t last = std::min(first + size, points_.size());

@@ -7,44 +7,44 @@
 
 namespace motion_planning {
 
-/// One point of the line that planning is done along, as a map gives it.
+/// One point of the planning reference line, from a map.
 struct RoadPoint {
   double x_m = 0.0;
   double y_m = 0.0;
   double left_edge_m = 0.0;      ///< Distance to the road's left edge.
-  double right_edge_m = 0.0;     ///< And to the right one.
+  double right_edge_m = 0.0;     ///< Distance to the right edge.
   double speed_limit_mps = 0.0;  ///< 0 where there is none.
 };
 
-/// A place relative to a road: along its line, and to the left of it.
+/// A position relative to a road: along its line, and to the left of it.
 struct RoadPlace {
   double along_m = 0.0;
   double offset_m = 0.0;
   double heading_rad = 0.0;  ///< Of the line there.
-  std::size_t index = 0;     ///< Of the road's point before it: a hint for the next search.
+  std::size_t index = 0;     ///< Of the preceding point of the road: a hint for the next search.
 };
 
-/// A place and heading in the map.
+/// A position and heading in the map.
 struct Pose {
   double x_m = 0.0;
   double y_m = 0.0;
   double heading_rad = 0.0;
 };
 
-/// A line with a road around it, resampled to even steps; it goes on straight at both ends.
+/// A line with a road around it, resampled to equal steps, and extended straight at both ends.
 ///
 /// @threads  Compatible.
 class Road {
  public:
   static constexpr double kStep_m = 1.0;
-  /// No road is longer: what is beyond is cut off.
+  /// The maximum number of points: the rest of a longer road is cut off.
   static constexpr std::size_t kPointsMax = 5000;
 
   Road() = default;
   explicit Road(const std::vector<RoadPoint>& points);
 
-  /// A lane's centre line, in driving direction. What of it lies beside the road, or leads
-  /// elsewhere, is passed over.
+  /// Adds a lane's centre line, in driving direction. Parts that lie beside the road, or lead
+  /// elsewhere, are ignored.
   void add_lane(const std::vector<Eigen::Vector2d>& centre_m);
 
   [[nodiscard]] bool is_empty() const { return points_.size() < 2; }
@@ -52,11 +52,11 @@ class Road {
     return kStep_m * static_cast<double>(points_.empty() ? 0 : points_.size() - 1);
   }
 
-  /// The nearest place of the whole road.
+  /// The nearest position on the whole road.
   ///
   /// @realtime Grows with the square root of the road's length.
   [[nodiscard]] RoadPlace locate(double x_m, double y_m) const;
-  /// The nearest place within some steps of `hint`, the index of a place nearby.
+  /// The nearest position within some steps of `hint`, the index of a nearby one.
   [[nodiscard]] RoadPlace locate_near(double x_m, double y_m, std::size_t hint) const;
   [[nodiscard]] Pose pose(double along_m, double offset_m) const;
 
@@ -65,7 +65,7 @@ class Road {
   /// 0 where there is none.
   [[nodiscard]] double speed_limit_mps(double along_m) const;
   [[nodiscard]] double curvature_per_m(double along_m) const;
-  /// The centre of the lane nearest to `offset_m`; that itself where no lane is known.
+  /// The centre of the lane nearest to `offset_m`; `offset_m` itself where no lane is known.
   [[nodiscard]] double lane_m(double along_m, double offset_m) const;
 
  private:
@@ -93,10 +93,10 @@ class Road {
   [[nodiscard]] RoadPlace place_on(std::size_t index, double x_m, double y_m) const;
 
   std::vector<Point> points_;
-  std::vector<Block> blocks_;  // An index: most of the road is too far away to be looked at.
+  std::vector<Block> blocks_;  // A spatial index: most of the road is too far away to be searched.
 };
 
-/// An angle brought into (-pi, pi].
+/// The angle wrapped into (-pi, pi].
 double wrapped(double angle_rad);
 
 }  // namespace motion_planning

@@ -192,8 +192,8 @@ void Search::keep(const Node& node) {
   next_.push_back(node);
 }
 
-// The acceleration over a layer that ends at `end_s`, held to what the road allows at its end. Who
-// is above that brakes comfortably, or harder if he tries to.
+// The acceleration over a layer that ends at `end_s`, limited to the permitted speed at its end.
+// Above that speed the vehicle brakes comfortably, or harder if `acceleration_mps2` does.
 double Search::allowed(const Node& from, double acceleration_mps2, double end_s) const {
   const double speed = std::max(0.0, from.speed_mps + acceleration_mps2 * kLayer_s);
   const double along = from.along_m + kLayer_s * 0.5 * (from.speed_mps + speed);

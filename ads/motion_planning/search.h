@@ -9,23 +9,23 @@
 
 namespace motion_planning {
 
-/// What a search found.
+/// The result of a search.
 struct Found {
   std::vector<Pose> poses = {};  ///< One for each step after the start.
   double cost = 0.0;
   bool reaches_goal = false;
-  std::size_t candidates = 0;  ///< Places looked at.
-  std::size_t feasible = 0;    ///< Those of them that touch nothing.
+  std::size_t candidates = 0;  ///< Number of evaluated positions.
+  std::size_t feasible = 0;    ///< Those of them without a collision.
 };
 
-/// Finds the gaps: a beam search over time, place along the road, offset and speed, coarse but for
-/// the whole time up to the goal and over all lanes (a state lattice in time as in Ziegler and
+/// Finds the gaps: a beam search over time, position along the road, offset and speed, coarse but
+/// for the whole time up to the goal and over all lanes (a state lattice in time as in Ziegler and
 /// Stiller, "Spatiotemporal state lattices for fast trajectory planning in dynamic on-road driving
 /// scenarios", IROS 2009, in the road's frame as in Werling et al., "Optimal trajectory generation
 /// for dynamic street scenarios in a Frenet frame", ICRA 2010).
 ///
 /// One layer is two steps of `Traffic` long. Of the states of a layer that share a cell, the
-/// cheapest stays; of the cells, the `beam` most promising ones.
+/// cheapest is kept; of the cells, the `beam` most promising ones.
 ///
 /// @threads  Confined.
 class Search {
@@ -48,10 +48,10 @@ class Search {
     double speed_mps = 0.0;
     double acceleration_mps2 = 0.0;
     int offset = 0;  // In units of `kOffset_m` from the start's.
-    int move = 0;    // Of the offset, in the last layer.
+    int move = 0;    // Change of the offset, in the last layer.
     double cost = 0.0;
-    double goal_cost = 0.0;  // How far the goal was missed at best, so far.
-    double promise = 0.0;    // Cost, with an estimate of what is still to come.
+    double goal_cost = 0.0;  // The smallest miss of the goal so far.
+    double promise = 0.0;    // Cost, including an estimate of the remaining cost.
     std::int32_t parent = -1;
     std::uint32_t cell = 0;
   };
@@ -69,14 +69,14 @@ class Search {
 
   const Problem& problem_;
   const SpeedProfile profile_;
-  const double braking_mps2_;  // Of one who is above what the profile allows.
+  const double braking_mps2_;  // Applies above the speed that the profile permits.
   const std::size_t beam_;
   std::size_t layers_ = 0;
   RoadPlace start_;
   RoadPlace goal_;
   std::vector<std::vector<Block>> blocks_;  // By step.
   std::vector<Node> nodes_;                 // All that were kept, layer by layer.
-  std::vector<Node> next_;                  // The layer that is being made.
+  std::vector<Node> next_;                  // The layer under construction.
   std::vector<std::int32_t> cells_;         // Index into `next_`, by hash of the cell.
   std::size_t candidates_ = 0;
   std::size_t feasible_ = 0;

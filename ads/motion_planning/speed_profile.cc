@@ -8,8 +8,8 @@ namespace motion_planning {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// On the last metre before a stop the bound falls ever more steeply. What it is taken to fall by at
-// most, as if the vehicle were still so fast.
+// On the last metre before a stop the bound falls ever more steeply. Its slope is limited to that
+// at this speed.
 constexpr double kSteepest_mps = 1.0;
 
 // A lower limit is kept from so far before it on: the road's points are a metre apart, and it may
@@ -93,8 +93,8 @@ SpeedProfile::Bound SpeedProfile::halt_at(double along_m) const {
   return {.speed_mps = speed, .by_along = -halt_->braking_mps2 / std::max(kSteepest_mps, speed)};
 }
 
-// The speed of one who begins to brake comfortably at the start. That he still speeds up is no
-// excuse: each new plan would go on to do so.
+// The speed of a vehicle that begins to brake comfortably at the start. A positive initial
+// acceleration is ignored: each new plan would continue it.
 double SpeedProfile::begun_mps(double time_s) const {
   const double from = std::clamp(start_.acceleration_mps2, -kBraking_mps2, 0.0);
   const double built_up_s = (from + kBraking_mps2) / kJerk_mps3;

@@ -28,7 +28,7 @@ inline Road straight_road(double speed_limit_mps = 0.0) {
   return road;
 }
 
-/// A car that is at (x, y) at time 0 and goes on along the road as it does.
+/// A car that is at (x, y) at time 0 and continues along the road at its speed.
 inline TrafficObject car(double x_m, double y_m, double speed_mps, std::uint64_t id = 1) {
   return {.id = id,
           .length_m = 4.5,

@@ -7,7 +7,7 @@
 namespace motion_planning {
 namespace {
 
-// Ways less probable than this are not looked at.
+// Less probable ways are ignored.
 constexpr double kProbabilityMin = 0.04;
 
 PredictedState moved(const PredictedState& from, double time_s) {
@@ -27,7 +27,7 @@ Occupant occupant(const PredictedState& state, const TrafficObject& object, doub
   const double across = state.across_stddev_m;
   const double speed = std::max(0.0, state.speed_mps);
   const double first = object.goes_first ? 0.4 * speed : 0.0;
-  // What is far away in time is known less, and can still be avoided later.
+  // States far ahead are less certain, and can still be avoided later.
   const double trust = probability / (1.0 + along / 3.0);
   return {.x_m = state.x_m,
           .y_m = state.y_m,
@@ -65,7 +65,7 @@ constexpr double kAligned = 0.85;
 constexpr double kFarAway_m = 1e6;
 constexpr double kQueueReach_m = 60.0;
 constexpr double kRoom_m = 1.5;
-// So long nobody behind reacts to what the vehicle does.
+// The time for which objects behind do not react to the vehicle.
 constexpr std::size_t kReactionSteps = 8;
 
 // The braking part of the intelligent driver model.
@@ -113,7 +113,7 @@ Follower follower_of(const TrafficObject& object, const PredictedWay& way, const
     const PredictedState state = state_at(way, Traffic::kStep_s * static_cast<double>(step));
     const RoadPlace place = road.locate(state.x_m, state.y_m);
     const bool is_aligned = std::cos(state.heading_rad - place.heading_rad) > kAligned;
-    // Who drives across the road stands in no queue.
+    // An object that drives across the road is in no queue.
     follower.offsets_m.push_back(is_aligned ? place.offset_m : kFarAway_m);
     follower.alongs_m.push_back(place.along_m);
     follower.speeds_mps.push_back(state.speed_mps);
@@ -134,7 +134,7 @@ Follower follower_of(const Vehicle& vehicle, const std::vector<State>& states, c
   return follower;
 }
 
-// The way, driven as far as `follower` says instead of as far as was predicted.
+// The way, driven as far as `follower` does instead of as far as predicted.
 PredictedWay slowed(const PredictedWay& way, const std::vector<double>& predicted_m,
                     const Follower& follower) {
   PredictedWay slow{.probability = way.probability, .step_s = Traffic::kStep_s};
@@ -166,7 +166,7 @@ std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, 
                                      double horizon_s) {
   const auto steps = static_cast<std::size_t>(std::ceil(horizon_s / Traffic::kStep_s));
   const Follower own = follower_of(vehicle, ego, road, steps);
-  std::vector<Follower> ahead = {};  // Those that were looked at, with what became of them.
+  std::vector<Follower> ahead = {};  // Those already processed, with their new motion.
   std::vector<std::size_t> order = {};
   std::vector<Follower> first(objects.size());
   for (std::size_t index = 0; index < objects.size(); ++index) {

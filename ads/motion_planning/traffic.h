@@ -10,7 +10,7 @@
 
 namespace motion_planning {
 
-/// Where an object will be, and how well that is known: one standard deviation along and across.
+/// The predicted state of an object, and its standard deviations along and across.
 struct PredictedState {
   double x_m = 0.0;
   double y_m = 0.0;
@@ -20,8 +20,8 @@ struct PredictedState {
   double across_stddev_m = 0.0;
 };
 
-/// One way that an object may go: states at even times, the first at `first_s` since the plan's
-/// start (usually before it).
+/// One hypothetical way of an object: states at equal time intervals, the first at `first_s` since
+/// the plan's start (usually before it).
 struct PredictedWay {
   double probability = 1.0;
   double first_s = 0.0;
@@ -33,11 +33,11 @@ struct TrafficObject {
   std::uint64_t id = 0;
   double length_m = 0.0;
   double width_m = 0.0;
-  bool goes_first = false;  ///< By the right of way: more room is left before it.
+  bool goes_first = false;  ///< It has right of way: more space is left before it.
   std::vector<PredictedWay> ways = {};
 };
 
-/// A box at one time, with the space that is to stay free around it.
+/// A box at one time, and the space to keep free around it.
 struct Occupant {
   struct Space {
     double along_m = 0.0;   ///< Before and behind it.
@@ -55,11 +55,11 @@ struct Occupant {
   double half_width_m = 0.0;
   double speed_mps = 0.0;
   double probability = 1.0;
-  /// From the widest, which one likes to keep, to the narrowest, which must not be entered.
+  /// From the widest, which is preferably kept free, to the narrowest, which must not be entered.
   std::array<Space, 3> spaces = {};
 };
 
-/// All predicted objects, at the times that planning looks at: every `kStep_s` from its start.
+/// All predicted objects at the planning times: every `kStep_s` from the start.
 ///
 /// @threads  Compatible.
 class Traffic {
@@ -78,20 +78,19 @@ class Traffic {
   std::vector<std::vector<Occupant>> at_ = std::vector<std::vector<Occupant>>(1);
 };
 
-/// The same objects, where those that drive along the road one behind the other keep their
-/// distance.
+/// The same objects, with distances kept between those that follow each other along the road.
 ///
-/// A prediction looks at each object for itself, and has the faster one drive through the one
-/// before it. Here who is behind brakes as a driver would (the braking part of Treiber, Hennecke,
+/// A prediction considers each object alone, so that a faster one would drive through the one
+/// before it. Here the one behind brakes as a driver would (the braking part of Treiber, Hennecke,
 /// Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys.
-/// Rev. E 62, 2000). Who is behind the vehicle leaves room for it behind the one ahead of it; to
-/// the vehicle itself, which drives along `ego` (a state for each step of `Traffic`), he reacts
+/// Rev. E 62, 2000). An object behind the vehicle leaves space for it behind the one ahead of it;
+/// to the vehicle itself, which drives along `ego` (a state for each step of `Traffic`), it reacts
 /// late.
 std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, const Road& road,
                                      const Vehicle& vehicle, const std::vector<State>& ego,
                                      double horizon_s);
 
-/// Where an object is on its way at `time_s`; beyond the ends it moves straight on.
+/// The state of an object on its way at `time_s`; extrapolated straight beyond the ends.
 PredictedState state_at(const PredictedWay& way, double time_s);
 
 }  // namespace motion_planning

@@ -4,8 +4,7 @@
 
 namespace motion_planning {
 
-/// The vehicle's box, its axles, and what it can do. The centre of its box is the place that all
-/// states speak of.
+/// The vehicle's box, axles, and limits. All states refer to the centre of its box.
 struct Vehicle {
   double length_m = 4.508;
   double width_m = 1.610;
@@ -28,7 +27,7 @@ struct State {
   friend bool operator==(const State&, const State&) = default;
 };
 
-/// What changes a state: both constant over a step.
+/// The input of a step; both values are constant over a step.
 struct Input {
   double jerk_mps3 = 0.0;
   double steering_rate_radps = 0.0;
@@ -41,7 +40,7 @@ using StateMatrix = Eigen::Matrix<double, 6, 6>;
 using InputVector = Eigen::Matrix<double, 2, 1>;
 using InputMatrix = Eigen::Matrix<double, 6, 2>;
 
-/// How a step's end depends on its begin and on the input, in the order of the members.
+/// The derivatives of a step's end by its begin and by the input, in the order of the members.
 struct StepJacobians {
   StateMatrix by_state;
   InputMatrix by_input;
@@ -53,10 +52,10 @@ struct StepJacobians {
 State drive(const Vehicle& vehicle, const State& from, const Input& input, double step_s,
             StepJacobians* jacobians = nullptr);
 
-/// The state at `share` of the way from one to the other; their headings count as continuous.
+/// The state interpolated by `share`; the headings must be continuous.
 State between(const State& from, const State& to, double share);
 
-/// How fast the heading turns.
+/// The yaw rate.
 double yaw_rate(const Vehicle& vehicle, const State& state);
 
 }  // namespace motion_planning

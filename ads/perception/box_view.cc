@@ -19,7 +19,7 @@ constexpr double kFaceWidth_m = 0.5;
 constexpr double kSideLength_m = 0.8;
 constexpr double kFaceStddev_m = 0.03;
 constexpr double kEndStddev_m = 0.06;
-// Beams that meet a face farther apart do not tell where it ends.
+// Beams that meet a face farther apart do not determine where it ends.
 constexpr double kSpacingMax_m = 1.0;
 constexpr float kUpright_m = 0.25F;
 

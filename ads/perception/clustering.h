@@ -10,28 +10,28 @@ namespace ads {
 
 struct ClusteringConfig {
   double range_max_m = 80.0;
-  /// Echoes closer than this belong together. Along the line of sight echoes of one beam lie
-  /// farther apart, the more so at a distance: up to `along_max_m`.
+  /// Echoes closer than this are connected. Along the line of sight the echoes of one beam are
+  /// farther apart, increasingly with distance: up to `along_max_m`.
   double across_m = 0.45;
   double along_max_m = 1.6;
 };
 
-/// Puts points that are close to each other into groups: connected components of the occupied cells
-/// of a grid around the sensor.
+/// Groups points that are close to each other: connected components of the occupied cells of a grid
+/// around the sensor.
 ///
 /// Two occupied cells are joined if one lies in an ellipse around the other, which is longer along
-/// the line of sight: there a surface that is seen at a grazing angle gives few echoes.
+/// the line of sight: there a surface seen at a grazing angle gives few echoes.
 ///
 /// @threads  Confined.
-/// @realtime Allocates while the number of points grows.
+/// @realtime Allocates only while the number of points grows.
 class Clustering {
  public:
   explicit Clustering(const ClusteringConfig& config);
 
-  /// For each point, the number of its group, counted in the order of their first points; -1 for a
-  /// point out of range.
+  /// For each point, the index of its group, in the order of their first points; -1 for a point out
+  /// of range.
   ///
-  /// @param points_m  From the sensor, in directions that are the same for all.
+  /// @param points_m  Relative to the sensor, in axes common to all points.
   /// @param spread    Distance of neighbouring beams, per metre of range.
   const std::vector<int>& group(std::span<const Eigen::Vector2f> points_m, double spread);
 

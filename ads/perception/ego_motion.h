@@ -8,7 +8,7 @@
 
 namespace ads {
 
-/// Where the vehicle was at one time, and how it moved.
+/// The vehicle's pose and motion at one time.
 struct EgoPose {
   std::int64_t time_ns = 0;
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
@@ -17,16 +17,16 @@ struct EgoPose {
   double yaw_rate_radps = 0.0;
 };
 
-/// The vehicle's poses over the last moments.
+/// The vehicle's recent poses.
 ///
 /// @threads  Confined.
 class EgoMotion {
  public:
-  /// Beyond its first and last pose the motion goes on evenly for so long.
+  /// The motion is extrapolated beyond its first and last pose for this long.
   static constexpr std::int64_t kReach_ns = 150'000'000;
 
   void clear() { poses_.clear(); }
-  /// A pose that is not later than the last one is passed over.
+  /// Adds a pose; one that is not later than the last one is ignored.
   void add(const EgoPose& pose);
 
   /// The pose at that time; none if the time is out of reach.

@@ -7,7 +7,7 @@
 namespace ads {
 
 struct GroundConfig {
-  /// How steep the ground may rise or fall, and how far it may step from one ring to the next.
+  /// The maximum slope of the ground, and its maximum step from one ring to the next.
   double slope_max = 0.04;
   double step_max_m = 0.08;
   double range_max_m = 80.0;
@@ -20,16 +20,17 @@ struct RawEcho {
   float z_m = 0.0F;
   float time_s = 0.0F;     ///< Since the begin of the sweep.
   float range_m = 0.0F;    ///< Along the ground.
-  bool is_of_top = false;  ///< No beam looks higher.
+  bool is_of_top = false;  ///< From the topmost beam.
 };
 
-/// Where the ground is around the sensor.
+/// The height of the ground around the sensor.
 ///
-/// The plane around the sensor is cut into sectors and these into bins. Going outwards in each
-/// sector, the lowest echo of a bin belongs to the ground if it continues what was ground before
-/// it, neither too steep nor over a step; between such echoes the ground is a straight line. It is
-/// the scheme of Himmelsbach, von Hundelshausen and Wuensche, "Fast Segmentation of 3D Point Clouds
-/// for Ground Vehicles" (IV 2010), with a chain in place of the fitted lines.
+/// The plane around the sensor is divided into sectors and these into bins. From the sensor
+/// outwards in each sector, the lowest echo of a bin belongs to the ground if it continues the
+/// ground before it, neither too steep nor over a step; between such echoes the ground is a
+/// straight line. This is the scheme of Himmelsbach, von Hundelshausen and Wuensche, "Fast
+/// Segmentation of 3D Point Clouds for Ground Vehicles" (IV 2010), with a chain in place of the
+/// fitted lines.
 ///
 /// @threads  Confined.
 /// @realtime Allocates in its constructor only.
@@ -56,7 +57,7 @@ class Ground {
   const GroundConfig config_;
   const std::size_t bins_per_sector_;
   std::vector<Bin> bins_;
-  std::vector<float> ground_z_m_;  // In the middle of each bin.
+  std::vector<float> ground_z_m_;  // At the middle of each bin.
 };
 
 }  // namespace ads

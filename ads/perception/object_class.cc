@@ -6,7 +6,7 @@ namespace {
 // Posts stand.
 constexpr double kTwoWheelerSpeed_mps = 1.5;
 constexpr double kTwoWheelerLength_m = 3.0;
-// What is neither longer nor wider may be a person.
+// An object that is neither longer nor wider may be a person.
 constexpr double kPersonSize_m = 1.2;
 constexpr double kTruckLength_m = 7.0;
 constexpr double kTruckHeight_m = 2.6;

@@ -15,11 +15,11 @@
 
 namespace ads {
 
-/// Recognizes what moves and stands around the vehicle, and follows it.
+/// Detects and tracks moving and standing objects around the vehicle.
 ///
 /// In:   `lidar/points`, `localization/ego` (history)
-/// Out:  `perception/objects`, for each sweep; `perception/borders`, if they are sought
-/// Keeps: `tracker`, all that it remembers
+/// Out:  `perception/objects`, for each sweep; `perception/borders`, if enabled
+/// Keeps: `tracker`, its complete state
 class Perception : public fastcycle::Component {
  public:
   explicit Perception(fastcycle::Context& context);

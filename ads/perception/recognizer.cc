@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t kPointBytes = 16;
 // The vehicle's motion during a sweep is taken in so many steps.
 constexpr std::size_t kSlots = 64;
-// Of a sweep that does not say how its beams lie.
+// For a sweep without the angles of its beams.
 constexpr double kSpread_rad = 0.0035;
 constexpr std::uint32_t kColumnsMin = 360;
 constexpr std::uint32_t kTopRings = 2;
@@ -132,7 +132,7 @@ void Recognizer::read(const SweepBytes& sweep, SweepResult& result) {
   }
 }
 
-// What may be a vehicle is no border, whether it stands there or drives.
+// Possible vehicles are excluded from the borders, whether they stand or drive.
 void Recognizer::find_borders(const SweepBytes& sweep, const EgoMotion& ego) {
   const std::int64_t middle_ns = sweep.taken_ns + sweep.duration_ns / 2;
   const auto pose = ego.at(middle_ns);

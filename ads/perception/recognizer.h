@@ -16,19 +16,19 @@ namespace ads {
 struct RecognizerConfig {
   GroundConfig ground;
   TrackerConfig tracker;
-  /// What is lower above the ground belongs to it, and what is higher is passed under.
+  /// What is lower belongs to the ground, and what is higher can be passed under.
   double height_min_m = 0.2;
   double height_max_m = 4.5;
-  /// Echoes so close around the vehicle's centre are its own.
+  /// Echoes within this box around the vehicle's centre are from the vehicle itself.
   double own_length_m = 4.8;
   double own_width_m = 2.0;
-  /// A sweep with a larger share of echoes that are not finite, or with fewer echoes, is not used.
+  /// A sweep with a larger share of non-finite echoes, or with fewer echoes, is rejected.
   double invalid_share_max = 0.2;
   int echoes_min = 500;
   bool are_borders_sought = false;
 };
 
-/// A sweep as it was received; see `lidar.Sweep`.
+/// A sweep as received; see `lidar.Sweep`.
 struct SweepBytes {
   std::int64_t taken_ns = 0;
   std::int64_t duration_ns = 0;
@@ -39,39 +39,39 @@ struct SweepBytes {
   double mount_height_m = 0.0;
 };
 
-/// What became of one sweep.
+/// The outcome of one sweep.
 struct SweepResult {
-  std::string reason;  ///< Why it could not be used; empty if it was.
+  std::string reason;  ///< Why it was rejected; empty if it was used.
   std::uint32_t echoes = 0;
   std::uint32_t invalid_echoes = 0;
   std::uint32_t ground_echoes = 0;
 };
 
-/// From the bytes of sweeps to tracked objects.
+/// Computes tracked objects from the bytes of sweeps.
 ///
-/// Knows of the sensor only what a sweep says; the order of its points does not matter.
+/// Uses only properties of the sensor that a sweep contains; the order of points is irrelevant.
 ///
 /// @threads  Confined.
-/// @realtime Allocates while sweeps and objects become more.
+/// @realtime Allocates only while the number of echoes or objects grows.
 class Recognizer {
  public:
   explicit Recognizer(const RecognizerConfig& config);
 
-  /// All that it remembers from one sweep to the next: one of the same configuration that takes it
-  /// over by `load` goes on bit for bit.
+  /// Saves the complete state: an instance with the same configuration that restores it by `load`
+  /// continues bit for bit.
   void save(perception::TrackerState& state) const;
   /// @errors  As `Track`.
   void load(const perception::TrackerState& state);
 
   /// @param ego  The vehicle's poses during the sweep.
   SweepResult take(const SweepBytes& sweep, const EgoMotion& ego);
-  /// A sweep that ended at `end_ns` cannot be used.
+  /// Takes note that the sweep that ended at `end_ns` is unusable.
   SweepResult pass_over(std::int64_t end_ns, std::string reason);
 
   [[nodiscard]] const std::vector<TrackedObject>& objects() const { return tracker_.objects(); }
   [[nodiscard]] bool are_borders_sought() const { return config_.are_borders_sought; }
-  /// Of the last sweep; null if it could not be used, or if they are not sought. From the sensor,
-  /// in the middle of the sweep.
+  /// Of the last sweep; null if it was rejected, or if borders are disabled. Relative to the
+  /// sensor, at the middle of the sweep.
   [[nodiscard]] const RoadBorders* borders() const { return borders_; }
 
  private:

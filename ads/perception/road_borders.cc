@@ -18,7 +18,7 @@ constexpr std::size_t kCells = 2 * kCellsPerSide;
 // Of the road: how far it rises across, and what steps are still its own.
 constexpr float kSlope = 0.06F;
 constexpr float kStep_m = 0.07F;
-constexpr float kHigh_m = 1.0F;    // What is higher hangs over the road.
+constexpr float kHigh_m = 1.0F;    // Higher echoes hang over the road.
 constexpr float kMiddle_m = 1.0F;  // So far to each side the vehicle itself drives.
 constexpr float kGap_m = 2.5F;     // Farther than that the road is not followed without an echo.
 constexpr double kAround_m = 0.4;  // Boxes are known so well.
@@ -109,7 +109,7 @@ void BorderFinder::walk(std::size_t slice, int side, std::vector<BorderPlace>& f
     }
     const float apart = away - last;
     if (apart > kGap_m && last > 0.0F) {
-      return;  // Hidden: nobody knows what lies between.
+      return;  // Occluded: the area between is unknown.
     }
     const float rise = std::abs(cell.lowest_m - level);
     const bool is_road =

@@ -10,19 +10,19 @@
 
 namespace ads {
 
-/// A place on a border of the road, from the sensor, and how well it is known across.
+/// A point on a border of the road, relative to the sensor, and its lateral uncertainty.
 struct BorderPlace {
   Eigen::Vector2d place_m = Eigen::Vector2d::Zero();
   double stddev_m = 0.0;
 };
 
-/// One side each, from behind to ahead; empty where nothing was found.
+/// One line for each side, from behind to ahead; empty where no border was found.
 struct RoadBorders {
   std::vector<BorderPlace> left;
   std::vector<BorderPlace> right;
 };
 
-/// An upright box that is no border: a vehicle, from the sensor.
+/// An upright box that is not a border, such as a vehicle, relative to the sensor.
 struct Standing {
   Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
   double heading_rad = 0.0;
@@ -30,20 +30,20 @@ struct Standing {
   double width_m = 0.0;
 };
 
-/// Finds where the road ends beside the vehicle: kerbs, walls, hedges.
+/// Finds the road's edges beside the vehicle: kerbs, walls, hedges.
 ///
-/// The plane is cut across the vehicle's axis into slices, and these into cells. From the middle of
-/// each slice outwards, the road goes on as long as its lowest echoes rise and fall no more than a
-/// road does, and nothing in a cell stands higher than a step; there it ends. Places that lie away
-/// from the median of their neighbours along the road are left out.
+/// The plane is divided across the vehicle's axis into slices, and these into cells. From the
+/// middle of each slice outwards, the road continues as long as its lowest echoes rise and fall no
+/// more than a road does, and nothing in a cell is higher than a step; there it ends. Points away
+/// from the median of their neighbours along the road are discarded.
 ///
 /// @threads  Confined.
-/// @realtime Allocates while borders become longer.
+/// @realtime Allocates only while the number of border points grows.
 class BorderFinder {
  public:
   BorderFinder();
 
-  /// @param standing  Echoes in these are not looked at.
+  /// @param standing  Echoes in these boxes are ignored.
   const RoadBorders& find(std::span<const RawEcho> echoes, double mount_height_m,
                           std::span<const Standing> standing);
 
@@ -59,7 +59,7 @@ class BorderFinder {
   static std::vector<BorderPlace> smooth(const std::vector<BorderPlace>& found);
 
   std::vector<Cell> cells_;
-  std::vector<float> level_m_;  // Of the road in the middle of each slice, above the sensor's foot.
+  std::vector<float> level_m_;  // Of the road at mid-slice, above the ground under the sensor.
   RoadBorders borders_;
 };
 

@@ -43,7 +43,7 @@ bool is_left_of(const ObjectPoint& a, const ObjectPoint& b) {
   return std::remainder(a.azimuth_rad - b.azimuth_rad, kTurn_rad) > 0.0F;
 }
 
-// What stands in the line of a flat thing, beyond its ends: a wall goes on, a car does not.
+// Whether something continues a flat object beyond its ends: it does for a wall, not for a car.
 bool is_of_wall(const HighPlaces& high_places, const Eigen::Vector2d& middle_m,
                 const Eigen::Vector2d& along, double length_m) {
   int high = 0;

@@ -11,28 +11,28 @@
 
 namespace ads {
 
-/// What of an object one sweep shows, in the directions of its box.
+/// The shape of an object as seen in one sweep, in the axes of its box.
 struct Shape {
   double along_m = 0.0;
   double across_m = 0.0;
-  /// At a right angle to the line of sight: what is seen of it whatever its heading is.
+  /// Perpendicular to the line of sight: the visible width for any heading.
   double width_m = 0.0;
-  /// How much lower it would have been seen if it went on downwards: to the ground, or to what
-  /// stands before it.
+  /// How much farther down it would have been seen if it extended downwards: to the ground, or to
+  /// what occludes it.
   double gap_m = 0.0;
-  /// Something before it may hide more of it: on the right or on the left.
+  /// It may be partly occluded on the right or on the left.
   bool is_cut = false;
   double top_m = 0.0;
   double range_m = 0.0;  ///< Of its nearest echo.
-  /// It is flat, and what is higher than a car stands in its line beyond its ends.
+  /// It is flat, and continued beyond its ends by something higher than a car.
   bool is_of_wall = false;
-  /// It reaches up to where no beam looks higher: it may be higher than seen.
+  /// It reaches the topmost beam: it may be higher than seen.
   bool is_top_open = false;
-  /// Of the echoes, how many are higher than a car is.
+  /// The share of its echoes that are higher than a car.
   double high_share = 0.0;
 };
 
-/// Where things stand that are higher than a car.
+/// A map of places with echoes higher than a car.
 ///
 /// @threads  Confined.
 /// @realtime Allocates in its constructor only.
@@ -40,7 +40,7 @@ class HighPlaces {
  public:
   HighPlaces();
 
-  /// @param origin_m  The echoes' places are from there.
+  /// @param origin_m  The origin of the echoes' positions.
   void fill(std::span<const Echo> echoes, const Eigen::Vector2d& origin_m);
   [[nodiscard]] bool at(const Eigen::Vector2d& place_m) const;
 
@@ -55,12 +55,12 @@ class HighPlaces {
 [[nodiscard]] Shape shape_of(const ObjectView& view, const Skyline& skyline,
                              const HighPlaces& high_places, double heading_rad);
 
-/// What a shape looks like. Unclear is what may be a part of anything.
+/// The kind of object that a shape resembles. Unclear: it may be a part of anything.
 enum class Likeness : std::uint8_t { kUnclear, kVehicle, kVehiclePart, kTwoWheeler, kNeither };
 
-/// Judges by measures that hold for cars, vans, and people on two wheels, whatever the sensor is:
-/// they reach down to the street, are not too high, and are neither narrower nor longer than such
-/// things are. Walls, hedges, trees and posts are not like that.
+/// Classifies by criteria that hold for cars, vans, and people on two wheels with any sensor: they
+/// reach down to the street, are not too high, and are neither narrower nor longer than such
+/// objects. Walls, hedges, trees and posts differ from that.
 [[nodiscard]] Likeness likeness_of(const Shape& shape);
 
 }  // namespace ads

@@ -10,7 +10,7 @@
 
 namespace ads {
 
-/// How far one saw in one direction, and how steeply downwards.
+/// The range of one beam in its direction, and its height there.
 struct SightLine {
   float azimuth_rad = 0.0F;  ///< From the sensor's heading.
   float range_m = 0.0F;      ///< Along the ground.
@@ -25,12 +25,12 @@ struct GroundBox {
   double width_m = 0.0;
 };
 
-/// All that was seen in a sweep, the ground as well: tells whether one sees through a box. Nobody
-/// sees through the body of a car, but through most of a box around a post, a tree, or the corner
-/// of a house.
+/// All beams of a sweep, including those that hit the ground: determines whether beams pass through
+/// a box. They do not pass through the body of a car, but through most of a box around a post, a
+/// tree, or the corner of a house.
 ///
 /// @threads  Confined.
-/// @realtime Allocates while lines become more.
+/// @realtime Allocates only while the number of lines grows.
 class SightLines {
  public:
   SightLines();
@@ -39,10 +39,10 @@ class SightLines {
 
   /// Of the lines that meet the box at the height of a car's body, the share that ends beyond it.
   ///
-  /// @param view  Of what is in the box.
+  /// @param view  Of the object in the box.
   [[nodiscard]] double share_through(const ObjectView& view, const GroundBox& box) const;
-  /// Whether one sees through the box, and through every other one of a likely size that holds what
-  /// is seen: along or across its heading, and wherever its other end may be.
+  /// Whether beams pass through the box, and through every other box of a likely size that contains
+  /// the echoes: along or across its heading, with any position of its other end.
   [[nodiscard]] bool is_seen_through(const ObjectView& view, const GroundBox& box,
                                      const Eigen::Vector2d& likely_size_m) const;
 
@@ -54,7 +54,7 @@ class SightLines {
 
   [[nodiscard]] int through(const ObjectView& view, const GroundBox& box) const;
 
-  std::vector<std::uint32_t> begin_;  // Of each direction's part of `lines_`.
+  std::vector<std::uint32_t> begin_;  // The begin of each direction's part of `lines_`.
   std::vector<Line> lines_;
 };
 

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kBins = 1440;
 constexpr double kBin_rad = 2.0 * std::numbers::pi / kBins;
-// What is nearer by less may be the same object.
+// Something nearer by less may be the same object.
 constexpr double kNearer_m = 0.4;
 constexpr int kBeside = 3;
 // And what is nearer by more is another one.

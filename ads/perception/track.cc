@@ -113,7 +113,7 @@ void Track::predict(std::int64_t time_ns) {
   jacobian.block<2, 2>(0, 4).diagonal().setConstant(0.5 * passed_s * passed_s);
   jacobian.block<2, 2>(2, 4).diagonal().setConstant(passed_s);
   jacobian.block<2, 2>(4, 4).diagonal().setConstant(keeps);
-  // What the acceleration gains in a step is taken as there from its begin.
+  // The velocity gained in a step is assumed from its begin.
   const Eigen::Vector2d ahead = direction(heading_[0]);
   const Eigen::Vector2d left = left_of(ahead);
   const Eigen::Matrix2d gained =
@@ -154,7 +154,7 @@ void Track::update(const ObjectView& view, const Skyline& skyline) {
   // A size is only doubted where it is measured: else what the seen side does would change it.
   doubt_size(box.front, box.rear, 0);
   doubt_size(box.left, box.right, 1);
-  // Ends first: where they leave no doubt, bounds have no say.
+  // Ends first: where they leave no doubt, bounds have no influence.
   for (const bool is_end : {true, false}) {
     for (auto [edge, axis, sign] : edges) {
       if (edge.is_end == is_end) {
@@ -233,7 +233,7 @@ void Track::update_edge(const Edge& edge, int axis, double sign) {
   }
   const State spread = covariance_ * jacobian;
   const double expected = jacobian.dot(spread);
-  // What is far off counts, but not more than at the gate.
+  // Distant measurements are used, but with no more weight than at the gate.
   noise = std::max(noise, squared(innovation) / kGate - expected);
   State gain = spread / (expected + noise);
   // A size is learned from an edge whose place depends on it, and not from one that is well known:

@@ -9,23 +9,22 @@
 
 namespace ads {
 
-/// What is known of an object before it is seen well, and how it may move. Standard deviations are
-/// 1 sigma.
+/// The prior of an object's size, and its motion model. Standard deviations are 1 sigma.
 struct TrackConfig {
   double length_m = 4.8;
   double length_stddev_m = 0.8;
   double width_m = 1.9;
   double width_stddev_m = 0.3;
-  /// So much a size is doubted at least when it is measured anew.
+  /// The minimum uncertainty of a size when it is measured again.
   double size_doubt_m = 0.15;
-  /// And so much if one side is where it should be, and the other reaches farther.
+  /// The same if one side is where it should be, and the other extends farther.
   double growth_doubt_m = 0.5;
   double speed_stddev_mps = 12.0;
-  /// The acceleration lasts for about this time (Singer's model), and is of this size.
+  /// Time constant and standard deviation of the acceleration (Singer's model).
   double maneuver_s = 0.7;
   double forward_stddev_mps2 = 4.0;
   double sideways_stddev_mps2 = 1.0;
-  /// How fast the yaw rate changes, and for how long it lasts.
+  /// The random walk of the yaw rate, and its time constant.
   double yaw_walk_radps_per_sqrt_s = 0.4;
   double turn_s = 1.0;
   /// From this speed on the heading is that of the motion.
@@ -38,10 +37,10 @@ struct TrackConfig {
 /// [m/s^2] in the map, and length and width [m]. The acceleration is a first-order Gauss-Markov
 /// process (Singer, "Estimating Optimal Tracking Filter Performance for Manned Maneuvering
 /// Targets", IEEE Transactions on Aerospace and Electronic Systems 6(4), 1970), larger along the
-/// heading than across. Each edge of the box that is seen is a measurement of its own: front =
-/// centre along the heading + length / 2, and so on. So the sides that are seen hold the box, the
-/// size is learned whenever two opposite sides are seen, and nothing jumps when another side comes
-/// into view. A side that only bounds the box pushes it outwards and never inwards.
+/// Each edge of the box that is seen is a separate measurement: front = centre along the heading +
+/// length / 2, and so on. So the visible sides determine the box, the size is estimated whenever
+/// two opposite sides are visible, and nothing jumps when another side comes into view. A side that
+/// only bounds the box pushes it outwards and never inwards.
 ///
 /// Heading and yaw rate are a second filter: measured by the faces seen, and by the direction of
 /// the velocity.
@@ -51,7 +50,7 @@ class Track {
  public:
   Track(const TrackConfig& config, std::int64_t time_ns, const Eigen::Vector2d& center_m,
         double heading_rad);
-  /// As `state` tells; the size that it begins with is of there, and not of `config`.
+  /// Restores `state`; the initial size is that of `state`, not of `config`.
   ///
   /// @errors  Throws `std::invalid_argument` if `state` is not of the size of a track's.
   Track(const TrackConfig& config, const perception::TrackState& state);
@@ -59,14 +58,13 @@ class Track {
   void save(perception::TrackState& state) const;
 
   void predict(std::int64_t time_ns);
-  /// A sweep has seen the object, at the time of the track.
+  /// Updates the track with a view of the object, at the time of the track.
   void update(const ObjectView& view, const Skyline& skyline);
 
-  /// It was taken for one with what stands behind it: its length is begun anew at the end that is
-  /// closer to the sensor.
+  /// Separates it from an object behind it: its length is reset from the end closer to the sensor.
   void cut(const Eigen::Vector2d& sensor_m);
 
-  /// The squared Mahalanobis distance of the object seen from where this one is expected.
+  /// The squared Mahalanobis distance between the view and the prediction.
   [[nodiscard]] double distance2(const ObjectView& view, const Skyline& skyline) const;
 
   [[nodiscard]] std::int64_t time_ns() const { return time_ns_; }
@@ -106,8 +104,8 @@ class Track {
   Eigen::Matrix2d heading_covariance_;
   double height_m_ = 0.0;
   bool has_course_ = false;  // Its direction of motion is known.
-  int astray_ = 0;           // Sweeps in a row in which it moved across its heading.
-  int misfits_ = 0;          // And in which another heading fitted better.
+  int astray_ = 0;           // Consecutive sweeps in which it moved across its heading.
+  int misfits_ = 0;          // Consecutive sweeps in which another heading fitted better.
 };
 
 }  // namespace ads

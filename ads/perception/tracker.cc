@@ -16,14 +16,14 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kGate = 13.8;           // 99.9 % of two dimensions.
-constexpr double kNearby_m = 12.0;       // Farther groups are not looked at for a track.
+constexpr double kNearby_m = 12.0;       // Farther groups are not considered for a track.
 constexpr double kKnownSpeed_mps = 4.0;  // 1 sigma: from then on echoes are moved with their track.
 constexpr double kMargin_m = 0.4;        // Around the box in which echoes are a track's.
 constexpr double kMarginMax_m = 1.0;
 constexpr double kOwnedShare = 0.3;  // Of a group, for its rest to be the track's as well.
 constexpr std::size_t kEchoesSeen = 3;
 constexpr float kTop_m = 0.4F;        // Lower things do not begin a track.
-constexpr float kUpright_m = 0.25F;   // What is flatter is no wall.
+constexpr float kUpright_m = 0.25F;   // A flatter one is not a wall.
 constexpr double kSideFrom_m = 2.7;   // No car is wider.
 constexpr double kFrontFrom_m = 1.2;  // Nor narrower.
 constexpr std::size_t kEchoesTwoWheeler = 12;
@@ -36,9 +36,9 @@ constexpr double kLow_m = 2.2;
 constexpr double kHighest_m = 2.5;  // Of cars and vans.
 constexpr double kMemory = 0.8;     // Of what an object looked like.
 
-// From what is seen: a face that is wholly seen and no longer than a car is wide is its front or
-// its rear, a longer one its side. What is seen less is taken to lie as `likely_rad` does. Of both
-// directions the one that is closer to that.
+// From the visible faces: a completely visible face no longer than a car's width is its front or
+// rear, a longer one its side. A smaller visible part is assumed to lie as `likely_rad` does. Of
+// both directions, the one closer to that.
 double first_heading(const ObjectView& view, const Skyline& skyline,
                      const Eigen::Vector2d& reference_m, double likely_rad) {
   double heading = heading_by_closeness(view, likely_rad, 0.25 * kPi);
@@ -141,7 +141,7 @@ void Tracker::label(const SweepEchoes& sweep) {
     }
     const double before_s = static_cast<double>(sweep.begin_ns - track.time_ns()) * 1e-9;
     const double middle_s = before_s + 0.5e-9 * static_cast<double>(sweep.duration_ns);
-    // What is no vehicle stands: it leaves to others what is not well within it.
+    // An object that is not a vehicle stands: it leaves echoes not well within it to others.
     const bool stands = is_structure(objects_[index]);
     const double margin = stands
                               ? 0.0
@@ -309,7 +309,7 @@ void Tracker::finish(Group& group, const SweepEchoes& sweep, const EgoMotion& eg
                 .sensor_heading_rad = pose->heading_rad};
 }
 
-// Step 3: groups of nobody, and tracks that are left over.
+// Step 3: unassigned groups and remaining tracks.
 void Tracker::associate() {
   std::vector<std::tuple<double, std::size_t, std::size_t>> pairs;
   for (std::size_t group = 0; group < groups_.size(); ++group) {
@@ -427,7 +427,7 @@ void Tracker::begin_tracks() {
       return std::abs(place.x()) < 0.5 * object.track.length_m() + kMargin_m &&
              std::abs(place.y()) < 0.5 * object.track.width_m() + kMargin_m;
     });
-    // What is flat is a roof, maybe that of an object of which other parts are followed.
+    // A flat group is a roof, possibly of an object whose other parts are tracked.
     if (is_known || top_m < kTop_m || top_m - bottom_m < kUpright_m) {
       continue;
     }

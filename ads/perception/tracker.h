@@ -19,36 +19,36 @@ namespace ads {
 struct TrackerConfig {
   ClusteringConfig clustering;
   TrackConfig track;
-  /// Echoes that a new object needs, and sweeps in which it has to be seen before it counts.
+  /// The number of echoes for a new object, and of sweeps until it is confirmed.
   int echoes_min = 6;
   int sightings_min = 3;
-  /// For how long an object is kept that is not seen: in open view, and hidden behind others.
+  /// How long an unseen object is kept: in open view, and occluded.
   double open_max_s = 0.35;
   double hidden_max_s = 2.0;
-  /// A group in which a track has enough echoes is its whole group, so far around its box.
+  /// Within this distance of its box, a track with enough echoes in a group owns the whole group.
   double reach_m = 4.0;
-  /// What is larger is no object.
+  /// Larger objects are discarded.
   double length_max_m = 25.0;
   double width_max_m = 3.2;
-  /// What is no higher than 2.2 m and longer than this is two: it is begun anew at its near end.
+  /// An object lower than 2.2 m and longer than this is split: it is restarted at its near end.
   double low_length_max_m = 25.0;
-  /// What looks less like a vehicle or two-wheeler is a structure: it gives way to other objects.
+  /// Below this likeness an object is a structure: it yields echoes to other objects.
   double structure_likeness = -1e3;
 };
 
-/// Echoes of one sweep, and how they were taken.
+/// The echoes of one sweep, and the sensor's geometry.
 struct SweepEchoes {
   std::int64_t begin_ns = 0;
   std::int64_t duration_ns = 0;
   Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();
   std::vector<Echo> echoes;
-  std::vector<SightLine> sight_lines;  ///< Of all echoes below the sensor, the ground as well.
-  double spread_rad = 0.0;             ///< Between neighbouring beams.
+  std::vector<SightLine> sight_lines;  ///< Of all echoes below the sensor, including the ground.
+  double spread_rad = 0.0;             ///< Angle between neighbouring beams.
   double mount_forward_m = 0.0;
   double mount_height_m = 0.0;
 };
 
-/// An object that is followed from sweep to sweep.
+/// A tracked object.
 struct TrackedObject {
   std::uint64_t id = 0;
   Track track;
@@ -56,23 +56,23 @@ struct TrackedObject {
   std::uint32_t missed = 0;  ///< Sweeps since it was last seen.
   std::int64_t seen_ns = 0;
   bool is_confirmed = false;
-  /// By how much more it looked like it than not in the last sweeps; 0 if that was not clear.
+  /// Accumulated evidence of the last sweeps for and against; 0 if it was unclear.
   double vehicle_likeness = 0.0;
   double two_wheeler_likeness = 0.0;
-  /// By how much it looked less like a vehicle because one saw through its place.
+  /// Evidence against a vehicle because beams passed through its place.
   double hollowness = 0.0;
 };
 
-/// Follows objects through the sweeps.
+/// Tracks objects from sweep to sweep.
 ///
-/// 1. An echo inside the box that a track is expected to have at the echo's time belongs to it, and
-///    is moved with it to the middle of the sweep.
-/// 2. Echoes close to each other form groups. Those of a track form one view of it, with what else
-///    is in their groups; a group of several tracks is divided among them by distance.
-/// 3. The other groups go to the tracks that are left over: global nearest neighbour in a greedy
-///    way, by increasing Mahalanobis distance (Blackman, Popoli, "Design and Analysis of Modern
-///    Tracking Systems", 1999, section 6.4), which is a complete order: equal distances are decided
-///    by the tracks' age. What is then left begins tracks.
+/// 1. An echo inside a track's predicted box at the echo's time belongs to the track, and is moved
+///    with it to the middle of the sweep.
+/// 2. Echoes close to each other form groups. Those of a track form one view of it, with the rest
+///    of their groups; a group of several tracks is divided among them by distance.
+/// 3. The other groups are assigned to the remaining tracks: greedy global nearest neighbour, by
+///    increasing Mahalanobis distance (Blackman, Popoli, "Design and Analysis of Modern Tracking
+///    Systems", 1999, section 6.4), which is a complete order: ties are broken by the tracks' age.
+///    Remaining groups start new tracks.
 ///
 /// Deterministic: the same sweeps give the same tracks and ids.
 ///
@@ -81,13 +81,13 @@ class Tracker {
  public:
   explicit Tracker(const TrackerConfig& config);
 
-  /// The objects, and the ids given; `load` goes on from there.
+  /// The objects and the id counter; `load` continues from there.
   void save(perception::TrackerState& state) const;
   /// @errors  As `Track`.
   void load(const perception::TrackerState& state);
 
   void update(const SweepEchoes& sweep, const EgoMotion& ego);
-  /// No echoes can be used: tracks end that were not seen for too long by `time_ns`.
+  /// Without usable echoes: removes tracks that have not been seen for too long at `time_ns`.
   void coast(std::int64_t time_ns);
 
   [[nodiscard]] const std::vector<TrackedObject>& objects() const { return objects_; }
@@ -128,7 +128,7 @@ class Tracker {
 
   // Of one sweep.
   std::vector<int> labels_;       // Of each echo: an index in `objects_`.
-  std::vector<float> outside_m_;  // How far it is outside of that object's box.
+  std::vector<float> outside_m_;  // Its distance from that object's box.
   std::vector<Eigen::Vector2f> places_m_;
   std::vector<Group> groups_;
   std::vector<bool> is_seen_;

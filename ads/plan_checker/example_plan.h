@@ -15,7 +15,7 @@ namespace plan_checker {
 
 constexpr double kStep_s = 0.1;
 
-/// Along x at `y_m`, from x = 0 on.
+/// Along x at `y_m`, starting at x = 0.
 inline void write_straight(planning::Trajectory& trajectory, std::int64_t start_ns,
                            double speed_mps, double acceleration_mps2, double y_m = 0.0,
                            int points = 61) {

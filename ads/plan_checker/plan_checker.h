@@ -16,12 +16,12 @@
 
 namespace plan_checker {
 
-/// A second opinion on each plan, by code of its own; see `Rules`. Control gets those that pass.
+/// An independent check of each plan; see `Rules`. Only plans that pass are forwarded to control.
 ///
 /// In:    `planning/plan`; the newest of `prediction/objects`, `localization/ego`, `map/tile`
-/// Out:   `planning/verdict` for each plan; `planning/checked_plan`, the plans that were accepted,
-///        forwarded without a copy
-/// Keeps: `plan_checker`, the last plan that was accepted, and what was counted
+/// Out:   `planning/verdict` for each plan; `planning/checked_plan`, the accepted plans, forwarded
+///         without a copy
+/// Keeps: `plan_checker`, the last accepted plan, and the counters
 class PlanChecker final : public fastcycle::Component {
  public:
   explicit PlanChecker(fastcycle::Context& context);
@@ -51,7 +51,7 @@ class PlanChecker final : public fastcycle::Component {
   std::int64_t plans_ = 0;
   std::int64_t plans_rejected_ = 0;
   std::int64_t plans_noted_ = 0;
-  // Breaches of each rule in this run: "collision rejected", "jerk noted".
+  // Violations of each rule in this run: "collision rejected", "jerk noted".
   std::map<std::string, std::int64_t> breaches_;
 };
 

@@ -111,7 +111,7 @@ double RoadArea::beyond_m(const Eigen::Vector2d& place_m) const {
       return 0.0;
     }
   }
-  // Nearly always a lane is close by: the edges of few have to be looked at then.
+  // A lane is nearly always close by: then few edges have to be tested.
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double least_m = kInfinity;
   for (const double within_m : {1.0, 10.0, 100.0, kInfinity}) {

@@ -10,14 +10,14 @@
 
 namespace plan_checker {
 
-/// The area that lanes cover together, and the limits that hold on them.
+/// The area that all lanes cover together, and their speed limits.
 ///
-/// Lanes of all types and directions count but crossings for pedestrians and those that no motor
-/// vehicle drives on (`OTHER`). A lane that has no successor or predecessor in the map goes on
-/// straight there: where the map ends, it does not say that the road does.
+/// Includes lanes of all types and directions except pedestrian crossings and those without motor
+/// vehicles (`OTHER`). A lane without a successor or predecessor in the map is extended straight
+/// there, because the end of the map is not the end of the road.
 ///
 /// @threads  Compatible.
-/// @realtime Looking at one place grows with the number of lanes.
+/// @realtime A query grows with the number of lanes.
 class RoadArea {
  public:
   struct SpeedLimit {
@@ -26,16 +26,16 @@ class RoadArea {
   };
 
   RoadArea() = default;
-  /// Lines with fewer than two points, or a number that is not finite, are left out.
+  /// Lines with fewer than two points, or a non-finite number, are ignored.
   explicit RoadArea(const hd_map::Tile& tile);
 
   [[nodiscard]] bool is_empty() const { return lanes_.empty(); }
-  /// Whether the map's tile says what is there; far from its middle it says nothing.
+  /// Whether the map's tile covers the place; far from its middle it does not.
   [[nodiscard]] bool covers(const Eigen::Vector2d& place_m) const;
-  /// How far a place is beyond all lanes, in m; 0 on one.
+  /// The distance of a place from all lanes, in m; 0 on one.
   [[nodiscard]] double beyond_m(const Eigen::Vector2d& place_m) const;
-  /// The highest limit of the lanes at a place that lead in about the direction of `heading_rad`.
-  /// None off the road, and where one of these lanes has none.
+  /// The highest limit of the lanes at a place with about the direction of `heading_rad`. None off
+  /// the road, and where one of these lanes has none.
   [[nodiscard]] std::optional<SpeedLimit> speed_limit(const Eigen::Vector2d& place_m,
                                                       double heading_rad) const;
 
@@ -44,7 +44,7 @@ class RoadArea {
     std::int64_t id = 0;
     double speed_limit_mps = 0.0;
     std::vector<Eigen::Vector2d> edge_m;    // A polygon.
-    std::vector<Eigen::Vector2d> centre_m;  // Without what was added at the map's ends.
+    std::vector<Eigen::Vector2d> centre_m;  // Without the extensions at the map's ends.
     Eigen::Vector2d low_m;                  // Of its bounding box.
     Eigen::Vector2d high_m;
 

@@ -27,9 +27,9 @@ constexpr double kStanding_mps = 0.3;
 constexpr double kSteeringAllowance = 1.1;
 constexpr double kTimeError_s = 1e-3;
 constexpr double kStepMax_s = 0.5;
-// What an object less probably does is left to planning.
+// Less probable ways of an object are left to planning.
 constexpr double kLikely = 0.5;
-// What is far ahead, and noted only, is looked at this often.
+// The interval at which the distant part, whose violations are only noted, is tested.
 constexpr double kFarStep_s = 0.5;
 
 double seconds(std::int64_t ns) {
@@ -111,7 +111,8 @@ std::optional<Motion> object_at(const prediction::Hypothesis& way, double time_s
   return is_finite ? std::optional(motion) : std::nullopt;
 }
 
-// Who comes up from behind has to keep his distance, and so has who drives into one that stands.
+// Objects that approach from behind must keep their distance, as must those that drive into a
+// standing vehicle.
 bool is_others_to_avoid(const Motion& body, double length_m, const Motion& object) {
   if (body.speed_mps < kStanding_mps) {
     return true;
@@ -194,7 +195,7 @@ class TrajectoryCheck {
 
   void run() {
     if (!check_numbers() || !check_times()) {
-      return;  // Nothing else can be said of it.
+      return;  // No further rule can be checked.
     }
     check_age();
     check_start();
@@ -402,7 +403,7 @@ class TrajectoryCheck {
     }
   }
 
-  // Who is too fast already may slow down at ease, which is a note.
+  // A vehicle that is too fast already may slow down gently; that is only noted.
   void check_speed_limit(const RoadArea::SpeedLimit& limit, const TrajectoryPoint& at,
                          double begin_mps) {
     const double noted = limit.mps + limits_.speed_limit_excess_noted_mps;
@@ -413,7 +414,7 @@ class TrajectoryCheck {
                                 limit.mps, limit.lane));
   }
 
-  // Whether the point is near enough to be looked at, or one of those farther that are.
+  // Whether the point is near enough to be tested, or one of the tested ones farther away.
   [[nodiscard]] bool is_looked_at(int index) const {
     const double step_s = point(1).time_s() - point(0).time_s();
     const int every = std::max(1, static_cast<int>(kFarStep_s / step_s));
@@ -431,7 +432,7 @@ class TrajectoryCheck {
                       .length_m = limits_.length_m,
                       .width_m = limits_.width_m};
     };
-    // Who is beside the road already comes back.
+    // A vehicle that is beside the road already comes back.
     const double begin_m = beyond_m(*around_.road, body_at(0));
     for (int index = 0; index < size(); ++index) {
       if (!is_looked_at(index)) {
@@ -498,7 +499,7 @@ Rules::Touch Rules::first_touch(const Trajectory& trajectory, const Surroundings
   if (around.predictions == nullptr || trajectory.points().empty()) {
     return first;
   }
-  // A prediction goes on through the vehicle; who was to avoid the contact still is then.
+  // A prediction continues through the vehicle; the duty to avoid the contact does not change then.
   std::set<const prediction::Hypothesis*> others_to_avoid;
   const double reach_m = std::hypot(limits_.length_m, limits_.width_m) / 2.0;
   const double now_s = seconds(around.now_ns - trajectory.start_ns());
@@ -578,7 +579,7 @@ void check_inputs(const Limits& limits, const planning::Plan& plan, const Surrou
 
 bool Rules::is_apart_without(const planning::Plan& plan, const Surroundings& around) const {
   if (around.accepted == nullptr) {
-    // A plan that says itself that it is the best of bad ones is better than none.
+    // A plan declared as the best of bad ones is better than none.
     return plan.kind() == planning::NOMINAL;
   }
   const double own_s =

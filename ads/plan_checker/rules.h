@@ -11,7 +11,7 @@
 
 namespace plan_checker {
 
-/// What a plan is held against; README.md has the sources.
+/// The limits for plans; README.md lists the sources.
 struct Limits {
   // The vehicle.
   double length_m = 4.508;
@@ -21,32 +21,32 @@ struct Limits {
   double steering_max_rad = 1.066;
   double steering_rate_max_radps = 0.4;
   double speed_max_mps = 60.0;
-  // Of the physics: no plan may go beyond.
+  // Physical limits: a plan that exceeds them is rejected.
   double braking_max_mps2 = 10.0;
   double acceleration_max_mps2 = 6.0;
   double jerk_max_mps3 = 45.0;
   double lateral_max_mps2 = 8.0;
-  // Of comfort: a plan that goes beyond is noted.
+  // Comfort limits: a violation is only noted.
   double comfort_braking_mps2 = 5.0;
   double comfort_acceleration_mps2 = 4.0;
   double comfort_jerk_mps3 = 10.0;
   double comfort_lateral_mps2 = 3.0;
-  // Where the vehicle is, from where the plan begins.
+  // Deviation of the vehicle from the plan's start.
   double start_distance_max_m = 1.5;
   double start_heading_max_rad = 0.3;
   double start_speed_max_mps = 2.5;
-  // Between one point and what the points beside it say.
+  // Consistency of a point with its neighbours.
   double motion_distance_max_m = 0.2;
   double motion_distance_max_share = 0.15;
   double motion_heading_max_rad = 0.05;
   double motion_acceleration_max_mps2 = 2.5;
-  /// So many times as large the allowance of places is for what is driven later, or only after a
-  /// failure: the minimal-risk trajectory.
+  /// The factor on the allowed position error for what is driven later, or only after a failure:
+  /// the minimal-risk trajectory.
   double motion_later_factor = 10.0;
   // Times.
   double horizon_min_s = 3.0;
   double age_max_s = 0.5;
-  /// What is planned or predicted for later is noted only: until then there are other plans.
+  /// Violations planned or predicted for later are only noted: a new plan will replace this one.
   double certain_s = 2.0;
   // Road and objects.
   double over_edge_max_m = 0.8;
@@ -55,13 +55,13 @@ struct Limits {
   double gap_noted_m = 0.5;
   double speed_limit_excess_max_mps = 5.0;
   double speed_limit_excess_noted_mps = 1.0;
-  /// A plan that touches something within this time is rejected,
+  /// A plan that collides within this time is rejected,
   double collision_certain_s = 1.5;
-  /// if what control follows without it touches nothing, or so much later.
+  /// if the trajectory that control follows without it has no collision, or one later by this time.
   double later_s = 1.0;
 };
 
-/// Where the vehicle is, by localization: the centre of its box.
+/// The vehicle's motion from localization: the centre of its box.
 struct Motion {
   double x_m = 0.0;
   double y_m = 0.0;
@@ -69,29 +69,29 @@ struct Motion {
   double speed_mps = 0.0;
 };
 
-/// What is known when a plan is checked.
+/// The inputs of a check.
 struct Surroundings {
   std::int64_t now_ns = 0;
   std::optional<Motion> ego = {};  ///< At `now_ns`.
   const prediction::Predictions* predictions = nullptr;
   const RoadArea* road = nullptr;
-  /// What control follows if the plan is rejected; none if there is none that is new enough.
+  /// The plan that control follows after a rejection; none if there is no recent one.
   const planning::Plan* accepted = nullptr;
 };
 
-/// Checks a plan by its message alone, without the code that made it.
+/// Checks a plan by its message alone, independently of the planner's code.
 ///
 /// @threads  Compatible.
 class Rules {
  public:
   explicit Rules(const Limits& limits) : limits_(limits) {}
 
-  /// Sets all of `verdict` but `rejected_in_a_row`. @pre  `verdict` is empty.
+  /// Sets all fields of `verdict` except `rejected_in_a_row`. @pre  `verdict` is empty.
   void check(const planning::Plan& plan, const Surroundings& around,
              planning::PlanVerdict& verdict) const;
 
-  /// When the body first comes closer than `gap_m` to what an object most probably does, other than
-  /// from behind; after a trajectory's end it stands there. Infinite if it does not.
+  /// When the body first comes closer than `gap_m` to an object's most probable motion, other than
+  /// from behind; after its end a trajectory stands there. Infinite if it does not.
   struct Touch {
     double time_s;   ///< Since `around.now_ns`.
     double point_s;  ///< Since the trajectory's start.
@@ -103,12 +103,12 @@ class Rules {
                                   const Surroundings& around, double gap_m, double until_s) const;
 
  private:
-  /// Whether what control follows if a plan is rejected that touches something is better than it.
+  /// Whether the fallback after a rejection is better than a plan that collides.
   [[nodiscard]] bool is_apart_without(const planning::Plan& plan, const Surroundings& around) const;
-  /// The same of a plan that leaves the road.
+  /// The same for a plan that leaves the road.
   [[nodiscard]] bool is_on_road_without(const planning::Plan& plan,
                                         const Surroundings& around) const;
-  /// How far the body is off the road at most, from now until `certain_s`.
+  /// The maximum distance of the body from the road, from now until `certain_s`.
   [[nodiscard]] double most_beyond_m(const planning::Trajectory& trajectory,
                                      const Surroundings& around) const;
   void except(planning::Rule rule, const std::string& why, planning::PlanVerdict& verdict) const;

@@ -12,11 +12,11 @@
 
 namespace ads {
 
-/// How far predictions are from where recorded or simulated road users were then, in metres.
+/// The errors of predictions against the motion of recorded or simulated road users, in metres.
 ///
-/// What is predicted from is the state of each road user as its scenario has it, its acceleration
-/// and turn rate over the last 0.5 s, and the lane that scene_understanding finds for it. Static
-/// obstacles do not count.
+/// The inputs are the state of each road user in its scenario, its acceleration and turn rate over
+/// the last 0.5 s, and the lane that scene_understanding finds for it. Static obstacles are
+/// ignored.
 class PredictionScores {
  public:
   static constexpr std::array<int, 4> kAhead_s{1, 2, 3, 5};
@@ -25,16 +25,16 @@ class PredictionScores {
     std::vector<double> most_probable_m = {};
     std::vector<double> closest_m = {};            ///< Of all hypotheses.
     std::vector<double> constant_velocity_m = {};  ///< Straight on at constant speed.
-    std::size_t within_along = 0;                  ///< Of the most probable: two deviations.
+    std::size_t within_along = 0;  ///< Of the most probable one: within two standard deviations.
     std::size_t within_across = 0;
   };
   using OfKind = std::array<Ahead, kAhead_s.size()>;
 
-  /// Predicts from every fifth step of `scenario` on.
+  /// Predicts at every fifth step of `scenario`.
   void add(const Scenario& scenario, const PredictorOptions& options);
   /// By kind of road: "highway", "crossing", "town", "other"; the last is "all".
   [[nodiscard]] std::map<std::string, OfKind> by_kind() const;
-  /// A row for each kind of road and time ahead, in Markdown.
+  /// A row for each kind of road and prediction time, in Markdown.
   [[nodiscard]] std::string table() const;
 
  private:

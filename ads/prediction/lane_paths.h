@@ -12,7 +12,7 @@
 
 namespace ads {
 
-/// The centres of lanes that follow each other.
+/// The joined centres of consecutive lanes.
 struct LanePath {
   struct Part {
     std::int64_t lane = 0;
@@ -31,14 +31,14 @@ struct LanePath {
 class LanePaths {
  public:
   LanePaths() = default;
-  /// Lanes without a length are left out.
+  /// Lanes without a length are ignored.
   explicit LanePaths(const hd_map::Tile& tile);
 
   [[nodiscard]] bool has(std::int64_t lane) const { return lanes_.contains(lane); }
-  /// The lane beside it in its direction; 0 for none.
+  /// The adjacent lane in the same direction; 0 for none.
   [[nodiscard]] std::int64_t beside(std::int64_t lane, bool is_left) const;
-  /// The ways along which one can drive on from `lane` for `length_m`, the straightest one first;
-  /// at most four, and one at least. The last lane of a map goes on straight.
+  /// The possible paths from `lane` for `length_m`, the straightest one first; at most four, and at
+  /// least one. The last lane of a map is extended straight.
   [[nodiscard]] std::vector<LanePath> from(std::int64_t lane, double length_m) const;
 
  private:

@@ -9,7 +9,7 @@
 
 namespace ads {
 
-/// Says where the objects will be.
+/// Predicts the motion of the objects.
 ///
 /// In:   `scene/scene`, `map/tile`
 /// Out:  `prediction/objects`, for each scene

@@ -9,7 +9,7 @@ namespace ads {
 namespace {
 
 constexpr double kStanding_mps = 0.3;
-// Who stands in a queue may start: so fast, and up to there.
+// An object standing in a queue may start: with this acceleration, and up to this speed.
 constexpr double kStart_mps2 = 1.0;
 constexpr double kStart_mps = 5.0;
 constexpr double kStandingProbability = 0.6;
@@ -21,7 +21,7 @@ constexpr double kBraking_mps2 = 8.0;
 constexpr double kGapMin_m = 1.0;
 // A motion to the side that is no change of lane dies away.
 constexpr double kAcrossDecay_s = 0.7;
-// What is seen of the direction counts for this long, where the lane bends by less than that angle.
+// The observed direction is used for this long, where the lane bends by less than that angle.
 constexpr double kStraight_s = 3.0;
 constexpr double kStraight_rad = 0.1;
 // A change of lane is likely when the offset in this time is beyond the threshold.
@@ -250,8 +250,8 @@ void Predictor::follow(const Track& track, const LanePath& path, double along_m,
     }
     Eigen::Vector2d position = path.line.point_at(at_m, offset_m);
     if (!across.target_m) {
-      // Lanes are mapped to decimetres, and nobody drives exactly along one: at first it is better
-      // to go straight on.
+      // Lanes are mapped to decimetres, and no vehicle drives exactly along one: at first a
+      // straight prediction is better.
       const double bend_rad =
           normalize_angle(path.line.heading_at(at_m) - path.line.heading_at(along_m));
       const double share = std::exp(-time_s / kStraight_s - square(bend_rad / kStraight_rad));

@@ -13,17 +13,17 @@ namespace ads {
 struct PredictorOptions {
   double horizon_s = 6.0;
   double step_s = 0.1;
-  /// What drivers keep to the one before them when they stand.
+  /// The distance to the leader at standstill.
   double distance_min_m = 2.0;
-  /// How the standard deviations grow: along the way by 1/2 a t^2 and by v t, across up to a limit.
+  /// Growth of the standard deviations: along by 1/2 a t^2 and by v t, across up to a limit.
   double along_stddev_mps2 = 0.7;
   double along_stddev_mps = 0.3;
   double across_stddev_mps = 0.2;
   double across_stddev_max_m = 1.0;
 };
 
-/// Where objects will be, by hypotheses with probabilities: along their lane, over to the lane
-/// beside, on a circle, or standing. The README says how.
+/// Predicts objects by hypotheses with probabilities: along their lane, to the adjacent lane, on a
+/// circle, or standing. The README describes the model.
 ///
 /// @threads  Confined.
 class Predictor {
@@ -31,18 +31,18 @@ class Predictor {
   explicit Predictor(const PredictorOptions& options) : options_(options) {}
 
   void use(LanePaths lanes) { lanes_ = std::move(lanes); }
-  /// Fills all but the header.
+  /// Sets all fields except the header.
   void predict(const scene::Scene& scene, prediction::Predictions& predictions) const;
 
  private:
-  // An object on its way: its path, if it is on a lane, and how far it gets along it.
+  // The motion of an object: its path, if it is on a lane, and its progress along it.
   struct Track {
     const scene::SceneObject* source = nullptr;
-    std::vector<LanePath> paths = {};  // The first one is that which it is taken to follow.
-    double along_m = 0.0;              // At the beginning.
+    std::vector<LanePath> paths = {};  // The first one is the most likely.
+    double along_m = 0.0;              // At the start.
     std::optional<std::size_t> leader = {};
-    double gap_m = 0.0;              // To the leader, bumper to bumper, at the beginning.
-    std::vector<double> way_m = {};  // From the beginning, at each step.
+    double gap_m = 0.0;              // To the leader, bumper to bumper, at the start.
+    std::vector<double> way_m = {};  // From the start, at each step.
     std::vector<double> speed_mps = {};
   };
   struct Across {
@@ -59,7 +59,7 @@ class Predictor {
   [[nodiscard]] double acceleration(const Track& track, const std::vector<Track>& tracks,
                                     std::size_t step) const;
   void add_hypotheses(const Track& track, prediction::PredictedObject& predicted) const;
-  // Returns the probability that is left.
+  // Returns the remaining probability.
   double add_changes(const Track& track, double slant_rad, double probability,
                      prediction::PredictedObject& predicted) const;
   void follow(const Track& track, const LanePath& path, double along_m, const Across& across,

@@ -6,8 +6,8 @@
 
 namespace ads::testing {
 
-/// A road along x: lanes 1 then 11 at y = 0, lanes 2 then 12 at y = 3.5; 21 parts from 1 and turns
-/// to the right.
+/// A road along x: lanes 1 then 11 at y = 0, lanes 2 then 12 at y = 3.5; 21 branches off 1 and
+/// turns to the right.
 inline hd_map::Tile small_map() {
   hd_map::Tile tile;
   const auto add_point = [](hd_map::Lane& lane, double x_m, double y_m, double side_x_m,

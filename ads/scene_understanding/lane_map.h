@@ -12,14 +12,14 @@
 
 namespace ads {
 
-/// Where something is on a lane.
+/// A position on a lane.
 struct LanePlace {
   std::int64_t lane = 0;
   double along_m = 0.0;   ///< Along the lane's centre.
   double offset_m = 0.0;  ///< From there to the left.
 };
 
-/// The lanes of a tile, and which of them something is on.
+/// The lanes of a tile, and the assignment of objects to them.
 ///
 /// @threads  Immutable.
 class LaneMap {
@@ -33,16 +33,16 @@ class LaneMap {
   };
 
   LaneMap() = default;
-  /// Lanes without a length are left out.
+  /// Lanes without a length are ignored.
   explicit LaneMap(const hd_map::Tile& tile);
 
   [[nodiscard]] bool is_empty() const { return lanes_.empty(); }
-  /// Null if the tile does not have it.
+  /// Null if the tile does not contain it.
   [[nodiscard]] const Lane* find(std::int64_t id) const;
 
-  /// The lane that fits best: where the place is in the lane, or at most 1.5 m beside it, and in
-  /// its direction. Slow things may stand in any direction. Something stays on its `previous` lane,
-  /// or goes over to a successor, until another one fits clearly better.
+  /// The lane that fits best: the position is in the lane, or at most 1.5 m beside it, and the
+  /// heading is along it. Slow objects may have any heading. An object stays on its `previous`
+  /// lane, or continues on a successor, until another one fits clearly better.
   [[nodiscard]] std::optional<LanePlace> match(const Eigen::Vector2d& position_m,
                                                double heading_rad, double speed_mps,
                                                std::int64_t previous) const;

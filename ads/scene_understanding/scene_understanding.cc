@@ -7,7 +7,7 @@
 namespace ads {
 namespace {
 
-// A state of the ego that is farther away in time says nothing.
+// A state of the ego farther away in time is not used.
 constexpr std::int64_t kEgoAgeMax_ns = 500'000'000;
 // More hazards at once are a flood: the ones with the highest numbers are let go.
 constexpr std::size_t kHazardsMax = 1'000;
@@ -43,8 +43,8 @@ SceneUnderstanding::SceneUnderstanding(fastcycle::Context& context)
       "connectivity/hazard", [this](const connectivity::Hazard& hazard) { take(hazard); });
   context.create_subscriber<perception::Objects>("perception/objects", {.depth = 1},
                                                  [this](const perception::Objects& objects) {
-                                                   // Of a sweep that shows nothing the road looks
-                                                   // empty: better to know nothing new.
+                                                   // An invalid sweep would make the road look
+                                                   // empty: better to publish nothing.
                                                    if (objects.is_sweep_valid()) {
                                                      judge(objects);
                                                    }

@@ -16,7 +16,7 @@
 
 namespace ads {
 
-/// Says what the objects around mean for the vehicle on its way.
+/// Relates the surrounding objects to the vehicle's route.
 ///
 /// In:   `perception/objects`, `map/tile`, `map/route`, `localization/ego` (history),
 ///       `connectivity/hazard`
@@ -28,7 +28,7 @@ class SceneUnderstanding final : public fastcycle::Component {
  private:
   void take(const connectivity::Hazard& hazard);
   void judge(const perception::Objects& objects);
-  // The ego's state at that time: the closest one known, moved on straight.
+  // The ego's state at that time: the closest known one, extrapolated straight.
   [[nodiscard]] std::optional<EgoState> ego_at(std::int64_t time_ns) const;
   void fill_hazards(const std::optional<Situation>& situation, scene::Scene& scene);
 

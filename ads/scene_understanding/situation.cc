@@ -150,7 +150,7 @@ void Situation::find_crossing() {
       if (found == nullptr || sides_.contains(other)) {
         continue;
       }
-      // Where the map does not say who goes first, better not the ego.
+      // If the map does not define right of way, the ego yields.
       mark_crossing(other, !yields(lane, other) && yields(*found, id) ? scene::EGO_FIRST
                                                                       : scene::OBJECT_FIRST);
     }

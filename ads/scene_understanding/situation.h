@@ -26,13 +26,13 @@ struct EgoState {
 struct SituationOptions {
   double ego_length_m = 4.508;
   double reach_s = 8.0;       ///< What the ego reaches in this time is relevant,
-  double reach_min_m = 50.0;  ///< and so much at least.
+  double reach_min_m = 50.0;  ///< and at least this distance.
 };
 
-/// The way to the goal as a frame to measure along.
+/// The route to the goal as a coordinate frame.
 class RouteFrame {
  public:
-  /// The route's reference; none if it was not found.
+  /// The route's reference line; none if no route was found.
   static std::optional<RouteFrame> of(const hd_map::Route& route);
   /// Straight along the vehicle's heading.
   explicit RouteFrame(const EgoState& ego);
@@ -41,7 +41,7 @@ class RouteFrame {
     return reference_.project(point_m);
   }
   [[nodiscard]] double heading_at(double along_m) const { return reference_.heading_at(along_m); }
-  /// Whether the place is on the road, or at most `margin_m` beside it.
+  /// Whether the position is on the road, or at most `margin_m` beside it.
   [[nodiscard]] bool is_on_road(const Polyline::Projection& place, double margin_m) const;
   [[nodiscard]] bool has_lane(std::int64_t lane) const { return lanes_.contains(lane); }
 
@@ -54,11 +54,11 @@ class RouteFrame {
   std::set<std::int64_t> lanes_;
 };
 
-/// How the lanes around lie, as seen from the ego's lane, and what objects on them mean.
+/// The lanes relative to the ego's lane, and the relation of objects on them to the ego.
 ///
 /// Lanes that follow the ego's lane, or lead to it, have side 0, the lanes to their left 1, 2, …,
-/// to their right -1, -2, …. Where lanes part, those on the route count. Lanes that conflict with
-/// those ahead, and what leads to them within 60 m, are crossing ones.
+/// to their right -1, -2, …. Where lanes diverge, those on the route are used. Lanes that conflict
+/// with those ahead, and lanes that lead to them within 60 m, are crossing ones.
 ///
 /// @threads  Confined.
 class Situation {
@@ -66,7 +66,7 @@ class Situation {
   Situation(const LaneMap& lanes, const RouteFrame& frame, const EgoState& ego,
             std::int64_t ego_lane, const SituationOptions& options);
 
-  /// Fills everything but the object itself.
+  /// Sets all fields except the object itself.
   void judge(const perception::Object& object, const std::optional<LanePlace>& place,
              scene::SceneObject& result) const;
   [[nodiscard]] bool is_ahead(const connectivity::Hazard& hazard) const;
@@ -89,7 +89,7 @@ class Situation {
   Polyline::Projection ego_place_;
   double ego_half_m_;
   std::map<std::int64_t, int> sides_;
-  std::vector<std::int64_t> ahead_;  // Of side 0, with the ego's own lane.
+  std::vector<std::int64_t> ahead_;  // Of side 0, including the ego's own lane.
   std::map<std::int64_t, scene::RightOfWay> crossing_;
 };
 

@@ -150,7 +150,7 @@ class Drawing {
     put("\"/>\n");
   }
 
-  /// What follows is cut at the rectangle's edge, until `end_panel`.
+  /// The following elements are clipped to the rectangle, until `end_panel`.
   void begin_panel(const Rectangle& panel) {
     ++panels_;
     put("<clipPath id=\"p{0}\"><rect x=\"{1:.1f}\" y=\"{2:.1f}\" width=\"{3:.1f}\" "

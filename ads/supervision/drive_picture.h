@@ -10,24 +10,23 @@
 
 namespace ads {
 
-/// A drive as far as the modules saw it; anything may be empty. The picture draws what is here, and
-/// knows no truth.
+/// A drive as recorded by the modules, without ground truth; any part may be empty.
 struct DrivePicture {
-  /// An object as it was seen.
+  /// An object as perceived.
   struct Seen {
     std::uint64_t id = 0;
     Box box;
   };
   /// One moment of the drive.
   struct Moment {
-    double time_s = 0.0;  ///< Since the vehicle was to drive by itself.
+    double time_s = 0.0;  ///< Since autonomous driving was requested.
     Box ego;
     double speed_mps = 0.0;
     double acceleration_mps2 = 0.0;
     double gap_m = 0.0;  ///< To the closest object; infinite without any.
-    std::string state;   ///< As `to_string(DrivingState)` says.
+    std::string state;   ///< The result of `to_string(DrivingState)`.
     std::vector<Seen> objects;
-    std::vector<Eigen::Vector2d> plan;  ///< The path that it was about to drive.
+    std::vector<Eigen::Vector2d> plan;  ///< The planned path at that time.
   };
   struct Event {
     double time_s = 0.0;
@@ -47,8 +46,8 @@ struct DrivePicture {
 };
 
 /// Draws it as an SVG document: the whole drive with lanes, traffic and the trajectory; four
-/// moments of it enlarged, each with the plan of then; speed, acceleration and the smallest gap
-/// over time; the states, and the events in words. Equal input gives equal bytes.
+/// moments of it enlarged, each with its plan; speed, acceleration and the smallest gap
+/// over time; the states, and the events as text. Equal input gives equal bytes.
 std::string draw_svg(const DrivePicture& picture);
 
 }  // namespace ads

@@ -11,7 +11,7 @@
 
 namespace ads {
 
-/// Whether the vehicle drives by itself; as in `supervision.DrivingState`.
+/// The state of autonomous driving; as in `supervision.DrivingState`.
 enum class DrivingState : std::uint8_t {
   kOff,
   kAvailable,
@@ -25,63 +25,63 @@ std::string_view to_string(DrivingState state);
 supervision::DrivingState message_of(DrivingState state);
 DrivingState driving_state_of(supervision::DrivingState state);
 
-/// Whether the vehicle moves, or keeps itself standing, on its own.
+/// Whether the vehicle is moved, or kept at rest, by the system.
 bool is_autonomous(DrivingState state);
 
-/// Something that has to come again and again.
+/// A periodic input.
 struct Watched {
-  std::string_view what;  ///< In words: "the ego pose".
-  double age_s = 0.0;     ///< Of its newest; infinite if there was none.
-  double limit_s = 0.0;   ///< Older is missing.
+  std::string_view what;  ///< For display: "the ego pose".
+  double age_s = 0.0;     ///< Of the newest one; infinite if there was none.
+  double limit_s = 0.0;   ///< If older, it counts as missing.
 };
 
-/// What supervision sees at one moment.
+/// The inputs of the state machine at one moment.
 struct Observation {
   double time_s = 0.0;                  ///< Of the application's clock.
-  std::optional<double> engage_at_s;    ///< None: nobody asked for autonomous driving.
-  std::vector<Watched> inputs;          ///< All of what autonomous driving needs.
-  std::vector<std::string> failures;    ///< In words: what makes it impossible at once.
-  std::vector<std::string> weaknesses;  ///< In words: what asks for care.
+  std::optional<double> engage_at_s;    ///< None: autonomous driving was not requested.
+  std::vector<Watched> inputs;          ///< All inputs that autonomous driving needs.
+  std::vector<std::string> failures;    ///< As text: reasons to end autonomous driving immediately.
+  std::vector<std::string> weaknesses;  ///< As text: reasons to continue with degraded performance.
   double speed_mps = 0.0;
 };
 
-/// The state machine that lets the vehicle drive by itself, and ends that safely.
+/// The state machine that enables autonomous driving, and ends it safely.
 ///
-/// Off, until everything is there; engaged when it was asked for; degraded while something is weak;
-/// and a stop of minimal risk, which nothing takes back, as soon as something is missing or has
-/// failed. The driver may take over at any time: off, until autonomous driving is asked for anew.
+/// Off until all inputs are available; engaged on request; degraded while there is a weakness; and
+/// a minimal-risk stop, which is final, as soon as an input is missing or something has failed. The
+/// driver may take over at any time: then it is off until autonomous driving is requested again.
 ///
 /// @threads  Confined.
 class DrivingStates {
  public:
   struct Limits {
-    double recovery_s = 1.0;    ///< So long nothing may be weak before it is engaged again.
-    double standing_mps = 0.1;  ///< Slower counts as standing,
-    double standing_s = 0.5;    ///< after so long.
+    double recovery_s = 1.0;    ///< The time without weaknesses before it is engaged again.
+    double standing_mps = 0.1;  ///< Below this speed the vehicle counts as stopped,
+    double standing_s = 0.5;    ///< after this time.
   };
 
   explicit DrivingStates(const Limits& limits) : limits_(limits) {}
 
-  /// Looks at `observation`; true if the state has changed.
+  /// Processes `observation`; returns whether the state has changed.
   bool look_at(const Observation& observation);
 
-  /// The driver drives, from `time_s` on; true if the vehicle drove by itself before. It stays off
-  /// until `ask_again`.
+  /// The driver takes over at `time_s`; returns whether the vehicle drove autonomously before. The
+  /// state stays off until `ask_again`.
   bool take_over(supervision::TakeoverCause cause, std::string reason, double time_s);
-  /// Autonomous driving is asked for anew.
+  /// Autonomous driving is requested again.
   void ask_again() { takeover_ = supervision::TAKEOVER_NONE; }
 
   [[nodiscard]] DrivingState state() const { return state_; }
-  /// By what the driver took over; none if that was not so, or autonomous driving was asked for
+  /// The cause of the last takeover; none if there was none, or if autonomous driving was requested
   /// since.
   [[nodiscard]] supervision::TakeoverCause takeover() const { return takeover_; }
-  /// Why it is not engaged, or only with care; empty otherwise.
+  /// Why it is not engaged, or degraded; empty otherwise.
   [[nodiscard]] const std::string& reason() const { return reason_; }
   [[nodiscard]] double since_s() const { return since_s_; }
 
-  /// Writes all that it remembers into `memory`, which is empty.
+  /// Saves the complete state into `memory`, which must be empty.
   void save(supervision::DrivingMemory& memory) const;
-  /// Goes on where the one was that saved `memory`.
+  /// Restores a saved state.
   void load(const supervision::DrivingMemory& memory);
 
  private:

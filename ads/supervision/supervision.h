@@ -29,15 +29,15 @@
 
 namespace ads {
 
-/// Lets the vehicle enter autonomous driving when all is there, and leave it safely when something
-/// is missing, has failed, or comes too late. Draws the drive when it is over.
+/// Enables autonomous driving when all inputs are available, and ends it safely when one is
+/// missing, has failed, or is late. Draws the drive when it has ended.
 ///
 /// In:   `fastcycle/status`, `localization/ego`, `perception/objects`,
 ///       `planning/checked_plan`, `planning/verdict`, `control/command`, `vehicle/state`,
 ///       `vehicle/driver`, `mission/goal`, `map/tile`
-/// Out:  `supervision/state`, with every tick of the Serve Timer, and at once when the driver takes
-///       over; a picture, at the end
-/// Keeps: `supervisor`, all that it remembers but the moments of the picture
+/// Out:  `supervision/state`, with every tick of the Serve Timer, and immediately when the driver
+///       takes over; a picture, at the end
+/// Keeps: `supervisor`, its complete state except the moments of the picture
 class Supervision final : public fastcycle::Component {
  public:
   explicit Supervision(fastcycle::Context& context);
@@ -45,11 +45,11 @@ class Supervision final : public fastcycle::Component {
   void stop() override;
 
  private:
-  // Enough for ten minutes at 10 Hz; a longer drive is drawn as far as that.
+  // Enough for ten minutes at 10 Hz; the rest of a longer drive is not drawn.
   static constexpr std::size_t kMomentsMax = 6'000;
   static constexpr std::size_t kEventsMax = 1'000;
 
-  /// When a message came last, and how old it may be.
+  /// When a message was last received, and its maximum age.
   struct Input {
     std::string_view what;
     fastcycle::Param<double> limit_s;
@@ -94,7 +94,7 @@ class Supervision final : public fastcycle::Component {
   Input plan_input_;
   Input command_input_;
   Input vehicle_input_;
-  fastcycle::Param<double> driver_age_s_;  // 0: not watched.
+  fastcycle::Param<double> driver_age_s_;  // 0: not monitored.
   std::optional<fastcycle::Time> driver_taken_;
 
   DrivingStates driving_{{}};

@@ -15,11 +15,11 @@
 
 namespace ads {
 
-/// Speaks with the vehicle over its bus: commands become frames, frames become the vehicle's state.
+/// The interface to the vehicle's bus: encodes commands as frames, and decodes frames to its state.
 ///
-/// Commands are sent as autonomous only while supervision says that the vehicle drives by itself.
-/// When supervision falls silent in that time, nothing is sent any more: the vehicle brakes by
-/// itself then.
+/// Commands are sent as autonomous only while supervision reports autonomous driving. If
+/// supervision stops publishing in that time, nothing more is sent: then the vehicle brakes by
+/// itself.
 ///
 /// In:   `can/state`, `control/command`, `supervision/state`
 /// Out:  `vehicle/state`, `can/command`; `vehicle/driver`, if the bus has DRIVER_INPUT
@@ -30,7 +30,7 @@ class Vehicle final : public fastcycle::Component {
   void stop() override;
 
  private:
-  // The messages of the bus, as its file describes them.
+  // The messages of the bus, from its DBC file.
   struct Bus {
     explicit Bus(const Dbc& dbc);
 
@@ -38,7 +38,7 @@ class Vehicle final : public fastcycle::Component {
     DbcMessage state;
     FrameGuard command_guard;
     FrameGuard state_guard;
-    std::optional<DbcMessage> driver;  // Not every bus has it.
+    std::optional<DbcMessage> driver;  // Absent on some buses.
     std::optional<FrameGuard> driver_guard;
   };
 

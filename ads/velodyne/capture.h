@@ -19,7 +19,7 @@ inline void add_16(std::string& bytes, std::uint16_t value) {
   bytes.push_back(static_cast<char>(value));
 }
 
-/// Writes a capture file into a string.
+/// Builds a capture file in a string.
 class Capture {
  public:
   explicit Capture(bool is_big = false, bool has_nanoseconds = false, std::uint32_t link = 1)
@@ -30,7 +30,7 @@ class Capture {
     }
   }
 
-  /// Adds a frame of Ethernet as it is.
+  /// Adds an Ethernet frame unchanged.
   void add_frame(std::int64_t time_ns, const std::string& frame) {
     add_32(bytes, static_cast<std::uint32_t>(time_ns / 1'000'000'000), is_big_);
     const auto fraction_ns = static_cast<std::uint32_t>(time_ns % 1'000'000'000);

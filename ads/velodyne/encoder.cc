@@ -89,7 +89,7 @@ void PacketEncoder::add(const lidar::Sweep& sweep, std::int64_t time_us) {
   const std::size_t rings = model_.lasers.size();
   if (sweep.rings() != rings ||
       sweep.points().size() != kPointBytes * rings * std::size_t{sweep.columns()}) {
-    return;  // A sweep that was spoiled on purpose: the sensor says nothing.
+    return;  // A sweep that was spoiled on purpose: the sensor sends nothing.
   }
   const double first_deg = first_azimuth_rad(sweep) * kDegPerRad;
   std::vector<Return> returns(rings);

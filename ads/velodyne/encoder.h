@@ -11,13 +11,13 @@
 
 namespace ads::velodyne {
 
-/// Makes the packets that a sensor would send: for tests, and for devices that are simulated.
+/// Encodes the packets of a sensor, for tests and simulated devices.
 ///
 /// @threads  Confined.
 class PacketEncoder {
  public:
-  /// Called with each packet, and when it would be sent, ns after the time of the first firing that
-  /// was given.
+  /// Called with each packet, and with its time of sending, in ns after the time of the first
+  /// firing added.
   using Sink = std::function<void(std::span<const std::uint8_t>, std::int64_t sent_ns)>;
 
   PacketEncoder(Model model, Sink sink) : model_(std::move(model)), sink_(std::move(sink)) {}
@@ -26,11 +26,11 @@ class PacketEncoder {
   /// ahead, `time_us` since the hour of the sensor's clock.
   void add(double azimuth_deg, std::int64_t time_us, std::span<const Return> returns);
 
-  /// Adds all columns of a sweep of a sensor that turns clockwise, and whose rings are those of the
-  /// model. The first is measured at `time_us`.
+  /// Adds all columns of a sweep from a clockwise sensor whose rings are those of the model. The
+  /// first is measured at `time_us`.
   void add(const lidar::Sweep& sweep, std::int64_t time_us);
 
-  /// Begins a new packet; what was added since the last one is forgotten.
+  /// Starts a new packet; discards what was added since the last one.
   void restart() { firings_ = 0; }
 
  private:

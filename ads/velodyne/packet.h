@@ -18,13 +18,13 @@ inline constexpr std::size_t kReturnsPerBlock = 32;
 inline constexpr double kMetresPerUnit = 0.002;  ///< Of distances.
 inline constexpr int kAzimuthUnits = 36'000;     ///< A whole turn: 0.01 degrees each.
 
-/// Which lasers a block is of: the bytes FF EE and FF DD of the wire.
+/// The lasers of a block: the bytes FF EE and FF DD in the packet.
 enum class BlockFlag : std::uint16_t {
   kLasers0To31 = 0xeeff,
   kLasers32To63 = 0xddff,
 };
 
-/// What one laser has measured: in units of 2 mm, 0 if nothing came back.
+/// The measurement of one laser: in units of 2 mm, 0 if there was no return.
 struct Return {
   std::uint16_t distance = 0;
   std::uint8_t intensity = 0;
@@ -36,7 +36,7 @@ struct Block {
   std::array<Return, kReturnsPerBlock> returns{};
 };
 
-/// Which returns a sensor sends of each firing; the first of the factory bytes.
+/// The returns of each firing that a sensor sends; the first of the factory bytes.
 enum class ReturnMode : std::uint8_t {
   kStrongest = 0x37,
   kLast = 0x38,
@@ -51,21 +51,21 @@ struct Packet {
   std::array<std::uint8_t, 2> factory{};
 };
 
-/// What is wrong with a packet.
+/// Why a packet is invalid.
 enum class PacketFault : std::uint8_t {
   kSize,        ///< Not 1206 bytes.
   kFlag,        ///< A block begins with neither of the two flags.
   kAzimuth,     ///< A whole turn, or more.
   kTime,        ///< More microseconds than an hour has.
-  kReturnMode,  ///< A VLP-16 that sends returns of no mode that is known.
+  kReturnMode,  ///< A VLP-16 with an unknown return mode.
   kModel,       ///< Blocks that a sensor of the configured model does not send.
 };
 inline constexpr std::size_t kPacketFaults = 6;
 
-/// In words: "wrong size".
+/// As text: "wrong size".
 std::string_view text_of(PacketFault fault);
 
-/// Reads `payload` into `packet`; what is wrong with it, if anything: `packet` is undefined then.
+/// Parses `payload` into `packet`. Returns a fault, if any: `packet` is undefined then.
 std::optional<PacketFault> parse_packet(std::span<const std::uint8_t> payload, Packet& packet);
 
 /// The bytes of a packet.

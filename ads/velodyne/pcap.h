@@ -10,11 +10,11 @@
 
 namespace ads::velodyne {
 
-/// A UDP datagram that was captured. The payload is valid until the next is read.
+/// A captured UDP datagram. The payload is valid until the next one is read.
 struct Datagram {
   std::int64_t time_ns = 0;  ///< Since 1970.
   std::uint32_t source = 0;  ///< IPv4, 192.168.1.201 being 0xc0a801c9.
-  std::uint16_t port = 0;    ///< To which it was sent.
+  std::uint16_t port = 0;    ///< The destination port.
   std::span<const std::uint8_t> payload;
 };
 
@@ -26,15 +26,15 @@ struct Datagram {
 class PcapReader {
  public:
   /// @errors  Throws `std::runtime_error`, with file, expected and found, if it cannot be read, is
-  ///          no such file or was not captured from Ethernet.
+  ///          not a capture file or was not captured from Ethernet.
   explicit PcapReader(const std::filesystem::path& file);
 
-  /// The next datagram; none at the end. Other traffic, fragments and what was cut off when it was
-  /// captured are passed over, and counted.
+  /// The next datagram; none at the end. Other traffic, fragments and truncated packets are
+  /// skipped, and counted.
   std::optional<Datagram> next();
 
   [[nodiscard]] std::int64_t others() const { return others_; }
-  /// What is wrong with the end of the file, with the place; empty if nothing is.
+  /// Describes damage at the end of the file, with the place; empty if there is none.
   [[nodiscard]] const std::string& damage() const { return damage_; }
 
  private:
@@ -47,7 +47,7 @@ class PcapReader {
   bool is_swapped_ = false;
   std::int64_t fraction_ns_ = 1000;
   std::uint64_t offset_ = 0;
-  std::vector<std::uint8_t> bytes_;  // Of the record that was read last.
+  std::vector<std::uint8_t> bytes_;  // Of the last record read.
   std::int64_t others_ = 0;
   std::string damage_;
 };

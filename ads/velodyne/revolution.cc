@@ -66,7 +66,7 @@ std::size_t RevolutionDecoder::firings_of(const Packet& packet) const {
     const bool is_dual = static_cast<ReturnMode>(packet.factory[0]) == ReturnMode::kDual;
     return is_dual ? model_.firings / 2 : model_.firings;
   }
-  // An HDL-64E does not say its mode in each packet; the azimuth does not move between two returns.
+  // An HDL-64E packet does not contain its mode; the azimuth is unchanged between two returns.
   std::size_t firings = 1;
   for (std::size_t index = 2; index < kBlocks; index += 2) {
     firings += packet.blocks[index].azimuth != packet.blocks[index - 2].azimuth ? 1 : 0;
@@ -88,7 +88,7 @@ bool RevolutionDecoder::take(std::span<const std::uint8_t> payload, std::int64_t
   return model_.kind == ModelKind::kVlp16 ? take_vlp16() : take_hdl64();
 }
 
-// The sensor's clock begins anew each hour; `sensor_ns_` does not.
+// The sensor's clock wraps each hour; `sensor_ns_` does not.
 void RevolutionDecoder::follow_clock(std::int64_t arrival_ns, std::int64_t span_ns) {
   if (last_us_) {
     std::int64_t passed_us = std::int64_t{packet_.since_hour_us} - *last_us_;
@@ -113,7 +113,7 @@ void RevolutionDecoder::follow_clock(std::int64_t arrival_ns, std::int64_t span_
   last_us_ = packet_.since_hour_us;
   last_span_ns_ = span_ns;
   if (config_.clock == ClockSource::kArrival) {
-    // A packet is sent when its last firing has come back.
+    // A packet is sent after the returns of its last firing.
     offset_ns_ = arrival_ns - sensor_ns_ - span_ns;
     return;
   }
@@ -203,7 +203,7 @@ bool RevolutionDecoder::passes_cut(double azimuth_deg) {
   const double since_deg = turned_deg(config_.cut_azimuth_deg, azimuth_deg);
   const double before_deg = since_cut_deg_.value_or(since_deg);
   if (since_deg > before_deg + 180.0) {
-    return false;  // It trembles at the cut, and has gone back a little.
+    return false;  // The azimuth jitters at the cut, and has moved back a little.
   }
   since_cut_deg_ = since_deg;
   return since_deg + 180.0 < before_deg;

@@ -16,21 +16,21 @@
 
 namespace ads::velodyne {
 
-/// Which of two returns of a firing is taken, where a sensor sends both.
+/// The return that is used if a sensor sends both.
 enum class DualReturn : std::uint8_t { kStrongest, kLast };
 
-/// How times of packets become those of the application.
+/// How packet times are converted to the application's time.
 enum class ClockSource : std::uint8_t {
-  /// The sensor's clock counts as it likes: the packet of a revolution that came with the least
-  /// delay tells how far it is from ours.
+  /// The sensor's clock is free-running: its offset is estimated from the packet of a revolution
+  /// with the shortest delay.
   kArrival,
-  /// The sensor is synchronised to UTC by its receiver of satellites: its microseconds are those
-  /// of the hour.
+  /// The sensor is synchronised to UTC by its GNSS receiver: its microseconds are those of the
+  /// hour.
   kUtc,
 };
 
 struct RevolutionConfig {
-  /// Where a revolution begins, clockwise from ahead: behind.
+  /// The azimuth at which a revolution begins, clockwise from ahead: behind.
   double cut_azimuth_deg = 180.0;
   double range_min_m = 0.4;
   double range_max_m = 130.0;
@@ -40,38 +40,38 @@ struct RevolutionConfig {
   Eigen::Matrix3f rotation = Eigen::Matrix3f::Identity();
 };
 
-/// What has become of the packets.
+/// Counts of processed packets.
 struct RevolutionCounts {
-  std::int64_t packets = 0;       ///< That were right.
-  std::int64_t packets_lost = 0;  ///< As the sensor's clock tells.
+  std::int64_t packets = 0;       ///< Valid ones.
+  std::int64_t packets_lost = 0;  ///< From gaps in the sensor's clock.
   std::array<std::int64_t, kPacketFaults> faults{};
   std::int64_t revolutions = 0;
-  /// With a gap of more than 25 ms, or longer than 250 ms: the sensor does not turn as it should.
+  /// With a gap of more than 25 ms, or longer than 250 ms: the sensor does not rotate properly.
   std::int64_t incomplete = 0;
   std::int64_t clock_steps = 0;  ///< The sensor's clock went back.
 };
 
-/// Puts the packets of a sensor together to revolutions, in the form of `lidar::Sweep`.
+/// Assembles the packets of a sensor to revolutions, as `lidar::Sweep`.
 ///
-/// The first revolution begins where the sensor first passes the cut: what comes before is left
-/// out. Angles: VLP-16 User Manual: the azimuth of each laser is interpolated between
-/// blocks; HDL-64E S3 User's Manual: that of its block, with the laser's corrections.
+/// The first revolution begins where the sensor first passes the cut: earlier packets are
+/// discarded. Angles: VLP-16 User Manual: the azimuth of each laser is interpolated between blocks;
+/// HDL-64E S3 User's Manual: that of its block, with the laser's corrections.
 ///
 /// @threads  Confined.
 class RevolutionDecoder {
  public:
   RevolutionDecoder(Model model, const RevolutionConfig& config);
 
-  /// Takes the payload of one packet that came at `arrival_ns` (Unix time, or any clock that does
-  /// not step for `ClockSource::kArrival`). Returns whether it has ended a revolution: `write` has
-  /// it until the next call.
+  /// Takes the payload of one packet that arrived at `arrival_ns` (Unix time, or any clock that
+  /// does not step for `ClockSource::kArrival`). Returns whether it completed a revolution: `write`
+  /// provides it until the next call.
   bool take(std::span<const std::uint8_t> payload, std::int64_t arrival_ns);
 
-  /// What was wrong with the packet taken last.
+  /// The fault of the last packet taken.
   [[nodiscard]] std::optional<PacketFault> fault() const { return fault_; }
 
-  /// Writes the revolution that was ended last: times, columns, rings, points. The header's time is
-  /// that of its first column, on the clock of `arrival_ns`.
+  /// Writes the last completed revolution: times, columns, rings, points. The header's time is that
+  /// of its first column, on the clock of `arrival_ns`.
   ///
   /// @pre  `take` has returned true.
   void write(lidar::Sweep& sweep) const;
@@ -84,10 +84,10 @@ class RevolutionDecoder {
     std::uint8_t intensity = 0;
   };
   struct Turn {
-    std::vector<std::int64_t> columns_ns;  // On the sensor's clock, which does not wrap here.
+    std::vector<std::int64_t> columns_ns;  // On the sensor's clock, unwrapped.
     std::vector<Point> points;             // Column by column, ring by ring.
     std::int64_t end_ns = 0;
-    std::int64_t offset_ns = std::numeric_limits<std::int64_t>::max();  // To our clock.
+    std::int64_t offset_ns = std::numeric_limits<std::int64_t>::max();  // To the application's.
 
     void clear();
   };
@@ -95,14 +95,14 @@ class RevolutionDecoder {
   struct Column {
     std::array<Return, 2 * kReturnsPerBlock> returns{};
     double azimuth_deg = 0.0;
-    double step_deg = 0.0;  // How far the sensor turns until the next; 0 if that is corrected for.
+    double step_deg = 0.0;  // Rotation until the next one; 0 if that is corrected for.
     std::int64_t time_ns = 0;
   };
 
   [[nodiscard]] std::optional<PacketFault> check(const Packet& packet) const;
   void follow_clock(std::int64_t arrival_ns, std::int64_t span_ns);
   void give_up_turn();
-  // How many firings the packet has; each return of a firing stands in a block of its own.
+  // The number of firings in the packet; each return of a firing has its own block.
   [[nodiscard]] std::size_t firings_of(const Packet& packet) const;
   bool take_vlp16();
   bool take_hdl64();
@@ -124,7 +124,7 @@ class RevolutionDecoder {
   std::int64_t offset_ns_ = 0;
   std::optional<double> since_cut_deg_;
   double step_deg_ = 0.0;
-  bool is_turning_ = false;  // The cut has been passed, and nothing was missing since.
+  bool is_turning_ = false;  // The cut has been passed, without a gap since.
   Turn turn_;
   Turn ended_;
 };

@@ -14,7 +14,7 @@ namespace {
 
 // A burst of an HDL-64E while the thread waits for a core: 3472 packets a second, 1206 bytes each.
 constexpr int kReceiveBytes = 1 << 20;
-// What is read at once, before the thread looks whether it has to end.
+// The number of datagrams read in a row, before the thread checks whether it has to end.
 constexpr int kBurst = 64;
 
 }  // namespace

@@ -17,12 +17,12 @@ namespace ads::velodyne {
 /// @threads  Confined to the thread that serves it.
 class UdpDevice final : public Device {
  public:
-  /// Called with each datagram; returns whether it is usable. At most 2048 bytes of it.
+  /// Called with each datagram, up to 2048 bytes of it; returns whether it is usable.
   using Sink = std::function<bool(std::span<const std::uint8_t>)>;
 
-  /// @param  address  of the interface to listen at; "0.0.0.0" is all of them
-  /// @param  sender   whose datagrams count; empty: everybody's
-  /// @errors  Throws `std::runtime_error` for what is no IPv4 address.
+  /// @param  address  of the interface to listen on; "0.0.0.0" for all
+  /// @param  sender   the accepted source address; empty: any
+  /// @errors  Throws `std::runtime_error` if an address is not an IPv4 address.
   UdpDevice(const std::string& address, std::uint16_t port, const std::string& sender, Sink sink);
 
   [[nodiscard]] std::string name() const override;
@@ -32,7 +32,7 @@ class UdpDevice final : public Device {
 
  private:
   std::string address_text_;
-  std::uint32_t address_;  // As the network has it.
+  std::uint32_t address_;  // In network byte order.
   std::uint16_t port_;
   std::optional<std::uint32_t> sender_;
   Sink sink_;
@@ -40,9 +40,9 @@ class UdpDevice final : public Device {
   std::array<std::uint8_t, 2048> buffer_{};
 };
 
-/// "192.168.1.201" as the network has it.
+/// "192.168.1.201" in network byte order.
 ///
-/// @errors  Throws `std::runtime_error` for what is no IPv4 address.
+/// @errors  Throws `std::runtime_error` if it is not an IPv4 address.
 std::uint32_t ipv4_of(const std::string& text);
 
 }  // namespace ads::velodyne

@@ -128,13 +128,13 @@ void Velodyne::start() {
     return;
   }
   reader_.emplace(capture_.get());
-  // A capture has its own times; where the sensor's hour is in them nobody knows.
+  // A capture has its own times; the begin of the sensor's hour in them is unknown.
   config_.clock = ClockSource::kArrival;
   decoder_.emplace(make_model(), config_);
   read_ahead();
 }
 
-// Whether a revolution has ended. What is wrong with packets is told once for each kind.
+// Returns whether a revolution has ended. Each kind of packet fault is logged once.
 bool Velodyne::take(std::span<const std::uint8_t> payload, std::int64_t arrival_ns) {
   const bool has_ended = decoder_->take(payload, arrival_ns);
   if (const auto fault = decoder_->fault()) {
@@ -167,7 +167,7 @@ void Velodyne::play() {
   read_ahead();
 }
 
-// To the end of the next revolution, which is published when it came.
+// Reads to the end of the next revolution, which is published at its time.
 void Velodyne::read_ahead() {
   const std::int64_t start_ns = start_time().time_since_epoch().count();
   while (const auto datagram = reader_->next()) {

@@ -17,8 +17,8 @@
 
 namespace ads {
 
-/// Publishes the revolutions of a Velodyne lidar, which a thread receives by UDP, or which a
-/// capture file has.
+/// Publishes the revolutions of a Velodyne lidar, received by a thread over UDP or read from a
+/// capture file.
 ///
 /// Out:  `lidar/points`, one sweep for each revolution
 class Velodyne final : public DeviceComponent {
@@ -46,7 +46,7 @@ class Velodyne final : public DeviceComponent {
   double mount_forward_m_;
   double mount_height_m_;
 
-  std::optional<velodyne::RevolutionDecoder> decoder_;  // Of the thread, if there is one.
+  std::optional<velodyne::RevolutionDecoder> decoder_;  // Used by the thread, if there is one.
   std::array<bool, velodyne::kPacketFaults> has_warned_{};
   mutable std::mutex counts_mutex_;
   velodyne::RevolutionCounts counts_;

@@ -16,7 +16,7 @@
 
 namespace ads {
 
-/// What other tools draw, made of messages of the ADS. Each function fills a message that is empty.
+/// Converts messages of the ADS for display in other tools. Each function fills an empty message.
 ///
 /// @threads  Safe.
 
@@ -27,7 +27,7 @@ struct Rgba {
   double alpha = 1.0;
 };
 
-/// How the vehicle moves: along its heading, and about its centre.
+/// The vehicle's motion: along its heading, and about its centre.
 struct PlaneMotion {
   double speed_mps = 0.0;
   double yaw_rate_radps = 0.0;
@@ -41,28 +41,28 @@ struct BoxSize {
 
 void set_time(std::int64_t time_ns, google::protobuf::Timestamp& timestamp);
 void set_color(const Rgba& color, foxglove::Color& out);
-/// In the plane, turned counter-clockwise from +x.
+/// In the plane, rotated counter-clockwise from +x.
 void set_pose(double x_m, double y_m, double z_m, double heading_rad, foxglove::Pose& pose);
 void set_transform(std::string_view parent, std::string_view child, std::int64_t time_ns,
                    const foxglove::Pose& pose, foxglove::FrameTransform& transform);
 
-/// The finite echoes of a sweep, one of `every`, as they are seen from where the sensor is at the
-/// end of the turn: the motion during the turn is taken out. x, y, z, intensity and ring.
+/// Every `every`-th finite echo of a sweep, relative to the sensor's pose at the end of the turn,
+/// compensated for the motion during it. x, y, z, intensity and ring.
 void draw_sweep(const lidar::Sweep& sweep, const PlaneMotion& motion, int every,
                 foxglove::PointCloud& cloud);
-/// All objects anew, in place of those of the message before: a box, the way of one second, what
-/// it is.
+/// Draws all objects, replacing those of the previous message: a box, the distance covered in one
+/// second, the class.
 void draw_objects(const perception::Objects& objects, foxglove::SceneUpdate& update);
 /// Both edges of each lane, as the entity "lanes".
 void draw_lanes(const hd_map::Tile& tile, foxglove::SceneUpdate& update);
-/// The line along the way to the goal, as the entity "route".
+/// The line along the route to the goal, as the entity "route".
 void draw_route(const hd_map::Route& route, foxglove::SceneUpdate& update);
 void draw_trajectory(const planning::Trajectory& trajectory, std::string_view frame,
                      std::int64_t time_ns, foxglove::PosesInFrame& poses);
 /// A box on the ground that moves with `frame`.
 void draw_vehicle(std::string_view frame, std::int64_t time_ns, const BoxSize& size,
                   foxglove::SceneUpdate& update);
-/// With one standard deviation per axis; not known if it is not above 0.
+/// With one standard deviation per axis; unknown if it is not above 0.
 void draw_fix(const GeodeticPosition& position, double stddev_m, std::string_view frame,
               std::int64_t time_ns, foxglove::LocationFix& fix);
 

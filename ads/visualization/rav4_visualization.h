@@ -13,7 +13,7 @@
 
 namespace ads {
 
-/// Publishes the drive of `rav4` in messages that other tools draw at once.
+/// Publishes the `rav4` drive in messages that other tools display directly.
 ///
 /// In:   `gnss/fix`, `localization/pose`, `radar/tracks`
 /// Out:  `visualization/...`: `fix`, `estimate`, `transforms`, `pose`, `vehicle`, `radar`

@@ -14,12 +14,12 @@
 
 namespace ads {
 
-/// Publishes what the modules of the ADS say in messages that other tools draw at once.
+/// Publishes the outputs of the ADS modules in messages that other tools display directly.
 ///
 /// In:   `lidar/points`, `perception/objects`, `map/tile`, `map/route`, `planning/plan`,
 ///       `localization/ego`, `gnss/position`
 /// Out:  `visualization/...`: `points`, `objects`, `lanes`, `route`, `plan`, `minimal_risk`,
-///       `transforms`, `pose`, `vehicle`, `fix`; those that `except` names are not made
+///       `transforms`, `pose`, `vehicle`, `fix`; without those listed in `except`
 class Visualization final : public fastcycle::Component {
  public:
   explicit Visualization(fastcycle::Context& context);

@@ -8,11 +8,11 @@
 
 namespace ads {
 
-/// What stands beside a road and is no traffic: posts, bushes, walls. They are drawn along the
-/// outer edges of the lanelets, at least `kClutterSpace_m` from any lanelet and from where any
-/// obstacle of the scenario ever is. Ids are below 0. The same `seed` gives the same.
+/// Static objects beside a road: posts, bushes, walls. They are placed randomly along the outer
+/// edges of the lanelets, at least `kClutterSpace_m` from any lanelet and from all positions of the
+/// scenario's obstacles. Ids are below 0. Deterministic for a given `seed`.
 ///
-/// @param share  1: one at about each 12 m of an edge; 0: none.
+/// @param share  1: about one for each 12 m of an edge; 0: none.
 [[nodiscard]] std::vector<Body> draw_clutter(const Scenario& scenario, double share,
                                              std::uint64_t seed);
 

@@ -6,10 +6,10 @@
 
 namespace ads {
 
-/// A vehicle whose deviations are drawn, each evenly within its bounds times `share`: README.md has
-/// the bounds and where they come from. The same `seed` gives the same vehicle.
+/// Draws a vehicle's deviations, each uniformly within its bounds times `share`: README.md lists
+/// the bounds and their sources. Deterministic for a given `seed`.
 ///
-/// @pre  `share` is not negative; above 1 deviations are beyond their bounds.
+/// @pre  `share` is not negative; above 1 deviations may exceed their bounds.
 [[nodiscard]] EgoDeviation draw_deviation(double share, std::uint64_t seed);
 
 }  // namespace ads

@@ -6,7 +6,7 @@
 
 namespace ads {
 
-/// What the ego vehicle is, and what it can do.
+/// Dimensions and limits of the ego vehicle.
 struct EgoLimits {
   double length_m = 4.508;
   double width_m = 1.610;
@@ -18,21 +18,20 @@ struct EgoLimits {
   double deceleration_max_mps2 = 8.0;
 };
 
-/// How a vehicle differs from its model in a controller. None does by default.
+/// Deviations of a vehicle from the controller's model. None by default.
 struct EgoDeviation {
-  /// Of the angle by which the front wheels act to the one that they are turned by.
+  /// The ratio of the effective angle of the front wheels to the commanded one.
   double steering_gain = 1.0;
-  /// It turns less the faster it is: curvature is divided by 1 + this * speed^2 (Rajamani, section
-  /// 3.3).
+  /// Understeer: curvature is divided by 1 + this * speed^2 (Rajamani, section 3.3).
   double understeer_s2_per_m2 = 0.0;
-  /// Of the acceleration that it reaches to the one that is demanded: a heavier vehicle.
+  /// The ratio of the acceleration reached to the demanded one: a heavier vehicle.
   double force_gain = 1.0;
-  /// By which it slows down without any demand: a slope, wind.
+  /// The deceleration without any demand: a slope, wind.
   double resistance_mps2 = 0.0;
-  /// Time constants of what follows a demand.
+  /// Time constants of the response to a demand.
   double acceleration_lag_s = 0.0;
   double steering_lag_s = 0.0;
-  /// Of the speed that it measures to the one that it has.
+  /// The ratio of the measured speed to the true one.
   double speed_gain = 1.0;
 };
 
@@ -45,14 +44,14 @@ struct EgoState {
   double yaw_rate_radps = 0.0;
 };
 
-/// What moves the ego vehicle: the wheels turn towards `steering_rad` as fast as they can.
+/// The input of the ego vehicle: the wheels turn towards `steering_rad` at their maximum rate.
 struct EgoDemand {
   double steering_rad = 0.0;
   double acceleration_mps2 = 0.0;
 };
 
-/// How the ego vehicle moves: a kinematic single-track model, whose wheels do not slip and whose
-/// rear axle goes where it points, but for what a deviation says. It does not drive backwards.
+/// The motion of the ego vehicle: a kinematic single-track model without slip, except for its
+/// deviations. It does not drive backwards.
 ///
 /// R. Rajamani, "Vehicle Dynamics and Control", 2nd edition, Springer 2012, section 2.2.
 ///
@@ -62,8 +61,7 @@ class EgoModel {
   EgoModel(const EgoLimits& limits, const EgoState& initial, const EgoDeviation& deviation = {})
       : limits_(limits), deviation_(deviation), state_(initial) {}
 
-  /// Goes on by `seconds`, above 0, along an arc. A demand beyond the limits is met as far as they
-  /// go.
+  /// Advances by `seconds`, above 0, along an arc. Demands are clamped to the limits.
   void advance(double seconds, const EgoDemand& demand);
 
   [[nodiscard]] const EgoState& state() const { return state_; }
@@ -81,7 +79,7 @@ class EgoModel {
   EgoLimits limits_;
   EgoDeviation deviation_;
   EgoState state_;
-  double force_mps2_ = 0.0;  // What drive and brakes would reach without resistance.
+  double force_mps2_ = 0.0;  // The acceleration by drive and brakes without resistance.
 };
 
 }  // namespace ads

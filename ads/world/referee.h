@@ -14,8 +14,7 @@
 
 namespace ads {
 
-/// Judges a drive in the world's truth: whether the goal was reached, and what was touched on the
-/// way.
+/// Judges a drive by ground truth: whether the goal was reached, and collisions on the way.
 ///
 /// Times are seconds since the drive began, which is at the step of the initial state.
 ///
@@ -41,10 +40,10 @@ class Referee {
   /// Judges by the scenario's first planning problem.
   explicit Referee(const Scenario& scenario);
 
-  /// Looks at the world at `time_s`, `seconds` after the last look.
+  /// Evaluates the world at `time_s`, `seconds` after the previous call.
   void watch(double time_s, double seconds, const EgoState& ego, const Box& box,
              std::span<const Body> bodies);
-  /// Looks whether the goal is reached at a step of the scenario, counted from the drive's begin.
+  /// Checks whether the goal is reached at a step of the scenario, counted from the drive's begin.
   void judge_step(std::int64_t step, const EgoState& ego);
 
   [[nodiscard]] bool is_goal_reached() const { return goal_step_.has_value(); }
@@ -52,24 +51,24 @@ class Referee {
   /// The end of the last window in which a goal can be reached.
   [[nodiscard]] double window_end_s() const;
 
-  /// One for each body that was touched, in the order of time.
+  /// One for each body touched, in the order of time.
   [[nodiscard]] const std::vector<Contact>& contacts() const { return contacts_; }
   /// None if there was no other body at all.
   [[nodiscard]] const std::optional<Gap>& smallest_gap() const { return smallest_gap_; }
   [[nodiscard]] double off_road_s() const { return off_road_s_; }
   [[nodiscard]] const Extremes& extremes() const { return extremes_; }
 
-  /// How the drive went, in words: that the goal was reached, or all that went wrong.
+  /// The result as text: that the goal was reached, or all that went wrong.
   [[nodiscard]] std::string verdict() const;
 
  private:
-  // A lanelet's edge, and the box around it.
+  // A lanelet's edge, and its bounding box.
   struct Lane {
     std::vector<Eigen::Vector2d> polygon_m;
     Eigen::Vector2d least_m;
     Eigen::Vector2d most_m;
   };
-  // How a state falls short of the goal: in how many things, and in words.
+  // The deviation of a state from the goal: the number of unmet conditions, and a text.
   struct Miss {
     std::size_t conditions = 0;
     double outside_m = 0.0;

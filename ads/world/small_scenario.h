@@ -11,7 +11,7 @@
 namespace ads::testing {
 
 /// A straight road along +x, 300 m long, with two lanes of 3.5 m: lanelet 1 around y = 0, lanelet 2
-/// to its left. The ego vehicle begins at the origin; what else there is, a test says.
+/// to its left. The ego vehicle starts at the origin; a test adds everything else.
 class SmallScenario {
  public:
   SmallScenario& ego(double speed_mps) {
@@ -58,8 +58,8 @@ class SmallScenario {
     return *this;
   }
 
-  /// A goal that is reached at `x_m`, give or take 2 m, from step `first` to `last`; `more`
-  /// conditions as they stand in a file.
+  /// A goal at `x_m`, within 2 m, from step `first` to `last`; `more` conditions in the file's
+  /// syntax.
   SmallScenario& goal(double x_m, int first, int last, std::string_view more = "") {
     goals_ += fmt::format(
         "<goalState><position><rectangle><length>4</length><width>3</width>"

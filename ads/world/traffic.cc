@@ -15,10 +15,11 @@ constexpr double kAcceleration_mps2 = 1.5;
 constexpr double kBraking_mps2 = 2.0;
 constexpr double kHardestBraking_mps2 = 8.0;
 
-// Who has to brake harder than this, to stay behind by `kCloseGap_m`, would run into what is ahead.
+// A car that would have to brake harder than this, to stay behind by `kCloseGap_m`, would hit what
+// is ahead.
 constexpr double kReactionBraking_mps2 = 1.5;
 constexpr double kCloseGap_m = 1.0;
-// What is beside the way by more than this is passed.
+// Objects farther beside the way are passed.
 constexpr double kSideGap_m = 0.2;
 constexpr double kTrembling_m = 0.5;
 constexpr double kLookahead_m = 100.0;
@@ -55,7 +56,8 @@ Recording::Recording(const Obstacle& obstacle, double step_s, double start_s)
     : is_static_(obstacle.is_static),
       is_there_before_(static_cast<double>(obstacle.states.front().step) * step_s <= start_s),
       states_(obstacle.states) {
-  // Who stands trembles in a recording: that is no way, and its last piece leads anywhere.
+  // The recorded position of a standing object jitters: that is not a way, and its last piece has
+  // an arbitrary direction.
   std::vector<Eigen::Vector2d> points;
   double length_m = 0.0;
   for (const ScenarioState& state : states_) {
@@ -165,7 +167,7 @@ void Traffic::move_to(double time_s, const Box& ego, double ego_speed_mps) {
       follow(vehicle, seconds, ego, ego_speed_mps);
     }
   }
-  // All of them have looked at where the others were before: now they move.
+  // All leaders were evaluated at the previous positions: now the vehicles move.
   time_s_ = time_s;
   bodies_.clear();
   for (Vehicle& vehicle : vehicles_) {
@@ -247,7 +249,7 @@ std::optional<Traffic::Leader> Traffic::leader_of(const Vehicle& vehicle, double
         std::abs(place.offset_m) > half_width_m + own.width_m / 2.0 + kSideGap_m) {
       return;
     }
-    // Who drives by its recording looks only for what it would run into from behind.
+    // A car that follows its recording only considers what it would hit from behind.
     if (!vehicle.following && std::abs(turned_rad) > kSameDirection_rad) {
       return;
     }

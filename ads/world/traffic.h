@@ -10,7 +10,7 @@
 
 namespace ads {
 
-/// Something that stands or moves in the world, beside the ego vehicle.
+/// A standing or moving object in the world other than the ego vehicle.
 struct Body {
   std::int64_t id = 0;
   Box box;
@@ -19,8 +19,8 @@ struct Body {
   double yaw_rate_radps = 0.0;
 };
 
-/// The recorded motion of one obstacle: between its states linear in time, headings the shorter way
-/// round.
+/// The recorded motion of one obstacle, interpolated linearly in time between its states, headings
+/// along the shorter arc.
 ///
 /// @threads  Compatible.
 class Recording {
@@ -32,20 +32,20 @@ class Recording {
     double yaw_rate_radps = 0.0;
   };
 
-  /// Before `start_s` an obstacle that is there at this time comes from behind with constant speed.
+  /// Before `start_s` an obstacle present at that time approaches from behind at constant speed.
   Recording(const Obstacle& obstacle, double step_s, double start_s);
 
-  /// Whether the obstacle is there: from its first state to its last one; one that is static stays.
+  /// Whether the obstacle is present: from its first to its last state; a static one always.
   [[nodiscard]] bool is_present(double time_s) const;
   /// @pre  `is_present(time_s)`
   [[nodiscard]] Pose at(double time_s) const;
 
-  /// How far it has come at `time_s` on its way, which begins at its first state.
+  /// Its distance along its way at `time_s`, from its first state.
   [[nodiscard]] double progress_m(double time_s) const;
-  /// Where it is when it has come `progress_m` far; beyond its end the way goes on straight. Speed
-  /// and yaw rate are those that were recorded there.
+  /// The pose at distance `progress_m`; beyond its end the way is extended straight. Speed and yaw
+  /// rate are those recorded there.
   [[nodiscard]] Pose at_progress(double progress_m) const;
-  /// Its way; none if it stands.
+  /// Its way; none if it is stationary.
   [[nodiscard]] const std::optional<Polyline>& way() const { return way_; }
   [[nodiscard]] double speed_max_mps() const { return speed_max_mps_; }
 
@@ -65,43 +65,43 @@ class Recording {
 
 enum class TrafficMode : std::uint8_t { kReplay, kReactive };
 
-/// All obstacles of a scenario, as they were recorded; times are those of the scenario.
+/// All obstacles of a scenario, as recorded; times are those of the scenario.
 ///
-/// In the mode `kReactive` a recorded car that would run into the ego vehicle from behind follows
-/// it instead, and those behind that car follow in turn: on its recorded way, by the Intelligent
+/// In the mode `kReactive` a recorded car that would hit the ego vehicle from behind follows it
+/// instead, and cars behind that one follow in turn: on their recorded way, by the Intelligent
 /// Driver Model (M. Treiber, A. Hennecke, D. Helbing, "Congested traffic states in empirical
-/// observations and microscopic simulations", Physical Review E 62, 2000). It keeps to the model
-/// from then on, and is gone when its recording ends.
+/// observations and microscopic simulations", Physical Review E 62, 2000). Such a car follows the
+/// model from then on, and disappears when its recording ends.
 ///
 /// @threads  Confined to its component.
 class Traffic {
  public:
   Traffic(const Scenario& scenario, double start_s, TrafficMode mode);
 
-  /// Moves all obstacles on to `time_s`, later than before; `ego` and its speed are those of the
-  /// time before.
+  /// Advances all obstacles to `time_s`, later than before; `ego` and its speed are those at the
+  /// previous time.
   void move_to(double time_s, const Box& ego, double ego_speed_mps);
 
-  /// Those that are there, in the order of the scenario.
+  /// Those present, in the order of the scenario.
   [[nodiscard]] std::span<const Body> bodies() const { return bodies_; }
-  /// How many do not follow their recording any more.
+  /// The number of cars that no longer follow their recording.
   [[nodiscard]] std::size_t reacting() const;
-  /// When the last recording ends; static obstacles do not count.
+  /// When the last recording ends; static obstacles are ignored.
   [[nodiscard]] double end_s() const { return end_s_; }
 
  private:
-  // What has left its recording: where it is on its way.
+  // The position on its way of a car that has left its recording.
   struct Following {
     double progress_m = 0.0;
     double speed_mps = 0.0;
   };
   struct Vehicle {
-    Body body;  // Where it was last.
+    Body body;  // Its last state.
     bool is_static = false;
     Recording recording;
     std::optional<Following> following = {};
   };
-  // What is ahead on the way of a vehicle, and how fast it moves along it.
+  // The object ahead on the way of a vehicle, and its speed along the way.
   struct Leader {
     double gap_m = 0.0;
     double speed_mps = 0.0;

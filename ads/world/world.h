@@ -20,12 +20,12 @@
 
 namespace ads {
 
-/// What is behind the vehicle's bus and before its sensors: the ego vehicle, the traffic of a
-/// scenario, and a referee who sees whether they touch.
+/// Simulates what is behind the vehicle's bus and in front of its sensors: the ego vehicle, the
+/// traffic of a scenario, and a referee that detects collisions.
 ///
-/// The world goes in steps of 10 ms from the application's start. The drive begins `settle_s`
-/// later, with exactly the initial state of the scenario; before, all that moves comes from behind
-/// with constant speed: the ego vehicle along its lane, all others straight.
+/// The world advances in steps of 10 ms from the application's start. The drive begins `settle_s`
+/// later, with exactly the initial state of the scenario; before, all moving objects approach from
+/// behind at constant speed: the ego vehicle along its lane, all others straight.
 ///
 /// In:   `can/command`
 /// Out:  `world/scene`, `can/state`
@@ -36,10 +36,10 @@ class World final : public fastcycle::Component {
   void stop() override;
 
  private:
-  // What the driver does with the controls. Without one no frames tell of it.
+  // The driver's actions. With `kNone` no frames of the driver are sent.
   enum class DriverMode : std::uint8_t { kNone, kHandsOff, kSteers, kBrakes, kPressesButton };
 
-  // What the files say, made when the run starts.
+  // The content of the files, loaded when the run starts.
   struct Drive {
     Drive(Scenario read, const Dbc& dbc, const EgoLimits& limits, const EgoDeviation& deviation,
           TrafficMode mode, double settle_s);
@@ -47,7 +47,7 @@ class World final : public fastcycle::Component {
     Drive& operator=(const Drive&) = delete;
 
     const Scenario scenario;
-    const double begin_s;  // The initial state's, of the scenario's time.
+    const double begin_s;  // The scenario time of the initial state.
     const LeadIn lead_in;
     const EgoState initial;
     const EgoDeviation deviation;
@@ -68,7 +68,7 @@ class World final : public fastcycle::Component {
   void publish_driver();
   void on_command(const can::Frame& frame);
   void on_tick();
-  // Goes on by one step, to tick `tick_`.
+  // Advances by one step, to tick `tick_`.
   void go_on();
   void judge(double time_s);
   void end_when_over(double time_s);

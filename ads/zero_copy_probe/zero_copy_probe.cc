@@ -1,5 +1,6 @@
-// Stands between the modules and the framework (LD_PRELOAD), and tells where sweeps lie when they
-// are published and when a subscriber is called with them, and how often anything is serialized.
+// Intercepts calls between the modules and the framework (LD_PRELOAD). Compares the addresses of
+// sweeps when they are published and when a subscriber is called with them, and counts
+// serializations.
 
 #include <algorithm>
 #include <atomic>
@@ -31,7 +32,7 @@
 
 namespace {
 
-/// What the run did, written to the file named by ZERO_COPY_PROBE when it ends.
+/// The results of the run, written to the file named by ZERO_COPY_PROBE when it ends.
 class Testimony {
  public:
   ~Testimony() {
@@ -163,7 +164,7 @@ bool watch(const std::string& name) {
   return true;
 }
 
-// The messages of the chain from lidar to control, and what localization says.
+// The messages of the chain from lidar to control, and localization's.
 const bool kIsWatching =
     watch<lidar::Sweep>("5lidar5Sweep") && watch<perception::Objects>("10perception7Objects") &&
     watch<scene::Scene>("5scene5Scene") &&

@@ -20,11 +20,11 @@ using fastcycle::measure::now_ns;
 using fastcycle::measure::Usage;
 
 constexpr std::int64_t kBatches = 4;  // A window is given back in quarters.
-constexpr std::int64_t kLast = -1;    // In `sent_ns`, which a flood has no other use for.
+constexpr std::int64_t kLast = -1;    // In `sent_ns`, which is otherwise unused in a flood.
 
-/// Sends `count` payloads, a batch for each credit, at first a whole window. What it sends in the
-/// first `run_in_ms` comes on top, and is not counted. Without credits it sends batch after batch
-/// from a timer that it arms again, whatever became of them.
+/// Sends `count` payloads, a batch for each credit, initially a whole window. Those of the first
+/// `run_in_ms` are sent in addition, and not counted. Without credits it sends batch after batch
+/// from a timer that it rearms, whether or not they arrive.
 class FloodSource final : public fastcycle::Component {
  public:
   explicit FloodSource(fastcycle::Context& context)
@@ -58,7 +58,7 @@ class FloodSource final : public fastcycle::Component {
   }
 
  private:
-  /// Before the first message, so that all has started; after the last, so that it has arrived.
+  /// Before the first message, so that all have started; after the last, so that it has arrived.
   static constexpr std::chrono::milliseconds kPause{20};
 
   void on_timer() {
@@ -119,14 +119,14 @@ class FloodSource final : public fastcycle::Component {
   fastcycle::Source source_;
   fastcycle::Timer timer_;
   std::int64_t number_ = 0;
-  std::int64_t first_ = 0;  ///< The first that counts.
+  std::int64_t first_ = 0;  ///< The first counted one.
   std::int64_t first_sent_ns_ = 0;
   Usage at_begin_;
   Usage usage_;
 };
 
-/// Counts what arrives, and gives credits back if it is asked to. The clock is read where the last
-/// message comes; where that one may be lost, for each.
+/// Counts received messages, and optionally returns credits. The clock is read at the last message;
+/// if that one may be lost, at each.
 class FloodSink final : public fastcycle::Component {
  public:
   explicit FloodSink(fastcycle::Context& context)

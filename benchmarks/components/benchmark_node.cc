@@ -16,8 +16,8 @@ std::string topic_name(std::int64_t number) {
   return "topic_" + std::to_string(number);
 }
 
-/// One of many: publishes one message on each of the topics in "publishes", and notes when the
-/// first has come on all of those in "subscribes". Then it has nothing left to do.
+/// One of many: publishes one message on each of the topics in "publishes", and records when it has
+/// received a message on all of those in "subscribes".
 class BenchmarkNode final : public fastcycle::Component {
  public:
   explicit BenchmarkNode(fastcycle::Context& context)

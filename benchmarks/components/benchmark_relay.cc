@@ -10,7 +10,7 @@ namespace {
 
 using fastcycle::benchmark::Payload;
 
-/// Answers each payload on "in" with a new one on "out", which has the stamps of the first.
+/// Answers each payload on "in" with a new one on "out", which has the same stamps.
 class BenchmarkRelay final : public fastcycle::Component {
  public:
   explicit BenchmarkRelay(fastcycle::Context& context)

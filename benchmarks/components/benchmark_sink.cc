@@ -12,7 +12,7 @@ namespace {
 
 using fastcycle::benchmark::Payload;
 
-/// Takes the stamp of each payload that arrives; where it is asked to, it sends it back on "echo".
+/// Takes the stamp of each received payload; optionally sends it back on "echo".
 class BenchmarkSink final : public fastcycle::Component {
  public:
   explicit BenchmarkSink(fastcycle::Context& context)

@@ -15,9 +15,9 @@ namespace {
 
 using fastcycle::benchmark::Payload;
 
-/// Publishes a filled payload every interval, as the paper's publisher does, and ends the run when
-/// it has published `warmup + count` of them. It keeps stamps of its own where it is asked to: of
-/// the messages that come back on "echo", or of how long `publish` takes.
+/// Publishes a filled payload every interval, as the paper's publisher does, and ends the run after
+/// `warmup + count` of them. Optionally records stamps: of the messages that come back on "echo",
+/// or of the duration of `publish`.
 class BenchmarkSource final : public fastcycle::Component {
  public:
   explicit BenchmarkSource(fastcycle::Context& context)

@@ -10,7 +10,7 @@ namespace {
 
 using fastcycle::benchmark::Payload;
 
-/// Publishes once, and blocks its worker for ten periods; again and again.
+/// Publishes once, then blocks its worker for ten periods, repeatedly.
 class BenchmarkStaller final : public fastcycle::Component {
  public:
   explicit BenchmarkStaller(fastcycle::Context& context)

@@ -10,7 +10,7 @@
 
 namespace {
 
-/// Notes for each tick of a timer when it was due, on the application's clock, and when its
+/// Records for each tick of a timer when it was due, on the application's clock, and when its
 /// callback was entered, on CLOCK_MONOTONIC.
 class BenchmarkTimer final : public fastcycle::Component {
  public:

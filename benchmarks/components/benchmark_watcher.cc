@@ -13,8 +13,8 @@ namespace {
 
 using fastcycle::benchmark::Payload;
 
-/// Notes for each event of its deadline when the deadline was over, on the application's clock, and
-/// when its callback was entered, on CLOCK_MONOTONIC.
+/// Records for each event of its deadline when the deadline expired, on the application's clock,
+/// and when its callback was entered, on CLOCK_MONOTONIC.
 class BenchmarkWatcher final : public fastcycle::Component {
  public:
   explicit BenchmarkWatcher(fastcycle::Context& context)
@@ -51,7 +51,7 @@ class BenchmarkWatcher final : public fastcycle::Component {
     if (number_ == warmup_) {
       at_begin_ = fastcycle::measure::Usage::now();
     }
-    // The first period, since the last message, that no event told of yet.
+    // The first period since the last message without an event.
     const auto period = static_cast<std::int64_t>(told_ - told_before_) + 1;
     told_ = event.count;
     if (!samples_file_.get().empty()) {

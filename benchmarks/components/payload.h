@@ -10,14 +10,14 @@
 
 namespace fastcycle::benchmark {
 
-/// What sizes a publisher's pool.
+/// The prototype that sizes a publisher's pool.
 [[nodiscard]] inline Payload prototype(std::size_t size) {
   Payload payload;
   payload.mutable_data()->assign(size, '\0');
   return payload;
 }
 
-/// A payload written as a driver does that copies a frame, stamped when that began.
+/// A payload filled as by a driver that copies a frame, stamped before it is filled.
 [[nodiscard]] inline Loan<Payload> make_payload(Publisher<Payload>& publisher, std::size_t size,
                                                 std::int64_t number) {
   const std::int64_t made_ns = measure::now_ns();

@@ -14,7 +14,7 @@ inline void report_usage(Context& context, const measure::Usage& usage) {
   context.report("involuntary_switches", usage.involuntary_switches);
 }
 
-/// Writes the stamps where the benchmark looks for them; an empty path is nowhere.
+/// Writes the stamps to the file that the benchmark reads; does nothing for an empty path.
 inline void report_samples(Context& context, const Path& file, const measure::Samples& samples) {
   if (!file.empty()) {
     context.report("trouble", measure::write_samples(file, samples));

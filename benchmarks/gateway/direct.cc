@@ -1,11 +1,11 @@
-// A middleware as its own documentation has it used, for `gateway_latency.py`: one process sends,
+// A middleware used as its documentation describes, for `gateway_latency.py`: one process sends,
 // another receives.
 //
 //     direct_ENGINE send DOMAIN INTERFACE SIZE COUNT INTERVAL_US
 //     direct_ENGINE receive DOMAIN INTERFACE FILE
 //
-// `send` waits for a reader. `receive` ends with its standard input, and then writes its samples to
-// FILE.
+// `send` waits for a reader. `receive` runs until its standard input ends, then writes its samples
+// to FILE.
 #include "gateway/direct.h"
 
 #include <cstdio>

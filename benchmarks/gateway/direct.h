@@ -14,8 +14,8 @@
 
 namespace fastcycle::direct {
 
-/// What is sent: the encapsulation, and a sequence of bytes that begins with a number and with when
-/// it was sent.
+/// A message: the encapsulation, and a sequence of bytes that begins with the message's number and
+/// time of sending.
 class Message {
  public:
   explicit Message(std::size_t size) : bytes_(kHeadBytes + (size + 3) / 4 * 4) {
@@ -24,14 +24,14 @@ class Message {
     std::memcpy(bytes_.data(), kLittleEndian, sizeof kLittleEndian);
     std::memcpy(bytes_.data() + sizeof kLittleEndian, &length, sizeof length);
   }
-  /// It is sent now.
+  /// Stamps it with the current time.
   void stamp(std::int64_t number) {
     const std::int64_t stamps[2] = {number, measure::now_ns()};
     std::memcpy(bytes_.data() + kHeadBytes, stamps, sizeof stamps);
   }
   [[nodiscard]] std::span<const std::byte> bytes() const { return bytes_; }
 
-  /// The stamps of what arrived now.
+  /// The stamps of a message that arrives now.
   static measure::Sample read(std::span<const std::byte> bytes) {
     const std::int64_t arrived_ns = measure::now_ns();
     std::int64_t stamps[2] = {};
@@ -48,7 +48,7 @@ class Message {
   std::vector<std::byte> bytes_;
 };
 
-/// What the command line says.
+/// The command line options.
 struct Plan {
   bool is_sender = false;
   std::uint32_t domain = 0;
@@ -66,7 +66,7 @@ inline void wait_for_end() {
   }
 }
 
-/// Calls `write(bytes)` for `plan.count` messages, one every interval.
+/// Calls `write(bytes)` for `plan.count` messages, one each interval.
 template <typename Write>
 void send_all(const Plan& plan, const Write& write) {
   Message message(plan.size);
@@ -79,7 +79,7 @@ void send_all(const Plan& plan, const Write& write) {
   }
 }
 
-/// Of one middleware: takes part as `plan` says, and returns what arrived.
+/// Sends or receives by one middleware as `plan` specifies, and returns the received samples.
 measure::Samples run(const Plan& plan);
 
 }  // namespace fastcycle::direct

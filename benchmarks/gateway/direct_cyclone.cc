@@ -1,4 +1,4 @@
-// Cyclone DDS, with messages that are serialized already. https://cyclonedds.io
+// Cyclone DDS, with messages that are already serialized. https://cyclonedds.io
 #include <stdexcept>
 
 #include <dds/dds.h>
@@ -21,7 +21,7 @@ dds_entity_t checked(dds_return_t result, const char* what) {
   return result;
 }
 
-/// A reader's callback: takes what there is.
+/// A reader's callback: takes all available messages.
 void take_all(dds_entity_t reader, void* samples) {
   ddsi_serdata* message = nullptr;
   dds_sample_info_t info;

@@ -1,4 +1,4 @@
-// Fast DDS, with messages that are serialized already. https://fast-dds.docs.eprosima.com
+// Fast DDS, with messages that are already serialized. https://fast-dds.docs.eprosima.com
 #include <chrono>
 #include <stdexcept>
 #include <thread>
@@ -34,7 +34,7 @@ T* checked(T* made, const char* what) {
   return made;
 }
 
-/// Messages are vectors of the bytes that are sent.
+/// Messages are vectors of the bytes to send.
 class BytesType final : public fdds::TopicDataType {
  public:
   using Bytes = std::vector<std::byte>;
@@ -83,7 +83,7 @@ class Listener final : public fdds::DataReaderListener {
   measure::Samples samples;
 
  private:
-  BytesType::Bytes bytes_;  // Used again: its memory is warm.
+  BytesType::Bytes bytes_;  // Reused, so that its memory is warm.
 };
 
 template <typename Qos>

@@ -41,10 +41,10 @@ struct Message {
   void* data = nullptr;
 };
 
-/// Whether the two sides are of one process.
+/// Whether both sides are in one process.
 enum class Sides : std::uint8_t { kThreads, kProcesses };
 
-/// Places for messages on their way, more than any stall needs at 1 kHz.
+/// Slots for messages in flight, more than any stall needs at 1 kHz.
 class Slots {
  public:
   explicit Slots(Sides sides = Sides::kThreads)
@@ -64,7 +64,7 @@ class Slots {
     }
   }
 
-  /// Waits for the next message, which stays as it is until the next is taken.
+  /// Waits for the next message, which stays valid until the next call.
   const Message& take(Waiting waiting) noexcept {
     const std::uint32_t taken = taken_.load(std::memory_order_relaxed);
     while (sent_.load(std::memory_order_acquire) == taken) {
@@ -88,7 +88,7 @@ class Slots {
   std::array<Message, kCount> messages_;
 };
 
-/// Zeroed memory that a process shares with those it forks.
+/// Zeroed memory shared with forked processes.
 class SharedMemory {
  public:
   explicit SharedMemory(std::size_t size)
@@ -117,7 +117,7 @@ class Payloads {
     std::memset(memory_.begin(), 1, kCount * size_);
   }
 
-  /// A filled one, and when that began.
+  /// A filled payload, and the time before it was filled.
   [[nodiscard]] Message next(std::int64_t number) {
     const std::int64_t made_ns = now_ns();
     auto* const data = static_cast<unsigned char*>(memory_.begin()) +
@@ -133,10 +133,10 @@ class Payloads {
   SharedMemory memory_;
 };
 
-/// What the receiver sees last.
+/// The last message that the receiver processes.
 constexpr Message kEnd{.stamps = {.number = -1}};
 
-/// The sender of messages that go one way.
+/// The sender of one-way messages.
 Usage send_all(const Plan& plan, Payloads& payloads, Slots& slots, Waiting waiting) {
   set_up_thread(plan);
   const Usage usage = each_interval(plan, [&](std::int64_t number, std::int64_t) {
@@ -192,7 +192,7 @@ Measured floor_latency(const Plan& plan, Waiting waiting) {
 }
 
 Measured floor_processes(const Plan& plan, Waiting waiting) {
-  // What the receiver writes: its stamps, their number first.
+  // Written by the receiver: its stamps, preceded by their number.
   const auto room = static_cast<std::size_t>(total(plan));
   const SharedMemory taken(sizeof(std::size_t) + room * sizeof(Sample));
   auto* const count = new (taken.begin()) std::size_t{0};

@@ -18,13 +18,13 @@ struct Plan {
   const std::atomic<bool>* stop = nullptr;  ///< Ends the measurement early once it is true.
 };
 
-/// The priority of what runs as SCHED_FIFO: of the floors' threads and of FastCycle's workers.
+/// The SCHED_FIFO priority of the floors' threads and of FastCycle's workers.
 inline constexpr int kFifoPriority = 80;
 
 /// Whether this process may run threads as SCHED_FIFO with that priority.
 [[nodiscard]] bool may_use_fifo();
 
-/// What a floor measured: stamps, warm-up included, and what the process used after the warm-up.
+/// The result of a floor: stamps, including the warm-up, and resource usage after the warm-up.
 struct Measured {
   Samples samples;
   Usage usage;
@@ -32,23 +32,23 @@ struct Measured {
 
 enum class Waiting : std::uint8_t { kFutex, kSpin };
 
-/// The least that a hand-over between two threads costs on this machine: a sender that fills a
+/// The minimum cost of a hand-over between two threads on this machine: a sender that fills a
 /// recycled payload every interval and stores its address in a ring, and a receiver that sleeps on
-/// a futex, or spins, until it is there. No counts, no statistics, no choice.
+/// a futex, or spins, until it arrives. No counters, no statistics, no options.
 [[nodiscard]] Measured floor_latency(const Plan& plan, Waiting waiting);
 
-/// The same between two processes, which share ring and payloads. What was used is that of the
-/// sender's process.
+/// The same between two processes, which share ring and payloads. The usage is that of the sender's
+/// process.
 ///
-/// @errors  std::system_error if there is no process to be had.
+/// @errors  std::system_error if no process can be created.
 [[nodiscard]] Measured floor_processes(const Plan& plan, Waiting waiting);
 
-/// There and back: the second thread answers with the same payload. `arrived_ns` is when the answer
-/// is back.
+/// The round trip: the second thread answers with the same payload. `arrived_ns` is when the answer
+/// arrives.
 [[nodiscard]] Measured floor_rtt(const Plan& plan, Waiting waiting);
 
-/// The least that a timer is late: a loop of clock_nanosleep to absolute times. `sent_ns` is when a
-/// tick was due, `arrived_ns` when the thread ran.
+/// The minimum lateness of a timer: a loop of clock_nanosleep to absolute times. `sent_ns` is when
+/// a tick was due, `arrived_ns` when the thread ran.
 [[nodiscard]] Measured floor_timer(const Plan& plan);
 
 }  // namespace fastcycle::measure

@@ -9,7 +9,7 @@
 
 namespace fastcycle::measure {
 
-/// As FastCycle's own workers: timers to the nanosecond, and the policy that `plan` asks for.
+/// Like FastCycle's own workers: a timer slack of one nanosecond, and the policy of `plan`.
 void set_up_thread(const Plan& plan) noexcept;
 
 [[nodiscard]] inline std::int64_t total(const Plan& plan) noexcept {
@@ -20,7 +20,7 @@ void set_up_thread(const Plan& plan) noexcept;
   return plan.stop != nullptr && plan.stop->load(std::memory_order_relaxed);
 }
 
-/// Calls `act(number)` once an interval, until the plan is done or stopped; returns what was used
+/// Calls `act(number)` once each interval, until the plan is complete or stopped; returns the usage
 /// after the warm-up.
 template <typename Act>
 Usage each_interval(const Plan& plan, const Act& act) {

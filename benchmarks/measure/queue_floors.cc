@@ -25,7 +25,7 @@ struct Message {
   void* data = nullptr;
 };
 
-/// A queue as in every textbook.
+/// A textbook queue.
 template <typename T>
 class LockedQueue {
  public:
@@ -60,7 +60,7 @@ class LockedQueue {
   bool is_awaited_ = false;
 };
 
-/// How many messages the sender may still send; given back in batches.
+/// The sender's credits; returned in batches.
 class Credits {
  public:
   explicit Credits(std::int64_t count) : count_(count) {}
@@ -73,7 +73,7 @@ class Credits {
     given_.notify_one();
   }
 
-  /// Waits until there are some, and takes them all.
+  /// Waits until there are some, and takes all of them.
   std::int64_t take() {
     std::unique_lock lock(mutex_);
     given_.wait(lock, [this] { return count_ > 0; });

@@ -6,18 +6,18 @@
 
 namespace fastcycle::measure {
 
-/// What one writes first: each message's payload comes from malloc and goes back to free, and a
-/// queue with mutex and condition variable leads to the receiver. Large payloads are new pages each
-/// time.
+/// The obvious implementation: each message's payload is allocated by malloc and released by free,
+/// and passed to the receiver by a queue with mutex and condition variable. Large payloads are new
+/// pages each time.
 [[nodiscard]] Measured floor_malloc(const Plan& plan);
 
-/// How long a flood flows before it is counted: two threads begin on one CPU, where they take turns
-/// without ever meeting, until the kernel moves one of them.
+/// How long a flood runs before it is counted: two threads start on one CPU, where they alternate
+/// without contention until the kernel moves one of them.
 constexpr std::int64_t kRunInMs = 300;
 
-/// What a flood came to.
+/// The result of a flood.
 struct Flood {
-  std::int64_t run_in = 0;  ///< Messages before those that count.
+  std::int64_t run_in = 0;  ///< Messages before the counted ones.
   std::int64_t sent = 0;
   std::int64_t received = 0;
   std::int64_t damaged = 0;
@@ -26,9 +26,9 @@ struct Flood {
   Usage usage;
 };
 
-/// As many messages a second as a std::mutex, a std::deque of pointers and a condition variable let
-/// through: recycled messages, at most `window` of them under way, and a sender that gets
-/// `window / 4` back at a time. The receiver is notified only while it waits.
+/// The throughput of a std::mutex, a std::deque of pointers and a condition variable: recycled
+/// messages, at most `window` of them in flight, and a sender that gets `window / 4` back at a
+/// time. The receiver is notified only while it waits.
 [[nodiscard]] Flood floor_flood(const Plan& plan, std::int64_t window,
                                 std::int64_t run_in_ms = kRunInMs);
 

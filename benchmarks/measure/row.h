@@ -10,8 +10,8 @@
 
 namespace fastcycle::measure {
 
-/// One measured point: a peer, a mode, a size, a round. As JSON it is one object on one line; what
-/// the mode does not measure is left out.
+/// One measured point: a peer, a mode, a size, a round. As JSON it is one object on one line,
+/// without the fields that the mode does not measure.
 struct Row {
   std::string peer;  ///< "fastcycle-park", "floor-futex", "zeromq-inproc", …
   std::string mode;  ///< latency, rtt, flood, fanout, timer, chain, startup
@@ -21,8 +21,8 @@ struct Row {
   std::int64_t lost = 0;  ///< Sent after the warm-up, and never received.
   std::int64_t warmup = 0;
   std::int64_t interval_us = 0;
-  std::optional<Statistics> time = {};        ///< What the mode measures.
-  std::optional<Statistics> end_to_end = {};  ///< With filling the payload.
+  std::optional<Statistics> time = {};        ///< The main result of the mode.
+  std::optional<Statistics> end_to_end = {};  ///< Including the time to fill the payload.
   std::optional<double> interval_std_us =
       {};                      ///< Standard deviation of receive minus send interval.
   std::string histogram = {};  ///< Of `time`, a JSON object; empty: none.
@@ -38,8 +38,8 @@ struct Row {
 
 [[nodiscard]] std::string to_json(const Row& row);
 
-/// Fills in what a row of mode "latency" or "rtt" says from `samples`, of which `sent` messages
-/// were published after the warm-up, and from what the process used meanwhile.
+/// Computes the fields of a row of mode "latency" or "rtt" from `samples`, of which `sent` messages
+/// were published after the warm-up, and from the process's usage in that time.
 void measure_into(Row& row, const Samples& samples, std::int64_t sent, const Usage& usage);
 
 }  // namespace fastcycle::measure

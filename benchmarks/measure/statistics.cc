@@ -50,7 +50,7 @@ Statistics summarize(std::vector<std::int64_t> durations_ns) {
 
 std::string histogram_json(const std::vector<std::int64_t>& durations_ns) {
   constexpr double kBucketsPerOctave = 4;
-  constexpr double kSmallestUs = 0.125;  // 2^-3: what is shorter shares the first bucket.
+  constexpr double kSmallestUs = 0.125;  // 2^-3: shorter ones are counted in the first bucket.
   std::map<int, std::size_t> counts;
   for (const std::int64_t value : durations_ns) {
     const double us = std::max(static_cast<double>(value) / kNsPerUs, kSmallestUs);

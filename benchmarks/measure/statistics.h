@@ -7,7 +7,7 @@
 
 namespace fastcycle::measure {
 
-/// What is published of a series of durations. All values are in microseconds; nothing is trimmed.
+/// Published statistics of a series of durations, in microseconds; no outliers are removed.
 struct Statistics {
   std::size_t count = 0;
   double mean_us = 0;

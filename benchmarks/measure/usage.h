@@ -4,7 +4,7 @@
 
 namespace fastcycle::measure {
 
-/// What the process has used of the machine since it began (getrusage).
+/// Resource usage of the process since its start (getrusage).
 struct Usage {
   double cpu_us = 0;
   std::int64_t minor_faults = 0;

@@ -102,8 +102,8 @@ std::string processes_text(const config::ApplicationDescription& description) {
       shown < names.size() ? ", …" : "");
 }
 
-/// What pins the libraries of the application as they are now. Returns why it cannot be told; empty
-/// if it was.
+/// Prints the pins of the application's libraries as they are now. Returns an error message; empty
+/// on success.
 std::string print_pins(const config::ApplicationDescription& description,
                        const host::LibraryLoader& libraries) {
   std::map<std::string, std::filesystem::path> files;

@@ -8,25 +8,25 @@
 
 namespace fastcycle::tool {
 
-/// How the program ends, for every command alike; `--help` says it too.
+/// The exit codes, the same for every command; `--help` lists them too.
 enum ExitCode : int {
   kDone = 0,
-  kFailed = 1,    ///< The run failed, or a component did whose policy is to stop the application.
+  kFailed = 1,    ///< The run failed, or a component whose policy is to stop the application.
   kWrong = 2,     ///< The configuration or the command line is wrong; nothing was started.
   kProblems = 3,  ///< Of logs: not in order, or not all could be saved, or another outcome when
                   ///< executed again. Of an estimate: a chain is not shown to hold.
-  kEndedAtOnce = 130,  ///< Ctrl-C for the second time.
+  kEndedAtOnce = 130,  ///< Ctrl-C was pressed a second time.
 };
 
-/// One word of the command line: what it accepts, and what it does once that was read; or that one
-/// of further words has to follow.
+/// One word of the command line: its options and the function that it runs; or a group of
+/// subcommands, one of which is required.
 struct Command {
   CLI::App* line = nullptr;
   std::function<int()> run = {};
   std::vector<Command> words = {};
 };
 
-// Each in a file of its own.
+// Each is in its own file.
 Command add_run(CLI::App& program);
 Command add_record(CLI::App& program);
 Command add_play(CLI::App& program);
@@ -55,7 +55,7 @@ Command add_manual(CLI::App& program);
 Command add_new(CLI::App& program);
 Command add_security(CLI::App& program);
 
-// On a running application.
+// Commands on a running application.
 Command add_list(CLI::App& program);
 Command add_topic(CLI::App& program);
 Command add_component(CLI::App& program);
@@ -70,7 +70,7 @@ Command add_standby(CLI::App& program);
 /// The examples at the end of a command's help.
 [[nodiscard]] std::string examples(const std::string& lines);
 
-/// `kDone` if all that was printed to standard output arrived there; else says why not.
+/// `kDone` if all output reached standard output; else prints why not.
 [[nodiscard]] int flush_output();
 
 }  // namespace fastcycle::tool

@@ -7,7 +7,7 @@
 
 namespace fastcycle::tool {
 
-/// A command, and the words that lead to it: "fastcycle topic echo".
+/// A command and its full name: "fastcycle topic echo".
 struct CommandPath {
   std::string words;
   const CLI::App* line = nullptr;

@@ -102,7 +102,7 @@ ordered_json to_json(const std::vector<host::ExactReplayResult>& results) {
   return json;
 }
 
-/// What is to be known of components that were not executed, or not to their end.
+/// Notes on components that were not executed, or not to their end.
 std::string to_notes(const std::vector<host::ExactReplayResult>& results) {
   std::string text;
   for (const host::ExactReplayResult& result : results) {

@@ -18,7 +18,7 @@ std::string words_of_type(std::string type) {
   return is_list ? type : "";
 }
 
-/// What may follow a command: one branch of the script's `case`.
+/// The completions of a command: one branch of the script's `case`.
 std::string branch(const CommandPath& path) {
   std::string commands;
   for (const CLI::App* command : shown_commands(*path.line)) {

@@ -6,8 +6,8 @@
 
 namespace fastcycle::tool {
 
-/// A script for bash that completes the commands and options of `program`, and the values of those
-/// options whose type lists them: `live|simulated`. Everything else is a file.
+/// A bash script that completes the commands and options of `program`, and the values of options
+/// whose type lists them: `live|simulated`. Everything else completes to a file.
 [[nodiscard]] std::string bash_completion(const CLI::App& program);
 
 }  // namespace fastcycle::tool

@@ -18,7 +18,7 @@ std::string counted(std::size_t count, const std::string& word) {
   return std::to_string(count) + " " + word + (count == 1 ? "" : "s");
 }
 
-/// An option that takes one value and may be said again and again.
+/// An option that takes one value and may be repeated.
 template <typename T>
 void add_repeatable(CLI::App& line, const std::string& name, T& values, const std::string& value,
                     const std::string& text) {

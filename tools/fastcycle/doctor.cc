@@ -33,7 +33,7 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kTime = "2s";
 constexpr const char* kTimeOfDds = "10s";  // Some announce themselves every 8 s.
 
-/// What of the options is for DDS alone.
+/// The options that apply only to DDS.
 struct DdsOptions {
   bool is_wanted = false;
   std::optional<std::uint32_t> domain;

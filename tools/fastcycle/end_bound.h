@@ -11,10 +11,10 @@
 
 namespace fastcycle::tool {
 
-/// Sees to it that a run ends whose end was asked for: constructors and destructors are called on
-/// the thread that builds and ends the run, so one that does not come back would keep it for ever.
-/// Such a one is named, and the process ends with exit code 1, once it has taken longer than
-/// `kLimit` and longer than its component's `"lifecycle_limit_ms"`; never where that is 0.
+/// Ensures that a run ends after its end was requested. Constructors and destructors run on the
+/// thread that builds and ends the run, so one that hangs would block it indefinitely. Reports such
+/// a call and ends the process with exit code 1 once the call has taken longer than `kLimit` and
+/// its component's `"lifecycle_limit_ms"`; never where that is 0.
 ///
 /// @threads  `begin_within` is Safe.
 class EndBound {
@@ -28,7 +28,7 @@ class EndBound {
   EndBound& operator=(const EndBound&) = delete;
   ~EndBound();
 
-  /// From `time` on it looks, or from an earlier moment if that was said before.
+  /// Starts to watch at `time`, or earlier if an earlier call said so.
   void begin_within(std::chrono::nanoseconds time);
 
  private:

@@ -33,7 +33,7 @@ std::vector<std::string> other_builds(const std::map<std::string, std::string>& 
   return names;
 }
 
-/// Nobody reads what components say while a log is executed again.
+/// Suppresses the components' output during re-execution.
 void silence(config::ApplicationDescription& description) {
   description.log_level = LogLevel::kError;
   for (config::ComponentDescription& component : description.components) {
@@ -147,7 +147,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   }
   config::ApplicationDescription silent = description;
   silence(silent);
-  silent.chains.clear();  // Nothing is late where time is what the log says.
+  silent.chains.clear();  // Nothing is late when time comes from the log.
   silent.record.reset();
   silent.flight_recorder.reset();
   made->libraries_ = std::make_unique<host::LibraryLoader>(

@@ -17,8 +17,8 @@
 
 namespace fastcycle::tool {
 
-/// What `verify`, `compare` and `debug` have in common: a log, the application that it is of, and
-/// who of it is executed again.
+/// The common options of `verify`, `compare` and `debug`: a log, its application, and which
+/// components are executed again.
 struct ExactReplaying {
   std::vector<std::filesystem::path> files = {};  ///< The log's; the last may be the application.
   Configuration configuration = {};
@@ -31,14 +31,14 @@ struct ExactReplaying {
   void add_to(CLI::App& line);
   /// `--continue-with`.
   void add_input_to(CLI::App& line);
-  /// What does not fit together; empty if all does. Tells the log from the application.
+  /// Separates the log from the application. Returns what does not fit together; empty if all does.
   std::string find_wrong();
 };
 
-/// An application that was built to execute a log again.
+/// An application that was built to re-execute a log.
 class ReplayedApplication {
  public:
-  /// Null, and all mistakes printed in the name of `command`, if it cannot be.
+  /// Null, with all errors printed in the name of `command`, if it cannot be built.
   ///
   /// @errors  `mcap::Error` if the log cannot be read.
   static std::unique_ptr<ReplayedApplication> make(const std::string& command,

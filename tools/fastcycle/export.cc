@@ -35,7 +35,7 @@ struct ExportOptions {
 /// Nobody reads standard output any more.
 struct OutputClosed {};
 
-/// Collects rows, so that not each is a write of its own.
+/// Collects rows, to write them in larger blocks.
 class Rows {
  public:
   explicit Rows(mcap::Sink& sink) : sink_(sink) {}
@@ -67,7 +67,7 @@ std::string file_name_of(std::string topic) {
   return topic + ".csv";
 }
 
-/// Told of messages, each counted twice; tells `progress` of as much of the file's `bytes`.
+/// Converts progress in messages, each counted twice, to `progress` in the file's `bytes`.
 archive::Progress progress_by_messages(const mcap::Reader& reader, const std::string& topic,
                                        std::uint64_t bytes, archive::Progress progress) {
   std::uint64_t messages = 0;

@@ -15,14 +15,14 @@
 
 namespace fastcycle::tool {
 
-/// The first Ctrl-C came.
+/// Thrown on the first Ctrl-C.
 class Interrupted final : public std::runtime_error {
  public:
   Interrupted() : std::runtime_error("stopped on request, and what was begun is removed") {}
 };
 
-/// Work on large files: shows how far it is, in a line of standard error where that is a terminal,
-/// and ends in order on the first Ctrl-C: files that are not whole are removed.
+/// Work on large files: shows its progress in a line of standard error if that is a terminal, and
+/// ends in order on the first Ctrl-C: incomplete files are removed.
 ///
 /// @threads  Confined to its owner.
 class FileWork {
@@ -32,10 +32,11 @@ class FileWork {
   FileWork& operator=(const FileWork&) = delete;
   ~FileWork();
 
-  /// What a reader of `total` bytes is to tell; valid as long as this. It throws `Interrupted`.
+  /// The progress callback for a reader of `total` bytes; valid as long as this. Throws
+  /// `Interrupted`.
   [[nodiscard]] archive::Progress progress(std::string what, std::uint64_t total);
 
-  /// The same of `ExactReplay`, which counts `unit` and is told to end early.
+  /// The same for `ExactReplay`, which counts `unit` and ends early on Ctrl-C.
   [[nodiscard]] host::ExactReplay::Watcher steps(std::string what, std::string unit);
 
  private:
@@ -49,19 +50,18 @@ class FileWork {
   const StopSignals stop_signals_;
 };
 
-/// Standard output, read by somebody who may have seen enough: `| head`.
+/// Standard output to a reader that may close it early: `| head`.
 ///
 /// @threads  Confined.
 class Output {
  public:
   Output();
 
-  /// Writes `text` with what is not printable in it shown as `\x1b`. False if nobody reads any
-  /// more.
+  /// Writes `text` with unprintable bytes shown as `\x1b`. False if the reader has closed the pipe.
   ///
-  /// @errors  `std::runtime_error` if it cannot be written for another reason.
+  /// @errors  `std::runtime_error` if writing fails for another reason.
   bool write(std::string_view text);
-  /// The same with all bytes as they are, for another program.
+  /// The same with all bytes unchanged, for another program.
   bool write_data(std::string_view data);
   bool flush();
 
@@ -69,10 +69,10 @@ class Output {
   static bool has_taken(bool is_written);
 };
 
-/// `fastcycle convert: …`, on standard error; the exit code of a wrong command line.
+/// Prints `fastcycle convert: …` to standard error; returns the exit code of a wrong command line.
 int print_mistake(const std::string& command, const std::string& sentence);
 
-/// Says what is wrong with a file that could be used nevertheless.
+/// Prints what is wrong with a file that is usable nevertheless.
 void print_problem(const std::string& command, const mcap::Problem& problem,
                    const std::string& consequence);
 

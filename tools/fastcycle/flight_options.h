@@ -8,15 +8,14 @@
 
 namespace fastcycle::tool {
 
-/// What the command line says of the flight recorder.
+/// The options of the flight recorder.
 struct FlightOptions {
   std::filesystem::path file;
   std::optional<double> size_mb;
 
-  /// What is wrong with them, as a sentence; empty if nothing is.
+  /// An error message; empty if the options are valid.
   [[nodiscard]] std::string find_wrong(const config::ApplicationDescription& application) const;
-  /// What is kept: as the application says, with what the options say laid upon it. None: there is
-  /// no flight recorder.
+  /// The application's settings, overridden by the options. None: there is no flight recorder.
   [[nodiscard]] std::optional<config::FlightRecorderDescription> describe(
       const config::ApplicationDescription& application) const;
 };

@@ -48,7 +48,8 @@ standby::Follower::Listener Following::listener() {
                                               partition_.incarnation()));
   };
   listener.lost = [this](const std::string& why) {
-    // It is made anew where the file says so; what it holds is not worth an orderly end.
+    // The process is restarted if the application asks for it; its state is not worth an orderly
+    // end.
     print_to(stderr, "fastcycle {}: process \"{}\" cannot {}: {}\n", command_, name_,
              is_shadow_ ? "follow" : "be on standby", why);
     std::_Exit(kFailed);

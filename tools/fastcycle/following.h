@@ -17,27 +17,27 @@
 
 namespace fastcycle::tool {
 
-/// What a process that follows another one tells: on standby, whether it is in step; as a shadow,
-/// in what its messages differ. The main process shows it (`fastcycle standby`, `fastcycle
+/// Reports the state of a process that follows another one: of a standby, whether it is in step; of
+/// a shadow, how its messages differ. The main process shows it (`fastcycle standby`, `fastcycle
 /// shadow`).
 ///
-/// @threads  Safe; made, begun and ended by the control thread.
+/// @threads  Safe; constructed, begun and ended by the control thread.
 class Following {
  public:
-  /// All have to live as long as this. `command` is what messages to the user begin with.
+  /// All references must outlive this. `command` is the prefix of messages to the user.
   Following(const processes::ProcessPlan& plan, processes::Partition& partition,
             host::Application& application, std::string command);
   Following(const Following&) = delete;
   Following& operator=(const Following&) = delete;
   ~Following() { end(); }
 
-  /// What the partition is to tell. Before it is connected.
+  /// The listener to pass to the partition before it is connected.
   [[nodiscard]] standby::Follower::Listener listener();
-  /// From now on it tells the main process, five times a second.
+  /// Starts to report to the main process, five times a second.
   void begin();
   void end();
 
-  /// Of a shadow: its differences; none of one on standby.
+  /// The differences of a shadow; empty for a standby.
   [[nodiscard]] std::vector<host::ToolReport> report() const;
 
  private:

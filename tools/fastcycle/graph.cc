@@ -57,7 +57,7 @@ std::string draw(const std::filesystem::path& input, int output) {
   return status == 0 ? std::string() : "dot failed";
 }
 
-/// Draws by way of a file that is gone afterwards. Returns why that failed, or nothing.
+/// Draws by a temporary file. Returns an error message; empty on success.
 std::string write_svg(const std::string& dot, const std::filesystem::path& output,
                       const Inputs& inputs) {
   std::string input = (std::filesystem::temp_directory_path() / "fastcycle.dot.XXXXXX").string();

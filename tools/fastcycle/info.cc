@@ -114,7 +114,7 @@ void print_topics(const Overview& file) {
   print_table(rows);
 }
 
-/// Key and value, each on a line of its own; of many keys `build_id.X` only how many there are.
+/// Key and value, each on its own line; of many keys `build_id.X` only their number.
 std::vector<std::vector<std::string>> rows_of(const mcap::Metadata& metadata) {
   constexpr std::size_t kFew = 3;
   std::map<std::string, std::size_t> groups;
@@ -138,7 +138,7 @@ void print_metadata(const Overview& file) {
   std::vector<std::vector<std::string>> rows;
   for (const mcap::Metadata& one : file.metadata) {
     if (one.name == "fastcycle.loss") {
-      continue;  // It is said with the topics.
+      continue;  // It is listed with the topics.
     }
     rows.push_back({printable(one.name)});
     for (auto& row : rows_of(one)) {

@@ -10,21 +10,20 @@
 
 namespace fastcycle::tool {
 
-/// What the command line says of who may look at a run.
+/// The options for access to a run by tools.
 struct InspectOptions {
   bool is_asked = false;
   std::vector<std::string> allow;
 
   void add_to(CLI::App& line);
-  /// What is wrong with them, as a sentence; empty if nothing is. `is_live`: browsers may look.
+  /// An error message; empty if the options are valid. `is_live`: browsers have access.
   [[nodiscard]] std::string find_wrong(const config::ApplicationDescription& application,
                                        bool is_live) const;
-  /// Whether tools may look.
+  /// Whether tools have access.
   [[nodiscard]] bool is_wanted(const config::ApplicationDescription& application) const {
     return is_asked || application.inspect.has_value();
   }
-  /// What may be done by those who may look: as the application says, and what the options allow
-  /// beyond that.
+  /// The permissions of tools: those of the application, and those that the options add.
   [[nodiscard]] config::InspectDescription describe(
       const config::ApplicationDescription& application) const;
 };

@@ -9,15 +9,15 @@
 
 namespace fastcycle::tool {
 
-/// What the command line says of the server for browsers and Foxglove.
+/// The options of the server for browsers and Foxglove.
 struct LiveOptions {
   bool is_asked = false;
-  std::string at;  ///< ADDRESS:PORT, or a part of it; empty: as the application says.
+  std::string at;  ///< ADDRESS:PORT, or a part of it; empty: the application's setting.
 
   void add_to(CLI::App& line);
-  /// What is wrong with them, as a sentence; empty if nothing is.
+  /// An error message; empty if the options are valid.
   [[nodiscard]] std::string find_wrong() const;
-  /// As the application says, with what the options say laid upon it. None: there is no server.
+  /// The application's settings, overridden by the options. None: there is no server.
   [[nodiscard]] std::optional<config::LiveDescription> describe(
       const config::ApplicationDescription& application) const;
 };

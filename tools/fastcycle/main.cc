@@ -1,4 +1,4 @@
-// fastcycle: the command line. Each command has a file of its own; this one reads the words.
+// fastcycle: the command line. Each command is in its own file; this one parses the arguments.
 
 #include <algorithm>
 #include <cerrno>
@@ -69,7 +69,7 @@ std::vector<std::string> known_options(const CLI::App& line) {
   return names;
 }
 
-/// What was said that nobody understands, with what was probably meant.
+/// The error message for an unknown argument, with the likely intended one.
 std::string unknown_words(const CLI::App& line) {
   const std::string word = line.remaining().front();
   if (!word.starts_with('-')) {
@@ -80,15 +80,15 @@ std::string unknown_words(const CLI::App& line) {
   return "there is no option " + option + (hint.empty() ? "" : "; " + hint);
 }
 
-/// What is missing, and what it is.
+/// The error message for a missing argument, with its description.
 std::string missing_word(const CLI::App& line, const CLI::RequiredError& error) {
   const std::string sentence = error.what();
   const CLI::Option* option = line.get_option_no_throw(sentence.substr(0, sentence.find(' ')));
   return sentence + (option == nullptr ? "" : ": " + option->get_description());
 }
 
-/// What stands where a number was wanted; a check of ours has said what it wants (option_values.h),
-/// and only lacks that it begins with a colon.
+/// The error message for an invalid value. Those of our own checks (option_values.h) are complete
+/// except for a superfluous colon.
 std::string wrong_value(const CLI::App& line, const CLI::ParseError& error) {
   std::string sentence = error.what();
   if (const auto colon = sentence.find(": wants "); colon != std::string::npos) {
@@ -145,7 +145,7 @@ const Command* find(const std::vector<Command>& commands, const std::string& wor
   return found == commands.end() ? nullptr : &*found;
 }
 
-/// Prints what there is to choose from, where nothing was chosen.
+/// Prints the available choices if none was given.
 int print_choice(const CLI::App& line) {
   print_text(stderr, line.help());
   return kWrong;
@@ -169,7 +169,7 @@ const Command* follow(const std::vector<Command>& commands, const CLI::App& line
     return command;
   }
   if (position + 1 < words.size() && words[position + 1].starts_with('-')) {
-    return command;  // Its help, or an option that comes too early.
+    return command;  // A help option, or an option in the wrong place.
   }
   return follow(command->words, *command->line, words, position + 1, exit_code);
 }
@@ -194,7 +194,7 @@ int run_program(int argument_count, char** arguments) {
   program.set_help_flag("-h,--help", "Show this and exit");
   program.footer(kExitCodes);
   program.get_formatter()->column_width(28);
-  program.require_subcommand(0, 1);  // What follows a command is no command.
+  program.require_subcommand(0, 1);  // Arguments of a command are not commands.
   const std::vector<Command> commands = add_commands(program);
   const std::vector<std::string> words(arguments + 1, arguments + argument_count);
   if (words == std::vector<std::string>{"help"}) {
@@ -252,7 +252,7 @@ int main(int argument_count, char** arguments) {
   try {
     return fastcycle::tool::run_program(argument_count, arguments);
   } catch (const std::system_error& error) {
-    // That is how the system says that it makes no further thread.
+    // The system's error if no further thread can be created.
     const bool is_thread = error.code() == std::errc::resource_unavailable_try_again;
     fastcycle::tool::print_to(
         stderr, "fastcycle: {}{}\n", error.what(),

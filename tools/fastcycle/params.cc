@@ -30,7 +30,7 @@ bool is_meant(const std::string& pattern, const host::ListedParam& param) {
          fnmatch(pattern.c_str(), param.full_name().c_str(), 0) == 0;
 }
 
-/// Leaves those that a pattern means, and says which patterns mean nothing.
+/// Keeps those that match a pattern, and reports patterns without a match.
 bool choose(const std::vector<std::string>& patterns, std::vector<host::ListedParam>& params) {
   std::vector<std::string> known;
   for (const host::ListedParam& param : params) {

@@ -10,8 +10,8 @@
 
 namespace fastcycle::tool {
 
-/// One line of standard error that shows how the run goes, redrawn twice a second. Where standard
-/// error is no terminal nothing is ever written.
+/// One line of standard error that shows the progress of the run, redrawn twice a second. Writes
+/// nothing if standard error is not a terminal.
 ///
 /// @threads  `print` is Safe; all else is confined to its owner.
 class ProgressLine {
@@ -21,15 +21,15 @@ class ProgressLine {
   ProgressLine& operator=(const ProgressLine&) = delete;
   ~ProgressLine();
 
-  /// What else the line shows at its end; on a thread of its own. Set before `start`.
+  /// Additional text at the end of the line; called on the redrawing thread. Set before `start`.
   std::function<std::string()> state = [] { return std::string(); };
 
   /// Shows `application` from now on, until `stop`.
   void start(const host::Application& application);
-  /// Clears the line for good.
+  /// Removes the line and stops redrawing.
   void stop();
 
-  /// Prints a line of text to standard error, in the place of the progress.
+  /// Prints a line of text to standard error in place of the progress.
   void print(const std::string& text);
 
  private:

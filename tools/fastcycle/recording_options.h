@@ -9,9 +9,9 @@
 
 namespace fastcycle::tool {
 
-/// How an application is recorded, as far as the command line says it.
+/// The options for recording an application.
 struct RecordingOptions {
-  bool is_asked = false;  ///< The command is one that records, also without a file's name.
+  bool is_asked = false;  ///< The command records, even without a file name.
   std::filesystem::path file;
   std::vector<std::string> topics;
   std::vector<std::string> except;
@@ -19,17 +19,16 @@ struct RecordingOptions {
   std::optional<double> split_mb;
   std::optional<double> split_s;
 
-  /// Whether more is said than that something is recorded.
+  /// Whether an option other than the request to record was given.
   [[nodiscard]] bool say_how() const;
-  /// What is wrong with them, as a sentence; empty if nothing is.
+  /// An error message; empty if the options are valid.
   [[nodiscard]] std::string find_wrong() const;
-  /// What is recorded: as the application says, with what the options say laid upon it. None:
-  /// nothing.
+  /// The application's settings, overridden by the options. None: nothing is recorded.
   [[nodiscard]] std::optional<config::RecordDescription> describe(
       const config::ApplicationDescription& application) const;
 };
 
-/// `NAME_DATE_TIME.mcap`: a name that no run at another second has.
+/// `NAME_DATE_TIME.mcap`: unique among runs started at least a second apart.
 [[nodiscard]] std::filesystem::path name_by_time(const std::string& application);
 
 }  // namespace fastcycle::tool

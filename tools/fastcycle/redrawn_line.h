@@ -4,7 +4,7 @@
 
 namespace fastcycle::tool {
 
-// What a line of the terminal is redrawn by, and how often.
+// The sequence that clears a terminal line, and the period at which it is redrawn.
 constexpr const char* kClearLine = "\r\x1b[K";
 constexpr std::chrono::milliseconds kRedrawPeriod{500};
 

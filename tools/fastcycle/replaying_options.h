@@ -11,7 +11,7 @@
 
 namespace fastcycle::tool {
 
-/// What is replayed, as far as the command line says it.
+/// The options for replaying a recording.
 struct ReplayingOptions {
   std::vector<std::filesystem::path> files;
   std::vector<std::string> into;
@@ -22,12 +22,12 @@ struct ReplayingOptions {
   std::optional<double> end_s;
   bool is_looped = false;
 
-  /// Who runs.
+  /// Adds the options that select the target components.
   void add_target_to(CLI::App& line);
-  /// Which part of the recording, and how it is called.
+  /// Adds the options that select a part of the recording, and rename its topics.
   void add_selection_to(CLI::App& line);
 
-  /// What is wrong with them, as a sentence; empty if nothing is.
+  /// An error message; empty if the options are valid.
   [[nodiscard]] std::string find_wrong() const;
   [[nodiscard]] host::ReplayOptions describe() const;
 };

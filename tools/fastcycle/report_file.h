@@ -7,16 +7,16 @@
 
 namespace fastcycle::tool {
 
-/// A text that a command was asked to write into a file: see `base::OutputFile`.
+/// A text that a command writes into a file on request: see `base::OutputFile`.
 ///
 /// @threads  Confined to its owner.
 class ReportFile {
  public:
-  /// An empty `path` is no file: writing it does nothing. `inputs` are never replaced.
+  /// With an empty `path`, writing does nothing. `inputs` are never replaced.
   explicit ReportFile(std::filesystem::path path, std::vector<std::filesystem::path> inputs = {})
       : path_(std::move(path)), inputs_(std::move(inputs)) {}
 
-  /// Finds out whether it can be written, without changing it. Returns why not, or nothing.
+  /// Checks whether the file can be written, without changing it. Returns why not, or nothing.
   [[nodiscard]] std::string find_obstacle() const;
 
   /// Writes `text`. Returns why that failed, or nothing.

@@ -11,11 +11,12 @@
 
 namespace fastcycle::tool {
 
-/// What the commands have in common that read logs and write others: convert, filter, merge, split.
+/// The common options of the commands that read logs and write others: convert, filter, merge,
+/// split.
 struct Rewriting {
   std::string command;
   std::vector<std::filesystem::path> inputs;
-  std::filesystem::path output;  ///< Of split: what its names begin with.
+  std::filesystem::path output;  ///< For split: the prefix of the output names.
   bool is_forced = false;
   bool is_quiet = false;
 
@@ -25,23 +26,23 @@ struct Rewriting {
   archive::Layout layout;
   archive::Selection selection;
 
-  /// The words for all but the files.
+  /// Adds all options except the files.
   void add_options(CLI::App& line);
 
-  /// Takes what the options say; a sentence if it is wrong.
+  /// Evaluates the options. Returns an error message; empty if they are valid.
   [[nodiscard]] std::string find_wrong();
 
-  /// Does it; the exit code.
+  /// Executes the command. Returns the exit code.
   int run();
 
  private:
   [[nodiscard]] std::filesystem::path path_of(std::uint64_t number) const;
 };
 
-/// Why `name` names no way to compress; empty if it does, which `chunk` gets.
+/// Sets the compression of `chunk`. Returns an error message; empty if `name` is a known one.
 [[nodiscard]] std::string read_compression(const std::string& name, mcap::ChunkOptions& chunk);
 
-/// Why `text` is no time in a log; empty if it is one, or empty itself. `option` is its name.
+/// Parses the time `text` of `option`; an empty one is accepted. Returns an error message, or "".
 [[nodiscard]] std::string read_offset(const std::string& option, const std::string& text,
                                       std::optional<std::uint64_t>& offset_ns);
 

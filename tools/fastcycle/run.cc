@@ -88,11 +88,11 @@ struct RunOptions {
 };
 
 constexpr unsigned kMaxWorkers = 64;
-constexpr std::chrono::seconds kStartLimit{10};  ///< For all starts, beyond what --for says.
+constexpr std::chrono::seconds kStartLimit{10};  ///< For all starts, in addition to --for.
 constexpr double kMinRate = 1e-3;
 constexpr double kMaxRate = 1e3;
 
-/// What of the options does not fit together; empty if all does.
+/// Reports options that contradict each other; empty if none do.
 std::string find_wrong(const RunOptions& options) {
   if (!options.limit.empty() && !parse_duration(options.limit)) {
     return "--for wants a time above zero with its unit, as 500ms, 10s, 2min or 1h, and not \"" +
@@ -152,7 +152,7 @@ void print(const std::vector<base::Refusal>& refusals, ProgressLine& progress) {
   }
 }
 
-/// Does what a key says while something is played.
+/// Executes the command of a key during playback.
 void obey(char key, host::WallPace& pace, host::Application& application) {
   switch (key) {
     case ' ':
@@ -226,13 +226,13 @@ std::string text_of(const host::WallPace& pace) {
   return pace.rate() == 1.0 ? "" : text.data();
 }
 
-/// What is different where the application has several processes, and this is one of them.
+/// The differences for one process of an application with several.
 struct ProcessRole {
   processes::Partition& partition;
   processes::Channel& channel;
   const base::Clock* clock;  ///< Of all processes; null in simulated time.
-  int report;                ///< A file for what there is to say at the end.
-  /// What is replayed here, as in all processes; null if nothing is.
+  int report;                ///< A file for the report at the end.
+  /// The replay, the same in all processes; null if there is none.
   std::unique_ptr<host::Replay> replay;
 };
 
@@ -336,8 +336,8 @@ host::ProcessReport report_process(const ProcessRole& role, const processes::Pro
   return report;
 }
 
-/// Starts the application, lets it run and stops it. Returns why it must count as failed although
-/// no component did; empty if nothing is to be said.
+/// Starts the application, lets it run and stops it. Returns why it counts as failed although no
+/// component failed; empty if it succeeded.
 std::string carry_out(host::Application& application, const RunOptions& options,
                       EndBound& end_bound, ProgressLine& progress, const ProcessRole* role) {
   const auto limit = options.limit.empty() ? std::nullopt : parse_duration(options.limit);
@@ -361,8 +361,8 @@ std::string carry_out(host::Application& application, const RunOptions& options,
   return {};
 }
 
-/// Says who has not come back, and leaves without waiting for them: what their threads still use is
-/// left as it is.
+/// Prints the calls that have not returned, and exits without waiting for them: objects that their
+/// threads still use are not destroyed.
 [[noreturn]] void leave(const std::vector<host::StuckCall>& stuck, const char* command) {
   for (const host::StuckCall& one : stuck) {
     print_to(stderr,
@@ -397,7 +397,7 @@ std::string to_text(const nlohmann::ordered_json& json) {
          "\n";
 }
 
-/// What became of a trace, for the report.
+/// The result of a trace, for the report.
 nlohmann::ordered_json json_of(const trace::TraceReport& trace) {
   return {{"file", trace.file},
           {"problem", trace.problem},
@@ -428,7 +428,7 @@ std::string text_of(const trace::TraceReport& trace) {
   return text;
 }
 
-/// The trial has told the warnings.
+/// The trial has reported the warnings.
 config::Problems without_warnings(const config::Problems& problems) {
   config::Problems mistakes;
   for (const config::Problem& problem : problems.all()) {
@@ -445,7 +445,7 @@ std::string tell(const nlohmann::ordered_json& json, const std::string& table,
   const std::string obstacle = report_file.write(to_text(json));
   if (!options.is_quiet) {
     print_text(stdout, table);
-    static_cast<void>(flush_output());  // It says why not; the run itself has not failed.
+    static_cast<void>(flush_output());  // It prints its errors; the run itself has not failed.
   }
   if (!obstacle.empty()) {
     print_to(stderr, "fastcycle run: the report {} was not written: {}\n", options.report.string(),
@@ -478,7 +478,7 @@ int run_application(const config::ApplicationDescription& description,
     classes = replay.get();
   }
   host::WallPace pace(options.play_rate);
-  std::optional<PlayControl> play_control;    // Outlives who asks it.
+  std::optional<PlayControl> play_control;    // Outlives its callers.
   std::optional<inspect::Server> inspection;  // Outlives what it looks at.
   std::optional<web::Server> live_server;
   std::unique_ptr<trace::Tracer> tracer;
@@ -501,7 +501,7 @@ int run_application(const config::ApplicationDescription& description,
     // Without a folder no tool finds it: it is there for the live server alone.
     inspection.emplace(application, options.inspect.describe(description),
                        is_wanted ? inspect::socket_folder() : std::filesystem::path());
-    application.add(*inspection);  // Before those who record what it publishes.
+    application.add(*inspection);  // Before the tools that record what it publishes.
     if (options.is_played && replay != nullptr) {
       inspection->offer(play_control.emplace(pace, application, *replay));
     }
@@ -655,8 +655,8 @@ int run_application(const config::ApplicationDescription& description,
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
 }
 
-/// What a recording is replayed into, in one process of several: they are connected as `wiring`
-/// says, so that no component has to be made for that.
+/// The replay in one process of several: its topics are connected as in `wiring`, without
+/// constructing components.
 std::unique_ptr<host::Replay> prepare_replay(const RunOptions& options,
                                              const config::ApplicationDescription& description,
                                              host::LibraryLoader& libraries,
@@ -728,7 +728,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
   host::ApplicationWiring links = wiring;
   config::ApplicationDescription run_description = description;
   if (!options.replay.files.empty()) {
-    // Each process reads the recording by itself. Here it is looked what there is to say of it.
+    // Each process reads the recording itself. This only checks it for problems.
     config::Problems of_replay;
     const auto replay = prepare_replay(options, description, libraries, wiring, of_replay);
     if (!may_start(of_replay, options.configuration.load.file.string()) || replay == nullptr) {
@@ -766,7 +766,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
       config::Problems told;
       replay = prepare_replay(options, plan.description_in(process), libraries, wiring, told);
       if (replay == nullptr) {
-        return kWrong;  // It has changed since it was looked at.
+        return kWrong;  // It has changed since it was checked.
       }
     }
     host::ComponentClasses& classes =
@@ -893,7 +893,7 @@ int run(const RunOptions& options) {
   return run_processes(description, tried, libraries, signals, options, report_file);
 }
 
-/// The words do not say where the recordings end: the last file is the application.
+/// The arguments do not mark the end of the recordings: the last file is the application.
 int play(RunOptions& options) {
   std::vector<std::filesystem::path>& files = options.replay.files;
   if (files.size() < 2) {
@@ -914,7 +914,7 @@ void add_clock_options(CLI::App& line, RunOptions& options) {
       ->type_name("X");
 }
 
-/// What all commands that run an application have in common.
+/// The common options of all commands that run an application.
 void add_options(CLI::App& line, RunOptions& options) {
   options.configuration.add_to(line);
   line.add_option("--for", options.limit,

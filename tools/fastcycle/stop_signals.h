@@ -7,15 +7,15 @@
 
 namespace fastcycle::tool {
 
-/// Blocks SIGINT, SIGTERM, SIGHUP and SIGUSR1 in the calling thread, and so in all that it makes
-/// from now on. A SIGHUP that somebody wants ignored (`nohup`) stays ignored. Returns the signals
-/// that are blocked.
+/// Blocks SIGINT, SIGTERM, SIGHUP and SIGUSR1 in the calling thread, and so in all threads that it
+/// creates afterwards. A SIGHUP that is ignored (`nohup`) stays ignored. Returns the blocked
+/// signals.
 sigset_t block_stop_signals();
 
-/// A thread that waits for those signals: each SIGUSR1 calls `on_user`; of the others the first
-/// calls `on_first`, the second ends the process with exit code 130, whatever hangs.
+/// A thread that waits for those signals: each SIGUSR1 calls `on_user`; the first of the others
+/// calls `on_first`, the second ends the process with exit code 130 even if something hangs.
 ///
-/// @threads  Confined to its owner; both are called on the thread of its own.
+/// @threads  Confined to its owner; both callbacks run on its own thread.
 class StopSignals {
  public:
   StopSignals(

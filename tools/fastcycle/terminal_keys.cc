@@ -45,7 +45,7 @@ void TerminalKeys::read() {
     }
     char key = 0;
     if (::read(STDIN_FILENO, &key, 1) != 1) {
-      files[0].fd = -1;  // The terminal is gone.
+      files[0].fd = -1;  // The terminal was closed.
       continue;
     }
     on_key_(key);

@@ -7,10 +7,10 @@
 
 namespace fastcycle::tool {
 
-/// Keys of the terminal, one by one as they are pressed, without being shown: `TerminalModes` says
-/// what becomes of the terminal. There is one at a time.
+/// Reads keys from the terminal one by one as they are pressed, without echo; see `TerminalModes`
+/// for the state of the terminal. At most one instance exists at a time.
 ///
-/// @threads  Confined to its owner; `on_key` is called on a thread of its own.
+/// @threads  Confined to its owner; `on_key` is called on a separate thread.
 class TerminalKeys {
  public:
   explicit TerminalKeys(std::function<void(char key)> on_key);
@@ -22,7 +22,7 @@ class TerminalKeys {
   void read();
 
   const std::function<void(char key)> on_key_;
-  int end_[2] = {-1, -1};  ///< A pipe: what is written to it ends the thread.
+  int end_[2] = {-1, -1};  ///< A pipe: writing to it ends the thread.
   const TerminalModes modes_;
   std::thread thread_;
 };

@@ -13,7 +13,7 @@ namespace {
 
 // A signal handler sees nothing but this. There is one terminal.
 termios before;           // As others left the terminal.
-const char* taking = "";  // What standard output gets, see the constructor.
+const char* taking = "";  // Written to standard output, see the constructor.
 const char* giving_back = "";
 volatile std::sig_atomic_t is_ours = 0;    // Its modes are ours now.
 volatile std::sig_atomic_t is_wanted = 0;  // There is a `TerminalModes`.
@@ -23,7 +23,7 @@ void write_out(const char* text) noexcept {
   const std::size_t size = std::strlen(text);
   if (size > 0) {
     const ssize_t written = ::write(STDOUT_FILENO, text, size);
-    static_cast<void>(written);  // A terminal that is gone wants nothing.
+    static_cast<void>(written);  // Errors of a closed terminal do not matter.
   }
 }
 
@@ -45,7 +45,7 @@ void end_by(int signal) {
   const int error = errno;
   TerminalModes::give_back();
   errno = error;
-  raise(signal);  // The handler is gone: see SA_RESETHAND.
+  raise(signal);  // The handler is no longer installed: see SA_RESETHAND.
 }
 
 void stop_by(int) {

@@ -7,12 +7,11 @@
 
 namespace fastcycle::tool {
 
-/// What the command line says of a trace.
+/// The options for tracing.
 struct TracingOptions {
   std::filesystem::path file;
 
-  /// Where the trace goes: as the application says, with what the option says laid upon it. None:
-  /// nothing is traced.
+  /// The application's settings, overridden by the option. None: nothing is traced.
   [[nodiscard]] std::optional<config::TraceDescription> describe(
       const config::ApplicationDescription& application) const;
 };

@@ -126,7 +126,7 @@ class Conversion {
     writer_.add(out);
   }
 
-  /// The number of the schema that says what our messages look like.
+  /// The id of the schema of our messages.
   std::uint16_t schema_of(const ros2::Converter& type) {
     const auto [place, is_new] = schemas_.try_emplace(&type);
     if (is_new) {
@@ -161,7 +161,7 @@ class Conversion {
       stream.type->to_message(message.data, *stream.message);
     } catch (const ros2::CdrError& error) {
       if (stream.topic.unreadable++ == 0) {
-        std::string_view what = error.what();  // It begins with the type, which is said already.
+        std::string_view what = error.what();  // It begins with the type, which is already printed.
         if (const std::string& type = stream.type->definition().name; what.starts_with(type)) {
           what.remove_prefix(std::min(type.size() + 2, what.size()));
         }

@@ -11,13 +11,13 @@
 
 namespace fastcycle::rosbag {
 
-/// What became of the messages of one topic.
+/// The outcome for the messages of one topic.
 struct Topic {
   std::string name;
   std::string type;  ///< Of ROS.
   std::uint64_t messages = 0;
-  bool is_converted = false;  ///< Else it was copied as it is.
-  /// Those that could not be read, and are missing; and why, of the first.
+  bool is_converted = false;  ///< Else it was copied unchanged.
+  /// Messages that could not be read and are missing; `mistake` is the error of the first.
   std::uint64_t unreadable = 0;
   std::string mistake;
 };
@@ -28,14 +28,14 @@ struct Converted {
   std::vector<mcap::Problem> problems;  ///< Of an input that was not closed.
 };
 
-/// Whether a file has messages that ROS 2 serialized.
+/// Whether a file contains messages serialized by ROS 2.
 ///
 /// @errors  `mcap::Error`
 [[nodiscard]] bool is_rosbag(const mcap::Source& source);
 
-/// Writes the messages of a bag in the order of their log times: those of known types in protobuf,
-/// on the topic of the same name without the slash at its begin; others as they are. Attachments
-/// and metadata stand before them.
+/// Writes the messages of a bag in the order of their log times: those of known types as protobuf,
+/// on the topic of the same name without the leading slash; others unchanged. Attachments and
+/// metadata are written before them.
 ///
 /// @errors  `mcap::Error`, also a `Damage` of the input.
 Converted convert(const mcap::Source& source, mcap::Sink& sink, const archive::Layout& layout,

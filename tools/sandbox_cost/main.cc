@@ -1,4 +1,5 @@
-// What the sandbox costs: each kind of call in a process with it and in one without, in turns.
+// Measures the cost of the sandbox: each kind of call in a process with it and without it, in
+// turns.
 //
 //     sandbox_cost [rounds]
 
@@ -29,10 +30,10 @@ namespace {
 constexpr int kDefaultRounds = 15;
 constexpr int kMaxRounds = 1000;
 
-/// What one process measured, in nanoseconds.
+/// The measurements of one process, in nanoseconds.
 struct Costs {
   double apply = 0;      ///< To apply the sandbox.
-  double futex = 0;      ///< A wake-up of nobody.
+  double futex = 0;      ///< A wake-up without a waiter.
   double file = 0;       ///< lseek of an open file.
   double mapping = 0;    ///< mmap and munmap of a page: the filter looks at an argument.
   double hand_over = 0;  ///< A round trip between two threads that sleep by futex, halved.

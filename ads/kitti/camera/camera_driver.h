@@ -13,11 +13,11 @@
 
 namespace kitti {
 
-/// Publishes the recorded pictures of a drive, each when it was taken: when the lidar looked ahead,
-/// in the middle of its turn.
+/// Publishes the recorded pictures of a drive, each at the time it was taken: when the lidar faced
+/// forward, in the middle of its turn.
 ///
-/// Out:  `camera/image`, one message for each file, the PNG as it is; `camera/calibration` and
-///       `camera/transforms` (where the camera is in the frame "lidar"), before each
+/// Out:  `camera/image`, one message for each file, the PNG unchanged; `camera/calibration` and
+///       `camera/transforms` (the camera's pose in the frame "lidar"), before each
 class CameraDriver final : public fastcycle::Component {
  public:
   explicit CameraDriver(fastcycle::Context& context);

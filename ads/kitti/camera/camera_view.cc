@@ -232,7 +232,7 @@ void CameraView::draw(const perception::Object& object, const localization::Ego&
   }
 }
 
-/// What of an edge lies before the camera.
+/// Draws the part of an edge that lies before the camera.
 void CameraView::draw_edge(const Eigen::Vector3d& from_m, const Eigen::Vector3d& to_m,
                            const Rgb& color, Picture& picture) const {
   const auto depth_of = [this](const Eigen::Vector3d& place_m) {

@@ -16,7 +16,7 @@
 
 namespace kitti {
 
-/// Lays the lidar's points and the boxes of perception on the pictures of the camera.
+/// Projects the lidar's points and perception's boxes into the camera's pictures.
 ///
 /// In:   `camera/image`, `lidar/points`, `perception/objects`, `localization/ego` (history)
 /// Out:  `camera/points`: the echoes that are in the picture, with its colours; `camera/boxes`: the

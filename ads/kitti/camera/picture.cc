@@ -94,7 +94,7 @@ std::string encode_png(const Picture& picture) {
   image->height = static_cast<png_uint_32>(picture.height);
   png_alloc_size_t size = 0;
   std::string png;
-  // The first time it says how much room it takes.
+  // The first call returns the required size.
   for (const bool is_written : {false, true}) {
     if (png_image_write_to_memory(image.get(), is_written ? png.data() : nullptr, &size, 0,
                                   picture.rgb.data(), 0, nullptr) == 0) {

@@ -40,11 +40,10 @@ struct PictureSize {
   int height = 0;
 };
 
-/// What the head of a PNG says.
+/// Reads the size from the header of a PNG.
 ///
-/// @errors  Throws `std::runtime_error`, with `name`, expected and found, if it is none, or has
-/// more
-///          than 64 million pixels.
+/// @errors  Throws `std::runtime_error`, with `name`, expected and found, if it is not a PNG, or
+///          has more than 64 million pixels.
 [[nodiscard]] PictureSize size_of_png(std::string_view png, const std::string& name);
 
 /// A PNG of any kind, in colours of 8 bits.
@@ -55,7 +54,7 @@ struct PictureSize {
 /// @errors  Throws `std::runtime_error` if the picture is empty.
 [[nodiscard]] std::string encode_png(const Picture& picture);
 
-/// Draws the part of a line that is in the picture, two pixels wide. The ends may lie anywhere.
+/// Draws the visible part of a line, two pixels wide. The ends may be outside of the picture.
 void draw_line(Picture& picture, const Eigen::Vector2d& from, const Eigen::Vector2d& to,
                const Rgb& color);
 

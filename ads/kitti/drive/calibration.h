@@ -7,7 +7,7 @@
 
 namespace kitti {
 
-/// Where the lidar's points are in the picture of camera 2.
+/// The projection from the lidar's frame into the picture of camera 2.
 ///
 /// @threads  Compatible.
 struct Calibration {
@@ -23,7 +23,7 @@ struct Calibration {
   /// The pixel of a point in the lidar's frame, from the upper left corner; none if it lies behind
   /// the camera.
   [[nodiscard]] std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector3d& place_m) const;
-  /// A place in the rectified frame of the camera, in the lidar's frame.
+  /// A position in the camera's rectified frame, converted to the lidar's frame.
   [[nodiscard]] Eigen::Vector3d from_camera(const Eigen::Vector3d& camera_m) const;
 };
 

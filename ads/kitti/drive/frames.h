@@ -9,10 +9,10 @@
 
 namespace kitti {
 
-/// The sensors take ten frames a second.
+/// The sensors record ten frames a second.
 inline constexpr std::int64_t kFrame_ns = 100'000'000;
 
-/// One file of a stream, and the number of its frame.
+/// One file of a stream, and its frame number.
 struct Frame {
   std::int64_t number = 0;
   std::filesystem::path file;
@@ -26,8 +26,8 @@ struct Frame {
 [[nodiscard]] std::vector<Frame> list_frames(const std::filesystem::path& folder,
                                              std::string_view suffix);
 
-/// How long after the application's start a frame begins, and when it is over. The first sweep of
-/// the drive begins when the application starts.
+/// The begin of a frame after the application's start, which is also the end of the previous frame.
+/// The first sweep of the drive begins when the application starts.
 [[nodiscard]] inline fastcycle::Duration offset_of(std::int64_t number, std::int64_t first) {
   return fastcycle::Duration((number - first) * kFrame_ns);
 }

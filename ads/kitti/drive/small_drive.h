@@ -15,8 +15,8 @@
 
 namespace kitti::testing {
 
-/// The folder of a drive that a test fills, gone when the test is. The camera looks ahead from the
-/// lidar's place.
+/// A temporary drive folder for a test, removed on destruction. The camera looks forward from the
+/// lidar's position.
 class SmallDrive {
  public:
   explicit SmallDrive(const std::string& name)

@@ -14,7 +14,7 @@ struct Point {
   float reflectance = 0.0F;  ///< From 0 to 1.
 };
 
-/// The echoes of a sweep in a file as KITTI has them, four little-endian floats each, packed by xz.
+/// The echoes of a sweep from a file of KITTI: four little-endian floats each, compressed by xz.
 ///
 /// @errors  Throws `std::runtime_error`, with file, place, expected and found, if the file cannot
 ///          be read or unpacked, ends early, is no multiple of 16 bytes, or is larger than a sweep

@@ -124,7 +124,7 @@ void LidarDriver::place(const std::vector<Point>& points, bool is_clockwise, lid
     was_behind = point.x_m < 0.0F || (was_behind && point.y_m < 0.0F);
     const double turned = std::atan2(point.y_m, point.x_m) / (2.0 * std::numbers::pi);
     const double share = is_clockwise ? 0.5 - turned : 0.5 + turned;
-    // What is not finite has no direction, but is told of.
+    // A non-finite echo has no direction, but is kept.
     const int column = std::isfinite(share) ? static_cast<int>(share * columns) % columns : 0;
     ++points_;
     bool is_placed = false;

@@ -12,8 +12,9 @@
 
 namespace kitti {
 
-/// Publishes the recorded sweeps of a drive, each when its turn is over. Of several passes each
-/// second one goes back in time: the vehicle drives backwards, and the sensor turns the other way.
+/// Publishes the recorded sweeps of a drive, each at the end of its turn. Of several passes each
+/// second one is played in reverse: the vehicle drives backwards, and the sensor turns the other
+/// way.
 ///
 /// Out:  `lidar/points`, one message for each file
 class LidarDriver final : public fastcycle::Component {

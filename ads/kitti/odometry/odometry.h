@@ -12,10 +12,10 @@
 
 namespace kitti {
 
-/// Finds out how the vehicle moves where nothing but its lidar says so.
+/// Estimates the motion of a vehicle from its lidar alone.
 ///
 /// In:   `lidar/points`
-/// Out:  `localization/ego`, at the end of each sweep; `odometry/points`, the sweeps once it is out
+/// Out:  `localization/ego`, at the end of each sweep; `odometry/points`, the sweeps after it
 class Odometry final : public fastcycle::Component {
  public:
   explicit Odometry(fastcycle::Context& context);

@@ -26,7 +26,7 @@ constexpr double kBackwardsMax_mps = 10.0;
 constexpr double kStepsMax = 40.0;
 // So much of a sweep on the map is no chance.
 constexpr double kMatched = 0.8;
-// Of the points, one in so many tells how many lie on the map.
+// One in so many points is used to estimate how many lie on the map.
 constexpr std::size_t kSome = 16;
 // After so many turns without a sweep the speed is another one.
 constexpr double kGap = 1.5;
@@ -142,7 +142,7 @@ double ScanMatcher::share_on_map(const std::vector<Eigen::Vector3f>& points,
   return count == 0 ? 0.0 : static_cast<double>(on_map) / static_cast<double>(count);
 }
 
-// What helps of the points, where they were from the sensor at the end of the sweep.
+// The useful points, relative to the sensor at the end of the sweep.
 std::vector<Eigen::Vector3f> ScanMatcher::at_end(std::span<const TimedPoint> points,
                                                  const Pose& motion) const {
   std::vector<Eigen::Vector3f> places;

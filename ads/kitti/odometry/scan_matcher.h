@@ -11,14 +11,14 @@
 
 namespace kitti {
 
-/// A place in the plane and a direction, or the motion from one to another.
+/// A position in the plane and a direction, or the motion from one to another.
 struct Pose {
   Eigen::Vector2d place_m = Eigen::Vector2d::Zero();
   double heading_rad = 0.0;
 
-  /// This pose, moved by `motion` as seen from it.
+  /// This pose, moved by `motion` in its own frame.
   [[nodiscard]] Pose moved(const Pose& motion) const;
-  /// The motion from here to `other`, as seen from here.
+  /// The motion from here to `other`, in the frame of this pose.
   [[nodiscard]] Pose motion_to(const Pose& other) const;
 };
 
@@ -26,30 +26,30 @@ struct ScanMatcherConfig {
   double voxel_m = 1.0;
   double range_min_m = 3.0;
   double range_max_m = 60.0;
-  /// Of the map: what lies farther from the sensor is forgotten.
+  /// Radius of the map: points farther from the sensor are removed.
   double map_range_m = 80.0;
-  /// Above the sensor. Ground and what hangs over the street do not help.
+  /// Relative to the sensor. The ground and what hangs over the street are excluded.
   double height_min_m = -1.3;
   double height_max_m = 3.0;
-  /// How far the place of a point in the map may be: before anything is known of the motion, and
+  /// The maximum distance between a point and its match in the map: before the motion is known, and
   /// later.
   double reach_first_m = 2.5;
   double reach_m = 1.0;
 };
 
-/// A point of a sweep, from the sensor, and when it was taken: 0 at the begin and 1 at the end.
+/// A point of a sweep, relative to the sensor, and its time: 0 at the begin and 1 at the end.
 struct TimedPoint {
   Eigen::Vector3f place_m = Eigen::Vector3f::Zero();
   float share = 0.0F;
 };
 
-/// How the sensor moves in the plane, from its sweeps alone: each is laid on a map of those before.
+/// Estimates the sensor's motion in the plane: matches each sweep with a map of earlier ones.
 ///
 /// The scheme is that of Vizzo, Guadagnino, Mersch, Wiesmann, Behley, Stachniss, "KISS-ICP: In
-/// Defense of Point-to-Point ICP" (RA-L 8(2), 2023): the motion goes on as it was, takes the points
-/// of the turn to one time, and is corrected by the iterated closest points (Besl, McKay, PAMI
-/// 14(2), 1992) of voxels against a map of voxels, with weights that leave out what moves. Here the
-/// pose has three unknowns, and each step has a closed form.
+/// Defense of Point-to-Point ICP" (RA-L 8(2), 2023): the motion is predicted as constant,
+/// transforms the points of the turn to one time, and is corrected by iterated closest points
+/// (Besl, McKay, PAMI 14(2), 1992) of voxels against a voxel map, with weights that suppress moving
+/// objects. Here the pose has three unknowns, and each step has a closed form.
 ///
 /// Deterministic: the same sweeps give the same poses.
 ///
@@ -58,17 +58,17 @@ class ScanMatcher {
  public:
   explicit ScanMatcher(const ScanMatcherConfig& config);
 
-  /// Lays the next sweep on the map. Sweeps may be missing before it.
+  /// Matches the next sweep with the map. Sweeps may be missing before it.
   ///
   /// @param turn_s    How long the sweep took, above 0.
-  /// @param passed_s  From the begin of the sweep before to that of this one, above 0.
+  /// @param passed_s  From the begin of the previous sweep to that of this one, above 0.
   void take(std::span<const TimedPoint> points, double turn_s, double passed_s);
 
-  /// Of the sensor at the end of the last sweep; the first one ends at the origin.
+  /// Of the sensor at the end of the last sweep; the first sweep ends at the origin.
   [[nodiscard]] const Pose& pose() const { return pose_; }
-  /// Of the sensor over the last sweep's time, per second.
+  /// The motion of the sensor over the last sweep, per second.
   [[nodiscard]] const Pose& rate() const { return rate_; }
-  /// The mean distance of matched points from the map, and the share that was matched.
+  /// The mean distance of matched points from the map, and the matched share of points.
   [[nodiscard]] double residual_m() const { return residual_m_; }
   [[nodiscard]] double matched_share() const { return matched_share_; }
 

@@ -13,10 +13,10 @@
 
 namespace kitti {
 
-/// What counts as one and the same kind.
+/// Object classes that the score distinguishes.
 enum class Kind : std::uint8_t { kVehicle, kCyclist, kOther };
 
-/// A box that people have drawn around an object, in the lidar's frame.
+/// A manually labelled box around an object, in the lidar's frame.
 struct Label {
   std::int64_t track = 0;
   Kind kind = Kind::kOther;
@@ -27,7 +27,7 @@ struct Label {
   double height_m = 0.0;
 };
 
-/// A part of the picture in which nothing was labelled that might be there, in pixels.
+/// A part of the picture with unlabelled objects, in pixels.
 struct DontCare {
   Eigen::Vector2d least;
   Eigen::Vector2d most;

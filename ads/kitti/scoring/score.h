@@ -11,7 +11,7 @@
 
 namespace kitti {
 
-/// A box that was recognized, in the lidar's frame.
+/// A detected box, in the lidar's frame.
 struct FoundBox {
   std::uint64_t id = 0;
   Kind kind = Kind::kOther;
@@ -28,14 +28,14 @@ struct ScoreConfig {
   Eigen::Vector2d image_size{1242.0, 375.0};
 };
 
-/// How many objects of a kind were found, frame by frame.
+/// Counts how many objects of a kind were detected, frame by frame.
 ///
 /// Boxes of one kind are matched with labels of the kind, one to one: first those that were matched
-/// in the frame before, then the nearest (Bernardin, Stiefelhagen, "Evaluating Multiple Object
-/// Tracking Performance: The CLEAR MOT Metrics", EURASIP 2008). Counted is what has its centre in
-/// the picture and within the range. A box that matches nothing and whose centre lies in a DontCare
-/// part, or that is at a label of another kind, or whose own label is not counted, is neither right
-/// nor wrong.
+/// in the previous frame, then the nearest (Bernardin, Stiefelhagen, "Evaluating Multiple Object
+/// Tracking Performance: The CLEAR MOT Metrics", EURASIP 2008). Only boxes and labels with their
+/// centre in the picture and within the range are counted. An unmatched box whose centre lies in a
+/// DontCare part, or that is at a label of another kind, or whose own label is not counted, is
+/// neither right nor wrong.
 ///
 /// @threads  Confined.
 class Score {
@@ -45,7 +45,7 @@ class Score {
 
   /// One verdict for each box; boxes of other kinds get `kNeither`.
   std::vector<Verdict> add(const LabelledFrame& frame, std::span<const FoundBox> boxes);
-  /// Whether each label of the last frame that counts was missed.
+  /// For each counted label of the last frame, whether it was missed.
   [[nodiscard]] const std::vector<bool>& missed() const { return missed_; }
 
   [[nodiscard]] std::int64_t frames() const { return frames_; }
@@ -53,7 +53,7 @@ class Score {
   [[nodiscard]] std::int64_t found() const { return found_; }
   [[nodiscard]] std::int64_t false_boxes() const { return false_boxes_; }
   [[nodiscard]] std::int64_t id_switches() const { return id_switches_; }
-  // Each 0 if there is nothing to divide by.
+  // 0 where the denominator is 0.
   [[nodiscard]] double precision() const;
   [[nodiscard]] double recall() const;
   [[nodiscard]] double false_boxes_per_frame() const;

@@ -15,8 +15,7 @@
 
 namespace kitti {
 
-/// Compares the objects that were recognized with the labels of the drive. It is the only component
-/// that reads the labels.
+/// Compares recognized objects with the labels of the drive. No other component reads the labels.
 ///
 /// In:   `perception/objects`, `localization/ego` (history)
 class Scoring final : public fastcycle::Component {

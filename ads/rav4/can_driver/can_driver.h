@@ -13,7 +13,7 @@
 
 namespace rav4 {
 
-/// Publishes the recorded CAN frames of a drive, each at the time at which it was recorded.
+/// Publishes the recorded CAN frames of a drive, each at its recorded time.
 ///
 /// Out:  `can/frames`, one message for each recorded row
 class CanDriver final : public fastcycle::Component {

@@ -6,9 +6,9 @@
 
 namespace rav4 {
 
-/// The one rule by which the times of a recorded drive become times of the application, the same
-/// for everybody who reads the drive: the first row of the sensor streams (CAN, GNSS, IMU) comes
-/// when the application starts, and all else as much later as it was recorded.
+/// Converts the times of a recorded drive to the application's time, in the same way for all
+/// readers of the drive: the first row of the sensor streams (CAN, GNSS, IMU) is at the
+/// application's start, and all others are later by their recorded interval.
 ///
 /// @threads  Compatible.
 class DriveClock {
@@ -21,8 +21,8 @@ class DriveClock {
   /// @errors  Throws `std::runtime_error` if a sensor stream cannot be read, or if all are empty.
   static DriveClock read(const std::filesystem::path& data);
 
-  /// How long after the application's start the recorded time `time_s` is; negative for what was
-  /// before the first sensor row. Rounded to nanoseconds.
+  /// The recorded time `time_s` relative to the application's start; negative before the first
+  /// sensor row. Rounded to nanoseconds.
   ///
   /// @errors  Throws `std::runtime_error` for a time that is not finite or a year or more away.
   [[nodiscard]] fastcycle::Duration offset_of(double time_s) const;

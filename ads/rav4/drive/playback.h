@@ -12,7 +12,7 @@
 
 namespace rav4 {
 
-/// When the rows of one recorded stream are due, one after the other.
+/// The due times of the rows of one recorded stream, in order.
 ///
 ///     while (const auto row = playback.take_due(now() - start_time())) { publish(*row); }
 ///
@@ -34,7 +34,7 @@ class Playback {
   /// The next row, if it is due at `elapsed` since the application's start; each row once.
   [[nodiscard]] std::optional<Row> take_due(fastcycle::Duration elapsed);
 
-  /// When the next row is due; none if all were taken.
+  /// When the next row is due; none if all have been taken.
   [[nodiscard]] std::optional<fastcycle::Duration> next_due() const;
 
   [[nodiscard]] std::size_t rows() const { return offsets_.size(); }
@@ -44,11 +44,11 @@ class Playback {
   std::size_t next_ = 0;
 };
 
-/// The earlier of two due times, of which each may be none.
+/// The earlier of two due times, each of which may be none.
 [[nodiscard]] std::optional<fastcycle::Duration> earlier(
     const std::optional<fastcycle::Duration>& a, const std::optional<fastcycle::Duration>& b);
 
-/// The time as messages carry it in their header.
+/// The time as the headers of messages contain it.
 [[nodiscard]] inline std::int64_t nanoseconds_of(fastcycle::Time time) {
   return time.time_since_epoch().count();
 }

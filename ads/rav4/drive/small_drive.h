@@ -11,9 +11,9 @@
 
 namespace rav4::testing {
 
-/// A folder of a recorded drive that a test fills, gone when the test is.
+/// A temporary folder of a recorded drive for a test, removed on destruction.
 ///
-/// It begins with streams that have no rows; `begin` is the first time of all that tests write.
+/// Initially its streams have no rows; `begin` is the first time of all that tests write.
 class SmallDrive {
  public:
   static constexpr double kBegin_s = 46'408.5;
@@ -69,7 +69,7 @@ class SmallDrive {
     write("global_pose/frame_positions.npy", "<f8", shape(times_s.size(), 3), bytes(ecef_m));
   }
 
-  /// Cuts a file of the drive short.
+  /// Truncates a file of the drive.
   void truncate(const std::string& file) const {
     const auto path = folder_ / file;
     std::filesystem::resize_file(path, std::filesystem::file_size(path) - 1);

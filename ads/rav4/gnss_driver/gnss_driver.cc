@@ -40,7 +40,7 @@ void GnssDriver::start() {
 
 void GnssDriver::activate() {
   while (was_active_ && playback_->take_due(now() - start_time())) {
-    // What came while it was inactive nobody has received.
+    // Fixes that arrived while it was inactive are dropped.
   }
   schedule();
 }

@@ -10,7 +10,7 @@
 
 namespace rav4 {
 
-/// Publishes the recorded fixes of a drive, each at the time at which it arrived.
+/// Publishes the recorded fixes of a drive, each at its time of arrival.
 ///
 /// Out:  `gnss/fix`, one message for each recorded row
 class GnssDriver final : public fastcycle::Component {

@@ -12,7 +12,7 @@
 
 namespace rav4 {
 
-/// One recorded sensor of three axes.
+/// A recorded three-axis sensor.
 ///
 /// @threads  Confined.
 class ImuStream {
@@ -22,10 +22,10 @@ class ImuStream {
 
   /// Reads `t` and `value` of the stream in `folder`.
   ///
-  /// @errors  Throws `std::runtime_error` with what was expected and what was found.
+  /// @errors  Throws `std::runtime_error` with expected and found.
   void open(const DriveClock& clock, const std::filesystem::path& folder);
 
-  /// Publishes the rows that are due at `now`, in an application that began at `start`.
+  /// Publishes the rows that are due at `now`, in an application that started at `start`.
   void play(fastcycle::Time start, fastcycle::Time now);
 
   [[nodiscard]] std::optional<fastcycle::Duration> next_due() const {

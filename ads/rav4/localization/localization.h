@@ -17,7 +17,7 @@
 
 namespace rav4 {
 
-/// Estimates where the car is, from fixes, wheel speeds and turn rates; see `PoseFilter`.
+/// Estimates the car's pose from fixes, wheel speeds and turn rates; see `PoseFilter`.
 ///
 /// In:   `gnss/fix`, `imu/accelerometer`, `imu/gyro`, `vehicle/wheel_speeds`
 /// Out:  `localization/pose`, with every wheel speed message from the first fix on
@@ -27,7 +27,7 @@ class Localization final : public fastcycle::Component {
   void stop() override;
 
  private:
-  // Times that the filter reckons with: since the first message, so that they are small.
+  // The filter's times: since the first message, so that they are small.
   template <typename Measurement>
   std::chrono::nanoseconds time_of(const Measurement& message) {
     const std::chrono::nanoseconds taken(message.header().taken_ns());

@@ -5,25 +5,24 @@
 
 namespace rav4 {
 
-/// Tells how late each fix arrived, compared with the others of its receiver.
+/// Computes the lateness of each fix compared with the others of its receiver.
 ///
-/// A receiver measures at even times of its own clock, but its fixes arrive unevenly: transport and
-/// scheduling add some tens of milliseconds, and at 20 m/s each of them is 2 cm. The mean of
-/// (arrival - receiver's time stamp) is the offset between both clocks plus the mean transport
-/// time; what one fix deviates from it is its own lateness.
+/// A receiver measures at equal intervals of its own clock, but its fixes arrive unevenly:
+/// transport and scheduling add some tens of milliseconds, and at 20 m/s each of them is 2 cm. The
+/// mean of (arrival - receiver's timestamp) is the offset between both clocks plus the mean
+/// transport time; the deviation of one fix from it is the fix's own lateness.
 ///
-/// The mean is a running one over the first fixes, and an exponential one after `kMemory` of them.
-/// A step of the receiver's clock begins anew.
+/// The mean is an arithmetic one over the first fixes, and an exponential one after `kMemory` of
+/// them. It is reset when the receiver's clock steps.
 ///
 /// @threads  Confined.
 class ReceiverClock {
  public:
   static constexpr std::size_t kMemory = 100;
 
-  /// How much later than the mean this fix arrived; negative if it was earlier. Zero for the first.
+  /// The lateness of this fix against the mean; negative if it was early. Zero for the first.
   ///
-  /// @param utc_ms  The receiver's time stamp; one that is not finite gives zero and changes
-  /// nothing.
+  /// @param utc_ms  The receiver's timestamp; a non-finite one gives zero and changes nothing.
   std::chrono::nanoseconds lateness(std::chrono::nanoseconds arrival, double utc_ms);
 
  private:

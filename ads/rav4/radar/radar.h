@@ -13,7 +13,7 @@
 
 namespace rav4 {
 
-/// Decodes the tracks of the car's radar, by the rules of its DBC file.
+/// Decodes the tracks of the car's radar, as defined by its DBC file.
 ///
 /// In:   `can/frames`
 /// Out:  `radar/tracks`, one message for each scan

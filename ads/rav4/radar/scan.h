@@ -13,28 +13,28 @@
 
 namespace rav4 {
 
-/// What stands in one frame of a radar's track slot.
+/// The content of one frame of a radar's track slot.
 struct RadarTrack {
   std::size_t slot = 0;
-  bool is_valid = false;  ///< The slot holds an object; else the rest means nothing.
+  bool is_valid = false;  ///< The slot holds an object; else the other fields are undefined.
   bool is_new = false;
   double forward_m = 0.0;
   double left_m = 0.0;
   double relative_speed_mps = 0.0;
 };
 
-/// The names that a radar's track messages have in its DBC file: one message for each slot, with
-/// the number of the slot after `message_prefix`, and the same signals in each.
+/// The names of a radar's track messages in its DBC file: one message for each slot, named by
+/// `message_prefix` and the slot's number, and the same signals in each.
 struct RadarNames {
   std::string message_prefix;
   std::string forward;
-  std::string right;  ///< The DBC file counts to the right.
+  std::string right;  ///< Positive to the right in the DBC file.
   std::string relative_speed;
   std::string is_new;
   std::string is_valid;
 };
 
-/// Decodes the frames of a radar's track slots by the rules of its DBC file.
+/// Decodes the frames of a radar's track slots, as defined by its DBC file.
 ///
 /// @threads  Compatible.
 class TrackDecoder {
@@ -44,7 +44,7 @@ class TrackDecoder {
 
   [[nodiscard]] std::size_t slots() const { return rules_.size(); }
 
-  /// The track in a frame; none if its address is of no slot, or if it is too short.
+  /// The track in a frame; none if its address belongs to no slot, or if it is too short.
   [[nodiscard]] std::optional<RadarTrack> decode(std::uint32_t address,
                                                  std::span<const std::uint8_t> payload) const;
 
@@ -62,15 +62,16 @@ class TrackDecoder {
   std::map<std::uint32_t, Rules> rules_;  // By address.
 };
 
-/// Puts the frames of the slots together to scans. The radar sends each slot once a scan, in an
-/// order that changes: a scan is complete when every slot has come, and over when one comes again.
+/// Assembles the frames of the slots to scans. The radar sends each slot once a scan, in varying
+/// order: a scan is complete when every slot has been received, and ends when one is received
+/// again.
 ///
 /// @threads  Confined.
 class ScanCollector {
  public:
   explicit ScanCollector(std::size_t slots) : seen_(slots, false) {}
 
-  /// True if `track` belongs to the next scan: what was collected has to be taken first.
+  /// Whether `track` belongs to the next scan: then take the collected tracks first.
   [[nodiscard]] bool begins_next_scan(const RadarTrack& track) const { return seen_[track.slot]; }
 
   /// @pre  `track.slot` is below the number of slots; not `begins_next_scan(track)`.
@@ -78,7 +79,7 @@ class ScanCollector {
 
   [[nodiscard]] bool is_complete() const { return seen_count_ == seen_.size(); }
 
-  /// The valid tracks of the scan so far, in the order in which they came.
+  /// The valid tracks of the scan so far, in the order received.
   [[nodiscard]] const std::vector<RadarTrack>& tracks() const { return tracks_; }
 
   void clear();

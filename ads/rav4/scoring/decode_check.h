@@ -12,7 +12,7 @@
 
 namespace rav4 {
 
-/// Compares values that were decoded here with those that came decoded with the drive, row by row.
+/// Compares values decoded here with the decoded values that come with the drive, row by row.
 ///
 /// @threads  Confined.
 class DecodeCheck {
@@ -20,18 +20,18 @@ class DecodeCheck {
   DecodeCheck(std::vector<fastcycle::Duration> offsets, ads::NumberTable values)
       : offsets_(std::move(offsets)), values_(std::move(values)) {}
 
-  /// Reads the stream in `folder`, with its `t` and `value` of so many columns.
+  /// Reads the stream in `folder`, with its `t` and its `value` of `columns` columns.
   static DecodeCheck read(const DriveClock& clock, const std::filesystem::path& folder,
                           std::size_t columns);
 
-  /// Compares `values` with the row of the time `offset`, which is the same to a microsecond. Calls
-  /// come in the order of time.
+  /// Compares `values` with the row at the time `offset`, equal within a microsecond. Call it in
+  /// the order of time.
   void compare(fastcycle::Duration offset, std::span<const double> values);
 
   [[nodiscard]] std::int64_t compared() const { return compared_; }
-  /// Messages that had no row, and rows before the last message that had none.
+  /// Messages without a row, and rows before the last message without a message.
   [[nodiscard]] std::int64_t unmatched() const { return unmatched_; }
-  /// The largest difference of any value so far.
+  /// The largest difference so far.
   [[nodiscard]] double max_error() const { return max_error_; }
 
  private:

@@ -13,7 +13,7 @@
 
 namespace rav4 {
 
-/// A position and where the car really was at that time, both in the plane of the score.
+/// A position and the car's true position at that time, both in the plane of the score.
 struct Comparison {
   fastcycle::Duration offset{};
   Eigen::Vector2d position_m{0.0, 0.0};
@@ -38,7 +38,7 @@ struct ErrorSum {
   [[nodiscard]] double mean_m() const { return sum_m / static_cast<double>(count); }
 };
 
-/// An estimated place and velocity, in the plane of the score.
+/// An estimated position and velocity, in the plane of the score.
 struct Motion {
   fastcycle::Duration offset{};
   Eigen::Vector2d position_m{0.0, 0.0};
@@ -48,9 +48,9 @@ struct Motion {
 /// Compares fixes and estimates with the reference, horizontally, in the tangential plane of the
 /// first fix.
 ///
-/// A fix is compared with the reference at the time at which it arrived. The estimate is compared
-/// at the time of each frame of the reference from the first fix on: it is the last one that was
-/// made until then, carried on with its velocity. What came later has no part in it.
+/// A fix is compared with the reference at its time of arrival. The estimate is compared at the
+/// time of each frame of the reference from the first fix on: it is the last estimate made before
+/// that time, extrapolated with its velocity. Later estimates are not used.
 ///
 /// @threads  Confined.
 class PositionScore {
@@ -61,13 +61,13 @@ class PositionScore {
   [[nodiscard]] const std::optional<ads::LocalFrame>& plane() const { return plane_; }
   [[nodiscard]] const Reference& reference() const { return reference_; }
 
-  /// None if the reference does not reach to the time of the fix.
+  /// None if the reference does not cover the time of the fix.
   std::optional<Comparison> on_fix(fastcycle::Duration offset, const ads::GeodeticPosition& place);
 
-  /// Calls in the order of time, after the first fix. The result is good until the next call.
+  /// Call it in the order of time, after the first fix. The result is valid until the next call.
   const std::vector<Comparison>& on_motion(const Motion& motion);
 
-  /// Ends the score: frames until shortly after the last estimate are compared with it.
+  /// Ends the score: compares the frames until shortly after the last estimate with it.
   const std::vector<Comparison>& finish();
 
   [[nodiscard]] const ErrorSum& fix_errors() const { return fix_errors_; }

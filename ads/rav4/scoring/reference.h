@@ -12,7 +12,7 @@
 
 namespace rav4 {
 
-/// Where the car really was: the post-processed poses that come with a drive.
+/// The true positions of the car: the post-processed poses that come with a drive.
 ///
 /// @threads  Compatible.
 class Reference {
@@ -22,7 +22,7 @@ class Reference {
     Eigen::Vector3d ecef_m{0.0, 0.0, 0.0};
   };
 
-  /// @errors  Throws `std::runtime_error` if times do not grow.
+  /// @errors  Throws `std::runtime_error` if times do not increase.
   explicit Reference(std::vector<Frame> frames);
 
   /// Reads `global_pose` of the drive's folder.
@@ -30,7 +30,8 @@ class Reference {
 
   [[nodiscard]] const std::vector<Frame>& frames() const { return frames_; }
 
-  /// The position at `offset`, between two frames on the straight line; none outside of the frames.
+  /// The position at `offset`, interpolated linearly between two frames; none outside of the
+  /// frames.
   [[nodiscard]] std::optional<Eigen::Vector3d> ecef_at(fastcycle::Duration offset) const;
 
  private:

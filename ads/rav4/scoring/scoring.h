@@ -16,8 +16,8 @@
 
 namespace rav4 {
 
-/// Compares what the system found with the reference that comes with the drive. It is the only
-/// component that reads the reference.
+/// Compares the system's results with the reference that comes with the drive. No other component
+/// reads the reference.
 ///
 /// In:   `gnss/fix`, `localization/pose`, `vehicle/steering`, `vehicle/wheel_speeds`
 /// Out:  `scoring/reference`, once, at the first fix; `scoring/error`, for each position compared
@@ -39,7 +39,7 @@ class Scoring final : public fastcycle::Component {
   void on_fix(const gnss::Fix& fix);
   void on_pose(const localization::Pose& pose);
 
-  // Poses say their origin each time, but keep it.
+  // Each pose contains its origin, but the origin does not change.
   const ads::LocalFrame& plane_of(const localization::Pose& pose);
   void on_steering(const vehicle::Steering& steering);
   void on_wheel_speeds(const vehicle::WheelSpeeds& speeds);

@@ -216,7 +216,7 @@ class Drawing {
     Pixel last{-1e9, -1e9};
     for (const PlanePoint& point : points) {
       const Pixel pixel = projection(point);
-      // Steps that nobody could see are left out.
+      // Invisibly small steps are left out.
       if (std::hypot(pixel.x - last.x, pixel.y - last.y) < 0.8) {
         continue;
       }

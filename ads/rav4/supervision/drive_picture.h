@@ -7,13 +7,13 @@
 
 namespace rav4 {
 
-/// A place in the local plane.
+/// A position in the local plane.
 struct PlanePoint {
   double east_m = 0.0;
   double north_m = 0.0;
 };
 
-/// A position at a time, and where the car really was.
+/// A position at a time, and the car's true position.
 struct ComparedPoint {
   double time_s = 0.0;  ///< Since the application's start.
   PlanePoint position;
@@ -21,27 +21,27 @@ struct ComparedPoint {
   double error_m = 0.0;
 };
 
-/// A time span of one judgement.
+/// A time span with one judgement.
 struct JudgedSpan {
   double from_s = 0.0;
   double to_s = 0.0;
   std::string judgement;  ///< "starting", "ready", "degraded" or "lost"
 };
 
-/// What a picture of a drive shows; anything may be empty.
+/// The content of a picture of a drive; any part may be empty.
 struct DrivePicture {
   std::string title;
   std::string subtitle;
   std::vector<PlanePoint> reference;
   std::vector<PlanePoint> estimate;
-  std::vector<ComparedPoint> fixes;      ///< Raw, as the receiver gave them.
+  std::vector<ComparedPoint> fixes;      ///< Raw, from the receiver.
   std::vector<ComparedPoint> estimates;  ///< At the times of the reference.
   std::vector<JudgedSpan> judgements;
 };
 
-/// Draws the picture as an SVG document: the whole drive with a scale bar and an arrow to the
-/// north, three places of it enlarged, where each position is tied to where the car really was, and
-/// both errors over time. Equal input gives equal bytes.
+/// Draws the picture as an SVG document: the whole drive with a scale bar and a north arrow, three
+/// places of it enlarged, where each position is linked to the true position, and both errors over
+/// time. Equal input gives equal bytes.
 std::string draw_svg(const DrivePicture& picture);
 
 }  // namespace rav4

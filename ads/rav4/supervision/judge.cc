@@ -15,7 +15,7 @@ double seconds(fastcycle::Duration duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
-// What is wrong with one stream; ready if nothing is.
+// The judgement of one stream; ready if it has no fault.
 Judgement judge(const StreamWatch& stream, fastcycle::Time now) {
   const StreamLimits& limits = stream.limits();
   if (!stream.newest()) {
@@ -50,7 +50,7 @@ Judgement judge(std::optional<double> stddev_m, const PositionLimits& limits) {
   return {Verdict::kReady, ""};
 }
 
-// What has not begun can be neither good nor bad.
+// A stream that has not started is neither good nor bad.
 int severity(Verdict verdict) {
   switch (verdict) {
     case Verdict::kReady:

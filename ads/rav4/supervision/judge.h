@@ -11,12 +11,12 @@
 
 namespace rav4 {
 
-/// What is expected of one stream of messages.
+/// The requirements on one stream of messages.
 struct StreamLimits {
   std::string name;
   double rate_min_hz = 0.0;       ///< Over the last second.
   fastcycle::Duration age_max{};  ///< Of its newest message.
-  bool is_essential = false;      ///< Without it the vehicle does not know where it is.
+  bool is_essential = false;      ///< Without it the vehicle's position is unknown.
 };
 
 /// Counts the messages of one stream.
@@ -29,14 +29,14 @@ class StreamWatch {
 
   void on_message(fastcycle::Time taken);
 
-  /// Goes on to the next of `kSlots` equal parts of the second over which the rate is taken.
+  /// Advances to the next of `kSlots` equal parts of the second over which the rate is measured.
   void next_slot();
 
   [[nodiscard]] const StreamLimits& limits() const { return limits_; }
   [[nodiscard]] std::int64_t count() const { return count_; }
-  /// When its newest message was taken; none if it has none.
+  /// The timestamp of its newest message; none if it has none.
   [[nodiscard]] const std::optional<fastcycle::Time>& newest() const { return newest_; }
-  /// In the last second; none in its first one.
+  /// In the last second; none in its first second.
   [[nodiscard]] std::optional<double> rate_hz() const;
 
   static constexpr std::size_t kSlots = 10;
@@ -53,7 +53,7 @@ class StreamWatch {
 
 enum class Verdict : std::uint8_t { kStarting, kReady, kDegraded, kLost };
 
-/// From how uncertain a position on it is degraded, and from where on it is lost; 1 sigma.
+/// The uncertainty above which a position is degraded, and above which it is lost; 1 sigma.
 struct PositionLimits {
   double degraded_stddev_m = 5.0;
   double lost_stddev_m = 20.0;
@@ -66,11 +66,10 @@ struct Judgement {
 
 /// Judges the system by its streams and by the uncertainty of its position.
 ///
-/// - starting: an essential stream, or the position, has not been seen yet
-/// - lost: an essential stream is late by more than ten times its greatest age, or the position is
-/// too
-///   uncertain
-/// - degraded: a stream is too old or too slow or has not come yet, or the position is uncertain
+/// - starting: an essential stream, or the position, has not been received yet
+/// - lost: an essential stream is late by more than ten times its maximum age, or the position is
+///   too uncertain
+/// - degraded: a stream is too old, too slow or not received yet, or the position is uncertain
 /// - ready: none of these
 Judgement judge(const std::vector<StreamWatch>& streams, std::optional<double> position_stddev_m,
                 const PositionLimits& limits, fastcycle::Time now);

@@ -20,8 +20,8 @@
 
 namespace rav4 {
 
-/// Watches whether everything comes in time and is certain enough, and judges the system. Draws the
-/// drive when it is over.
+/// Monitors whether all streams arrive in time and are certain enough, and judges the system. Draws
+/// the drive when it has ended.
 ///
 /// In:   `can/frames`, `gnss/fix`, `imu/gyro`, `localization/pose`, `radar/tracks`,
 ///       `scoring/reference`, `scoring/error`, `vehicle/wheel_speeds`
@@ -43,7 +43,7 @@ class Supervision final : public fastcycle::Component {
 
   static double stddev(fastcycle::Context& context, std::string_view name, double fallback);
 
-  // Counts the messages of a topic, and hands them on.
+  // Counts the messages of a topic, and passes them on.
   template <typename T>
   void watch(fastcycle::Context& context, std::string_view topic, const std::string& name,
              const StreamDefaults& defaults, std::function<void(const T&)> and_then = {});

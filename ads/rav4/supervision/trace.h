@@ -5,8 +5,8 @@
 
 namespace rav4 {
 
-/// Points of a long run in bounded memory: when it is full, every other one is let go, and from
-/// then on only every other one is taken.
+/// The points of a long run in bounded memory: when it is full, every other point is discarded, and
+/// from then on only every other new one is kept.
 ///
 /// @threads  Confined.
 template <typename Point>

@@ -15,7 +15,7 @@
 
 namespace rav4 {
 
-/// A signal of a CAN message that is read in SI units.
+/// A signal of a CAN message, read in SI units.
 class Quantity {
  public:
   Quantity(const ads::DbcMessage& message, const std::string& name)
@@ -30,7 +30,7 @@ class Quantity {
   double si_per_unit_;
 };
 
-/// Where the wheel speeds are.
+/// The location of the wheel speeds.
 struct WheelRules {
   std::uint32_t address;
   std::size_t byte_count;
@@ -40,7 +40,7 @@ struct WheelRules {
   Quantity rear_right;
 };
 
-/// Where the steering angle is: the sum of a coarse and a fine signal.
+/// The location of the steering angle: the sum of a coarse and a fine signal.
 struct SteeringRules {
   std::uint32_t address;
   std::size_t byte_count;
@@ -48,7 +48,7 @@ struct SteeringRules {
   Quantity fraction;
 };
 
-/// Decodes what the car says of its motion, by the rules of a DBC file.
+/// Decodes the car's motion from its CAN frames, as defined by a DBC file.
 ///
 /// In:   `can/frames`
 /// Out:  `vehicle/wheel_speeds`, `vehicle/steering`, one message for each CAN frame that has it

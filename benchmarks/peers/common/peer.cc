@@ -42,7 +42,7 @@ std::string_view name_of(Delivery delivery) {
   return "";
 }
 
-/// What a reader of a row must know of the peer, as JSON without braces.
+/// Facts about the peer for readers of a row, as JSON without braces.
 std::string description(const Peer& peer, const Variant& variant) {
   return fmt::format(R"("class":"{}","typed":{},"copies":"{}","version":"{}")",
                      name_of(variant.delivery), variant.is_typed, variant.copies, peer.version);
@@ -82,7 +82,7 @@ void measure_and_print(const Peer& peer, Options options) {
   const bool is_flood = options.mode == Mode::kFlood;
   options.plan.size = options.size.value_or(is_flood ? 64 : options.plan.size);
   options.plan.count = options.count.value_or(is_flood ? 100'000 : options.plan.count);
-  // As FastCycle's own workers: timers to the nanosecond. Threads made later inherit it.
+  // Like FastCycle's own workers: a timer slack of one nanosecond. Later threads inherit it.
   prctl(PR_SET_TIMERSLACK, 1UL);
   Run run(options.mode, options.plan);
   variant.measure(run);

@@ -20,12 +20,12 @@ struct Variant {
   bool is_typed;       ///< The receiver gets an object of the message's type, checked by the peer.
   std::string copies;  ///< Of the payload, on the way from publish call to callback.
   void (*measure)(Run& run);
-  /// What one MiB keeps publisher and subscriber busy, roughly, where it matters for the interval.
+  /// Time for which one MiB keeps publisher and subscriber busy, if it matters for the interval.
   double busy_us_per_mib = 0;
-  std::string daemon = {};  ///< What has to run beside it: "rosmaster", "roudi", or nothing.
+  std::string daemon = {};  ///< The daemon that it needs: "rosmaster", "roudi", or nothing.
 };
 
-/// A peer and all its variants. The first one is taken where the command line names none.
+/// A peer and all its variants. The first one is the default.
 struct Peer {
   std::string name;
   std::string version;  ///< Of the middleware.

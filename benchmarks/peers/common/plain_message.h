@@ -6,7 +6,7 @@
 
 namespace fastcycle::peers {
 
-/// For peers that move bytes: the stamps, and right behind them the payload.
+/// For peers that transfer bytes: the stamps, immediately followed by the payload.
 struct PlainMessage {
   Stamps stamps;
 
@@ -16,14 +16,14 @@ struct PlainMessage {
   [[nodiscard]] const unsigned char* data() const noexcept {
     return reinterpret_cast<const unsigned char*>(this) + sizeof(PlainMessage);
   }
-  /// Of a whole message with a payload of `size` bytes.
+  /// The size of a message with a payload of `size` bytes.
   [[nodiscard]] static constexpr std::size_t bytes(std::size_t size) noexcept {
     return sizeof(PlainMessage) + size;
   }
 };
 
-/// An answer where a message cannot be sent on as it is: neither copied nor filled again, only as
-/// much of it that the other end finds the stamps and both ends of the payload.
+/// An answer if a message cannot be forwarded: neither copied nor filled again, with only the
+/// stamps and both ends of the payload set.
 inline void answer_with(PlainMessage& answer, const PlainMessage& message,
                         std::size_t size) noexcept {
   answer.stamps = message.stamps;

@@ -27,7 +27,7 @@ constexpr std::int64_t kSecondProcessTimeout = 15'000 * kMillisecond;
 }  // namespace
 
 Run::Run(Mode mode, const measure::Plan& plan) : mode_(mode), plan_(plan) {
-  // Shared, and with all pages there, so that taking a stamp down never faults.
+  // Shared, with all pages touched, so that recording a stamp never faults.
   void* memory = mmap(nullptr, mapped_bytes(), PROT_READ | PROT_WRITE,
                       MAP_SHARED | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
   if (memory == MAP_FAILED) {
@@ -85,7 +85,7 @@ void Run::wait_for_window(std::int64_t number) noexcept {
       stuck_at = received;
       stuck_since_ns = now_ns();
     } else if (now_ns() - stuck_since_ns > kGiveUpAfter / 10) {
-      given_up_ += on_their_way();  // Lost: whoever waits for them waits for ever.
+      given_up_ += on_their_way();  // Lost: waiting for them would never end.
     }
   }
 }
@@ -129,7 +129,7 @@ void Run::in_second_process(const std::function<void()>& receive) {
     status = EXIT_FAILURE;
   }
   board_->second_usage = measure::Usage::now() - usage_at_begin_;
-  std::exit(status);  // With the destructors of the peer's own globals.
+  std::exit(status);  // Runs the destructors of the peer's own globals.
 }
 
 void Run::wait_for_second_ready() const {
@@ -186,7 +186,7 @@ measure::Row Run::finish() {
     return row;
   }
   measure::Samples samples(samples_, samples_ + std::min(board_->received.load(), total()));
-  // Where several threads run callbacks, messages do not end in the order in which they were sent.
+  // If several threads run callbacks, messages end in another order than sent.
   std::sort(samples.begin(), samples.end(),
             [](const auto& a, const auto& b) { return a.number < b.number; });
   measure_into(row, samples, plan_.count, usage_);

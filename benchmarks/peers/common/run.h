@@ -21,9 +21,9 @@ using measure::now_ns;
 
 enum class Mode : std::uint8_t { kLatency, kRtt, kFlood };
 
-/// One measurement: when the publisher sends, and what the subscriber takes down. The adapter of a
-/// peer calls `publish_all` on the thread that publishes, and `arrived` as the callback's second
-/// statement; its first is now_ns(). All it takes down lies in memory that a second process shares.
+/// One measurement: when the publisher sends, and what the subscriber records. The adapter of a
+/// peer calls `publish_all` on the publishing thread, and `arrived` as the callback's second
+/// statement; its first is now_ns(). All records are in memory shared with a second process.
 class Run {
  public:
   Run(Mode mode, const measure::Plan& plan);
@@ -36,40 +36,39 @@ class Run {
   [[nodiscard]] std::size_t size() const noexcept { return static_cast<std::size_t>(plan_.size); }
   [[nodiscard]] std::int64_t total() const noexcept { return plan_.warmup + plan_.count; }
 
-  /// In a flood at most `kWindow` messages are on their way, unless the peer holds its publisher
-  /// back by itself.
+  /// In a flood at most `kWindow` messages are in flight, unless the peer limits its publisher
+  /// itself.
   static constexpr std::int64_t kWindow = 1024;
   void holds_back_by_itself() noexcept { has_window_ = false; }
 
-  /// On any thread of any process: a message has come to its end, in mode rtt back at its origin.
+  /// On any thread of any process: a message has reached its end, in mode rtt back at its origin.
   void arrived(const Stamps& stamps, const void* data, std::int64_t arrived_ns) noexcept;
 
-  /// Nothing more will come. A receiver that waits looks at it from time to time.
+  /// No more messages will arrive. A waiting receiver polls it.
   [[nodiscard]] bool is_over() const noexcept {
     return board_->is_over.load(std::memory_order_acquire);
   }
 
-  /// Calls `send(number)` for each message, then waits for those still on their way: until all are
-  /// there, or none came for a second.
+  /// Calls `send(number)` for each message, then waits for those in flight: until all have arrived,
+  /// or none arrived for a second.
   template <typename Send>
   void publish_all(const Send& send);
 
-  /// Runs `receive` in a second process, which must be the first thing that a peer does: a process
-  /// with threads does not fork well. It ends when `receive` returns, which is to be when
-  /// `is_over()`.
+  /// Runs `receive` in a second process. A peer must call this first, because forking a process
+  /// with threads is unsafe. It ends when `receive` returns, as it must once `is_over()`.
   void in_second_process(const std::function<void()>& receive);
-  /// Of the second process: it can receive from now on. The first one waits for that.
+  /// Called by the second process when it is ready to receive. The first one waits for that.
   void set_second_ready() noexcept { board_->is_second_ready.store(true); }
   void wait_for_second_ready() const;
 
-  /// The row of all this, with what both processes used.
+  /// The row of this run, with the usage of both processes.
   ///
-  /// @errors  std::runtime_error if nothing arrived, a payload was not what was sent, or the second
-  ///          process failed.
+  /// @errors  std::runtime_error if nothing arrived, a payload was damaged, or the second process
+  ///          failed.
   [[nodiscard]] measure::Row finish();
 
  private:
-  /// What both processes see.
+  /// Memory shared by both processes.
   struct Board {
     alignas(64) std::atomic<std::int64_t> received{0};
     std::atomic<std::int64_t> received_measured{0};
@@ -90,14 +89,14 @@ class Run {
   const measure::Plan plan_;
   bool has_window_ = true;
   Board* board_;
-  measure::Sample* samples_;  // Behind the board; not used in a flood.
+  measure::Sample* samples_;  // After the board; unused in a flood.
   measure::Usage usage_at_begin_;
   measure::Usage usage_;
   std::int64_t began_ns_ = 0;
-  std::int64_t given_up_ = 0;  // Messages of a flood that no longer count as on their way.
+  std::int64_t given_up_ = 0;  // Messages of a flood that no longer count as in flight.
   pid_t second_ = 0;           // In the first process, once there is a second.
   bool is_second_ = false;     // This is the second process.
-  std::atomic<bool> is_second_measuring_{false};  // Its `usage_at_begin_` is taken.
+  std::atomic<bool> is_second_measuring_{false};  // Its `usage_at_begin_` is set.
 };
 
 template <typename Send>

@@ -10,8 +10,8 @@
 
 namespace fastcycle::peers {
 
-/// A thread that is joined when it goes out of scope. What its function throws is said, and ends
-/// the program: the publisher would only wait for what never comes.
+/// A thread that is joined when it goes out of scope. An exception of its function is printed and
+/// ends the program, because the publisher would otherwise wait indefinitely.
 template <typename Function>
 [[nodiscard]] std::jthread start_thread(Function function) {
   return std::jthread([called = std::move(function)] {

@@ -8,10 +8,10 @@
 
 namespace fastcycle::peers {
 
-/// Looks every millisecond whether `condition()` holds, as writers and readers have to find each
+/// Polls `condition()` every millisecond until it holds, for writers and readers to discover each
 /// other before a run.
 ///
-/// @errors  std::runtime_error with `what` was waited for if it does not within ten seconds.
+/// @errors  std::runtime_error that contains `what` if it does not hold within ten seconds.
 template <typename Condition>
 void wait_until(const std::string& what, const Condition& condition) {
   constexpr std::int64_t kTimeoutNs = 10'000'000'000;

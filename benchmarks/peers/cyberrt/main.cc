@@ -17,7 +17,7 @@ namespace cyber = apollo::cyber;
 using benchmark::Payload;
 using PayloadPtr = std::shared_ptr<Payload>;
 
-/// No message of a window waits in vain: by default a reader keeps the newest one only.
+/// No message of a window is overwritten: by default a reader keeps only the newest one.
 cyber::ReaderConfig reader_of(const char* channel) {
   cyber::ReaderConfig config;
   config.channel_name = channel;
@@ -29,8 +29,8 @@ void wait_for_reader(cyber::Writer<Payload>& writer) {
   wait_until("somebody reads " + writer.GetChannelName(), [&] { return writer.HasReader(); });
 }
 
-/// Writer and readers of one process: its default transport for that hands over the shared pointer,
-/// and a coroutine of the reader, run by the scheduler's threads, makes the call.
+/// Writer and readers of one process: the default transport hands over the shared pointer, and a
+/// coroutine of the reader, run by the scheduler's threads, calls the callback.
 void measure_nodes(Run& run) {
   const auto sender = cyber::CreateNode("sender");
   const auto receiver = cyber::CreateNode("receiver");

@@ -19,7 +19,7 @@ namespace {
 
 using Payload = fastcycle_peers_CyclonePayload;
 
-/// The handle, or what went wrong.
+/// The handle; throws on an error.
 dds_entity_t checked(dds_return_t result, const char* what) {
   if (result < 0) {
     throw std::runtime_error(std::string(what) + ": " + dds_strretcode(-result));
@@ -27,7 +27,7 @@ dds_entity_t checked(dds_return_t result, const char* what) {
   return result;
 }
 
-/// Deleting it deletes all that was made of it.
+/// Deleting it deletes all entities created from it.
 class Domain {
  public:
   Domain() : domain_(checked(dds_create_domain(0, kConfiguration), "dds_create_domain")) {
@@ -40,7 +40,7 @@ class Domain {
   dds_entity_t participant;
 
  private:
-  // Nothing leaves the machine; readers of this process are served without the network in any case.
+  // Nothing leaves the machine; readers of this process are never served by the network.
   static constexpr const char* kConfiguration =
       "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast><Interfaces>"
       "<NetworkInterface name=\"lo\"/></Interfaces></General></Domain></CycloneDDS>";
@@ -77,9 +77,9 @@ struct Link {
   dds_entity_t reader;
 };
 
-/// Calls `take(payload, arrived_ns)` for each one until the run is over. A wait set and a read
-/// condition, as in the project's own round-trip example; what is taken is lent by the reader,
-/// which uses the same memory again.
+/// Calls `take(payload, arrived_ns)` for each one until the run has ended. A wait set and a read
+/// condition, as in the project's own round-trip example; taken samples are loans of the reader,
+/// which reuses their memory.
 template <typename Take>
 void receive_all(const Run& run, const Domain& domain, dds_entity_t reader, const Take& take) {
   const dds_entity_t waitset = checked(dds_create_waitset(domain.participant), "waitset");
@@ -126,7 +126,7 @@ void measure_threads(Run& run) {
                               payload.data._buffer, arrived_ns);
                 });
   });
-  std::vector<unsigned char> data(run.size());  // dds_write copies: one payload serves for all.
+  std::vector<unsigned char> data(run.size());  // dds_write copies: one payload suffices for all.
   run.publish_all([&](std::int64_t number) {
     const std::int64_t made_ns = now_ns();
     measure::fill(data.data(), data.size(), number);

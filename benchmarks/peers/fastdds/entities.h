@@ -36,7 +36,7 @@ inline void check(const eprosima::fastrtps::types::ReturnCode_t& code, const cha
   }
 }
 
-/// The participant, and what deletes everything made of it.
+/// Owns the participant and all entities created from it.
 class Participant {
  public:
   explicit Participant(std::size_t size) {
@@ -73,9 +73,8 @@ class Participant {
   dds::DomainParticipant* participant_;
 };
 
-/// As long a history as a writer may get ahead of a reader. The writer goes through all of it
-/// before it uses a payload again, so it is short where payloads are large: it should stay in the
-/// cache.
+/// The maximum lead of a writer over a reader. The writer cycles through the whole history before
+/// it reuses a payload, so the history is short for large payloads: it should fit in the cache.
 inline int history_depth(const Run& run) {
   if (run.is_flood()) {
     return static_cast<int>(Run::kWindow);
@@ -84,7 +83,7 @@ inline int history_depth(const Run& run) {
   return static_cast<int>(std::clamp<std::size_t>(kBytes / run.size(), 16, 64));
 }
 
-/// Best effort does without heartbeats and acknowledgements, and loses nothing within a process.
+/// Best effort has no heartbeats and acknowledgements, and loses nothing within a process.
 template <typename Qos>
 Qos quality(Qos qos, const Run& run) {
   qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;

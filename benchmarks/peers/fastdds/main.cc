@@ -12,7 +12,7 @@
 namespace fastcycle::peers {
 namespace {
 
-/// How a reader tells that it has data.
+/// How a reader is notified of data.
 enum class Telling : std::uint8_t { kWaitset, kListener };
 
 void measure_loans(Run& run, Telling telling) {

@@ -14,8 +14,8 @@
 
 namespace fastcycle::peers {
 
-/// What a loan points to: the stamps, then the payload, at any alignment, because Fast DDS puts
-/// four bytes of encapsulation before it.
+/// The memory of a loan: the stamps, then the payload, unaligned, because Fast DDS puts four bytes
+/// of encapsulation before it.
 struct PlainBytes {
   unsigned char first;
 
@@ -33,8 +33,8 @@ struct PlainBytes {
 };
 FASTDDS_SEQUENCE(PlainSequence, PlainBytes);
 
-/// A plain, bounded type of one size, which is what Fast DDS wants for loans ("Zero-Copy
-/// communication", constraints): what is lent is the serialized form itself.
+/// A plain, bounded type of one size, as Fast DDS requires for loans ("Zero-Copy communication",
+/// constraints): the loan is the serialized form itself.
 class PlainType final : public eprosima::fastdds::dds::TopicDataType {
  public:
   using Payload = eprosima::fastrtps::rtps::SerializedPayload_t;
@@ -50,7 +50,7 @@ class PlainType final : public eprosima::fastdds::dds::TopicDataType {
   [[nodiscard]] bool is_bounded() const override { return true; }
   [[nodiscard]] bool is_plain() const override { return true; }
 
-  // Called for messages that are no loans only.
+  // Called only for messages that are not loans.
   bool serialize(void* data, Payload* payload) override {
     payload->encapsulation = CDR_LE;
     std::memset(payload->data, 0, kEncapsulation);

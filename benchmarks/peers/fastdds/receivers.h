@@ -19,8 +19,8 @@ namespace fastcycle::peers {
 namespace dds = eprosima::fastdds::dds;
 using Take = std::function<void(const PlainBytes& message, std::int64_t arrived_ns)>;
 
-/// Takes all that the reader has, by loan: "the application gets the received samples as a
-/// reference to the receive queue itself" (Zero-Copy communication).
+/// Takes all available messages, by loan: "the application gets the received samples as a reference
+/// to the receive queue itself" (Zero-Copy communication).
 inline void take_all(dds::DataReader& reader, const Take& take) {
   PlainSequence messages;
   dds::SampleInfoSeq infos;
@@ -35,7 +35,7 @@ inline void take_all(dds::DataReader& reader, const Take& take) {
   }
 }
 
-/// In the thread that Fast DDS calls it in: within a process, that of the publisher.
+/// Runs in the thread in which Fast DDS calls it: within a process, the publisher's.
 class Listener final : public dds::DataReaderListener {
  public:
   explicit Listener(Take take) : take_(std::move(take)) {}
@@ -45,7 +45,7 @@ class Listener final : public dds::DataReaderListener {
   const Take take_;
 };
 
-/// In a thread of its own, which a wait set wakes.
+/// Receives in a separate thread, woken by a wait set.
 inline std::jthread start_waiting(const Run& run, dds::DataReader& reader, Take take) {
   return start_thread([&run, &reader, called = std::move(take)] {
     dds::WaitSet waitset;

@@ -28,7 +28,7 @@ using iox::popo::UntypedSubscriber;
 constexpr std::uint32_t kAlignment = alignof(PlainMessage);
 constexpr std::size_t kLargest = 4 << 20;
 
-/// One runtime a process, with a name of its own.
+/// One runtime for each process, with its own name.
 void join_system(const char* role) {
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError,
                                                            iox::log::LogLevelOutput::kHideLogLevel);
@@ -61,9 +61,9 @@ void wait_for_subscriber(const UntypedPublisher& publisher) {
   wait_until("there is a subscriber", [&] { return publisher.hasSubscribers(); });
 }
 
-/// Calls `take(message)` for each message until the run is over. The wait set is told of events,
-/// and all that is there is taken for one: "with an event the user is notified once per event, and
-/// ... should acquire all data" (waitset example).
+/// Calls `take(message)` for each message until the run has ended. The wait set reports events, and
+/// all available messages are taken for each: "with an event the user is notified once per event,
+/// and ... should acquire all data" (waitset example).
 template <typename Take>
 void receive_all(const Run& run, UntypedSubscriber& subscriber, const Take& take) {
   iox::popo::WaitSet<1> waitset;
@@ -71,7 +71,7 @@ void receive_all(const Run& run, UntypedSubscriber& subscriber, const Take& take
     throw std::runtime_error("the wait set takes no subscriber");
   });
   while (!run.is_over()) {
-    // Some message may have come before the subscriber was attached: take first, then wait.
+    // A message may have arrived before the subscriber was attached: take first, then wait.
     while (true) {
       auto chunk = subscriber.take();
       if (chunk.has_error()) {

@@ -1,5 +1,5 @@
-// What a programmer writes without any middleware: malloc, a queue with a mutex and a condition
-// variable, one thread that takes from it.
+// A typical implementation without middleware: malloc, a queue with a mutex and a condition
+// variable, and one thread that takes from it.
 
 #include <condition_variable>
 #include <cstddef>
@@ -21,8 +21,8 @@
 namespace fastcycle::peers {
 namespace {
 
-/// Where payloads come from: malloc, which soon gives the same few again, or pages that are new
-/// from the kernel each time, so that the publisher pays for a fault a page.
+/// The source of payloads: malloc, which soon reuses the same few, or new pages from the kernel
+/// each time, so that the publisher pays for a fault a page.
 enum class Memory : std::uint8_t { kMalloc, kFreshPages };
 
 struct Free {
@@ -60,10 +60,10 @@ class Queue {
       const std::lock_guard lock(mutex_);
       messages_.push_back(std::move(message));
     }
-    is_changed_.notify_one();  // Without the mutex: who wakes need not wait for it again.
+    is_changed_.notify_one();  // Without the mutex, so that the woken thread need not wait for it.
   }
 
-  /// Waits for the next one; null when the queue was closed.
+  /// Waits for the next one; null if the queue was closed.
   [[nodiscard]] Owned take() {
     std::unique_lock lock(mutex_);
     is_changed_.wait(lock, [this] { return is_closed_ || !messages_.empty(); });
@@ -90,7 +90,7 @@ class Queue {
   bool is_closed_ = false;
 };
 
-/// Lets the receivers end, however the publisher ends.
+/// Ends the receivers even if the publisher throws.
 struct Closing {
   Queue& queue;
 

@@ -46,7 +46,7 @@ void Broker::run_main_thread() {
     } else {
       is_changed_.wait(lock, [this] { return has_news_ || is_stopping_; });
       has_news_ = false;
-      lock.unlock();  // Publishers go on while it looks.
+      lock.unlock();  // Publishers continue in the meantime.
       look();
       lock.lock();
     }

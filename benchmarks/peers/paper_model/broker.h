@@ -21,14 +21,14 @@ namespace fastcycle::peers::paper_model {
 using Message = std::shared_ptr<const google::protobuf::Message>;
 using Callback = std::function<void(const Message&)>;
 
-/// How the main thread learns of new messages.
+/// How the main thread detects new messages.
 enum class Looking : std::uint8_t {
-  kEvery100us,   ///< It looks, sleeps 100 us, and looks again.
+  kEvery100us,   ///< It polls, and sleeps 100 us in between.
   kWhenNotified  ///< It sleeps until a publisher notifies it.
 };
 
 /// The design of the paper: a hash map from topic to the queues of its subscribers, a main thread
-/// that looks for newly published messages, and a thread pool to which it submits the callbacks.
+/// that detects newly published messages, and a thread pool to which it submits the callbacks.
 class Broker {
  public:
   Broker(Looking looking, unsigned threads);
@@ -36,7 +36,7 @@ class Broker {
   Broker& operator=(const Broker&) = delete;
   ~Broker();
 
-  /// All subscriptions are made before the first message is published.
+  /// Call it before the first message is published.
   void subscribe(const std::string& topic, Callback callback);
   void publish(const std::string& topic, Message message);
 
@@ -50,7 +50,7 @@ class Broker {
   };
 
   void run_main_thread();
-  /// Submits the callbacks of all messages that lie in queues.
+  /// Submits the callbacks of all queued messages.
   void look();
   [[nodiscard]] std::optional<Message> take(Subscription& subscription);
 

@@ -1,4 +1,4 @@
-// The design that the paper describes, with its own kind of message.
+// The design described in the paper, with its own message type.
 
 #include <algorithm>
 #include <memory>
@@ -19,8 +19,7 @@ Stamps stamps_of(const Payload& payload) {
 }
 
 void measure_model(Run& run, Looking looking) {
-  // One thread of the pool for each core, as a thread pool is made unless told otherwise; two at
-  // least.
+  // One pool thread for each core, the usual default; at least two.
   Broker broker(looking, std::max(2U, std::thread::hardware_concurrency()));
   const auto take = [&](const Message& message) {
     const std::int64_t arrived_ns = now_ns();
@@ -35,7 +34,7 @@ void measure_model(Run& run, Looking looking) {
   }
   run.publish_all([&](std::int64_t number) {
     const std::int64_t made_ns = now_ns();
-    auto payload = std::make_shared<Payload>();  // A fresh one for each message.
+    auto payload = std::make_shared<Payload>();  // A new one for each message.
     payload->mutable_data()->resize(run.size());
     measure::fill(payload->mutable_data()->data(), run.size(), number);
     payload->set_number(number);

@@ -6,8 +6,8 @@
 namespace fastcycle::peers {
 namespace {
 
-/// Nodes as they are composed in one container, with `use_intra_process_comms`: a message that is
-/// published as a unique_ptr and taken as one is not copied.
+/// Nodes composed in one container, with `use_intra_process_comms`: a message that is published and
+/// taken as a unique_ptr is not copied.
 void measure_intra(Run& run, rclcpp::Executor& executor) {
   const auto options = rclcpp::NodeOptions().use_intra_process_comms(true);
   const auto sender = std::make_shared<Sender>(options);

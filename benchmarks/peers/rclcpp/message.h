@@ -12,7 +12,7 @@
 
 namespace fastcycle::peers {
 
-/// A message that every ROS 2 has: the stamps, then the payload, in one vector of bytes.
+/// A message type of every ROS 2: the stamps, then the payload, in one vector of bytes.
 using RosMessage = std_msgs::msg::UInt8MultiArray;
 
 inline Stamps stamps_of(const RosMessage& message) {

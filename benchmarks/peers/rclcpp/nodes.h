@@ -23,7 +23,7 @@ class Ros {
   ~Ros() { rclcpp::shutdown(); }
 };
 
-/// Spins in a thread of its own.
+/// Spins in a separate thread.
 class Spinner {
  public:
   explicit Spinner(rclcpp::Executor& executor)
@@ -40,7 +40,8 @@ class Spinner {
   std::thread thread_;
 };
 
-/// Reliable, and room for a window of a flood. Intra-process delivery wants a bounded KEEP_LAST.
+/// Reliable, with a queue for a window of a flood. Intra-process delivery requires a bounded
+/// KEEP_LAST.
 inline rclcpp::QoS quality() {
   return rclcpp::QoS(rclcpp::KeepLast(2 * static_cast<std::size_t>(Run::kWindow))).reliable();
 }
@@ -50,8 +51,8 @@ inline void wait_for_subscriber(const rclcpp::Publisher<RosMessage>& publisher) 
              [&] { return publisher.get_subscription_count() > 0; });
 }
 
-/// Takes messages down that arrive at a topic: by shared pointer to const, for which rclcpp copies
-/// neither within a process nor after it has read a message from another one.
+/// Records messages of a topic: by shared pointer to const, for which rclcpp copies neither within
+/// a process nor after deserialization.
 class Receiver final : public rclcpp::Node {
  public:
   Receiver(const rclcpp::NodeOptions& options, Run& run, const char* topic)
@@ -67,7 +68,7 @@ class Receiver final : public rclcpp::Node {
   rclcpp::Subscription<RosMessage>::SharedPtr subscription_;
 };
 
-/// Sends what arrives on. Within a process it takes the message over and gives it away again.
+/// Forwards what arrives. Within a process it takes ownership of the message and passes it on.
 class Echo final : public rclcpp::Node {
  public:
   explicit Echo(const rclcpp::NodeOptions& options) : Node("echo", options) {
@@ -90,7 +91,7 @@ class Echo final : public rclcpp::Node {
   rclcpp::Subscription<RosMessage>::SharedPtr subscription_;
 };
 
-/// Publishes all messages of the run, each given away: "publish a unique_ptr" (tutorial on
+/// Publishes all messages of the run, each with its ownership: "publish a unique_ptr" (tutorial on
 /// efficient intra-process communication).
 class Sender final : public rclcpp::Node {
  public:

@@ -16,7 +16,7 @@ Callback taking_down(Run& run) {
   };
 }
 
-/// Echoes, or takes down, on one thread: that of ros::spin().
+/// Echoes or records messages on one thread: that of ros::spin().
 void receive_in_second_process(Run& run) {
   init_node("subscriber");
   ros::NodeHandle node;

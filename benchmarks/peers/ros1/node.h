@@ -14,10 +14,10 @@
 
 namespace fastcycle::peers {
 
-/// Of each queue: a window of a flood is never dropped.
+/// Size of each queue: a window of a flood is never dropped.
 constexpr std::uint32_t kQueue = 2 * static_cast<std::uint32_t>(Run::kWindow);
 
-/// Makes this process a node. The program itself ends it, and logs go nowhere.
+/// Makes this process a node, without signal handler and log output.
 inline void init_node(const char* name) {
   ros::init(ros::M_string(), name,
             ros::init_options::NoSigintHandler | ros::init_options::AnonymousName |
@@ -51,7 +51,7 @@ inline void publish_all(Run& run, const ros::Publisher& publisher) {
   });
 }
 
-/// The callback of a subscriber that takes messages down.
+/// A subscriber callback that records messages.
 inline void take_down(Run& run, const RosPayload::ConstPtr& payload, std::int64_t arrived_ns) {
   run.arrived(payload->stamps, payload->data.data(), arrived_ns);
 }

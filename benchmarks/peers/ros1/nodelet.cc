@@ -10,7 +10,7 @@
 namespace fastcycle::peers {
 namespace {
 
-/// Takes down what arrives at `topic`, or sends it on to "echo". The manager calls it in one of its
+/// Records messages of `topic`, or forwards them to "echo". The manager calls it in one of its
 /// worker threads.
 class Receiver final : public nodelet::Nodelet {
  public:
@@ -42,7 +42,7 @@ class Receiver final : public nodelet::Nodelet {
   ros::Subscriber subscriber_;
 };
 
-/// Publishes from a thread of its own, which here is the main thread.
+/// Publishes from its own thread, which here is the main thread.
 class Sender final : public nodelet::Nodelet {
  public:
   [[nodiscard]] const ros::Publisher& publisher() const { return publisher_; }
@@ -59,8 +59,8 @@ void measure_nodelet(Run& run) {
   init_node("manager");
   ros::NodeHandle keeps_ros_running;
   const auto sender = boost::make_shared<Sender>();
-  // The manager that a launch file would start, with its thread pool; nodelets come from a function
-  // instead of plug-in libraries.
+  // The manager that a launch file would start, with its thread pool; nodelets are created by a
+  // function instead of plug-in libraries.
   nodelet::Loader manager([&](const std::string& type) -> boost::shared_ptr<nodelet::Nodelet> {
     if (type == "sender") {
       return sender;

@@ -57,7 +57,7 @@ struct Pair {
   Socket receiver;
 };
 
-/// Calls `take(message)` for each one until the run is over.
+/// Calls `take(message)` for each message until the run has ended.
 template <typename Take>
 void receive_all(const Run& run, void* socket, const Take& take) {
   zmq_msg_t message;
@@ -92,7 +92,7 @@ void measure_inproc(Run& run) {
   run.holds_back_by_itself();  // The high water marks: 1000 messages on each side.
   std::jthread echo;
   if (run.is_rtt()) {
-    // A socket goes from thread to thread with a full fence, which starting a thread is.
+    // Passing a socket to another thread needs a full fence, which starting a thread is.
     echo = start_thread([&] {
       receive_all(run, there.receiver.get(),
                   [&](zmq_msg_t& message) { zmq_msg_send(&message, back.sender.get(), 0); });

@@ -48,7 +48,7 @@ int cpu_of(int place) {
   std::string text;
   for (const config::Problem& problem : problems.all()) {
     if (problem.warning) {
-      continue;  // Of what a mistake leads to.
+      continue;  // A consequence of an error.
     }
     text += (text.empty() ? "" : "\n") + config::to_string(problem);
   }
@@ -72,7 +72,7 @@ std::string text_of(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// What a component or the application says of its failure; empty if it ended well.
+/// The failure that a component or the application reports; empty if it ended well.
 std::string find_failure(const host::Application& application) {
   for (const auto& component : application.components()) {
     if (!component->faults.empty()) {

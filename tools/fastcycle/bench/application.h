@@ -31,23 +31,23 @@ using Json = nlohmann::ordered_json;
                              const std::string& executor, Json params);
 [[nodiscard]] Json application(Json executors, Json components);
 
-/// What `benchmark_source` needs, for one point.
+/// The params of `benchmark_source` for one point.
 [[nodiscard]] Json source(const Options& options, std::int64_t size);
-/// A `benchmark_sink` in front of which a few of these payloads may wait.
+/// A `benchmark_sink` whose queue holds a few of these payloads.
 [[nodiscard]] Json sink(const Options& options, const std::string& name, std::int64_t size);
 /// Makes `component` write its stamps into `folder`; nothing without a folder.
 void write_samples_to(Json& component, const std::string& folder);
 
-/// When the steps of a run were done, CLOCK_MONOTONIC.
+/// When each step of a run was completed, CLOCK_MONOTONIC.
 struct Stages {
   std::int64_t begin_ns = 0;
   std::int64_t read_ns = 0;     ///< The JSON file.
-  std::int64_t built_ns = 0;    ///< Libraries loaded, components made, topics connected.
+  std::int64_t built_ns = 0;    ///< Libraries loaded, components constructed, topics connected.
   std::int64_t started_ns = 0;  ///< Components started, timers run.
   std::int64_t stopped_ns = 0;  ///< Components stopped; what is recorded is on the disk.
 };
 
-/// A run that is over.
+/// The results of a run that has ended.
 struct Finished {
   host::RunReport report;
   std::optional<trace::TraceReport> trace;
@@ -58,13 +58,13 @@ struct Finished {
 
   [[nodiscard]] double number(const std::string& component, const std::string& name) const;
   [[nodiscard]] std::int64_t whole(const std::string& component, const std::string& name) const;
-  /// What `component` says that the process used.
+  /// The resource usage of the process that `component` reports.
   [[nodiscard]] measure::Usage usage(const std::string& component) const;
   /// The sum over all components that report it.
   [[nodiscard]] std::int64_t sum(const std::string& name) const;
 };
 
-/// What is done at certain points of a run.
+/// Callbacks at certain points of a run.
 struct RunHooks {
   host::ClockOptions clock = {};
   std::optional<Duration> limit = {};
@@ -73,17 +73,17 @@ struct RunHooks {
   std::function<void()> before_stop = {};
 };
 
-/// Runs applications one after the other as `fastcycle run` does: read from a file, libraries
-/// loaded and components made by the host.
+/// Runs applications one after the other as `fastcycle run` does: read from a file, with libraries
+/// loaded and components constructed by the host.
 ///
 /// @threads  `request_end` is Safe; all else is confined to its owner.
 class Runner {
  public:
-  /// @errors  std::runtime_error with all there is to say if it did not start or did not end well.
+  /// @errors  std::runtime_error with all diagnostics if it did not start or did not end well.
   [[nodiscard]] Finished run(const Json& json, const std::string& folder,
                              const RunHooks& hooks = {});
 
-  /// Ends the application that runs now.
+  /// Ends the application that is running now.
   void request_end();
 
  private:
@@ -94,9 +94,9 @@ class Runner {
   bool is_ended_ = false;
 };
 
-/// Runs an application with `fastcycle run`, in processes of their own, and returns its report.
+/// Runs an application with `fastcycle run`, in separate processes, and returns its report.
 ///
-/// @errors  std::runtime_error with what it said if it did not end well.
+/// @errors  std::runtime_error with its output if it did not end well.
 [[nodiscard]] Json run_program(const Json& json, const std::string& folder);
 
 }  // namespace fastcycle::tool::bench

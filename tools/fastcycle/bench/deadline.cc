@@ -1,4 +1,4 @@
-// deadline: how soon a subscriber is told that its publisher is stalled.
+// deadline: how soon a subscriber is notified that its publisher has stalled.
 
 #include <chrono>
 #include <string>
@@ -10,7 +10,7 @@
 namespace fastcycle::tool::bench {
 namespace {
 
-/// A publisher whose worker is blocked for ten deadlines after each message, and who watches it.
+/// A publisher whose worker is blocked for ten deadlines after each message, and its watcher.
 Json deadline_application(const Options& options, const std::string& wait,
                           const std::string& folder) {
   Json staller =

@@ -56,7 +56,7 @@ Finding measure_floor(const Session& session, std::int64_t size) {
   return finding;
 }
 
-/// What the run's ledger says of the payloads.
+/// The run's ledger of the payloads.
 const detail::Ledger& ledger_of(const host::RunReport& report) {
   const auto topic =
       std::find_if(report.topics.begin(), report.topics.end(),

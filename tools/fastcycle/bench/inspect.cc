@@ -25,11 +25,11 @@
 namespace fastcycle::tool::bench {
 namespace {
 
-constexpr const char* kAsked = "asked";    ///< The socket is there, and nobody comes.
+constexpr const char* kAsked = "asked";    ///< The socket is open, without clients.
 constexpr const char* kEchoed = "echoed";  ///< Five look.
 constexpr int kEchoes = 5;
 
-/// A process `fastcycle topic echo payload`, which writes into a file; both are gone with it.
+/// A process `fastcycle topic echo payload` that writes into a file; the destructor removes both.
 class Echo {
  public:
   explicit Echo(const std::filesystem::path& runtime_folder, int number)

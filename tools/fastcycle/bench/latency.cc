@@ -10,8 +10,8 @@
 namespace fastcycle::tool::bench {
 namespace {
 
-/// Who waits how: the publisher of "latency" sleeps between its messages anyway, and so does the
-/// floor's sender.
+/// The publisher's way of waiting: in "latency" it sleeps between its messages anyway, as the
+/// floor's sender does.
 std::string publisher_wait(const std::string& wait, bool is_rtt) {
   return wait == "spin" && !is_rtt ? "park" : wait;
 }
@@ -39,7 +39,7 @@ Finding measure_floor(const Session& session, const std::string& peer,
   return finding;
 }
 
-/// The subscriber in a process of its own. CPU time is that of the process of the publisher.
+/// The subscriber in its own process. CPU time is that of the publisher's process.
 Finding measure_processes(Session& session, const std::string& wait, std::int64_t size) {
   Json described = latency_application(session.options(), size, wait, session.folder());
   described["components"][1]["process"] = "subscriber";

@@ -7,10 +7,10 @@
 
 namespace fastcycle::tool::bench {
 
-/// Processes that do nothing but use a CPU each, as long as this lives. They are no threads, so
-/// that what they use is not counted as the benchmark's.
+/// Processes that each keep one CPU busy during the lifetime of this object. They are not threads,
+/// so that their CPU time is not counted as the benchmark's.
 ///
-/// @pre  The process has one thread when this is made.
+/// @pre  The process has one thread when this is constructed.
 class Load {
  public:
   explicit Load(std::int64_t count);

@@ -4,7 +4,7 @@
 
 namespace fastcycle::tool::bench {
 
-// Each mode in a file of its own. Without a session only its application can be asked for.
+// Each mode is in its own file. Without a session only its application can be queried.
 [[nodiscard]] Mode latency_mode(const Options& options, Session* session);  ///< And rtt.
 [[nodiscard]] Mode flood_mode(const Options& options, Session* session);
 [[nodiscard]] Mode fanout_mode(const Options& options, Session* session);
@@ -17,7 +17,7 @@ namespace fastcycle::tool::bench {
 [[nodiscard]] Mode inspect_mode(const Options& options, Session* session);
 [[nodiscard]] Mode trace_mode(const Options& options, Session* session);
 
-/// How late a bare sleep to absolute times is: what timers, and with them deadlines, stand beside.
+/// The lateness of a bare sleep to absolute times: the floor for timers, and so for deadlines.
 [[nodiscard]] Finding measure_timer_floor(const Session& session);
 
 }  // namespace fastcycle::tool::bench

@@ -27,10 +27,10 @@ using Numbers = std::vector<std::int64_t>;
 constexpr std::int64_t kKiB = 1024;
 constexpr std::int64_t kMaxSize = 1 << 30;  // As the component's param.
 constexpr std::int64_t kMaxCount = 100'000'000;
-/// What an application file may have; source and sink are among them, or beside the nodes.
+/// The maximum number of components in an application file, including source and sink.
 constexpr std::int64_t kMaxComponents = 1000;
 
-/// What a mode takes unless told otherwise.
+/// The defaults of a mode.
 struct Defaults {
   std::set<std::string> options;  ///< Of those that not every mode has.
   Numbers sizes;
@@ -119,7 +119,7 @@ std::optional<std::int64_t> parse_size(std::string_view word) {
   return number * factor;
 }
 
-/// Bytes that the machine can still give; a large number if it does not say.
+/// The memory still available, in bytes; a large number if that is unknown.
 std::int64_t available_memory() {
   std::ifstream file("/proc/meminfo");
   std::string name;
@@ -233,7 +233,7 @@ std::string find_bad_number(const Options& options) {
   return {};
 }
 
-/// Whether the largest pool fits; said before the machine begins to swap.
+/// Checks that the largest pool fits, before the machine begins to swap.
 std::string find_too_large(const Options& options) {
   const std::int64_t size = *std::max_element(options.sizes.begin(), options.sizes.end());
   const bool is_flood = options.mode == "flood";

@@ -12,7 +12,7 @@
 
 namespace fastcycle::tool::bench {
 
-/// What the words of `fastcycle bench` say.
+/// The options of `fastcycle bench`.
 struct Options {
   std::string mode;
   std::vector<std::string> size_words;  ///< As written: 64, 32K, 4M.
@@ -38,10 +38,10 @@ struct Options {
   std::int64_t components = 12;
   std::int64_t topics = 24;
   std::string idle_word = "10s";
-  std::filesystem::path record_folder;  ///< As given; else what the mode takes.
+  std::filesystem::path record_folder;  ///< As given; else the default of the mode.
   std::filesystem::path source_folder;  ///< Memory, if there is such a folder.
 
-  // Read from the above by `complete`.
+  // Set from the above by `complete`.
   std::vector<std::int64_t> sizes;
   std::int64_t count = 0;
   std::int64_t warmup = 0;
@@ -54,12 +54,12 @@ struct Options {
 /// Declares all options; `options` outlives the parsing.
 void add_options(CLI::App& line, Options& options);
 
-/// Fills in what the mode implies. Returns what is wrong and what would be right; empty if nothing
-/// is.
+/// Fills in what the mode implies. Returns what is wrong and what would be right; empty if all is
+/// valid.
 [[nodiscard]] std::string complete(Options& options, const CLI::App& line);
 
-/// How many messages may wait in front of a subscriber: fewer, the larger they are, so that their
-/// memory stays below 16 MiB, where at least 4 can wait.
+/// The queue depth of a subscriber: the larger the messages, the smaller, so that their memory
+/// stays below 16 MiB; at least 4.
 [[nodiscard]] std::int64_t depth_for(std::int64_t size);
 
 }  // namespace fastcycle::tool::bench

@@ -46,7 +46,7 @@ std::runtime_error trouble_with(const std::filesystem::path& file) {
   return std::runtime_error("bench: " + file.string() + ": " + std::strerror(errno));
 }
 
-/// A folder for one recording, gone with it.
+/// A folder for one recording, removed with it.
 class RecordingFolder {
  public:
   explicit RecordingFolder(const std::filesystem::path& place, std::int64_t bytes) {
@@ -94,7 +94,7 @@ bool append(int file, const std::vector<char>& block) {
   return true;
 }
 
-/// Memory of the process, in bytes: `VmRSS` or `VmHWM`; 0 if the system does not say.
+/// Memory of the process, in bytes: `VmRSS` or `VmHWM`; 0 if it is unknown.
 std::int64_t memory(std::string_view name) {
   std::ifstream status("/proc/self/status");
   std::string word;
@@ -107,7 +107,7 @@ std::int64_t memory(std::string_view name) {
   return 0;
 }
 
-/// What the process has taken of the CPUs so far.
+/// The CPU time used by the process so far.
 std::int64_t process_cpu_ns() {
   timespec time{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
@@ -126,8 +126,8 @@ class PeakMemory {
   std::int64_t begin_;
 };
 
-/// Appends a block to a new file each interval, on a thread of its own that does nothing else: what
-/// the system alone takes for as many bytes as are published.
+/// Appends a block to a new file each interval, on its own thread: the cost of the system alone for
+/// as many bytes as are published.
 class Copying {
  public:
   Copying(const std::filesystem::path& path, std::int64_t size, std::int64_t interval_us)
@@ -184,7 +184,7 @@ std::uint64_t count_in(const std::filesystem::path& file, std::string_view topic
   return count;
 }
 
-/// What became of the payloads, and whether the file says the same as the recorder.
+/// Adds the fate of the payloads, and checks the file against the recorder's report.
 void add_recording(Finding& finding, const host::RecordingReport& recording,
                    const std::filesystem::path& file) {
   const auto payload =

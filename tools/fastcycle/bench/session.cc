@@ -62,7 +62,7 @@ Session::Session(const Options& options)
         runner_.request_end();
       }) {
   if (!options.raw_file.empty()) {
-    // From the beginning on it has its name: what was measured can be looked at meanwhile.
+    // It has its name from the beginning, so that results can be read during the run.
     base::OutputFile file(options.raw_file);
     file.commit();
     const int descriptor = ::fcntl(file.descriptor(), F_DUPFD_CLOEXEC, 0);
@@ -155,7 +155,7 @@ std::optional<Finding> Session::measure_unless_stopped(const Step& step) const {
       throw;
     }
   }
-  return std::nullopt;  // What was cut short is no measurement.
+  return std::nullopt;  // An interrupted measurement is invalid.
 }
 
 void Session::measure_point(const Mode& mode, std::size_t point, std::int64_t round,

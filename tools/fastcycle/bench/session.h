@@ -21,11 +21,11 @@
 
 namespace fastcycle::tool::bench {
 
-/// What one step of a round found out.
+/// The result of one step of a round.
 struct Finding {
   measure::Row row;
   measure::Samples samples = {};  ///< For --raw; may be empty.
-  std::string trouble = {};       ///< Why the numbers must not be believed; empty if they may.
+  std::string trouble = {};       ///< Why the numbers are invalid; empty if they are valid.
 };
 
 /// One peer at one point.
@@ -35,26 +35,26 @@ struct Step {
   std::string floor = {};  ///< The peer of the same point to compare with; empty: none.
 };
 
-/// What is compared within a round: the same size, the same number of subscribers, ….
+/// The steps compared within a round: the same size, the same number of subscribers, ….
 struct Point {
   std::vector<Step> steps;
-  double floor_times = 1;  ///< A ratio of 1 is that many times the floor.
+  double floor_times = 1;  ///< A ratio of 1 stands for this multiple of the floor.
 };
 
-/// A mode: what is measured, and how it is shown.
+/// A mode: what is measured, and how the results are displayed.
 struct Mode {
   Json application;   ///< Of the first point.
-  std::string title;  ///< What the numbers are.
+  std::string title;  ///< Names the figures.
   std::vector<Point> points;
   std::vector<Column> columns;
-  bool is_upright = false;  ///< One line for each column instead: for few rows of many figures.
-  std::string ratio_of = "p50_us";  ///< The key that is divided by the floor's.
-  /// Changes the rows once all of a round are there; without it each is printed at once.
+  bool is_upright = false;          ///< One line for each column, for few rows of many figures.
+  std::string ratio_of = "p50_us";  ///< The key whose value is divided by the floor's.
+  /// Modifies the rows once a round is complete; without it each is printed at once.
   std::function<void(std::vector<measure::Row>&)> after_round = {};
 };
 
-/// One run of the benchmark: rounds over all points, each peer in turn, until it is done or Ctrl-C
-/// is pressed. Owns all that must be gone afterwards.
+/// One run of the benchmark: rounds over all points, each peer in turn, until all are complete or
+/// Ctrl-C is pressed. Owns everything that must be cleaned up afterwards.
 class Session {
  public:
   explicit Session(const Options& options);
@@ -67,13 +67,13 @@ class Session {
   // For the steps of a mode.
 
   [[nodiscard]] const Options& options() const { return options_; }
-  /// A row that says what is common to all.
+  /// A row with the fields common to all rows.
   [[nodiscard]] measure::Row row(const std::string& peer, std::int64_t size) const;
   [[nodiscard]] measure::Plan plan(std::int64_t size) const;
-  /// Runs an application, and says once on standard error what the machine refused.
+  /// Runs an application, and prints each resource that the machine refused once to standard error.
   [[nodiscard]] Finished run_application(const Json& json, const RunHooks& hooks = {});
   [[nodiscard]] const std::string& folder() const { return folder_.path; }
-  /// What the component `name` wrote.
+  /// The samples that the component `name` wrote.
   [[nodiscard]] measure::Samples samples_of(const std::string& name) const;
   [[nodiscard]] bool is_stopped() const { return is_stopped_.load(); }
 
@@ -84,17 +84,17 @@ class Session {
     measure::Row row;
   };
 
-  /// None if it was stopped meanwhile.
+  /// None if the session was stopped in the meantime.
   [[nodiscard]] std::optional<Finding> measure_unless_stopped(const Step& step) const;
   void measure_point(const Mode& mode, std::size_t point, std::int64_t round,
                      std::vector<Line>& lines);
   void tabulate(const Mode& mode, const std::vector<Line>& lines, Table& table) const;
   void show_progress(const std::string& text) const;
-  /// Stops the session if nobody reads it any more.
+  /// Stops the session if standard output is closed.
   void print_json(const measure::Row& row);
   void write_raw(const measure::Row& row, const measure::Samples& samples);
 
-  /// Gone with the session.
+  /// A temporary folder, removed with the session.
   class Folder {
    public:
     Folder();
@@ -120,9 +120,9 @@ class Session {
   std::set<std::string> told_refusals_;
 };
 
-/// `"damaged":0`, what every row of ours says beside the rest.
+/// `"damaged":0`, which every FastCycle row contains in addition.
 [[nodiscard]] std::string damaged_json(std::int64_t damaged);
-/// Says that payloads arrived damaged, if any did.
+/// Reports damaged payloads; empty if there are none.
 [[nodiscard]] std::string damaged_trouble(std::int64_t damaged);
 
 }  // namespace fastcycle::tool::bench

@@ -53,7 +53,7 @@ Json nodes_application(const Options& options, const Shape& shape) {
   return application(Json::array({executor(options, "subscriber", "park", 0)}), std::move(nodes));
 }
 
-/// What the process holds now.
+/// The current memory of the process.
 struct Memory {
   std::int64_t rss_kib = 0;
   std::int64_t heap_bytes = 0;
@@ -153,7 +153,7 @@ double publish_us(Session& session, Shape shape) {
 std::string idle_json(Session& session, Shape shape) {
   constexpr Duration kSettling{100'000'000};  // In nanoseconds; the first messages are the start's.
   shape.ends_run = false;
-  malloc_trim(0);  // What the applications before had.
+  malloc_trim(0);  // Memory freed by earlier applications.
   measure::Usage used;
   std::int64_t begin_ns = 0;
   std::int64_t end_ns = 0;

@@ -10,7 +10,7 @@
 
 namespace fastcycle::tool::bench {
 
-/// One column of the table for people: a key of the JSON row.
+/// One column of the displayed table: a key of the JSON row.
 struct Column {
   std::string title;
   std::string key;
@@ -18,14 +18,14 @@ struct Column {
   bool has_quartiles = false;  ///< Over the rounds, behind the median: `48 [31, 60]`.
 };
 
-/// What `Column::key` says for the ratio to the floor of the same round.
+/// The `Column::key` for the ratio to the floor of the same round.
 inline constexpr const char* kRatioKey = "ratio";
 
-/// Rows of several rounds: each cell is the median over the rounds; counts of what must be zero,
-/// such as "lost", are added up.
+/// Rows of several rounds: each cell is the median over the rounds; counts that must be zero, such
+/// as "lost", are summed.
 class Table {
  public:
-  /// An upright one has a line for each column.
+  /// With `is_upright` there is one line for each column.
   explicit Table(std::vector<Column> columns, bool is_upright = false)
       : columns_(std::move(columns)), is_upright_(is_upright) {}
 
@@ -46,7 +46,7 @@ class Table {
   std::map<std::pair<std::size_t, std::size_t>, Rounds> lines_;
 };
 
-/// The middle one, or the mean of the two in the middle. @pre There is one.
+/// The middle value, or the mean of the two middle ones. @pre `values` is not empty.
 [[nodiscard]] double median(std::vector<double> values);
 
 /// "32 KiB"

@@ -20,7 +20,8 @@ void trace_into(Json& application, const std::string& file) {
   application["trace"] = {{"file", file}};
 }
 
-/// What became of the trace. All of the messages' activations have to be in it, or said to be lost.
+/// Adds the trace's results. It must contain all of the messages' activations, or report them as
+/// lost.
 void add_trace(Finding& finding, const trace::TraceReport& trace) {
   finding.row.more += fmt::format(",\"slices\":{},\"trace_lost\":{},\"trace_bytes\":{}",
                                   trace.slices, trace.lost(), trace.bytes);

@@ -165,7 +165,7 @@ class Campaign {
   }
 
  private:
-  /// What makes two campaigns the same, beside the number of seeds.
+  /// What identifies a campaign, besides the number of seeds.
   [[nodiscard]] ordered_json identity() const {
     auto files = ordered_json::object();
     for (const fs::path& file : options_.configuration.load.overlays) {
@@ -292,7 +292,7 @@ class Campaign {
     return verdict;
   }
 
-  /// False if the plan does not fit the application: then it was told.
+  /// False if the plan does not fit the application: the error has been printed.
   bool run_seeds() {
     std::vector<std::uint64_t> seeds;
     for (std::uint64_t i = 0; i < options_.seeds; ++i) {
@@ -359,7 +359,7 @@ class Campaign {
     return !is_wrong;
   }
 
-  /// Of a folder in which a run failed. What its components wrote may be large, and comes again.
+  /// For the folder of a failed run. Its components' files may be large, and can be reproduced.
   static void keep_what_tells(const fs::path& folder) {
     for (const auto& entry : fs::directory_iterator(folder)) {
       const std::string name = entry.path().filename().string();
@@ -423,7 +423,7 @@ class Campaign {
       const campaign::TryAll try_them = [&](const std::vector<Faults>& lists) {
         return try_all(lists, result->seed);
       };
-      // Run again: its report says which messages were affected.
+      // Run again, because its report lists the affected messages.
       const std::vector<Verdict> first = try_all({result->faults}, result->seed);
       if (first.empty()) {
         break;

@@ -10,7 +10,7 @@
 
 namespace fastcycle::tool {
 
-/// A program to run: what it is called with, where it works, and where all goes that it prints.
+/// A program to run: its arguments, its working folder, and the file that gets its output.
 struct ChildProgram {
   std::vector<std::string> arguments;  ///< The first is the program's file.
   std::filesystem::path folder;
@@ -19,14 +19,14 @@ struct ChildProgram {
 
 /// How a child ended.
 struct ChildEnd {
-  bool is_late = false;  ///< It was killed, as it had not ended within its time.
-  int exit_code = 0;     ///< If no signal ended it.
-  int signal = 0;        ///< That ended it; 0 if none did.
+  bool is_late = false;  ///< It was killed because it exceeded its time limit.
+  int exit_code = 0;     ///< Valid if no signal ended it.
+  int signal = 0;        ///< The signal that ended it; 0 if none.
   double wall_s = 0;
 };
 
-/// Runs programs beside each other, each in a process of its own, and a group of its own: Ctrl-C of
-/// the terminal does not reach it.
+/// Runs programs concurrently, each in its own process and process group, so that Ctrl-C in the
+/// terminal does not reach it.
 ///
 /// @threads  `stop` is Safe; all else is confined.
 class Children {
@@ -36,12 +36,12 @@ class Children {
   Children& operator=(const Children&) = delete;
   ~Children();
 
-  /// Runs `count` programs, `begin(i)` each, and calls `ended` for each in the order in which they
-  /// end. Returns early, with all children ended, once `stop` was called.
+  /// Runs `count` programs, described by `begin(i)`, and calls `ended` for each in the order in
+  /// which they end. Returns early, with all children ended, once `stop` has been called.
   void run(std::size_t count, const std::function<ChildProgram(std::size_t)>& begin,
            const std::function<void(std::size_t, const ChildEnd&)>& ended);
 
-  /// Asks all children to end, and begins none any more.
+  /// Asks all children to end, and starts no further ones.
   void stop() noexcept;
   [[nodiscard]] bool is_stopped() const noexcept { return is_stopped_; }
 

@@ -21,7 +21,7 @@ struct ChainOptions {
   std::string chain;
 };
 
-/// What the application says of its chains, as its report has it.
+/// The application's chains, as in its report.
 Json chains_of(Session& session) {
   const auto& documents = session.client().welcome().documents();
   if (std::ranges::find(documents, kDocument) == documents.end()) {
@@ -62,7 +62,7 @@ std::string span_in(const Json& json, const char* what, const char* key) {
   return value.is_number() ? span_text(value.get<double>() * 1e3) : "-";
 }
 
-/// Who was late, and in which part.
+/// The component that was late, and in which part.
 std::string guilty_text(const Json& chain) {
   const auto guilty = chain.find("guilty");
   if (guilty == chain.end() || !guilty->is_object()) {

@@ -112,7 +112,7 @@ std::string callbacks_text(const protocol::Component& component) {
   return "\n" + table_text(rows);
 }
 
-/// What it publishes, and what it hears.
+/// Its published and subscribed topics.
 std::string topics_text(const protocol::Overview& overview, const std::string& component) {
   std::vector<std::vector<std::string>> published;
   std::vector<std::vector<std::string>> heard;
@@ -240,7 +240,7 @@ Command add_change(CLI::App& group, const std::string& word, const std::string& 
           }};
 }
 
-/// `said` is JSON, or names a file that holds it.
+/// `said` is JSON, or the name of a file that contains it.
 std::string params_text(const std::string& said) {
   if (said.empty() || said.front() == '{') {
     return said;

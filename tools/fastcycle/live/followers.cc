@@ -16,7 +16,7 @@ namespace {
 
 constexpr const char* kDocument = "followers";
 
-/// What the processes that follow others say of themselves, of one kind.
+/// The reports of the processes of one kind that follow others.
 Json followers_of(Session& session, const std::string& kind) {
   Json found = Json::array();
   const auto& documents = session.client().welcome().documents();

@@ -15,7 +15,7 @@ namespace {
 
 using host::Drawing;
 
-/// What grew between two looks.
+/// Growth of counters between two snapshots.
 class Growth {
  public:
   Growth(const protocol::Overview& before, const protocol::Overview& now)

@@ -7,7 +7,7 @@
 
 namespace fastcycle::tool::live {
 
-/// The graph of a running application, with what it did within `span`: rates, latencies, losses.
+/// The graph of a running application, with its rates, latencies and losses within `span`.
 [[nodiscard]] std::string graph_of(const Target& target, Duration span);
 
 }  // namespace fastcycle::tool::live

@@ -14,7 +14,7 @@ namespace fastcycle::tool {
 namespace live {
 namespace {
 
-/// What a running application says of itself; none if it does not answer, or has ended meanwhile.
+/// The overview of a running application; none if it does not answer, or has ended in the meantime.
 std::optional<protocol::Overview> overview_of(const inspect::RunningApplication& running) {
   try {
     inspect::Client client(running.socket, "fastcycle list");

@@ -6,8 +6,8 @@
 
 namespace fastcycle::tool::live {
 
-/// The message of this type that `json` says, serialized; else a `Failure` that says what is wrong,
-/// and which fields there are.
+/// The message of this type described by `json`, serialized. Throws a `Failure` that reports what
+/// is wrong and lists the fields if `json` does not fit.
 [[nodiscard]] std::string serialized_from_json(const archive::MessageType& type,
                                                const std::string& json);
 

@@ -137,7 +137,7 @@ protocol::ChangeParams::Change change_of(const std::string& word) {
   return change;
 }
 
-/// What is wrong with the changes, one a line.
+/// Throws a `Failure` with the errors of the changes, one a line.
 [[noreturn]] void refuse(const protocol::ParamsChanged& changed) {
   std::string text = "nothing was changed";
   for (const std::string& mistake : changed.mistakes()) {

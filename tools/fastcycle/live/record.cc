@@ -116,7 +116,7 @@ class LiveLog {
   }
 
   [[nodiscard]] std::uint64_t recorded() const { return recorded_; }
-  /// At the end there may be some that no later message of their publisher tells of.
+  /// Includes losses at the end, which no later message of the publisher reveals.
   [[nodiscard]] std::uint64_t lost() const { return std::max(lost_, reported_lost_); }
   [[nodiscard]] std::uint64_t bytes() const { return writer_.size(); }
   [[nodiscard]] std::size_t topics() const { return topics_.size(); }
@@ -128,7 +128,7 @@ class LiveLog {
     std::uint64_t lost = 0;
   };
 
-  /// What one publisher's messages are written to.
+  /// The output stream of one publisher's messages.
   struct Stream {
     std::uint16_t channel = 0;
     std::uint64_t publisher = 0;
@@ -136,7 +136,7 @@ class LiveLog {
     std::uint64_t last_sequence = 0;
   };
 
-  /// @errors  `Failure` if what was recorded is gone, or elsewhere.
+  /// @errors  `Failure` if the recorded file was deleted or moved.
   void require_file() const {
     if (const base::FileState state = sink_.look(); state.kind != base::FileState::Kind::kThere) {
       throw Failure(kFailed, active().string() + ": " + state.words);
@@ -247,8 +247,7 @@ class LiveLog {
   Clock::time_point flushed_;
 };
 
-/// Records until the end, and returns why it came; `problem` says what went wrong, if something
-/// did.
+/// Records until the end, and returns its reason; sets `problem` on an error.
 std::string follow(Streams& streams, LiveLog& log, const LiveRecordOptions& options,
                    std::string& problem) {
   const auto begin = Clock::now();

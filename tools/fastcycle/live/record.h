@@ -10,7 +10,7 @@
 
 namespace fastcycle::tool::live {
 
-/// What `fastcycle record --live` was asked for.
+/// The options of `fastcycle record --live`.
 struct LiveRecordOptions {
   Target target;
   RecordingOptions record;

@@ -25,13 +25,13 @@ using Field = pb::FieldDescriptor;
 constexpr std::chrono::milliseconds kPatience{50};
 constexpr std::chrono::seconds kDrain{5};
 
-/// From now on this thread runs where nothing else wants the CPU: who only looks makes nobody wait.
+/// From now on this thread runs only on an idle CPU, so that an observer delays nothing else.
 void give_way() {
   const sched_param none{};
   static_cast<void>(::sched_setscheduler(0, SCHED_IDLE, &none));  // Lower is always allowed.
 }
 
-/// Whoever reads standard output is still there.
+/// Whether standard output still has a reader.
 bool has_reader() {
   pollfd output{.fd = STDOUT_FILENO, .events = 0, .revents = 0};
   return poll(&output, 1, 0) <= 0 || (output.revents & POLLERR) == 0;
@@ -67,7 +67,7 @@ Json scalar(const pb::Message& message, const Field& field, int index) {
   }
 }
 
-/// What a text that is JSON says; null if it is empty.
+/// Parses a text as JSON; null if it is empty.
 Json said_by(const std::string& text) {
   const Json json = Json::parse(text, nullptr, false);
   return json.is_discarded() ? Json() : json;
@@ -75,7 +75,7 @@ Json said_by(const std::string& text) {
 
 }  // namespace
 
-// ---- What is asked of whom ----
+// ---- Requests ----
 
 void Target::add_application_to(CLI::App& line) {
   line.add_option("--app", application, "The running application; the only one, if not given")

@@ -23,22 +23,22 @@ namespace fastcycle::tool::live {
 namespace protocol = inspect::protocol;
 using Json = nlohmann::ordered_json;
 
-/// What every command on a running application accepts.
+/// The options of every command on a running application.
 struct Target {
-  std::string application;  ///< Empty: the only one that runs.
+  std::string application;  ///< Empty: the only running one.
   bool is_json = false;
 
   void add_application_to(CLI::App& line);
   void add_to(CLI::App& line, const std::string& json_help = "One JSON document");
 };
 
-/// The command can do its work live or on a file, and `--live` was given: `Failure` if there is an
-/// option which is none of `allowed`, or a file.
+/// For a command that works live or on a file, if `--live` was given: throws `Failure` if there is
+/// an option other than `allowed`, or a file.
 void require_live_only(const CLI::App& line, const std::vector<std::string>& allowed);
-/// It was not given: `Failure` if the file is missing, or `--app` is there.
+/// If it was not given: throws `Failure` if the file is missing, or `--app` is present.
 void require_file(const CLI::App& line);
 
-/// What ends a command: a sentence for people, and the exit code.
+/// Ends a command with an error message and an exit code.
 class Failure final : public std::runtime_error {
  public:
   Failure(int exit_code, const std::string& sentence)
@@ -50,10 +50,10 @@ class Failure final : public std::runtime_error {
   int exit_code_;
 };
 
-/// Runs what a command does; what goes wrong is printed: `fastcycle topic echo: …`.
+/// Runs the body of a command and prints its errors: `fastcycle topic echo: …`.
 int guarded(const std::string& command, const std::function<int()>& body);
 
-/// A connection to the application that is meant, and what one command does with it.
+/// A connection to the selected application, for one command.
 ///
 ///     Session session(target, "topic list");
 ///     const protocol::Overview overview = session.overview();
@@ -66,34 +66,34 @@ class Session {
 
   [[nodiscard]] inspect::Client& client() { return client_; }
   [[nodiscard]] protocol::Overview overview();
-  /// One topic, its schema included. What is no topic is a mistake that names the nearest.
+  /// One topic, with its schema. For an unknown topic, reports an error that names the nearest one.
   [[nodiscard]] protocol::Topic topic(const std::string& name);
 
  private:
   inspect::Client client_;
 };
 
-/// The streams of one command: what they bring, until all have ended, nobody reads what is printed,
-/// or Ctrl-C.
+/// The streams of one command, followed until all have ended, the reader of standard output has
+/// gone, or Ctrl-C.
 ///
 /// @threads  Confined.
 class Streams {
  public:
-  /// Made before the first stream begins.
+  /// Must be constructed before the first stream begins.
   explicit Streams(Session& session);
 
   protocol::Started begin(protocol::Request request, std::uint32_t* id = nullptr);
 
   /// Calls `give` with each answer; with null, if none came for a while. Returns when `give`
-  /// returns false, or see above. With `drains`, what was under way at Ctrl-C is still given.
-  /// Without it the thread runs from here on as SCHED_IDLE: on a full machine what is shown gets
-  /// late, or is counted as lost, and the application does not.
+  /// returns false, or see above. With `drains`, answers in flight at Ctrl-C are still given.
+  /// Without it the thread runs from here on as SCHED_IDLE: on an overloaded machine the output is
+  /// delayed, or counted as lost, but the application is not affected.
   void follow(Output& output, const std::function<bool(const protocol::Answer*)>& give,
               bool drains = false);
 
-  /// Ctrl-C came.
+  /// Whether Ctrl-C was pressed.
   [[nodiscard]] bool is_stopped() const { return is_stopped_; }
-  /// As Ctrl-C.
+  /// Same effect as Ctrl-C.
   void stop() { is_stopped_ = true; }
 
  private:
@@ -106,24 +106,23 @@ class Streams {
   const StopSignals stop_signals_;
 };
 
-/// What `message` says as JSON, with the names of the protocol: numbers are numbers, texts that are
-/// JSON (`value_json`) are what they say (`value`); what has no value stands there as well. Schemas
+/// `message` as JSON, with the names of the protocol: numbers are numbers, texts that contain JSON
+/// (`value_json`) are embedded as JSON (`value`), and fields without a value are included. Schemas
 /// are left out.
 [[nodiscard]] Json json_of(const google::protobuf::Message& message);
 
 /// Prints `json`, indented.
 int print_json(const Json& json);
-/// Prints `text`.
 int print_text(const std::string& text);
 /// `json` on one line.
 [[nodiscard]] std::string json_line(const Json& json);
 
-/// The names among `known` that the patterns mean, all without any. One that means nothing is a
-/// mistake, `what` ("topic") says of what.
+/// The names among `known` that match the patterns; all if there are none. A pattern without a
+/// match is an error; `what` ("topic") names the kind.
 [[nodiscard]] std::vector<std::string> choose(const std::vector<std::string>& known,
                                               const std::vector<std::string>& patterns,
                                               const std::string& what);
-/// `name` is one of `known`; else `Failure`.
+/// Throws `Failure` unless `name` is one of `known`.
 void require_known(const std::string& name, const std::vector<std::string>& known,
                    const std::string& what);
 
@@ -131,7 +130,7 @@ void require_known(const std::string& name, const std::vector<std::string>& know
                                                        bool with_services);
 [[nodiscard]] std::vector<std::string> names_of_components(const protocol::Overview& overview);
 
-/// How long the application's timers have been running, in its own time.
+/// How long the application's timers have been running, in the application's time.
 [[nodiscard]] std::uint64_t uptime_ns(const protocol::Overview& overview);
 
 }  // namespace fastcycle::tool::live

@@ -6,7 +6,7 @@
 
 namespace fastcycle::tool::live {
 
-// The words of `fastcycle topic`, each with what it does.
+// The subcommands of `fastcycle topic`.
 Command add_topic_list(CLI::App& group);
 Command add_topic_info(CLI::App& group);
 Command add_topic_echo(CLI::App& group);

@@ -37,7 +37,7 @@ struct RateOptions {
   std::optional<std::uint64_t> count;
 };
 
-/// What is kept of a message.
+/// The recorded facts about a message.
 struct Seen {
   std::int64_t publish_ns = 0;
   std::int64_t age_ns = 0;
@@ -47,7 +47,7 @@ struct Seen {
 /// The messages of the last seconds.
 class Window {
  public:
-  /// So many messages are kept at most, whatever the window says.
+  /// The maximum number of messages kept, whatever the window.
   static constexpr std::size_t kMost = 1'000'000;
 
   explicit Window(std::int64_t length_ns) : length_ns_(length_ns) {}
@@ -136,7 +136,7 @@ double rate_of(const Window& window) {
   return per_second(static_cast<double>(window.seen().size()) - 1.0, window);
 }
 
-// ---- What each of the three says ----
+// ---- Output of the three commands ----
 
 std::string rate_line(const Window& window) {
   const Summary period = summary_of(periods_of(window));
@@ -222,7 +222,7 @@ class RatePrinter {
         window_(parse_duration(options.window)->count()),
         due_(Clock::now() + every_) {}
 
-  /// False once enough was said.
+  /// Returns false when the output is complete.
   bool take(const protocol::Answer* answer) {
     if (answer != nullptr && answer->has_messages()) {
       window_.lose(answer->messages().lost());

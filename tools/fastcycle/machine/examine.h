@@ -6,8 +6,9 @@
 
 namespace fastcycle::tool::machine {
 
-/// `fastcycle doctor` without a file: what this machine allows, how late a thread wakes up on it
-/// now, and what would be better. Measures for `time` each way of waking up. Returns the exit code.
+/// `fastcycle doctor` without a file: examines the limits and settings of this machine, measures
+/// for `time` the wake-up latency of each way of waiting, and recommends improvements. Returns the
+/// exit code.
 int examine(std::chrono::nanoseconds time, bool is_json, Output& output);
 
 }  // namespace fastcycle::tool::machine

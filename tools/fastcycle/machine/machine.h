@@ -7,25 +7,25 @@
 
 namespace fastcycle::tool::machine {
 
-/// `kAdvice` makes latencies better; without what is a `kProblem` real time does not work.
+/// `kAdvice` improves latencies; a `kProblem` prevents real-time operation.
 enum class Level : std::uint8_t { kFine, kAdvice, kProblem };
 
-/// One thing that the machine, or its administrator, decides.
+/// One setting of the machine or its administrator.
 struct Finding {
   std::string name;
   Level level = Level::kFine;
   std::string found;
-  std::string why = {};     ///< What it does to an application; none if all is fine.
+  std::string why = {};     ///< Its effect on an application; empty if all is fine.
   std::string remedy = {};  ///< The command that changes it.
 };
 
-/// What the kernel tells in its files under `root`, which is / but for tests.
+/// Reads the kernel's settings from the files under `root`, which is / except in tests.
 ///
-/// What a machine has no file for, as a virtual one for its frequencies, is said to be fine: there
-/// is nothing to change.
+/// A setting without a file, such as the CPU frequencies of a virtual machine, is reported as fine:
+/// there is nothing to change.
 [[nodiscard]] std::vector<Finding> look_at_kernel(const std::filesystem::path& root);
 
-/// What this process may do: priorities of real time, locked memory, and on how many CPUs it runs.
+/// The limits of this process: real-time priorities, locked memory, and available CPUs.
 [[nodiscard]] std::vector<Finding> look_at_rights();
 
 /// `Intel(R) Xeon(R) Processor, 2 CPUs, 23.5 GiB, Linux 6.1.0 (x86_64)`.

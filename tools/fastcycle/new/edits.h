@@ -17,7 +17,7 @@ namespace fastcycle::tool {
                                     const std::string& call, const std::string& otherwise_before);
 
 /// An application file with one more component, a JSON object, at the end of "components"; layout
-/// and comments stay. None if it has no such list.
+/// and comments are preserved. None if it has no such list.
 [[nodiscard]] std::optional<std::string> with_component(const std::string& application,
                                                         const std::string& component);
 

@@ -1,5 +1,5 @@
-// fastcycle new: begins a project of its own that builds against the installed FastCycle, and adds
-// to it.
+// fastcycle new: creates a separate project that builds against the installed FastCycle, and
+// extends it.
 
 #include <algorithm>
 #include <array>
@@ -33,9 +33,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using Words = std::map<std::string, std::string>;  ///< What stands for each %placeholder%.
+using Words = std::map<std::string, std::string>;  ///< The text for each %placeholder%.
 
-/// What is wrong, in a sentence for the user. Nothing was written.
+/// An error message for the user. Nothing was written.
 class Refusal : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -121,8 +121,8 @@ std::string read(const fs::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// Files beside those that they become, which are left as they are until all is written. What is
-/// not finished is removed.
+/// Temporary files next to their targets, which stay unchanged until all are written. Unfinished
+/// ones are removed.
 class Unfinished {
  public:
   Unfinished() = default;
@@ -247,8 +247,8 @@ std::string call_of_component(const std::string& name, const std::string& packag
          package + "_messages\n                    TESTS components/" + name + "_test.cc)";
 }
 
-/// How `name` is configured: with what cmake has to be told so that it finds this FastCycle, which
-/// is nothing if it does by itself. What was only built is installed first.
+/// The commands that configure a project so that cmake finds this FastCycle. An uninstalled build
+/// is installed first.
 std::string configure_commands() {
   std::error_code error;
   const fs::path prefix = fs::read_symlink("/proc/self/exe", error).parent_path().parent_path();

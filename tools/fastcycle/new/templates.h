@@ -4,7 +4,7 @@
 
 namespace fastcycle::tool {
 
-/// One file of templates/: what `fastcycle new <kind>` writes, with %placeholders% in name and
+/// One file of templates/, which `fastcycle new <kind>` writes, with %placeholders% in path and
 /// text.
 struct Template {
   const char* kind;  ///< "app", "component" or "messages".

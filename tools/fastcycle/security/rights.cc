@@ -37,7 +37,7 @@ void add_param_services(const std::string& node, Rights& rights) {
   }
 }
 
-/// What means something in XML, or to who compares names with patterns.
+/// Whether it has no characters special in XML, or in name patterns.
 bool is_plain(std::string_view name) {
   return name.find_first_of("<>&\"'*?[]\\ \t\r\n") == std::string_view::npos;
 }
@@ -49,7 +49,7 @@ class Entry {
 
   [[nodiscard]] bool has(const char* key) const { return entry_.find(key) != nullptr; }
 
-  /// Empty, and a mistake, if there is none.
+  /// Empty, with an error, if there is none.
   std::string text(const char* key) {
     const Value* const value = entry_.find(key);
     if (value == nullptr || !value->is_string() || value->as_string().empty()) {
@@ -70,7 +70,7 @@ class Entry {
     }
     return name.empty() ? name : with_slash(name);
   }
-  /// None, and a mistake, if it is neither.
+  /// None, with an error, if it is neither.
   std::optional<bool> is_in() {
     const std::string direction = text("direction");
     if (!direction.empty() && direction != "in" && direction != "out") {
@@ -93,7 +93,7 @@ class Entry {
   config::Problems& problems_;
 };
 
-/// The items of the list `key`; none, and a mistake, if it is no list.
+/// The items of the list `key`; none, with an error, if it is not a list.
 std::vector<const Value*> items_of(const Value& params, const char* key,
                                    config::Problems& problems) {
   std::vector<const Value*> items;

@@ -9,24 +9,24 @@
 
 namespace fastcycle::tool {
 
-/// What somebody may do in DDS, by the names of ROS 2.
+/// The rights of a participant in DDS, by the names of ROS 2.
 struct RosRights {
   std::vector<std::string> publish;
   std::vector<std::string> subscribe;
-  std::vector<std::string> serve;  ///< Services that it answers.
-  std::vector<std::string> call;   ///< Services that it asks.
-  std::vector<std::string> nodes;  ///< What each node of ROS 2 has: its log, params, clock.
+  std::vector<std::string> serve;  ///< Services that it provides.
+  std::vector<std::string> call;   ///< Services that it calls.
+  std::vector<std::string> nodes;  ///< Nodes of ROS 2, each with its log, params and clock.
 };
 
-/// What is wrong with the names; empty if nothing is.
+/// An error message; empty if the names are valid.
 [[nodiscard]] std::string mistake_of(const RosRights& rights);
 
-/// Adds them, and what every participant that is a node of ROS 2 needs.
+/// Adds them, and the rights that every participant that is a node of ROS 2 needs.
 ///
-/// @pre  nothing is wrong with the names
+/// @pre  the names are valid
 void add(const RosRights& more, dds_security::Rights& rights);
 
-/// What the gateway needs that `component` is: the topics and services that its params list, each
+/// The rights that the gateway `component` needs: for the topics and services in its params, each
 /// in its direction, in its domain.
 [[nodiscard]] dds_security::Rights rights_of(const config::ComponentDescription& component,
                                              config::Problems& problems);

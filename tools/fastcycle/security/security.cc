@@ -1,4 +1,4 @@
-// fastcycle security: who may take part in DDS, and what each may do there.
+// fastcycle security: the participants in DDS, and their permissions.
 
 #include <cstdint>
 #include <exception>
@@ -87,12 +87,12 @@ const config::ComponentDescription* find_gateway(const config::ApplicationDescri
   return nullptr;
 }
 
-/// None if there are mistakes, which were printed.
+/// None if there are errors, which were printed.
 std::optional<dds_security::Rights> rights_in(const AddOptions& options) {
   if (options.load.file.empty()) {
     return dds_security::Rights{.domain = options.domain, .publish = {}, .subscribe = {}};
   }
-  // Not more than its files is looked at: the gateway itself wants the enclave that is to be made.
+  // Only its files are checked, because the gateway itself requires the enclave to be created.
   config::Problems problems;
   const config::ApplicationDescription application = config::load(options.load, problems);
   if (problems.has_errors()) {

@@ -89,7 +89,7 @@ std::optional<Key> KeyReader::next() {
   if (final == std::string::npos) {
     return std::nullopt;
   }
-  // What follows a semicolon says that Shift or Control was held.
+  // Parameters after a semicolon encode Shift or Control.
   const std::string_view numbers(bytes_.data() + 2, final - 2);
   const Key key{kind_of(numbers.substr(0, numbers.find(';')), bytes_[final]), {}};
   bytes_.erase(0, final + 1);

@@ -10,7 +10,7 @@ namespace fastcycle::tool::top {
 /// One key as it was pressed.
 struct Key {
   enum class Kind : std::uint8_t {
-    kText,  ///< `text` is what it writes.
+    kText,  ///< `text` is the character.
     kEnter,
     kEscape,
     kTab,
@@ -24,7 +24,7 @@ struct Key {
     kPageDown,
     kHome,
     kEnd,
-    kOther,  ///< One that nobody here knows.
+    kOther,  ///< An unknown key.
   };
 
   Kind kind = Kind::kOther;
@@ -33,18 +33,18 @@ struct Key {
   bool operator==(const Key&) const = default;
 };
 
-/// Keys out of the bytes that a terminal sends for them.
+/// Decodes keys from the bytes that a terminal sends.
 ///
 /// @threads  Confined.
 class KeyReader {
  public:
   void add(std::string_view bytes) { bytes_ += bytes; }
 
-  /// The next key that is there as a whole.
+  /// The next complete key.
   [[nodiscard]] std::optional<Key> next();
 
-  /// Whether there is the beginning of a key. The Escape key sends what others begin with: if
-  /// nothing follows for some time, `finish` makes a key of it.
+  /// Whether there is an incomplete key. The Escape key sends the byte that begins other sequences:
+  /// if nothing follows for some time, `finish` decodes it as a key.
   [[nodiscard]] bool is_within_key() const { return !bytes_.empty(); }
   [[nodiscard]] Key finish();
 

@@ -104,8 +104,7 @@ struct Place {
   int width = 0;
 };
 
-/// Numbers get their width. What is left over is given to the texts, as far as they need it, the
-/// first ones first.
+/// Numbers get their width. The rest is distributed to the texts, as far as they need it, in order.
 std::vector<Place> places_of(const Table& table, int width) {
   std::vector<Place> places;
   int left_over = width + 1;

@@ -12,7 +12,7 @@ using inspect::protocol::Overview;
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-/// What lies between two looks at the same run.
+/// The interval between two snapshots of the same run.
 struct Interval {
   double seconds = 0;  ///< 0: there are no rates.
 
@@ -32,7 +32,7 @@ Interval interval_of(const Overview* before, const Overview& now) {
   return {is_same_run ? static_cast<double>(now.monotonic_ns() - before->monotonic_ns()) / 1e9 : 0};
 }
 
-/// What `messages` has, by name.
+/// `messages` by name.
 template <typename Messages>
 auto by_name(const Messages& messages) {
   std::unordered_map<std::string, decltype(&messages.Get(0))> found;

@@ -12,7 +12,7 @@
 
 namespace fastcycle::tool::top {
 
-/// Of durations since the start of the run, in nanoseconds.
+/// Statistics of durations since the start of the run, in nanoseconds.
 struct Times {
   double p50_ns = 0;
   double p99_ns = 0;
@@ -22,10 +22,10 @@ struct Times {
 struct ComponentRow {
   std::string name = {};
   std::string executor = {};
-  std::string process = {};  ///< Empty: that of the tools.
+  std::string process = {};  ///< Empty: the process that serves the tools.
   std::string state = {};
   std::string health = {};
-  std::string remark = {};                 ///< What it says of its health, else its last fault.
+  std::string remark = {};                 ///< Its health message, else its last fault.
   std::optional<double> cpu_percent = {};  ///< Of one CPU, within callbacks. None: not known yet.
   std::optional<double> activations_hz = {};
   std::optional<Times> callback = {};  ///< None: there was none.
@@ -68,13 +68,13 @@ struct TopicRow {
   bool is_service = false;
 };
 
-/// One component on the way of a chain.
+/// One component of a chain.
 struct HopRow {
   std::string component = {};
-  std::string topic = {};  ///< That it publishes; empty: the last one, which publishes none.
-  std::optional<Times> waiting = {};  ///< From the publish before until its callback began.
-  std::optional<Times> running = {};  ///< From there until its publish.
-  std::uint64_t guilty = 0;           ///< Breaches that are due to it.
+  std::string topic = {};             ///< That it publishes; empty: the last hop publishes none.
+  std::optional<Times> waiting = {};  ///< From the previous publish to the begin of its callback.
+  std::optional<Times> running = {};  ///< From there to its own publish.
+  std::uint64_t guilty = 0;           ///< Breaches attributed to it.
 };
 
 /// A latency chain.
@@ -84,16 +84,16 @@ struct ChainRow {
   std::string to = {};
   std::string on_breach = {};
   double deadline_ns = 0;
-  std::optional<Times> age = {};  ///< When it was judged.
+  std::optional<Times> age = {};  ///< At the time of the check.
   std::uint64_t count = 0;
   std::uint64_t breaches = 0;
   std::uint64_t dropped = 0;
   std::optional<double> breaches_hz = {};
-  std::string guilty = {};  ///< The hop that most breaches are due to, in words; empty: none.
+  std::string guilty = {};  ///< The hop with the most breaches, in words; empty: none.
   std::vector<HopRow> hops = {};
 };
 
-/// All that is shown of an application at one moment: plain values.
+/// All that is shown of an application at one moment, as plain values.
 ///
 /// @threads  Compatible.
 struct Model {
@@ -109,23 +109,24 @@ struct Model {
   std::optional<double> messages_hz = {};
   std::uint64_t dropped = 0;
   std::uint64_t faults = 0;
-  std::optional<double> interval_s = {};  ///< That the rates are of.
+  std::optional<double> interval_s = {};  ///< The interval that the rates cover.
   std::vector<ComponentRow> components = {};
   std::vector<TopicRow> topics = {};
   std::vector<ChainRow> chains = {};
 };
 
-/// What an application says when it is asked.
+/// The answers of an application to one query.
 struct Snapshot {
   inspect::protocol::Overview overview = {};
   std::string chains = {};  ///< Its document of that name; empty if it has none.
 };
 
-/// What `now` says. Rates come from what grew since `before`; there are none without it, and none
-/// of what was counted anew in between (a component made anew, an application started again).
+/// The model of `now`. Rates are computed from the growth since `before`; without it there are
+/// none, nor for counters that restarted in between (a component reconstructed, an application
+/// restarted).
 [[nodiscard]] Model model_of(const Snapshot* before, const Snapshot& now);
 
-/// The model as one document; docs/reference/top.md says what each key means.
+/// The model as one document; docs/reference/top.md describes each key.
 [[nodiscard]] nlohmann::ordered_json to_json(const Model& model);
 
 }  // namespace fastcycle::tool::top

@@ -35,7 +35,7 @@ const char* sequence_of(Tone tone, bool has_colours) {
   return "\x1b[0m";
 }
 
-/// What comes close to `glyph` in ASCII, in as many columns.
+/// A similar ASCII text for `glyph`, of the same width.
 std::string plain_of(const Screen::Cell& cell, bool is_wide) {
   const std::string& glyph = cell.glyph;
   if (glyph.empty() || static_cast<unsigned char>(glyph.front()) < 0x80) {

@@ -7,20 +7,20 @@
 
 namespace fastcycle::tool::top {
 
-/// How a piece of text is meant; the terminal decides how it looks.
+/// The role of a piece of text; the terminal decides how it looks.
 enum class Tone : std::uint8_t {
   kPlain,
   kQuiet,   ///< Less important than the rest.
-  kStrong,  ///< What one looks for first.
+  kStrong,  ///< What to look at first.
   kGood,
   kWarning,
   kBad,
-  kBar,        ///< On a bar of its own: column titles, the keys below.
-  kBarStrong,  ///< What is chosen on that bar.
-  kSelected,   ///< The row that was chosen.
+  kBar,        ///< A bar of its own: column titles, the keys below.
+  kBarStrong,  ///< The selected item of that bar.
+  kSelected,   ///< The selected row.
 };
 
-/// What a terminal of some size shows: a grid of cells, nothing else.
+/// The contents of a terminal of some size: a grid of cells.
 ///
 /// @threads  Compatible.
 class Screen {
@@ -38,11 +38,11 @@ class Screen {
   [[nodiscard]] int height() const { return height_; }
   [[nodiscard]] const Cell& at(int column, int row) const;
 
-  /// Writes `text`; what is outside of the screen is left out. Returns the column after it.
+  /// Writes `text`, clipped to the screen. Returns the column after it.
   int put(int column, int row, std::string_view text, Tone tone = Tone::kPlain);
   /// The same with its end before column `end`.
   void put_right(int end, int row, std::string_view text, Tone tone = Tone::kPlain);
-  /// Gives a whole row `tone`; where a cell has one already, that stays.
+  /// Sets the tone of a whole row, except for cells that already have one.
   void fill(int row, Tone tone);
 
   /// The text of one row, without the blanks at its end.
@@ -52,7 +52,7 @@ class Screen {
 
  private:
   [[nodiscard]] Cell& cell(int column, int row);
-  /// Of a wide character that is overwritten on one side the other side becomes blank.
+  /// Blanks the other half of a wide character that is overwritten on one side.
   void clear(int column, int row);
 
   int width_;
@@ -60,15 +60,15 @@ class Screen {
   std::vector<Cell> cells_;
 };
 
-/// How a terminal shows what a screen says.
+/// How a terminal displays a screen.
 struct Look {
   bool has_colours = true;
-  bool is_utf8 = true;  ///< Else what is not ASCII becomes `?`, or what comes close to it.
+  bool is_utf8 = true;  ///< Else non-ASCII characters become `?`, or a similar ASCII character.
 };
 
-/// What a terminal that shows `before` must get to show `now`; all of it, if the sizes differ.
+/// The output that updates a terminal from `before` to `now`; all of `now`, if the sizes differ.
 [[nodiscard]] std::string difference(const Screen& before, const Screen& now, const Look& look);
-/// What a terminal must get to show `now`, whatever it shows.
+/// The output that draws `now` on a terminal in any state.
 [[nodiscard]] std::string whole(const Screen& now, const Look& look);
 
 }  // namespace fastcycle::tool::top

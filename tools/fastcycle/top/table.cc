@@ -220,7 +220,7 @@ void sort_by(Table& table, std::size_t column, bool is_reversed) {
   std::ranges::sort(order, [&](std::size_t a, std::size_t b) {
     const Line& first = table.lines[is_reversed ? b : a];
     const Line& second = table.lines[is_reversed ? a : b];
-    // What is alike stays in its order.
+    // Equal lines keep their order.
     return comes_first(first, second) || (!comes_first(second, first) && a < b);
   });
   std::vector<Line> lines;

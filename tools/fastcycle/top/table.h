@@ -9,12 +9,12 @@
 
 namespace fastcycle::tool::top {
 
-/// What is known of one column.
+/// Title and format of one column.
 struct Heading {
   const char* title = "";
   const char* meaning = "";  ///< For the help.
-  int width = 0;             ///< Of its numbers; the least of a text, which gets what is left.
-  /// The columns with the largest rank go first where the screen is narrow; those with rank 0 stay.
+  int width = 0;             ///< Of its numbers; the minimum of a text, which gets the rest.
+  /// On a narrow screen the columns with the largest rank are dropped first; rank 0 always stays.
   int rank = 0;
   bool is_text = false;
 };
@@ -40,14 +40,14 @@ struct Table {
 [[nodiscard]] Table topic_table(const Model& model);
 [[nodiscard]] Table chain_table(const Model& model);
 
-/// Keeps the lines whose name or other text contains `filter`, capital or not.
+/// Keeps the lines whose name or other text contains `filter`, ignoring case.
 void keep_matching(Table& table, const std::string& filter);
 
-/// Sorts by a column: texts from A to Z, numbers from the largest on, or the other way round. What
-/// is equal stays in the model's order.
+/// Sorts by a column: texts from A to Z, numbers in descending order, or the reverse. Equal lines
+/// keep the model's order.
 void sort_by(Table& table, std::size_t column, bool is_reversed);
 
-/// The columns that a screen of `width` has room for, in their order.
+/// The columns that fit a screen of `width`, in their order.
 [[nodiscard]] std::vector<std::size_t> columns_that_fit(const Table& table, int width);
 
 }  // namespace fastcycle::tool::top

@@ -19,16 +19,16 @@ using std::chrono::milliseconds;
 constexpr const char* kTake = "\x1b[?1049h\x1b[?25l\x1b[?7l";
 constexpr const char* kGiveBack = "\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l";
 
-/// What follows Escape within this time belongs to it: another key sends it.
+/// Bytes that follow Escape within this time belong to its sequence; otherwise it is a key.
 constexpr milliseconds kEscapeTime{50};
 
-volatile std::sig_atomic_t has_ending = 0;  // A signal that asks for the end came.
+volatile std::sig_atomic_t has_ending = 0;  // A signal that requests the end was received.
 
 void note_ending(int) {
   has_ending = 1;
 }
 
-void note_nothing(int) {}  // The wait is over, that is all.
+void note_nothing(int) {}  // It only ends the wait.
 
 constexpr std::array kEndings{SIGINT, SIGTERM, SIGHUP};
 
@@ -148,7 +148,7 @@ void Terminal::read_keys(std::vector<Key>& keys) {
 
 Terminal::Event Terminal::wait(int descriptor, milliseconds patience) {
   Event event;
-  // Who is in the background must not read: that would stop the process.
+  // A background process must not read: that would stop it.
   const bool can_read = TerminalModes::are_taken() && TerminalModes::are_in_foreground();
   std::array<pollfd, 2> files{{{can_read ? STDIN_FILENO : -1, POLLIN, 0}, {descriptor, POLLIN, 0}}};
   const timespec time{patience.count() / 1000, (patience.count() % 1000) * 1'000'000};

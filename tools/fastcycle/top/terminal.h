@@ -17,20 +17,21 @@ struct TerminalSize {
   int height = 24;
 };
 
-/// How big the terminal at standard output is; 80 × 24 if it does not say.
+/// The size of the terminal at standard output; 80 × 24 if it is unknown.
 [[nodiscard]] TerminalSize terminal_size();
 
-/// How standard output shows a screen, by the environment: NO_COLOR, TERM, LC_ALL, LC_CTYPE, LANG.
+/// How standard output displays a screen, from the environment: NO_COLOR, TERM, LC_ALL, LC_CTYPE,
+/// LANG.
 [[nodiscard]] Look look_of_environment();
 
-/// The whole terminal, with what was on it put aside: it is there again when this is gone, on every
-/// way out.
+/// Takes over the whole terminal. Its previous contents are restored on destruction, on every way
+/// out.
 ///
-/// @threads  Confined to the thread that made it. Signals that concern it are blocked in that
-///           thread and in those that it makes afterwards, and come while `wait` waits.
+/// @threads  Confined to the thread that constructed it. Its signals are blocked in that thread and
+///           in those that it creates afterwards, and are delivered while `wait` waits.
 class Terminal {
  public:
-  /// Whether both standard input and output are a terminal that can show more than lines.
+  /// Whether standard input and output are both a terminal with cursor control.
   [[nodiscard]] static bool is_there();
 
   explicit Terminal(const Look& look);
@@ -38,15 +39,15 @@ class Terminal {
   Terminal& operator=(const Terminal&) = delete;
   ~Terminal();
 
-  /// Shows `screen`: writes what differs from the one before.
+  /// Shows `screen`: writes only what differs from the previous one.
   void show(const Screen& screen);
 
-  /// What came while one waited.
+  /// Events that occurred during `wait`.
   struct Event {
     std::vector<Key> keys = {};
-    bool is_over = false;  ///< A signal asks for the end, or the terminal is gone.
+    bool is_over = false;  ///< A signal requests the end, or the terminal is gone.
   };
-  /// Waits for keys, for another size, for `descriptor` to be readable, and at most for `patience`.
+  /// Waits for keys, a size change, or `descriptor` to become readable, for at most `patience`.
   [[nodiscard]] Event wait(int descriptor, std::chrono::milliseconds patience);
 
  private:

@@ -19,7 +19,7 @@ struct Range {
   char32_t last;
 };
 
-// What is written onto the character before it: the common blocks of Unicode 15.
+// Combining marks: the common blocks of Unicode 15.
 constexpr std::array kMarks{
     Range{0x0300, 0x036f},  Range{0x0483, 0x0489}, Range{0x0591, 0x05bd}, Range{0x0610, 0x061a},
     Range{0x064b, 0x065f},  Range{0x0900, 0x0902}, Range{0x093c, 0x093c}, Range{0x0941, 0x0948},
@@ -28,7 +28,7 @@ constexpr std::array kMarks{
     Range{0x3099, 0x309a},  Range{0xfe00, 0xfe0f}, Range{0xfe20, 0xfe2f}, Range{0x1f3fb, 0x1f3ff},
     Range{0xe0100, 0xe01ef}};
 
-// What takes two columns (East Asian Width W and F, and emoji).
+// Wide characters (East Asian Width W and F, and emoji).
 constexpr std::array kWide{
     Range{0x1100, 0x115f},   Range{0x231a, 0x231b},   Range{0x2e80, 0x303e},
     Range{0x3041, 0x33ff},   Range{0x3400, 0x4dbf},   Range{0x4e00, 0x9fff},
@@ -38,7 +38,7 @@ constexpr std::array kWide{
     Range{0x1f680, 0x1f6ff}, Range{0x1f900, 0x1f9ff}, Range{0x1fa70, 0x1faff},
     Range{0x20000, 0x3fffd}};
 
-// What is printable, and drawn in no known number of columns.
+// Printable characters of unknown width.
 constexpr std::array kUndrawn{Range{0x200c, 0x200c}, Range{0xe000, 0xf8ff}};
 
 template <std::size_t kSize>
@@ -104,7 +104,7 @@ int width_of(std::string_view text) {
 std::string shortened(std::string_view text, int width) {
   const std::vector<Glyph> glyphs = glyphs_of(text);
   int total = 0;
-  std::size_t fitting = 0;  // What leaves room for the mark.
+  std::size_t fitting = 0;  // The part that leaves room for the mark.
   for (std::size_t i = 0; i < glyphs.size(); ++i) {
     total += glyphs[i].width;
     fitting = total < width ? i + 1 : fitting;

@@ -8,25 +8,25 @@
 
 namespace fastcycle::tool::top {
 
-/// One character as a terminal shows it, with the accents that belong to it.
+/// One character as a terminal shows it, with its combining marks.
 struct Glyph {
   std::string bytes;  ///< UTF-8.
   int width = 1;      ///< Columns: 1, or 2 for wide characters.
 };
 
-/// The characters of `text`. What a terminal must not get (control characters, bytes that are no
-/// UTF-8, marks that change the direction of writing) is shown as `?`.
+/// The characters of `text`. Those unsafe for a terminal (control characters, invalid UTF-8, marks
+/// that change the writing direction) are shown as `?`.
 [[nodiscard]] std::vector<Glyph> glyphs_of(std::string_view text);
 
-/// How many columns of a terminal `text` takes.
+/// The number of terminal columns that `text` takes.
 [[nodiscard]] int width_of(std::string_view text);
 
-/// `text` in at most `width` columns: of what is longer the end is left out, and `…` says so.
+/// `text` in at most `width` columns: a longer one is cut at its end and marked with `…`.
 [[nodiscard]] std::string shortened(std::string_view text, int width);
-/// The same for names of many parts, whose end tells them apart: the middle is left out.
+/// The same for names of many parts, which differ at their end: the middle is left out.
 [[nodiscard]] std::string shortened_name(std::string_view name, int width);
 
-// Numbers for people, in at most six columns.
+// Numbers for display, in at most six columns.
 
 /// `123ns`, `12.3µs`, `1.23ms`, `45.6s`, `12.3m`, `1.2h`
 [[nodiscard]] std::string time_text(double ns);
@@ -39,7 +39,7 @@ struct Glyph {
 /// `0.1`, `12.3`, `456`
 [[nodiscard]] std::string percent_text(double percent);
 
-/// `1:02:03`, and `2d 1:02:03` from a day on.
+/// `1:02:03`, and `2d 1:02:03` for a day or more.
 [[nodiscard]] std::string clock_text(double seconds);
 
 }  // namespace fastcycle::tool::top

@@ -39,10 +39,10 @@ struct TopOptions {
   bool is_json = false;
 };
 
-/// What an application says, and what follows from what it said before.
+/// The snapshots of an application, and values derived from successive ones.
 class History {
  public:
-  /// Takes what it says now.
+  /// Adds a new snapshot.
   void add(top::Snapshot snapshot) {
     if (newest_) {
       before_ = std::move(newest_);
@@ -72,7 +72,7 @@ int show_once(inspect::Client& client, milliseconds interval, bool is_json) {
   return flush_output();
 }
 
-/// What is wrong with the connection now, for the screen; empty: nothing.
+/// The current problem of the connection, for display; empty: none.
 std::string notice_of(const top::Watch& watch, milliseconds interval) {
   const auto silence = top::Watch::Clock::now() - watch.heard();
   return silence < interval + 2s

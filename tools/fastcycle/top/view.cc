@@ -94,7 +94,7 @@ void show_details(View& view, const Model& model) {
   view.scrolled = 0;
 }
 
-/// What letters and signs do. False: the end.
+/// Handles letters and signs. Returns false to quit.
 bool press_text(View& view, const std::string& text, const Model& model, int width, int height) {
   if (text == "q" || text == "Q") {
     return false;

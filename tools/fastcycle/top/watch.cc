@@ -54,7 +54,7 @@ Watch::~Watch() {
     is_over_ = true;
     changed_.notify_all();
   }
-  shutdown(client_->descriptor(), SHUT_RDWR);  // Whoever waits for an answer gets the end.
+  shutdown(client_->descriptor(), SHUT_RDWR);  // Ends a pending wait for an answer.
   thread_.join();
   close(news_);
 }

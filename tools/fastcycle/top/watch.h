@@ -13,13 +13,13 @@
 
 namespace fastcycle::tool::top {
 
-/// Asks a running application how it is.
+/// Queries the state of a running application.
 ///
 /// @errors  As `inspect::Client`.
 [[nodiscard]] Snapshot snapshot_of(inspect::Client& client);
 
-/// Asks a running application how it is, again and again, on a thread of its own: however long the
-/// answer takes, keys are answered.
+/// Queries the state of a running application periodically, on its own thread, so that slow answers
+/// do not delay the keys.
 ///
 /// @threads  Confined to its owner.
 class Watch {
@@ -31,7 +31,7 @@ class Watch {
   Watch& operator=(const Watch&) = delete;
   ~Watch();
 
-  /// Readable when there is something new.
+  /// Readable when there is news.
   [[nodiscard]] int descriptor() const { return news_; }
 
   struct News {
@@ -39,10 +39,10 @@ class Watch {
     std::optional<std::string> end =
         {};  ///< Why there will be no more; empty: no more application.
   };
-  /// What came since the last call.
+  /// The news since the last call.
   [[nodiscard]] News take();
 
-  /// When the last answer came.
+  /// When the last answer arrived.
   [[nodiscard]] Clock::time_point heard() const;
 
  private:
