@@ -12,39 +12,39 @@
 
 namespace fastcycle {
 
-/// What an author may say of one action server.
+/// Options of one action server.
 struct ActionServerOptions {
-  /// Goals at once; one more is answered `kBusy`.
+  /// Goals that may be open at once; one more is answered `kBusy`.
   std::size_t max_goals = 8;
-  /// Called with `ServerGoal::number` when a goal shall end. With it, the component says when and
-  /// how: by `cancelled`, or by another result; if nobody waits for the result any more, it is told
-  /// as well, and the goal is closed already. Without it, such a goal is cancelled at once.
+  /// Called with `ServerGoal::number` when a goal shall end. If set, the component ends the goal
+  /// itself: by `cancelled`, or by another result; it is also called if the client waits no more,
+  /// when the goal is already closed. If not set, such a goal is cancelled at once.
   std::function<void(std::uint64_t number)> on_cancel = {};
 };
 
-/// A goal that a server works on, and owes the result of: kept while it is worked on, over as many
-/// activations as that takes. One that is destroyed without a result ends as `kUnanswered`.
+/// A goal that a server works on, kept over as many activations as that takes. One that is
+/// destroyed without a result ends as `kUnanswered`.
 ///
 /// @threads  Confined to its component's activations.
 /// @realtime Lending and publishing allocate nothing after warm-up.
 template <Message Feedback, Message Result>
 class ServerGoal {
  public:
-  /// Made by FastCycle, for the callback that brings the goal.
+  /// Constructed by FastCycle, for the callback that receives the goal.
   explicit ServerGoal(const detail::Ticket& ticket) : responder_(ticket) {}
 
-  /// Tells the server's goals apart.
+  /// Identifies the goal within its server.
   [[nodiscard]] std::uint64_t number() const noexcept { return responder_.ticket().serial; }
-  /// False once it has ended: by a result, or since nobody waits for it any more.
+  /// False once it has ended: by a result, or because the client waits no more.
   [[nodiscard]] bool is_active() const noexcept { return responder_.is_open(); }
-  /// Whether it shall end: there is nothing more to do, but to say `cancelled`.
+  /// Whether it shall end: only `cancelled` remains to be called.
   [[nodiscard]] bool is_cancelled() const noexcept {
     return detail::is_cancelling(responder_.ticket());
   }
-  /// Until when the client waits, if it said so.
+  /// The client's deadline, if it has one.
   [[nodiscard]] std::optional<Time> deadline() const noexcept { return responder_.deadline(); }
 
-  /// Refuses the goal. @pre It was not kept: in the callback that brought it.
+  /// Rejects the goal. @pre Called in the callback that received it.
   void reject(std::string_view reason) { responder_.reject(reason); }
 
   /// An empty feedback to fill in, also if the goal has ended.
@@ -52,7 +52,7 @@ class ServerGoal {
     FASTCYCLE_ASSERT(ticket().server != nullptr, "a goal that was moved from is none");
     return detail::LoanAccess::make<Feedback>(detail::feedback_publisher(responder_.ticket()));
   }
-  /// Tells the client how far it is. Nothing, if the goal has ended.
+  /// Reports progress to the client. Does nothing if the goal has ended.
   void publish(Loan<Feedback> feedback) {
     detail::PublisherCore* lender = detail::LoanAccess::lender(feedback);
     detail::publish_feedback(responder_.ticket(), detail::LoanAccess::take(feedback), lender);
@@ -60,21 +60,21 @@ class ServerGoal {
 
   /// An empty result to fill in, also if the goal has ended.
   [[nodiscard]] Loan<Result> loan() const { return responder_.loan(); }
-  /// Ends the goal: it is reached. These do nothing, but count it, if it has ended already.
+  /// Ends the goal as reached. If it has ended already, this and the next ones only count the call.
   void succeed(Loan<Result> result) { end(CallStatus::kOk, {}, std::move(result)); }
-  /// As the other one, with a copy of `result`.
+  /// As above, with a copy of `result`.
   void succeed(const Result& result) { responder_.answer(result); }
-  /// Ends it: it cannot be reached.
+  /// Ends the goal as unreachable.
   void abort(std::string_view reason, Loan<Result> result) {
     end(CallStatus::kAborted, reason, std::move(result));
   }
-  /// As the other one, with an empty result.
+  /// As above, with an empty result.
   void abort(std::string_view reason) {
     detail::answer(responder_.ticket(), CallStatus::kAborted, reason, nullptr, nullptr);
   }
-  /// Ends it, as the client wanted; the result says what was reached until then.
+  /// Ends the goal as cancelled by the client, with a partial result.
   void cancelled(Loan<Result> result) { end(CallStatus::kCancelled, {}, std::move(result)); }
-  /// As the other one, with an empty result.
+  /// As above, with an empty result.
   void cancelled() {
     detail::answer(responder_.ticket(), CallStatus::kCancelled, {}, nullptr, nullptr);
   }
@@ -91,16 +91,16 @@ class ServerGoal {
   Responder<Result> responder_;
 };
 
-/// What a client may say of one goal.
+/// Options of one goal.
 template <Message Feedback>
 struct GoalOptions {
-  CallOptions call = {};                   ///< Its deadline, and so on.
+  CallOptions call = {};                   ///< Deadline and other options of the call.
   std::function<void()> on_accepted = {};  ///< At most once, before any feedback.
   /// Called with each feedback, in order.
   std::function<void(const Feedback& feedback)> on_feedback = {};
 };
 
-/// Sends goals to an action: what takes long, tells on the way how far it is, and can be stopped.
+/// Sends goals to an action: a long-running call with feedback that can be cancelled.
 ///
 ///     auto goal = parker_.loan();
 ///     parking_ = parker_.send(std::move(goal), {.on_feedback = [this](const Progress& p) {…}},
@@ -108,14 +108,14 @@ struct GoalOptions {
 ///     …
 ///     parking_.cancel();
 ///
-/// Every goal ends in exactly one result, as every call in one reply. `Call::cancel` asks the
-/// server to stop: the result says whether it did (`kCancelled`), or was faster.
+/// Every goal ends in exactly one result, as every call in one reply. `Call::cancel` requests the
+/// server to stop: the result states whether it did (`kCancelled`), or had finished before.
 ///
 /// @threads  Confined to its component's activations.
 template <Message Goal, Message Feedback, Message Result>
 class ActionClient {
  public:
-  /// Made by `Context::create_action_client`.
+  /// Constructed by `Context::create_action_client`.
   explicit ActionClient(detail::ClientCore& core) : core_(&core) {}
 
   /// Borrows an empty goal to fill in.

@@ -34,7 +34,7 @@
 namespace fastcycle {
 
 struct SynchronizerOptions;
-// Of service.h and action.h.
+// Defined in service.h and action.h.
 template <Message Request, Message T>
 class Client;
 struct ClientOptions;
@@ -43,34 +43,35 @@ template <Message Goal, Message Feedback, Message Result>
 class ActionClient;
 struct ActionServerOptions;
 
-/// How well a component thinks that it does its work.
+/// A component's own assessment of its health.
 enum class Health : std::uint8_t { kOk, kDegraded, kFailed };
 
-/// One result that a component reports of a run.
+/// The value of one result that a component reports.
 using ReportValue = std::variant<bool, std::int64_t, double, std::string>;
 
-/// The generator behind `Component::random`: seeded from the names of application and component, so
-/// that each run draws the same numbers.
+/// The generator behind `Component::random`, seeded from the application's and the component's
+/// name: every run draws the same numbers.
 using Random = std::mt19937_64;
 
-/// What an author may say of one publisher. How many messages may wait is said where they wait: by
-/// each subscriber's `depth` (`SubscriberOptions`, or `"subscribers"` in the application file).
+/// Options of one publisher. The queue length is an option of each subscriber: `depth`
+/// (`SubscriberOptions`, or `"subscribers"` in the application file).
 template <Message T>
 struct PublisherOptions {
-  /// Sizes every message of the pool when the topic is connected, so that the first publishes fault
-  /// no page and allocate nothing. Only its capacity counts: what is lent by `loan` is empty.
+  /// Presizes every message of the pool when the topic is connected, so that the first publishes
+  /// cause no page fault and no allocation. Only its capacity is used: `loan` returns empty
+  /// messages.
   std::optional<T> prototype = {};
-  /// Longest time between two messages that this publisher promises: each time that it is over is
-  /// an event of its own component, and counted.
+  /// Longest time between two messages that this publisher promises. Each violation is counted and
+  /// reported as an event to its own component.
   std::optional<Duration> deadline = {};
   /// Called with the events of this publisher.
   QosCallback on_event = {};
-  /// For a source that must lose nothing: so many messages may be on their way to each subscriber,
-  /// and `credits()` of the publisher says how many more. At most the `depth` of any subscriber; 0
-  /// for none. What the application file says under `"topics"` stands above it.
+  /// Flow control for a source that must lose nothing: the number of messages that may be queued at
+  /// each subscriber; `credits()` returns how many more may be published. At most the smallest
+  /// `depth` of the subscribers; 0 disables it. `"topics"` in the application file overrides it.
   std::size_t credits = 0;
-  /// Called, by cause `event`, when there are credits again, after `credits()` had told of the last
-  /// one and it was used. Not for external publishers, which wait for theirs.
+  /// Called, with the cause `event`, when credits are available again after they were used up. Not
+  /// for external publishers, which wait in `wait_for_credit`.
   std::function<void()> on_credits = {};
 };
 
@@ -78,11 +79,11 @@ namespace detail {
 
 class ComponentCore;
 
-/// The payload is given beside its envelope, which need not be read for it.
+/// The payload is passed with its envelope, so that the envelope need not be read for it.
 using EnvelopeCallback = std::function<void(Envelope&, const google::protobuf::Message&)>;
 using TickCallback = std::function<void(const Tick&)>;
 
-/// The place of a parameter, with its value; that of a component which is made anew keeps it.
+/// The slot of a parameter, with its value; a component that is constructed again keeps its slots.
 ParamSlot& declare_param(ComponentCore& core, std::unique_ptr<ParamSlot> slot);
 void set_on_change(ComponentCore& core, const ParamSlot& slot, std::function<void()> callback);
 PublisherCore& create_publisher(ComponentCore& core, std::string_view topic,
@@ -98,12 +99,12 @@ Holder holder_of(const Subscription& subscription) noexcept;
 View& create_view(ComponentCore& core, std::string_view topic,
                   const google::protobuf::Message& default_instance, std::size_t depth,
                   std::optional<Duration> span);
-/// Looks after the deadline that the code, or the application file, gives to `publisher`.
+/// Monitors the deadline that the code, or the application file, sets for `publisher`.
 void watch_publisher(ComponentCore& core, PublisherCore& publisher, std::string_view topic,
                      std::optional<Duration> deadline, const QosCallback& on_event);
 TimerCore& create_timer(ComponentCore& core, const TimerOptions& options, TickCallback callback);
 
-/// Gives `publisher` its credit window, if it is to have one.
+/// Sets the credit window of `publisher`, if it has one.
 void use_credits(ComponentCore& core, PublisherCore& publisher, std::size_t window,
                  std::function<void()> on_credits);
 
@@ -120,16 +121,16 @@ TickCallback tick_callback(F callback) {
 
 namespace detail {
 
-/// What `Component::observe` may give.
+/// The types that `Component::observe` may return.
 template <typename T>
 concept Observable = std::same_as<T, std::string> || Message<T> || std::is_trivially_copyable_v<T>;
 
-/// What the recorded activation observed under this name, where it is executed again; else none.
-/// Throws what that threw, as a `std::runtime_error`.
+/// In a replay, the value that the recorded activation observed under this name; else none.
+/// Rethrows a recorded exception as a `std::runtime_error`.
 [[nodiscard]] std::optional<std::string> take_observed(ComponentCore& core, std::string_view name);
-/// Keeps it if the run is recorded.
+/// Records the value if the run is recorded.
 void keep_observed(ComponentCore& core, std::string_view name, std::string_view bytes);
-/// The same of the exception that is being handled.
+/// The same for the exception that is being handled.
 void keep_failed_observation(ComponentCore& core, std::string_view name);
 
 template <Observable T>
@@ -160,42 +161,41 @@ T from_observed(const std::string& bytes) {
 
 }  // namespace detail
 
-/// What may be called back with a message: `f(const T&)`, or `f(const Sample<T>&)` to see its info
-/// or to keep it. Not `f(T)`, which would copy each message.
+/// A callback for messages: `f(const T&)`, or `f(const Sample<T>&)` to see its info or to keep it.
+/// Not `f(T)`, which would copy each message.
 template <typename F, typename T>
 concept MessageCallback = std::invocable<F&, const T&> || std::invocable<F&, const Sample<T>&>;
 
-/// What may be called back by a timer: `f()` or `f(const Tick&)`.
+/// A callback for timers: `f()` or `f(const Tick&)`.
 template <typename F>
 concept TimerCallback = std::invocable<F&> || std::invocable<F&, const Tick&>;
 
-/// What may be called back when a parameter was changed: `f(const T&)` with the new value, or
-/// `f()`.
+/// A callback for changes of a parameter: `f(const T&)` with the new value, or `f()`.
 template <typename F, typename T>
 concept ParamCallback = std::invocable<F&, const T&> || std::invocable<F&>;
 
-/// A promise that input will come. The run ends by itself when every source of the application has
-/// finished; an application without sources runs until it is stopped.
+/// Declares that a component produces input until it calls `finish`. The run ends when every source
+/// of the application has finished; an application without sources runs until it is stopped.
 ///
 /// @threads  Safe.
 class Source {
  public:
-  /// Made by `Context::create_source`.
+  /// Constructed by `Context::create_source`.
   explicit Source(detail::ComponentCore& core) : core_(&core) {}
 
-  /// Says that this component has no more input. A second call does nothing.
+  /// Reports that this component has no more input. A second call does nothing.
   void finish();
 
  private:
   detail::ComponentCore* core_;
 };
 
-/// Keeps simulated time from advancing while it lives: for threads that publish from outside.
+/// Keeps simulated time from advancing while it exists: for threads that publish from outside.
 ///
-/// @threads  Safe to hold and to let go on any thread.
+/// @threads  Safe to hold and to destroy on any thread.
 class TimeHold {
  public:
-  /// Made by `Context::hold_time`.
+  /// Constructed by `Context::hold_time`.
   explicit TimeHold(detail::ComponentCore& core);
   /// Takes the hold over.
   TimeHold(TimeHold&& other) noexcept : core_(std::exchange(other.core_, nullptr)) {}
@@ -208,64 +208,64 @@ class TimeHold {
   detail::ComponentCore* core_;
 };
 
-/// What a component is given when it is made: here it declares its parameters, topics and timers.
+/// The interface through which a component declares its parameters, topics and timers.
 ///
-/// Everything is declared in the constructor; mistakes (a missing parameter, a wrong type, a topic
+/// Everything is declared in the constructor; errors (a missing parameter, a wrong type, a topic
 /// with two types) are collected, and the application does not start. Subscriptions may also be
-/// made later, in an activation of the component.
+/// created later, in an activation of the component.
 ///
 /// @threads  Confined to its component: its constructor and its activations.
 /// @realtime Allocates: not for use on a hot path.
 class Context {
  public:
-  /// Made by FastCycle, which gives it to the constructor of the component.
+  /// Constructed by FastCycle, which passes it to the component's constructor.
   explicit Context(detail::ComponentCore& core) : core_(core) {}
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
   /// The component's name in the application, with its namespace: "front/limiter".
   [[nodiscard]] const std::string& component_name() const;
-  /// The application's name, as its file has it.
+  /// The application's name, from its file.
   [[nodiscard]] const std::string& application_name() const;
 
-  /// Declares the parameter `name` (dots reach into objects: "limits.jerk") and gives its
-  /// configured value, else the value of the same name in `"shared_params"`, else its fallback.
+  /// Declares the parameter `name` (dots reach into objects: "limits.jerk"). Its value is the
+  /// configured one, else that of the same name in `"shared_params"`, else the fallback.
   ///
-  /// @errors  A missing value, a wrong type or one out of range is a start-up mistake; what is
-  ///          returned then is the fallback, or an empty value.
+  /// @errors  A missing value, a wrong type or a value out of range is a start-up error; the
+  ///          parameter then has its fallback, or an empty value.
   template <ParamType T>
   [[nodiscard]] Param<T> param(std::string_view name, ParamOptions<T> options = {});
 
   /// Calls `callback` when `param`, which is tunable, was changed at run time: in the activation
-  /// that put the new value in place, after all other changes of that transaction. What it throws
+  /// that applies the new value, after all other changes of that transaction. An exception from it
   /// is a fault of the component. Not called before `start`; one callback per parameter.
   template <ParamType T, ParamCallback<T> F>
   void on_change(const Param<T>& param, F callback);
 
-  /// Has `check` look at the parameters together: at the configured values once the constructor is
-  /// through, and at each transaction before it is made. What it refuses is a mistake like one of
+  /// Registers `check` to validate the parameters together: the configured values after the
+  /// constructor, and each transaction before it is applied. A rejection is an error like one of
   /// type or range, and nothing is changed.
   ///
-  /// @threads  `check` runs on whatever thread asks for a change, while others wait: it sees only
-  ///           what it is given, and must not touch the component.
+  /// @threads  `check` runs on the thread that requests a change, while others wait: it may use
+  ///           only its argument, and must not touch the component.
   void check_params(ParamCheck check);
 
-  /// Asks for a transaction over parameters of any components: all values are checked first, and
-  /// all are changed, or none. Each component puts its new values in place between two of its
+  /// Requests a transaction over parameters of any components: all values are checked first, and
+  /// all are changed, or none. Each component applies its new values between two of its
   /// activations; with simulated time all of them do so in the next round. `done`, if given, is an
-  /// activation of this component, with the cause `parameter`, and tells what became of it.
+  /// activation of this component, with the cause `parameter`, and receives the result.
   ///
   /// @pre  Called in an activation.
   void change_params(std::vector<ParamChange> changes,
                      std::function<void(const ParamsResult&)> done = {});
 
   /// Declares that the component publishes on `topic`. Topic names in code are relative:
-  /// `"namespace"` and `"remap"` of the component place them.
+  /// `"namespace"` and `"remap"` of the component resolve them.
   template <Message T>
   [[nodiscard]] Publisher<T> create_publisher(std::string_view topic,
                                               const PublisherOptions<T>& options = {});
 
-  /// Declares that a thread which is not FastCycle's publishes on `topic`.
+  /// Declares that a thread outside of FastCycle publishes on `topic`.
   template <Message T>
   [[nodiscard]] ExternalPublisher<T> create_external_publisher(
       std::string_view topic, const PublisherOptions<T>& options = {});
@@ -278,8 +278,8 @@ class Context {
         static_cast<T&>(detail::declare_state(core_, name, T::default_instance(), nullptr)));
   }
   /// The same for a component that keeps its state in another form: `save`, called as `f(T&)` with
-  /// an empty message, writes it down when it is needed: for a key frame, after a callback; and
-  /// before the object is replaced. The constructor takes it over from the message:
+  /// an empty message, writes the state to it: for a key frame, after a callback; and before the
+  /// object is replaced. The constructor restores the state from the message:
   ///
   ///     : state_(context.state<demo::Estimate>("estimate", [this](auto& state) { save(state); }))
   ///     {
@@ -298,16 +298,16 @@ class Context {
   /// across all topics of this component, and never at the same time as another of its callbacks.
   ///
   /// A callback takes `const T&`, or `const Sample<T>&` to keep the message without a copy. One
-  /// that takes `T`, or says `auto copy = message;`, copies every byte of each message: for a large
-  /// one that costs more than all else that happens on its way. What a callback takes as `const T&`
-  /// ends with the callback: a pointer or a reference to it, or to a part of it, must not be kept.
+  /// that takes `T`, or has `auto copy = message;`, copies every byte of each message: for a large
+  /// one that costs more than the rest of its delivery. A `const T&` is valid until the callback
+  /// returns: a pointer or a reference to it, or to a part of it, must not be kept.
   ///
-  /// The subscription lives as long as the component; kept as a `Subscriber` it can end earlier.
+  /// The subscription lasts as long as the component; kept as a `Subscriber` it can end earlier.
   template <Message T, MessageCallback<T> F>
   Subscribed create_subscriber(std::string_view topic, F callback) {
     return create_subscriber<T>(topic, SubscriberOptions{}, std::move(callback));
   }
-  /// As the other one, with what the code says of its queue and its quality of service.
+  /// As above, with options for its queue and its quality of service.
   template <Message T, MessageCallback<T> F>
   Subscribed create_subscriber(std::string_view topic, const SubscriberOptions& options,
                                F callback);
@@ -320,20 +320,20 @@ class Context {
   ///         {.policy = SyncPolicy::kApproximate, .max_difference = 10ms},
   ///         [this](const demo::Image& image, const demo::Scan& scan) {…});
   ///
-  /// What the callback publishes inherits the oldest origin of the set. What found no partner is
-  /// counted as `dropped{unmatched}` of its subscription, and what still waits for one as queued.
+  /// What the callback publishes inherits the oldest origin of the set. A message without a partner
+  /// is counted as `dropped{unmatched}` of its subscription, and one that still waits as queued.
   ///
   /// @errors  A topic that is named twice, a `depth` of zero, or a `max_difference` that does not
-  ///          fit the policy is a start-up mistake.
+  ///          fit the policy is a start-up error.
   template <Message... T, std::size_t N, typename F>
   void create_synchronizer(const std::string_view (&topics)[N], const SynchronizerOptions& options,
                            F callback);
 
-  /// The newest message of `topic`, without being called for it.
+  /// Access to the newest message of `topic`, without callbacks.
   template <Message T>
   [[nodiscard]] Latest<T> create_latest(std::string_view topic);
 
-  /// The last messages of `topic`, without being called for them.
+  /// Access to the last messages of `topic`, without callbacks.
   template <Message T>
   [[nodiscard]] History<T> create_history(std::string_view topic, const HistoryOptions& options);
 
@@ -342,57 +342,56 @@ class Context {
   Timer create_timer(const TimerOptions& options, F callback) {
     return Timer(detail::create_timer(core_, options, detail::tick_callback(std::move(callback))));
   }
-  /// A one-shot timer: `callback` comes when `Timer::arm_at` says.
+  /// A one-shot timer: `callback` is called at the time set by `Timer::arm_at`.
   template <TimerCallback F>
   [[nodiscard]] Timer create_timer(F callback) {
     return Timer(detail::create_timer(core_, {}, detail::tick_callback(std::move(callback))));
   }
 
   /// Declares that the component calls the service `name`; see `Client`. A second client of that
-  /// service in this component is the same one. Names are placed as those of topics.
+  /// service in this component is the same one. Names are resolved as those of topics.
   template <Message Request, Message T>
   [[nodiscard]] Client<Request, T> create_client(std::string_view name);
-  /// As the other one, with more or fewer calls at once.
+  /// As above, with a limit of open calls.
   template <Message Request, Message T>
   [[nodiscard]] Client<Request, T> create_client(std::string_view name,
                                                  const ClientOptions& options);
 
-  /// Answers the requests to the service `name`: at once, by `f(const Request&, Reply&)`, or when
-  /// it likes, by `f(const Request&, Responder<Reply>)`; see `Responder`. Each request is an
-  /// activation.
+  /// Answers the requests to the service `name`: at once, by `f(const Request&, Reply&)`, or later,
+  /// by `f(const Request&, Responder<Reply>)`; see `Responder`. Each request is an activation.
   template <Message Request, Message T, typename F>
   void create_service(std::string_view name, F callback);
-  /// As the other one, with more or fewer answers owed at once.
+  /// As above, with a limit of pending requests.
   template <Message Request, Message T, typename F>
   void create_service(std::string_view name, const ServiceOptions& options, F callback);
 
   /// Declares that the component sends goals to the action `name`; see `ActionClient`.
   template <Message Goal, Message Feedback, Message Result>
   [[nodiscard]] ActionClient<Goal, Feedback, Result> create_action_client(std::string_view name);
-  /// As the other one, with more or fewer goals at once.
+  /// As above, with a limit of open goals.
   template <Message Goal, Message Feedback, Message Result>
   [[nodiscard]] ActionClient<Goal, Feedback, Result> create_action_client(
       std::string_view name, const ClientOptions& options);
 
-  /// Works on the goals of the action `name`: `f(const Goal&, ServerGoal<Feedback, Result>)` keeps
+  /// Serves the goals of the action `name`: `f(const Goal&, ServerGoal<Feedback, Result>)` keeps
   /// the goal, or rejects it; see `ServerGoal`.
   template <Message Goal, Message Feedback, Message Result, typename F>
   void create_action_server(std::string_view name, F on_goal);
-  /// As the other one, with a limit of goals, and what is called when one shall end.
+  /// As above, with a limit of goals, and a callback for cancellation.
   template <Message Goal, Message Feedback, Message Result, typename F>
   void create_action_server(std::string_view name, const ActionServerOptions& options, F on_goal);
 
   /// Runs `body` on a thread of its own from `start` on, for drivers that must wait for a device.
-  /// At the end of the run its `stop_token` asks it to end; it has a second to do so before `stop`
-  /// is called, which may close the device that it waits for, and is joined after that. What it
-  /// throws is a fault of the component; a restart asks it to end too, and has it joined first.
-  /// It publishes by an `ExternalPublisher`.
+  /// At the end of the run its `stop_token` requests a stop; it has a second to end before `stop`
+  /// is called, which may close the device that it waits for, and is joined after that. An
+  /// exception that leaves it is a fault of the component; a restart requests a stop too, and joins
+  /// it first. It publishes by an `ExternalPublisher`.
   ///
-  /// @errors  A name longer than 15 bytes is cut: the system shows no more.
+  /// @errors  A name longer than 15 bytes is cut, which is the limit of the system.
   void create_thread(std::string name, std::function<void(std::stop_token)> body);
 
   /// Runs `work` on the workers of `executor` beside the component's callbacks, then `done` as an
-  /// activation of the component. `work` sees only what it captured, and must not touch the
+  /// activation of the component. `work` may use only its captures, and must not touch the
   /// component. A fault in `work` is a fault of the component. At most 1024 jobs of an executor
   /// wait; one more is a fault.
   ///
@@ -402,22 +401,23 @@ class Context {
   /// Declares that this component is a source of input; see `Source`.
   [[nodiscard]] Source create_source();
 
-  /// Keeps simulated time from advancing until the hold is gone; nothing with the clock `live`.
+  /// Keeps simulated time from advancing until the hold is destroyed; no effect with the clock
+  /// `live`.
   [[nodiscard]] TimeHold hold_time() { return TimeHold(core_); }
 
-  /// Has the flight recorder write the last seconds, and some that are still to come, into a file
-  /// that is named after `reason`: "hard braking". Does nothing if the application has none.
+  /// Makes the flight recorder write the last seconds, and the next few, to a file that is named
+  /// after `reason`: "hard braking". Does nothing if the application has no flight recorder.
   ///
   /// @threads  Safe.
   /// @realtime No lock, no allocation, no system call.
   void dump_flight_recorder(std::string_view reason);
 
-  /// Asks for the application's mode `mode`: the components that its file lists for it become
-  /// active, those that it lists for other modes only become inactive, all as of one moment. The
-  /// switch is under way when this returns; in simulated time it takes effect in the next round.
-  /// Switches are made one after the other, in the order in which they were asked for; one to the
-  /// mode that the last of them leads to is none. At most 64 wait; more are refused, and counted.
-  /// `why` is told in the report.
+  /// Requests a switch to the mode `mode`: the components that the application file lists for it
+  /// become active, and those that it lists for other modes only become inactive, all at one
+  /// instant. The switch is asynchronous; in simulated time it takes effect in the next round.
+  /// Switches are executed in the order of the requests; one to the mode that the last of them
+  /// leads to is ignored. At most 64 wait; more are rejected and counted. `why` is part of the
+  /// report.
   ///
   /// @pre     Called in an activation.
   /// @errors  std::invalid_argument if the application has no such mode.
@@ -427,11 +427,11 @@ class Context {
   /// change while a callback runs.
   [[nodiscard]] std::string mode() const;
 
-  /// Puts a result of the run into the final table and the report. A later value replaces an
-  /// earlier.
+  /// Adds a result of the run to the final table and the report. A later value replaces an earlier
+  /// one.
   void report(std::string_view name, ReportValue value);
 
-  /// What the library's own templates need; of no use to others.
+  /// For the library's own templates.
   [[nodiscard]] detail::ComponentCore& core() noexcept { return core_; }
 
  private:
@@ -440,10 +440,9 @@ class Context {
 
 /// One unit of an application: parameters, topics, callbacks, and one Serve Timer.
 ///
-/// A component is complete when it is constructed; constructors only declare. Its callbacks, its
-/// timers, `start`, `activate`, `serve`, `deactivate` and `stop` never overlap: it needs no mutex.
-/// An exception that leaves one of them is a fault of this component, handled as its `"on_fault"`
-/// says.
+/// Constructors only declare. A component's callbacks, its timers, `start`, `activate`, `serve`,
+/// `deactivate` and `stop` never overlap: it needs no mutex. An exception that leaves one of them
+/// is a fault of this component, handled as configured by `"on_fault"`.
 ///
 /// @threads  Everything is called by one worker at a time; which one may change between calls.
 class Component {
@@ -455,23 +454,23 @@ class Component {
   virtual ~Component() noexcept(false) = default;
 
   /// Acquires devices and files. Called once, before the component's first message, in the order of
-  /// the application file, but after the components that the file names under `"after"`.
+  /// the application file, but after the components listed under `"after"`.
   virtual void start() {}
 
-  /// From now on messages and timers are served. Called after `start`, at once unless the
-  /// application's mode has it wait, and whenever a switch to another mode makes it active.
-  /// Timers with a period begin when it returns.
+  /// Called before messages and timers are served: after `start`, unless the component is inactive
+  /// in the application's mode, and whenever a switch to another mode makes it active. Periodic
+  /// timers begin when it returns.
   virtual void activate() {}
 
-  /// Messages and timers are not served any more, until `activate` is called again; what it
-  /// publishes here is the last that anybody hears of it. Called when a switch to another mode
-  /// makes it inactive, and before `stop`. All its timers are cancelled.
+  /// Called when a switch to another mode makes the component inactive, and before `stop`. What it
+  /// publishes here is still delivered; after it no message and no timer is served until the next
+  /// `activate`. All its timers are cancelled.
   virtual void deactivate() {}
 
   /// The Serve Timer, called every `"serve_period_ms"`; never, if that is not configured.
   virtual void serve() {}
 
-  /// Gives back what `start` acquired, reports results. Called once, in the reverse order of the
+  /// Releases what `start` acquired, reports results. Called once, in the reverse order of the
   /// starts, after the last message; not called after a fault.
   virtual void stop() {}
 
@@ -480,18 +479,18 @@ class Component {
   [[nodiscard]] Time now() const;
   /// When the application's timers started; in `start()` the time of its activation.
   [[nodiscard]] Time start_time() const;
-  /// Where lines for people go.
+  /// The component's log.
   [[nodiscard]] Log log() const;
   /// The component's own generator; see `Random`.
   [[nodiscard]] Random& random();
 
-  /// The result of `f`, which asks the world something that a repeated run could not know: a
-  /// device, a file that changes, another clock. Where the run is recorded, the log has it under
-  /// this name; where that run is executed again, it is given from there and `f` is not called.
+  /// Returns the result of `f`, which reads something from outside that a replay could not
+  /// reproduce: a device, a file that changes, another clock. If the run is recorded, the log keeps
+  /// the result under this name; a replay returns it from there and does not call `f`.
   ///
-  /// The result is a string, a protobuf message, or of a type that `memcpy` may copy. A log keeps
-  /// at most some 2 KB for one activation: what is larger is counted as lost. An exception of `f`
-  /// is kept by its text, and thrown again as a `std::runtime_error`.
+  /// The result is a string, a protobuf message, or trivially copyable. A log keeps at most some 2
+  /// KB for one activation: more is counted as lost. Of an exception of `f` the text is kept, and
+  /// thrown again as a `std::runtime_error`.
   ///
   /// @errors  Not in a constructor, which no recorded run has: that ends the process with a
   /// message.
@@ -512,13 +511,13 @@ class Component {
     }
   }
 
-  /// Puts a result of the run into the final table and the report (`results`).
+  /// Adds a result of the run to the final table and the report (`results`).
   void report(std::string_view name, ReportValue value) { context_.report(name, std::move(value)); }
 
-  /// Says how well the component does its work; shown in the final table and the report.
+  /// Sets the component's health; shown in the final table and the report.
   void health(Health state, std::string_view reason = {});
 
-  /// What the constructor was given, for calls in activations.
+  /// The constructor's context, for calls in activations.
   [[nodiscard]] Context& context() noexcept { return context_; }
 
  private:
@@ -568,7 +567,7 @@ Subscribed Context::create_subscriber(std::string_view topic, const SubscriberOp
                                       F callback) {
   FASTCYCLE_REFUSE_COPIED_MESSAGE(F);
   detail::EnvelopeCallback erased;
-  std::shared_ptr<detail::Holder> holder;  // Known once the subscription is made.
+  std::shared_ptr<detail::Holder> holder;  // Set once the subscription exists.
   if constexpr (std::invocable<F&, const Sample<T>&>) {
     holder = std::make_shared<detail::Holder>(detail::kNobody);
     erased = [callback = std::move(callback), holder](detail::Envelope& envelope,

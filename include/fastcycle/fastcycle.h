@@ -1,6 +1,6 @@
 #pragma once
 
-// All that a component author includes.
+// Includes everything that component authors need.
 #include "fastcycle/action.h"
 #include "fastcycle/component.h"
 #include "fastcycle/library.h"

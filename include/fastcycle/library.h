@@ -13,30 +13,31 @@
 
 namespace fastcycle {
 
-/// How the host makes and destroys components of one class.
+/// How the host constructs and destroys components of one class.
 struct ComponentClass {
   /// The class's name, without namespaces: `"class"` of the application file.
   const char* name;
-  /// Makes one; what its constructor throws passes through.
+  /// Constructs one; exceptions of its constructor propagate.
   Component* (*create)(Context& context);
-  /// Destroys `component`; returns false, with what was thrown in `error`, if its destructor threw.
+  /// Destroys `component`; returns false, with the exception's text in `error`, if its destructor
+  /// threw.
   bool (*destroy)(Component* component, std::string& error) noexcept;
-  /// Whether it has a `serve` of its own, which is called only where `"serve_period_ms"` says how
-  /// often.
+  /// Whether it overrides `serve`, which is called only if `"serve_period_ms"` is configured.
   bool overrides_serve = false;
 };
 
-/// What a component library offers: the one thing that it exports.
+/// The contents of a component library, and its only export.
 struct ComponentLibrary {
   /// `kInterfaceVersion` of the headers that it was compiled with.
   std::uint32_t interface_version;
-  /// How many `classes` there are.
+  /// The number of `classes`.
   std::size_t class_count;
-  /// Its classes, in the order in which it offers them.
+  /// Its classes, in the order of `FASTCYCLE_COMPONENTS`.
   const ComponentClass* classes;
 };
 
-/// Counts the incompatible changes of what stands between host and component library.
+/// Version of the interface between host and component library; raised with each incompatible
+/// change.
 inline constexpr std::uint32_t kInterfaceVersion = 2;
 
 namespace detail {
@@ -63,8 +64,8 @@ Component* create_component(Context& context) {
   return new T(context);
 }
 
-/// Whether `T`, or a class between it and `Component`, has a `serve` of its own. A name that cannot
-/// be reached from here is one too: that of `Component` is public.
+/// Whether `T`, or a class between it and `Component`, overrides `serve`. An inaccessible `serve`
+/// is an override too: that of `Component` is public.
 template <std::derived_from<Component> T>
 constexpr bool overrides_serve() {
   return !requires {
@@ -100,8 +101,8 @@ const ComponentLibrary* library_of(const char* names) {
   return &kLibrary;
 }
 
-/// An ELF note that tells, without loading the library, what it was built with. The host compares
-/// the text with its own, word for word.
+/// An ELF note with the versions that the library was built with, readable without loading it. The
+/// host compares the text with its own, which must be equal.
 struct LibraryNote {
   std::uint32_t name_size = 10;
   std::uint32_t text_size = 128;
@@ -113,7 +114,7 @@ struct LibraryNote {
 }  // namespace detail
 }  // namespace fastcycle
 
-/// Offers component classes to the host. Stands once in a library, at namespace scope.
+/// Exports component classes to the host. Used once in a library, at namespace scope.
 #define FASTCYCLE_COMPONENTS(...)                                                           \
   __attribute__((                                                                           \
       section(".note.fastcycle"), used,                                                     \
@@ -124,5 +125,5 @@ struct LibraryNote {
     return ::fastcycle::detail::library_of<__VA_ARGS__>(#__VA_ARGS__);                      \
   }
 
-/// Offers one component class to the host.
+/// Exports one component class to the host.
 #define FASTCYCLE_COMPONENT(Class) FASTCYCLE_COMPONENTS(Class)

@@ -2,12 +2,12 @@
 
 namespace fastcycle {
 
-/// While one lives, what its thread allocates with `new` lies in the memory that other processes of
-/// the application may read: strings, fields and sub-messages of a message that is filled.
+/// While it exists, `new` on its thread allocates from the memory that other processes of the
+/// application may read: for strings, fields and sub-messages of a message that is filled.
 ///
-/// A loan opens one by itself, for the thread that borrowed. A thread that fills a message which
-/// another thread borrowed needs its own; else `publish` copies what it added. In a program, or a
-/// component, whose messages nobody reads in another process it does nothing.
+/// A loan opens one for the thread that borrowed it. A thread that fills a message borrowed by
+/// another thread needs its own; else `publish` copies what it added. It does nothing if no other
+/// process reads the messages of the component.
 ///
 ///     std::thread filler([&loan] {
 ///       const fastcycle::LoanScope scope;

@@ -15,8 +15,8 @@ enum class LogLevel : std::uint8_t { kDebug, kInfo, kWarning, kError };
 namespace detail {
 class LogSource;
 /// Formats one line and hands it to the log's own thread; a full queue drops it and counts it. With
-/// a `period` above 0 only if the same text was not written within that time. In the library, so
-/// that not every component that writes a line compiles what formats it.
+/// a `period` above 0 only if the same text was not written within that time. Not inline, so that
+/// components need not compile the formatting.
 void write_log(LogSource& source, LogLevel level, Duration period, fmt::string_view text,
                fmt::format_args args);
 }  // namespace detail
@@ -32,37 +32,37 @@ void write_log(LogSource& source, LogLevel level, Duration period, fmt::string_v
 /// @threads  Safe.
 /// @realtime Formats on the caller's stack (a line is cut at 400 bytes) and puts it into a bounded
 ///           queue: no allocation, no lock, no file access. Lines that find the queue full are
-///           counted, and that is told once a second.
+///           counted; the count is logged once a second.
 class Log {
  public:
-  /// Made by `Component::log`; `source` outlives it.
+  /// Constructed by `Component::log`; `source` outlives it.
   explicit Log(detail::LogSource& source) : source_(&source) {}
 
   /// The same log, which writes each text at most once in `period` of the application's time. The
-  /// next line of it says how many were left out. A text is what stands in the code, whatever is
-  /// formatted into it; the component remembers the first 32 texts, and all others together.
+  /// next line with it states how many were suppressed. A text is the format string; the component
+  /// tracks the first 32 of them separately, and all others together.
   [[nodiscard]] Log throttle(Duration period) const {
     Log throttled(*this);
     throttled.period_ = period;
     return throttled;
   }
 
-  /// For who develops the component.
+  /// For developers of the component.
   template <typename... Args>
   void debug(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kDebug, text, std::forward<Args>(args)...);
   }
-  /// What somebody who runs the application may want to know.
+  /// For users of the application.
   template <typename... Args>
   void info(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kInfo, text, std::forward<Args>(args)...);
   }
-  /// Something is not as it should be, and the component goes on.
+  /// Something is wrong, but the component continues.
   template <typename... Args>
   void warning(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kWarning, text, std::forward<Args>(args)...);
   }
-  /// Something that the component is there for does not work.
+  /// The component cannot do part of its work.
   template <typename... Args>
   void error(fmt::format_string<Args...> text, Args&&... args) const {
     write(LogLevel::kError, text, std::forward<Args>(args)...);

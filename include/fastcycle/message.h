@@ -9,25 +9,25 @@
 
 namespace fastcycle {
 
-/// What may travel on a topic: a generated protobuf message.
+/// The type of a topic: a generated protobuf message.
 template <typename T>
 concept Message = std::derived_from<T, google::protobuf::Message> && std::default_initializable<T>;
 
-/// Names a publisher: made from its component's name and its topic, the same in every run.
+/// Identifies a publisher: derived from its component's name and its topic, the same in every run.
 using PublisherId = std::uint64_t;
 
 /// When and by whom the oldest measurement was taken that led to a message.
 struct Origin {
-  Time taken{};          ///< The oldest taken time among all that led here.
+  Time taken{};          ///< The oldest taken time of all inputs.
   PublisherId root = 0;  ///< The publisher of that measurement; 0 means nothing was measured.
   bool held = false;     ///< True if it was not the cause itself, but an input held since earlier.
 };
 
-/// What the framework knows of one published message.
+/// Metadata of one published message.
 struct MessageInfo {
   std::uint64_t sequence = 0;  ///< Counts the publisher's messages, from 1, without gaps.
-  Time publish_time{};         ///< When it was published; of one publisher it never goes back.
-  /// Who published it.
+  Time publish_time{};         ///< When it was published; never decreases within one publisher.
+  /// The publisher.
   PublisherId publisher = 0;
   /// The oldest measurement that led to it.
   Origin origin{};

@@ -19,21 +19,21 @@
 namespace fastcycle {
 
 /// A parameter that names a file or folder. A relative one is resolved against the folder of the
-/// file in which its value stands, or the working folder if it came from the command line.
+/// file that contains its value, or the working directory if it is from the command line.
 using Path = std::filesystem::path;
 
-/// What may be the type of a parameter, beside enumerations and messages.
+/// The scalar types of a parameter.
 template <typename T>
 concept ParamScalar = std::same_as<T, bool> || std::integral<T> || std::floating_point<T> ||
                       std::same_as<T, std::string> || std::same_as<T, Path>;
 
-/// Whether `T` is a vector of what a parameter may hold.
+/// Whether `T` is a vector of parameter types.
 template <typename T>
 struct IsParamVector : std::false_type {};
 template <typename T>
 struct IsParamVector<std::vector<T>> : std::bool_constant<ParamScalar<T> || std::is_enum_v<T>> {};
 
-/// What may be the type of a parameter: a scalar, an enumeration, a vector of these, or a message.
+/// The types of a parameter: a scalar, an enumeration, a vector of these, or a message.
 template <typename T>
 concept ParamType = ParamScalar<T> || std::is_enum_v<T> || IsParamVector<T>::value || Message<T>;
 
@@ -50,10 +50,10 @@ struct ParamElement<std::vector<T>> {
 
 }  // namespace detail
 
-/// What a component says of one of its parameters. Without a `fallback` a value must be configured.
+/// Options of one parameter. Without a `fallback` a value must be configured.
 template <typename T>
 struct ParamOptions {
-  /// `T`, or what a vector `T` holds.
+  /// `T`, or the element type of a vector `T`.
   using Element = typename detail::ParamElement<T>::Type;
 
   /// The value where none is configured.
@@ -72,16 +72,16 @@ struct ParamOptions {
 template <typename T>
   requires std::is_enum_v<typename detail::ParamElement<T>::Type>
 struct ParamOptions<T> {
-  /// The enumeration `T`, or the one that a vector `T` holds.
+  /// The enumeration `T`, or the element type of a vector `T`.
   using Element = typename detail::ParamElement<T>::Type;
 
   /// The value where none is configured.
   std::optional<T> fallback = {};
-  /// What each value is called.
+  /// The name of each value.
   std::vector<std::pair<std::string, Element>> names = {};
   /// For people, in one sentence.
   std::string description = {};
-  /// It may be changed while the component runs.
+  /// Whether it may be changed while the component runs.
   bool is_tunable = false;
 };
 
@@ -108,7 +108,7 @@ constexpr ParamKind kind_of() {
   }
 }
 
-/// Between a parameter's C++ type and its values without one.
+/// Converts between a parameter's C++ type and its type-erased values.
 template <typename T>
 struct ParamCodec {
   using Options = ParamOptions<T>;
@@ -244,26 +244,26 @@ class ParamSlotOf final : public ParamSlot {
 }  // namespace detail
 
 /// A component's setting: read from the application file, checked, and constant within an
-/// activation. One that `is_tunable` may be changed at run time: the new value is put in place by
-/// an activation of the component, with the cause `parameter`.
+/// activation. One that `is_tunable` may be changed at run time: an activation of the component,
+/// with the cause `parameter`, applies the new value.
 ///
-/// A small handle: copies show the same value. What `get` refers to stays where it is as long as
-/// the component lives.
+/// A small handle: copies refer to the same value. References from `get` are valid as long as the
+/// component.
 ///
-/// @threads  Confined to its component: other threads, and offloaded work, are given values.
+/// @threads  Confined to its component: pass values to other threads and to offloaded work.
 /// @realtime Reads memory: no lock, no allocation.
 template <ParamType T>
 class Param {
  public:
-  /// Made by `Context::param`.
+  /// Constructed by `Context::param`.
   explicit Param(const detail::ParamSlotOf<T>& slot) : slot_(&slot) {}
 
   /// The value; it does not change within an activation.
   [[nodiscard]] const T& get() const& noexcept { return slot_->value(); }
-  /// Of a parameter that is not kept, its value.
+  /// The value of a temporary, as a copy.
   [[nodiscard]] T get() && { return slot_->value(); }
 
-  /// What the library's own templates need; of no use to others.
+  /// For the library's own templates.
   [[nodiscard]] const detail::ParamSlotOf<T>& slot() const noexcept { return *slot_; }
 
  private:
@@ -273,13 +273,13 @@ class Param {
 /// One new value of a parameter.
 struct ParamChange {
   /// The component's full name, a dot, and the parameter: "front/limiter.limits.jerk". With
-  /// "shared_params" in place of the component: in all components that read the shared one.
+  /// "shared_params" instead of the component: for all components that read the shared one.
   std::string param;
-  /// As it would stand in the application file: `20`, `"city"`, `[1, 2]`, `{"jerk": 2}`.
+  /// As in the application file: `20`, `"city"`, `[1, 2]`, `{"jerk": 2}`.
   std::string json;
 };
 
-/// What became of a transaction: all of its changes were made, or none and there are mistakes.
+/// The result of a transaction: all of its changes were made, or none and there are errors.
 struct ParamsResult {
   /// Each on one line: `limiter.limit_mps: expected a number in [0, 60], found "fast"`.
   std::vector<std::string> mistakes = {};
@@ -291,10 +291,10 @@ struct ParamsResult {
 /// The values that a component's parameters would have after a transaction.
 class ProposedParams {
  public:
-  /// How the library finds a value that is proposed.
+  /// Returns the proposed value of a slot.
   using Find = std::function<const detail::ParamData&(const detail::ParamSlot&)>;
 
-  /// Made by FastCycle, for one check.
+  /// Constructed by FastCycle, for one check.
   explicit ProposedParams(Find find) : find_(std::move(find)) {}
 
   /// The value that `param` would have.
@@ -307,7 +307,7 @@ class ProposedParams {
   Find find_;
 };
 
-/// Says why a component cannot go on with what is proposed; an empty text, if it can.
+/// Returns why a component cannot accept the proposed values; empty if it can.
 using ParamCheck = std::function<std::string(const ProposedParams&)>;
 
 /// A value as `ParamChange::json`.

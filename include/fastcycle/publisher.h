@@ -11,11 +11,11 @@
 
 namespace fastcycle {
 
-/// What an author may say of one publish.
+/// Options of one publish.
 struct PublishOptions {
   /// When the content was measured: the message begins a chain of its own and inherits nothing.
-  /// Without it, it inherits the origin of what caused it; where nothing did, it was measured at
-  /// the time of the activation, or of an external publisher at that of the publish.
+  /// Without it, the message inherits the origin of its cause; without a cause, its origin is the
+  /// time of the activation, or for an external publisher the time of the publish.
   std::optional<Time> taken_at = {};
 };
 
@@ -44,7 +44,7 @@ Time now_of(const PublisherCore& publisher) noexcept;
 
 }  // namespace detail
 
-/// A message being written, lent by its publisher's pool and owned by one.
+/// A message being written, lent by its publisher's pool, with a single owner.
 ///
 /// A loan that is never published goes back to the pool on its own.
 ///
@@ -91,7 +91,7 @@ class Loan {
   Loan(detail::PublisherCore& publisher, detail::Envelope* envelope, bool is_external)
       : publisher_(&publisher), envelope_(envelope), is_external_(is_external) {}
 
-  /// Whether it may be published by `publisher`; else ends the process.
+  /// Ends the process unless `publisher` may publish it.
   void check_for(const detail::PublisherCore& publisher) const {
     if (publisher_ != &publisher) [[unlikely]] {
       detail::used_strange_loan(publisher, *publisher_);
@@ -115,34 +115,34 @@ class Loan {
 ///     state->set_speed_mps(13.9);
 ///     publisher_.publish(std::move(state));
 ///
-/// Made by `Context::create_publisher` in a component's constructor, and valid as long as the
-/// component is.
+/// Created by `Context::create_publisher` in a component's constructor, and valid as long as the
+/// component.
 ///
-/// @threads  Confined to its component's activations: who calls it elsewhere is told, and the
-///           process ends. Other threads publish by an `ExternalPublisher`.
-/// @realtime After warm-up `loan` and `publish` allocate nothing and take no lock. Their time grows
-///           with the number of subscribers and with nothing else; `loan` also clears the message.
+/// @threads  Confined to its component's activations: a call elsewhere ends the process with a
+///           message. Other threads publish by an `ExternalPublisher`.
+/// @realtime After warm-up `loan` and `publish` allocate nothing and take no lock. Their time
+///           depends on the number of subscribers only; `loan` also clears the message.
 template <Message T>
 class Publisher {
  public:
-  /// Made by `Context::create_publisher`.
+  /// Constructed by `Context::create_publisher`.
   explicit Publisher(detail::PublisherCore& core) : core_(&core) {}
 
-  /// Borrows an empty message to fill in. When readers hold every message that the pool may have,
-  /// what is lent then is counted as `dropped{pool}` when it is published.
+  /// Borrows an empty message to fill in. If readers hold every message that the pool may have, the
+  /// message is not delivered: its publish is counted as `dropped{pool}`.
   ///
   /// @errors Throws `std::length_error` if the component holds more loans than the pool may have
-  ///         messages: it keeps loans that it neither publishes nor lets go of.
+  ///         messages: it keeps loans that it neither publishes nor destroys.
   [[nodiscard]] Loan<T> loan() { return Loan<T>(*core_, detail::take_loan(*core_, true), false); }
 
-  /// Borrows a message with the content that it last had, or an empty one: for payloads that are
-  /// overwritten whole, where clearing and filling again would cost twice.
+  /// Borrows a message with its last content, or an empty one: for payloads that are overwritten
+  /// entirely, to save the cost of clearing.
   [[nodiscard]] Loan<T> loan_uncleared() {
     return Loan<T>(*core_, detail::take_loan(*core_, false), false);
   }
 
   /// Hands `message` to every subscriber. A full queue drops by its own overflow policy and counts
-  /// the loss; nothing that a subscriber does makes this fail or wait.
+  /// the loss; a subscriber can never make this fail or block.
   ///
   /// @pre  `message` was borrowed from this publisher.
   void publish(Loan<T> message, const PublishOptions& options = {}) {
@@ -161,17 +161,17 @@ class Publisher {
     detail::publish_received(*core_, detail::envelope_of(received), detail::holder_of(received));
   }
 
-  /// How many messages may be published in this activation so that no subscriber's queue
-  /// overflows: what was there when it was asked first, less what was published since. Once it is
-  /// zero, `PublisherOptions::on_credits` is called when there are credits again.
+  /// How many messages may be published in this activation so that no subscriber's queue overflows:
+  /// the credits at the first call, less the messages published since. Once it was zero,
+  /// `PublisherOptions::on_credits` is called when credits are available again.
   ///
   /// @pre  The publisher has credits: `PublisherOptions::credits`, or `"credits"` of its topic.
   [[nodiscard]] std::size_t credits() { return detail::ask_credits(*core_); }
 
   /// How many subscriptions of components are connected, views and those of synchronizers included:
-  /// to leave out work that nobody asks for. Recorders and tools are not counted. Components that
+  /// to skip work without a consumer. Recorders and tools are not counted. Components that
   /// subscribe or unsubscribe while they run change it, in simulated time in the same round in
-  /// every run; otherwise it is fixed when the application starts. In a replay it is that of the
+  /// every run; otherwise it is fixed when the application starts. A replay counts only the
   /// components that run in it: what a component publishes should not depend on it.
   [[nodiscard]] std::size_t subscriber_count() const { return detail::count_subscribers(*core_); }
 
@@ -179,19 +179,19 @@ class Publisher {
   detail::PublisherCore* core_;
 };
 
-/// Sends messages from threads that are not FastCycle's own: a driver's receive thread, a callback
-/// of a vendor's library. Such topics are inputs of the application, and of every replay of it.
+/// Sends messages from threads outside of FastCycle: a driver's receive thread, a callback of a
+/// vendor's library. Such topics are inputs of the application, and of every replay of it.
 ///
-/// Made by `Context::create_external_publisher`.
+/// Created by `Context::create_external_publisher`.
 ///
 /// @threads  Safe, while the component runs; messages published before `start` or after `stop` are
 ///           counted as `dropped{shutdown}`.
-/// @realtime Takes one mutex of its own, which only its own callers and a subscriber that comes or
-///           goes take, with priority inheritance.
+/// @realtime Locks one mutex with priority inheritance, which only its callers and subscribers that
+///           are added or removed contend for.
 template <Message T>
 class ExternalPublisher {
  public:
-  /// Made by `Context::create_external_publisher`.
+  /// Constructed by `Context::create_external_publisher`.
   explicit ExternalPublisher(detail::PublisherCore& core) : core_(&core) {}
 
   /// Borrows an empty message to fill in; see `Publisher::loan`.
@@ -203,11 +203,11 @@ class ExternalPublisher {
     return Loan<T>(*core_, detail::take_external_loan(*core_, false), true);
   }
 
-  /// Hands `message` to every subscriber; `options` say when its content was measured.
+  /// Hands `message` to every subscriber, measured at `options.taken_at`, else now.
   void publish(Loan<T> message, const PublishOptions& options = {}) {
     publish(std::move(message), options.taken_at ? *options.taken_at : now());
   }
-  /// As the other one.
+  /// As above.
   void publish(Loan<T> message, Time taken_at) {
     message.check_for(*core_);
     detail::publish_external(*core_, std::exchange(message.envelope_, nullptr), taken_at);
@@ -223,16 +223,15 @@ class ExternalPublisher {
     return detail::count_external_subscribers(*core_);
   }
 
-  /// The application's time now, for `taken_at`. It is the time of the wall unless the run is
-  /// simulated, or faster or slower than that; simulated time moves on unless a `TimeHold` is held.
+  /// The application's current time, for `taken_at`. It follows wall time unless the run is
+  /// simulated or has another speed; simulated time advances unless a `TimeHold` is held.
   [[nodiscard]] Time now() const noexcept { return detail::now_of(*core_); }
 
-  /// Waits until one message may be published; false if `stop` ended the waiting. Several threads
-  /// that share a publisher take turns: what one of them waited for another may use.
+  /// Waits until one message may be published; false if `stop` ended the wait. If several threads
+  /// share a publisher, another one may use the credit that one of them waited for.
   ///
   /// @pre      As `credits`.
-  /// @realtime Blocks the thread that calls it, which is not FastCycle's; nobody waits for that
-  /// one.
+  /// @realtime Blocks the calling thread, for which no thread of FastCycle waits.
   [[nodiscard]] bool wait_for_credit(const std::stop_token& stop) {
     return detail::wait_for_credit(*core_, stop);
   }

@@ -19,16 +19,17 @@ template <Message T>
 Holder holder_of(const Sample<T>& sample);
 }  // namespace detail
 
-/// A received message: shared by all who hold it, and const.
+/// A received message: shared by all holders, and const.
 ///
 /// A callback that takes `const Sample<T>&` may copy it to keep the message; no byte is copied, and
-/// the message goes back to its publisher when the last sample lets go. What a component keeps
-/// longer than its callback lasts is declared as `SubscriberOptions::keep`, so that the publisher's
-/// pool is large enough. Who keeps more than its share gets no further message until it lets go,
-/// and is named in the log; the other subscribers are served.
+/// the message returns to its publisher when the last sample is destroyed. A component declares the
+/// number of samples that it keeps beyond its callbacks as `SubscriberOptions::keep`, so that the
+/// publisher's pool is large enough. A subscriber that keeps more than its share receives no
+/// further message until it releases one, and is named in the log; the other subscribers are
+/// served.
 ///
 /// @threads  Compatible; copies may live on different threads.
-/// @realtime Copying and letting go is at most three atomic steps; nothing is allocated or freed.
+/// @realtime Copying and destroying take at most three atomic steps; nothing is allocated or freed.
 template <Message T>
 class Sample {
  public:
@@ -48,7 +49,7 @@ class Sample {
         is_lent_(other.is_lent_) {
     stop_being_lent();
   }
-  /// Lets go of what it held, and holds that of `other`.
+  /// Releases its message, and takes that of `other`.
   Sample& operator=(Sample other) noexcept {
     std::swap(envelope_, other.envelope_);
     std::swap(holder_, other.holder_);
@@ -106,14 +107,14 @@ class Sample {
 
   detail::Envelope* envelope_ = nullptr;
   detail::Holder holder_ = detail::kNobody;
-  /// What FastCycle hands to a callback ends with that, unless it is copied or moved from: only
-  /// then it counts as kept.
+  /// A sample that FastCycle passes to a callback ends with it; only if it is copied or moved from
+  /// it counts as kept.
   bool is_lent_ = false;
 };
 
 namespace detail {
 
-/// A sample for the time of a callback of `holder`.
+/// A sample for the duration of a callback of `holder`.
 template <Message T>
 Sample<T> share(Envelope& envelope, Holder holder) {
   retain(envelope);

@@ -21,16 +21,16 @@ namespace fastcycle {
 /// How a call ended. All but `kOk` are errors.
 enum class CallStatus : std::uint8_t {
   kOk,
-  kAbsent,      ///< No component serves it, or the one that does has failed.
+  kAbsent,      ///< No component provides the service, or its server has failed.
   kBusy,        ///< Too many calls of this client are open, or too many requests of this server.
-  kFaulted,     ///< The server threw, or was restarted, while it owed the answer.
-  kLate,        ///< The deadline is over. An answer that comes later is ignored, and counted.
+  kFaulted,     ///< The server threw, or was restarted, before it answered.
+  kLate,        ///< The deadline has passed. A later answer is ignored, and counted.
   kCancelled,   ///< The caller cancelled it.
-  kCycle,       ///< The answer would wait for itself: the way is told in words.
-  kRejected,    ///< The server refused it, and said why.
-  kAborted,     ///< Of a goal: the server could not reach it.
-  kUnanswered,  ///< The server let go of its responder without an answer.
-  kShutdown,    ///< The application stops.
+  kCycle,       ///< The answer would wait for itself; `Reply::error` describes the cycle.
+  kRejected,    ///< The server rejected it, with a reason.
+  kAborted,     ///< Goals only: the server could not reach the goal.
+  kUnanswered,  ///< The server destroyed its responder without an answer.
+  kShutdown,    ///< The application is stopping.
 };
 
 /// "ok", "absent", "busy", …
@@ -46,33 +46,33 @@ struct Ticket;
 
 }  // namespace detail
 
-/// What a call ended with: a value, or an error with its reason.
+/// The result of a call: a value, or an error with its reason.
 ///
-/// @threads  Confined to the callback that it is given to; `sample` gives what may be kept.
+/// @threads  Confined to the callback that receives it; `sample` returns what may be kept.
 template <Message T>
 class Reply {
  public:
-  /// Made by FastCycle, for one callback.
+  /// Constructed by FastCycle, for one callback.
   Reply(CallStatus status, std::string_view error, detail::Envelope* envelope)
       : status_(status), error_(error), envelope_(envelope) {}
 
-  /// Whether there is an answer, without an error.
+  /// Whether the call was answered without an error.
   [[nodiscard]] bool ok() const noexcept { return status_ == CallStatus::kOk; }
   /// How the call ended.
   [[nodiscard]] CallStatus status() const noexcept { return status_; }
-  /// In words: `"plan_route": late, 100 ms are over`. Empty if all is well.
+  /// As text: `"plan_route": late, 100 ms are over`. Empty if there is no error.
   [[nodiscard]] std::string_view error() const noexcept { return error_; }
 
-  /// The answer. Of a goal that was cancelled or aborted it is what was reached until then.
+  /// The answer; of a goal that was cancelled or aborted, the partial result.
   ///
-  /// @pre  `has_value()`; so it is if `ok()`.
+  /// @pre  `has_value()`, which `ok()` implies.
   [[nodiscard]] const T& operator*() const {
     FASTCYCLE_ASSERT(envelope_ != nullptr, "a reply that is read has a value");
     return static_cast<const T&>(*envelope_->payload);
   }
   /// As `*`.
   [[nodiscard]] const T* operator->() const { return &**this; }
-  /// Whether there is something to read.
+  /// Whether there is a value to read.
   [[nodiscard]] bool has_value() const noexcept { return envelope_ != nullptr; }
 
   /// The answer, to be kept; empty if there is none.
@@ -88,11 +88,11 @@ class Reply {
 
 namespace detail {
 
-/// A request that a server owes the answer to.
+/// Identifies a pending request of a server.
 struct Ticket {
   ServerCore* server = nullptr;
   std::size_t index = 0;
-  std::uint64_t serial = 0;  ///< Tells it from others at that index.
+  std::uint64_t serial = 0;  ///< Distinguishes it from others at that index.
 };
 
 using ReplyCallback = std::function<void(CallStatus, std::string_view error, Envelope*)>;
@@ -130,12 +130,12 @@ bool is_cancelling(const Ticket& ticket) noexcept;
 std::optional<Time> deadline_of(const Ticket& ticket) noexcept;
 PublisherCore& reply_publisher(const Ticket& ticket) noexcept;
 PublisherCore& feedback_publisher(const Ticket& ticket) noexcept;
-/// Ends it; `reply` is taken over, null sends an empty one. Nothing if it is not owed any more.
+/// Ends the request; takes `reply` over, null sends an empty one. No effect if it is not pending.
 void answer(const Ticket& ticket, CallStatus status, std::string_view reason, Envelope* reply,
             PublisherCore* lender) noexcept;
 void publish_feedback(const Ticket& ticket, Envelope* feedback, PublisherCore* lender);
 
-/// A message that is written for one caller, and goes back to its pool if the caller is gone.
+/// Access to loans for one caller, which return to their pool if the caller is gone.
 struct LoanAccess {
   template <Message T>
   static Loan<T> make(PublisherCore& publisher) {
@@ -153,8 +153,8 @@ struct LoanAccess {
 
 }  // namespace detail
 
-/// The duty to answer one request. It may be kept, and fulfilled in a later activation of the
-/// component; one that is destroyed without an answer replies `kUnanswered`.
+/// Answers one request. It may be kept, and used in a later activation of the component; one that
+/// is destroyed without an answer replies `kUnanswered`.
 ///
 ///     auto reply = responder.loan();
 ///     reply->set_length_m(12.0);
@@ -165,11 +165,11 @@ struct LoanAccess {
 template <Message T>
 class Responder {
  public:
-  /// Made by FastCycle, for the callback that brings the request.
+  /// Constructed by FastCycle, for the callback that receives the request.
   explicit Responder(const detail::Ticket& ticket) : ticket_(ticket) {}
-  /// Takes the duty over.
+  /// Takes the request over.
   Responder(Responder&& other) noexcept : ticket_(std::exchange(other.ticket_, {})) {}
-  /// As if this were destroyed; then takes the duty over.
+  /// As if this were destroyed; then takes the request over.
   Responder& operator=(Responder&& other) noexcept {
     if (this != &other) {
       let_go();
@@ -181,25 +181,25 @@ class Responder {
   Responder& operator=(const Responder&) = delete;
   ~Responder() { let_go(); }
 
-  /// Whether somebody waits for the answer: false once it is given, and after the caller cancelled,
-  /// or its deadline was over.
+  /// Whether the caller waits for the answer: false once it was sent, the caller cancelled, or its
+  /// deadline has passed.
   [[nodiscard]] bool is_open() const noexcept { return detail::is_owed(ticket_); }
-  /// Until when the caller waits, if it said so.
+  /// The caller's deadline, if it has one.
   [[nodiscard]] std::optional<Time> deadline() const noexcept {
     return detail::deadline_of(ticket_);
   }
 
-  /// An empty answer to fill in, also if nobody waits any more.
+  /// An empty answer to fill in, also if the caller waits no more.
   [[nodiscard]] Loan<T> loan() const {
     FASTCYCLE_ASSERT(ticket_.server != nullptr, "a responder that was moved from answers nothing");
     return detail::LoanAccess::make<T>(detail::reply_publisher(ticket_));
   }
-  /// Answers. Does nothing, but count it, if nobody waits any more.
+  /// Answers. If the caller waits no more, the answer is only counted.
   void answer(Loan<T> reply) {
     detail::PublisherCore* lender = detail::LoanAccess::lender(reply);
     detail::answer(ticket_, CallStatus::kOk, {}, detail::LoanAccess::take(reply), lender);
   }
-  /// As the other one, with a copy of `reply`.
+  /// As above, with a copy of `reply`.
   void answer(const T& reply) {
     if (is_open()) {
       auto copy = loan();
@@ -207,7 +207,7 @@ class Responder {
       answer(std::move(copy));
     }
   }
-  /// The caller gets `kRejected` with this reason.
+  /// Replies `kRejected` with this reason.
   void reject(std::string_view reason) {
     detail::answer(ticket_, CallStatus::kRejected, reason, nullptr, nullptr);
   }
@@ -224,44 +224,44 @@ class Responder {
   detail::Ticket ticket_;
 };
 
-/// What a caller may say of one call.
+/// Options of one call.
 struct CallOptions {
-  /// How long the caller waits, from the time of its activation; without it, until the answer is
-  /// there or the application ends.
+  /// How long the caller waits, from the time of its activation; without it, until the answer
+  /// arrives or the application ends.
   std::optional<Duration> deadline = {};
-  /// The request whose answer waits for this call, where that is not the one that is being served:
-  /// so a cycle is found. `responder.ticket()`.
+  /// The request whose answer waits for this call, if it is not the one being served, for the
+  /// detection of cycles: `responder.ticket()`.
   const detail::Ticket* on_behalf_of = nullptr;
-  /// No answer that this component owes waits for this call.
+  /// No pending request of this component waits for this call.
   bool is_independent = false;
 };
 
-/// What an author may say of one client.
+/// Options of one client.
 struct ClientOptions {
   std::size_t max_open = 32;  ///< Calls that may be open at once; one more is `kBusy`.
 };
 
-/// What an author may say of one service.
+/// Options of one service.
 struct ServiceOptions {
-  /// Requests whose answers may be owed at once; one more is answered `kBusy`.
+  /// Requests that may be pending at once; one more is answered `kBusy`.
   std::size_t depth = 16;
 };
 
-/// One call under way. It may be thrown away: the call goes on.
+/// A call in progress. It may be destroyed: the call continues.
 ///
 /// @threads  Confined to its component's activations.
 class Call {
  public:
   Call() = default;
-  /// Made by `Client::call` and `ActionClient::send`.
+  /// Constructed by `Client::call` and `ActionClient::send`.
   Call(detail::ClientCore& client, std::uint64_t number) : client_(&client), number_(number) {}
 
-  /// Whether its callback is still to come.
+  /// Whether its callback has not been called yet.
   [[nodiscard]] bool is_open() const noexcept {
     return client_ != nullptr && detail::is_call_open(*client_, number_);
   }
-  /// Ends it: its callback comes with `kCancelled`, in an activation of its own. A call that has
-  /// ended stays as it is.
+  /// Cancels it: its callback is called with `kCancelled`, in an activation of its own. No effect
+  /// on a call that has ended.
   void cancel() {
     if (client_ != nullptr) {
       detail::cancel_call(*client_, number_);
@@ -273,31 +273,31 @@ class Call {
   std::uint64_t number_ = 0;
 };
 
-/// What may be called back with a reply.
+/// A callback for replies.
 template <typename F, typename T>
 concept ReplyHandler = std::invocable<F&, const Reply<T>&>;
 
-/// Asks a service, and is called back with its answer. Nothing waits meanwhile.
+/// Calls a service asynchronously; a callback receives the answer. Nothing blocks meanwhile.
 ///
 ///     auto request = client_.loan();
 ///     request->set_goal("garage");
 ///     client_.call(std::move(request), {.deadline = 100ms}, [this](const Reply<Route>& reply)
 ///     {…});
 ///
-/// Every call ends in exactly one reply, which comes in an activation of its own, never within
-/// `call`. The only calls without one are those of a component that failed or was restarted: the
-/// object that would get it is gone.
+/// Every call ends in exactly one reply, in an activation of its own, never within `call`. The only
+/// exception are calls of a component that failed or was restarted: the object that would receive
+/// the reply is gone.
 ///
-/// Made by `Context::create_client` in a component's constructor, and valid as long as the
-/// component is.
+/// Created by `Context::create_client` in a component's constructor, and valid as long as the
+/// component.
 ///
 /// @threads  Confined to its component's activations.
-/// @realtime As `Publisher`, after warm-up, if the callback captures at most two pointers; calls
-///           made to answer another one, and errors, may allocate.
+/// @realtime As `Publisher`, after warm-up, if the callback captures at most two pointers; nested
+///           calls, and errors, may allocate.
 template <Message Request, Message T>
 class Client {
  public:
-  /// Made by `Context::create_client`.
+  /// Constructed by `Context::create_client`.
   explicit Client(detail::ClientCore& core) : core_(&core) {}
 
   /// Borrows an empty request to fill in.
@@ -320,7 +320,7 @@ class Client {
                          },
                          {})};
   }
-  /// As the other one, without a deadline.
+  /// As above, without a deadline.
   template <ReplyHandler<T> F>
   Call call(Loan<Request> request, F callback) {
     return call(std::move(request), CallOptions{}, std::move(callback));

@@ -4,8 +4,8 @@
 
 namespace fastcycle {
 
-/// State that a component declares, so that FastCycle can keep it: a message that is the
-/// component's to read and to change, and that outlives its object.
+/// Component state that FastCycle preserves: a message that the component reads and writes, and
+/// that outlives its object.
 ///
 ///     class Filter final : public fastcycle::Component {
 ///      public:
@@ -16,11 +16,11 @@ namespace fastcycle {
 ///       fastcycle::State<demo::Estimate> estimate_;
 ///     };
 ///
-/// It is empty at first. An object that is made anew, after a fault or because a tool asks for it,
-/// finds in its constructor what the object before it left: also what a callback left that threw
-/// halfway. While the run is recorded, *key frames* of it are written every `"state_period_s"`;
-/// `fastcycle verify` can begin at one of them, in the middle of a log, if all that the component
-/// remembers from one callback to the next is declared. docs/reference/state.md
+/// It is empty at first. When the object is constructed again, after a fault or at the request of a
+/// tool, its constructor finds the state that the previous object left, including partial changes
+/// of a callback that threw. While the run is recorded, *key frames* of it are written every
+/// `"state_period_s"`; `fastcycle verify` can begin at one of them, in the middle of a log, if all
+/// that the component keeps between callbacks is declared. docs/reference/state.md
 ///
 /// Copies are the same state.
 ///
@@ -28,7 +28,7 @@ namespace fastcycle {
 template <Message T>
 class State {
  public:
-  /// Made by `Context::state`.
+  /// Constructed by `Context::state`.
   explicit State(T& value) : value_(&value) {}
 
   [[nodiscard]] T& operator*() const noexcept { return *value_; }  ///< The message.

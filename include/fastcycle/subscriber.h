@@ -11,32 +11,32 @@
 
 namespace fastcycle {
 
-/// What a full queue does with one more message.
+/// The overflow policy of a full queue.
 enum class Overflow : std::uint8_t {
   kDropOldest,  ///< For state: only the newest matters.
-  kDropNewest,  ///< For events: what came first is kept.
+  kDropNewest,  ///< For events: the earliest are kept.
 };
 
-/// How many messages may wait for a subscriber, and what happens to more. What the application file
-/// says under `"subscribers"` stands above what the code says.
+/// The queue and the quality of service of a subscriber. `"subscribers"` in the application file
+/// overrides the code.
 struct SubscriberOptions {
   std::optional<std::size_t> depth =
       {};  ///< Messages that may wait, per publisher; 16 unless given.
   std::optional<Overflow> overflow = {};  ///< `kDropOldest` unless given.
   std::size_t keep = 0;  ///< Samples that the component holds beyond its callbacks.
 
-  /// How many of the messages that a latched topic keeps it is given first when it subscribes while
+  /// How many of a latched topic's retained messages it first receives when it subscribes while
   /// publishers run, per publisher: all unless given, at most `depth`, and none with 0.
   std::optional<std::size_t> history = {};
-  /// Longest time between two messages of the topic, whoever published them; each time that it is
-  /// over is an event and counted.
+  /// Longest time between two messages of the topic, of any publisher; each violation is counted
+  /// and reported as an event.
   std::optional<Duration> deadline = {};
-  /// Messages that are older when their callback would start are `dropped{expired}`; the topic's,
-  /// if that is shorter.
+  /// Messages that are older when their callback would start are `dropped{expired}`; the topic's
+  /// lifespan applies if it is shorter.
   std::optional<Duration> lifespan = {};
-  /// Longest time between two messages of each publisher: who is silent for longer is lost.
+  /// Longest time between two messages of each publisher; one that is silent for longer is lost.
   std::optional<Duration> liveliness = {};
-  /// Called with what becomes of all this, and with publishers that fail, stop and come back.
+  /// Called with the events of these options, and when publishers fail, stop and come back.
   QosCallback on_event = {};
 };
 
@@ -45,8 +45,8 @@ class Subscription;
 void end_subscription(Subscription& subscription) noexcept;
 }  // namespace detail
 
-/// A subscription whose end its owner decides: when the handle is destroyed, its callback is never
-/// called again. A callback may end its own subscription.
+/// Owns a subscription: after the handle is destroyed, its callback is never called again. A
+/// callback may end its own subscription.
 ///
 ///     std::optional<fastcycle::Subscriber> goal_;
 ///     goal_ = context.create_subscriber<demo::Goal>("mission/goal", [this](const demo::Goal& goal)
@@ -55,12 +55,12 @@ void end_subscription(Subscription& subscription) noexcept;
 /// @threads  Confined to its component's activations.
 class Subscriber {
  public:
-  /// Made from what `Context::create_subscriber` returns.
+  /// Constructed from what `Context::create_subscriber` returns.
   explicit Subscriber(detail::Subscription& subscription) : subscription_(&subscription) {}
   /// Takes the subscription over.
   Subscriber(Subscriber&& other) noexcept
       : subscription_(std::exchange(other.subscription_, nullptr)) {}
-  /// Both change places.
+  /// Swaps the two.
   Subscriber& operator=(Subscriber&& other) noexcept {
     std::swap(subscription_, other.subscription_);
     return *this;
@@ -69,8 +69,8 @@ class Subscriber {
   Subscriber& operator=(const Subscriber&) = delete;
   ~Subscriber() { end(); }
 
-  /// Ends the subscription; what still waits is counted as `dropped{unsubscribed}`. A second call
-  /// does nothing.
+  /// Ends the subscription; messages that still wait are counted as `dropped{unsubscribed}`. A
+  /// second call does nothing.
   void end() noexcept {
     if (subscription_ != nullptr) {
       detail::end_subscription(*std::exchange(subscription_, nullptr));
@@ -81,14 +81,14 @@ class Subscriber {
   detail::Subscription* subscription_;
 };
 
-/// What `Context::create_subscriber` returns. Left alone, the subscription lives as long as its
-/// component; turned into a `Subscriber`, it ends when that one does.
+/// The result of `Context::create_subscriber`. If ignored, the subscription lasts as long as its
+/// component; converted to a `Subscriber`, it ends with that one.
 class Subscribed {
  public:
-  /// Made by `Context::create_subscriber`.
+  /// Constructed by `Context::create_subscriber`.
   explicit Subscribed(detail::Subscription& subscription) : subscription_(&subscription) {}
 
-  /// From now on the handle says when the subscription ends.
+  /// Converts it to a handle that ends the subscription.
   operator Subscriber() && {  // NOLINT(google-explicit-constructor): reads as an assignment
     return Subscriber(*subscription_);
   }

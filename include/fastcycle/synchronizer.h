@@ -18,38 +18,38 @@ namespace fastcycle {
 
 /// Which messages of several topics belong together.
 ///
-/// Of each topic, messages count in the order in which they arrive; t(m) is the time of message m
-/// (see `SyncTime`), and D is `max_difference`. The span of a set is the largest difference between
-/// the times of its members.
+/// The messages of a topic are ordered by arrival; t(m) is the time of message m (see `SyncTime`),
+/// and D is `max_difference`. The span of a set is the largest difference between the times of its
+/// members.
 ///
 /// `kApproximate`, as a rule: when m arrives, look at all sets of m and one held message of each
 /// other topic whose span is at most D.
 ///  1. If there are any, the one with the smallest span is called at once; among equals, that whose
-///     earliest time is earliest, and of messages with one time those that arrived first. What is
-///     older in any topic than its member then gives way.
-///  2. If there is none, m is held. When `depth` messages of its topic are held already, the oldest
-///     gives way.
-///  3. A message gives way as soon as no set with it can come about: no span of D that includes its
-///     time has, for each other topic, a message that is held, or could still come, given that
-///     t(m) never goes back within a topic.
-///  4. A message that is older than one of its topic before it comes too late, and gives way.
+///     earliest time is earliest, and of messages with one time those that arrived first. Messages
+///     that are older than the member of their topic are then discarded.
+///  2. If there is none, m is held. If `depth` messages of its topic are held already, the oldest
+///     is discarded.
+///  3. A message is discarded as soon as no set with it is possible: no span of D that includes its
+///     time has, for each other topic, a message that is held, or could still arrive, given that
+///     t(m) never decreases within a topic.
+///  4. A message that is older than an earlier one of its topic is too late, and is discarded.
 ///
 /// So a set is called when the last of its members arrives, with no period added; each message is
-/// in at most one set; of each topic the members of successive sets are in order. With `D` below
+/// in at most one set; for each topic the members of successive sets are in order. With `D` below
 /// half the period of the fastest topic a message has only one possible partner in it, and jitter,
-/// loss and the order of arrival cannot change who belongs to whom.
+/// loss and the order of arrival cannot change which messages are matched.
 enum class SyncPolicy : std::uint8_t {
   kExact,        ///< Equal times: as `kApproximate` with D = 0.
   kApproximate,  ///< Times at most `max_difference` apart.
   /// Every message of the first topic, with the newest message of each other topic, whatever its
-  /// time; these may be used again. Before each of the others had one, messages of the first give
-  /// way; so does one of the others that no message of the first came for before the next.
+  /// time; the latter may be used again. Messages of the first topic are discarded until each other
+  /// topic had one; so is a message of another topic that is replaced before it was used.
   kLatest,
 };
 
-/// The time of a message by which a synchronizer compares.
+/// The time of a message that a synchronizer compares.
 enum class SyncTime : std::uint8_t {
-  kTaken,      ///< When what led to it was measured: `info().origin.taken`.
+  kTaken,      ///< When its oldest input was measured: `info().origin.taken`.
   kPublished,  ///< `info().publish_time`.
 };
 
@@ -58,16 +58,14 @@ struct SynchronizerOptions {
   /// Which messages belong together.
   SyncPolicy policy = SyncPolicy::kExact;
   Duration max_difference{};  ///< Above zero with `kApproximate`, else zero.
-  /// Messages of each topic that are held for partners that are still to come; also how many may
-  /// wait in each queue before that, unless the application file says something else under
-  /// `"subscribers"`.
+  /// Messages of each topic that are held until their partners arrive; also the depth of each queue
+  /// before that, unless `"subscribers"` in the application file overrides it.
   std::size_t depth = 16;
-  /// The time by which they are compared.
+  /// The time that is compared.
   SyncTime time = SyncTime::kTaken;
 };
 
-/// What may be called back with a set: `f(const A&, const B&, …)`, or
-/// `f(const Sample<A>&, const Sample<B>&, …)`.
+/// A callback for sets: `f(const A&, const B&, …)`, or `f(const Sample<A>&, const Sample<B>&, …)`.
 template <typename F, typename... T>
 concept SetCallback = std::invocable<F&, const T&...> || std::invocable<F&, const Sample<T>&...>;
 
@@ -82,7 +80,7 @@ struct SetMember {
 using SetOfEnvelopes = std::span<const SetMember>;
 using EnvelopeSetCallback = std::function<void(SetOfEnvelopes)>;
 
-/// An input of a synchronizer, without its C++ type.
+/// A type-erased input of a synchronizer.
 struct SynchronizedTopic {
   std::string_view name;
   const google::protobuf::Message* default_instance;

@@ -16,8 +16,8 @@
 
 namespace fastcycle::testing {
 
-/// Runs components without a process, a library or real time: a test feeds them messages, moves
-/// their clock by hand, and looks at what they published.
+/// Runs components without a process, a library or real time: a test feeds them messages, advances
+/// their clock, and checks what they published.
 ///
 ///     fastcycle::testing::Bench bench;
 ///     bench.add<SpeedLimiter>("limiter", R"({"params": {"limit_mps": 20}})");
@@ -29,11 +29,11 @@ namespace fastcycle::testing {
 ///
 ///     EXPECT_EQ(limited.take().at(0).mps(), 20.0);
 ///
-/// Components, inputs and outputs are added before `start`. What is published is served at once,
-/// and all that follows from it, without time advancing; timers run in `advance`.
+/// Components, inputs and outputs are added before `start`. A published message and all its
+/// consequences are served at once, without time advancing; timers run in `advance`.
 ///
 /// @threads  Confined to the test's thread.
-/// @errors   std::runtime_error with every mistake when the components do not fit together or a
+/// @errors   std::runtime_error with every error when the components do not fit together or a
 ///           parameter is wrong.
 class Bench {
  public:
@@ -55,22 +55,22 @@ class Bench {
   /// Stops the components, if `stop` was not called.
   ~Bench();
 
-  /// Adds a component; `configuration` is what would stand in the application file beside its name
-  /// and library: "params", "serve_period_ms", "subscribers", "remap", "on_fault", …
+  /// Adds a component; `configuration` is its entry in the application file without name and
+  /// library: "params", "serve_period_ms", "subscribers", "remap", "on_fault", …
   template <std::derived_from<Component> T>
   void add(const std::string& name, std::string_view configuration = "{}") {
     add_class(name, configuration,
               {name.c_str(), &detail::create_component<T>, &detail::destroy_component<T>});
   }
 
-  /// What the application file would say under "topics", "shared_params", … : merged into it.
+  /// Merges other parts of an application file, such as "topics" and "shared_params".
   void configure(std::string_view application);
 
   /// A topic that the test publishes on.
   template <Message T>
   [[nodiscard]] Input<T> input(const std::string& topic);
 
-  /// A topic that the test listens to; every message is kept until it is taken.
+  /// A topic that the test subscribes to; every message is kept until it is taken.
   template <Message T>
   [[nodiscard]] Output<T> output(const std::string& topic);
 
@@ -78,7 +78,7 @@ class Bench {
   template <Message Request, Message T>
   [[nodiscard]] Caller<Request, T> client(const std::string& name);
 
-  /// A service that the test gives, by `f(const Request&, Reply&)` or
+  /// A service that the test provides, by `f(const Request&, Reply&)` or
   /// `f(const Request&, Responder<Reply>)`. A responder that is kept answers within `Stand::run`.
   template <Message Request, Message T, typename F>
   Stand service(const std::string& name, F f);
@@ -95,15 +95,15 @@ class Bench {
   /// The mode that the application is in.
   [[nodiscard]] std::string mode() const;
 
-  /// Activates or deactivates component `name` alone, whatever the modes say.
+  /// Activates component `name` alone, regardless of the modes.
   void activate(const std::string& name);
-  /// The other way round.
+  /// Deactivates component `name` alone, regardless of the modes.
   void deactivate(const std::string& name);
   /// Whether component `name` is active.
   [[nodiscard]] bool is_active(const std::string& name) const;
 
-  /// Changes parameters as a transaction does, and serves what follows from it: all of them, or
-  /// none and the result tells why.
+  /// Changes parameters in a transaction, and serves what follows from it: all of them, or none and
+  /// the result has the errors.
   ParamsResult change_params(const std::vector<ParamChange>& changes);
 
   /// Stops the components in order and destroys them.
@@ -112,10 +112,10 @@ class Bench {
   /// The bench's time: `kSimulatedStart` at first; only `advance` moves it.
   [[nodiscard]] Time now() const;
 
-  /// What component `name` reported under `result`. @pre It did.
+  /// The value that component `name` reported as `result`. @pre It did.
   [[nodiscard]] ReportValue result(const std::string& name, const std::string& result) const;
 
-  /// The faults of component `name`, in words.
+  /// The faults of component `name`, as text.
   [[nodiscard]] std::vector<std::string> faults(const std::string& name) const;
 
  private:
@@ -124,7 +124,7 @@ class Bench {
   void add_class(const std::string& name, std::string_view configuration,
                  const ComponentClass& component_class);
   [[nodiscard]] Component& component(const std::string& name) const;
-  /// Done when all components are constructed.
+  /// Runs `step` when all components are constructed.
   void prepare(std::function<void()> step);
   void run_in(const std::string& name, std::function<void()> body);
   [[nodiscard]] std::string next_name(std::string_view kind);
@@ -192,7 +192,7 @@ class Server final : public Component {
 
 }  // namespace detail_testing
 
-/// Where a test publishes. Valid as long as its bench.
+/// A test's publisher. Valid as long as its bench.
 template <Message T>
 class Bench::Input {
  public:
@@ -210,14 +210,14 @@ class Bench::Input {
   std::string name_;
 };
 
-/// A message that a test received, and what the framework knows of it.
+/// A message that a test received, with its metadata.
 template <Message T>
 struct Bench::Received {
-  T message;         ///< A copy, which stays as it is.
-  MessageInfo info;  ///< When it was published, by whom, and how old what led to it is.
+  T message;         ///< A copy.
+  MessageInfo info;  ///< Publish time, publisher and origin.
 };
 
-/// Where a test sees what was published. Valid as long as its bench.
+/// A test's subscriber. Valid as long as its bench.
 template <Message T>
 class Bench::Output {
  public:
@@ -252,7 +252,7 @@ class Bench::Output {
   std::string name_;
 };
 
-/// A service that a test gives. Valid as long as its bench.
+/// A service that a test provides. Valid as long as its bench.
 class Bench::Stand {
  public:
   /// Calls `body` in an activation of the service, and serves what follows from it.
@@ -266,17 +266,17 @@ class Bench::Stand {
   std::string name_;
 };
 
-/// What became of one call of a test.
+/// The result of one call of a test.
 template <Message T>
 class Bench::Answer {
  public:
-  /// Whether the reply is there.
+  /// Whether the reply has arrived.
   [[nodiscard]] bool is_done() const { return state_->is_done; }
-  /// Whether the reply is there, and has no error.
+  /// Whether the reply has arrived without an error.
   [[nodiscard]] bool ok() const { return is_done() && status() == CallStatus::kOk; }
   /// @pre  `is_done()`
   [[nodiscard]] CallStatus status() const { return state_->status; }
-  /// In words; empty if all is well.
+  /// As text; empty if there is no error.
   [[nodiscard]] const std::string& error() const { return state_->error; }
   /// @pre  `ok()`
   [[nodiscard]] const T& operator*() const { return state_->value; }
@@ -305,7 +305,7 @@ class Bench::Answer {
   std::shared_ptr<State> state_ = std::make_shared<State>();
 };
 
-/// Where a test calls a service. Valid as long as its bench.
+/// A test's client of a service. Valid as long as its bench.
 template <Message Request, Message T>
 class Bench::Caller {
  public:

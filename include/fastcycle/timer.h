@@ -10,15 +10,14 @@ namespace fastcycle {
 /// time at which the application's timers started, the same for all of them.
 struct TimerOptions {
   Duration period{};  ///< Above zero.
-  /// How much later than the others it begins.
+  /// Offset to the application's start of timers.
   Duration phase{};
 };
 
 /// One call of a timer's callback.
 struct Tick {
-  Time due{};  ///< When it should have been called.
-  std::uint64_t skipped =
-      0;  ///< Ticks before this one that were skipped, since they came too late.
+  Time due{};                 ///< When it should have been called.
+  std::uint64_t skipped = 0;  ///< Ticks skipped before this one because they were late.
 };
 
 namespace detail {
@@ -31,15 +30,15 @@ void cancel_timer(TimerCore& timer) noexcept;
 
 /// Calls back at absolute times: no drift, however long the callbacks take.
 ///
-/// A tick that comes a whole period late replaces those that it missed, and they are counted as
-/// overruns; at most one tick of a timer waits.
+/// A tick that is a whole period late replaces the missed ones, which are counted as overruns; at
+/// most one tick of a timer waits.
 ///
-/// @threads  Confined to its component's activations: who calls it elsewhere is told, and the
-///           process ends. Its constructor and destructor may cancel.
+/// @threads  Confined to its component's activations: a call elsewhere ends the process with a
+///           message. The component's constructor and destructor may cancel.
 /// @realtime No allocation, no lock.
 class Timer {
  public:
-  /// Made by `Context::create_timer`.
+  /// Constructed by `Context::create_timer`.
   explicit Timer(detail::TimerCore& core) : core_(&core) {}
 
   /// Calls back once at `due`, or as soon as possible if that is past; replaces an earlier
@@ -51,13 +50,13 @@ class Timer {
   /// Calls back once, when `delay` has passed since the time of this activation; else as `arm_at`.
   void arm_in(Duration delay) { detail::arm_timer_in(*core_, delay); }
 
-  /// The period begins anew: the next tick is due one period after the time of this activation, and
-  /// each of the others one period later. One that was cancelled ticks again.
+  /// Restarts the period: the next tick is due one period after the time of this activation, and
+  /// each further one a period later. A cancelled timer ticks again.
   ///
   /// @pre  The timer has a period.
   void reset() { detail::reset_timer(*core_); }
 
-  /// No callback comes until the next `arm_at` or `reset`.
+  /// No further callback until the next `arm_at` or `reset`.
   void cancel() { detail::cancel_timer(*core_); }
 
  private:

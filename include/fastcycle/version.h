@@ -13,7 +13,7 @@
 #define FASTCYCLE_TEXT_OF(x) FASTCYCLE_TEXT_OF_(x)
 
 #if defined(FASTCYCLE_SANITIZER)
-// The build says it: a component with a sanitizer for a host without one, which loads the
+// Defined by the build: a component with a sanitizer for a host without one, which loads the
 // sanitizer's library first.
 #elif defined(__SANITIZE_ADDRESS__)
 #define FASTCYCLE_SANITIZER "address"
@@ -30,8 +30,8 @@
 #define FASTCYCLE_SANITIZER "none"
 #endif
 
-/// What must be equal in host and component library: the core's version (its major and minor
-/// number), the ABI of the standard library, protobuf's version, the sanitizer.
+/// Properties that must be equal in host and component library: the core's version (its major and
+/// minor number), the ABI of the standard library, protobuf's version, the sanitizer.
 #define FASTCYCLE_BUILD_NOTE \
   "fastcycle=" FASTCYCLE_TEXT_OF(FASTCYCLE_VERSION_MAJOR) "." FASTCYCLE_TEXT_OF(   \
       FASTCYCLE_VERSION_MINOR) " libstdc++=" FASTCYCLE_TEXT_OF(                    \

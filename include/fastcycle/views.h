@@ -31,19 +31,19 @@ Holder view_holder(const View& view) noexcept;
 
 /// The newest message of a topic, for components that work at their own pace.
 ///
-/// It causes no activation and no wake-up. What it shows is frozen when an activation starts: two
-/// questions in one callback get one answer.
+/// It causes no activation and no wake-up. Its content is frozen when an activation starts: two
+/// calls in one callback return the same message.
 ///
-/// @threads  Confined to its component's activations: who asks elsewhere is told, and the process
-///           ends.
+/// @threads  Confined to its component's activations: a call elsewhere ends the process with a
+///           message.
 /// @realtime No lock, no allocation.
 template <Message T>
 class Latest {
  public:
-  /// Made by `Context::create_latest`.
+  /// Constructed by `Context::create_latest`.
   explicit Latest(detail::View& view) : view_(&view) {}
 
-  /// The newest message, or an empty sample if none came yet.
+  /// The newest message, or an empty sample if none was received yet.
   [[nodiscard]] Sample<T> get() const {
     const auto size = detail::view_size(*view_);
     return size == 0
@@ -64,17 +64,17 @@ class Latest {
 
 /// The last messages of a topic, for components that look back in time.
 ///
-/// As with `Latest`, it causes no activation, and what it shows is frozen when one starts.
+/// As with `Latest`, it causes no activation, and its content is frozen when one starts.
 ///
 /// @threads  As `Latest`.
 /// @realtime No lock; `range` allocates the vector that it returns.
 template <Message T>
 class History {
  public:
-  /// Made by `Context::create_history`.
+  /// Constructed by `Context::create_history`.
   explicit History(detail::View& view) : view_(&view) {}
 
-  /// How many messages it shows.
+  /// The number of messages.
   [[nodiscard]] std::size_t size() const { return detail::view_size(*view_); }
 
   /// The message at `index`, counted from the oldest. @pre `index < size()`

@@ -11,8 +11,8 @@ namespace fastcycle::host {
 
 class Peers;
 
-/// Answers what the parts of an application ask of the whole, beside what its components ask: the
-/// life cycle, the modes, the chains, the changes of parameters.
+/// Interface of the application to its parts: life cycle, modes, chains, changes of parameters.
+/// `ComponentHost` is that to its components.
 ///
 /// @threads  Safe from the start to the end.
 class ApplicationHost : public ComponentHost {
@@ -20,7 +20,7 @@ class ApplicationHost : public ComponentHost {
   // Constant once it is built.
   [[nodiscard]] virtual const Components& components() const = 0;
   [[nodiscard]] virtual bool is_built() const = 0;
-  /// Whether a recording is published in the place of components.
+  /// Whether a recording is published in place of components.
   [[nodiscard]] virtual bool is_replay() const = 0;
   /// Whether `component` does not run here: a recording is published in its place, or nothing is,
   /// or it runs in another process.
@@ -30,22 +30,22 @@ class ApplicationHost : public ComponentHost {
   [[nodiscard]] virtual Peers* peers() const = 0;
 
   [[nodiscard]] virtual const base::Clock& clock() const = 0;
-  /// The lines that a component does not write itself.
+  /// The log of FastCycle itself.
   [[nodiscard]] virtual detail::LogSource& own_log() = 0;
-  /// Whether the run ends although there is input: something failed, or somebody asked for the end.
+  /// Whether the run ends although there is input: something failed, or the end was requested.
   [[nodiscard]] virtual bool is_to_end() const = 0;
 
   /// In simulated time between two rounds.
   virtual void mode_changed() = 0;
 
-  /// Where a recorded run is executed again: has `component` put in place what a transaction
-  /// changed then, in its activation by that cause. `text` is a JSON object of values by name.
+  /// In a replay: makes `component` apply the recorded changes of a transaction, in its activation
+  /// by that cause. `text` is a JSON object of values by name.
   ///
   /// @errors  Values that do not fit go to `problems`, and are left out.
   virtual void put_recorded_params(detail::ComponentCore& component, std::uint64_t transaction,
                                    const std::string& text, config::Problems& problems) = 0;
-  /// The same, before `component` is made anew: the new object begins with them. `text` is that of
-  /// a read `kMadeWith`.
+  /// The same, before `component` is reconstructed: the new object begins with them. `text` is that
+  /// of a read `kMadeWith`.
   virtual void commit_recorded_params(detail::ComponentCore& component, const std::string& text,
                                       config::Problems& problems) = 0;
 

@@ -8,17 +8,18 @@
 
 namespace fastcycle::host {
 
-/// What the control thread sleeps by while it waits for others: owns the place where it sleeps;
-/// whoever does what it may wait for rings.
+/// Event on which the control thread sleeps; a thread that may have made its condition true calls
+/// `ring`.
 ///
 /// @threads  `ring` is Safe; `wait` is confined to the control thread.
-/// @realtime `ring` takes no lock and allocates nothing; one system call if somebody sleeps.
+/// @realtime `ring` takes no lock and allocates nothing; one system call if the control thread
+///           sleeps.
 class Bell {
  public:
-  /// After what is waited for was done, not before.
+  /// Called after the change that makes the condition true.
   void ring() noexcept { sleepers_.wake(0); }
 
-  /// Waits until `condition` holds, and looks at it after each ring. False if it does not at
+  /// Waits until `condition` holds, and evaluates it after each ring. False if it does not at
   /// `deadline_ns` of CLOCK_MONOTONIC (`base::kNever`: no limit).
   template <typename Condition>
   bool wait(std::int64_t deadline_ns, const Condition& condition) {

@@ -38,9 +38,9 @@ namespace fastcycle::detail {
 
 class Reloading;
 
-/// One component of an application: owns its object, what it declared, and what became of it.
+/// One component of an application: owns its object, its declarations, and its results.
 ///
-/// @threads  As `Actor`; what the report reads is read after the end of the run.
+/// @threads  As `Actor`; the report reads it after the end of the run.
 class ComponentCore final : public Actor {
  public:
   using State = ComponentState;
@@ -50,11 +50,11 @@ class ComponentCore final : public Actor {
                 const base::Clock& its_clock);
   ~ComponentCore() override;
 
-  /// Makes the component's object. Mistakes in its parameters go to `problems`.
-  /// Returns what its constructor threw, or nothing.
+  /// Constructs the component's object. Errors in its parameters go to `problems`. Returns what its
+  /// constructor threw, or nothing.
   std::optional<std::string> construct(config::Problems& problems);
 
-  /// Destroys the object; what its destructor throws is a fault.
+  /// Destroys the object; an exception of its destructor is a fault.
   void destroy();
 
   /// The lifecycle, each called in an activation.
@@ -65,18 +65,18 @@ class ComponentCore final : public Actor {
   void call_deactivate();
   void call_stop();
 
-  /// The params that its present object is made with, without the shared ones.
+  /// The params of its present object, without the shared ones.
   [[nodiscard]] const config::Value& own_params() const {
     return versions->params() != nullptr ? *versions->params() : description.params;
   }
 
-  /// What is wrong with a `start` that takes longer than it may.
+  /// Describes a `start` that exceeds its limit.
   [[nodiscard]] std::string late_start() const;
 
-  /// The call of its life cycle that it is in, as "its start()"; null if it is in none. Safe.
+  /// The life cycle call that is running, such as "its start()"; null if none. Safe.
   [[nodiscard]] const char* call_in_words() const noexcept { return in_call_.load(); }
 
-  /// How often it was made anew, after faults or since it was asked for; reloads do not count.
+  /// How often it was reconstructed, after faults or on request; reloads do not count.
   [[nodiscard]] std::uint64_t renewals() const noexcept {
     return restart_count - versions->exchanges();
   }
@@ -85,63 +85,63 @@ class ComponentCore final : public Actor {
     return state == State::kStandby || state == State::kActive || state == State::kRestarting;
   }
 
-  /// Makes an object that was not started anew, of the state that it was given meanwhile, and
+  /// Reconstructs an object that was not started, with the state that it received meanwhile, and
   /// starts it. In an activation.
   void begin_anew();
-  /// Makes its object anew, as after a fault, but in order: it is deactivated and stopped before.
-  /// In an activation. Returns why that cannot be done; empty if it was, whatever came of it, or
+  /// Reconstructs its object, as after a fault, but orderly: it is deactivated and stopped before.
+  /// In an activation. Returns why that cannot be done; empty if it was, whatever the result, or
   /// will be, once its threads have ended.
   [[nodiscard]] std::string renew();
-  /// What a tool asks for: `kRenew`, `kToolStop`, `kToolStart`, `kRollBack` or `kConfirm`. As
-  /// `renew`.
+  /// Executes a tool's request: `kRenew`, `kToolStop`, `kToolStart`, `kRollBack` or `kConfirm`.
+  /// Returns as `renew`.
   [[nodiscard]] std::string obey(LifeStep step);
 
-  /// Puts changed parameters in place; in an activation. `text` is what a log says of them.
+  /// Applies changed parameters; in an activation. `text` is their form in a log.
   void take_params(std::uint64_t transaction, const host::ParamValues& values,
                    const std::string& text);
   /// The keys of activations by cause parameter in the log of a run: of new values, the number of
-  /// the transaction; of the answer to a change that the component asked for, this and its number.
+  /// the transaction; of the answer to a change that the component requested, this and its number.
   static constexpr std::uint64_t kParamsAsked = std::uint64_t{1} << 63U;
 
-  /// What a thread of its object number `object` threw; in an activation. That becomes a fault of
-  /// the component, unless it was made anew since.
+  /// A thread of its object number `object` threw `what`; in an activation. It becomes a fault of
+  /// the component, unless it was reconstructed since.
   void take_fault_of_thread(std::uint64_t object, const std::string& what);
   /// The keys of faults in the log of a run: of threads, by the number of the object; of offloaded
-  /// work, by its own; of a service that let go of a request, 0.
+  /// work, by its own; of a service that released a request unanswered, 0.
   static constexpr std::uint64_t kThreadFault = std::uint64_t{1} << 63U;
   [[nodiscard]] static constexpr std::uint64_t fault_key_of_thread(std::uint64_t object) {
     return kThreadFault | object;
   }
 
-  /// Ends the component after a fault: nothing is delivered to it any more.
+  /// Fails the component after a fault: nothing is delivered to it any more.
   void fail(std::string_view what);
   void note_fault(std::string_view what);
 
-  /// The mistakes that show once the constructor ran: parameters, queues and topics that the file
-  /// names and nobody declared.
+  /// Reports errors that are found after the constructor: parameters, queues and topics that the
+  /// file names and the component did not declare.
   void check_unused(config::Problems& problems) const;
 
   [[nodiscard]] std::string topic_name(std::string_view name_in_code) const {
     return config::resolve_topic(description, name_in_code);
   }
-  /// The full name of the topic that its code uses as `name_in_code`; adds a mistake if only topics
-  /// of services may have it.
+  /// The full name of the topic that its code uses as `name_in_code`; adds an error if it is
+  /// reserved for topics of services.
   std::string declare_topic(std::string_view name_in_code);
   [[nodiscard]] SubscriberOptions subscriber_options(std::string_view topic,
                                                      SubscriberOptions options) const;
 
-  /// What is declared again, in the same order, when the component is restarted.
+  /// Declarations that are repeated, in the same order, when the component is restarted.
   struct Declared {
     std::vector<PublisherCore*> publishers;
     std::vector<CallbackSubscription*> subscriptions;
     std::vector<View*> views;
     std::vector<Synchronizer*> synchronizers;
   };
-  /// Takes over what the constructor of a restarted component says of `subscription`, and connects
-  /// it again if it had ended.
+  /// Applies the new options of `subscription` from the constructor of a restarted component, and
+  /// connects it again if it had ended.
   void redeclare_subscription(CallbackSubscription& subscription, const SubscriberOptions& options,
                               EnvelopeCallback callback);
-  /// Watches over the deadline that `publisher` offers.
+  /// Monitors the deadline that `publisher` offers.
   void offer(PublisherCore& publisher, Duration deadline, const QosCallback& on_event);
 
   struct NamedThread {
@@ -152,7 +152,7 @@ class ComponentCore final : public Actor {
   host::ComponentHost& application;
   const config::ComponentDescription description;
 
-  /// Which of its calls takes longer than it may, in words; empty if none does. Safe.
+  /// Describes the call that exceeds its limit; empty if none does. Safe.
   [[nodiscard]] std::string hang() const {
     const std::lock_guard lock(hang_mutex_);
     return hang_;
@@ -167,18 +167,18 @@ class ComponentCore final : public Actor {
   LogSource log_source;
   Component* component = nullptr;
   std::atomic<State> state{State::kDeclared};
-  /// When the application's timers started, as it was told; none before. Its own activations only.
+  /// When the application's timers started; none before. Its own activations only.
   std::optional<Time> timers_began;
-  /// How its first `start` goes, between the worker that calls it and who waits for that.
+  /// Progress of its first `start`, shared by the worker that calls it and the thread that waits.
   class Start {
    public:
     enum class Stage : std::uint8_t { kWaiting, kCalled, kReturned, kLate };
 
-    host::Bell* bell = nullptr;  ///< Who waits is told by it; set before the call.
+    host::Bell* bell = nullptr;  ///< Notifies the waiting thread; set before the call.
 
     [[nodiscard]] Stage stage() const noexcept { return stage_.load(); }
     [[nodiscard]] bool is_late() const noexcept { return stage() == Stage::kLate; }
-    /// Why nobody waits for it any more. @pre `is_late()`
+    /// Why the wait was given up. @pre `is_late()`
     [[nodiscard]] const std::string& why() const noexcept { return why_; }
 
     /// By its worker. Once it is late it stays so.
@@ -190,7 +190,7 @@ class ComponentCore final : public Actor {
         bell->ring();
       }
     }
-    /// By who waited. False if it has returned.
+    /// Called by the waiting thread. False if the call has returned.
     bool expire(std::string why) {
       why_ = std::move(why);
       Stage now = stage();
@@ -206,9 +206,9 @@ class ComponentCore final : public Actor {
     std::atomic<Stage> stage_{Stage::kWaiting};
     std::string why_;
   } first_start;
-  bool is_stuck = false;           ///< After the stop: it has not come back from its own code.
-  bool is_left_alone = false;      ///< After the stop: some thread may still be in it.
-  bool is_wanted = true;           ///< The application's mode has it active.
+  bool is_stuck = false;           ///< After the stop: a call of its code has not returned.
+  bool is_left_alone = false;      ///< After the stop: a thread may still be in its code.
+  bool is_wanted = true;           ///< It is active in the application's mode.
   bool was_active_at_end = false;  ///< When it was stopped.
 
   // Declarations.
@@ -220,11 +220,11 @@ class ComponentCore final : public Actor {
   std::set<std::string, std::less<>> topics_in_code;
   std::vector<NamedThread> threads;       ///< Not changed while one of them runs.
   std::vector<std::string> timer_labels;  ///< By number, once it was constructed.
-  std::atomic<int> jobs{0};               ///< Work that it offloaded and that is being done.
-  std::uint64_t jobs_made = 0;            ///< All that it ever offloaded; its own activations only.
-  std::uint64_t jobs_ended = 0;           ///< Of these, those whose end it served.
-  std::uint64_t params_asked = 0;         ///< Changes of params that it ever asked for.
-  std::uint64_t params_answered = 0;      ///< Of these, those whose answer it served.
+  std::atomic<int> jobs{0};               ///< Offloaded jobs that are running.
+  std::uint64_t jobs_made = 0;            ///< All jobs ever offloaded; its own activations only.
+  std::uint64_t jobs_ended = 0;           ///< Those whose completion it served.
+  std::uint64_t params_asked = 0;         ///< Changes of params ever requested.
+  std::uint64_t params_answered = 0;      ///< Those whose answer it served.
   std::vector<std::unique_ptr<OfferedDeadline>> offered;
   host::ParamTable param_table;
   std::unique_ptr<KeyFrames> states;            ///< `DeclaredStates`; null if it declared none.
@@ -236,18 +236,18 @@ class ComponentCore final : public Actor {
   config::Problems* problems = nullptr;
   std::set<std::string> declared_params;
 
-  /// The request that is served now, or whose answer waits for the call whose reply came now.
+  /// The request being served, or the one whose answer waits for the call that was replied to now.
   Ticket serving{};
 
-  // What it says of itself and of the run; its own activations only.
+  // What it reports of itself and of the run; its own activations only.
   std::map<std::string, ReportValue, std::less<>> results;
   Health health = Health::kOk;
   std::string health_reason;
   std::optional<Random> random;
-  std::vector<std::string> faults;  ///< The first 16, in words.
+  std::vector<std::string> faults;  ///< The first 16, as text.
   std::string last_fault;
   std::uint64_t fault_count = 0;
-  std::uint64_t restart_count = 0;     ///< Tells its objects apart; not changed while threads run.
+  std::uint64_t restart_count = 0;     ///< Identifies its objects; not changed while threads run.
   std::unique_ptr<Versions> versions;  ///< `Reloading`; set once it is made.
   std::uint32_t restarts = 0;          ///< Within the time that began at `first_restart_ns`.
   std::int64_t first_restart_ns = 0;
@@ -268,40 +268,41 @@ class ComponentCore final : public Actor {
   void check_params(config::Problems& its_problems) const;
   [[nodiscard]] std::string inactive() const;
   void restart(std::string_view what);
-  /// Its restarts are used up: does what `then` of their description says.
+  /// Its restarts are used up: applies `then` of their description.
   void escalate(std::string_view what);
-  /// Asks the threads of the object to end, and calls `next` once they have: at once if there are
+  /// Requests the object's threads to end, and calls `next` once they have: at once if there are
   /// none; live, after waiting suspended. Fails if one of them takes too long.
   void end_threads(const std::function<void()>& next);
   void await_threads(std::int64_t deadline_ns, const std::function<void()>& next);
-  /// Destroys the object, and makes it anew after `delay`.
+  /// Destroys the object, and reconstructs it after `delay`.
   void replace(std::chrono::nanoseconds delay);
-  /// Destroys the object, and what must not go on without it. What synchronizers hold goes on.
+  /// Destroys the object, and what depends on it. Messages held by synchronizers are kept.
   void end_object();
-  /// Makes the object, as after `end_object`, and starts it. Returns why that failed, or nothing.
+  /// Constructs the object, as after `end_object`, and starts it. Returns why that failed, or
+  /// nothing.
   [[nodiscard]] std::string try_anew();
   /// The same; the component has failed if that fails.
   void make_anew();
-  /// A fault that changes nothing of what becomes of the application.
+  /// Records a fault without effect on the application.
   void note_contained_fault(std::string_view what);
-  /// From now on what it publishes reaches nobody, that of its threads included; or does again.
+  /// Suppresses all that it and its threads publish, or ends that.
   void mute(bool is_muted);
-  /// Its object is gone: nobody waits for its calls, and nobody else can give the answers it owes.
+  /// Its object is gone: ends its open calls and its pending requests.
   void end_calls(std::string_view what);
-  /// The application stops, or the component is deactivated: what it owes and what it awaits ends
-  /// with that.
+  /// The application stops, or the component is deactivated: ends its pending requests and open
+  /// calls.
   void end_services(CallStatus owed, CallStatus awaited, std::string_view reason);
-  /// Ends the subscriptions of the old object that must not go on as they are.
+  /// Ends the subscriptions of the old object that cannot be kept.
   void end_old_subscriptions();
-  /// Ends what it subscribed to in its callbacks.
+  /// Ends the subscriptions made in its callbacks.
   void end_late_subscriptions();
   [[nodiscard]] bool is_redeclared() const noexcept;
 
-  /// What it was, in words, if it throws or does not return. Written by its worker.
+  /// The running call as text, for one that throws or does not return. Written by its worker.
   NotedCall in_call_;
-  /// While it is replaced, what comes for it waits. Until it is active again.
+  /// While it is replaced, its messages wait until it is active again.
   bool keeps_messages_ = false;
-  bool owes_stop_ = false;  ///< It is made anew in order, and `stop` was not called yet.
+  bool owes_stop_ = false;  ///< It is reconstructed orderly, and `stop` was not called yet.
 
   mutable base::PriorityMutex hang_mutex_;
   std::string hang_;

@@ -27,7 +27,7 @@ class TimeDriver;
 /// All components of an application, in the order of its file.
 using Components = std::vector<std::unique_ptr<detail::ComponentCore>>;
 
-/// Connects components to topics, and parts them again, on behalf of who owns the topics.
+/// Connects components to topics and disconnects them, for the owner of the topics.
 class TopicHost {
  public:
   TopicHost() = default;
@@ -49,10 +49,10 @@ class TopicHost {
   virtual void end_subscription(detail::ComponentCore& component,
                                 detail::CallbackSubscription& subscription,
                                 detail::DropReason reason) noexcept = 0;
-  /// Connects again what had ended, for a component that is made anew.
+  /// Reconnects an ended subscription, for a component that is reconstructed.
   virtual void reopen_subscription(detail::ComponentCore& component,
                                    detail::CallbackSubscription& subscription) = 0;
-  /// Tells the subscribers of all that `component` publishes that it has ended, or is back.
+  /// Notifies the subscribers of all topics of `component` that it has ended, or is back.
   virtual void tell_liveliness(detail::ComponentCore& component, bool is_alive,
                                std::string_view reason) = 0;
 
@@ -60,7 +60,7 @@ class TopicHost {
   ~TopicHost() = default;
 };
 
-/// Ends and begins the threads of a component that is made anew, on behalf of who owns them. In an
+/// Ends and starts the threads of a component that is reconstructed, for their owner. In an
 /// activation of it.
 class ThreadHost {
  public:
@@ -68,7 +68,7 @@ class ThreadHost {
   ThreadHost(const ThreadHost&) = delete;
   ThreadHost& operator=(const ThreadHost&) = delete;
 
-  /// Until `start_threads` none begins. Calls what they registered with their stop tokens.
+  /// Until `start_threads` none begins. Runs the callbacks of their stop tokens.
   virtual void ask_threads_to_end(detail::ComponentCore& component) = 0;
   /// The names of those that have not ended. Safe.
   [[nodiscard]] virtual std::vector<std::string> running_threads(
@@ -82,9 +82,9 @@ class ThreadHost {
   ~ThreadHost() = default;
 };
 
-/// Answers what a component's core, its context and its ends of services ask of the application.
+/// Interface of the application to a component's core, its context and its service ends.
 ///
-/// @threads  Safe from the start to the end, unless something else is said.
+/// @threads  Safe from the start to the end, unless stated otherwise.
 class ComponentHost {
  public:
   ComponentHost() = default;
@@ -93,15 +93,15 @@ class ComponentHost {
 
   // Constant once it is built.
   [[nodiscard]] virtual const config::ApplicationDescription& description() const = 0;
-  /// The service whose id it is; "?" if no component gives or calls it.
+  /// The service with this id; "?" if no component provides or calls it.
   [[nodiscard]] virtual std::string service_name(std::uint64_t id) const = 0;
 
-  // Each safe as it says itself.
+  // Each is safe as documented there.
   [[nodiscard]] virtual TopicHost& wiring() = 0;
   [[nodiscard]] virtual ThreadHost& threads() = 0;
   [[nodiscard]] virtual TimeDriver& time() = 0;
   [[nodiscard]] virtual detail::LogQueue& log_queue() = 0;
-  /// Guards what is committed of the parameters of all components.
+  /// Guards the committed parameters of all components.
   [[nodiscard]] virtual ParamMutex& param_mutex() = 0;
 
   /// When its timers started; before that, when its start began.
@@ -109,51 +109,50 @@ class ComponentHost {
   /// The mode as of the last switch; empty if there are none.
   [[nodiscard]] virtual std::string mode() const = 0;
 
-  // What components ask, in their activations.
+  // Queries and requests of components, in their activations.
 
-  /// Asks for `mode` in the name of `by`.
+  /// Requests `mode` on behalf of `by`.
   ///
   /// @errors  std::invalid_argument if there is no such mode.
   virtual void ask_mode(std::string_view mode, std::string_view why, detail::ComponentCore& by) = 0;
   /// For `component`; `done` is called in another activation of it.
   virtual void change_params(detail::ComponentCore& component, std::vector<ParamChange> changes,
                              std::function<void(const ParamsResult&)> done) = 0;
-  /// What others see of the params of all components.
+  /// Descriptions of the params of all components.
   [[nodiscard]] virtual std::vector<ParamInfo> list_params() const = 0;
-  /// Asks the flight recorder for a dump; false if there is none.
+  /// Requests a dump of the flight recorder; false if there is none.
   virtual bool dump(std::string_view reason, std::string_view component,
                     std::string_view detail) noexcept = 0;
 
-  // What components tell, in their activations.
+  // Notifications from components, in their activations.
 
   /// `component` has another state, health, fault, or, not urgently, another reason for its health.
   virtual void component_changed(detail::ComponentCore& component, bool is_urgent) = 0;
-  /// Another library is the code of `component` now, or is on probation no longer.
+  /// `component` now has the code of another library, or its probation has ended.
   virtual void version_changed(detail::ComponentCore& component) = 0;
   virtual void fault_noted(const detail::ComponentCore& component, std::string_view what) = 0;
-  /// It has failed and will not be made anew.
+  /// It has failed and will not be reconstructed.
   virtual void component_failed(detail::ComponentCore& component) = 0;
-  /// Its input is over.
+  /// Its input has ended.
   virtual void source_finished(detail::ComponentCore& component) = 0;
-  /// A topic's publisher, or whoever publishes on it, missed a deadline. In a turn of some
-  /// component.
+  /// A publisher, or all publishers of a topic, missed a deadline. In a turn of some component.
   virtual void deadline_missed(const QosEvent& event) = 0;
-  /// A message for `sink` came too late for the chain at this place of the file.
+  /// A message for `sink` was too late for the chain with this index in the file.
   virtual void chain_breached(detail::ComponentCore& sink, std::size_t chain) = 0;
-  /// Ends the run: a component failed whose policy says so.
+  /// Ends the run: a component failed whose policy requires it.
   virtual void end_by_fault() = 0;
-  /// Whether the process that `component` runs in is one of its own that is restarted when it ends.
+  /// Whether `component` runs in a process of its own that is restarted when it ends.
   [[nodiscard]] virtual bool may_end_process(const detail::ComponentCore& component) const = 0;
-  /// Ends this process at once: `component` could not be helped otherwise.
+  /// Ends this process at once: `component` cannot be recovered otherwise.
   virtual void end_process(detail::ComponentCore& component, const std::string& what) = 0;
   /// Whether `component` runs in another process of the application. Any thread.
   [[nodiscard]] virtual bool runs_elsewhere(const std::string& component) const = 0;
 
   // Within a constructor.
 
-  /// Declares the publishers of a component in whose place a recording is published.
+  /// Declares the publishers of a component that a recording replaces.
   virtual void declare_replayed(detail::ComponentCore& component) = 0;
-  /// Whether somebody records what is published.
+  /// Whether the published messages are recorded.
   [[nodiscard]] virtual bool is_recorded() const = 0;
   virtual void record(const config::RecordDescription& description) = 0;
 

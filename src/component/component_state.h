@@ -4,13 +4,13 @@
 
 namespace fastcycle::detail {
 
-/// Where a component is in its life.
+/// Life cycle state of a component.
 enum class ComponentState : std::uint8_t {
   kDeclared,
   kConstructed,
   kStandby,     ///< Started, not active in the application's mode.
-  kActive,      ///< Started; its callbacks come.
-  kRestarting,  ///< It waits to be made anew: after a fault, or for its threads to end.
+  kActive,      ///< Started; its callbacks are called.
+  kRestarting,  ///< Waits for its reconstruction: after a fault, or until its threads end.
   kStopped,
   kFailed,
 };

@@ -1,7 +1,7 @@
 #pragma once
 
-// What the host itself declares for a component: topics by their full names, whatever the file says
-// of names in the component's code.
+// Declarations that the host makes for a component: topics by their full names, independent of the
+// file's remaps.
 
 #include <algorithm>
 #include <cstddef>
@@ -18,7 +18,7 @@
 
 namespace fastcycle::detail {
 
-/// Breaks the contract if the component is not being constructed: `call` declares `name`.
+/// Ends the process unless the component is being constructed: `call` declares `name`.
 void assert_constructing(const ComponentCore& core, const char* call, std::string_view name = {});
 
 PublisherCore& declare_publisher(ComponentCore& core, const std::string& topic,
@@ -30,8 +30,8 @@ CallbackSubscription& declare_subscription(ComponentCore& core, const std::strin
                                            const SubscriberOptions& options,
                                            EnvelopeCallback callback);
 
-/// What a component that is made anew declares again: the first of that topic which it has not
-/// declared again yet, and of which `is_such` holds. It must be of the same type.
+/// For a component that is reconstructed: the first of that topic which it has not declared again
+/// yet, and for which `is_such` holds. It must be of the same type.
 template <typename T, typename IsSuch>
 T& redeclare(std::vector<T*>& first, std::vector<T*>& again, const std::string& topic,
              const google::protobuf::Message& default_instance, const IsSuch& is_such) {

@@ -19,12 +19,12 @@ namespace fastcycle::detail {
 
 class ComponentCore;
 
-/// What one component declares by `Context::state`, and the key frames of it.
+/// The states that one component declares by `Context::state`, and their key frames.
 ///
 /// A key frame is the state after an activation. Its messages are published, each on a topic of its
-/// own (`state_topic`), and the reads of that activation say the rest of what FastCycle keeps for
-/// the component: whose messages its views hold, how far its publishers have counted, changed
-/// params, and the numbers of `FrameNumber`.
+/// own (`state_topic`), and the reads of that activation contain the rest of what FastCycle keeps
+/// for the component: the messages in its views, the sequences of its publishers, changed params,
+/// and the numbers of `FrameNumber`.
 ///
 /// @threads  As `Actor`.
 class DeclaredStates final : public KeyFrames {
@@ -53,15 +53,15 @@ class DeclaredStates final : public KeyFrames {
 
   /// In the constructor of the object.
   ///
-  /// @errors  A name that is declared twice, or is no name, is a start-up mistake; another type
-  ///          than before in an object that is made anew throws `std::logic_error`.
+  /// @errors  A duplicate or invalid name is a start-up error; another type than before in an
+  ///          object that is reconstructed throws `std::logic_error`.
   google::protobuf::Message& declare(std::string_view name,
                                      const google::protobuf::Message& default_instance,
                                      std::function<void(google::protobuf::Message&)> save);
 
   [[nodiscard]] const std::vector<std::unique_ptr<One>>& all() const noexcept { return all_; }
 
-  /// Why it has no key frames whatever it declares; empty if it has.
+  /// Why it has no key frames; empty if it has.
   [[nodiscard]] std::string why_none() const;
 
   // As `KeyFrames`.
@@ -78,7 +78,7 @@ class DeclaredStates final : public KeyFrames {
   std::vector<std::unique_ptr<One>> all_;
   std::int64_t next_ns_ = 0;  ///< Not before this time.
   std::uint64_t transaction_ = 0;
-  std::unique_ptr<nlohmann::ordered_json> params_;  ///< All that were changed; null: none.
+  std::unique_ptr<nlohmann::ordered_json> params_;  ///< All changed ones; null if none.
 };
 
 /// The topic of the key frames of one state.

@@ -16,8 +16,8 @@ namespace fastcycle::detail {
 
 class ComponentCore;
 
-/// A key frame: the activation at whose end it was written, and what that learned, which is all
-/// that FastCycle keeps for a component (see `DeclaredStates`).
+/// A key frame: the activation at whose end it was written, and the reads of that, which contain
+/// all that FastCycle keeps for a component (see `DeclaredStates`).
 struct KeyFrame {
   std::uint64_t activation = 0;
   std::span<const ToldReads::Entry> reads;
@@ -25,10 +25,9 @@ struct KeyFrame {
   std::function<const google::protobuf::Message&(const Read& read)> state;
 };
 
-/// Brings a component that was built into the state of a key frame: its object is made anew and
-/// started, with the state and the params of then. What it publishes meanwhile is not meant for
-/// anybody; whose messages its views hold, and how far its publishers have counted, is left to the
-/// caller. Between its activations.
+/// Restores a component to a key frame: its object is reconstructed and started, with the state and
+/// the params of the frame. What it publishes meanwhile must not be delivered; the messages in its
+/// views, and the sequences of its publishers, are left to the caller. Between its activations.
 void begin_at_key_frame(host::ApplicationHost& application, ComponentCore& core,
                         ActivationRing& ring, ToldReads& told, const KeyFrame& frame);
 

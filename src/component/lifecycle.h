@@ -21,41 +21,41 @@ namespace fastcycle::host {
 /// A call of a component that had not returned when its application stopped.
 struct StuckCall {
   std::string component;
-  std::string call;  ///< In words: "its start()", "its callback for \"topic\"".
+  std::string call;  ///< As text: "its start()", "its callback for \"topic\"".
 };
 
-/// Brings components through their lives: owns the order of their starts, their threads, and a
-/// deadline for everything that it waits for.
+/// Starts and stops components: owns the order of their starts, their threads, and a deadline for
+/// each wait.
 ///
-/// A component that does not come back is left alone: the others go on, and `stuck` names it.
+/// A component that does not return is abandoned: the others continue, and `stuck` names it.
 ///
-/// @threads  Confined to the control thread, but for what components call while they are made anew.
+/// @threads  Confined to the control thread, except for calls of components that are reconstructed.
 class Lifecycle final : public ThreadHost {
  public:
-  /// All the steps of an end together take no longer than this, whatever components do.
+  /// Limit for all steps of the end together, regardless of the components.
   static constexpr std::chrono::seconds kEndLimit{5};
-  /// One step of them. Where the application file lets a component's callbacks take longer
-  /// (`callback_limit_ms`), both are longer by the rest.
+  /// Limit for one step. If the application file allows longer callbacks (`callback_limit_ms`),
+  /// both limits grow by the difference.
   static constexpr std::chrono::seconds kStepLimit{1};
 
-  /// All have to live as long as this.
+  /// All arguments outlive this.
   Lifecycle(ApplicationHost& host, const Wiring& wiring, TimeDriver& time, Bell& bell)
       : host_(host), wiring_(wiring), time_(time), bell_(bell) {}
   Lifecycle(const Lifecycle&) = delete;
   Lifecycle& operator=(const Lifecycle&) = delete;
 
-  /// Places among `ApplicationHost::components`, in the order of the starts. Before `start`.
+  /// Indices into `ApplicationHost::components`, in the order of the starts. Before `start`.
   void set_order(std::vector<std::size_t> order) { order_ = std::move(order); }
   void add_last(std::size_t component) { order_.push_back(component); }
 
-  /// Starts all, one after the other. False if the run was ended before all were called. What has
-  /// not returned at `deadline_ns` of CLOCK_MONOTONIC ends the run as a fault.
+  /// Starts all, one after the other. False if the run was ended before all were called. A `start`
+  /// that has not returned at `deadline_ns` of CLOCK_MONOTONIC ends the run as a fault.
   bool start(std::int64_t deadline_ns);
   /// Arms the timers, as of `start`.
   void start_timers(Time start);
   void start_threads(std::vector<base::Refusal>& refusals);
 
-  // The threads of a component that is made anew; in an activation of it.
+  // The threads of a component that is reconstructed; in an activation of it.
 
   void ask_threads_to_end(detail::ComponentCore& component) override;
   [[nodiscard]] std::vector<std::string> running_threads(
@@ -65,19 +65,19 @@ class Lifecycle final : public ThreadHost {
 
   // The steps of an end, in this order.
 
-  /// Asks threads to stop, and waits for them.
+  /// Requests threads to stop, and waits for them.
   void stop_threads();
   void stop_timers();
-  /// Waits for what is under way.
+  /// Waits for running activations.
   void drain();
   /// In the reverse order of their starts.
   void stop_components();
-  /// Waits for all that has not come back yet, and for what components still brought.
+  /// Waits for calls that have not returned yet, and for what they caused.
   void finish();
 
-  /// Who did not come back.
+  /// The calls that did not return.
   [[nodiscard]] const std::vector<StuckCall>& stuck() const noexcept { return stuck_; }
-  /// Whether some thread may still be in the component's code: its object is left alone.
+  /// Whether a thread may still be in the component's code: its object is then not destroyed.
   [[nodiscard]] bool is_stuck(const detail::Actor& component) const;
   /// Waits, without a limit, for the threads of components that have not ended.
   void join_threads();
@@ -87,12 +87,12 @@ class Lifecycle final : public ThreadHost {
   struct OwnThread {
     detail::ComponentCore& component;
     const detail::ComponentCore::NamedThread& named;
-    const std::uint64_t object;  ///< Whose it is: `ComponentCore::restart_count`.
+    const std::uint64_t object;  ///< Its owner: `ComponentCore::restart_count`.
     std::stop_source stop = {};
     std::atomic<bool> has_ended{false};
     base::Thread thread = {};
   };
-  /// Something that a component was asked for in the end.
+  /// A request to a component during the end.
   struct Asked {
     detail::ComponentCore& component;
     ControlCall call;
@@ -110,7 +110,7 @@ class Lifecycle final : public ThreadHost {
   [[nodiscard]] std::vector<std::stop_source> stop_sources(
       const detail::ComponentCore* component) const;
   [[nodiscard]] bool have_threads_ended() const;
-  /// Joins those for which `which` holds, and forgets them.
+  /// Joins and removes those for which `which` holds.
   template <typename Which>
   void join(const Which& which);
   [[nodiscard]] std::int64_t step_deadline();
@@ -123,16 +123,16 @@ class Lifecycle final : public ThreadHost {
   TimeDriver& time_;
   Bell& bell_;
   std::vector<std::size_t> order_;
-  /// Control plane: when threads of components are started, asked to end, and joined.
+  /// Control plane: starting, stopping and joining threads of components.
   mutable base::PriorityMutex threads_mutex_;
   enum class ThreadsStage : std::uint8_t { kNone, kRun, kEnd };
   ThreadsStage threads_stage_ = ThreadsStage::kNone;
   std::vector<std::unique_ptr<OwnThread>> threads_;
-  /// Those of their old object were asked to end, those of the new one did not begin.
+  /// Components whose old threads were requested to end, and whose new ones have not begun.
   std::set<const detail::ComponentCore*> between_objects_;
 
   std::uint32_t part_ = 0;
-  std::int64_t end_ns_ = base::kNever;  ///< CLOCK_MONOTONIC: when all steps of the end are over.
+  std::int64_t end_ns_ = base::kNever;  ///< CLOCK_MONOTONIC: deadline of all steps of the end.
   std::vector<Asked> asked_;
   std::vector<StuckCall> stuck_;
 };

@@ -2,9 +2,9 @@
 
 namespace fastcycle::host {
 
-// What FastCycle itself publishes, and the components of its own that do it.
+// Names of FastCycle's own topics and components.
 inline constexpr const char* kOwnName = "fastcycle";
-inline constexpr const char* kOwnTopics = "fastcycle/";  ///< What its topics begin with.
+inline constexpr const char* kOwnTopics = "fastcycle/";  ///< Prefix of its topics.
 inline constexpr const char* kStatusTopic = "fastcycle/status";
 inline constexpr const char* kLogTopic = "fastcycle/log";
 inline constexpr const char* kLogName = "fastcycle/log";

@@ -22,16 +22,17 @@ namespace fastcycle::detail {
 
 class ComponentCore;
 
-/// Replaces the object of a component by one of another library, and takes that back while the new
-/// one is on probation: owns both versions, the state that was handed over, and the judgement.
+/// Replaces the object of a component by one of another library, and rolls that back while the new
+/// one is on probation: owns both versions, the state that was handed over, and the verdict.
 ///
-/// The declared state goes from one object to the next. After a fault or a call that hung the old
-/// version gets back what it had handed over; otherwise what the new one wrote down at its end.
+/// The declared state is passed from one object to the next. After a fault or a call that hung, a
+/// rollback restores the state that the old version had handed over; otherwise it takes the state
+/// that the new one saved at its end.
 ///
 /// @threads  As `Versions`.
 class Reloading final : public Versions, private Watch {
  public:
-  /// Once `core` has its description and its class.
+  /// @pre `core` has its description and its class.
   explicit Reloading(ComponentCore& core);
 
   // As `Versions`.
@@ -61,21 +62,21 @@ class Reloading final : public Versions, private Watch {
   std::optional<QosEvent> look(std::int64_t now_ns) noexcept override;
   [[nodiscard]] std::int64_t next_look_ns() const noexcept override;
 
-  /// Tells who asked for the reload, if nobody has been told yet.
+  /// Answers the request for the reload, unless it was answered before.
   void answer(const std::string& why_not);
-  /// Whether the probation goes on; ends it if its time is over.
+  /// Whether the probation continues; ends it if its time has passed.
   [[nodiscard]] bool is_judged();
   /// Deactivates and stops the object, ends its threads, then calls `next`.
   void end_in_order(const std::function<void()>& next);
   void exchange(const ReloadOrder& order);
   /// `keeps_state`: the present one; else what was handed over.
   void return_to_previous(bool keeps_state, const std::string& why);
-  /// What `before_` says, in place of the present version.
+  /// Restores the version in `before_`.
   void put_back();
   void ask_for_rollback(const std::string& why);
   [[nodiscard]] States copy_of_states() const;
   void set_states(const States& states);
-  /// Says it in the log, on the status topic, and in `news`.
+  /// Reports `what` in the log, on the status topic, and in `news`.
   void tell(const std::string& what, bool is_trouble);
 
   ComponentCore& core_;
@@ -83,12 +84,13 @@ class Reloading final : public Versions, private Watch {
   struct Before {
     ComponentVersion version;
     std::optional<config::Value> params;
-    std::optional<config::Value> ordered;  ///< What the order had changed of them, and how they
-    std::vector<host::ParamTable::Kept> param_values;  ///< were.
+    std::optional<config::Value> ordered;  ///< Those that the order had changed, and their
+    std::vector<host::ParamTable::Kept> param_values;  ///< earlier values.
     States states;
   };
   std::optional<Before> before_;
-  std::function<void(const std::string& why_not)> told_;  ///< Who waits for a reload; or null.
+  std::function<void(const std::string& why_not)>
+      told_;  ///< Answers the request for a reload; or null.
   std::optional<config::Value> params_;
   const config::Value* ordered_params_ = nullptr;
   std::int64_t ends_ns_ = 0;  ///< When the probation does, on the application's clock.

@@ -10,8 +10,8 @@ namespace fastcycle::detail {
 
 class ComponentCore;
 
-/// Executes an activation by cause event again: of the watch that `reads` tell of, or else of the
-/// timer `key`. As `Actor::repeat`.
+/// Executes an activation by cause event again: of the watch in `reads`, or else of the timer
+/// `key`. As `Actor::repeat`.
 void repeat_event(ComponentCore& core, ActivationRing& ring,
                   std::span<const ToldReads::Entry> reads, std::uint64_t key, std::int64_t time_ns,
                   std::uint64_t skipped);

@@ -8,7 +8,7 @@
 
 namespace fastcycle::detail {
 
-/// One component's end of a service, as its core knows it: owns the service's name, and whether the
+/// One component's end of a service, in its core: owns the service's name, and whether the
 /// component's present object declared it.
 ///
 /// @threads  Confined to the component's activations.
@@ -19,10 +19,10 @@ class ServiceEnd {
   ServiceEnd& operator=(const ServiceEnd&) = delete;
   virtual ~ServiceEnd() = default;
 
-  /// Every call that is open here, or whose answer is owed here, ends so; in an activation.
+  /// Ends every open call and pending request of this end with `status`; in an activation.
   virtual void end_all(CallStatus status, std::string_view reason) = 0;
-  /// The object that declared it is gone, because of `what`: nobody waits for its calls any more,
-  /// and nobody else can give the answers that it owes. In an activation.
+  /// The object that declared it is gone, because of `what`: ends its open calls and pending
+  /// requests. In an activation.
   virtual void abandon(std::string_view what) = 0;
 
   const std::string service;

@@ -4,9 +4,9 @@
 
 namespace fastcycle::host {
 
-// In simulated time the starts of components follow each other at one moment, and so do their
-// stops. Each of these parts has rounds with numbers of its own, so that the number of a round says
-// to which part it belongs, however many rounds the others take:
+// In simulated time the starts of components follow each other at one instant, and so do their
+// stops. Each of these parts has its own range of round numbers, so that the number of a round
+// identifies its part, however many rounds the others take:
 //
 //     0               start of the component that starts first (`config::start_order`)
 //     kStepsOfPart    start of the second one, and so on; then the run itself

@@ -8,8 +8,8 @@
 
 namespace fastcycle::host {
 
-/// For the end of a run, when nothing is driven any more, and for what simulated time waits for:
-/// looks every 200 µs whether `condition` holds, until `deadline_ns` of CLOCK_MONOTONIC.
+/// Polls `condition` every 200 µs until it holds, at most until `deadline_ns` of CLOCK_MONOTONIC:
+/// for the end of a run, and for waits of simulated time.
 template <typename Condition>
 bool wait_until(std::int64_t deadline_ns, const Condition& condition) {
   while (!condition()) {

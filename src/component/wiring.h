@@ -15,20 +15,20 @@ namespace fastcycle::host {
 
 class TimeDriver;
 
-/// Who is connected to whom: owns the topics of an application, and the lock under which their
-/// subscriptions come and go while components run.
+/// The connections of an application: owns its topics, and the lock for adding and removing
+/// subscriptions while components run.
 ///
-/// @threads  As said of each part.
+/// @threads  Stated for each part.
 class Wiring final : public TopicHost {
  public:
-  /// Both have to live as long as this.
+  /// Both outlive this.
   Wiring(const Components& components, TimeDriver& time) : components_(components), time_(time) {}
   Wiring(const Wiring&) = delete;
   Wiring& operator=(const Wiring&) = delete;
 
   [[nodiscard]] detail::Topics& topics() override { return topics_; }
   [[nodiscard]] const detail::Topics& topics() const { return topics_; }
-  /// Keeps the topics as they are while `look` reads their counters. Safe.
+  /// Locks the topics while `look` reads their counters. Safe.
   template <typename Look>
   void look(const Look& look) const {
     const std::lock_guard lock(mutex_);
@@ -37,9 +37,9 @@ class Wiring final : public TopicHost {
 
   /// Components run from now on; control thread.
   void begin();
-  /// They stop: what ends is not disconnected any more.
+  /// Components stop: ended subscriptions are not disconnected any more.
   void end() { is_running_ = false; }
-  /// Lets threads of components publish nothing any more; but not those of whom `goes_on` holds.
+  /// Closes the external publishers of all components, except those for which `goes_on` holds.
   void close_external(const std::function<bool(const detail::ComponentCore&)>& goes_on);
 
   // In an activation of `component`.
@@ -57,9 +57,10 @@ class Wiring final : public TopicHost {
   void tell_liveliness(detail::ComponentCore& component, bool is_alive,
                        std::string_view reason) override;
 
-  /// Does `action` where nobody publishes with `publisher` meanwhile, now or soon: in an activation
-  /// of its component, of an external one under its lock, in simulated time between two rounds.
-  /// For who is no component. Safe, from the start to the end, after which it may never be done.
+  /// Executes `action` while `publisher` does not publish, now or soon: in an activation of its
+  /// component, for an external one under its lock, in simulated time between two rounds. For
+  /// callers outside of components. Safe, from the start to the end, after which it may never be
+  /// executed.
   void beside(detail::PublisherCore& publisher, std::function<void()> action);
 
  private:
@@ -71,7 +72,8 @@ class Wiring final : public TopicHost {
 
   const Components& components_;
   TimeDriver& time_;
-  /// Control plane: when subscriptions come and go. Who looks on may hold it at a low priority.
+  /// Control plane: guards adding and removing subscriptions. Observers may hold it at a low
+  /// priority.
   mutable base::PriorityMutex mutex_;
   detail::Topics topics_;
   std::atomic<bool> has_begun_{false};

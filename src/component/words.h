@@ -6,7 +6,7 @@
 
 namespace fastcycle::host {
 
-// The words of reports, and of all else that tools say.
+// The words in reports and in the output of tools.
 [[nodiscard]] const char* to_word(detail::ComponentState state) noexcept;
 [[nodiscard]] const char* to_word(Health health) noexcept;
 [[nodiscard]] const char* to_word(detail::Subscription::Kind kind) noexcept;

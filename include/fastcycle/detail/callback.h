@@ -7,7 +7,7 @@
 
 namespace fastcycle::detail {
 
-/// Whether some parameter is a message, and not a reference to one: each call would copy it.
+/// Whether a parameter is a message, and not a reference to one: each call would copy it.
 template <typename... P>
 using AnyIsMessage = std::bool_constant<(std::derived_from<P, google::protobuf::Message> || ...)>;
 
@@ -18,8 +18,8 @@ AnyIsMessage<P...> parameters_of(R (C::*)(P...));
 template <typename R, typename C, typename... P>
 AnyIsMessage<P...> parameters_of(R (C::*)(P...) const);
 
-/// Whether `F` takes a message by value, as far as that shows: of a callable with several
-/// signatures, such as a generic lambda, nobody knows.
+/// Whether `F` takes a message by value. False for a callable with several signatures, such as a
+/// generic lambda, for which this cannot be determined.
 template <typename F>
 consteval bool takes_message_by_value() {
   if constexpr (requires { parameters_of(&F::operator()); }) {
@@ -33,7 +33,7 @@ consteval bool takes_message_by_value() {
 
 }  // namespace fastcycle::detail
 
-/// Refuses a callback that copies the message that it is given.
+/// Rejects a callback that copies its message.
 #define FASTCYCLE_REFUSE_COPIED_MESSAGE(F)                                                      \
   static_assert(!::fastcycle::detail::takes_message_by_value<F>(),                              \
                 "the callback takes a message by value, which copies it in each call: take it " \

@@ -42,7 +42,7 @@ struct ParamSpec {
   std::optional<ParamData> fallback = {};
   std::optional<ParamElementValue> min = {};  ///< Integers always have both: those of their type.
   std::optional<ParamElementValue> max = {};
-  bool has_own_min = false;  ///< Its author said it.
+  bool has_own_min = false;  ///< Given by the author.
   bool has_own_max = false;
   std::vector<std::string> names = {};                   ///< Of an enumeration.
   const google::protobuf::Message* prototype = nullptr;  ///< Of a message: an empty one.
@@ -50,11 +50,11 @@ struct ParamSpec {
   std::string description = {};
 };
 
-/// Where the value of one parameter stands, for as long as its component has a place in the
-/// application: what is changed at run time outlives the component's object.
+/// Storage for the value of one parameter. It lasts as long as the application: a value that was
+/// changed at run time outlives the component's object.
 ///
-/// @threads  `spec` is read by whoever holds the application's lock on params; all else is confined
-///           to the component's constructor and activations.
+/// @threads  `spec` is read under the application's lock on params; all else is confined to the
+///           component's constructor and activations.
 class ParamSlot {
  public:
   explicit ParamSlot(ParamSpec its_spec) : spec(std::move(its_spec)) {}
@@ -62,13 +62,13 @@ class ParamSlot {
   ParamSlot& operator=(const ParamSlot&) = delete;
   virtual ~ParamSlot() = default;
 
-  /// Puts a value in place, which was checked against `spec`.
+  /// Stores a value, which was checked against `spec`.
   virtual void put(const ParamData& data) = 0;
-  /// Takes over what a restarted component declared anew. @pre `fresh` is of the same type.
+  /// Takes over the new declaration of a restarted component. @pre `fresh` is of the same type.
   virtual void renew(ParamSlot& fresh) = 0;
 
   ParamSpec spec;
-  /// What the component wants to be called with when its value was changed; may be empty.
+  /// Called when the value was changed; may be empty.
   std::function<void()> on_change;
 };
 
