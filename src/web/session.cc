@@ -349,7 +349,7 @@ void Session::publish(const foxglove::ClientMessage& message) {
     refuse(fmt::format("topic \"{}\": {}", topic, error.what()));
     return;
   }
-  hub_.ask(*this, std::move(request), [this, topic = topic](const auto& answer) {
+  hub_.ask(*this, std::move(request), [this, asked = topic](const auto& answer) {
     if (answer.has_error()) {
       refuse(fmt::format("topic \"{}\": {}", topic, answer.error().text()));
     }
