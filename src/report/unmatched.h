@@ -15,9 +15,8 @@ struct UnmatchedReport {
   std::string reason = {};
   std::uint64_t count = 0;
   std::string topic = {};  ///< The topic without a matching message; empty: none in particular.
-  std::optional<double> difference_ms =
-      {};                 ///< The smallest time difference to its messages, if any.
-  std::string text = {};  ///< The same, as a sentence.
+  std::optional<double> difference_ms = {};  ///< The smallest one to its messages, if any.
+  std::string text = {};                     ///< The same, as a sentence.
 };
 
 /// Why messages of `subscription` found no partners; empty if it is not synchronized, or all found
