@@ -147,9 +147,8 @@ class Tracer final : public host::Observer {
   struct PublisherState {
     std::string topic = {};
     std::size_t component = 0;
-    std::uint64_t name = 0;  ///< Of the begin of a flow.
-    std::uint64_t external_track =
-        0;  ///< Track of its flows' begins, if it publishes outside of activations.
+    std::uint64_t name = 0;            ///< Of the begin of a flow.
+    std::uint64_t external_track = 0;  ///< Of flows from outside of activations.
   };
   struct Queue {
     const detail::Subscription* subscription = nullptr;
