@@ -5,7 +5,7 @@
 namespace fastcycle::transforms {
 namespace {
 
-constexpr double kNoAngle = 1e-12;  // Below, half an angle is too small to divide it.
+constexpr double kNoAngle = 1e-12;  // Below, half an angle is too small to divide by its sine.
 
 Vector cross(const Vector& a, const Vector& b) noexcept {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
@@ -32,7 +32,7 @@ Quaternion slerp(const Quaternion& from, const Quaternion& to, double part) noex
   const Quaternion between = to * from.conjugate();
   const double sine =
       std::sqrt(between.x * between.x + between.y * between.y + between.z * between.z);
-  // A quaternion and its negative are one rotation: take the nearer one.
+  // A quaternion and its negative are the same rotation: use the nearer one.
   const double sign = between.w < 0.0 ? -1.0 : 1.0;
   if (sine < kNoAngle) {
     return weighted(1.0 - part, from, sign * part, to);

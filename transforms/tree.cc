@@ -12,20 +12,20 @@ namespace fastcycle::transforms {
 namespace {
 
 constexpr std::size_t kNoFrame = std::numeric_limits<std::size_t>::max();
-constexpr std::size_t kStaticDepth = 64;  // Messages, of which the last of each publisher counts.
+constexpr std::size_t kStaticDepth = 64;  // Messages; only the last of each publisher is used.
 constexpr std::uint64_t kMixing = 0x9e37'79b9'7f4a'7c15;
-constexpr double kNormTolerance = 1e-3;  // A rotation whose norm is further from 1 is none.
+constexpr double kNormTolerance = 1e-3;  // Maximum deviation of a rotation's norm from 1.
 
 std::string in_ms(Duration span) {
   return fmt::format("{:.6g} ms", std::chrono::duration<double, std::milli>(span).count());
 }
 
-/// Makes the rotation a unit quaternion; false if it is none, or something is no number.
+/// Normalizes the rotation; false if it is not a rotation, or a value is not finite.
 bool make_valid(Transform& transform) noexcept {
   Quaternion& q = transform.rotation;
   const Vector& t = transform.translation;
   const double norm = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
-  // Written so that a value that is no number fails, too.
+  // Written so that NaN fails, too.
   if (!(std::abs(norm - 1.0) <= kNormTolerance) || !std::isfinite(t.x + t.y + t.z)) {
     return false;
   }
@@ -33,7 +33,7 @@ bool make_valid(Transform& transform) noexcept {
   return true;
 }
 
-/// How many letters have to be changed, put in or left out to make `a` of `b`.
+/// The edit distance between `a` and `b`.
 std::size_t distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) {
@@ -50,7 +50,7 @@ std::size_t distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// The poses of a topic of `transform::Transform`, which names its frames.
+/// The poses of a topic of `transform::Transform`, which contains its frames.
 class MessagePoses final : public detail::Poses {
  public:
   explicit MessagePoses(History<transform::Transform> history) : history_(history) {}
@@ -77,12 +77,12 @@ struct Tree::Moving {
 struct Tree::Frame {
   std::string name;
   std::size_t parent = kNoFrame;
-  std::size_t depth = 0;  ///< How many frames are above it.
-  std::string topic{};    ///< Where its pose comes from.
+  std::size_t depth = 0;  ///< Number of frames above it.
+  std::string topic{};    ///< The topic of its pose.
   const Moving* moving = nullptr;
-  Transform child_to_parent{};  ///< If it does not move.
+  Transform child_to_parent{};  ///< If it is static.
   bool is_valid = true;
-  std::string problem{};  ///< Why it has no one place; empty if it has.
+  std::string problem{};  ///< Why its place is ambiguous; empty if it is not.
 };
 
 Tree::Tree(Context& context, TreeOptions options) : options_(std::move(options)) {
@@ -113,7 +113,8 @@ void Tree::add_poses(MovingFrame frame, std::unique_ptr<detail::Poses> poses) {
 }
 
 void Tree::refresh() {
-  // Any of them may be new: of several publishers, the newest message is not the last that came.
+  // Any of them may be new: with several publishers, the last message received need not be the
+  // newest.
   std::uint64_t seen = 0;
   for (std::size_t index = 0; static_ && index < static_->size(); ++index) {
     const auto message = (*static_)[index];
@@ -136,7 +137,7 @@ void Tree::rebuild() {
   for (std::size_t index = static_ ? static_->size() : 0; index > 0; --index) {
     const auto message = (*static_)[index - 1];
     if (!heard.insert(message.info().publisher).second) {
-      continue;  // It has said something newer, which replaces this.
+      continue;  // A newer message of it replaces this one.
     }
     for (const transform::Transform& one : message->transforms()) {
       connect(one.header().frame(), one.child(), options_.static_topic, nullptr,
@@ -189,7 +190,7 @@ void Tree::find_circles() {
     if (depth <= frames_.size() || !frames_[at].problem.empty()) {
       continue;
     }
-    std::string names = frames_[at].name;  // So many steps up, one is in the circle.
+    std::string names = frames_[at].name;  // After this many steps it is in the cycle.
     for (std::size_t next = frames_[at].parent; next != at; next = frames_[next].parent) {
       names += " → " + frames_[next].name;
     }
@@ -208,7 +209,7 @@ std::optional<std::size_t> Tree::find(std::string_view name) const {
 }
 
 std::optional<std::size_t> Tree::common(std::size_t a, std::size_t b) const {
-  // No more steps than there are frames, each way, even where they lead in a circle.
+  // At most as many steps as there are frames, each way, even in a cycle.
   for (std::size_t steps = 0; steps <= 2 * frames_.size() && a != b; ++steps) {
     std::size_t& deeper = frames_[a].depth >= frames_[b].depth ? a : b;
     if (frames_[deeper].parent == kNoFrame) {
@@ -243,7 +244,7 @@ std::optional<Error> Tree::look(const Frame& frame, Time time, Transform& found)
     return Error{Missing::kPose,
                  fmt::format("{}: nothing has come on \"{}\" yet", edge(frame), frame.topic)};
   }
-  // From the newest back to the first that is not younger than asked.
+  // From the newest back to the first one at or before the requested time.
   Pose after;
   Pose before;
   std::size_t index = size;
@@ -273,7 +274,7 @@ std::optional<Error> Tree::look(const Frame& frame, Time time, Transform& found)
   if (before.taken == time) {
     return std::nullopt;
   }
-  if (index + 1 == size) {  // Nothing is younger than asked.
+  if (index + 1 == size) {  // None is newer than requested.
     if (time - before.taken > options_.max_hold) {
       return Error{
           Missing::kNewPose,
@@ -306,7 +307,7 @@ std::optional<Error> Tree::climb(std::size_t from, std::size_t to, Time time, Tr
 Error Tree::unknown(std::string_view name) const {
   std::string known;
   std::string nearest;
-  std::size_t least = name.size() / 3 + 2;  // Further is no misspelling.
+  std::size_t least = name.size() / 3 + 2;  // A greater distance is no misspelling.
   for (const auto& [other, index] : names_) {
     known += (known.empty() ? "" : ", ") + other;
     if (const std::size_t letters = distance(name, other); letters < least) {

@@ -18,7 +18,7 @@ class Bell {
     }
     rung_.notify_one();
   }
-  /// Until it rings, or has rung since the last wait; at most as long as `timeout`.
+  /// Waits until it rings, or has rung since the last wait; at most for `timeout`.
   void wait(std::chrono::milliseconds timeout) {
     std::unique_lock lock(mutex_);
     rung_.wait_for(lock, timeout, [this] { return has_rung_; });

@@ -8,37 +8,37 @@
 
 namespace fastcycle::dds_gateway {
 
-/// One question to another clock and its answer, as each of the two clocks saw it.
+/// One request to another clock and its answer, with the times of both clocks.
 struct RoundTrip {
-  Time asked{};     ///< By the clock that asks.
-  Time came{};      ///< By the other one, as the next.
+  Time asked{};     ///< By the requesting clock.
+  Time came{};      ///< By the other one, as `answered`.
   Time answered{};  ///< When the answer was sent.
-  Time back{};      ///< By the clock that asks.
+  Time back{};      ///< By the requesting clock.
 };
 
-/// How far another clock is ahead of ours, found by round trips as NTP finds it: an answer that
-/// took `d` on both ways together tells the difference to within `d / 2`, whatever part of `d` each
-/// way had. The round trip whose bound is the smallest counts; its bound grows with its age, since
-/// the clocks drift.
+/// The offset of another clock from ours, estimated from round trips as in NTP: an answer that took
+/// `d` both ways together gives the offset to within `d / 2`, whatever the share of each way. The
+/// round trip with the smallest bound is used; its bound grows with its age, since the clocks
+/// drift.
 ///
 /// @threads  Confined.
 class ClockDifference {
  public:
-  static constexpr std::size_t kKept = 64;  ///< Round trips that are looked at.
-  /// The most by which two clocks are taken to drift apart; those of computers stay below it.
+  static constexpr std::size_t kKept = 64;  ///< Round trips considered.
+  /// Maximum assumed relative drift of two clocks; computer clocks stay below it.
   static constexpr double kDriftMax = 100e-6;
 
   struct Estimate {
     Duration ahead{};       ///< The other clock less ours.
-    Duration bound{};       ///< It is off by this at most.
-    Duration round_trip{};  ///< What the messages took, both ways together.
+    Duration bound{};       ///< Maximum error.
+    Duration round_trip{};  ///< Duration of both ways together.
   };
 
-  /// Takes a round trip that ended now. One that no two clocks can have seen is left out; after one
-  /// that contradicts all before, for a clock was set, only the newest count.
+  /// Adds a round trip that ended now. Ignores one that is impossible; after one that contradicts
+  /// all before, because a clock was set, only the newest counts.
   void add(const RoundTrip& trip);
 
-  /// What is known when our clock shows `now`; none as long as nothing came back.
+  /// The estimate when our clock shows `now`; none before the first answer.
   [[nodiscard]] std::optional<Estimate> at(Time now) const;
 
  private:

@@ -82,7 +82,7 @@ void ClockExchange::take(std::span<const std::byte> bytes, const SampleInfo& inf
     message.node = in.text("node");
     in.end();
   } catch (const ros2::CdrError&) {
-    return;  // Whose clock it is nobody can say.
+    return;  // The clock cannot be identified.
   }
   const Time came = clock_.at_monotonic(info.came.count());
   if (message.answerer == 0 && message.asker != id_) {
@@ -110,7 +110,7 @@ void ClockExchange::learn(const Message& answer, Time back) {
   constexpr std::size_t kNameMax = 256;
   const Duration since_asked = back - answer.asked;
   if (since_asked < Duration(0) || since_asked > kForgotten || answer.node.size() > kNameMax) {
-    return;  // It answers nothing that was asked.
+    return;  // It answers no pending request.
   }
   const std::lock_guard lock(mutex_);
   std::erase_if(peers_, [&](const auto& peer) { return back - peer.second.heard > kForgotten; });
@@ -139,7 +139,7 @@ void ClockExchange::send(const Message& message) {
   try {
     writer_->write(bytes);
   } catch (const EngineError&) {
-    // The next one is asked soon.
+    // The next request follows soon.
   }
 }
 

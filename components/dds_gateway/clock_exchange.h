@@ -16,51 +16,51 @@
 
 namespace fastcycle::dds_gateway {
 
-/// The topic of DDS on which gateways ask each other for the time.
+/// The DDS topic on which gateways compare their clocks.
 inline constexpr const char* kClockTopic = "fastcycle_clocks";
 /// Its type.
 inline constexpr const char* kRoundTripType = "fastcycle_msgs/msg/RoundTrip";
 
-/// How one clock is compared with another.
+/// How clocks are compared.
 enum class ClockSource : std::uint8_t {
-  kRoundTrips,  ///< By questions and answers.
-  kSystem       ///< The system clocks of both machines are taken as equal: PTP sees to that.
+  kRoundTrips,  ///< By round trips.
+  kSystem       ///< Both system clocks are assumed equal, synchronized by PTP.
 };
 
-/// Another application, as far as its clock is concerned.
+/// The clock of another application.
 struct ClockPeer {
-  std::string node;  ///< `/gateway`; it may be no text.
+  std::string node;  ///< `/gateway`; may be invalid text.
   ClockDifference::Estimate estimate;
-  /// By how much the system clocks of both machines differ, less what `estimate` leaves open: 0 if
-  /// they may be equal.
+  /// Difference of both machines' system clocks, less the uncertainty of `estimate`: 0 if they may
+  /// be equal.
   Duration system_apart{};
 };
 
-/// Asks all other gateways of the domain for the time, answers theirs, and knows how far their
-/// clocks are ahead.
+/// Requests the time from all other gateways of the domain, answers their requests, and estimates
+/// the offsets of their clocks.
 ///
 /// @threads  Confined to the thread that serves the participant, but for `peers`, which is Safe.
 class ClockExchange {
  public:
-  static constexpr std::chrono::milliseconds kPeriod{200};  ///< Between two questions.
-  static constexpr std::size_t kPeersMax = 64;              ///< Clocks that are known.
-  static constexpr std::size_t kAnswersMax = 100;           ///< In a period; more are left out.
+  static constexpr std::chrono::milliseconds kPeriod{200};  ///< Between two requests.
+  static constexpr std::size_t kPeersMax = 64;              ///< Maximum number of clocks.
+  static constexpr std::size_t kAnswersMax = 100;           ///< Per period; others are ignored.
 
-  /// Opens its reader and its writer; `user_data` is what they announce. All are borrowed.
+  /// Creates its reader and its writer with `user_data`. All arguments are borrowed.
   ///
   /// @errors  `EngineError`
   ClockExchange(Participant& participant, const base::Clock& clock, std::string node,
                 const std::string& user_data, ClockSource source);
 
-  /// Which clock this one is, for those who get its times: a random number other than 0.
+  /// Identifies this clock for receivers of its times: a random number other than 0.
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
   [[nodiscard]] const Writer& writer() const noexcept { return *writer_; }
   [[nodiscard]] const Reader& reader() const noexcept { return *reader_; }
 
-  /// Asks, if it is time to; returns how long it is until then.
+  /// Sends a request if it is due; returns the time until the next one.
   std::chrono::milliseconds ask();
 
-  /// How far the clock with this number is ahead; none if it did not answer yet.
+  /// The offset of the clock with this id; none if it has not answered yet.
   [[nodiscard]] std::optional<Duration> ahead(std::uint64_t clock) const;
 
   /// Those that answered within the last ten seconds.
@@ -89,7 +89,7 @@ class ClockExchange {
   std::unique_ptr<Writer> writer_;
   std::unique_ptr<Reader> reader_;
   Time asked_{};
-  std::size_t answers_ = 0;  // Since it asked last.
+  std::size_t answers_ = 0;  // Since the last request.
   mutable std::mutex mutex_;
   std::map<std::uint64_t, Peer> peers_;  // Guarded by it.
 };

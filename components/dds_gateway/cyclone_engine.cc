@@ -35,7 +35,7 @@ namespace {
 constexpr dds_duration_t kBlockingMax = DDS_MSECS(100);
 constexpr std::size_t kTakenAtOnce = 16;
 
-/// What is negative is a mistake.
+/// A negative code is an error.
 dds_return_t check(dds_return_t code, std::string_view what) {
   if (code < 0) {
     throw EngineError(fmt::format("Cyclone DDS: {}: {}", what, dds_strretcode(-code)));
@@ -81,7 +81,7 @@ std::string configuration(const ParticipantOptions& options) {
       "<AllowMulticast>{}</AllowMulticast></General>",
       options.interface, can_reach_many ? "true" : "false");
   if (!can_reach_many) {
-    // Others on this machine are asked one by one.
+    // Others on this machine are contacted by unicast.
     text +=
         "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
         "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
@@ -90,8 +90,8 @@ std::string configuration(const ParticipantOptions& options) {
   return text + "</Domain>";
 }
 
-/// Writes what Cyclone DDS has to say to standard error, as it does itself, but no more than some
-/// lines in a while: each packet that is none makes one, and anybody can send them.
+/// Writes the log of Cyclone DDS to standard error, as it does itself, but with a rate limit: each
+/// invalid packet produces a line, and anyone can send them.
 class LogLimit {
  public:
   void write(std::string_view line) {
@@ -128,9 +128,8 @@ void write_log(void* limit, const dds_log_data_t* said) {
   static_cast<LogLimit*>(limit)->write(line);
 }
 
-/// The domains of this process: Cyclone DDS has one of each number, with one configuration, and it
-/// ends with the last participant of ours. Deleting it ends its threads, which may not outlive this
-/// library.
+/// The domains of this process: Cyclone DDS has one per number, with one configuration, which is
+/// deleted with our last participant. That ends its threads, which must not outlive this library.
 class Domains {
  public:
   void open(const ParticipantOptions& options) {
@@ -141,14 +140,14 @@ class Domains {
       dds_set_log_sink(write_log, &log_);
       domain.entity = dds_create_domain(options.domain, text.c_str());
       if (domain.entity == DDS_RETCODE_PRECONDITION_NOT_MET) {
-        domain.entity = 0;  // Somebody else's.
+        domain.entity = 0;  // Created by someone else.
       } else if (domain.entity < 0) {
         const dds_return_t code = std::exchange(domain.entity, 0);
         check(code, fmt::format("domain {}", options.domain));
       }
       domain.security = options.security;
     } else if (domain.security != options.security) {
-      // Cyclone DDS would give the second one the permissions of the first.
+      // Cyclone DDS would give the second participant the permissions of the first.
       const auto name = [](const std::string& security) {
         return security.empty() ? std::string("none") : fmt::format("\"{}\"", security);
       };
@@ -167,7 +166,7 @@ class Domains {
     }
     if (std::ranges::all_of(domains_,
                             [](const auto& one) { return one.second.participants == 0; })) {
-      dds_set_log_sink(nullptr, nullptr);  // This library may be gone before the next line.
+      dds_set_log_sink(nullptr, nullptr);  // This library may be unloaded before the next line.
     }
   }
 
@@ -287,8 +286,8 @@ class CycloneWriter final : public Writer {
   std::int64_t requests_ = 0;
 };
 
-/// Takes messages on the thread that received them, so that each one is either given or counted,
-/// and keeps at most the newest `depth`.
+/// Takes messages on the thread that received them, so that each one is either delivered or
+/// counted, and keeps at most the newest `depth`.
 class CycloneReader final : public Reader {
  public:
   CycloneReader(dds_entity_t participant, const Endpoint& endpoint, OnMessage on_message,
@@ -316,7 +315,7 @@ class CycloneReader final : public Reader {
       check(reader_, endpoint);
     }
     entity_.store(reader_);
-    take();  // What came before the number was known.
+    take();  // Messages that arrived before the number was known.
   }
   ~CycloneReader() override {
     (void)dds_set_listener(reader_, nullptr);
@@ -367,7 +366,7 @@ class CycloneReader final : public Reader {
       const ros2::Buffer message = without_request_header(bytes, info.request);
       on_message_(message.bytes(), info);
     } catch (const ros2::CdrError&) {
-      on_message_({}, info);  // Which is no message of any type.
+      on_message_({}, info);  // Empty: an invalid message of any type.
     }
   }
 
@@ -490,8 +489,8 @@ class CycloneParticipant final : public Participant {
     return reader;
   }
   [[nodiscard]] Guid guid() const override { return guid_; }
-  // A server sends a reply only when it has found a reader that has the same id as the writer of
-  // the request.
+  // A server sends a reply only after it has found a reader with the same id as the writer of the
+  // request.
   [[nodiscard]] std::string service_user_data(bool is_client) override {
     std::string text = is_client ? "clientid= " : "serviceid= ";
     Guid id = guid_;
@@ -542,7 +541,7 @@ class CycloneParticipant final : public Participant {
                 discovery.endpoint.qos = qos_from(seen.qos);
               }
             }
-            // What its own participant has begins with the same twelve bytes.
+            // Endpoints of its own participant begin with the same twelve bytes.
             if (!std::equal(guid_.begin(), guid_.begin() + 12, discovery.guid.begin())) {
               all.push_back(std::move(discovery));
             }

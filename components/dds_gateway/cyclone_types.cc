@@ -13,7 +13,7 @@
 namespace fastcycle::dds_gateway {
 namespace {
 
-/// `c` is what Cyclone DDS knows of it, and comes first.
+/// `c` is the part of Cyclone DDS, and comes first.
 struct RawMessage {
   ddsi_serdata c{};
   ros2::Buffer bytes;
@@ -30,11 +30,11 @@ const RawMessage* raw(const ddsi_serdata* message) {
 RawMessage* make(const ddsi_sertype* type, ddsi_serdata_kind kind) {
   auto* const message = new RawMessage;
   ddsi_serdata_init(&message->c, type, kind);
-  message->c.hash = type->serdata_basehash;  // There are no keys that would tell two apart.
+  message->c.hash = type->serdata_basehash;  // Without keys, all are equal.
   return message;
 }
 
-// What is sent is a multiple of four bytes long, whatever the message is.
+// Pads to a multiple of four bytes, as messages are sent.
 void fill_up(ros2::Buffer& bytes) {
   const std::size_t fill = (4 - bytes.size() % 4) % 4;
   std::memset(bytes.grow(fill), 0, fill);
@@ -50,7 +50,7 @@ std::uint32_t size_of(const ddsi_serdata* message) {
   return static_cast<std::uint32_t>(raw(message)->bytes.size());
 }
 
-/// Of the fragments that came, in their order; they may overlap.
+/// From the received fragments, in order; they may overlap.
 ddsi_serdata* from_fragments(const ddsi_sertype* type, ddsi_serdata_kind kind,
                              const nn_rdata* fragment, std::size_t size) {
   RawMessage* const message = make(type, kind);
@@ -108,7 +108,7 @@ void to_bytes(const ddsi_serdata* message, std::size_t offset, std::size_t size,
 
 ddsi_serdata* to_vector(const ddsi_serdata* message, std::size_t offset, std::size_t size,
                         ddsrt_iovec_t* vector) {
-  // Cyclone DDS only reads what it is lent.
+  // Cyclone DDS only reads it.
   vector->iov_base = const_cast<std::byte*>(raw(message)->bytes.data()) + offset;
   vector->iov_len = size;
   return ddsi_serdata_ref(message);
@@ -188,7 +188,7 @@ void realloc_samples(void** samples, const ddsi_sertype* /*type*/, void* /*old*/
 void free_samples(const ddsi_sertype* /*type*/, void** /*samples*/, std::size_t /*count*/,
                   dds_free_op_t /*how*/) {}
 
-// Their names were compared before.
+// Called only for equal names.
 bool is_equal_type(const ddsi_sertype* /*a*/, const ddsi_sertype* /*b*/) {
   return true;
 }

@@ -11,11 +11,11 @@
 
 namespace fastcycle::dds_gateway {
 
-/// A type of Cyclone DDS whose messages are the bytes that they are sent as: known by its name
-/// alone, so that any type can be had at run time. Freed by Cyclone DDS.
+/// A type of Cyclone DDS with opaque messages, their serialized bytes: identified by its name
+/// alone, so that any type can be created at run time. Freed by Cyclone DDS.
 [[nodiscard]] ddsi_sertype* make_raw_type(const char* name);
 
-/// A message of such a type, which takes the bytes over. Owned by whom it is given to.
+/// A message of such a type, which takes over the bytes. Owned by its receiver.
 [[nodiscard]] ddsi_serdata* make_raw_message(const ddsi_sertype* type, ros2::Buffer bytes);
 
 /// The bytes of a message of such a type; borrowed.

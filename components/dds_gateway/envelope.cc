@@ -13,7 +13,7 @@
 namespace fastcycle::dds_gateway {
 namespace {
 
-// What each takes at least: lengths of empty texts and sequences, and numbers.
+// Minimum sizes: lengths of empty texts and sequences, and numbers.
 constexpr std::size_t kTrailBytes = 24;
 constexpr std::size_t kHopBytes = 40;
 constexpr std::size_t kHeadBytes = 256;

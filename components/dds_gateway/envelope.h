@@ -13,10 +13,10 @@
 
 namespace fastcycle::dds_gateway {
 
-/// The ROS type that carries a message of FastCycle as it is.
+/// The ROS type for unconverted FastCycle messages.
 inline constexpr const char* kEnvelopeType = "fastcycle_msgs/msg/Envelope";
 
-/// One publish on the way of a latency chain. Its names are borrowed.
+/// One publish in a latency chain. Its names are borrowed.
 struct EnvelopeHop {
   PublisherId publisher = 0;
   std::string_view component = {};
@@ -25,17 +25,17 @@ struct EnvelopeHop {
   Time published{};
 };
 
-/// The way of a latency chain from the topic `root`, which is borrowed.
+/// The path of a latency chain from the topic `root`, which is borrowed.
 struct EnvelopeTrail {
   std::string_view root = {};
   Time taken{};
   std::vector<EnvelopeHop> hops = {};
 };
 
-/// What goes with a message from one application to another. Times are by the clock of who sends.
+/// Facts sent with a message to another application. Times are by the sender's clock.
 struct EnvelopeHead {
-  std::uint64_t clock = 0;     ///< Whose clock.
-  std::uint64_t number = 0;    ///< Of all that was sent on this topic.
+  std::uint64_t clock = 0;     ///< Id of that clock.
+  std::uint64_t number = 0;    ///< Index among all messages sent on this topic.
   std::uint64_t sequence = 0;  ///< Of the publisher there.
   Time published{};
   PublisherId root = 0;  ///< Of the oldest measurement.
@@ -43,20 +43,19 @@ struct EnvelopeHead {
   std::vector<EnvelopeTrail> trails = {};
 };
 
-/// Serializes `message` into an envelope: its bytes are written where they are sent from.
+/// Serializes `message` into an envelope, directly into the send buffer.
 ///
 /// @errors  `ros2::CdrError` if it is larger than protobuf can serialize.
 void write_envelope(const google::protobuf::Message& message, const EnvelopeHead& head,
                     ros2::Buffer& out);
 
-/// The other way. `out` says which type it has to be; names in what is returned are those in
-/// `bytes`.
+/// The inverse. `out` determines the expected type; names in the result point into `bytes`.
 ///
 /// @errors  `ros2::CdrError`
 EnvelopeHead read_envelope(std::span<const std::byte> bytes, google::protobuf::Message& out);
 
-/// What an end of such a topic announces: `message=lidar.Sweep;schema=...;`, by which two builds
-/// with different fields are told apart.
+/// User data of such a topic's endpoint: `message=lidar.Sweep;schema=...;`, which distinguishes
+/// builds with different fields.
 [[nodiscard]] std::string envelope_user_data(const google::protobuf::Descriptor& message);
 
 }  // namespace fastcycle::dds_gateway

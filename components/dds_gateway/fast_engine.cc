@@ -40,7 +40,7 @@ namespace {
 namespace fdds = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;
 
-constexpr std::uint32_t kFirstBytes = 1024;  // Of the memory of a message, which grows.
+constexpr std::uint32_t kFirstBytes = 1024;  // Initial message buffer, which grows.
 constexpr std::uint32_t kReceiveBytes = 4U << 20U;
 constexpr std::uint32_t kPeersMax = 32;
 constexpr std::uint32_t kBlockingMax_ns = 100'000'000;
@@ -67,8 +67,8 @@ rtps::GUID_t to_guid(const Guid& from) {
   return guid;
 }
 
-/// Which request a sample is, or answers. A request is numbered by its writer; the reader of the
-/// replies is who asks, if it says so.
+/// The identity of a request, or of the request that a reply answers. A request is numbered by its
+/// writer; its client is the reader of the replies, if given.
 Identity identity_of(const fdds::SampleInfo& info, Role role) {
   const rtps::SampleIdentity& related = info.related_sample_identity;
   const bool has_related = related.writer_guid() != rtps::GUID_t::unknown();
@@ -89,15 +89,15 @@ std::string text_of(const fdds::UserDataQosPolicy& data) {
   return text;
 }
 
-/// A message as Fast DDS is given it, and as it gives it.
+/// A message in the form in which Fast DDS sends and receives it.
 struct RawSample {
-  std::span<const std::byte> sent = {};  ///< What is to be sent.
-  ros2::Buffer received = {};            ///< What came,
-  /// or who gets what came, where it lies.
+  std::span<const std::byte> sent = {};  ///< To be sent.
+  ros2::Buffer received = {};            ///< The received message,
+  /// or the callback that reads it in place.
   const std::function<void(std::span<const std::byte>)>* at_once = nullptr;
 };
 
-/// A type of which only the name is known: its messages are the bytes that they are sent as.
+/// A type with only a name: its messages are opaque serialized bytes.
 class RawType final : public fdds::TopicDataType {
  public:
   explicit RawType(const std::string& name) {
@@ -147,7 +147,7 @@ void put_qos(const Endpoint& endpoint, T& qos) {
                                                           : fdds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = fdds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = static_cast<std::int32_t>(endpoint.qos.depth);
-  // The depth alone says how many.
+  // The depth alone is the limit.
   qos.resource_limits().max_samples = 0;
   qos.resource_limits().max_instances = 0;
   qos.resource_limits().max_samples_per_instance = 0;
@@ -156,7 +156,7 @@ void put_qos(const Endpoint& endpoint, T& qos) {
   qos.user_data().data_vec({endpoint.user_data.begin(), endpoint.user_data.end()});
 }
 
-/// A topic may have a reader and a writer, and is one for both.
+/// Topics, shared by a reader and a writer.
 class Topics {
  public:
   Topics(fdds::DomainParticipant& participant, bool is_secured)
@@ -174,14 +174,14 @@ class Topics {
     ++known.users;
     return known.topic;
   }
-  /// What was `made` for `endpoint` on a topic that is open; closes that if it was not.
+  /// Returns what was `made` for `endpoint` on an open topic; on failure closes the topic.
   template <typename T>
   T* checked(T* made, const Endpoint& endpoint) {
     if (made != nullptr) {
       return made;
     }
     close(endpoint.topic);
-    if (is_secured_) {  // Fast DDS does not say why, and this is the one reason that is left.
+    if (is_secured_) {  // Fast DDS does not report the reason; this is the only one left.
       throw EngineError(refusal_of_security(endpoint));
     }
     return check(made, endpoint.topic);
@@ -259,7 +259,7 @@ class FastWriter final : public Writer {
   fdds::DataWriter* writer_ = nullptr;
 };
 
-/// Takes messages on the thread that received them, as that of Cyclone DDS does.
+/// Takes messages on the thread that received them, as for Cyclone DDS.
 class FastReader final : public Reader, private fdds::DataReaderListener {
  public:
   FastReader(Topics& topics, fdds::Subscriber& subscriber, const Endpoint& endpoint,
@@ -327,8 +327,8 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
     waiting_.ring();
   }
 
-  /// Each message is read where Fast DDS has it, without a copy. What is known of it is only told
-  /// before it is taken, or after.
+  /// Each message is read in the memory of Fast DDS, without a copy. Its info is only available
+  /// before or after it is taken.
   void give_all(fdds::DataReader& reader) {
     fdds::SampleInfo info;
     while (reader.get_first_untaken_info(&info) == ReturnCode_t::RETCODE_OK) {
@@ -375,7 +375,7 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
   std::atomic<std::uint64_t> lost_{0};
 };
 
-/// Keeps what was discovered until it is asked for.
+/// Keeps discovery events until they are polled.
 class Discoveries final : public fdds::DomainParticipantListener {
  public:
   explicit Discoveries(std::shared_ptr<Bell> bell) : bell_(std::move(bell)) {}
@@ -413,7 +413,7 @@ class Discoveries final : public fdds::DomainParticipantListener {
   }
 
  private:
-  static constexpr std::size_t kMax = 100'000;  // Of what nobody has asked for yet.
+  static constexpr std::size_t kMax = 100'000;  // Of unpolled events.
 
   template <typename T>
   void add_endpoint(const fdds::DomainParticipant& participant, const T& seen, bool is_reader,
@@ -462,12 +462,13 @@ void put_interface(const std::string& name, fdds::DomainParticipantQos& qos) {
   udp->interfaceWhiteList.push_back(interface.address);
   udp->receiveBufferSize = kReceiveBytes;
   udp->sendBufferSize = kReceiveBytes;
-  // So many participants of a machine are asked; numbers of a process go up with each one.
+  // Number of participants of a machine that are contacted; each one of a process has the next
+  // number.
   udp->maxInitialPeersRange = kPeersMax;
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(udp);
   if (!interface.is_multicast) {
-    // Others on this machine are asked one by one.
+    // Others on this machine are contacted by unicast.
     rtps::Locator_t peer;
     rtps::IPLocator::setIPv4(peer, interface.address);
     qos.wire_protocol().builtin.initialPeersList.push_back(peer);

@@ -26,18 +26,18 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::chrono::milliseconds kServe = 1s;  // At most so long nobody looks at discovery.
-constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that are remembered.
+constexpr std::chrono::milliseconds kServe = 1s;  // Maximum time between two polls of discovery.
+constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that are known.
 constexpr std::size_t kTroublesMax = 1024;
 constexpr double kDomainMax = 232;  // More have no ports.
 
 constexpr std::size_t kClocksToldMax = 1024;
 
-constexpr std::size_t kArrivalsMax = 1024;  // Requests and replies that may wait.
+constexpr std::size_t kArrivalsMax = 1024;  // Maximum of waiting requests and replies.
 
-/// What stands before the bytes of a request or a reply on their way within the gateway.
+/// Header before the bytes of a request or a reply within the gateway.
 struct ArrivalHead {
-  std::uint64_t service = 0;  ///< Those of parameters come behind the others.
+  std::uint64_t service = 0;  ///< Those of parameters follow the others.
   Identity request;
 };
 
@@ -71,7 +71,7 @@ void refuse_wrong_enclave(const ParticipantOptions& options) {
   }
 }
 
-/// When a message of ROS was measured, if it begins with a header that says so.
+/// The measured time of a ROS message, if it begins with a header with a stamp.
 std::optional<std::chrono::nanoseconds> stamp_of(const ros2::Definition& type,
                                                  std::span<const std::byte> message) {
   if (type.fields.empty() || type.fields.front().shape != ros2::Shape::kOne ||
@@ -103,20 +103,20 @@ std::string full_name_of(const std::string& node) {
 
 }  // namespace
 
-/// One topic that crosses, with both of its ends.
+/// One bridged topic, with both of its ends.
 struct Gateway::Crossing {
   TopicSettings settings;
   const ros2::Converter* converter = nullptr;  // Null for messages as they are.
   const google::protobuf::Message* prototype = nullptr;
-  // Between two applications: the number of what was sent last, of the newest message of each
-  // writer, and how many of theirs were lost since one was published.
+  // Between two applications: the number of the last message sent, of the newest message of each
+  // writer, and the number of lost ones since the last publish.
   std::uint64_t sent = 0;
   std::map<Guid, std::uint64_t> numbers;
   std::uint64_t lost = 0;
   std::optional<TrailExchange> trails;
   Endpoint endpoint;
   Counters counters;
-  Time last_passed{};  // Confined to who passes messages: the thread, or the activations.
+  Time last_passed{};  // Confined to the passing side: the thread, or the activations.
 
   // From DDS.
   detail::PublisherCore* publisher = nullptr;
@@ -279,7 +279,7 @@ void Gateway::add(TopicSettings settings) {
   crossings_.push_back(std::move(crossing));
 }
 
-/// The application's time on /clock, for nodes with `use_sim_time`.
+/// Publishes the application's time on /clock, for nodes with `use_sim_time`.
 void Gateway::add_clock(Duration period) {
   auto crossing = std::make_unique<Crossing>();
   crossing->settings.ros = "/clock";
@@ -317,7 +317,7 @@ void Gateway::add_params(const std::vector<ParamSettings>& params) {
   }
 }
 
-/// The way of requests and replies from the participant's thread to the activations.
+/// Declares the topic of requests and replies from the participant's thread to the activations.
 void Gateway::add_arrivals() {
   const std::string topic = context().component_name() + "/service_arrivals";
   arrivals_ = context().create_external_publisher<google::protobuf::BytesValue>(topic);
@@ -349,7 +349,7 @@ void Gateway::start() {
     log().warning("{}: others than its owner can read this private key; expected mode 0600",
                   dds_security::enclave_in(folder).key.string());
   }
-  // A recorded run that is executed again has no network: nothing is sent a second time.
+  // A recorded run that is executed again has no network: nothing is sent again.
   (void)observe("network", [this] {
     open_network();
     return true;
@@ -495,7 +495,8 @@ void Gateway::stop() {
   tell_health();
 }
 
-/// Readers and writers end before their participant; also after a fault, when nobody calls `stop`.
+/// Destroys readers and writers before their participant; also after a fault, when `stop` is not
+/// called.
 void Gateway::close() {
   for (const auto& crossing : crossings_) {
     crossing->reader.reset();
@@ -592,7 +593,7 @@ void Gateway::look_at(const Discovery& discovery) {
                             ros2::value_of(other.user_data, "message"), theirs.substr(0, 16),
                             here.substr(0, 16));
     }
-    // Others choose their names, which may be no text at all.
+    // Others choose their names, which may be invalid text.
     who = base::printable(who);
     trouble = base::printable(trouble);
     if (trouble.empty()) {
@@ -618,7 +619,7 @@ bool Gateway::may_pass(Crossing& crossing, Time now) {
   return true;
 }
 
-/// What is older than the topic allows does not cross, and is counted.
+/// Messages older than the topic allows are dropped, and counted.
 bool Gateway::is_expired(const Crossing& crossing, Time taken, Time now) const {
   return crossing.settings.age_max && now - taken > *crossing.settings.age_max;
 }
@@ -632,7 +633,7 @@ void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
   detail::Envelope* loan = nullptr;
   try {
     const auto stamp = stamp_of(crossing.converter->definition(), message);
-    // What others stamp by another clock cannot have been measured later than now.
+    // Stamps of other clocks must not be later than now.
     const Time taken = std::min(
         now,
         Time(std::chrono::duration_cast<Duration>(stamp ? *stamp : info.sent + wall_to_ours_)));
@@ -655,7 +656,7 @@ void Gateway::receive(Crossing& crossing, std::span<const std::byte> message,
   }
 }
 
-/// On a thread of the engine, which no exception may leave: it becomes one of ours.
+/// On an engine's thread, which no exception may leave: it is passed to our thread.
 void Gateway::receive_at_once(Crossing& crossing, std::span<const std::byte> message,
                               const SampleInfo& info) noexcept {
   try {
@@ -697,8 +698,8 @@ void Gateway::receive_as_it_is(Crossing& crossing, std::span<const std::byte> me
   }
 }
 
-/// What `head` says, by our clock. As long as it is not known how far theirs is ahead, the way here
-/// is taken to last no time; in simulated time both are taken to be the same.
+/// The times of `head`, by our clock. Until the offset of the sender's clock is known, the transfer
+/// is assumed to take no time; in simulated time both clocks are assumed to be equal.
 detail::Arrival Gateway::arrival_of(Crossing& crossing, const EnvelopeHead& head,
                                     const SampleInfo& info) {
   const Time came = clock_.at_monotonic(info.came.count());
@@ -708,14 +709,14 @@ detail::Arrival Gateway::arrival_of(Crossing& crossing, const EnvelopeHead& head
     crossing.counters.undated.fetch_add(ahead ? 0 : 1);
     later = ahead ? -*ahead : came - head.published;
   }
-  later = std::min(later, came - head.published);  // Nothing comes before it was published.
+  later = std::min(later, came - head.published);  // It cannot arrive before it was published.
   return {.published = head.published + later,
           .origin = {.taken = std::min(came, head.taken + later), .root = head.root},
           .came = came,
           .trails = crossing.trails->from_envelope(head.trails, later)};
 }
 
-/// How many were sent before this one and did not come.
+/// Number of messages sent before this one that did not arrive.
 std::uint64_t Gateway::count_missing(Crossing& crossing, const Guid& writer, std::uint64_t number) {
   constexpr std::size_t kWritersMax = 1024;
   const auto known = crossing.numbers.find(writer);
@@ -790,7 +791,7 @@ void Gateway::refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter,
   }
 }
 
-/// Nothing is trouble that is over.
+/// An empty `what` ends the trouble.
 void Gateway::set_trouble(const std::string& whose, std::string what) {
   const std::lock_guard lock(mutex_);
   if (what.empty()) {
@@ -800,7 +801,7 @@ void Gateway::set_trouble(const std::string& whose, std::string what) {
   }
 }
 
-/// How far the clocks of others are ahead, in the results and, where it is too much, in the health.
+/// Reports the offsets of other clocks in the results and, if they are too large, in the health.
 void Gateway::tell_clocks() {
   if (clocks_ == nullptr) {
     return;

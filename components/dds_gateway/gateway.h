@@ -26,27 +26,27 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What became of the messages of one topic.
+/// Statistics of one topic.
 ///
 /// @threads  Safe.
 struct Counters {
-  std::atomic<std::uint64_t> came{0};     ///< To the gateway, from either side.
-  std::atomic<std::uint64_t> went{0};     ///< On to the other side.
-  std::atomic<std::uint64_t> limited{0};  ///< Not, since they came faster than the rate limit.
-  std::atomic<std::uint64_t> expired{0};  ///< Not, since they were too old.
-  std::atomic<std::uint64_t> own{0};      ///< Not, since the gateway itself had published them.
-  std::atomic<std::uint64_t> refused{0};  ///< Not, since they could not be converted.
-  std::atomic<std::uint64_t> missing{0};  ///< Sent by another application, and never came.
-  /// Came before it was known how far the clock of who sent them is ahead.
+  std::atomic<std::uint64_t> came{0};     ///< Received from either side.
+  std::atomic<std::uint64_t> went{0};     ///< Passed on to the other side.
+  std::atomic<std::uint64_t> limited{0};  ///< Dropped: exceeded the rate limit.
+  std::atomic<std::uint64_t> expired{0};  ///< Dropped: too old.
+  std::atomic<std::uint64_t> own{0};      ///< Dropped: published by the gateway itself.
+  std::atomic<std::uint64_t> refused{0};  ///< Dropped: conversion failed.
+  std::atomic<std::uint64_t> missing{0};  ///< Lost on the way from another application.
+  /// Received before the offset of the sender's clock was known.
   std::atomic<std::uint64_t> undated{0};
-  std::atomic<std::uint64_t> unsent{0};  ///< Not, since the network did not take them.
+  std::atomic<std::uint64_t> unsent{0};  ///< Dropped: the network did not accept them.
 };
 
-/// Lets listed topics cross between this application and DDS, where ROS 2 nodes and other
-/// computers are: docs/reference/dds_gateway.md.
+/// Passes listed topics between this application and DDS, and so ROS 2 nodes and other computers:
+/// docs/reference/dds_gateway.md.
 ///
-/// Messages from DDS come on a thread of its own, `dds_gateway`, and are published from there;
-/// messages to DDS are sent in the component's activations, so it belongs on an executor of its
+/// Messages from DDS arrive on a thread of its own, `dds_gateway`, and are published from there;
+/// messages to DDS are sent in the component's activations, so it should have an executor of its
 /// own.
 ///
 /// In:   the topics with `"direction": "out"`
@@ -62,14 +62,14 @@ class Gateway final : public Component {
  private:
   struct Crossing;
 
-  /// What the params say; complete once constructed.
+  /// Values of the params; complete once constructed.
   struct Settings {
     std::string engine;
     std::string node;
     ParticipantOptions participant;
     Duration clock_period{};
     ClockSource clocks{};
-    Duration clock_difference_max{};  ///< 0: any is good.
+    Duration clock_difference_max{};  ///< 0: no limit.
   };
 
   static Settings settings_of(Context& context);
@@ -111,18 +111,18 @@ class Gateway final : public Component {
   std::vector<std::unique_ptr<Crossing>> crossings_;
   std::vector<std::unique_ptr<ServiceCrossing>> services_;
   std::unique_ptr<ParamServices> params_;  // Null: no parameter is listed.
-  /// What came for services, on its way from the thread to the component's activations.
+  /// Service messages on their way from the thread to the component's activations.
   std::optional<ExternalPublisher<google::protobuf::BytesValue>> arrivals_;
 
-  // Made by start, and gone after stop. There are none where a recorded run is executed again.
+  // Created by start, destroyed by stop. Absent if a recorded run is executed again.
   std::unique_ptr<Participant> participant_;
   std::unique_ptr<Writer> graph_writer_;
   std::unique_ptr<Reader> graph_reader_;
-  /// Null where nothing crosses as it is, and in simulated time.
+  /// Null if no topic passes unconverted, and in simulated time.
   std::unique_ptr<ClockExchange> clocks_;
-  Duration wall_to_ours_{};  // From the clock of the wall to the application's.
+  Duration wall_to_ours_{};  // From the wall clock to the application's.
 
-  // The thread's own.
+  // Of the thread.
   RosGraph graph_;
   struct Seen {
     Endpoint endpoint;
@@ -132,10 +132,10 @@ class Gateway final : public Component {
 
   std::atomic<std::uint64_t> peers_{0};
   std::mutex mutex_;
-  std::map<std::string, std::string> troubles_;  // Guarded by it: what its health tells, by whom.
-  std::string told_;                             // The component's own, as the next.
-  std::map<std::string, bool> told_clocks_;      // Whether a clock may differ as much as it does.
-  std::exception_ptr fault_;                     // Guarded by mutex_: of a thread of the engine.
+  std::map<std::string, std::string> troubles_;  // By source; guarded by it.
+  std::string told_;                             // Of the component, as the next.
+  std::map<std::string, bool> told_clocks_;      // Whether a clock's present offset is acceptable.
+  std::exception_ptr fault_;                     // Guarded by mutex_: of an engine thread.
 };
 
 }  // namespace fastcycle::dds_gateway

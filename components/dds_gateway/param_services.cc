@@ -15,7 +15,7 @@ namespace fastcycle::dds_gateway {
 namespace {
 
 constexpr std::size_t kNamesMax = 1024;  // In one request.
-constexpr std::size_t kDepth = 10;       // Requests that may wait in the engine.
+constexpr std::size_t kDepth = 10;       // Requests waiting in the engine.
 
 struct KnownService {
   const char* name;
@@ -30,7 +30,7 @@ constexpr KnownService kKnown[] = {
     {"set_parameters", "rcl_interfaces/srv/SetParameters"},
     {"set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically"}};
 
-/// Too many are as wrong as bytes that end.
+/// Too many are an error, as truncated bytes are.
 void refuse_many(const ros2::CdrReader& in, std::string_view field, std::size_t count) {
   if (count > kNamesMax) {
     in.fail(field, fmt::format("at most {} elements", kNamesMax), std::to_string(count));
@@ -217,7 +217,7 @@ void ParamServices::answer(Service service, const Identity& request, ros2::CdrRe
     const SeenByName all = seen();
     out.count(names.size());
     for (const std::string& name : names) {
-      // What is not there, or not to be seen, is not set.
+      // Unknown or hidden parameters are not set.
       const auto found = all.find(name);
       const bool is_seen = found != all.end();
       if (service == kGet) {
@@ -279,7 +279,7 @@ ParamServices::Reason ParamServices::change_of(const SeenByName& seen, const Ros
 void ParamServices::set(const Identity& request, const std::vector<RosParam>& params) {
   struct Pending {
     std::vector<Reason> reasons;
-    std::size_t left = 1;  // More by one, until all were asked.
+    std::size_t left = 1;  // One more, until all were requested.
   };
   const auto pending = std::make_shared<Pending>();
   pending->reasons.resize(params.size());
@@ -339,7 +339,7 @@ void ParamServices::set_atomically(const Identity& request, const std::vector<Ro
 void ParamServices::send(Service service, const Identity& request, ros2::Buffer& message) {
   End& end = ends_[service];
   if (end.writer == nullptr) {
-    return;  // The component stops.
+    return;  // The component is stopping.
   }
   try {
     end.writer->write_reply(message, request);

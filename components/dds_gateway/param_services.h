@@ -20,22 +20,21 @@
 
 namespace fastcycle::dds_gateway {
 
-/// The services by which tools of ROS 2 read and change the parameters of a node, for parameters of
+/// The services by which ROS 2 tools read and change the parameters of a node, for parameters of
 /// components that the gateway lists: `/fastcycle_gateway/get_parameters` and five more.
 ///
-/// Changes are made by transactions of the application; what these refuse is the reason that ROS 2
-/// is given.
+/// Changes are transactions of the application; the reason of a refusal is returned to ROS 2.
 ///
-/// @threads  Confined to the component, but for the `Arrival`s that it makes, and for its counters.
+/// @threads  Confined to the component, except the `Arrival`s that it creates, and its counters.
 class ParamServices {
  public:
   /// Called on the participant's thread with a request of the service with this number.
   using Arrival =
       std::function<void(std::size_t service, const Identity&, std::span<const std::byte>)>;
-  /// Called with what should be told.
+  /// Called with messages for the user.
   using Tell = std::function<void(const std::string&)>;
 
-  /// `node` has its slash; the definitions say the hashes.
+  /// `node` includes its slash; the definitions provide the hashes.
   ///
   /// @errors  `ros2::DefinitionError`
   ParamServices(Context& context, const std::string& node, std::vector<ParamSettings> settings,
@@ -45,15 +44,15 @@ class ParamServices {
   void close();
   /// A request of ROS 2. In an activation.
   void take(std::size_t service, const Identity& request, std::span<const std::byte> message);
-  /// What is listed, and there is no such parameter. In an activation.
+  /// Listed parameters that do not exist. In an activation.
   [[nodiscard]] std::vector<std::string> unknown() const;
 
   [[nodiscard]] std::vector<Guid> readers() const;
   [[nodiscard]] std::vector<Guid> writers() const;
 
-  std::uint64_t asked = 0;     ///< Requests that came.
-  std::uint64_t answered = 0;  ///< Replies that went to who asked.
-  std::uint64_t failed = 0;    ///< Requests that are no message, or ask for too much.
+  std::uint64_t asked = 0;     ///< Requests received.
+  std::uint64_t answered = 0;  ///< Replies sent.
+  std::uint64_t failed = 0;    ///< Invalid or excessive requests.
 
  private:
   enum Service : std::uint8_t { kGet, kTypes, kDescribe, kList, kSet, kSetAtomically, kServices };
@@ -67,13 +66,13 @@ class ParamServices {
     std::unique_ptr<Reader> reader;
     std::unique_ptr<Writer> writer;
   };
-  /// A parameter that ROS 2 may see.
+  /// A parameter visible to ROS 2.
   struct Seen {
     ParamInfo info;
     bool may_change = false;
   };
   using SeenByName = std::map<std::string, Seen, std::less<>>;
-  /// What became of one change: nothing, or why it was not made.
+  /// Result of one change: empty, or why it was refused.
   using Reason = std::string;
 
   [[nodiscard]] SeenByName seen() const;
@@ -92,9 +91,8 @@ class ParamServices {
   std::array<End, kServices> ends_;
 };
 
-/// The names of parameters that `ListParameters` gives of `names` for these prefixes: all that are
-/// below one of them, at most `depth` parts deep below it; 0: any. Without prefixes it is below
-/// everything.
+/// The result of `ListParameters` for these prefixes: those of `names` that are below one of them,
+/// at most `depth` parts deep; 0: any depth. Without prefixes all names qualify.
 [[nodiscard]] std::vector<std::string> listed_names(const std::vector<std::string>& names,
                                                     const std::vector<std::string>& prefixes,
                                                     std::uint64_t depth);

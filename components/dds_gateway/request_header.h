@@ -8,17 +8,17 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What ROS 2's middleware over Cyclone DDS puts between the encapsulation and the message of a
-/// request or reply: a number of the client and the number of its request, 8 bytes each.
+/// Header that ROS 2's middleware over Cyclone DDS puts between the encapsulation and the message
+/// of a request or reply: a number of the client and the number of its request, 8 bytes each.
 inline constexpr std::size_t kRequestHeaderBytes = 16;
 
-/// The number of a client, which has the first eight bytes of a `Guid`.
+/// The guid of a client with this number, which becomes its first eight bytes.
 [[nodiscard]] Guid asker_of(std::uint64_t client);
 
-/// `message` with the header in it.
+/// `message` with the header inserted.
 [[nodiscard]] ros2::Buffer with_request_header(std::span<const std::byte> message,
                                                const Identity& request);
-/// `message` without the header, which says which request it is.
+/// `message` without the header; `request` is set from it.
 ///
 /// @errors  `ros2::CdrError`
 [[nodiscard]] ros2::Buffer without_request_header(std::span<const std::byte> message,

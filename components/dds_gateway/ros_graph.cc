@@ -9,7 +9,7 @@ namespace fastcycle::dds_gateway {
 namespace {
 
 constexpr std::string_view kType = "rmw_dds_common/msg/ParticipantEntitiesInfo";
-// Of a node: two texts and two counts.
+// Minimum size of a node: two texts and two counts.
 constexpr std::size_t kNodeBytes = 16;
 
 void put(const Guid& guid, ros2::CdrWriter& out) {
@@ -23,7 +23,7 @@ void put(const std::vector<Guid>& guids, ros2::CdrWriter& out) {
   }
 }
 
-/// Nodes count too, since each has its names.
+/// Nodes count too, since each has names.
 std::size_t entities_of(const std::vector<NodeEntities>& nodes) {
   std::size_t count = nodes.size();
   for (const NodeEntities& node : nodes) {

@@ -9,8 +9,8 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What one participant says on `ros_discovery_info`: which of its readers and writers belong to
-/// which node, so that the tools of ROS 2 list them.
+/// The contents of one participant's `ros_discovery_info`: which of its readers and writers belong
+/// to which node, so that the tools of ROS 2 list them.
 struct NodeEntities {
   std::string name_space = "/";
   std::string name;
@@ -18,32 +18,32 @@ struct NodeEntities {
   std::vector<Guid> writers;
 };
 
-/// The topic itself: reliable, and kept for who comes later.
+/// The endpoint of that topic: reliable, and kept for late joiners.
 [[nodiscard]] Endpoint graph_endpoint(bool is_reader);
 
 /// Serialized, as `rmw_dds_common/msg/ParticipantEntitiesInfo`.
 void write_graph(const Guid& participant, const std::vector<NodeEntities>& nodes,
                  ros2::Buffer& out);
 
-/// The other way; `participant` is set to who says it.
+/// The inverse; sets `participant` to the sender.
 ///
 /// @errors  `ros2::CdrError`
 [[nodiscard]] std::vector<NodeEntities> read_graph(std::span<const std::byte> message,
                                                    Guid& participant);
 
-/// The nodes that others say they have.
+/// The nodes announced by others.
 ///
 /// @threads  Confined.
 class RosGraph {
  public:
-  /// Takes what came on `ros_discovery_info`. What would be more than 65,536 readers and writers of
-  /// all nodes is left out: whoever is in the network may send such messages.
+  /// Handles a message of `ros_discovery_info`. Ignores what exceeds 65,536 readers and writers of
+  /// all nodes: anyone in the network may send such messages.
   ///
   /// @errors  `ros2::CdrError`
   void take(std::span<const std::byte> message);
-  /// Forgets a participant that has gone.
+  /// Removes a participant that has left.
   void forget(const Guid& participant);
-  /// The node that a reader or writer belongs to, as `/name`; empty if nobody has said so.
+  /// The node that a reader or writer belongs to, as `/name`; empty if unknown.
   [[nodiscard]] std::string node_of(const Guid& endpoint) const;
 
  private:

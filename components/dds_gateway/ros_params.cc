@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// A message in its bytes has at least: a type, and each value with its count.
+// Minimum sizes: a type, and each value with its count.
 constexpr std::size_t kParamBytes = 4 + 1 + 24;
 
 template <typename T>
@@ -40,7 +40,7 @@ std::vector<std::string> read_texts(ros2::CdrReader& in, std::string_view field)
   return texts;
 }
 
-/// Of a list in JSON; none if an element is something else, or out of range.
+/// The elements of a JSON list; none if one has another type, or is out of range.
 template <typename T>
 std::optional<std::vector<T>> list_of(const Json& json) {
   std::vector<T> values;
@@ -98,7 +98,7 @@ RosParamValue read_param_value(ros2::CdrReader& in) {
   if (type > static_cast<std::uint8_t>(RosParamType::kStringArray)) {
     in.fail("type", "a number from 0 to 9", std::to_string(type));
   }
-  // All of them are there; the type says which one counts.
+  // All of them are present; the type selects one.
   const bool boolean = in.boolean("bool_value");
   const auto integer = in.number<std::int64_t>("integer_value");
   const auto number = in.number<double>("double_value");
@@ -190,7 +190,7 @@ RosParamValue ros_value_of(const ParamInfo& info) {
         break;
     }
   } catch (const Json::exception&) {
-    // Not what its type says: then it is not shown.
+    // Does not match its type: not shown.
   }
   return {};
 }
@@ -216,7 +216,7 @@ std::optional<std::string> json_of(const ParamInfo& info, const RosParamValue& v
           if (!info.type.starts_with("message ")) {
             return dump(one);
           }
-          const Json json = Json::parse(one, nullptr, false);  // Of a message it is its JSON.
+          const Json json = Json::parse(one, nullptr, false);  // For a message its JSON.
           return json.is_discarded() ? std::nullopt : std::optional(dump(json));
         } else {
           return dump(one);

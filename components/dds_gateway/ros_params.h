@@ -12,7 +12,7 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What ROS 2 calls the type of a parameter, with its numbers.
+/// Parameter types of ROS 2, with its numbers.
 enum class RosParamType : std::uint8_t {
   kNotSet,
   kBool,
@@ -41,17 +41,16 @@ struct RosParam {
 void write(const RosParamValue& value, ros2::CdrWriter& out);
 /// @errors  `ros2::CdrError`
 [[nodiscard]] RosParamValue read_param_value(ros2::CdrReader& in);
-/// A sequence of `rcl_interfaces/msg/Parameter`, as two of the requests have it.
+/// A sequence of `rcl_interfaces/msg/Parameter`, as in two of the requests.
 ///
 /// @errors  `ros2::CdrError`
 [[nodiscard]] std::vector<RosParam> read_params(ros2::CdrReader& in);
 
-/// The type that a parameter of ours has for ROS 2: a text for paths, enumerations and messages,
-/// of which it is their JSON.
+/// The ROS 2 type of a parameter: text for paths, enumerations and messages (as JSON).
 [[nodiscard]] RosParamType ros_type_of(const ParamInfo& info);
-/// Its value; not set if ROS 2 has no room for it.
+/// Its value; not set if ROS 2 cannot represent it.
 [[nodiscard]] RosParamValue ros_value_of(const ParamInfo& info);
-/// `value` as `ParamChange::json` of that parameter; none if it can be none of any parameter.
+/// `value` as `ParamChange::json` for that parameter; none if no parameter can have it.
 [[nodiscard]] std::optional<std::string> json_of(const ParamInfo& info, const RosParamValue& value);
 /// `rcl_interfaces/msg/ParameterDescriptor`.
 void write_descriptor(const ParamInfo& info, bool is_read_only, ros2::CdrWriter& out);

@@ -84,8 +84,7 @@ void ServiceCrossing::ask_here(const Identity& request, std::span<const std::byt
   }
   detail::call(*client_, loan, {},
                [this, request](CallStatus status, std::string_view error, detail::Envelope* reply) {
-                 // ROS 2 has no word for a call that failed: who asked there waits for its own
-                 // timeout.
+                 // ROS 2 cannot report a failed call: the client there waits for its own timeout.
                  if (status != CallStatus::kOk || reply == nullptr) {
                    fail(std::string(error));
                    return;
@@ -105,9 +104,9 @@ void ServiceCrossing::ask_here(const Identity& request, std::span<const std::byt
                {});
 }
 
-// A client asks as soon as it has found the server; the server may find the client later, and a
-// reply that finds no reader is gone. Middlewares of ROS 2 wait for it too, 0.1 s. Who asks and
-// never reads is waited for once, until there was a reader: others go through the same thread.
+// A client sends a request as soon as it has found the server; the server may find the client
+// later, and a reply without a reader is lost. Middlewares of ROS 2 wait for it too, 0.1 s. A
+// client that never reads is awaited once, until there was a reader: the thread also serves others.
 void ServiceCrossing::await_reader() {
   constexpr std::chrono::milliseconds kLimit{250};
   const auto end = std::chrono::steady_clock::now() + kLimit;
@@ -133,7 +132,7 @@ void ServiceCrossing::ask_there(const google::protobuf::Message& request,
     refuse(mistake.what());
     return;
   }
-  // Where a recorded run is executed again, the request has the number that it had then.
+  // If a recorded run is executed again, the request has its recorded number.
   constexpr std::string_view kRequest = "request";
   const auto then = detail::take_observed(core_, kRequest);
   const Sent sent = then ? detail::from_observed<Sent>(*then) : send(serialized);
@@ -151,7 +150,7 @@ void ServiceCrossing::ask_there(const google::protobuf::Message& request,
 }
 
 ServiceCrossing::Sent ServiceCrossing::send(ros2::Buffer& request) {
-  // Both ends: a reply that finds no reader is gone.
+  // Both ends: a reply without a reader is lost.
   if (writer_ == nullptr || writer_->matched() == 0 || reader_->matched() == 0) {
     return {.what = Sent::What::kNobodyServes, .identity = {}};
   }
@@ -166,7 +165,7 @@ ServiceCrossing::Sent ServiceCrossing::send(ros2::Buffer& request) {
 void ServiceCrossing::answer_here(const Identity& request, std::span<const std::byte> message) {
   const auto found = waiting_.find(request.number);
   if (request.asker != asker_ || found == waiting_.end()) {
-    return;  // Of another client; or nobody waits any more.
+    return;  // Of another client; or timed out.
   }
   const detail::Ticket ticket = found->second;
   waiting_.erase(found);

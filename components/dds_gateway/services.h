@@ -16,15 +16,16 @@
 
 namespace fastcycle::dds_gateway {
 
-/// One service that crosses: asked by nodes of ROS 2 and answered in this application, or the other
-/// way.
+/// One service bridged in either direction: nodes of ROS 2 call this application, or this
+/// application calls them.
 ///
-/// @threads  Confined to the component, but for the `Arrival`s that it makes, and for its counters.
+/// @threads  Confined to the component, except the `Arrival`s that it creates, and its counters.
 class ServiceCrossing {
  public:
-  /// Called on the participant's thread with what came; `take` is given the same in an activation.
+  /// Called on the participant's thread with a message, which is then passed to `take` in an
+  /// activation.
   using Arrival = std::function<void(const Identity&, std::span<const std::byte>)>;
-  /// Called with what should be told.
+  /// Called with messages for the user.
   using Tell = std::function<void(const std::string&)>;
 
   /// Declares its client or its server.
@@ -41,14 +42,14 @@ class ServiceCrossing {
   [[nodiscard]] Guid reader() const { return reader_->guid(); }
   [[nodiscard]] Guid writer() const { return writer_->guid(); }
 
-  std::uint64_t asked = 0;     ///< Requests that came to the gateway, from either side.
-  std::uint64_t answered = 0;  ///< Replies that went to who asked.
-  std::uint64_t failed = 0;    ///< Requests that got an error, and those that are no message.
+  std::uint64_t asked = 0;     ///< Requests received from either side.
+  std::uint64_t answered = 0;  ///< Replies sent.
+  std::uint64_t failed = 0;    ///< Requests that failed, or were invalid.
 
  private:
   void ask_here(const Identity& request, std::span<const std::byte> message);
   void await_reader();
-  /// What became of a request to ROS 2.
+  /// State of a request to ROS 2.
   struct Sent {
     enum class What : std::int64_t { kGone, kNobodyServes, kNotTaken } what = What::kGone;
     Identity identity;
@@ -65,13 +66,13 @@ class ServiceCrossing {
   const ros2::Converter& request_;
   const ros2::Converter& reply_;
 
-  detail::ClientCore* client_ = nullptr;            // Of a service that is answered here.
-  std::map<std::int64_t, detail::Ticket> waiting_;  // By the numbers of the requests; else.
-  Guid asker_{};                                    // Who we are in requests.
+  detail::ClientCore* client_ = nullptr;            // Of a service provided here.
+  std::map<std::int64_t, detail::Ticket> waiting_;  // By request number; of ROS 2.
+  Guid asker_{};                                    // Our id in requests.
 
   std::unique_ptr<Reader> reader_;
   std::unique_ptr<Writer> writer_;
-  bool awaits_readers_ = true;  // Of replies; not after it was in vain.
+  bool awaits_readers_ = true;  // Of replies; false after a wait was in vain.
 };
 
 }  // namespace fastcycle::dds_gateway

@@ -30,7 +30,7 @@ constexpr std::array<std::string_view, 11> kTopicKeys = {
     "topic",      "direction", "ros",           "type",       "message", "reliability",
     "durability", "depth",     "rate_limit_hz", "age_max_ms", "on_error"};
 
-/// Reads one entry, and keeps its mistakes.
+/// Reads one entry, and collects its errors.
 class Entry {
  public:
   Entry(const Value& value, std::string place, std::span<const std::string_view> keys,
@@ -61,7 +61,7 @@ class Entry {
     return value == nullptr ? "" : value->string_value();
   }
 
-  /// Which of `names` it is.
+  /// The index of the value in `names`.
   std::size_t choice(const char* key, std::initializer_list<std::string_view> names,
                      std::optional<std::size_t> fallback) {
     const Value* const value = find(key);
@@ -90,7 +90,7 @@ class Entry {
     return value->number_value();
   }
 
-  /// With the slash that it may have been written without.
+  /// With a leading slash, which may be missing in the file.
   std::string ros_name() {
     std::string name = text("ros", true);
     if (name.empty()) {

@@ -20,7 +20,7 @@
 namespace fastcycle::dds_gateway {
 namespace {
 
-/// Before any test, and so before any thread.
+/// Before any test, and so before any thread exists.
 class OwnNetwork final : public ::testing::Environment {
  public:
   void SetUp() override { enter_own_network(); }
@@ -33,7 +33,7 @@ const ::testing::Environment* const kOwnNetwork =
 
 void enter_own_network() {
   if (unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
-    return;  // Then it is the machine's loopback, with a domain of its own.
+    return;  // Falls back to the machine's loopback, with a domain of its own.
   }
   ifreq request{};
   std::strcpy(request.ifr_name, "lo");

@@ -7,25 +7,25 @@
 
 namespace fastcycle::dds_gateway {
 
-/// Puts this process into a network of its own, with loopback alone, where the system allows it: no
-/// packet of a test leaves it. Called before there are threads.
+/// Moves this process into its own network namespace, with only loopback, if the system allows it:
+/// no packet of a test leaves it. Call before there are threads.
 void enter_own_network();
 
-/// A number of a domain that no other test of this machine uses now, where they share a network.
+/// A domain number unused by other tests of this machine, if they share a network.
 [[nodiscard]] unsigned domain_of_test();
 
 /// Another process in the network; ends with this object.
 class Peer {
  public:
-  /// `args` are those of peer.cc behind the interface; returns once it is ready.
+  /// `args` are those of peer.cc after the interface; returns once it is ready.
   Peer(const std::string& engine, const std::vector<std::string>& args);
   Peer(const Peer&) = delete;
   Peer& operator=(const Peer&) = delete;
   ~Peer();
 
-  /// Whether it has said `text` since it was ready. Does not wait.
+  /// Whether it has printed `text` since it was ready. Does not wait.
   [[nodiscard]] bool has_said(const std::string& text);
-  /// Has it end, and returns what it has said since it was ready.
+  /// Ends it, and returns its output since it was ready.
   std::string end();
 
  private:

@@ -14,8 +14,8 @@ class Topics;
 
 namespace fastcycle::dds_gateway {
 
-/// The ways of latency chains on their way between two applications: topics and publishers have
-/// names there, and numbers here.
+/// Converts trails of latency chains between two applications: topics and publishers are identified
+/// by names there, and by numbers here.
 ///
 /// @threads  `to_envelope` and `from_envelope` may be called by one thread each.
 class TrailExchange {
@@ -23,16 +23,16 @@ class TrailExchange {
   /// Borrowed.
   explicit TrailExchange(detail::Topics& topics) : topics_(topics) {}
 
-  /// What goes with a message that has `trails`, or none of them; names are valid as long as this.
+  /// The trails to send with a message that has `trails`, or none; names are valid as long as this.
   [[nodiscard]] std::vector<EnvelopeTrail> to_envelope(const detail::Trail* trails);
   /// One trail for each root of this application, with `later` added to all times; valid until the
-  /// next call. Roots of which nothing ends here are left out.
+  /// next call. Omits roots of which no chain ends here.
   [[nodiscard]] std::span<const detail::Trail> from_envelope(
       const std::vector<EnvelopeTrail>& trails, Duration later);
 
  private:
   detail::Topics& topics_;
-  std::map<PublisherId, detail::PublisherNames::Names> names_;  // Of who sends.
+  std::map<PublisherId, detail::PublisherNames::Names> names_;  // Of the sending publishers.
   std::vector<detail::Trail> arrived_;
 };
 

@@ -12,14 +12,14 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What came to a reader, on its way from the thread that received it to the one that serves the
-/// participant: at most the newest `depth`. Each message is either given or counted.
+/// Messages of a reader on their way from the receiving thread to the one that serves the
+/// participant: at most the newest `depth`. Each message is either delivered or counted.
 ///
 /// @threads  Safe.
 template <typename T>
 class WaitingMessages {
  public:
-  /// `bell` wakes the thread that serves.
+  /// `bell` wakes the serving thread.
   WaitingMessages(std::size_t depth, std::shared_ptr<Bell> bell)
       : depth_(depth), bell_(std::move(bell)) {}
 
@@ -31,9 +31,9 @@ class WaitingMessages {
       overflowed_.fetch_add(1);
     }
   }
-  /// Wakes who serves; once after several were added.
+  /// Wakes the serving thread; once after several were added.
   void ring() { bell_->ring(); }
-  /// All that wait, the oldest first.
+  /// All waiting messages, the oldest first.
   [[nodiscard]] std::deque<T> take() {
     const std::lock_guard lock(mutex_);
     return std::exchange(waiting_, {});

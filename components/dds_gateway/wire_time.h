@@ -9,13 +9,13 @@
 
 namespace fastcycle::dds_gateway {
 
-/// The latest time that messages between applications may have, in nanoseconds since 1970: sums and
+/// The latest time allowed in messages between applications, in nanoseconds since 1970: sums and
 /// differences of such times fit into 64 bits.
 inline constexpr std::int64_t kWireTimeMax_ns = std::int64_t{1} << 62U;
 
 /// Reads a time of a message between applications.
 ///
-/// @errors  `ros2::CdrError` if it lies before 1970, or after `kWireTimeMax_ns`.
+/// @errors  `ros2::CdrError` if it is before 1970, or after `kWireTimeMax_ns`.
 inline Time read_wire_time(ros2::CdrReader& in, const char* field) {
   const auto time_ns = in.number<std::int64_t>(field);
   if (time_ns < 0 || time_ns > kWireTimeMax_ns) {

@@ -26,7 +26,7 @@ namespace pb = google::protobuf;
 namespace fastcycle::python {
 namespace {
 
-/// The component that something belongs to, as long as that is there.
+/// Refers to a component, as long as it exists.
 class Owner {
  public:
   explicit Owner(PythonComponent& component) : component_(&component), link_(component.link()) {}
@@ -190,7 +190,7 @@ AnyParam declare_as(PythonComponent& component, const std::string& name, const P
                    : declare<T>(component, name, words);
 }
 
-/// The type of a param: what is said, or that of its fallback.
+/// The type of a param: as given, or that of its fallback.
 py::handle type_of(const std::string& name, const py::object& said, const py::object& fallback,
                    bool& is_vector) {
   py::handle type = said.is_none() ? py::handle(py::type::of(fallback)) : py::handle(said);
@@ -450,7 +450,7 @@ void make_bindings() {
       .def("keep_observed", &PyContext::keep_observed)
       .def("keep_failed_observation", &PyContext::keep_failed_observation);
   py::module_::import("sys").attr("modules")["fastcycle._component"] = module;
-  made = new py::module_(std::move(module));  // As long as the interpreter.
+  made = new py::module_(std::move(module));  // Lives as long as the interpreter.
 }
 
 py::object make_context(PythonComponent& component) {

@@ -6,11 +6,11 @@ namespace fastcycle::python {
 
 class PythonComponent;
 
-/// Makes the types that Python components use, once. @pre The GIL is held.
+/// Creates the types for Python components, once. @pre The GIL is held.
 void make_bindings();
 
-/// What the constructor of a Python component is given. Its methods are those of `Context` and of
-/// `Component`, in Python's words; they end with `component`, and say so after that.
+/// The constructor argument of a Python component. Its methods are those of `Context` and of
+/// `Component`, in Python's naming; after the end of `component` they raise an error.
 [[nodiscard]] pybind11::object make_context(PythonComponent& component);
 
 }  // namespace fastcycle::python

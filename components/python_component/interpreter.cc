@@ -18,8 +18,8 @@ namespace fs = std::filesystem;
 namespace fastcycle::python {
 namespace {
 
-/// Extension modules, such as those of NumPy, look for Python's functions among those that all
-/// libraries of the process share, and what loaded this library kept it, and Python, apart.
+/// Extension modules, such as those of NumPy, look up Python's functions among the global symbols
+/// of the process, but this library, and Python with it, were loaded with local ones.
 void share_symbols() {
   Dl_info info{};
   if (dladdr(reinterpret_cast<const void*>(&Py_IsInitialized), &info) != 0 &&
@@ -28,8 +28,8 @@ void share_symbols() {
   }
 }
 
-/// The `python3` whose modules are found: that of a virtual environment, or the one that this was
-/// built for, whatever `python3` somebody's PATH leads to.
+/// The `python3` whose modules are used: that of a virtual environment, or the one of the build,
+/// whatever `python3` is in PATH.
 std::string find_program(bool is_trusted) {
   const char* const environment = std::getenv("VIRTUAL_ENV");
   if (is_trusted && environment != nullptr) {
@@ -43,7 +43,7 @@ std::string find_program(bool is_trusted) {
 }
 
 void initialize() {
-  const bool is_trusted = getauxval(AT_SECURE) == 0;  // Else it may do more than who started it.
+  const bool is_trusted = getauxval(AT_SECURE) == 0;  // Else setuid or similar.
   PyConfig config;
   PyConfig_InitPythonConfig(&config);
   config.parse_argv = 0;
@@ -69,8 +69,8 @@ void initialize() {
   PyEval_SaveThread();
 }
 
-/// Where the package `fastcycle` is, if Python does not find it by itself: in the build tree, and
-/// below another prefix than Python's own.
+/// Finds the package `fastcycle` if Python does not: in the build tree, and below another prefix
+/// than Python's own.
 void find_package() {
   const Gil gil;
   const fs::path libraries = host::core_library_folder();
@@ -85,7 +85,7 @@ void find_package() {
   }
 }
 
-/// What Python knows of a thread that is not its own.
+/// The Python state of a foreign thread.
 class Attachment {
  public:
   Attachment() {
@@ -123,7 +123,7 @@ std::string file_name(const py::handle& path) {
   return fs::path(text_of(path)).filename().string();
 }
 
-/// "follower.py:31 in steer, from follower.py:12 in on_lane"; of many the innermost.
+/// "follower.py:31 in steer, from follower.py:12 in on_lane"; if there are many, the innermost.
 std::string places_of(const py::handle& traceback) {
   constexpr std::size_t kMaxShown = 16;
   std::vector<std::string> places;
@@ -216,7 +216,7 @@ py::module_ import_file(const fs::path& file) {
   const std::string folder = whole.parent_path().string();
   const auto sys = py::module_::import("sys");
   const auto modules = sys.attr("modules").cast<py::dict>();
-  // Not its bare name: another file of that name in another folder is another module.
+  // Not its bare name: a file of that name in another folder is another module.
   const py::str name("fastcycle.components:" + whole.string());
   if (modules.contains(name)) {
     return modules[name].cast<py::module_>();

@@ -3,28 +3,29 @@
 #include <filesystem>
 #include <string>
 
-// Before all others, as Python wants it.
+// Python requires it before all others.
 #include <pybind11/pybind11.h>
 
 namespace fastcycle::python {
 
-/// Starts Python, if nothing has done so yet: one interpreter for the whole process, which ends
-/// with it. Where Python is the program itself (`python3 -m pytest`), it is that one.
+/// Starts Python, if it is not running: one interpreter for the whole process, which ends with it.
+/// If Python is the program itself (`python3 -m pytest`), it is that one.
 ///
-/// Strings have the same hash in every run, so that sets and dicts are walked in the same order.
-/// Ctrl-C and other signals stay with the host; what scripts print is not kept back.
+/// String hashes are equal in every run, so that sets and dicts have the same order. The host keeps
+/// handling Ctrl-C and other signals; output of scripts is unbuffered.
 ///
 /// @threads  Safe.
 /// @errors   std::runtime_error if Python does not start.
 void start_interpreter();
 
-/// Whether Python can be called: it was started, and is not ending.
+/// Whether Python can be called: it was started, and is not shutting down.
 [[nodiscard]] bool is_interpreter_there() noexcept;
 
-/// The calling thread may call Python while this lives. Nobody else does meanwhile, but for what
-/// lets go of it on its own: waiting, and NumPy's larger computations.
+/// Holds the GIL: the calling thread may call Python while this lives. No other thread does
+/// meanwhile, except during operations that release the GIL: waiting, and NumPy's larger
+/// computations.
 ///
-/// A thread is made known to Python the first time, and forgotten when it ends.
+/// A thread is attached to Python the first time, and detached when it ends.
 class Gil {
  public:
   Gil();
@@ -36,18 +37,18 @@ class Gil {
   PyGILState_STATE state_;
 };
 
-/// The pending Python exception on one line, and none is pending any more: what it says, and the
-/// places that led to it, innermost first:
+/// Clears the pending Python exception, and returns it on one line: its text, and its traceback,
+/// innermost first:
 ///
 ///     ValueError: no lane (follower.py:31 in steer, from follower.py:12 in on_lane)
 ///
 /// @pre  The GIL is held.
 [[nodiscard]] std::string take_exception();
-/// The same of one that pybind11 caught.
+/// The same for one that pybind11 caught.
 [[nodiscard]] std::string in_words(pybind11::error_already_set& error);
 
-/// The module that the Python file `file` is: imported once, whatever changes in the file later.
-/// Its folder is where it finds others.
+/// The module of the Python file `file`: imported once, whatever changes in the file later. Imports
+/// of others are searched in its folder.
 ///
 /// @pre     The GIL is held.
 /// @errors  pybind11::error_already_set.

@@ -20,7 +20,7 @@
 #include "config/nearest.h"
 #include "interpreter.h"
 
-// The types of Python's own kind, and not of pybind11: a field is read in 0.1 µs.
+// The types use Python's C API, and not pybind11: a field is read in 0.1 µs.
 
 namespace py = pybind11;
 namespace pb = google::protobuf;
@@ -31,7 +31,7 @@ namespace {
 using pb::FieldDescriptor;
 using CppType = FieldDescriptor::CppType;
 
-// ---- What is known of a message type ----
+// ---- Message types ----
 
 struct TypeInfo {
   explicit TypeInfo(const pb::Descriptor& its_type) : type(its_type) {
@@ -41,10 +41,10 @@ struct TypeInfo {
   }
 
   const pb::Descriptor& type;
-  py::dict places;  ///< Field name → its place.
+  py::dict places;  ///< Field name → its index.
 };
 
-/// Never freed: it has Python objects, and lives as long as the interpreter.
+/// Never freed: it holds Python objects, and lives as long as the interpreter.
 TypeInfo& info_of(const pb::Descriptor& type) {
   static auto& all = *new std::unordered_map<const pb::Descriptor*, std::unique_ptr<TypeInfo>>;
   auto& found = all[&type];
@@ -54,7 +54,7 @@ TypeInfo& info_of(const pb::Descriptor& type) {
   return *found;
 }
 
-/// The members of an enumeration as Python's `enum.IntEnum` has them, by number.
+/// The members of an enumeration, from Python's `enum.IntEnum`, by number.
 const py::dict& members_of(const pb::EnumDescriptor& type) {
   static auto& all = *new std::unordered_map<const pb::EnumDescriptor*, py::dict>;
   const auto [entry, is_new] = all.try_emplace(&type);
@@ -81,7 +81,7 @@ bool is_number(const FieldDescriptor& field) {
   }
 }
 
-/// The memory of a repeated field. What protobuf wants to be called instead gives single values.
+/// The memory of a repeated field. Protobuf's alternative returns single values.
 template <typename T>
 pb::RepeatedField<T>& memory_of(pb::Message& message, const FieldDescriptor& field) {
 #pragma GCC diagnostic push
@@ -95,7 +95,7 @@ pb::RepeatedField<T>& memory_of(pb::Message& message, const FieldDescriptor& fie
 /// A message, or a part of one.
 struct MessageObject {
   PyObject_HEAD Shared* shared;
-  std::uint64_t generation;  ///< Of the loan, when this was made.
+  std::uint64_t generation;  ///< Of the loan, at construction.
   pb::Message* message;      ///< Of a received one it is const.
   TypeInfo* info;
 };
@@ -108,7 +108,7 @@ struct SequenceObject {
   const FieldDescriptor* field;
 };
 
-/// Bytes of a received message, which a memoryview looks at.
+/// Bytes of a received message, viewed by a memoryview.
 struct BytesObject {
   PyObject_HEAD Shared* shared;
   const std::string* bytes;
@@ -171,7 +171,7 @@ bool is_loan(const Shared& shared) {
   throw py::error_already_set();
 }
 
-/// What a loan was can be read by others once it is published.
+/// After a loan was published, others may read it.
 void check_there(const Shared& shared) {
   if (shared.envelope == nullptr) {
     fail(PyExc_RuntimeError, "the message was published: ask the publisher for another loan()");
@@ -181,7 +181,7 @@ void check_there(const Shared& shared) {
   }
 }
 
-/// The same of an object that may be a part of it.
+/// The same for an object that may be a part of it.
 template <typename T>
 void check(const T& object) {
   const Shared& shared = *object.shared;
@@ -193,7 +193,7 @@ void check(const T& object) {
   }
 }
 
-/// Runs `body`, whose exceptions are Python's.
+/// Runs `body`, and converts its exceptions to Python's.
 template <typename R, typename F>
 R guarded(R on_error, F body) noexcept {
   try {
@@ -235,7 +235,8 @@ py::object text_of(const std::string& text) {
   return py::reinterpret_steal<py::object>(made);
 }
 
-/// Of a received message a memoryview that keeps it; of a loan, which may still change, a copy.
+/// For a received message a memoryview that keeps it alive; for a loan, which may still change, a
+/// copy.
 py::object bytes_of(Shared* shared, const std::string& bytes) {
   if (is_loan(*shared)) {
     return py::bytes(bytes);
@@ -261,7 +262,7 @@ py::object numbers_of(PyObject* self, const pb::Message& message, const FieldDes
     }
     return made;
   }
-  // With a base it looks at the memory of the message, which the base keeps; without, it copies.
+  // With a base it refers to the message's memory, which the base keeps alive; without, it copies.
   const py::array_t<T> made(static_cast<py::ssize_t>(numbers.size()), numbers.data(),
                             is_copy ? py::handle() : py::handle(self));
   py::detail::array_proxy(made.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
@@ -301,7 +302,7 @@ py::object single_of(Shared* shared, const pb::Message& message, const FieldDesc
   return py::reinterpret_steal<py::object>(new_message(shared, part));
 }
 
-/// A dict in the order of its keys, whatever order the map has.
+/// A dict sorted by keys, independent of the map's order.
 py::object map_of(Shared* shared, const pb::Message& message, const FieldDescriptor& field) {
   const pb::Reflection& reflection = *message.GetReflection();
   const FieldDescriptor& key = *field.message_type()->map_key();
@@ -458,7 +459,7 @@ std::string to_string(const FieldDescriptor& field, const py::handle& value) {
   return bytes;
 }
 
-/// Copies an array of exactly this type of number at once; false if `value` is none.
+/// Copies an array of exactly this number type at once; false if `value` is not one.
 template <typename T>
 bool copy_array(pb::RepeatedField<T>& numbers, const py::handle& value) {
   Py_buffer buffer{};
@@ -528,7 +529,7 @@ void set_single(pb::Message& message, const FieldDescriptor& field, const py::ha
     case FieldDescriptor::CPPTYPE_MESSAGE:
       break;
   }
-  // What it is filled with may be a part of what it replaces.
+  // The value may be a part of what it replaces.
   const std::unique_ptr<pb::Message> made(reflection.GetMessage(message, &field).New());
   fill_message(*made, value);
   pb::Message& part = *reflection.MutableMessage(&message, &field);
@@ -575,7 +576,7 @@ void set_repeated(pb::Message& message, const FieldDescriptor& field, const py::
   if (!items) {
     refuse(field, "a sequence", value);
   }
-  // Of itself, perhaps: so all of it is taken before anything is cleared.
+  // Perhaps of itself: so all of it is copied before anything is cleared.
   const py::list all(items);
   const pb::Reflection& reflection = *message.GetReflection();
   std::unique_ptr<pb::Message> made(message.New());
@@ -629,7 +630,7 @@ MessageObject* as_message(const py::handle& object) {
              : nullptr;
 }
 
-/// Into a message that is empty.
+/// Fills an empty message.
 void fill_message(pb::Message& message, const py::handle& value) {
   const pb::Descriptor& type = *message.GetDescriptor();
   if (const MessageObject* const other = as_message(value)) {
@@ -651,7 +652,7 @@ void fill_message(pb::Message& message, const py::handle& value) {
   }
 }
 
-// ---- What Python calls ----
+// ---- Called by Python ----
 
 PyObject* get_attribute(PyObject* self, PyObject* name) {
   return guarded<PyObject*>(nullptr, [&]() -> PyObject* {
@@ -949,7 +950,7 @@ HandedMessage hand_over(const py::handle& message, const detail::PublisherCore& 
     return {Handed::kReceived, shared.envelope, shared.holder};
   }
   if (shared.publisher != &publisher) {
-    return {};  // Its content is copied.
+    return {};  // Its contents are copied.
   }
   return {Handed::kLoan, std::exchange(shared.envelope, nullptr), detail::kNobody};
 }

@@ -10,14 +10,14 @@
 
 namespace fastcycle::python {
 
-/// Whether the object of a component is there that made a loan: it must not be published, nor given
-/// back, once that is gone. With the GIL.
+/// Whether the component object that created a loan still exists: otherwise the loan must neither
+/// be published nor returned. With the GIL.
 struct Link {
   bool is_there = true;
 };
 
-/// One message that Python sees: a received one, or a loan. All that is made of it (a part, a
-/// memoryview, an array) shares this, and keeps the message.
+/// One message seen by Python: a received one, or a loan. All objects derived from it (a part, a
+/// memoryview, an array) share this, and keep the message alive.
 ///
 /// @threads  With the GIL.
 struct Shared {
@@ -25,16 +25,16 @@ struct Shared {
   detail::Envelope* envelope = nullptr;  ///< Of a loan: null once it was published.
   detail::Holder holder = detail::kNobody;
   bool is_kept = false;  ///< Beyond its callback: then it counts for `holder`.
-  detail::PublisherCore* publisher = nullptr;  ///< Who lent it; null: it was received.
+  detail::PublisherCore* publisher = nullptr;  ///< The lender; null for a received message.
   std::shared_ptr<Link> link;                  ///< Of a loan.
-  std::uint64_t generation = 0;  ///< Of a loan: counts what may have freed parts of it.
+  std::uint64_t generation = 0;  ///< Of a loan: incremented when parts may have been freed.
 };
 
-/// Makes the Python types of messages, once. @pre The GIL is held.
+/// Creates the Python types of messages, once. @pre The GIL is held.
 void make_message_types();
 
-/// A received message, for the time of its callback: what is still there of it when this ends is
-/// kept, as a copied `Sample` is.
+/// A received message during its callback: objects that still refer to it afterwards keep it, as a
+/// copied `Sample` does.
 ///
 /// @threads  With the GIL.
 class Lent {
@@ -55,25 +55,25 @@ class Lent {
 [[nodiscard]] pybind11::object make_loan(detail::PublisherCore& publisher,
                                          const std::shared_ptr<Link>& link);
 
-/// What became of `message`, which Python wants `publisher` to publish.
+/// How `message`, which Python passes to `publisher`, is to be published.
 enum class Handed : std::uint8_t {
-  kLoan,      ///< It is a loan of this publisher, and spent now: `envelope` is the caller's.
-  kReceived,  ///< It is a whole received message; `envelope` stays its own.
-  kOther,     ///< Something that a loan can be filled with.
+  kLoan,      ///< A loan of this publisher, now spent: the caller owns `envelope`.
+  kReceived,  ///< A complete received message, which keeps `envelope`.
+  kOther,     ///< Something that can be written into a loan.
 };
 struct HandedMessage {
   Handed kind = Handed::kOther;
   detail::Envelope* envelope = nullptr;
   detail::Holder holder = detail::kNobody;
 };
-/// @errors  pybind11::error_already_set for a loan of another publisher, or one that was published.
+/// @errors  pybind11::error_already_set for a loan of another publisher, or one already published.
 [[nodiscard]] HandedMessage hand_over(const pybind11::handle& message,
                                       const detail::PublisherCore& publisher,
                                       const google::protobuf::Descriptor& type);
 
-/// What is known of a received message.
+/// Facts about a received message.
 ///
-/// @errors  pybind11::error_already_set if it is none.
+/// @errors  pybind11::error_already_set if it is not one.
 [[nodiscard]] const MessageInfo& message_info(const pybind11::handle& message);
 
 /// Writes `value` (a dict by field, or a message of the same type) into the loan `message`.
@@ -81,7 +81,7 @@ struct HandedMessage {
 /// @errors  pybind11::error_already_set that names the field.
 void fill(const pybind11::object& message, const pybind11::handle& value);
 
-/// Has what messages of `type` need imported now, and not in a callback.
+/// Performs the imports for messages of `type` now, and not in a callback.
 void prepare_for(const google::protobuf::Descriptor& type);
 
 }  // namespace fastcycle::python

@@ -61,12 +61,12 @@ std::string look_at(const fs::path& file) {
 
 }  // namespace
 
-/// What of Python it owns: freed with the GIL.
+/// Its Python objects: freed with the GIL.
 struct PythonComponent::Objects {
   py::object self;
   std::vector<py::object> callbacks;
   std::array<py::object, static_cast<std::size_t>(Method::kCount)> methods;  ///< Or null.
-  std::vector<std::unique_ptr<Lent>> lent;  ///< Looked at in the call that runs.
+  std::vector<std::unique_ptr<Lent>> lent;  ///< Lent to the running call.
 };
 
 PythonComponent::PythonComponent(Context& context)
@@ -102,12 +102,12 @@ PythonComponent::PythonComponent(Context& context)
 
 PythonComponent::~PythonComponent() {
   if (!is_interpreter_there()) {
-    static_cast<void>(objects_.release());  // Nobody can free it any more.
+    static_cast<void>(objects_.release());  // They can no longer be freed.
     return;
   }
   const Gil gil;
   objects_.reset();
-  PyGC_Collect();  // What is a circle keeps messages and loans too.
+  PyGC_Collect();  // Reference cycles keep messages and loans, too.
   link_->is_there = false;
 }
 
@@ -155,7 +155,7 @@ void PythonComponent::load_messages(const std::vector<std::string>& packages) {
   std::vector<fs::path> folders = host::library_folders(application, {});
   folders.push_back(host::core_library_folder());
   for (const std::string& package : packages) {
-    fs::path found = host::library_file(package);  // Else where the system looks.
+    fs::path found = host::library_file(package);  // Else in the system's search path.
     for (const fs::path& folder : folders) {
       std::error_code ignored;
       if (fs::exists(folder / host::library_file(package), ignored)) {
@@ -265,7 +265,7 @@ detail::EnvelopeCallback PythonComponent::call_back_with_message(
         PyObject* const result =
             PyObject_CallOneArg(objects_->callbacks[index].ptr(), lent.object().ptr());
         if (result == nullptr) {
-          what = take_exception();  // Before `lent` ends: its places keep the message.
+          what = take_exception();  // Before `lent` ends: the traceback keeps the message alive.
         }
         Py_XDECREF(result);
       } catch (const std::exception& exception) {
@@ -317,7 +317,7 @@ namespace {
 
 constexpr ComponentClass kClass{"PythonComponent", &detail::create_component<PythonComponent>,
                                 &detail::destroy_component<PythonComponent>};
-// Not FASTCYCLE_COMPONENT: whether there is a serve() of its own, only the Python class knows.
+// Not FASTCYCLE_COMPONENT: only the Python class determines whether there is a serve().
 constexpr ComponentLibrary kLibrary{kInterfaceVersion, 1, &kClass};
 
 }  // namespace

@@ -12,9 +12,9 @@
 
 namespace fastcycle::python {
 
-/// A component that a Python class is: gives its calls to an object of that class.
+/// A component implemented by a Python class: forwards its calls to an object of that class.
 ///
-/// @threads  As `Component`. All that is called by Python needs the GIL, which its own calls take.
+/// @threads  As `Component`. Functions called by Python need the GIL, which its own calls acquire.
 class PythonComponent final : public Component {
  public:
   explicit PythonComponent(Context& context);
@@ -26,7 +26,7 @@ class PythonComponent final : public Component {
   void serve() override { call(Method::kServe); }
   void stop() override { call(Method::kStop); }
 
-  // For what Python calls.
+  // Called by Python.
 
   using Component::context;
   using Component::health;
@@ -36,23 +36,23 @@ class PythonComponent final : public Component {
   using Component::report;
   using Component::start_time;
 
-  /// Keeps what is to be called back. The result calls it in an activation; what it throws there
-  /// is the Python exception in words.
+  /// Keeps a callback. The result calls it in an activation; an exception thrown there has the text
+  /// of the Python exception.
   std::function<void()> call_back(pybind11::object callback);
-  /// The same with a message; `holder` is known once the subscription is made.
+  /// The same with a message; `holder` is set once the subscription exists.
   detail::EnvelopeCallback call_back_with_message(pybind11::object callback,
                                                   std::shared_ptr<detail::Holder> holder);
-  /// A message that it looks at, until its callback ends.
+  /// Lends it a message, until its callback ends.
   [[nodiscard]] pybind11::object lend(detail::Envelope& envelope, detail::Holder holder);
 
   [[nodiscard]] const std::shared_ptr<Link>& link() const { return link_; }
   /// Its message type of this name.
   ///
-  /// @errors  std::invalid_argument, which says what may help.
+  /// @errors  std::invalid_argument with a hint.
   [[nodiscard]] const google::protobuf::Message& type_named(const std::string& name) const;
   /// @errors  std::runtime_error outside of its constructor.
   void check_constructing(std::string_view call);
-  /// @errors  std::runtime_error outside of its calls, such as on a thread of its own.
+  /// @errors  std::runtime_error outside of its calls, such as on another thread.
   void check_in_call(std::string_view call);
 
  private:
@@ -61,7 +61,7 @@ class PythonComponent final : public Component {
 
   void load_messages(const std::vector<std::string>& packages);
   void make_object(const Path& file, const std::string& module, const std::string& class_name);
-  /// Adds what is wrong with the param `name`, and throws.
+  /// Reports an error of the param `name`, and throws.
   [[noreturn]] void refuse(std::string_view name, std::string expected, std::string found,
                            std::string hint = {});
   void warn(const std::string& what, const std::string& hint);

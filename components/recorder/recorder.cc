@@ -10,7 +10,7 @@
 
 namespace {
 
-/// Records the application that it is a component of.
+/// A component that records its application.
 class Recorder final : public fastcycle::Component {
  public:
   explicit Recorder(fastcycle::Context& context) : Component(context) {

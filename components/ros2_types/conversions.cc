@@ -169,7 +169,7 @@ void point_cloud_to_ros(const Message& from, CdrWriter& out) {
   out.number(in.point_stride());
   out.number(static_cast<std::uint32_t>(size));
   out.bytes(in.data(), "data");
-  out.boolean(false);  // Whether all points are valid, nobody said.
+  out.boolean(false);  // Whether all points are valid: unknown.
 }
 
 // ---- Pictures ----
@@ -193,7 +193,7 @@ void image_to_message(CdrReader& in, Message& to) {
     const std::size_t each = encoding.find("16") != std::string::npos   ? 2
                              : encoding.find("32") != std::string::npos ? 4
                                                                         : 1;
-    // Row by row: a row may end with bytes that are no pixels.
+    // Row by row: rows may end with padding.
     std::string& pixels = *out.mutable_data();
     const std::size_t step = out.step() == 0 ? pixels.size() : out.step();
     for (std::size_t at = 0; step > 0 && at < pixels.size(); at += step) {
@@ -219,8 +219,8 @@ void compressed_image_to_message(CdrReader& in, Message& to) {
   take_header(in, out);
   std::string format = in.text("format");
   const auto data = in.bytes("data");
-  // "rgb8; jpeg compressed bgr8". The bytes of "16UC1; compressedDepth png" are no picture: there
-  // is a head before it.
+  // "rgb8; jpeg compressed bgr8". The bytes of "16UC1; compressedDepth png" are no plain picture:
+  // they begin with a header.
   const bool has_head = format.find("compressedDepth") != std::string::npos;
   for (const auto& [word, name] :
        {std::pair{"jpeg", "jpeg"}, {"jpg", "jpeg"}, {"png", "png"}, {"webp", "webp"}}) {
@@ -288,9 +288,9 @@ void laser_scan_to_ros(const Message& from, CdrWriter& out) {
   const int steps = std::max(1, in.ranges_size() - 1);
   out.number(static_cast<float>((in.end_angle() - in.start_angle()) / steps));
   out.number(0.0F);                                    // Time from one beam to the next,
-  out.number(0.0F);                                    // and of the whole: not known.
-  out.number(0.0F);                                    // No range is too short,
-  out.number(std::numeric_limits<float>::infinity());  // and none too long.
+  out.number(0.0F);                                    // and of the whole scan: unknown.
+  out.number(0.0F);                                    // No lower,
+  out.number(std::numeric_limits<float>::infinity());  // and no upper limit of ranges.
   put_floats(in.ranges(), "ranges", out);
   put_floats(in.intensities(), "intensities", out);
 }

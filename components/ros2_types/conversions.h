@@ -4,10 +4,10 @@
 
 namespace fastcycle::ros2 {
 
-/// What mappings.json names under "conversion".
+/// The functions that mappings.json names under "conversion".
 [[nodiscard]] const Conversions& shipped_conversions();
 
-/// Markers and scenes, which markers.cc has.
+/// Markers and scenes; defined in markers.cc.
 void markers_to_scene(CdrReader& in, google::protobuf::Message& out);
 void scene_to_markers(const google::protobuf::Message& in, CdrWriter& out);
 

@@ -29,7 +29,7 @@ inline void set_time(std::int64_t time_ns, google::protobuf::Timestamp& out) {
   out.set_nanos(static_cast<std::int32_t>(rest_ns));
 }
 
-/// What every message of Foxglove begins with.
+/// The fields at the beginning of every Foxglove message.
 template <typename T>
 void take_header(CdrReader& in, T& out) {
   Header header = read_header(in);

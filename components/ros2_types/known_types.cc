@@ -19,8 +19,8 @@ namespace fastcycle::ros2 {
 
 namespace {
 
-/// One message of each package that mappings.json names: what nobody refers to is not linked, and
-/// would not be found by its name.
+/// One message of each package that mappings.json names: unreferenced packages are not linked, and
+/// would not be found by name.
 std::array<const google::protobuf::Message*, 5> shipped_messages() {
   return {&basic::Text::default_instance(), &diagnostics::Report::default_instance(),
           &foxglove::Odometry::default_instance(), &motion::Imu::default_instance(),

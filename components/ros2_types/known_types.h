@@ -13,32 +13,32 @@
 
 namespace fastcycle::ros2 {
 
-/// The types of ROS 2 that FastCycle knows, and what becomes of them: the definitions and mappings
-/// that ship with it, and those that a user adds.
+/// The ROS 2 types known to FastCycle, and their conversions: the definitions and mappings that
+/// ship with it, and those that a user adds.
 ///
-/// @threads  Confined; the converters that it gives may be used by any thread, as long as it lives.
+/// @threads  Confined; any thread may use the returned converters, as long as this lives.
 class KnownTypes {
  public:
-  /// Knows what ships with FastCycle: interfaces/ and mappings.json.
+  /// Contains what ships with FastCycle: interfaces/ and mappings.json.
   KnownTypes();
 
-  /// For folders of definitions, which stand above those that ship.
+  /// For adding folders of definitions, which take precedence over those that ship.
   [[nodiscard]] Definitions& definitions() { return definitions_; }
-  /// For mappings that stand above those that ship.
+  /// For adding mappings, which take precedence over those that ship.
   [[nodiscard]] Mappings& mappings() { return mappings_; }
   /// Adds those of a file.
   ///
   /// @errors  `MappingError`
   void add_mappings(const std::filesystem::path& file);
 
-  /// The message that a ROS type becomes if nothing else is said; empty if there is no mapping.
+  /// The default message for a ROS type; empty if there is no mapping.
   [[nodiscard]] std::string message_of(std::string_view ros) const;
 
-  /// Of a ROS type and a message; without one, of that which it becomes if nothing else is said.
+  /// The converter of a ROS type to a message; without one to the default message.
   ///
   /// @errors  `DefinitionError`, `MappingError`
   const Converter& find(std::string_view ros, std::string_view message = {});
-  /// None if it has no mapping, or if no definition of it can be read.
+  /// None if it has no mapping, or no readable definition.
   const Converter* try_find(std::string_view ros);
 
  private:

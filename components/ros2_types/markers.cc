@@ -36,12 +36,11 @@ enum Type : std::int32_t {
 };
 enum Action : std::int32_t { kAdd = 0, kDelete = 2, kDeleteAll = 3 };
 
-// What takes place at least: of a marker without texts, points and colours; of a point; of a
-// colour.
+// Minimum sizes: of a marker without texts, points and colors; of a point; of a color.
 constexpr std::size_t kMarkerBytes = 180;
 constexpr std::size_t kPointBytes = 24;
 constexpr std::size_t kColorBytes = 16;
-// Of the length of an arrow that nobody said how long its head is.
+// Of the length of an arrow without a given head length.
 constexpr double kHeadShare = 0.23;
 
 struct Point {
@@ -64,7 +63,7 @@ struct Color {
   float a = 0.0F;
 };
 
-/// As on the wire, but for textures and meshes, which scenes have no place for.
+/// As on the wire, except textures and meshes, which scenes do not support.
 struct Marker {
   google::protobuf::Timestamp time;
   std::string frame;
@@ -178,7 +177,7 @@ void write_marker(const Marker& marker, CdrWriter& out) {
   out.text("");
   out.text("");
   out.count(0);
-  out.count(0);  // and where it lies.
+  out.count(0);  // and its data.
   out.text(marker.text, "markers.text");
   out.text(marker.mesh, "markers.mesh_resource");
   out.text("");
@@ -237,7 +236,7 @@ void add_arrow(const Marker& marker, const Point& from, const Point& to,
   const double head = marker.scale.z > 0.0 ? std::min(marker.scale.z, length) : kHeadShare * length;
   foxglove::ArrowPrimitive& arrow = *entity.add_arrows();
   set_point(from, *arrow.mutable_pose()->mutable_position());
-  // The shortest turn of +x to the arrow's direction; half a turn about z if it points back.
+  // The shortest rotation from +x to the arrow's direction; half a turn about z if it points back.
   Turn turn{0.0, -along.z, along.y, length + along.x};
   const double size = std::hypot(std::hypot(turn.y, turn.z), turn.w);
   turn = size > 1e-12 * length && length > 0.0
@@ -274,7 +273,7 @@ void add_solid(const Marker& marker, auto& solid) {
   set_color(marker.color, *solid.mutable_color());
 }
 
-/// The same shape at each point.
+/// Adds the same shape at each point.
 void add_solids(const Marker& marker, auto add) {
   for (std::size_t i = 0; i < marker.points.size(); ++i) {
     auto& solid = add();
@@ -346,7 +345,7 @@ void add_shape(const Marker& marker, foxglove::SceneEntity& entity) {
       add_points(marker, *entity.add_triangles());
       return;
     default: {
-      // A mesh, or what nobody knows yet: at least it can be seen that there is something.
+      // A mesh, or an unknown type: at least its presence is recorded.
       foxglove::KeyValuePair& pair = *entity.add_metadata();
       pair.set_key("mesh_resource");
       pair.set_value(marker.mesh);
@@ -438,7 +437,7 @@ class Markers {
   }
 
  private:
-  /// What `entity_id` made, taken apart; another id is a namespace.
+  /// Splits the result of `entity_id`; any other id is a namespace.
   static Marker named(const std::string& id) {
     Marker marker;
     marker.name_space = id;

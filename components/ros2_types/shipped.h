@@ -10,7 +10,7 @@ struct ShippedInterface {
   std::string_view text;
 };
 
-/// The files of interfaces/, which are compiled in.
+/// The files of interfaces/, embedded at build time.
 [[nodiscard]] std::span<const ShippedInterface> shipped_interfaces();
 /// mappings.json.
 [[nodiscard]] std::string_view shipped_mappings();

@@ -141,7 +141,7 @@ std::uint32_t Client::send(protocol::Request& request) {
     const ssize_t count =
         ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
     if (count < 0 && errno == EAGAIN) {
-      // It reads no more while too much waits for us to read.
+      // The server reads no more while too much output waits for us.
       pollfd poll_socket{.fd = socket_, .events = POLLIN | POLLOUT, .revents = 0};
       ::poll(&poll_socket, 1, -1);
       if ((poll_socket.revents & POLLIN) != 0) {
@@ -153,7 +153,7 @@ std::uint32_t Client::send(protocol::Request& request) {
       continue;
     }
     if (count < 0) {
-      // Why it closed the connection stands in what it said last.
+      // Its last answer holds the reason why it closed the connection.
       while (const auto last = read(milliseconds(0))) {
         if (last->has_error()) {
           throw ClientError(last->error());
@@ -194,7 +194,7 @@ std::optional<protocol::Answer> Client::read(milliseconds patience) {
     pollfd poll_socket{.fd = socket_, .events = POLLIN, .revents = 0};
     const int ready = ::poll(&poll_socket, 1, to_poll(until(end)));
     if (ready < 0 && errno == EINTR) {
-      return std::nullopt;  // Whoever asked looks what the signal was for.
+      return std::nullopt;  // The caller handles the signal.
     }
     if (ready <= 0) {
       return std::nullopt;

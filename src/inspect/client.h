@@ -17,14 +17,14 @@
 
 namespace fastcycle::inspect {
 
-/// An application of this user that runs and may be looked at.
+/// A running application of this user that can be inspected.
 struct RunningApplication {
   std::string name;
   pid_t pid = 0;
   std::filesystem::path socket;
 };
 
-/// What a client could not do.
+/// An error that a request or the connection returned.
 ///
 /// @threads  Compatible.
 class ClientError : public std::runtime_error {
@@ -32,9 +32,9 @@ class ClientError : public std::runtime_error {
   explicit ClientError(protocol::Error error)
       : std::runtime_error(error.text()), error_(std::move(error)) {}
 
-  /// `KIND_UNKNOWN`: there is nobody to talk to, or not any more.
+  /// `KIND_UNKNOWN`: no connection, or it was lost.
   [[nodiscard]] protocol::Error::Kind kind() const { return error_.kind(); }
-  /// What to do; may be empty.
+  /// What the user can do about it; may be empty.
   [[nodiscard]] const std::string& hint() const { return error_.hint(); }
   [[nodiscard]] const protocol::Error& error() const { return error_; }
 
@@ -42,12 +42,12 @@ class ClientError : public std::runtime_error {
   protocol::Error error_;
 };
 
-/// Those that there are now, by name. What a crashed run left behind is not among them.
+/// The running applications, by name. Excludes what a crashed run left behind.
 [[nodiscard]] std::vector<RunningApplication> list_applications();
 
-/// The one called `name`; with an empty one, the only one there is.
+/// The application `name`; if `name` is empty, the only one that runs.
 ///
-/// @errors  `ClientError` that names those that there are.
+/// @errors  `ClientError` that lists the running applications.
 [[nodiscard]] RunningApplication find_application(std::string_view name);
 
 /// A connection to a running application.
@@ -63,51 +63,52 @@ class ClientError : public std::runtime_error {
 ///     while (const auto answer = client.next(100ms)) { … }
 ///
 /// @threads  Confined.
-/// @errors   `ClientError`: what the application refuses, and a connection that has ended.
+/// @errors   `ClientError`: the application refused the request, or the connection was lost.
 class Client {
  public:
   static constexpr std::chrono::milliseconds kPatience{5000};
 
-  /// `who` is said to the application, for its log. `patience` is for its first answer.
+  /// `who` identifies the client in the application's log. `patience` limits the wait for the
+  /// welcome.
   Client(const std::filesystem::path& socket, std::string_view who,
          std::chrono::milliseconds patience = kPatience);
-  /// The same over a connection that `Server::connect` gave, whose descriptor it takes over.
+  /// The same over a connection from `Server::connect`; takes over its descriptor.
   Client(int descriptor, std::string_view who, std::chrono::milliseconds patience = kPatience);
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
   ~Client();
 
-  /// Who answers, and what may be changed.
+  /// Identity of the application, and what clients may change.
   [[nodiscard]] const protocol::Welcome& welcome() const { return welcome_; }
 
-  /// The answer to a request that has one. Answers of streams that come meanwhile are kept.
+  /// Returns the single answer to a request. Stream answers that arrive meanwhile are queued.
   protocol::Answer ask(protocol::Request request, std::chrono::milliseconds patience = kPatience);
 
   /// Begins a stream; returns its first answer, `started`, whose id is the stream's.
   protocol::Answer begin(protocol::Request request, std::chrono::milliseconds patience = kPatience);
 
-  /// The next answer of any stream, after up to `patience`; none if there is none yet. The last of
-  /// a stream says `ended`; an error of a stream is thrown.
+  /// The next answer of any stream; none after `patience`. The last answer of a stream is `ended`;
+  /// an error of a stream is thrown.
   std::optional<protocol::Answer> next(std::chrono::milliseconds patience);
 
-  /// Asks for the end of a stream; what is under way still comes, and then `ended`.
+  /// Requests the end of a stream; answers in flight still arrive, then `ended`.
   void end(std::uint32_t stream);
 
-  /// For who asks for much at once: sends `request`, and returns its id, which the answers have.
-  /// `take` gives them, and those of streams, in the order in which they come; errors too. None
-  /// within `patience`: there is none yet.
+  /// For many requests at once: sends `request` and returns its id, which its answers carry. `take`
+  /// returns these answers, those of streams, and errors, in order of arrival; none after
+  /// `patience`.
   std::uint32_t post(protocol::Request request) { return send(request); }
   std::optional<protocol::Answer> take(std::chrono::milliseconds patience);
 
-  /// For poll(2): readable when `next` has something, or had something before it was asked.
+  /// For poll(2): readable when `next` has data, or had some before the call.
   [[nodiscard]] int descriptor() const { return socket_; }
-  /// Whether `next` has an answer without waiting.
+  /// Whether `next` returns an answer without waiting.
   [[nodiscard]] bool has_next() const { return !streamed_.empty(); }
 
  private:
   void greet(std::string_view who, std::chrono::milliseconds patience);
   std::uint32_t send(protocol::Request& request);
-  /// Reads what is there into the buffer; false if there is nothing.
+  /// Reads available data into the buffer; false if there is none.
   bool receive();
   /// Reads one answer; none after `patience`.
   std::optional<protocol::Answer> read(std::chrono::milliseconds patience);
@@ -115,8 +116,8 @@ class Client {
 
   int socket_ = -1;
   std::uint32_t ids_ = 0;
-  std::string buffer_;     ///< What was read and is no whole frame.
-  std::size_t begin_ = 0;  ///< Of it: what is behind was taken.
+  std::string buffer_;     ///< Received bytes that do not form a complete frame yet.
+  std::size_t begin_ = 0;  ///< Offset of the first unread byte.
   std::deque<protocol::Answer> streamed_;
   protocol::Welcome welcome_;
 };

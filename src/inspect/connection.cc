@@ -20,7 +20,7 @@ bool Connection::receive() {
   constexpr std::size_t kPiece = std::size_t{64} << 10U;
   in_.erase(0, std::exchange(taken_, 0));
   if (in_.empty() && in_.capacity() > 4 * kPiece) {
-    in_.shrink_to_fit();  // After a large one.
+    in_.shrink_to_fit();  // After a large frame.
   }
   const std::size_t before = in_.size();
   in_.resize(before + kPiece);

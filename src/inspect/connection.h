@@ -13,43 +13,42 @@
 
 namespace fastcycle::inspect {
 
-/// One client's connection: what came of a request that is not whole yet, and what waits for it to
-/// read.
+/// One client's connection: partially received requests, and output that waits to be written.
 ///
 /// @threads  Confined.
 class Connection {
  public:
-  /// More than this does not wait for a client that does not read.
+  /// Upper limit of queued output for a client that does not read.
   static constexpr std::size_t kMaxWaiting = std::size_t{32} << 20U;
-  /// With more than this, no more is asked for: neither requests are read, nor streams written.
+  /// Above this limit, no further requests are read and no stream data is queued.
   static constexpr std::size_t kEnoughWaiting = std::size_t{1} << 20U;
-  /// With more than this, a connection within this process gets no messages: it may ask for all
-  /// topics at once, and one large message must not cost it those of the others.
+  /// Above this limit, a connection within this process gets no messages: it may request all topics
+  /// at once, and one large message must not displace those of the others.
   static constexpr std::size_t kEnoughWithin = std::size_t{16} << 20U;
 
-  /// Takes over `descriptor`, which does not block.
+  /// Takes over `descriptor`, which is non-blocking.
   Connection(int descriptor, std::uint64_t its_number, uid_t its_uid, pid_t its_pid)
       : number(its_number), uid(its_uid), pid(its_pid), descriptor_(descriptor) {}
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
   ~Connection();
 
-  /// Reads what came, a bounded piece of it; false if the client is gone.
+  /// Reads a bounded amount of input; false if the client has disconnected.
   [[nodiscard]] bool receive();
-  /// Whether `next` has something to say.
+  /// Whether `next` would return a frame or an error.
   [[nodiscard]] bool has_next(std::size_t max_frame) const;
-  /// The next whole frame, good until anything else is called; null if there is none. If what came
-  /// is larger than a frame may be, that is told in `wrong`.
+  /// The next complete frame, valid until the next call; null if there is none. If the input
+  /// exceeds the maximum frame size, `wrong` reports it.
   [[nodiscard]] std::optional<std::string_view> next(std::size_t max_frame, std::string& wrong);
   /// Queues one frame.
   void put(const protocol::Answer& answer);
-  /// Writes what it can; false if the client is gone.
+  /// Writes as much as possible; false if the client has disconnected.
   [[nodiscard]] bool write(std::int64_t now_ns);
 
   [[nodiscard]] std::size_t waiting() const noexcept { return waiting_; }
-  /// What came of requests that are not answered yet, in bytes.
+  /// Received bytes of requests that are not answered yet.
   [[nodiscard]] std::size_t received() const noexcept { return in_.size() - taken_; }
-  /// Since when nothing could be written, though something waits; 0 if nothing does.
+  /// Since when output has been pending without a successful write; 0 if none is pending.
   [[nodiscard]] std::int64_t stuck_since_ns() const noexcept { return stuck_since_ns_; }
   [[nodiscard]] int descriptor() const noexcept { return descriptor_; }
 
@@ -59,14 +58,14 @@ class Connection {
   std::int64_t came_ns = 0;
   bool is_greeted = false;
   bool is_within = false;  ///< The client is of this process.
-  std::string client;      ///< Who it says that it is.
+  std::string client;      ///< As the client identifies itself.
 
  private:
   const int descriptor_;
   std::string in_;
-  std::size_t taken_ = 0;  ///< Of what came.
+  std::size_t taken_ = 0;  ///< Consumed bytes of `in_`.
   std::deque<std::string> out_;
-  std::size_t written_ = 0;  ///< Of the first.
+  std::size_t written_ = 0;  ///< Of the first frame.
   std::size_t waiting_ = 0;
   std::int64_t stuck_since_ns_ = 0;
 };

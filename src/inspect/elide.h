@@ -17,8 +17,8 @@ struct ElisionLimits {
   std::size_t fields = 4096;  ///< Of the whole message, elements included.
 };
 
-/// Copies `from` into `to`, which is of the same type, without the large parts of large fields:
-/// what it costs does not depend on how large they are. What was left out is added to `elisions`.
+/// Copies `from` into `to`, which is of the same type, without the large parts of large fields: its
+/// cost does not depend on their size. Adds what was left out to `elisions`.
 ///
 /// @threads  Compatible; `from` is only read.
 void copy_elided(const google::protobuf::Message& from, google::protobuf::Message& to,

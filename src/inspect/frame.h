@@ -10,11 +10,11 @@ namespace fastcycle::inspect {
 
 inline constexpr std::uint32_t kProtocolVersion = 1;
 
-/// Before each message stands its size: 4 bytes, little endian.
+/// Each message is preceded by its size: 4 bytes, little endian.
 inline constexpr std::size_t kFrameHead = 4;
-/// More than this a client may not send at once.
+/// Maximum size of one request.
 inline constexpr std::size_t kMaxRequestBytes = std::size_t{16} << 20U;
-/// More than this an application does not send at once.
+/// Maximum size of one answer.
 inline constexpr std::size_t kMaxAnswerBytes = std::size_t{64} << 20U;
 
 inline void append_size(std::string& out, std::size_t size) {

@@ -34,7 +34,7 @@ void fill(const base::LogHistogram<kSubBits>& histogram, bool with_buckets,
           protocol::Histogram& said) {
   fill(histogram.summary(), said);
   if (with_buckets) {
-    // What was recorded since the summary was made is in both.
+    // A sample recorded after the summary was taken is in both.
     const base::HistogramBuckets buckets = histogram.buckets();
     said.set_count(buckets.count);
     said.set_mean_ns(buckets.count == 0 ? 0.0
@@ -61,7 +61,7 @@ void fill(const detail::Ledger& ledger, protocol::Ledger& said) {
   }
 }
 
-/// What `subscriber` means for its topic.
+/// Adds `subscriber` to the counts of its topic.
 void count_in(const protocol::Subscriber& subscriber, protocol::Topic& topic) {
   topic.set_dropped(topic.dropped() + subscriber.ledger().dropped());
   if (subscriber.latency().count() > 0 &&
@@ -138,7 +138,7 @@ void fill_executors(const host::Application& application, protocol::Overview& ov
   };
   const auto& described = application.description().executors;
   std::ranges::for_each(described, add);
-  // Of all who name none.
+  // Of all components that name none.
   for (std::size_t i = described.size(); i < application.executor_names().size(); ++i) {
     config::ExecutorDescription pool;
     pool.name = application.executor_names()[i];
@@ -251,7 +251,7 @@ void fill_topic(const host::Application& application, const SeenTopic& seen,
   for (const detail::PublisherCore* publisher : seen.publishers) {
     topic.set_allocated(topic.allocated() + publisher->allocated());
     if (publisher->owner.name.starts_with(Voice::kName) && publisher->published() == 0) {
-      continue;  // No tool has said anything.
+      continue;  // No tool has published anything.
     }
     protocol::Publisher& said = *topic.add_publishers();
     said.set_component(publisher->owner.name);

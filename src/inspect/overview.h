@@ -10,7 +10,7 @@
 
 namespace fastcycle::inspect {
 
-/// A service as it was declared; constant once the application is built.
+/// A declared service; constant once the application is built.
 struct KnownService {
   std::string name;
   std::string component;
@@ -20,18 +20,17 @@ struct KnownService {
   std::vector<std::string> clients;
 };
 
-/// Those of an application that was built. Control thread.
+/// The services of a built application. Control thread.
 [[nodiscard]] std::vector<KnownService> find_services(const host::Application& application);
 
 void fill_application(const host::Application& application, protocol::Overview& overview);
 void fill_executors(const host::Application& application, protocol::Overview& overview);
-/// `news` is what each component said last of itself.
-/// `with_buckets`: those of the histograms too.
+/// `news` is the last report of each component. `with_buckets` adds the buckets of histograms.
 void fill_components(const host::Application& application,
                      const std::vector<host::ComponentNews>& news, bool with_buckets,
                      protocol::Overview& overview);
 
-/// What stands still while one looks: the topics hold their places as long as the application is.
+/// A snapshot of a topic: its pointers are valid as long as the application exists.
 struct SeenTopic {
   const detail::Topic* topic = nullptr;
   std::string type;
@@ -39,9 +38,9 @@ struct SeenTopic {
   std::vector<const detail::Subscription*> subscriptions;
 };
 
-/// The topics as they are now; the application's lock is held only for this.
+/// The current topics; holds the application's lock only for this.
 [[nodiscard]] std::vector<SeenTopic> see_topics(const host::Application& application);
-/// With those that subscribe in other processes, as `news` has them.
+/// Includes subscribers in other processes, from `news`.
 void fill_topic(const host::Application& application, const SeenTopic& seen,
                 const std::vector<host::ComponentNews>& news, bool with_buckets,
                 protocol::Topic& topic);

@@ -4,7 +4,7 @@
 
 namespace fastcycle::inspect {
 
-/// What plays a recording into an application, as far as tools may steer it.
+/// Control of the playback of a recording, as far as tools have access to it.
 ///
 /// @threads  Safe.
 class PlaybackControl {
@@ -14,7 +14,7 @@ class PlaybackControl {
   PlaybackControl& operator=(const PlaybackControl&) = delete;
   virtual ~PlaybackControl() = default;
 
-  /// @errors  `Refusal`: it cannot do that.
+  /// @errors  `Refusal`: the playback does not support it.
   virtual void obey(const protocol::ControlPlayback& control) = 0;
   [[nodiscard]] virtual protocol::Playback state() const = 0;
 };

@@ -37,7 +37,7 @@ void read_files(ProcessUsage& usage) {
     ++usage.open_files;
   }
   if (usage.open_files > 0) {
-    --usage.open_files;  // The one that this was read by.
+    --usage.open_files;  // The descriptor used to read the folder.
   }
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY) {
@@ -73,7 +73,8 @@ void read_threads(ProcessUsage& usage) {
     std::ifstream time_file(entry->path() / "schedstat");
     std::string name;
     std::int64_t cpu_ns = 0;
-    if (std::getline(name_file, name) && time_file >> cpu_ns) {  // Else it has ended meanwhile.
+    if (std::getline(name_file, name) &&
+        time_file >> cpu_ns) {  // Else the thread has ended meanwhile.
       ProcessUsage::Threads& threads = usage.threads[name];
       threads.cpu_ns += cpu_ns;
       ++threads.count;

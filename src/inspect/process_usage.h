@@ -6,7 +6,7 @@
 
 namespace fastcycle::inspect {
 
-/// What this process uses, as the kernel counts it; 0 where it does not say.
+/// Resource usage of this process as the kernel reports it; 0 where it does not.
 struct ProcessUsage {
   struct Threads {
     std::int64_t cpu_ns = 0;
@@ -18,13 +18,13 @@ struct ProcessUsage {
   std::int64_t virtual_bytes = 0;
   std::uint64_t open_files = 0;
   std::uint64_t max_files = 0;
-  std::int64_t start_ns = 0;               ///< When it began, since 1970.
-  std::map<std::string, Threads> threads;  ///< By their names.
+  std::int64_t start_ns = 0;               ///< Start time, since 1970.
+  std::map<std::string, Threads> threads;  ///< By thread name.
 };
 
-/// Reads a file for each thread: some 20 µs for a thread.
+/// Reads one file per thread: about 20 µs per thread.
 ///
-/// @threads  Safe. Nobody who is counted is asked, or waits.
+/// @threads  Safe. Does not involve or block the other threads.
 [[nodiscard]] ProcessUsage process_usage();
 
 }  // namespace fastcycle::inspect

@@ -10,7 +10,7 @@
 
 namespace fastcycle::inspect {
 
-/// Why a request is not answered as it was meant.
+/// The reason why a request is refused.
 class Refusal : public std::runtime_error {
  public:
   Refusal(protocol::Error::Kind kind, const std::string& text, std::string hint = {},
@@ -18,7 +18,7 @@ class Refusal : public std::runtime_error {
       : std::runtime_error(text), kind_(kind), hint_(std::move(hint)), allow_(std::move(allow)) {}
 
   void fill(protocol::Error& error) const;
-  /// Whether the connection does.
+  /// Whether the connection stays open.
   [[nodiscard]] bool goes_on() const {
     return kind_ != protocol::Error::KIND_MALFORMED && kind_ != protocol::Error::KIND_VERSION;
   }

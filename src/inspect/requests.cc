@@ -1,4 +1,4 @@
-// What each request asks a server for.
+// The server's answer to each request.
 #include <algorithm>
 #include <memory>
 #include <mutex>
@@ -397,7 +397,7 @@ void Server::reload(const Client& client, detail::ComponentCore& core,
                     const protocol::Lifecycle& wanted, host::LifeChanges::Done done) {
   constexpr std::int64_t kMostProbationNs = std::int64_t{86'400} * 1'000'000'000;
   if (client.connection->is_within) {
-    // It speaks for who comes over a network.
+    // It acts for clients on the network.
     throw Refusal(protocol::Error::KIND_NOT_ALLOWED, "a library is loaded for local tools only");
   }
   if (wanted.library().empty()) {

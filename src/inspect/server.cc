@@ -25,14 +25,14 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kLookNs = 20 * kMs;
-constexpr std::int64_t kReplyNs = 5 * kMs;         // How often a reply is looked for.
+constexpr std::int64_t kReplyNs = 5 * kMs;         // How often replies are polled.
 constexpr std::int64_t kComplaintNs = 1000 * kMs;  // At most one line of log in this time.
-constexpr std::int64_t kGreetingNs = 5000 * kMs;   // So long who connects may say nothing.
-constexpr std::int64_t kWatchNs = 500 * kMs;       // How often these are looked after.
-constexpr std::int64_t kBehindNs = 100 * kMs;      // So long a client may be behind, in any case.
-constexpr std::int64_t kAcceptNs = 100 * kMs;      // Between two tries while none can be accepted.
+constexpr std::int64_t kGreetingNs = 5000 * kMs;   // Time a new client has to send its greeting.
+constexpr std::int64_t kWatchNs = 500 * kMs;       // How often these limits are checked.
+constexpr std::int64_t kBehindNs = 100 * kMs;      // A client may be behind this long in any case.
+constexpr std::int64_t kAcceptNs = 100 * kMs;      // Between two attempts while accept() fails.
 constexpr std::size_t kMaxGreetingBytes = 4096;
-constexpr std::size_t kMaxPlainBytes = std::size_t{64} << 10U;  // Where no messages may be sent.
+constexpr std::size_t kMaxPlainBytes = std::size_t{64} << 10U;  // If publishing is forbidden.
 constexpr std::size_t kMaxLogLines = 1024;
 constexpr const char* kName = "inspect";
 
@@ -213,7 +213,7 @@ void Server::wait() {
   for (const auto& client : clients_) {
     const Connection& connection = *client->connection;
     short events = 0;
-    // Who does not read is not asked what else it wants.
+    // Requests of a client that does not read its output are not read.
     if (connection.waiting() < Connection::kEnoughWaiting && !is_asking(*client)) {
       events |= POLLIN;
     }
@@ -274,7 +274,7 @@ void Server::accept_all() {
     if (errno == EMFILE || errno == ENFILE) {
       refuse_without_descriptor();
     } else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED) {
-      next_accept_ns_ = base::monotonic_ns() + kAcceptNs;  // No memory, for a while.
+      next_accept_ns_ = base::monotonic_ns() + kAcceptNs;  // Out of memory; retry later.
     }
     return;
   }
@@ -308,8 +308,8 @@ bool Server::may_accept() const {
   return next_accept_ns_ == 0 || base::monotonic_ns() >= next_accept_ns_;
 }
 
-/// Who connects is told why, and does not wait in the queue, where it would keep `poll` from
-/// waiting. Then it is tried again only after a while.
+/// Reports the reason to the client, and removes it from the accept queue, where it would keep
+/// `poll` from blocking. The next attempt follows only after a while.
 void Server::refuse_without_descriptor() {
   if (reserve_ >= 0) {
     ::close(reserve_);
@@ -369,7 +369,7 @@ bool Server::is_asking(const Client& client) const {
 }
 
 void Server::serve(Client& client) {
-  constexpr int kAtOnce = 64;  // Then it is the others' turn.
+  constexpr int kAtOnce = 64;  // Then other connections are served.
   for (int i = 0; i < kAtOnce && is_asking(client); ++i) {
     std::string wrong;
     const auto frame = client.connection->next(max_frame_of(client), wrong);
@@ -410,7 +410,7 @@ void Server::look() {
     all.left -= std::min(all.left, waiting);
     const std::size_t enough =
         client->connection->is_within ? Connection::kEnoughWithin : Connection::kEnoughWaiting;
-    // Who reads slowly gets less, not later.
+    // A slow reader receives fewer messages, not later ones.
     client->room.left = waiting < enough ? Connection::kMaxWaiting - waiting : 0;
     for (const auto& stream : client->streams) {
       stream->allow(client->room, all);
@@ -435,8 +435,8 @@ void Server::look() {
       taps_.wait_for_pause(application_.clock().now(), std::chrono::nanoseconds(kLookNs)).count();
 }
 
-/// All clients together have what may wait for them: the slowest of them goes, so that the others
-/// lose no more.
+/// The clients together exceed the limit of queued output: drops the slowest one, so that the
+/// others lose nothing more.
 void Server::make_room(std::int64_t now_ns) {
   Client* slowest = nullptr;
   for (const auto& client : clients_) {
@@ -537,7 +537,7 @@ void Server::write(Client& client, std::int64_t now_ns) {
   if (!is_there) {
     client.is_over = true;
   } else if (connection.is_within) {
-    // It is slow only where the machine is; what waits for it is bounded all the same.
+    // It is slow only if the machine is; its queue is bounded all the same.
   } else if (connection.waiting() > 2 * Connection::kMaxWaiting ||
              (connection.stuck_since_ns() != 0 &&
               now_ns - connection.stuck_since_ns() > patience_ns_)) {

@@ -32,7 +32,7 @@
 
 namespace fastcycle::inspect {
 
-/// What the description of an application allows, in its words.
+/// The permissions in an application description, as words.
 [[nodiscard]] std::vector<std::string> allowed_words(const config::InspectDescription& description);
 
 /// Answers tools of the same user over a socket while an application runs.
@@ -40,37 +40,37 @@ namespace fastcycle::inspect {
 ///     Server server(application, description);
 ///     application.add(server);
 ///
-/// One thread of low priority does all of it. It reads counters and histograms, which need no lock,
-/// taps topics only while somebody looks at them, and waits for nobody: no component waits for it.
+/// One low-priority thread does all of it. It reads counters and histograms, which need no lock,
+/// and taps topics only while a client reads them. No component ever waits for it.
 ///
-/// @threads  As `Observer`; `offer` is Safe. It has to live longer than the application.
+/// @threads  As `Observer`; `offer` is Safe. Must outlive the application.
 class Server final : public host::Observer {
  public:
   static constexpr std::size_t kMaxConnections = 32;
-  static constexpr std::size_t kMaxStreams = 64;  ///< Of one connection.
+  static constexpr std::size_t kMaxStreams = 64;  ///< Per connection.
   static constexpr std::chrono::seconds kPatience{10};
-  /// More bytes of messages than this do not wait for all clients together. When it is reached,
-  /// streams lose, and the client that has been behind the longest is dropped.
+  /// Limit of queued message bytes over all clients. When it is reached, streams lose messages, and
+  /// the client that has been behind the longest is dropped.
   static constexpr std::size_t kMaxWaitingOfAll = std::size_t{64} << 20U;
-  /// More than this of requests that are not whole yet is not kept: who sent most is dropped.
+  /// Limit of incomplete requests over all clients: beyond it, the largest sender is dropped.
   static constexpr std::size_t kMaxRequestsOfAll = std::size_t{64} << 20U;
 
-  /// A client that reads nothing for `patience` is dropped. With an empty `folder` nobody finds it:
-  /// there is `connect` alone.
+  /// A client that reads nothing for `patience` is dropped. With an empty `folder` there is no
+  /// socket file, only `connect`.
   Server(host::Application& application, config::InspectDescription description,
          std::filesystem::path folder = socket_folder(),
          std::chrono::nanoseconds patience = kPatience);
   ~Server() override;
 
-  /// A connection for who is in this process too: a descriptor for `inspect::Client`, which its
-  /// caller closes. -1 if none can be made. Safe once the application has started.
+  /// A connection for a client in this process: a descriptor for `inspect::Client`, which the
+  /// caller closes. -1 if none can be opened. Safe once the application has started.
   [[nodiscard]] int connect();
 
-  /// `make` returns a JSON document that clients know as `name`. It is called on the server's
+  /// `make` returns a JSON document that clients request as `name`. It is called on the server's
   /// thread while the application runs.
   void offer(std::string name, std::function<std::string()> make);
 
-  /// Lets clients steer `playback`, which lives as long as this. Before the application starts.
+  /// Lets clients control `playback`, which must outlive this. Before the application starts.
   void offer(PlaybackControl& playback) { playback_ = &playback; }
 
   void tap(detail::Topics& topics) override;
@@ -80,11 +80,11 @@ class Server final : public host::Observer {
   [[nodiscard]] bool wants_changes() const override { return true; }
   void stop(const host::Application& application) override;
 
-  /// Where it listens; empty before `open`.
+  /// Path of the socket; empty before `open`.
   [[nodiscard]] std::filesystem::path file() const;
 
  private:
-  /// What is open of one client.
+  /// State of one client.
   struct Client {
     explicit Client(std::unique_ptr<Connection> its_connection)
         : connection(std::move(its_connection)) {}
@@ -97,9 +97,9 @@ class Server final : public host::Observer {
       std::uint64_t lost = 0;  ///< Lines since the last answer, while the client did not read.
     };
     std::vector<LogStream> log_streams;
-    std::set<std::string> published;  ///< Topics that it published on: at most those there are.
+    std::set<std::string> published;  ///< Topics it has published on; at most all existing ones.
     Room room;
-    std::int64_t behind_since_ns = 0;  ///< Since when more waits for it than it needs; 0: nothing.
+    std::int64_t behind_since_ns = 0;  ///< Since when more output waits than should; 0: not behind.
     bool is_over = false;
   };
   struct LogLine {
@@ -108,7 +108,7 @@ class Server final : public host::Observer {
     std::string component;
     std::string text;
   };
-  /// An answer that somebody else's thread has made.
+  /// An answer produced by another thread.
   struct Made {
     std::uint64_t connection;
     protocol::Answer answer;
@@ -122,7 +122,7 @@ class Server final : public host::Observer {
   [[nodiscard]] bool may_accept() const;
   void refuse(int descriptor, protocol::Error::Kind kind, const std::string& text);
   [[nodiscard]] std::size_t max_frame_of(const Client& client) const;
-  /// Whether what it sent already can be answered now.
+  /// Whether a received request can be answered now.
   [[nodiscard]] bool is_asking(const Client& client) const;
   void serve(Client& client);
   bool take_frame(Client& client, std::string_view frame);
@@ -139,7 +139,7 @@ class Server final : public host::Observer {
   void wake() noexcept;
   void give(std::uint64_t connection, const protocol::Answer& answer);
 
-  // What a request asks for.
+  // One function per request.
   void answer(Client& client, const protocol::Request& request);
   void greet(Client& client, const protocol::Request& request);
   [[nodiscard]] std::vector<host::ComponentNews> present_news() const;
@@ -162,7 +162,7 @@ class Server final : public host::Observer {
   void begin_log(Client& client, const protocol::Request& request);
   void end_stream(Client& client, std::uint32_t id);
   void open_stream(Client& client, std::unique_ptr<Stream> stream, protocol::Answer started);
-  /// As its socket; without one as the application.
+  /// Name of its socket; without one, of the application.
   [[nodiscard]] std::string name() const;
   void need(bool is_allowed, const char* word, const char* what) const;
   [[nodiscard]] detail::Topic& topic_of(const std::string& name) const;
@@ -173,19 +173,19 @@ class Server final : public host::Observer {
   const config::InspectDescription description_;
   const std::filesystem::path folder_;
   const std::int64_t patience_ns_;
-  PlaybackControl* playback_ = nullptr;  ///< None: nothing is played.
+  PlaybackControl* playback_ = nullptr;  ///< Null: no playback.
   std::unique_ptr<SocketFile> socket_;
   int wake_ = -1;
-  /// Given up for a moment to tell who connects that the process has no descriptor left.
+  /// Released briefly to report to a new client that the process has no descriptor left.
   int reserve_ = -1;
   std::int64_t next_accept_ns_ = 0;
 
-  // Constant once it serves.
+  // Constant once the server runs.
   std::vector<KnownService> services_;
   std::string graph_;
   record::Explanation explanation_;
 
-  // The server's thread.
+  // Of the server's thread.
   std::unique_ptr<Voice> voice_;  ///< Null unless tools may publish.
   Taps taps_;
   Excerpts excerpts_;
@@ -195,14 +195,14 @@ class Server final : public host::Observer {
   std::int64_t next_look_ns_ = 0;
   std::int64_t next_complaint_ns_ = 0;
 
-  // What others bring.
+  // Written by other threads.
   mutable base::PriorityMutex mutex_;
   std::vector<host::ComponentNews> news_;
   std::map<std::string, std::function<std::string()>> documents_;
   std::deque<LogLine> log_;
   std::uint64_t lost_log_ = 0;
   std::vector<Made> made_;
-  std::vector<int> joining_;  ///< Our ends of `connect`.
+  std::vector<int> joining_;  ///< Our ends of connections from `connect`.
 
   std::atomic<bool> is_log_wanted_{false};
   std::atomic<bool> is_stopping_{false};

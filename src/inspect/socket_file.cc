@@ -27,7 +27,7 @@ constexpr const char* kSuffix = ".sock";
 constexpr int kMaxNames = 100;  // Applications of one name at once.
 constexpr int kBacklog = 16;
 
-/// As a part of a file's name.
+/// Converted to a valid part of a file name.
 std::string plain(std::string_view application) {
   std::string name(application);
   for (char& c : name) {
@@ -42,7 +42,7 @@ std::string reason() {
   return std::strerror(errno);
 }
 
-/// Makes the folder if it is not there, and looks whether it may be used.
+/// Creates the folder if it does not exist, and checks whether it may be used.
 void prepare(const fs::path& folder) {
   if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
     throw std::runtime_error(
@@ -53,7 +53,7 @@ void prepare(const fs::path& folder) {
   }
 }
 
-/// A file that is locked while this process has it open; -1 if another one has.
+/// A file that is locked while this process has it open; -1 if another process holds the lock.
 int try_lock(const fs::path& file) {
   const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (descriptor < 0) {
@@ -72,8 +72,8 @@ int listen_at(const fs::path& file) {
   if (descriptor < 0) {
     throw std::runtime_error("no socket can be made: " + reason());
   }
-  ::unlink(file.c_str());      // Of a run that crashed: its lock is free.
-  ::fchmod(descriptor, 0600);  // The file that `bind` makes has the socket's mode.
+  ::unlink(file.c_str());      // Left by a crashed run: its lock is free.
+  ::fchmod(descriptor, 0600);  // The file that `bind` creates has the socket's mode.
   if (::bind(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||
       ::chmod(file.c_str(), 0600) != 0 || ::listen(descriptor, kBacklog) != 0) {
     const std::string why = reason();
@@ -83,7 +83,7 @@ int listen_at(const fs::path& file) {
   return descriptor;
 }
 
-/// Who listens at `file`; 0 if nobody does.
+/// The process that listens at `file`; 0 if none does.
 pid_t listener_of(const fs::path& file) {
   sockaddr_un address{};
   try {
@@ -124,7 +124,7 @@ sockaddr_un address_of(const fs::path& file) {
 fs::path socket_folder() {
   struct stat info{};
   const char* runtime = std::getenv("XDG_RUNTIME_DIR");
-  // After `su` it may be that of somebody else.
+  // After `su` it may belong to another user.
   if (runtime != nullptr && runtime[0] == '/' && ::stat(runtime, &info) == 0 &&
       S_ISDIR(info.st_mode) && info.st_uid == ::geteuid()) {
     return fs::path(runtime) / "fastcycle";
@@ -202,7 +202,8 @@ SocketFile::SocketFile(const fs::path& folder, std::string_view application) {
 SocketFile::~SocketFile() {
   ::close(descriptor_);
   ::unlink(file_.c_str());
-  ::close(lock_);  // Its file stays: who removed it could take it away from who just locked it.
+  ::close(
+      lock_);  // The file stays: to unlink it could remove it from a process that just locked it.
 }
 
 }  // namespace fastcycle::inspect

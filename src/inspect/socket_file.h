@@ -9,34 +9,33 @@
 
 namespace fastcycle::inspect {
 
-/// Where sockets of this user's applications are: `$XDG_RUNTIME_DIR/fastcycle`, else
+/// Folder of the sockets of this user's applications: `$XDG_RUNTIME_DIR/fastcycle`, else
 /// `fastcycle-UID` in the temporary folder.
 [[nodiscard]] std::filesystem::path socket_folder();
 
-/// Why `folder` must not be used: it is not this user's own, or others may enter. Empty if it is as
-/// it should be, or does not exist.
+/// Why `folder` must not be used: this user does not own it, or others have access. Empty if it is
+/// usable or does not exist.
 [[nodiscard]] std::string find_wrong(const std::filesystem::path& folder);
 
-/// One that listens.
+/// A listening socket.
 struct FoundSocket {
   std::string name;  ///< The application's.
   std::filesystem::path file;
-  pid_t pid = 0;  ///< Of who listens.
+  pid_t pid = 0;  ///< Of the listening process.
 };
 
-/// Those that somebody listens on, by name. What is left of a crashed run is not among them.
+/// The sockets that have a listener, by name. Excludes what a crashed run left behind.
 [[nodiscard]] std::vector<FoundSocket> find_sockets(const std::filesystem::path& folder);
 
-/// A Unix socket that listens, as a file that only this user may open, and that is removed with
-/// this.
+/// A listening Unix socket as a file that only this user may open; the destructor removes it.
 ///
 /// @threads  Confined.
 class SocketFile {
  public:
-  /// Listens as `NAME.sock` in `folder`, which is made with mode 0700; what a crashed run left is
-  /// replaced. If another application of that name runs, this one is `NAME-2`, and so on.
+  /// Listens as `NAME.sock` in `folder`, which is created with mode 0700; replaces the socket of a
+  /// crashed run. If another application of that name runs, the name becomes `NAME-2`, and so on.
   ///
-  /// @errors  `std::runtime_error`: the folder is not this user's own, or others may enter it.
+  /// @errors  `std::runtime_error`: this user does not own the folder, or others have access.
   SocketFile(const std::filesystem::path& folder, std::string_view application);
   SocketFile(const SocketFile&) = delete;
   SocketFile& operator=(const SocketFile&) = delete;
@@ -44,12 +43,12 @@ class SocketFile {
 
   [[nodiscard]] int descriptor() const noexcept { return descriptor_; }
   [[nodiscard]] const std::filesystem::path& file() const noexcept { return file_; }
-  /// The application's name, with a number if another one has it too.
+  /// The application's name, with a number if another application has the same name.
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
  private:
   int descriptor_ = -1;
-  int lock_ = -1;  ///< Held while the name is this one's.
+  int lock_ = -1;  ///< Held as long as this owns the name.
   std::filesystem::path file_;
   std::string name_;
 };

@@ -109,7 +109,8 @@ void Stream::take(const detail::PublisherCore& publisher, const detail::Envelope
   }
   constexpr std::size_t kAround = 128;
   const std::size_t bytes = (excerpt == nullptr ? 0 : excerpt->ByteSizeLong()) + kAround;
-  const bool is_too_large = bytes > kMaxAnswerBytes / 2;  // For a frame, whoever reads.
+  const bool is_too_large =
+      bytes > kMaxAnswerBytes / 2;  // For a frame, whatever the client's limits.
   if (is_too_large || bytes > room_->left || bytes > common_room_->left) {
     common_room_->was_too_small |= !is_too_large && bytes > common_room_->left;
     messages_.set_lost(messages_.lost() + 1);

@@ -12,7 +12,7 @@
 
 namespace fastcycle::inspect {
 
-/// What was made of one message, for all streams that want the same of it.
+/// Converted forms of one message, shared by all streams that request the same form.
 ///
 /// @threads  Confined.
 class Excerpts {
@@ -37,10 +37,10 @@ class Excerpts {
       scratch_;
 };
 
-/// How many bytes more may wait for who does not read: for one client, or for all together.
+/// Bytes that may still be queued for slow readers: for one client, or for all together.
 struct Room {
   std::size_t left = 0;
-  bool was_too_small = false;  ///< Something was lost since there was no more of it.
+  bool was_too_small = false;  ///< A message was lost for lack of room.
 };
 
 /// Messages of one or many topics on their way to one client.
@@ -48,7 +48,7 @@ struct Room {
 /// @threads  Confined to the server's thread.
 class Stream final : public TapUser {
  public:
-  /// What of each message is sent, and how often.
+  /// Content of each message that is sent, and the rate.
   struct Options {
     protocol::Stream::Content content = protocol::Stream::CONTENT_ELIDED;
     std::uint32_t every = 1;
@@ -61,20 +61,20 @@ class Stream final : public TapUser {
       : id(its_id), options_(options), excerpts_(excerpts) {}
   ~Stream() override;
 
-  /// Looks at `tap`'s topic too. Before it is opened.
+  /// Adds `tap`'s topic. Before `open`.
   void add(Tap& tap, protocol::Started& started);
-  /// From now on messages come.
+  /// Starts the delivery of messages.
   void open();
 
   void take(const detail::PublisherCore& publisher, const detail::Envelope& envelope) override;
 
-  /// Before each look: what messages take their room of, for the client and for all of them. Both
-  /// are good until the look is over.
+  /// Sets the limits for queued messages, of this client and of all clients, before each poll. Both
+  /// are valid until that poll ends.
   void allow(Room& of_client, Room& of_all) noexcept {
     room_ = &of_client;
     common_room_ = &of_all;
   }
-  /// What came since the last call; false if there is nothing to say.
+  /// Messages since the last call; false if there are none.
   [[nodiscard]] bool collect(protocol::Answer& answer);
 
   const std::uint32_t id;
@@ -82,8 +82,8 @@ class Stream final : public TapUser {
  private:
   struct Channel {
     std::uint32_t channel = 0;
-    std::uint64_t last = 0;   ///< Sequence of the last message that was seen.
-    std::uint64_t count = 0;  ///< Messages that were seen.
+    std::uint64_t last = 0;   ///< Sequence of the last message received.
+    std::uint64_t count = 0;  ///< Messages received.
     std::int64_t next_ns = 0;
   };
 

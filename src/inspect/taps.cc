@@ -10,7 +10,7 @@ namespace fastcycle::inspect {
 namespace {
 
 constexpr std::size_t kMaxDepth = 64;
-constexpr std::size_t kMinDepth = 2;       // Of who only wants to see the newest.
+constexpr std::size_t kMinDepth = 2;       // For a user that wants only the newest message.
 constexpr std::size_t kMinDepthOfAll = 4;  // 40 ms at 100 Hz.
 constexpr std::uint64_t kBytes = std::uint64_t{1} << 20U;
 constexpr std::uint64_t kBytesOfAll = std::uint64_t{16} << 20U;
@@ -75,7 +75,7 @@ void Tap::receive(std::size_t depth) {
   }
   for (std::size_t i = 0; i < topic.publishers.size(); ++i) {
     detail::PublisherCore& publisher = *topic.publishers[i];
-    // Nothing is published in between: the new lane begins where the old one ends.
+    // Nothing is published in between: the new lane continues where the old one ends.
     application_.beside(publisher, [&publisher, fresh, old, i] {
       publisher.connect(fresh->lanes[i], fresh->inbox);
       if (old != nullptr) {
@@ -138,7 +138,7 @@ void Tap::look_for_depth() {
     bytes = std::max(bytes, publisher->prototype_bytes());
   }
   if (bytes == 0) {
-    return;  // Once one was seen.
+    return;  // No message was received yet.
   }
   const bool wants_each =
       std::ranges::any_of(users_, [](const User& user) { return user.wants_each; });
@@ -153,7 +153,8 @@ void Tap::take() {
   for (std::size_t i = 0; i < receptions_.size(); ++i) {
     take_from(*receptions_[i]);
   }
-  // One that its publishers have left gets nothing more: what it had was just taken.
+  // A reception that its publishers have left receives nothing more: its last messages were just
+  // taken.
   while (receptions_.size() > 1 &&
          std::ranges::all_of(receptions_.front()->lanes, [](const auto& lane) {
            return lane->is_left_by_publisher.load() && lane->queued() == 0;

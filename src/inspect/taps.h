@@ -15,7 +15,7 @@
 
 namespace fastcycle::inspect {
 
-/// Who is given what a tap took.
+/// Receives the messages of a tap.
 ///
 /// @threads  The server's.
 class TapUser {
@@ -25,14 +25,14 @@ class TapUser {
   TapUser& operator=(const TapUser&) = delete;
   virtual ~TapUser() = default;
 
-  /// One message; its envelope is the tap's, and only good during the call.
+  /// One message; the envelope belongs to the tap and is valid only during the call.
   virtual void take(const detail::PublisherCore& publisher, const detail::Envelope& envelope) = 0;
 };
 
-/// One topic, received once for all who look at it.
+/// One topic, received once for all its users.
 ///
-/// Connected to publishers that run, beside what they do: they pay for one more queue and wake
-/// nobody. Messages whose size nobody knows begin with a short queue; it becomes as long as they
+/// Connected to running publishers, in addition to their own subscribers: costs them one more queue
+/// and wakes no thread. While the size of messages is unknown the queue is short; it grows if they
 /// are small.
 ///
 /// @threads  Confined to the server's thread, as are all its members.
@@ -43,35 +43,34 @@ class Tap {
   Tap& operator=(const Tap&) = delete;
   ~Tap();
 
-  /// How many messages of `bytes` each may wait: 16 MB, at least 4. Fewer if nobody wants each.
+  /// Queue depth for messages of `bytes` each: 16 MB, at least 4. Fewer without `wants_each`.
   [[nodiscard]] static std::size_t depth_for(std::uint64_t bytes, bool wants_each) noexcept;
 
-  /// `user` is given what is published from now on, and what a latched topic has kept. With
-  /// `wants_each` more of large messages may wait.
+  /// `user` receives what is published from now on, and what a latched topic has kept. With
+  /// `wants_each` the queue for large messages is longer.
   void add(TapUser& user, bool wants_each);
   void remove(TapUser& user) noexcept;
   [[nodiscard]] bool is_used() const noexcept { return !users_.empty(); }
 
-  /// Gives what came to all users.
+  /// Passes received messages to all users.
   void take();
-  /// Leaves the publishers; what still comes is let go.
+  /// Disconnects from the publishers; messages that still arrive are discarded.
   void leave();
-  /// Whether nobody can reach it any more.
+  /// Whether no publisher references it any more.
   [[nodiscard]] bool has_left() const noexcept;
-  /// The same at once, when nothing runs any more.
+  /// The same immediately, once nothing runs any more.
   void cut();
 
-  /// Of the last message that was looked at, in memory; 0 before.
+  /// Size in memory of the last message read; 0 before.
   [[nodiscard]] std::uint64_t message_bytes() const noexcept { return message_bytes_; }
-  /// When the last message that was looked at was published, and the one before it; the epoch:
-  /// never.
+  /// Publish time of the last message read, and of the one before it; the epoch: none.
   [[nodiscard]] Time newest() const noexcept { return newest_; }
   [[nodiscard]] Time before_newest() const noexcept { return before_newest_; }
 
   detail::Topic& topic;
 
  private:
-  /// A subscription and its lanes, one for each publisher. What they point to each other stays.
+  /// A subscription and its lanes, one per publisher. The addresses they reference are stable.
   struct Reception;
 
   struct User {
@@ -92,7 +91,7 @@ class Tap {
 
   host::Application& application_;
   std::vector<User> users_;
-  std::deque<std::shared_ptr<Reception>> receptions_;  ///< The last one is the present one.
+  std::deque<std::shared_ptr<Reception>> receptions_;  ///< The last one is current.
   std::deque<Kept> kept_;                              ///< Of a latched topic.
   std::uint64_t message_bytes_ = 0;
   std::size_t depth_ = 0;
@@ -107,21 +106,22 @@ class Taps {
  public:
   explicit Taps(host::Application& application) : application_(application) {}
 
-  /// Makes room at all publishers for one tap, so that none of them allocates when one comes.
+  /// Reserves a slot for one tap at all publishers, so that none of them allocates when one
+  /// connects.
   void provide();
 
-  /// The tap of `topic`, made if it is new.
+  /// The tap of `topic`; created if it does not exist.
   Tap& get(detail::Topic& topic);
-  /// Gives what came; ends taps without users.
+  /// Passes on received messages; removes taps without users.
   void look();
   [[nodiscard]] bool is_used() const noexcept { return !taps_.empty(); }
-  /// From `now` to the next look, about `period`: see `pause.h`, for the topic published last.
+  /// Time from `now` to the next poll, about `period`: see `pause.h`, for the topic published last.
   [[nodiscard]] std::chrono::nanoseconds wait_for_pause(Time now,
                                                         std::chrono::nanoseconds period) const;
-  /// What was seen of the size of messages of `topic`, in memory; 0: nothing.
+  /// Observed size of messages of `topic`, in memory; 0: unknown.
   [[nodiscard]] std::uint64_t message_bytes(const detail::Topic& topic) const;
 
-  /// Ends all of them, when nothing runs any more.
+  /// Removes all taps, once nothing runs any more.
   void cut();
 
  private:

@@ -19,7 +19,7 @@
 namespace fastcycle::inspect {
 namespace {
 
-constexpr std::size_t kReplies = 4;  // One is open of each service; others are late.
+constexpr std::size_t kReplies = 4;  // One call of each service is open; others are late.
 
 const google::protobuf::Message* instance_of(const detail::Topic& topic) {
   if (!topic.publishers.empty()) {
@@ -32,14 +32,14 @@ const google::protobuf::Message* instance_of(const detail::Topic& topic) {
              : google::protobuf::MessageFactory::generated_factory()->GetPrototype(type);
 }
 
-/// Somebody would hear that this one, which says nothing, is gone.
+/// Whether a subscription monitors the rate, and would report this silent publisher as missing.
 bool is_watched(const detail::Topic& topic) {
   return std::ranges::any_of(topic.subscriptions, [](const auto& subscription) {
     return subscription->quality != nullptr && subscription->quality->is_timed();
   });
 }
 
-/// What a reply has beside its fields, which only FastCycle reads.
+/// Removes the part of a reply that only FastCycle reads.
 void remove_head(google::protobuf::Message& message) {
   google::protobuf::UnknownFieldSet& fields =
       *message.GetReflection()->MutableUnknownFields(&message);
@@ -48,7 +48,7 @@ void remove_head(google::protobuf::Message& message) {
   }
 }
 
-/// `Voice::kName`, or the next name that no component has: one that is replayed may have it.
+/// `Voice::kName`, or the next unused name: a replayed recording may contain it.
 std::string free_name(const host::Application& application) {
   std::string name = Voice::kName;
   while (std::ranges::any_of(application.components(),
@@ -161,7 +161,7 @@ detail::PublisherCore& Voice::publisher_of(const std::string& topic) const {
 
 void Voice::say(detail::PublisherCore& publisher, const std::string& serialized,
                 const std::function<void(google::protobuf::Message&)>& add) {
-  // Whether it is a message is found before anything is lent: nobody waits for that.
+  // The message is validated before a loan is taken.
   const std::unique_ptr<google::protobuf::Message> message(publisher.default_instance.New());
   if (!message->ParseFromString(serialized)) {
     throw Refusal(protocol::Error::KIND_REFUSED,
@@ -236,7 +236,7 @@ void Voice::take_reply(const detail::Lane& lane, const detail::Envelope& envelop
   Line& line = found->second;
   line.is_owed = false;
   if (!line.done) {
-    return;  // It came too late.
+    return;  // It arrived too late.
   }
   protocol::Reply reply;
   reply.set_status(fastcycle::to_word(head.status));

@@ -14,40 +14,40 @@
 
 namespace fastcycle::inspect {
 
-/// What tools may say into an application: messages, and calls of services.
+/// Publishes messages and calls services on behalf of tools.
 ///
-/// It is an external publisher of every topic, declared before the application runs; so what it
-/// says is delivered, counted and recorded as anybody else's. It is not there unless it is allowed:
-/// each subscription has one more queue by it.
+/// It is an external publisher of every topic, declared before the application runs; its messages
+/// are delivered, counted and recorded like any others. It exists only if the application allows
+/// it: it adds a queue to each subscription.
 ///
-/// @threads  `declare`, `open` and `close` by the control thread; all else by the server's.
+/// @threads  `declare`, `open` and `close`: the control thread; all else: the server's.
 class Voice {
  public:
-  /// Its name where publishers have one. In a replay of what tools published then, which has that
-  /// name, "_" follows it.
+  /// Its publisher name. When a recording with messages of that publisher is replayed, "_" is
+  /// appended.
   static constexpr const char* kName = "fastcycle/inspect";
 
   explicit Voice(host::Application& application);
 
-  /// All components are constructed, no topic is connected yet.
+  /// Call when all components are constructed and no topic is connected yet.
   void declare();
-  /// From now on it is heard; and from then on it is not.
+  /// `open` starts delivery of what it publishes; `close` ends it.
   void open();
   void close();
 
-  /// Publishes a message of `topic` in its serialized form.
+  /// Publishes a serialized message on `topic`.
   ///
-  /// @errors  `Refusal`: there is no such topic, or this is no message of its type.
+  /// @errors  `Refusal`: there is no such topic, or the message is not of its type.
   void publish(const std::string& topic, const std::string& serialized);
 
-  /// Calls `service`; `done` is told how that ended, by `look`, or not at all if the application
-  /// stops before.
+  /// Calls `service`; `look` reports the outcome to `done`, unless the application stops before.
   ///
-  /// @errors  `Refusal`: there is no such service, this is no request, or a call is open.
+  /// @errors  `Refusal`: no such service, the message is no request of it, or a call is in
+  ///          progress.
   using Done = std::function<void(protocol::Reply reply)>;
   void call(const std::string& service, const std::string& serialized, std::int64_t timeout_ns,
             Done done);
-  /// Looks for replies.
+  /// Polls for replies.
   void look();
   [[nodiscard]] bool is_waiting() const noexcept;
 
@@ -55,13 +55,13 @@ class Voice {
   struct NullStage final : public detail::Stage {
     void put(detail::PublisherCore&, detail::Envelope*) override {}
   };
-  /// One service, and the call of it that is open.
+  /// One service, and the call that is in progress.
   struct Line {
     detail::PublisherCore* requests = nullptr;
     PublisherId replies = 0;
     std::uint64_t number = 0;
-    std::int64_t end_ns = 0;  ///< CLOCK_MONOTONIC; what comes later is late.
-    bool is_owed = false;     ///< The server has not answered.
+    std::int64_t end_ns = 0;  ///< CLOCK_MONOTONIC deadline of the reply.
+    bool is_owed = false;     ///< The server has not answered yet.
     Done done;
   };
 

@@ -8,7 +8,7 @@
 
 namespace fastcycle::host {
 
-/// Finds where a component's code comes from.
+/// Provides the classes of components.
 class ComponentClasses {
  public:
   ComponentClasses() = default;
@@ -16,15 +16,15 @@ class ComponentClasses {
   ComponentClasses& operator=(const ComponentClasses&) = delete;
   virtual ~ComponentClasses() = default;
 
-  /// The class that `component` names, or null after adding to `problems` why there is none.
+  /// The class of `component`, or null after adding the reason to `problems`.
   virtual const ComponentClass* find(const config::ComponentDescription& component,
                                      config::Problems& problems) = 0;
 };
 
-/// What to do with a constructor that throws.
+/// Handling of a constructor that throws.
 enum class ConstructorFault : std::uint8_t {
-  kFault,    ///< A fault of the component: the others run on, or not, as the policy says.
-  kMistake,  ///< A mistake, for a check that starts nothing.
+  kFault,    ///< A fault of the component; the policy decides about the others.
+  kMistake,  ///< An error of the application, for a check that starts nothing.
 };
 
 }  // namespace fastcycle::host

@@ -49,18 +49,18 @@ std::optional<std::string> find_note(const MappedFile& file, std::uint64_t offse
   return std::nullopt;
 }
 
-// What the ELF header of a library for this machine says.
+// ELF header values of a library for this machine.
 #if defined(__x86_64__)
 constexpr Elf64_Half kMachine = EM_X86_64;
 #elif defined(__aarch64__)
 constexpr Elf64_Half kMachine = EM_AARCH64;
 #else
-constexpr Elf64_Half kMachine = EM_NONE;  // Not known: the loader judges.
+constexpr Elf64_Half kMachine = EM_NONE;  // Unknown: the loader decides.
 #endif
 constexpr unsigned char kByteOrder =
     std::endian::native == std::endian::little ? ELFDATA2LSB : ELFDATA2MSB;
 
-/// Why a library that was loaded has no classes to offer; empty if it has.
+/// Why a loaded library offers no classes; empty if it does.
 std::string find_wrong(const ComponentLibrary* library) {
   if (library == nullptr) {
     return std::string("offers nothing: its ") + kEntry + " returns null";
@@ -90,7 +90,7 @@ std::string first_difference(std::string_view expected, std::string_view found) 
   return {};
 }
 
-/// Which file it is at this moment; nothing but zeros if there is none.
+/// Current identity of the file; all zeros if it does not exist.
 LibraryFile look_at_file(const fs::path& path) {
   struct stat status{};
   if (stat(path.c_str(), &status) != 0) {
@@ -103,7 +103,7 @@ LibraryFile look_at_file(const fs::path& path) {
       .modified_ns = std::int64_t{status.st_mtim.tv_sec} * 1'000'000'000 + status.st_mtim.tv_nsec};
 }
 
-/// Adds the names of the libraries that lie in `folder`, each behind `prefix`.
+/// Adds the names of the libraries in `folder`, each prefixed with `prefix`.
 void add_names(const fs::path& folder, const std::string& prefix, std::vector<std::string>& names) {
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
@@ -115,7 +115,7 @@ void add_names(const fs::path& folder, const std::string& prefix, std::vector<st
   }
 }
 
-/// "a, b", and of many the first ones.
+/// "a, b"; for many, the first ones and a count.
 std::string list_of(const std::vector<fs::path>& folders) {
   constexpr std::size_t kMaxShown = 16;
   std::string list;
@@ -150,7 +150,7 @@ std::vector<fs::path> library_folders(const config::ApplicationDescription& desc
   folders.insert(folders.end(), description.library_path.begin(), description.library_path.end());
   const fs::path beside = description.file.parent_path();
   folders.push_back(beside.empty() ? fs::path(".") : beside);
-  folders.push_back(beside / "build");  // Of the source file of a project.
+  folders.push_back(beside / "build");  // Beside the source file of a project.
   folders.push_back(core_library_folder() / "fastcycle");
   return folders;
 }
@@ -335,7 +335,7 @@ const ComponentLibrary* LibraryLoader::open(const std::string& name, const confi
 const ComponentLibrary* LibraryLoader::load(const std::string& name, const config::Place& place,
                                             config::Problems& problems) {
   if (name.empty()) {
-    return nullptr;  // Reading the application already found that it is missing.
+    return nullptr;  // Already reported when the application was read.
   }
   const fs::path file = file_of(name);
   const std::string library = "library \"" + name + "\"";
@@ -348,7 +348,7 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
         hint));
     return nullptr;
   }
-  // Before anything of it is read: what is exchanged from here on is another file than this one.
+  // Before reading any of it: a file replaced after this point is a different file.
   files_[name] = look_at_file(file);
   if (const auto tried = expected_.find(name);
       tried != expected_.end() && tried->second != files_[name]) {

@@ -17,20 +17,20 @@
 
 namespace fastcycle::host {
 
-/// Where component libraries are looked for, in this order: what the command line says, what the
-/// application says, beside the application, in `build` beside it, the installed ones.
+/// Search path for component libraries, in this order: the command line's folders, the application
+/// file's, that file's own, its `build`, the installed ones.
 [[nodiscard]] std::vector<std::filesystem::path> library_folders(
     const config::ApplicationDescription& description,
     const std::vector<std::filesystem::path>& from_command_line);
 
-/// The folder of libfastcycle.so, from which installed things are found: `fastcycle` in it holds
-/// the component libraries.
+/// The folder of libfastcycle.so, from which installed files are located: its subfolder `fastcycle`
+/// holds the component libraries.
 [[nodiscard]] std::filesystem::path core_library_folder();
-/// Where the helper program `name` lies, if it is installed; FASTCYCLE_HELPERS
-/// (src/loading/CMakeLists.txt) leads there from the folder of libfastcycle.so.
+/// Path of the helper program `name`, if it is installed: FASTCYCLE_HELPERS
+/// (src/loading/CMakeLists.txt), relative to the folder of libfastcycle.so.
 [[nodiscard]] std::filesystem::path helper_program(const std::string& name);
 
-/// Where the library `name` lies below a folder of libraries: `libworld.so` for `world`,
+/// Path of the library `name` relative to a library folder: `libworld.so` for `world`,
 /// `ads/libworld.so` for `ads/world`.
 [[nodiscard]] std::filesystem::path library_file(const std::string& name);
 
@@ -41,10 +41,10 @@ struct BuildNote {
 };
 [[nodiscard]] BuildNote read_build_note(const std::filesystem::path& file);
 
-/// What the note of a library must say so that this host may load it.
+/// The build note that a library must have for this host to load it.
 [[nodiscard]] std::string host_build_note();
 
-/// Which file a library is: another one of its name, or one that was written since, is not equal.
+/// Identity of a library file: another file of that name, or one written since, is not equal.
 struct LibraryFile {
   std::uint64_t device = 0;
   std::uint64_t inode = 0;
@@ -53,14 +53,14 @@ struct LibraryFile {
 
   bool operator==(const LibraryFile&) const = default;
 };
-/// By the libraries' names.
+/// By library name.
 using LibraryFiles = std::map<std::string, LibraryFile>;
 
-/// Whether a library's file may be opened: else the reason is added to `problems`. `name` is what
-/// people call it.
+/// Whether a library's file may be opened: else the reason is added to `problems`. `name` is its
+/// name in messages.
 [[nodiscard]] bool has_right_note(const std::string& name, const std::filesystem::path& file,
                                   const config::Place& place, config::Problems& problems);
-/// What the library offers that was opened as `handle`; null after adding to `problems`.
+/// The component library that was opened as `handle`; null after adding to `problems`.
 [[nodiscard]] const ComponentLibrary* library_in(void* handle, const std::string& name,
                                                  const std::filesystem::path& file,
                                                  const config::Place& place,
@@ -70,14 +70,14 @@ using LibraryFiles = std::map<std::string, LibraryFile>;
                                              const config::ComponentDescription& component,
                                              config::Problems& problems);
 
-/// Finds, checks and opens component libraries: owns the list of those that are open. An opened
-/// library stays mapped until the process ends: messages and callbacks of its types may outlive
-/// every component.
+/// Finds, checks and opens component libraries, and owns the list of open ones. An opened library
+/// stays mapped until the process ends: messages and callbacks of its types may outlive every
+/// component.
 ///
 /// @threads  Confined to the control thread.
 class LibraryLoader final : public ComponentClasses {
  public:
-  /// With `pins`, only these are opened.
+  /// With `pins`, opens only these.
   explicit LibraryLoader(std::vector<std::filesystem::path> folders,
                          const std::optional<config::LibrariesDescription>& pins = {});
 
@@ -89,13 +89,13 @@ class LibraryLoader final : public ComponentClasses {
   const ComponentLibrary* open(const std::string& name, const config::Place& place,
                                config::Problems& problems);
 
-  /// From now on a library that is among `tried` is opened only if it is still that file: what was
-  /// tried is what runs.
+  /// From now on a library in `tried` is opened only if its file is unchanged: the code that runs
+  /// is the code that was tried.
   void expect(LibraryFiles tried) { expected_ = std::move(tried); }
-  /// What was opened so far; also what was tried in vain.
+  /// The libraries opened so far, failed attempts included.
   [[nodiscard]] const LibraryFiles& files() const { return files_; }
 
-  /// The file of library `name`; empty if there is none in any folder.
+  /// The file of library `name`; empty if no folder contains it.
   [[nodiscard]] std::filesystem::path file_of(const std::string& name) const;
 
  private:
@@ -103,9 +103,9 @@ class LibraryLoader final : public ComponentClasses {
                                config::Problems& problems);
   const ComponentLibrary* load(const std::string& name, const config::Place& place,
                                config::Problems& problems);
-  /// Of all libraries in the folders, read once.
+  /// Names of all libraries in the folders, read once.
   [[nodiscard]] const std::vector<std::string>& known_names();
-  /// What may be meant by `name`, which there is not; or nothing.
+  /// A suggestion for the unknown `name`; empty if there is none.
   [[nodiscard]] std::string nearest_to(const std::string& name);
 
   const std::vector<std::filesystem::path> folders_;

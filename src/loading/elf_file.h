@@ -18,7 +18,7 @@ struct Section {
   std::string_view content;
 };
 
-/// Number `index`; none if there is none, or it has no bytes in the file.
+/// Section `index`; none if it does not exist or has no bytes in the file.
 inline std::optional<Section> section_at(const MappedFile& file, const Elf64_Ehdr& header,
                                          std::uint64_t index) {
   if (index >= header.e_shnum) {
@@ -35,7 +35,7 @@ inline std::optional<Section> section_at(const MappedFile& file, const Elf64_Ehd
   return Section{*section, *content};
 }
 
-/// None if it is no ELF file of 64 bits.
+/// None if the file is not a 64-bit ELF file.
 inline std::optional<Elf64_Ehdr> elf_header(const MappedFile& file) {
   const auto header = file.read<Elf64_Ehdr>(0);
   const bool is_one = header && std::memcmp(header->e_ident, ELFMAG, SELFMAG) == 0 &&

@@ -19,7 +19,7 @@ namespace {
 
 struct Function {
   std::string_view symbol;
-  std::string_view name;  ///< As it is written in the code.
+  std::string_view name;  ///< As in source code.
 };
 
 constexpr std::array kClocks = {

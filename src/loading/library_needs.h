@@ -6,12 +6,12 @@
 
 namespace fastcycle::host {
 
-/// What a library has loaded with it, as its file says.
+/// The dependencies of a library, as its file lists them.
 struct LibraryNeeds {
-  std::vector<std::string> names;    ///< Of files: "libpugixml.so.1".
-  std::vector<std::string> folders;  ///< Where to look for them first, with "$ORIGIN" as it stands.
+  std::vector<std::string> names;    ///< File names: "libpugixml.so.1".
+  std::vector<std::string> folders;  ///< Folders to search first, with "$ORIGIN" unexpanded.
 };
-/// Empty if it is no ELF library that says so.
+/// Empty if it is no dynamic ELF library.
 ///
 /// @threads  Reentrant.
 [[nodiscard]] LibraryNeeds needs_of(const std::filesystem::path& library);

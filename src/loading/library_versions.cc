@@ -60,7 +60,7 @@ LibraryVersions::Opened LibraryVersions::open(const std::string& name,
       !has_right_note(name, path_of(copy), place, problems)) {
     return refuse();
   }
-  // From the folders that its own file names, where a copy would not find them.
+  // From the folders that its own file names; a copy would not find them.
   for (const NeededLibrary& needed : needed_libraries(file)) {
     if (is_library_loaded(needed.name)) {
       continue;

@@ -13,13 +13,13 @@
 namespace fastcycle::host {
 
 /// Opens component libraries while the application runs: each as a private copy of its file, so
-/// that a file that was built anew is other code, whatever of that name is open already. What was
-/// opened once, by its contents, is not opened again; it stays mapped until the process ends.
+/// that a rebuilt file is loaded as new code even if a library of that name is open. Contents that
+/// were opened once are not opened again; they stay mapped until the process ends.
 ///
 /// @threads  Safe.
 class LibraryVersions {
  public:
-  /// With `pins`, only these are opened, and only with these contents.
+  /// With `pins`, opens only these, and only with these contents.
   explicit LibraryVersions(std::optional<config::LibrariesDescription> pins)
       : pins_(std::move(pins)) {}
 
@@ -27,8 +27,8 @@ class LibraryVersions {
     const ComponentLibrary* library = nullptr;
     std::string sha256;  ///< Of the file.
   };
-  /// `name` is what people call the library in `file`. Without a library after adding to
-  /// `problems`, also where the file has other contents than `expected`, unless that is empty.
+  /// `name` is the name in messages of the library in `file`. Returns no library after adding to
+  /// `problems`, also if `expected` is not empty and the file has other contents.
   [[nodiscard]] Opened open(const std::string& name, const std::filesystem::path& file,
                             const std::string& expected, config::Problems& problems);
 

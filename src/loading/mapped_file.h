@@ -9,7 +9,7 @@
 
 namespace fastcycle::host {
 
-/// A file mapped for reading: owns the mapping; empty, with a reason, if it is none.
+/// A file mapped for reading; owns the mapping. Empty, with a reason, if mapping failed.
 ///
 /// @threads  Compatible.
 class MappedFile {
@@ -19,10 +19,10 @@ class MappedFile {
   MappedFile& operator=(const MappedFile&) = delete;
   ~MappedFile();
 
-  /// The bytes from `offset` on, if there are `size` of them.
+  /// The `size` bytes from `offset` on, if the file has that many.
   [[nodiscard]] std::optional<std::string_view> at(std::uint64_t offset, std::uint64_t size) const;
 
-  /// A `T` as it lies in memory, from `offset` on.
+  /// A `T` read from `offset` on.
   template <typename T>
   [[nodiscard]] std::optional<T> read(std::uint64_t offset) const {
     const auto bytes = at(offset, sizeof(T));
@@ -34,7 +34,7 @@ class MappedFile {
     return value;
   }
 
-  std::string error;  ///< Why there is nothing to read; empty if there is.
+  std::string error;  ///< Why the file cannot be read; else empty.
 
  private:
   void* address_ = nullptr;

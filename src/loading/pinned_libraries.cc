@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// A descriptor that is closed with this.
+/// A descriptor that the destructor closes.
 class File {
  public:
   explicit File(int descriptor) : descriptor_(descriptor) {}
@@ -51,8 +51,7 @@ bool write_whole(int file, const char* bytes, std::size_t size) {
   return true;
 }
 
-/// Copies `from` to `to`, which may be -1: then it is only read. Returns its SHA-256; empty, with
-/// `errno`, if that fails.
+/// Copies `from` to `to`; with -1 only reads. Returns the SHA-256; empty, with `errno`, on failure.
 std::string copy_and_sum(int from, int to) {
   EVP_MD_CTX* const context = EVP_MD_CTX_new();
   EVP_DigestInit_ex(context, EVP_sha256(), nullptr);
@@ -127,7 +126,7 @@ SealedCopy seal_copy(const std::string& name, const fs::path& file) {
       ::lseek(copy.descriptor(), 0, SEEK_SET) != 0) {
     return {};
   }
-  // Of what will be loaded, and not of what was read.
+  // Of the copy that will be loaded, not of the data read.
   std::string sum = copy_and_sum(copy.descriptor(), -1);
   return {.file = copy.release(), .sha256 = std::move(sum)};
 }
@@ -143,7 +142,7 @@ std::string sha256_of(const fs::path& file) {
 
 void* PinnedLibraries::open(const std::string& name, const fs::path& file,
                             config::Problems& problems) const {
-  // The loader takes what is loaded by its name, and does not look for it in folders.
+  // The loader finds loaded dependencies by name and does not search folders for them.
   for (const NeededLibrary& needed : needed_libraries(file)) {
     if (!is_library_loaded(needed.name) &&
         open_one(needed.name, needed.file, problems) == nullptr) {
@@ -178,7 +177,7 @@ void* PinnedLibraries::open_one(const std::string& name, const fs::path& file,
         "if it was built again on purpose, pin that"));
     return nullptr;
   }
-  // It stays open: its name must not become that of another library.
+  // Stays open, so that its path is not reused for another library.
   void* const handle = ::dlopen(path_of(copy).c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (handle == nullptr) {
     problems.add(config::mistake(pins_.place, library + " cannot be loaded: " + ::dlerror()));

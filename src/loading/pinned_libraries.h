@@ -10,41 +10,41 @@
 
 namespace fastcycle::host {
 
-/// A library that is loaded with a component library, from a folder which that one names.
+/// A dependency of a component library, in a folder which that one names.
 struct NeededLibrary {
   std::string name;            ///< Of its file: "libfastcycle_ads_messages.so.0.1".
-  std::filesystem::path file;  ///< Where it lies.
+  std::filesystem::path file;  ///< Its path.
 };
 
-/// What a library needs, from the folders that it names itself, so none of the system: what others
-/// need first.
+/// Dependencies of a library in the folders it names, system libraries thus excluded; dependencies
+/// come first.
 [[nodiscard]] std::vector<NeededLibrary> needed_libraries(const std::filesystem::path& library);
 
 /// SHA-256 of a file, in 64 hexadecimal digits; empty, with `errno`, if it cannot be read.
 [[nodiscard]] std::string sha256_of(const std::filesystem::path& file);
 
-/// Whether the process has loaded a library of this name, as those that need it say it.
+/// Whether the process has loaded a library of this name, as its users list it.
 [[nodiscard]] bool is_library_loaded(const std::string& name);
 
-/// A copy of a file in memory that cannot be changed any more. Its descriptor stays open as long as
-/// it is loaded: its name must not become that of another one.
+/// A copy of a file in sealed memory. Its descriptor stays open as long as it is loaded, so that
+/// its path is not reused for another library.
 struct SealedCopy {
   int file = -1;       ///< A descriptor; -1, with `errno`: there is no copy.
   std::string sha256;  ///< In 64 hexadecimal digits.
 };
 [[nodiscard]] SealedCopy seal_copy(const std::string& name, const std::filesystem::path& file);
-/// By which it is opened in this process.
+/// The path by which this process opens it.
 [[nodiscard]] std::string path_of(const SealedCopy& copy);
 
-/// Opens libraries whose contents an application pins: each is copied to memory that nobody can
-/// write any more, looked at there, and loaded from there. What was looked at is what runs.
+/// Opens libraries whose contents an application pins: each is copied to sealed memory, verified
+/// there, and loaded from there. The code that runs is the code that was verified.
 ///
 /// @threads  Confined to the control thread.
 class PinnedLibraries {
  public:
   explicit PinnedLibraries(config::LibrariesDescription pins) : pins_(std::move(pins)) {}
 
-  /// As `dlopen`, with all that it needs and the process has not loaded. Null after adding to
+  /// As `dlopen`, including dependencies that the process has not loaded. Null after adding to
   /// `problems`.
   [[nodiscard]] void* open(const std::string& name, const std::filesystem::path& file,
                            config::Problems& problems) const;

@@ -52,7 +52,7 @@ void unprotect_process() {
 }
 
 std::optional<std::string> protect_process() {
-  // First close the door, then look who came in before.
+  // First deny new access, then check for an existing tracer.
   if (prctl(PR_SET_DUMPABLE, 0) != 0) {
     return std::string("its memory cannot be protected (PR_SET_DUMPABLE): ") + std::strerror(errno);
   }

@@ -8,7 +8,7 @@ namespace fastcycle::host {
 /// Makes the process's memory unreadable to other processes of the same user, and keeps its
 /// messages out of core dumps.
 ///
-/// Returns why it must not go on, if another process traces it already: it could read everything.
+/// Returns an error if another process traces it already, which could read everything.
 ///
 /// @threads  Called once, before any message exists and before other threads do.
 [[nodiscard]] std::optional<std::string> protect_process();
@@ -19,15 +19,14 @@ namespace fastcycle::host {
 /// @threads  Safe.
 [[nodiscard]] bool is_protected();
 
-/// Looks again, after foreign code has run: why a process that was protected must not go on, if it
-/// is not protected any more, or if another process traces it.
+/// Checks again, after foreign code has run. Returns an error if a process that was protected no
+/// longer is, or if another process traces it.
 ///
 /// @threads  Safe.
 [[nodiscard]] std::optional<std::string> check_protection();
 
-/// Gives protection up, so that debuggers may attach and a core dump may be written, also where the
-/// kernel protects the process because its user cannot read the program's file.
-///
+/// Removes the protection, so that debuggers may attach and a core dump may be written, also where
+/// the kernel protects the process because its user cannot read the program's file.
 /// @threads  Safe.
 void unprotect_process();
 

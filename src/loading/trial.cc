@@ -33,9 +33,9 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr int kReportDescriptor = 3;
-// Of one text of a problem; what a constructor throws may be as long as it likes.
+// Of one text of a problem: a constructor's exception may have any length.
 constexpr std::size_t kMaxTextBytes = 4096;
-// Of one line of the report; with all its texts a problem is far below, and the wiring of a
+// Of one line of the report; a problem with all its texts is far below, and so is the wiring of a
 // thousand components.
 constexpr std::size_t kMaxLineBytes = std::size_t{8} * 1024 * 1024;
 
@@ -73,7 +73,7 @@ config::Problem to_problem(const json& value) {
   return problem;
 }
 
-/// What the parent tells the child, on its standard input.
+/// The message from the parent to the child, on its standard input.
 json to_json(const TrialOptions& options, const std::set<std::string>& without,
              const std::string& wanted_proto) {
   json paths = json::array();
@@ -97,16 +97,16 @@ json to_json(const TrialOptions& options, const std::set<std::string>& without,
                                              {"others", options.library->others}}
                                       : json()},
           {"throw_is_mistake", options.on_throw == ConstructorFault::kMistake},
-          // The secrets of the one are those of the other.
+          // The child has the same secrets as the parent.
           {"refuses_tracers", is_protected()},
           {"without", without},
           {"wanted_proto", wanted_proto}};
 }
 
-/// How one child ended, and what it had said until then.
+/// How one child ended, and its report until then.
 struct ChildResult {
   bool is_done = false;
-  bool is_unreadable = false;  ///< It reported something that cannot be read.
+  bool is_unreadable = false;  ///< Its report is malformed.
   std::string ending;          ///< In words, if it is not done: "ended by signal 6 (Aborted)".
   std::string last_kind;       ///< "loading" or "constructing", if that is where it ended.
   std::string last_name;       ///< Of the library or component.
@@ -123,7 +123,7 @@ class Child {
   explicit Child(const std::string& options) {
     int report[2];
     int errors[2];
-    // No argument: those are bounded, and everybody may read them.
+    // Not an argument: those are limited in size and public.
     const int input = file_of(options);
     if (input < 0) {
       error = errno;
@@ -151,7 +151,7 @@ class Child {
     posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
     posix_spawn_file_actions_adddup2(&actions, errors[1], STDERR_FILENO);
     posix_spawn_file_actions_adddup2(&actions, report[1], kReportDescriptor);
-    // Signals that the host handles itself must end the child as usual.
+    // Signals that the host handles itself must have their default action in the child.
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);
     sigset_t none;
@@ -187,8 +187,8 @@ class Child {
   [[nodiscard]] bool is_running() const { return pid_ > 0; }
 
   /// Reads until the child has ended; false if it reported nothing for `limit`. Calls `on_slow`
-  /// when it reported nothing for `notice`. What it writes to standard error is no report. Of a
-  /// line that is too long `on_line` gets a part, which cannot be read.
+  /// when it reported nothing for `notice`. Its standard error does not count as a report.
+  /// `on_line` gets only a part of a line that is too long, which cannot be parsed.
   bool read(std::chrono::milliseconds limit, std::chrono::milliseconds notice,
             const std::function<void(std::string_view)>& on_line,
             const std::function<void()>& on_slow, std::string& errors) {
@@ -217,13 +217,13 @@ class Child {
       if (ready <= 0) {
         return false;
       }
-      // Without the descriptor of its end, the end of its output must do.
+      // Without a pidfd, the end of its output has to do.
       has_ended = descriptors[2].revents != 0 ||
                   (end_ < 0 && descriptors[0].fd < 0 && descriptors[1].fd < 0);
       if (has_ended) {
         kill();
       }
-      // At its end whatever it still said is in the pipes, which hold 64 KiB.
+      // At its end the rest of its output is in the pipes, which hold 64 KiB.
       constexpr int kReadsToEmptyAPipe = 32;
       for (int i = 0; i < (has_ended ? kReadsToEmptyAPipe : 1); ++i) {
         append(descriptors[0], report);
@@ -245,7 +245,7 @@ class Child {
     return true;
   }
 
-  /// Ends the child and what it started. How the child ended stays as it is, if it did.
+  /// Kills the child and the processes it started. Keeps its exit status, if it has ended.
   void kill() const { ::kill(-pid_, SIGKILL); }
 
   /// How it ended.
@@ -259,7 +259,7 @@ class Child {
   int error = 0;
 
  private:
-  /// A file without a name that holds `text`, to be read from its beginning; -1 with `errno`.
+  /// An unnamed file that contains `text`, positioned at its beginning; -1 with `errno`.
   static int file_of(const std::string& text) {
     const int file = memfd_create("fastcycle-trial", MFD_CLOEXEC);
     for (std::size_t done = 0; file >= 0 && done < text.size();) {
@@ -278,7 +278,7 @@ class Child {
     return file;
   }
 
-  /// Appends what is there to read; takes the descriptor out of the poll if nothing will come.
+  /// Appends available data; removes the descriptor from the poll at its end.
   static void append(pollfd& descriptor, std::string& text) {
     if (descriptor.fd < 0) {
       return;
@@ -317,7 +317,7 @@ std::string in_words(std::chrono::milliseconds time) {
                                   : std::to_string(time.count()) + " ms";
 }
 
-/// What the child says in one line.
+/// Handles one line of the child's report.
 void take(const json& said, ChildResult& result) {
   const std::string kind = said.at("kind");
   if (kind == "problem") {
@@ -379,7 +379,7 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
   return result;
 }
 
-/// The .proto that two libraries brought, if that is what protobuf's registry died of.
+/// The .proto that two libraries define, if protobuf's registry aborted because of that.
 std::string duplicate_proto(const std::string& errors) {
   constexpr std::string_view kMark = "File already exists in database: ";
   const auto begin = errors.find(kMark);
@@ -486,11 +486,11 @@ namespace {
 
 void say(const json& line) {
   const std::string text = line.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
-  // A report that nobody reads any more is nobody's loss.
+  // A failed write is ignored: the parent no longer reads.
   [[maybe_unused]] const ssize_t count = write(kReportDescriptor, text.data(), text.size());
 }
 
-/// Tells the parent what is being done, before it is done.
+/// Reports each step to the parent before it is done.
 class NarratingClasses final : public ComponentClasses {
  public:
   NarratingClasses(LibraryLoader& loader, std::set<std::string> without, std::string wanted_proto)
@@ -540,12 +540,12 @@ class OneClass final : public ComponentClasses {
   const ComponentLibrary& library_;
 };
 
-/// Opens the library that is tried, beside those that the application has; null after adding to
+/// Opens the library under trial, beside those that the application has; null after adding to
 /// `problems`.
 const ComponentLibrary* open_tried(const json& tried, LibraryLoader& loader,
                                    LibraryVersions& versions, config::Problems& problems) {
   for (const std::string name : tried["others"]) {
-    config::Problems ignored;  // They run: what is at their places now may be something else.
+    config::Problems ignored;  // They run: the files at their paths may have changed since.
     loader.open(name, {}, ignored);
   }
   const std::string name = tried["name"];
@@ -556,7 +556,7 @@ const ComponentLibrary* open_tried(const json& tried, LibraryLoader& loader,
   return library;
 }
 
-/// What the parent wants, read from standard input, which is empty from then on.
+/// The parent's options, read from standard input until its end.
 json read_options() {
   std::string text;
   char buffer[4096];
@@ -642,7 +642,7 @@ int run_trial_child(const BuildForTrial& build) {
     say({{"kind", "wiring"}, {"text", built.wiring}});
   }
   say({{"kind", "done"}});
-  // Destructors had their say in no run yet; they must not end this trial either.
+  // No destructors: a trial does not cover them, and they must not end it.
   std::fflush(nullptr);
   _exit(0);
 }

@@ -83,7 +83,7 @@ void ChunkBuilder::add_head(const MessageHead& head, std::uint64_t data_size) {
   grew(before);
 }
 
-/// What was appended to `own_` continues the last run, or begins one after a borrowed run.
+/// Data appended to `own_` continues the last run, or starts one after a borrowed run.
 void ChunkBuilder::grew(std::size_t own_size_before) {
   const std::size_t more = own_.size() - own_size_before;
   if (runs_.empty() || runs_.back().borrowed != nullptr) {

@@ -19,8 +19,7 @@ struct ChunkOptions {
   bool crc = true;
 };
 
-/// A chunk that is put together outside of a file, and appended by `Writer::write` when it is
-/// whole.
+/// A chunk that is built outside of a file, and appended by `Writer::write` when it is complete.
 ///
 ///     ChunkBuilder chunk({.compression = Compression::kZstd});
 ///     chunk.add(head, parts);       // as messages come
@@ -28,8 +27,8 @@ struct ChunkOptions {
 ///     writer.write(chunk);
 ///     chunk.clear();                // for the next one
 ///
-/// A channel has to be in the file before its first message: either the writer has it already, or
-/// this chunk has it, before that message.
+/// A channel has to be defined in the file before its first message: by the writer, or earlier in
+/// this chunk.
 ///
 /// Memory: the records, 16 bytes a message, and, once it is closed, the compressed records.
 ///
@@ -43,7 +42,7 @@ class ChunkBuilder {
 
   explicit ChunkBuilder(ChunkOptions options = {}) : options_(options) {}
 
-  /// Adds a record. The data of a message is all of `data`, one part after the other; it is copied.
+  /// Adds a record. The data of a message is the concatenation of `data`; it is copied.
   ///
   /// @pre     It is not closed.
   /// @errors  `std::length_error` beyond 2^28 messages of a channel, or for texts over 4 GiB.
@@ -52,33 +51,33 @@ class ChunkBuilder {
   void add(const MessageHead& head, std::span<const Bytes> data);
   void add(const Message& message) { add(message, {&message.data, 1}); }
 
-  /// Adds a message whose data is not copied: it has to stay as it is until this chunk was appended
-  /// and cleared. Meant for large messages, best in a chunk of their own, not compressed.
+  /// Adds a message whose data is not copied: it has to stay unchanged until this chunk was
+  /// appended and cleared. Meant for large messages, best in a chunk of their own, uncompressed.
   void borrow(const MessageHead& head, std::span<const Bytes> data);
 
-  /// Computes the CRC and compresses, which takes most of the time that a chunk costs.
+  /// Computes the CRC and compresses, which is most of the cost of a chunk.
   void close();
 
-  /// Forgets everything, but keeps the memory for the next chunk.
+  /// Removes all records, but keeps the memory for the next chunk.
   void clear();
 
   [[nodiscard]] bool is_closed() const { return is_closed_; }
   [[nodiscard]] bool is_empty() const { return size_ == 0; }
-  /// Of the records so far, uncompressed, in bytes.
+  /// Size of the records so far, uncompressed, in bytes.
   [[nodiscard]] std::uint64_t size() const { return size_; }
   [[nodiscard]] std::uint64_t message_count() const { return message_count_; }
 
-  /// What the chunk record says; its `records` are empty, see `parts()`.
+  /// The fields of the chunk record; its `records` are empty, see `parts()`.
   ///
   /// @pre  It is closed.
   [[nodiscard]] const Chunk& head() const;
-  /// The records as they go into the file, one part after the other.
+  /// The records as written to the file, to be concatenated.
   ///
   /// @pre  It is closed.
   [[nodiscard]] std::span<const Bytes> parts() const;
   /// The size of all `parts()`.
   [[nodiscard]] std::uint64_t compressed_size() const;
-  /// The CRC of all `parts()`, so that the writer need not go through them once more; none without
+  /// The CRC of all `parts()`, so that the writer need not read them again; none without
   /// `ChunkOptions::crc`.
   ///
   /// @pre  It is closed.

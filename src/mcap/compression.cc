@@ -16,7 +16,7 @@ constexpr std::uint64_t kZstdBlockBytes = std::uint64_t{128} << 10U;
 constexpr std::uint64_t kZstdLeastBlockBytes = 4;  // Compressed: a byte, so many times.
 constexpr std::uint64_t kLz4MostRatio = 255;       // A byte of a length stands for 255 bytes.
 
-// What is left are a lack of memory and our own mistakes.
+// The remaining errors are a lack of memory and our own bugs.
 std::size_t checked_lz4(std::size_t result) {
   if (LZ4F_isError(result) != 0U) {
     throw std::bad_alloc();
@@ -208,7 +208,7 @@ std::optional<std::string> Decompressor::decompress_lz4(Bytes from, std::span<st
   LZ4F_dctx* const context = contexts_->lz4.get();
   LZ4F_resetDecompressionContext(context);
 
-  std::byte none{};  // LZ4 wants a place to write to also where nothing is to be written.
+  std::byte none{};  // LZ4 requires a valid pointer even to write nothing.
   std::size_t taken = 0;
   std::size_t made = 0;
   while (true) {

@@ -15,9 +15,9 @@ namespace fastcycle::mcap {
 
 enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
 
-/// The name that files use: empty, `lz4`, `zstd`.
+/// The name used in files: empty, `lz4`, `zstd`.
 [[nodiscard]] std::string_view name_of(Compression compression);
-/// None if it is a name of none that we have.
+/// None if the name is unknown.
 [[nodiscard]] std::optional<Compression> find_compression(std::string_view name);
 
 /// Compresses; keeps its working memory from one call to the next.
@@ -30,8 +30,8 @@ class Compressor {
   Compressor& operator=(const Compressor&) = delete;
   ~Compressor();
 
-  /// Compresses all of `parts` as one; `into` is overwritten. `level` 0 is the default of the
-  /// method; `lz4` knows up to 12, `zstd` up to 22, and negative ones, which are faster.
+  /// Compresses the concatenation of `parts`; overwrites `into`. `level` 0 is the default of the
+  /// method; `lz4` supports up to 12, `zstd` up to 22, and negative ones, which are faster.
   ///
   /// @errors  `std::bad_alloc`.
   void compress(Compression compression, int level, std::span<const Bytes> parts,
@@ -55,8 +55,8 @@ class Decompressor {
   Decompressor& operator=(const Decompressor&) = delete;
   ~Decompressor();
 
-  /// Fills all of `into`. If `from` does not become exactly that many bytes: what was found
-  /// instead.
+  /// Fills all of `into`. Returns an error if `from` does not decompress to exactly that many
+  /// bytes.
   ///
   /// @pre  `into` and `from` are of the same size if there is no compression.
   [[nodiscard]] std::optional<std::string> decompress(Compression compression, Bytes from,
@@ -70,8 +70,8 @@ class Decompressor {
   const std::unique_ptr<Contexts> contexts_;
 };
 
-/// Whether `compressed_size` bytes can become `uncompressed_size` bytes at all: what a file says of
-/// a chunk is compared with this before memory is asked for.
+/// Whether `compressed_size` bytes can decompress to `uncompressed_size` bytes at all: the sizes in
+/// a file are checked with this before memory is allocated.
 [[nodiscard]] bool can_become(Compression compression, std::uint64_t compressed_size,
                               std::uint64_t uncompressed_size);
 

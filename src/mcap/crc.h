@@ -9,15 +9,15 @@
 
 namespace fastcycle::mcap {
 
-/// The CRC-32 of bytes that come one after the other.
+/// The CRC-32 of a sequence of bytes.
 class Crc {
  public:
   void add(Bytes bytes) {
-    if (!bytes.empty()) {  // No bytes at no address would begin anew.
+    if (!bytes.empty()) {  // A null pointer would reset the CRC.
       value_ = ::libdeflate_crc32(value_, bytes.data(), bytes.size());
     }
   }
-  /// Adds `size` bytes of which only the CRC is at hand.
+  /// Adds `size` bytes of which only the CRC is available.
   void add(std::uint32_t crc, std::uint64_t size) {
     value_ = static_cast<std::uint32_t>(::crc32_combine(value_, crc, static_cast<z_off_t>(size)));
   }

@@ -24,7 +24,7 @@ Number load(Bytes bytes) {
   return static_cast<Number>(value);
 }
 
-/// Takes fields from the beginning of the content of a record, or of a part of it.
+/// Reads fields from the beginning of the content of a record, or of a part of it.
 class FieldReader {
  public:
   FieldReader(Bytes bytes, Opcode record, const Place& place)
@@ -37,7 +37,7 @@ class FieldReader {
   std::uint32_t u32(const char* name) { return number<std::uint32_t>(name); }
   std::uint64_t u64(const char* name) { return number<std::uint64_t>(name); }
 
-  /// Fills a field.
+  /// Reads a field.
   template <std::unsigned_integral Number>
   void operator()(const char* name, Number& field) {
     field = number<Number>(name);
@@ -83,7 +83,7 @@ class FieldReader {
     return taken;
   }
 
-  /// What follows is a list or a map, with its length in bytes before it.
+  /// A list or a map, preceded by its length in bytes.
   FieldReader list(const char* name) { return {take(u32(name), name), record_, place_}; }
 
   [[nodiscard]] bool is_empty() const { return rest_.empty(); }
@@ -119,7 +119,7 @@ Frame decode_frame(Bytes bytes) {
           .length = load<std::uint64_t>(bytes.subspan(1))};
 }
 
-// Of nothing but its fields.
+// For records that have only fields.
 template <typename Kind>
 Kind decode_as(Bytes content, const Place& place) {
   FieldReader fields(content, kOpcodeOf<Kind>, place);

@@ -14,9 +14,9 @@ namespace fastcycle::mcap {
 /// @threads  Compatible.
 class Definitions {
  public:
-  /// False if it is there already, with the same content: files may repeat them.
+  /// False if it is already defined, with the same content: files may repeat definitions.
   ///
-  /// @errors  `Damage` at `place` if there is another one with this id.
+  /// @errors  `Damage` at `place` if another one has this id.
   bool add(Schema schema, const Place& place);
   bool add(Channel channel, const Place& place);
 
@@ -24,9 +24,9 @@ class Definitions {
   [[nodiscard]] const Schema* find_schema(std::uint16_t id) const;
   [[nodiscard]] const Channel* find_channel(std::uint16_t id) const;
 
-  /// @errors  `Damage` at `place` if the channel's schema is not there.
+  /// @errors  `Damage` at `place` if the channel's schema is not defined.
   void require_schema_of(const Channel& channel, const Place& place) const;
-  /// @errors  `Damage` at `place` if there is no such channel.
+  /// @errors  `Damage` at `place` if the channel is not defined.
   const Channel& require_channel(std::uint16_t id, const Place& place) const;
 
   [[nodiscard]] const std::map<std::uint16_t, Schema>& schemas() const { return schemas_; }

@@ -33,7 +33,7 @@ std::uint32_t checked_length(std::size_t length) {
   return static_cast<std::uint32_t>(length);
 }
 
-/// Appends fields; writes the length of what it appended at the end of its life.
+/// Appends fields; its destructor writes the length of what it appended.
 template <std::unsigned_integral Length>
 class Counted {
  public:

@@ -7,17 +7,17 @@
 
 #include "mcap/records.h"
 
-/// From records to the bytes of a file.
+/// Encodes records into the bytes of a file.
 namespace fastcycle::mcap {
 
-/// Opcode and length: what every record begins with.
+/// Opcode and length, with which every record begins.
 inline constexpr std::size_t kFrameBytes = 1 + 8;
 /// The fields of a message before its data.
 inline constexpr std::size_t kMessageHeadBytes = 2 + 4 + 8 + 8;
 /// The content of a footer; it never grows, so that readers find it from the end of the file.
 inline constexpr std::size_t kFooterBytes = 8 + 8 + 4;
 
-/// Appends the whole record, opcode and length included, to `into`: any that has no data.
+/// Appends a complete record, opcode and length included, to `into`: any kind without data.
 ///
 /// @errors  `std::length_error` if a text, a map or an index is longer than 4 GiB.
 template <typename Kind>
@@ -32,7 +32,7 @@ void encode_head(const Chunk& chunk, std::uint64_t records_size, std::vector<std
 /// The beginning of an attachment record; `data_size` bytes and the CRC (4 bytes) have to follow.
 void encode_head(const AttachmentHead& head, std::uint64_t data_size, std::vector<std::byte>& into);
 
-/// `value` as the format has it: the least significant byte first.
+/// `value` in little-endian byte order, as the format requires.
 [[nodiscard]] std::array<std::byte, 4> encode_u32(std::uint32_t value);
 
 }  // namespace fastcycle::mcap

@@ -11,29 +11,29 @@ namespace fastcycle::mcap {
 
 /// A place in a file.
 struct Place {
-  /// In the place of an offset: it is about the file as a whole, as when there is none.
+  /// As an offset: the problem concerns the file as a whole, or there is no file.
   static constexpr std::uint64_t kWholeFile = std::numeric_limits<std::uint64_t>::max();
 
-  std::string file;                   ///< The name that the source or sink gives it.
-  std::uint64_t offset = kWholeFile;  ///< Of a record, or of what should be one.
-  /// In the uncompressed records of the chunk that stands at `offset`.
+  std::string file;                   ///< The name of the source or sink.
+  std::uint64_t offset = kWholeFile;  ///< Of a record, or of the place where one is expected.
+  /// Offset in the uncompressed records of the chunk at `offset`.
   std::optional<std::uint64_t> offset_in_chunk{};
 };
 
-/// What is wrong with a file.
+/// A problem in a file.
 struct Problem {
   Place place;
-  std::string record = {};    ///< `Chunk`; empty if it is not about a record.
-  std::string expected = {};  ///< What should stand there.
-  std::string found = {};     ///< What stands there.
+  std::string record = {};    ///< `Chunk`; empty if no record is concerned.
+  std::string expected = {};  ///< Expected content.
+  std::string found = {};     ///< Actual content.
 };
 
-/// `drive.mcap: byte 4711: Chunk: expected …, found …`, on one line. What is about the whole file
-/// names no byte.
+/// `drive.mcap: byte 4711: Chunk: expected …, found …`, on one line. Without a byte if the whole
+/// file is concerned.
 [[nodiscard]] std::string to_string(const Problem& problem);
 
-/// A file is not what the format says (then it is a `Damage`), or cannot be read or written, or a
-/// writer was asked for what the format forbids.
+/// A file violates the format (then it is a `Damage`), cannot be read or written, or a writer was
+/// asked for what the format forbids.
 class Error : public std::runtime_error {
  public:
   explicit Error(Problem problem)

@@ -5,14 +5,15 @@
 
 #include "mcap/records.h"
 
-/// The fields of the records, each in the order of the format: once, for reading and for writing.
+/// The fields of the records, each in the order of the format: defined once, for reading and
+/// writing.
 namespace fastcycle::mcap {
 
-/// A `Kind`, to be read or to be filled.
+/// A `Kind`, const for reading or mutable for writing.
 template <typename T, typename Kind>
 concept Any = std::same_as<std::remove_const_t<T>, Kind>;
 
-/// The opcode of records of nothing but fields.
+/// The opcode of records that have only fields.
 template <typename Kind>
 inline constexpr Opcode kOpcodeOf{};
 template <>

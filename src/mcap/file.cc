@@ -21,8 +21,8 @@ std::string last_error() {
   return std::system_category().message(errno);
 }
 
-/// -1, with errno, if there is something of this name. With O_APPEND, a file that another program
-/// cut off stays too short, and has no hole: `look` sees it.
+/// -1, with errno, if the name exists. With O_APPEND, a file that another program truncated stays
+/// too short, without a hole: `look` detects it.
 int open_new(const std::filesystem::path& path) {
   return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0600);
 }
@@ -91,7 +91,7 @@ void FileSink::fail(std::uint64_t offset, const char* expected) const {
 
 FileSource::FileSource(const std::filesystem::path& path)
     : name_(path.string()),
-      // O_NONBLOCK: a FIFO without a writer would keep us waiting. Regular files do not know it.
+      // O_NONBLOCK: a FIFO without a writer would block. It has no effect on regular files.
       file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
   if (file_ < 0) {
     fail(Place::kWholeFile, "a file that can be read", last_error());

@@ -14,7 +14,7 @@
 
 namespace fastcycle::mcap {
 
-/// Where a `Writer` puts its bytes.
+/// The destination of a `Writer`.
 ///
 /// @threads  Confined to the writer's thread.
 class Sink {
@@ -24,16 +24,16 @@ class Sink {
   Sink& operator=(const Sink&) = delete;
   virtual ~Sink() = default;
 
-  /// Appends all of `parts`, one after the other.
+  /// Appends the concatenation of `parts`.
   ///
-  /// @errors  `Error` with the cause; how much was appended is not known then.
+  /// @errors  `Error` with the cause; how much was appended is unspecified then.
   virtual void append(std::span<const Bytes> parts) = 0;
 
-  /// What errors call it.
+  /// Its name in errors.
   [[nodiscard]] virtual const std::string& name() const = 0;
 };
 
-/// What a reader reads from. It must not change meanwhile.
+/// The input of a reader. It must not change meanwhile.
 ///
 /// @threads  Safe: several readers may share a source.
 class Source {
@@ -51,30 +51,30 @@ class Source {
   /// @errors  `Error` with the cause.
   virtual void read(std::uint64_t offset, std::span<std::byte> into) const = 0;
 
-  /// What errors call it.
+  /// Its name in errors.
   [[nodiscard]] virtual const std::string& name() const = 0;
 };
 
-/// A new file, written without a buffer of its own, always at its end.
+/// A new file, written unbuffered and always at its end.
 class FileSink final : public Sink {
  public:
-  /// @errors  `Error` if there is such a file already, or it cannot be made.
+  /// @errors  `Error` if the file exists already, or cannot be created.
   explicit FileSink(const std::filesystem::path& path);
-  /// Null if something has the name already, also a link that leads to nothing.
+  /// Null if the name is taken, also by a dangling link.
   ///
-  /// @errors  `Error` if it cannot be made.
+  /// @errors  `Error` if it cannot be created.
   [[nodiscard]] static std::unique_ptr<FileSink> make_if_free(const std::filesystem::path& path);
   ~FileSink() override;
 
   void append(std::span<const Bytes> parts) override;
   [[nodiscard]] const std::string& name() const override { return name_; }
 
-  /// Returns when the disk has what was appended. A file that is to outlive a power cut needs it.
+  /// Returns when appended data is on disk. Needed for a file that has to survive a power failure.
   ///
   /// @threads  Safe, also while another thread appends.
   void sync();
 
-  /// Looks whether readers find under its name what was appended.
+  /// Checks whether the file under its name still has what was appended.
   ///
   /// @threads  Safe, also while another thread appends.
   [[nodiscard]] base::FileState look() const { return base::look_at(file_, name_, size_); }
@@ -89,7 +89,7 @@ class FileSink final : public Sink {
   std::atomic<std::uint64_t> size_{0};
 };
 
-/// A regular file. Its size is that at the time of opening: what is appended later is not seen.
+/// A regular file. Its size is fixed at opening: data appended later is not read.
 class FileSource final : public Source {
  public:
   /// @errors  `Error` if it cannot be opened or is no regular file.

@@ -14,9 +14,9 @@
 namespace fastcycle::mcap {
 namespace {
 
-/// The least content of a chunk record: all fields, and no records.
+/// The minimum content of a chunk record: all fields, and no records.
 constexpr std::uint64_t kChunkHeadBytes = 8 + 8 + 8 + 4 + 4 + 8;
-/// Footer and magic, which stand at the end of every file that was closed.
+/// Footer and magic, the end of every closed file.
 constexpr std::uint64_t kFileEndBytes = kFrameBytes + kFooterBytes + kMagic.size();
 /// Messages outside of chunks are read together, up to this.
 constexpr std::uint64_t kMostBytesOfPlainSpan = std::uint64_t{1} << 20U;
@@ -42,7 +42,7 @@ Reader::Reader(const Source& source, ReadOptions options) : source_(source), opt
 
 Reader::~Reader() = default;
 
-/// False if there is no summary, or not enough in it.
+/// False if there is no summary, or an incomplete one.
 bool Reader::read_summary() {
   const std::optional<Footer> footer = find_footer();
   if (!footer || footer->summary_start == 0) {
@@ -85,7 +85,7 @@ void Reader::parse_summary(const Footer& footer, std::uint64_t end) {
             fmt::format("a summary of at most {} bytes", options_.limits.index_bytes),
             fmt::format("{}", size));
   }
-  // With what the CRC covers of the footer.
+  // Including the part of the footer that the CRC covers.
   std::vector<std::byte> bytes(static_cast<std::size_t>(size) + kFrameBytes + 8 + 8);
   source_.read(footer.summary_start, bytes);
   if (options_.check_crcs && footer.summary_crc != 0) {
@@ -149,8 +149,8 @@ void Reader::take_summary_record(const Record& record, const Place& place) {
   }
 }
 
-/// Whether messages, attachments and metadata can be found without reading all of the file: what
-/// the statistics count has to be there.
+/// Whether messages, attachments and metadata can be found without reading all of the file:
+/// everything counted by the statistics has to be indexed.
 bool Reader::is_enough() const {
   if (!statistics_ || (statistics_->message_count > 0 && spans_.empty()) ||
       statistics_->chunk_count != spans_.size() ||
@@ -204,7 +204,7 @@ void Reader::read_header() {
   if (!record) {
     throw Damage(reader.stop()->problem);
   }
-  header_ = std::get<Header>(*record);  // Another first record is damage.
+  header_ = std::get<Header>(*record);  // Any other first record is damage.
 }
 
 /// Builds the index from all records.
@@ -233,7 +233,7 @@ struct Reader::Scan {
   }
 
   void take(const Message& message) {
-    // A chunk that is cut off is read like records outside of chunks.
+    // A truncated chunk is read like records outside of chunks.
     const Place& place = records.place();
     const bool is_in_chunk =
         open != nullptr && open->is_chunk && place.offset_in_chunk && open->offset == place.offset;
@@ -405,11 +405,11 @@ struct MessageReader::State {
   using Span = Reader::Span;
 
   struct Entry {
-    std::uint64_t log_time_ns = 0;  ///< 0 for a head: it comes before all else.
+    std::uint64_t log_time_ns = 0;  ///< 0 for a head: it comes first.
     std::uint64_t offset = 0;       ///< Of the message record, in `records`.
   };
 
-  /// A span whose messages are being given out.
+  /// A span whose messages are being returned.
   struct Open {
     const Span* span = nullptr;
     std::vector<std::byte> memory;
@@ -420,7 +420,7 @@ struct MessageReader::State {
     [[nodiscard]] const Entry& entry() const { return entries[next]; }
   };
 
-  /// The later one of two, for a queue whose top is the earliest.
+  /// Orders a queue whose top is the earliest.
   struct IsLater {
     bool operator()(const Open* left, const Open* right) const {
       return std::pair(left->entry().log_time_ns, left->span->offset) >
@@ -484,7 +484,7 @@ struct MessageReader::State {
   std::size_t next_waiting = 0;
   std::vector<std::unique_ptr<Open>> opened;
   std::priority_queue<Open*, std::vector<Open*>, IsLater> queue;
-  Open* current = nullptr;  // Has the message that was given out last.
+  Open* current = nullptr;  // Contains the message returned last.
   std::uint64_t open_bytes = 0;
   std::uint64_t given_count = 0;
   Decompressor decompressor;
@@ -522,7 +522,7 @@ std::optional<StoredMessage> MessageReader::State::next() {
   return message;
 }
 
-/// What was given out last need not be kept any more; its span neither, if it was the last of it.
+/// Releases the message returned last, and its span if it was the last of it.
 void MessageReader::State::drop_finished() {
   if (current == nullptr) {
     return;
@@ -562,11 +562,11 @@ void MessageReader::State::open(const Span& span) {
   }
 }
 
-/// Reads and decompresses a chunk, and sees to it that it is what the index says.
+/// Reads and decompresses a chunk, and checks that it matches the index.
 Bytes MessageReader::State::read_chunk(Open& open) {
   const Span& span = *open.span;
   const Place place = place_of(span);
-  // Compared before it is read: an index may claim more than chunks may have.
+  // Checked before reading: an index may claim more than chunks may have.
   if (span.uncompressed_size > reader.options_.limits.chunk_bytes) {
     damaged(place, Opcode::kChunk,
             fmt::format("at most {} bytes of records", reader.options_.limits.chunk_bytes),
@@ -582,7 +582,7 @@ Bytes MessageReader::State::read_chunk(Open& open) {
   }
   const Bytes records = uncompress(chunk, reader.options_, place, decompressor, open.memory);
   if (records.data() == chunk.records.data()) {
-    open.memory.swap(compressed);  // Not compressed: `records` lie in it, and stay where they are.
+    open.memory.swap(compressed);  // Not compressed: `records` point into it, and stay valid.
   }
   return records;
 }
@@ -622,7 +622,7 @@ void MessageReader::State::find_messages(Open& open) const {
                     [](const Entry& entry) { return std::pair(entry.log_time_ns, entry.offset); });
 }
 
-/// What a chunk defines has to be what the summary repeats.
+/// Definitions in a chunk must match those repeated in the summary.
 void MessageReader::State::check_definition(Opcode opcode, Bytes content,
                                             const Place& place) const {
   const auto check = [&](const auto& found, const auto* known) {
@@ -644,7 +644,7 @@ void MessageReader::State::check_definition(Opcode opcode, Bytes content,
   }
 }
 
-/// Whoever read everything has as many messages as the summary counts.
+/// After reading everything, the number of messages must match the summary.
 void MessageReader::State::check_count() const {
   if (wants_everything && reader.statistics_ && reader.statistics_->message_count != given_count) {
     damaged({.file = reader.source_.name(), .offset = reader.source_.size()}, Opcode::kStatistics,

@@ -18,41 +18,41 @@ namespace fastcycle::mcap {
 
 class MessageReader;
 
-/// Which messages are asked for.
+/// Selects messages.
 struct MessageQuery {
   std::vector<std::string> topics = {};      ///< Empty: all.
   std::uint64_t begin_ns = 0;                ///< Log time of the earliest one.
-  std::optional<std::uint64_t> end_ns = {};  ///< Log time that all are before; none: no end.
-  /// Topics whose messages tell of the others in their chunk: from each chunk that is opened for
-  /// those, they are given first, whatever their times are.
+  std::optional<std::uint64_t> end_ns = {};  ///< Exclusive end of log times; none: no end.
+  /// Topics whose messages describe the others in their chunk: from each chunk that is opened for
+  /// those, they are returned first, whatever their times are.
   std::vector<std::string> heads = {};
 };
 
-/// A message, with the channel it is of.
+/// A message with its channel.
 struct StoredMessage : Message {
   const Channel* channel = nullptr;  ///< Lives as long as the `Reader`.
 };
 
-/// Finds things in an MCAP file by its summary: messages by topic and time, attachments, metadata.
+/// Random access to an MCAP file by its summary: messages by topic and time, attachments, metadata.
 ///
 ///     const Reader reader(source);
 ///     MessageReader messages = reader.messages({.topics = {"control/speed"}});
 ///     while (const std::optional<StoredMessage> message = messages.next()) { ... }
 ///
 /// A file without a summary, or with one that lacks what is needed, is read once from its beginning
-/// to its end (`was_scanned()`), which checks everything that `RecordReader` checks. This is also
-/// how a file is read that was not closed; `problem()` then says where it ends. With
-/// `ReadOptions::use_summary` off, a file whose summary is damaged can be read in this way.
+/// to its end (`was_scanned()`), with all the checks of `RecordReader`. This also reads a file that
+/// was not closed; `problem()` then reports where it ends. With `ReadOptions::use_summary` off, it
+/// reads a file whose summary is damaged.
 ///
-/// By the summary, only the parts that are asked for are read and checked: a whole check of a file
-/// is one by `RecordReader`.
+/// With a summary, only the requested parts are read and checked; use `RecordReader` to check a
+/// whole file.
 ///
-/// Memory: schemas, channels and indexes; `ReadLimits` are their bounds.
+/// Memory: schemas, channels and indexes; limited by `ReadLimits`.
 ///
 /// @threads  Compatible.
 class Reader {
  public:
-  /// `source` has to live as long as this.
+  /// `source` has to outlive this.
   ///
   /// @errors  `Damage` if a summary that is used is wrong, or, in a scan, something before the end
   ///          of the data section. `Error` if the source cannot be read.
@@ -61,32 +61,32 @@ class Reader {
   Reader& operator=(const Reader&) = delete;
   ~Reader();
 
-  /// The messages that `query` asks for, in the order of their log times; those of the same time in
-  /// the order of the file. Valid as long as this reader.
+  /// The messages selected by `query`, in the order of their log times, then of the file. Must not
+  /// outlive this reader.
   [[nodiscard]] MessageReader messages(MessageQuery query = {}) const;
 
   [[nodiscard]] const Header& header() const { return header_; }
   [[nodiscard]] const Definitions& definitions() const { return definitions_; }
-  /// Those of the file, or what a scan counted: always there.
+  /// Those of the file, or computed by a scan: always set.
   [[nodiscard]] const std::optional<Statistics>& statistics() const { return statistics_; }
 
   [[nodiscard]] const std::vector<AttachmentIndex>& attachments() const { return attachments_; }
   [[nodiscard]] const std::vector<MetadataIndex>& metadata() const { return metadata_; }
-  /// The record that `index` names. The attachment's data is in `memory`, which is overwritten.
+  /// The record at `index`. The attachment's data is in `memory`, which is overwritten.
   ///
-  /// @errors  `Damage` if it is another one, or its CRC is wrong.
+  /// @errors  `Damage` if another record is there, or its CRC is wrong.
   [[nodiscard]] Attachment read(const AttachmentIndex& index, std::vector<std::byte>& memory) const;
   [[nodiscard]] Metadata read(const MetadataIndex& index) const;
 
   [[nodiscard]] bool was_scanned() const { return was_scanned_; }
-  /// What is wrong behind the data that can be read: a file that was not closed, a damaged summary
-  /// that was not needed. None for a file in order.
+  /// A problem after the readable data: a file that was not closed, or a damaged summary that was
+  /// not needed. None for a valid file.
   [[nodiscard]] const std::optional<Problem>& problem() const { return problem_; }
 
  private:
   friend class MessageReader;
 
-  /// Records that stand one after the other: in a chunk, or in the file itself.
+  /// Contiguous records: in a chunk, or in the file itself.
   struct Span {
     std::uint64_t begin_ns = 0;
     std::uint64_t end_ns = 0;  ///< Of the latest message.
@@ -95,7 +95,7 @@ class Reader {
     std::uint64_t uncompressed_size = 0;
     bool is_chunk = true;
     std::string compression = {};
-    std::vector<std::uint16_t> channel_ids = {};  ///< Sorted. Empty: not known.
+    std::vector<std::uint16_t> channel_ids = {};  ///< Sorted. Empty: unknown.
   };
 
   struct Scan;
@@ -124,12 +124,12 @@ class Reader {
   bool was_scanned_ = false;
 };
 
-/// Messages of a file, one after the other. Made by `Reader::messages`.
+/// Iterates over messages of a file. Returned by `Reader::messages`.
 ///
-/// A chunk is read when its first message may be next, and forgotten after its last.
+/// A chunk is read when its first message may be next, and freed after its last.
 ///
-/// Memory: the chunks whose times overlap, and 16 bytes for each message in them that was asked
-/// for; at most `ReadLimits::open_chunk_bytes` of chunks, else `next` throws.
+/// Memory: the chunks whose times overlap, and 16 bytes for each selected message in them; at most
+/// `ReadLimits::open_chunk_bytes` of chunks, else `next` throws.
 ///
 /// @threads  Confined.
 class MessageReader {
@@ -140,9 +140,8 @@ class MessageReader {
 
   /// The next message; its data is valid until the next call. None if there is no further one.
   ///
-  /// @errors  `Damage` if a chunk is, or is not what the summary says. `Error` if the source cannot
-  /// be
-  ///          read. The reader is of no use afterwards.
+  /// @errors  `Damage` if a chunk is damaged or contradicts the summary. `Error` if the source
+  ///          cannot be read. The reader is unusable afterwards.
   std::optional<StoredMessage> next();
 
  private:

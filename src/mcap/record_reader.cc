@@ -124,7 +124,7 @@ std::optional<Record> RecordReader::next() {
   return {};
 }
 
-/// One step further; a record if that led to one that is given out.
+/// Advances one step; returns a record if that led to one.
 std::optional<Record> RecordReader::step() {
   if (is_in_chunk_) {
     return next_in_chunk();
@@ -194,7 +194,7 @@ std::optional<Record> RecordReader::next_in_file() {
   }
   const std::uint64_t size = kFrameBytes + frame.length;
   if (!is_known(frame.opcode)) {
-    // Of any length: it is looked at piece by piece, for the CRCs only.
+    // May have any length: read piecewise, only for the CRCs.
     for (std::uint64_t done = 0; done < size;) {
       const auto piece =
           static_cast<std::size_t>(std::min<std::uint64_t>(size - done, kReadAheadBytes));
@@ -221,7 +221,7 @@ void RecordReader::check_length(const Frame& frame) const {
   }
 }
 
-/// A record of the file itself, which is there as a whole.
+/// A record of the file itself, completely available.
 std::optional<Record> RecordReader::take(Opcode opcode, Bytes whole) {
   const Bytes content = whole.subspan(kFrameBytes);
   std::optional<Record> record = decode(opcode, content, place_);
@@ -273,7 +273,7 @@ void RecordReader::check_section(Opcode opcode) const {
   }
 }
 
-/// Learns from a record. False if it is not to be given out.
+/// Updates the state for a record. False if it is not to be returned.
 bool RecordReader::keep(const Record& record, Bytes content) {
   if (const auto* message = std::get_if<Message>(&record)) {
     definitions_.require_channel(message->channel_id, place_);
@@ -341,7 +341,7 @@ void RecordReader::check_crc(Opcode opcode, std::uint32_t written, std::uint32_t
   }
 }
 
-/// Goes into a chunk whose end is missing; false if that is of no use.
+/// Enters a chunk whose end is missing; false if that is useless.
 bool RecordReader::enter_begun_chunk(std::uint64_t size) {
   if (has_end() || size > options_.limits.record_bytes) {
     return false;
@@ -351,7 +351,7 @@ bool RecordReader::enter_begun_chunk(std::uint64_t size) {
   try {
     chunk = decode_begun_chunk(begun.subspan(kFrameBytes), place_);
   } catch (const Damage&) {
-    return false;  // Not even its head is whole.
+    return false;  // Even its head is incomplete.
   }
   if (!chunk.compression.empty() || chunk.records.size() > options_.limits.chunk_bytes) {
     return false;
@@ -428,7 +428,7 @@ bool RecordReader::has_end() {
   return end >= 2 * kMagic.size() && is_magic(window_.view(end - kMagic.size(), kMagic.size()));
 }
 
-/// The file ends too early. One that has an end is not cut off: then a length is wrong.
+/// The file ends too early. If it has a regular end, it is not truncated: then a length is wrong.
 void RecordReader::truncated(std::string record, std::string expected) {
   const std::uint64_t end = window_.end();
   if (has_end()) {

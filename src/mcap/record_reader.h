@@ -15,9 +15,8 @@
 
 namespace fastcycle::mcap {
 
-/// What a file may ask of us, in bytes: a hostile one costs no more. Memory is never asked for on
-/// the word of a length field alone, but after it was compared with these limits and with what is
-/// there.
+/// Limits on the memory that a file can make a reader use, in bytes. Length fields are checked
+/// against these limits and the available data before memory is allocated.
 struct ReadLimits {
   /// A message, attachment, chunk (compressed) or message index.
   std::uint64_t record_bytes = std::uint64_t{1} << 30U;
@@ -27,37 +26,37 @@ struct ReadLimits {
   std::uint64_t chunk_bytes = std::uint64_t{512} << 20U;
   /// All different schemas and channels together.
   std::uint64_t definition_bytes = std::uint64_t{256} << 20U;
-  /// `Reader` only: the summary; without one, the index that a scan makes.
+  /// `Reader` only: the summary; without one, the index built by a scan.
   std::uint64_t index_bytes = std::uint64_t{256} << 20U;
-  /// `Reader` only: uncompressed chunks whose times overlap, and which are held at the same time.
+  /// `Reader` only: uncompressed chunks whose times overlap, held at the same time.
   std::uint64_t open_chunk_bytes = std::uint64_t{1} << 30U;
 };
 
-/// The largest message that readers take with these limits. It needs a chunk of its own, which has
-/// room for what is said about it, but not for schemas.
+/// The largest message that readers accept with these limits. It needs a chunk of its own, with
+/// room for its headers, but not for schemas.
 inline constexpr std::uint64_t kMostMessageBytes = ReadLimits{}.chunk_bytes - 1024;
 
 struct ReadOptions {
   bool check_crcs = true;
-  bool use_summary = true;  ///< `Reader` only; false: scan the file, whatever its summary says.
+  bool use_summary = true;  ///< `Reader` only; false: always scan the file.
   ReadLimits limits = {};
 };
 
-/// Why a reader came to its end.
+/// Why a reader stopped.
 struct Stop {
   enum class Reason : std::uint8_t {
-    kEnd,        ///< The file was read to its end, and has one.
-    kTruncated,  ///< The file ends before its end: its writer did not close it.
+    kEnd,        ///< The file was read to its regular end.
+    kTruncated,  ///< The end of the file is missing: its writer did not close it.
     kDamaged,    ///< Its content is wrong.
   };
 
   Reason reason = Reason::kEnd;
-  Problem problem;  ///< Where, and why; of no meaning for `kEnd`.
+  Problem problem;  ///< Where, and why; unused for `kEnd`.
 };
 
 struct Frame;
 
-/// Bytes of a source, with reading ahead.
+/// Bytes of a source, with read-ahead.
 ///
 /// @threads  Confined.
 class Window {
@@ -68,7 +67,7 @@ class Window {
   ///
   /// @pre  `offset + size <= end()`
   [[nodiscard]] Bytes view(std::uint64_t offset, std::size_t size);
-  /// The size of the source when this was made.
+  /// The size of the source at construction.
   [[nodiscard]] std::uint64_t end() const { return end_; }
 
  private:
@@ -78,7 +77,7 @@ class Window {
   std::vector<std::byte> bytes_;
 };
 
-/// Reads an MCAP file from its beginning to its end, record by record, also one that has no end.
+/// Reads an MCAP file sequentially, record by record, also one without an end.
 ///
 ///     RecordReader reader(source);
 ///     while (const std::optional<Record> record = reader.next()) {
@@ -86,47 +85,45 @@ class Window {
 ///     }
 ///     if (reader.stop()->reason != Stop::Reason::kEnd) { ... }
 ///
-/// All records come in the order of the file; a chunk is followed by what is in it. Of a last chunk
-/// that is cut off come the whole records if it is not compressed, but not the chunk itself.
-/// Records of unknown opcodes and schemas of id 0 are passed over.
+/// All records are returned in the order of the file; a chunk is followed by its contents. Of a
+/// truncated last chunk, complete records are returned if it is not compressed, but not the chunk
+/// itself. Records of unknown opcodes and schemas of id 0 are skipped.
 ///
-/// Checked are: all CRCs (those of data section and summary at their end, when their records were
-/// given out already); that records stand where they may; that messages have channels and channels
-/// have schemas; that what is repeated is the same.
+/// Checks all CRCs (those of data section and summary at their end, after their records were
+/// returned); that records are where they may be; that messages have channels and channels have
+/// schemas; that repeated definitions are identical.
 ///
-/// Memory: a record, an uncompressed chunk, and all schemas and channels; `ReadLimits` are their
-/// bounds.
+/// Memory: a record, an uncompressed chunk, and all schemas and channels; limited by `ReadLimits`.
 ///
 /// @threads  Confined.
 class RecordReader {
  public:
-  /// Both have to live as long as the reader.
+  /// `source` has to outlive this.
   explicit RecordReader(const Source& source, ReadOptions options = {});
   RecordReader(const RecordReader&) = delete;
   RecordReader& operator=(const RecordReader&) = delete;
   ~RecordReader() = default;
 
-  /// The next record; its `Bytes` are valid until the next call. None if there is no further one:
-  /// `stop()` says why.
+  /// The next record; its `Bytes` are valid until the next call. None at the end: see `stop()`.
   ///
-  /// @errors  `Error` if the source cannot be read. What is wrong with its content is in `stop()`.
+  /// @errors  `Error` if the source cannot be read. `stop()` reports problems of its content.
   std::optional<Record> next();
 
-  /// Where the last record stands.
+  /// Position of the last record.
   [[nodiscard]] const Place& place() const { return place_; }
-  /// Behind the last record, or, in a chunk, behind the chunk.
+  /// Offset after the last record, or, in a chunk, after the chunk.
   [[nodiscard]] std::uint64_t next_offset() const { return position_; }
-  /// Of the records of the last chunk, as they are in the file.
+  /// Offset of the records of the last chunk, as stored in the file.
   [[nodiscard]] std::uint64_t offset_of_chunk_records() const { return chunk_records_offset_; }
-  /// Whether the data section came to its end, and its CRC was right.
+  /// Whether the data section ended, with a correct CRC.
   [[nodiscard]] bool is_past_data() const { return is_past_data_; }
 
-  /// Set when `next` gave none.
+  /// Set when `next` returned none.
   [[nodiscard]] const std::optional<Stop>& stop() const { return stop_; }
 
-  /// After damage: passes over the record that has it, so that `next` goes on behind it; in a
-  /// chunk, over the rest of the chunk if nobody knows where its next record begins. False if that
-  /// is so of the file. CRCs of data section and summary are not checked any more.
+  /// After damage: skips the damaged record, so that `next` continues after it; in a chunk, skips
+  /// the rest of the chunk if the start of its next record is unknown. False if that is unknown in
+  /// the file. CRCs of data section and summary are no longer checked.
   bool resume();
 
   /// The schemas and channels so far.
@@ -172,7 +169,7 @@ class RecordReader {
   bool can_resume_ = false;
 
   Crc data_crc_;
-  bool has_data_crc_ = true;  // Not after something was passed over.
+  bool has_data_crc_ = true;  // Not after something was skipped.
   Crc summary_crc_;
   bool has_summary_crc_ = true;
   std::uint64_t summary_begin_ = 0;
@@ -187,10 +184,10 @@ class RecordReader {
   std::vector<std::byte> uncompressed_;
 };
 
-/// Makes the records of `chunk` readable: `chunk.records` themselves, or `memory`, which is filled.
+/// Makes the records of `chunk` readable: returns `chunk.records` themselves, or fills `memory`.
 ///
-/// @errors  `Damage` at `place`: unknown compression, a wrong CRC, sizes that do not agree with
-///          `limits` or with each other.
+/// @errors  `Damage` at `place`: unknown compression, a wrong CRC, sizes that contradict `limits`
+///          or each other.
 [[nodiscard]] Bytes uncompress(const Chunk& chunk, const ReadOptions& options, const Place& place,
                                Decompressor& decompressor, std::vector<std::byte>& memory);
 

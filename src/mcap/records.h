@@ -12,9 +12,9 @@
 
 /// The records of an MCAP file as plain values, one struct for each.
 ///
-/// Times are nanoseconds since whatever epoch the recording uses. Offsets and lengths are bytes;
-/// offsets count from the beginning of the file, and lengths of records include opcode and length
-/// field, unless said otherwise. `Bytes` are borrowed: whoever hands them out says for how long.
+/// Times are nanoseconds since the recording's epoch. Offsets and lengths are bytes; offsets count
+/// from the beginning of the file, and lengths of records include opcode and length field, unless
+/// stated otherwise. `Bytes` are borrowed: functions that return them document how long.
 namespace fastcycle::mcap {
 
 using Bytes = std::span<const std::byte>;
@@ -23,7 +23,7 @@ using Bytes = std::span<const std::byte>;
 [[nodiscard]] inline Bytes bytes_of(std::string_view text) {
   return std::as_bytes(std::span(text));
 }
-/// How many bytes `parts` are together.
+/// Total size of `parts`.
 [[nodiscard]] inline std::size_t size_of(std::span<const Bytes> parts) {
   std::size_t size = 0;
   for (const Bytes part : parts) {
@@ -36,7 +36,7 @@ using Bytes = std::span<const std::byte>;
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// What stands at the beginning and at the end of every file.
+/// Magic bytes at the beginning and at the end of every file.
 inline constexpr std::array<std::byte, 8> kMagic{std::byte{0x89}, std::byte{'M'}, std::byte{'C'},
                                                  std::byte{'A'},  std::byte{'P'}, std::byte{'0'},
                                                  std::byte{'\r'}, std::byte{'\n'}};
@@ -59,12 +59,12 @@ enum class Opcode : std::uint8_t {
   kDataEnd = 0x0F,
 };
 
-/// `Message`, `ChunkIndex`; `record of opcode 0x42` for one that is not known.
+/// `Message`, `ChunkIndex`; `record of opcode 0x42` for an unknown one.
 [[nodiscard]] std::string name_of(Opcode opcode);
 
 struct Header {
-  std::string profile = {};  ///< What a reader may rely on, beyond the format; may be empty.
-  std::string library = {};  ///< What wrote the file.
+  std::string profile = {};  ///< Guarantees to readers beyond the format; may be empty.
+  std::string library = {};  ///< The software that wrote the file.
 
   bool operator==(const Header&) const = default;
 };
@@ -81,7 +81,7 @@ struct Schema {
   std::uint16_t id = 0;       ///< Not 0.
   std::string name = {};      ///< `demo.Speed`
   std::string encoding = {};  ///< `protobuf`
-  std::string data = {};      ///< Bytes; of a protobuf schema a serialized `FileDescriptorSet`.
+  std::string data = {};      ///< Bytes; for protobuf a serialized `FileDescriptorSet`.
 
   bool operator==(const Schema&) const = default;
 };
@@ -96,7 +96,7 @@ struct Channel {
   bool operator==(const Channel&) const = default;
 };
 
-/// What a message record says of a message.
+/// The fields of a message record.
 struct MessageHead {
   std::uint16_t channel_id = 0;
   std::uint32_t sequence = 0;
@@ -112,7 +112,7 @@ struct Message : MessageHead {
 
 struct Chunk {
   std::uint64_t message_start_time_ns = 0;  ///< 0 if it has no messages.
-  std::uint64_t message_end_time_ns = 0;    ///< That of the latest message, not one beyond it.
+  std::uint64_t message_end_time_ns = 0;    ///< Inclusive: time of the latest message.
   std::uint64_t uncompressed_size = 0;
   std::uint32_t uncompressed_crc = 0;  ///< 0: not computed.
   std::string compression = {};        ///< Empty, `lz4` or `zstd`.
@@ -143,8 +143,8 @@ struct ChunkIndex {
   std::uint64_t message_end_time_ns = 0;
   std::uint64_t chunk_start_offset = 0;
   std::uint64_t chunk_length = 0;
-  /// Where the message indexes of the chunk stand, one for each channel with messages in it. Empty:
-  /// there are none.
+  /// Offsets of the chunk's message indexes, one for each channel with messages in it. Empty: there
+  /// are none.
   std::vector<MessageIndexOffset> message_index_offsets = {};
   std::uint64_t message_index_length = 0;  ///< Of all of them.
   std::string compression = {};
@@ -154,10 +154,10 @@ struct ChunkIndex {
   bool operator==(const ChunkIndex&) const = default;
 };
 
-/// What an attachment record says of a file that was put into this one.
+/// The fields of an attachment record.
 struct AttachmentHead {
   std::uint64_t log_time_ns = 0;
-  std::uint64_t create_time_ns = 0;  ///< 0: not known.
+  std::uint64_t create_time_ns = 0;  ///< 0: unknown.
   std::string name = {};
   std::string media_type = {};
 
@@ -188,7 +188,7 @@ struct Statistics {
   std::uint32_t metadata_count = 0;
   std::uint32_t chunk_count = 0;
   std::uint64_t message_start_time_ns = 0;  ///< 0 if there are no messages.
-  std::uint64_t message_end_time_ns = 0;    ///< That of the latest message, not one beyond it.
+  std::uint64_t message_end_time_ns = 0;    ///< Inclusive: time of the latest message.
   std::map<std::uint16_t, std::uint64_t> channel_message_counts = {};
 
   bool operator==(const Statistics&) const = default;
@@ -223,7 +223,7 @@ struct DataEnd {
   bool operator==(const DataEnd&) const = default;
 };
 
-/// Any one of them.
+/// Any record.
 using Record = std::variant<Header, Footer, Schema, Channel, Message, Chunk, MessageIndex,
                             ChunkIndex, Attachment, AttachmentIndex, Statistics, Metadata,
                             MetadataIndex, SummaryOffset, DataEnd>;

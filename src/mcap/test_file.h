@@ -18,10 +18,10 @@
 #include "mcap/record_reader.h"
 #include "mcap/writer.h"
 
-/// A small language for tests: files as strings, records as lines of text.
+/// Helpers for tests: files as strings, records as lines of text.
 namespace fastcycle::mcap {
 
-/// What names of tests show of options; bytes of them would include what was never written.
+/// Shown in names of tests; by default they would contain uninitialized padding bytes.
 inline void PrintTo(const WriterOptions& options, std::ostream* stream) {
   const std::string_view name = name_of(options.chunk.compression);
   *stream << (!options.chunked ? "unchunked"
@@ -40,7 +40,7 @@ inline const Channel kSpeed{.id = 1,
 inline const Channel kCamera{
     .id = 2, .schema_id = 0, .topic = "camera/front", .message_encoding = "raw", .metadata = {}};
 
-/// A sink that becomes a string.
+/// A sink that writes to a string.
 class StringSink final : public Sink {
  public:
   void append(std::span<const Bytes> parts) override {
@@ -101,7 +101,7 @@ inline std::string drive(const WriterOptions& options, bool is_closed = true) {
       writer.write(Metadata{.name = "car", .metadata = {{"name", "demo"}}});
     }
     const bool is_speed = i < 4 || i % 3 != 0;
-    // 1 0 3 2 5 4 ...: neighbours are exchanged; the camera's have the time of the one before.
+    // 1 0 3 2 5 4 ...: neighbours are swapped; the camera's have the time of the one before.
     write_message(writer,
                   head_at(is_speed ? (i ^ 1U) * 10 : (i - 1) * 10, is_speed ? kSpeed : kCamera),
                   fmt::format("message number {}, which is not long", i));
@@ -123,7 +123,7 @@ std::string line_of_map(const Map& map) {
   return line;
 }
 
-/// One line that says all of a record.
+/// Formats a record on one line.
 struct LineOf {
   std::string operator()(const Header& one) const {
     return fmt::format("Header {} {}", one.profile, one.library);
@@ -196,7 +196,7 @@ struct LineOf {
 
 using Lines = std::vector<std::string>;
 
-/// What a `RecordReader` makes of a file.
+/// Result of reading a file with `RecordReader`.
 struct Streamed {
   Lines lines;
   Stop stop;
@@ -240,7 +240,7 @@ inline Lines indexed(std::string_view file, const MessageQuery& query = {},
   return messages_of(Reader(source, options), query);
 }
 
-/// Where the record number `index` of this opcode stands in the file, outside of chunks.
+/// Offset of record number `index` of this opcode in the file, outside of chunks.
 inline std::size_t find_record(std::string_view file, Opcode opcode, std::size_t index = 0) {
   for (std::size_t at = kMagic.size(); at + kFrameBytes <= file.size();) {
     std::uint64_t length = 0;
@@ -253,7 +253,7 @@ inline std::size_t find_record(std::string_view file, Opcode opcode, std::size_t
   throw std::runtime_error("no such record");
 }
 
-/// `file` with `value` in place of what stands at `offset`.
+/// `file` with `value` written at `offset`.
 template <typename Number>
 std::string with(std::string file, std::size_t offset, Number value) {
   std::memcpy(file.data() + offset, &value, sizeof(value));
@@ -280,7 +280,7 @@ inline std::string encoded(const Message& message) {
   return std::string(text_of(bytes)).append(text_of(message.data));
 }
 
-/// A chunk record around records that need not make sense.
+/// A chunk record around records that need not be valid.
 inline std::string chunk_around(std::string_view records, Chunk head) {
   std::vector<std::byte> bytes;
   encode_head(head, records.size(), bytes);

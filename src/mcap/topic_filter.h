@@ -6,16 +6,16 @@
 
 namespace fastcycle::mcap {
 
-/// Whether `topic` is one that `pattern` means: `*` stands for any characters of one level and `?`
-/// for one of them; `**` as a whole level for any number of levels, none included; everything else
-/// for itself.
+/// Whether `topic` matches `pattern`: `*` matches any characters of one level and `?` one of them;
+/// `**` as a whole level matches any number of levels, including none; everything else matches
+/// itself.
 ///
 ///     control/speed        control/*        camera/**        **/status
 ///
-/// Takes time as the product of both lengths at most.
+/// Takes at most time proportional to the product of both lengths.
 [[nodiscard]] bool matches(std::string_view pattern, std::string_view topic);
 
-/// Which topics somebody wants: those that a pattern of `topics` means and none of `except`.
+/// Selects topics: those that match a pattern of `topics` and none of `except`.
 struct TopicFilter {
   std::vector<std::string> topics = {};  ///< Empty: all.
   std::vector<std::string> except = {};

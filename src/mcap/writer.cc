@@ -36,7 +36,7 @@ void Writer::refuse(Opcode record, std::string expected, std::string found) cons
 }
 
 void Writer::put(std::span<const Bytes> parts) {
-  has_failed_ = true;  // Until the sink has taken it.
+  has_failed_ = true;  // Cleared once the sink has accepted it.
   sink_.append(parts);
   has_failed_ = false;
   size_ += size_of(parts);
@@ -53,7 +53,7 @@ void Writer::append(std::span<const Bytes> parts) {
   add_to_crc(parts);
 }
 
-/// Throws if it may not be defined beside what the writer and `more` have.
+/// Throws if it conflicts with definitions of the writer or `more`.
 void Writer::check(const Schema& schema, const Definitions& more) const {
   if (schema.id == 0) {
     refuse(Opcode::kSchema, "an id that is not 0", "0 for " + shown(schema.name));
@@ -164,7 +164,7 @@ void Writer::write(ChunkBuilder& chunk) {
   }
 }
 
-/// Every message has its channel before it, here or earlier in the file.
+/// Every message must have its channel defined before it, here or earlier in the file.
 void Writer::check_channels_of(const ChunkBuilder& chunk) const {
   for (const MessageIndex& index : chunk.message_indexes()) {
     const auto defines = [&](const ChunkBuilder::Definition& definition) {
@@ -188,7 +188,7 @@ void Writer::flush() {
   if (chunk_.message_count() > 0) {
     append_chunk(chunk_);
   } else {
-    // Schemas and channels alone need no chunk, and readers no time to look into it.
+    // Schemas and channels alone need no chunk, which readers would have to open.
     scratch_.clear();
     for (const ChunkBuilder::Definition& definition : chunk_.definitions()) {
       std::visit([&](const auto& record) { encode(record, scratch_); }, definition.record);
@@ -361,7 +361,7 @@ void Writer::append_summary() {
   }
   encode(footer, summary);
   if (options_.summary_crc) {
-    // Over all of it but the CRC itself, which stands at the end.
+    // Over all of it except the CRC itself, at the end.
     Crc crc;
     crc.add(Bytes(summary).first(summary.size() - sizeof(std::uint32_t)));
     std::ranges::copy(encode_u32(crc.value()), summary.end() - sizeof(std::uint32_t));

@@ -16,14 +16,14 @@
 
 namespace fastcycle::mcap {
 
-/// Which parts a file has. What is on by default is what readers need to find anything without
+/// The optional parts of a file. The defaults are what readers need to find anything without
 /// reading everything.
 struct WriterOptions {
   std::string profile = {};  ///< Of the header.
   std::string library = {};  ///< Of the header.
 
-  bool chunked = true;  ///< Messages stand in chunks.
-  /// A chunk grows to this, uncompressed; a larger message has one of its own.
+  bool chunked = true;  ///< Messages are in chunks.
+  /// Uncompressed size of a chunk; a larger message has a chunk of its own.
   std::uint64_t chunk_bytes = std::uint64_t{1} << 20U;
   ChunkOptions chunk = {};    ///< Of the writer's own chunks.
   bool message_index = true;  ///< After each chunk: where its messages are.
@@ -42,7 +42,7 @@ struct WriterOptions {
   bool summary_offsets = true;  ///< Where each of these parts is.
 };
 
-/// Writes an MCAP file, from its first byte to its last, into a sink.
+/// Writes an MCAP file sequentially to a sink.
 ///
 ///     Writer writer(sink, {.library = "fastcycle"});
 ///     writer.add(schema);
@@ -50,17 +50,17 @@ struct WriterOptions {
 ///     writer.write({.channel_id = 1, .log_time_ns = now_ns, .publish_time_ns = then_ns}, parts);
 ///     writer.close();
 ///
-/// A writer that goes away without `close()` leaves a file without an end: readers find everything
-/// up to the last whole chunk.
+/// Without `close()`, the file is incomplete: readers find everything up to the last complete
+/// chunk.
 ///
-/// Memory: the chunk that is open; all schemas and channels; and the indexes as they will stand in
-/// the summary (`index_bytes()`): some 85 bytes a chunk and 10 for each channel in it, some 60
-/// bytes and the names for an attachment, 29 and the name for metadata.
+/// Memory: the open chunk; all schemas and channels; and the indexes of the summary
+/// (`index_bytes()`): about 85 bytes a chunk and 10 for each channel in it, about 60 bytes and the
+/// names for an attachment, 29 and the name for metadata.
 ///
 /// @threads  Confined to one thread.
-/// @errors   `Error` where a record is asked for that the format forbids; nothing was written then,
-///           and writing may go on. `Error` of the sink; then the file stays as it is, and the
-///           writer refuses everything. `std::length_error`: a text is over 4 GiB.
+/// @errors   `Error` for a record that the format forbids; nothing was written then, and writing
+///           may continue. `Error` of the sink; then the file stays as it is, and all further
+///           writes fail. `std::length_error`: a text is over 4 GiB.
 class Writer {
  public:
   /// Writes magic and header.
@@ -69,39 +69,40 @@ class Writer {
   Writer& operator=(const Writer&) = delete;
   ~Writer() = default;
 
-  /// Defines a schema (its id is not 0), or a channel of a schema that was added before. Whoever
-  /// adds one a second time, with the same content, changes nothing.
+  /// Defines a schema (its id is not 0), or a channel of a schema that was added before. Adding it
+  /// again with the same content has no effect.
   void add(const Schema& schema);
   void add(const Channel& channel);
 
-  /// Writes a message of a channel that was added. Its data is all of `data`, one part after the
-  /// other. Without chunks the parts go to the sink as they are.
+  /// Writes a message of a channel that was added. Its data is the concatenation of `data`. Without
+  /// chunks the parts go to the sink as they are.
   void write(const MessageHead& head, std::span<const Bytes> data);
   void write(const Message& message) { write(message, {&message.data, 1}); }
 
-  /// Appends a chunk that was put together elsewhere, closing it if it is not. What the writer's
-  /// own chunk holds is written before.
+  /// Appends a chunk that was built elsewhere, closing it if it is not. The writer's own open chunk
+  /// is written before.
   ///
-  /// @errors  See above; it is forbidden without `chunked`, and with messages of channels that
-  ///          neither the writer nor the chunk, before them, has.
+  /// @errors  See above; forbidden without `chunked`, and with messages of channels that are
+  /// defined
+  ///          neither in the writer nor earlier in the chunk.
   void write(ChunkBuilder& chunk);
 
-  /// Attachments and metadata stand outside of chunks, before the one that is open.
+  /// Attachments and metadata are outside of chunks, before the open one.
   void write(const AttachmentHead& head, std::span<const Bytes> data);
   void write(const Attachment& attachment) { write(attachment, {&attachment.data, 1}); }
   void write(const Metadata& metadata);
 
-  /// Writes what the open chunk holds: a crash of the process then takes nothing of it.
+  /// Writes the open chunk: its messages then survive a crash of the process.
   void flush();
 
-  /// Writes all that is left, and the summary. The sink may go away afterwards.
+  /// Writes all that is left, and the summary. The sink may be destroyed afterwards.
   void close();
 
-  /// Of the file so far, without the open chunk, in bytes.
+  /// Size of the file so far, without the open chunk, in bytes.
   [[nodiscard]] std::uint64_t size() const { return size_; }
-  /// Of what is in the file so far, without the open chunk.
+  /// Statistics of the file so far, without the open chunk.
   [[nodiscard]] const Statistics& statistics() const { return statistics_; }
-  /// What the indexes take, here and later in the summary.
+  /// Size of the indexes, here and later in the summary.
   [[nodiscard]] std::uint64_t index_bytes() const;
   [[nodiscard]] const Definitions& definitions() const { return definitions_; }
 

@@ -29,7 +29,7 @@ double ms(Duration span) {
   return std::chrono::duration<double, std::milli>(span).count();
 }
 
-/// Who subscribes to what, and what these publish.
+/// The graph of subscribers and what they publish.
 class Ways {
  public:
   explicit Ways(const detail::Topics& topics) {
@@ -60,9 +60,9 @@ class Ways {
     return names;
   }
 
-  /// The topics that come from other applications, where chains may have begun.
+  /// The topics from other applications, where chains may have begun.
   [[nodiscard]] const std::set<std::string>& brought() const { return brought_; }
-  /// These, and the topics to which something of them gets.
+  /// These, and the topics they reach.
   [[nodiscard]] std::set<std::string> beyond_brought() const {
     std::set<std::string> reached = brought_;
     for (const std::string& topic : brought_) {
@@ -70,7 +70,7 @@ class Ways {
     }
     return reached;
   }
-  /// The topics to which something of `from` gets.
+  /// The topics that `from` reaches.
   [[nodiscard]] std::set<std::string> beyond(const std::string& from) const {
     std::set<std::string> reached;
     std::vector<std::string> left{from};
@@ -134,7 +134,7 @@ nlohmann::ordered_json to_json(const std::vector<ChainReport>& chains) {
   for (const ChainReport& chain : chains) {
     auto hops = nlohmann::ordered_json::array();
     for (const HopReport& hop : chain.hops) {
-      const bool is_last = hop.topic.empty();  // Who receives, and publishes nothing of it.
+      const bool is_last = hop.topic.empty();  // The receiver, which publishes nothing of it.
       hops.push_back({{"component", hop.component},
                       {"topic", topic_of(hop)},
                       {"count", hop.waiting.count},
@@ -199,7 +199,7 @@ void Chains::check(config::Problems& problems) {
       config::Problem problem =
           config::mistake(place_of(description, chain, key), its + what, std::move(hint));
       if (is_replay) {
-        // The application as a whole was checked before: this is due to who does not run.
+        // The application as a whole was checked before: the cause is components that do not run.
         problem.warning = true;
         problem.message = its + "is not judged in this replay: it " + what;
         problem.hint.clear();
@@ -225,7 +225,7 @@ void Chains::check(config::Problems& problems) {
       continue;
     }
     std::set<std::string> reached = ways.beyond(chain.from);
-    reached.merge(ways.beyond_brought());  // It may have come back from another application.
+    reached.merge(ways.beyond_brought());  // It may have returned from another application.
     if (!reached.contains(chain.to)) {
       std::string names;
       for (const std::string& name : reached) {
@@ -246,7 +246,7 @@ void Chains::breached(detail::ComponentCore& sink, std::size_t chain) {
   }
 }
 
-/// Where several components subscribe to its end, the sum of what they saw.
+/// If several components subscribe to its end, the sum of their results.
 ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) const {
   struct Sum {
     std::size_t place = 0;
@@ -299,7 +299,7 @@ ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) c
   }
   report.age = age.summary();
   report.count = report.age.count;
-  std::vector<Sum*> order;  // By place; in the order of the alphabet where that is the same.
+  std::vector<Sum*> order;  // By index; in alphabetical order where that is equal.
   for (auto& [name, sum] : sums) {
     sum.report.waiting = sum.waiting.summary();
     sum.report.running = sum.running.summary();
@@ -317,7 +317,7 @@ ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) c
 std::vector<ChainReport> Chains::report() const {
   std::vector<ChainReport> reports;
   for (std::size_t i = 0; i < application_.description().chains.size(); ++i) {
-    // One at a time: who waits for the topics is not held up by all of them.
+    // One at a time, so that the lock on the topics is not held for all of them.
     wiring_.look([&](const detail::Topics& topics) { reports.push_back(report_of(topics, i)); });
   }
   return reports;

@@ -25,67 +25,67 @@ class ApplicationHost;
 class Modes;
 class Wiring;
 
-/// What one component on the way of a chain took. Times are in nanoseconds.
+/// Latency of one component in a chain. Times are in nanoseconds.
 struct HopReport {
   std::string component = {};
-  std::string topic = {};  ///< That it publishes; empty for the last one, who receives.
-  base::HistogramSummary waiting = {};  ///< From the publish before until its callback.
-  base::HistogramSummary running = {};  ///< From there until its own publish.
-  std::uint64_t guilty_waiting = 0;     ///< Breaches that were due to its waiting,
+  std::string topic = {};  ///< The topic it publishes; empty for the last one, the receiver.
+  base::HistogramSummary waiting = {};  ///< From the previous publish until its callback.
+  base::HistogramSummary running = {};  ///< From its callback until its own publish.
+  std::uint64_t guilty_waiting = 0;     ///< Breaches mostly due to its waiting,
   std::uint64_t guilty_running = 0;     ///< and to its running.
 
   [[nodiscard]] std::uint64_t guilty() const noexcept { return guilty_waiting + guilty_running; }
-  /// What of it most of them were due to.
+  /// The part that caused most of its breaches.
   [[nodiscard]] const char* guilty_part() const noexcept {
     return guilty_waiting > guilty_running ? "waiting" : "running";
   }
 };
 
-/// What became of one latency chain.
+/// Results of one latency chain.
 struct ChainReport {
   std::string name = {};
   std::string from = {};
   std::string to = {};
   double deadline_ms = 0;
   config::OnBreach on_breach{};
-  bool is_judged = true;             ///< False in a replay that runs too little of its way.
+  bool is_judged = true;             ///< False in a replay that runs too little of the chain.
   std::uint64_t count = 0;           ///< Messages of `to` that were judged.
-  std::uint64_t breaches = 0;        ///< Those of them that were too old,
-  std::uint64_t dropped = 0;         ///< and therefore not delivered.
-  base::HistogramSummary age = {};   ///< When they were judged, ns.
-  std::vector<HopReport> hops = {};  ///< In the order of the way; branches beside each other.
+  std::uint64_t breaches = 0;        ///< Those that were too old,
+  std::uint64_t dropped = 0;         ///< and those of them not delivered.
+  base::HistogramSummary age = {};   ///< When they were judged, in ns.
+  std::vector<HopReport> hops = {};  ///< In chain order; parallel branches next to each other.
 
-  /// The hop to which most breaches were due; null if there was none.
+  /// The hop that caused most breaches; null if there were none.
   [[nodiscard]] const HopReport* guilty() const;
 };
 
-/// All chains, as JSON; docs/reference/report.md says what each key means.
+/// All chains, as JSON; see docs/reference/report.md for the keys.
 [[nodiscard]] nlohmann::ordered_json to_json(const std::vector<ChainReport>& chains);
 
-/// The latency chains of an application: owns their way from its file to the topics that judge
-/// them, and back to what came of it.
+/// The latency chains of an application: resolves their paths from the application file to the
+/// topics that judge them, and collects the results.
 ///
 /// @threads  `breached` by the worker that serves `sink`; `report` is Safe; all else is confined to
 ///           the control thread.
 class Chains {
  public:
-  /// All have to live as long as this.
+  /// All arguments must outlive this.
   Chains(const ApplicationHost& application, const Wiring& wiring, Modes& modes)
       : application_(application), wiring_(wiring), modes_(modes) {}
   Chains(const Chains&) = delete;
   Chains& operator=(const Chains&) = delete;
 
-  /// Tells `topics` where chains begin and end; before anything is declared.
+  /// Registers in `topics` where chains begin and end; before anything is declared.
   void declare(detail::Topics& topics);
 
-  /// How many roots there are: so many trails has a message.
+  /// Number of roots, which is the number of trails per message.
   [[nodiscard]] std::size_t root_count() const noexcept { return roots_.size(); }
 
-  /// Finds chains on which nothing gets from one end to the other; once all is declared. In a
-  /// replay that is no mistake: components of such a chain do not run, and it is not judged.
+  /// Reports chains without a path from one end to the other; call after all declarations. In a
+  /// replay this is no error: components of such a chain do not run, and it is not judged.
   void check(config::Problems& problems);
 
-  /// A message for `sink` came too late for the chain at this place of the file.
+  /// A message for `sink` exceeded the limit of the chain at this index of the file.
   void breached(detail::ComponentCore& sink, std::size_t chain);
 
   [[nodiscard]] std::vector<ChainReport> report() const;
@@ -97,7 +97,7 @@ class Chains {
   const Wiring& wiring_;
   Modes& modes_;
   std::vector<std::string> roots_;
-  std::set<std::size_t> not_judged_;  ///< Places in the file; constant once checked.
+  std::set<std::size_t> not_judged_;  ///< Indexes in the file; constant once checked.
 };
 
 }  // namespace fastcycle::host

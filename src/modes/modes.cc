@@ -29,7 +29,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr std::size_t kMaxWaiting = 64;
-constexpr std::size_t kMaxKept = 10'000;  // Switches that the report tells of.
+constexpr std::size_t kMaxKept = 10'000;  // Switches kept for the report.
 
 }  // namespace
 
@@ -143,7 +143,7 @@ nlohmann::json Modes::to_json(const Request& request) {
   return {{"to", request.to}, {"why", request.why}, {"by", request.by}};
 }
 
-/// None if it is no request: another process says it, which may be broken.
+/// None if invalid: it comes from another process, which may be faulty.
 std::optional<Modes::Request> Modes::request_from(const nlohmann::json& json) const {
   const bool is_one = json.is_object() && json.contains("to") && json["to"].is_number_unsigned() &&
                       json["to"].get<std::size_t>() < modes_.size() && json.contains("why") &&
@@ -168,7 +168,7 @@ void Modes::ask(std::string_view mode, std::string_view why, ComponentCore* by) 
 }
 
 void Modes::ask_in_turn(std::string_view mode, std::string_view why, ComponentCore& by) {
-  // In simulated time between two rounds, so that it does not matter which worker was faster.
+  // In simulated time between two rounds, so that the result does not depend on worker speed.
   application_.time().stage(by, [this, request = request(mode, why, &by)] { put(request); });
 }
 
@@ -242,7 +242,7 @@ void Modes::end() {
   wait_until(deadline_in(1s), [this] { return !is_switching(); });
 }
 
-/// The first of those that wait is under way from now on.
+/// Starts the first waiting request.
 void Modes::begin_next() {
   {
     const std::lock_guard lock(mutex_);
@@ -263,7 +263,7 @@ void Modes::begin_next() {
   }
   is_entering_ = false;
   step_ = Step::kLeaving;
-  awaited_ = 1;  // This function itself: until all are asked, none is the last.
+  awaited_ = 1;  // This function itself: prevents completion before all are asked.
   for (const auto& component : application_.components()) {
     if (leaves(component->index) && !application_.runs_elsewhere(component->name)) {
       awaited_.fetch_add(1);
@@ -285,7 +285,7 @@ bool Modes::joins(std::uint32_t component) const {
          modes_[request_.to].is_active[component];
 }
 
-/// One more component, of those that are waited for, has done its step.
+/// One more awaited component has done its step.
 void Modes::arrive() {
   if (awaited_.fetch_sub(1) != 1) {
     return;
@@ -299,7 +299,7 @@ void Modes::arrive() {
   }
 }
 
-/// All who leave have left: the mode changes, and those who join may begin.
+/// All leaving components have left: the mode changes, and joining ones may begin.
 void Modes::enter(Time stamp) {
   bool is_over = false;
   {
@@ -323,7 +323,7 @@ void Modes::enter(Time stamp) {
   arrive();
 }
 
-/// Simulated time, between two rounds: the next one begins with it.
+/// Simulated time, between two rounds: the switch takes effect with the next one.
 void Modes::switch_at_once() {
   set_mode(application_.clock().now());
   step_ = Step::kJoining;
@@ -349,7 +349,7 @@ void Modes::switch_at_once() {
   application_.time().serve_first(std::move(leaving));
   arrive();
   if (application_.peers() != nullptr && !is_anyone_concerned()) {
-    begin_next();  // Else when the next round is over.
+    begin_next();  // Else at the end of the next round.
   }
 }
 
@@ -362,7 +362,7 @@ bool Modes::is_anyone_concerned() const {
   return false;
 }
 
-/// The stamp of the switch that is under way.
+/// Sets the stamp of the switch in progress.
 void Modes::set_mode(Time stamp) {
   ModeSwitch made{.stamp = stamp,
                   .from = {},
@@ -378,7 +378,7 @@ void Modes::set_mode(Time stamp) {
     }
   }
   if (const Peers* const peers = application_.peers(); peers != nullptr && !peers->is_main()) {
-    return;  // The main process tells of it.
+    return;  // The main process reports it.
   }
   std::string text = "mode \"" + made.from + "\" → \"" + made.to + "\"";
   if (!made.by.empty()) {
@@ -396,7 +396,7 @@ void Modes::set_mode(Time stamp) {
 /// The components of this process have done their step.
 void Modes::tell_done() {
   if (application_.time().is_simulated()) {
-    return;  // It is looked when a round is over.
+    return;  // Checked at the end of the round.
   }
   application_.peers()->tell(
       step_ == Step::kLeaving ? Notice::Kind::kModeLeft : Notice::Kind::kModeJoined, 0, {});

@@ -27,31 +27,30 @@ namespace fastcycle::host {
 class ApplicationHost;
 struct Notice;
 
-/// One switch of the application from a mode to another.
+/// A switch of the application from one mode to another.
 struct ModeSwitch {
-  Time stamp{};  ///< Nothing that leaving components publish later than this reaches anybody.
+  Time stamp{};  ///< What leaving components publish later than this is not delivered.
   std::string from;
   std::string to;
   std::string why;
-  std::string by;  ///< The component that asked for it; empty: somebody outside.
+  std::string by;  ///< The requesting component; empty: external.
 };
 
-/// What a log says of `switches` when the run has ended, and what a later run reads there. Only the
+/// Adds `switches` to the facts of a log at the end of a run, for later runs to read. Only the
 /// first 1000.
 void explain(const std::vector<ModeSwitch>& switches, std::map<std::string, std::string>& facts);
 [[nodiscard]] std::vector<ModeSwitch> switches_in(const std::map<std::string, std::string>& facts);
 
-/// The modes of an application: owns which of its components are active in which, and the switches
-/// from one to another.
+/// The modes of an application: which components are active in which mode, and the switches between
+/// modes.
 ///
-/// Live, a switch goes step by step, and no thread waits for it: components that leave are
+/// Live, a switch proceeds in steps, and no thread waits for it: components that leave are
 /// deactivated, each by its own worker; the last of them sets the stamp; then those that join are
 /// activated. So there is no moment at which one that leaves and one that joins are both active. In
-/// simulated time both belong to one round, the next one; those that leave are served first.
+/// simulated time both belong to the next round; those that leave are served first.
 ///
-/// Where the application has several processes, each has modes, and all take the same steps: what
-/// is asked for anywhere is told to all, and so is what each has done. Live, the main process sets
-/// the stamp.
+/// In an application of several processes each has modes, and all take the same steps: every
+/// request and every completed step is sent to all. Live, the main process sets the stamp.
 ///
 /// @threads  `ask`, `current`, `switches`, `refused` are Safe; `resolve`, `begin`, `end` are
 ///           confined to the control thread.
@@ -61,46 +60,45 @@ class Modes {
   Modes(const Modes&) = delete;
   Modes& operator=(const Modes&) = delete;
 
-  /// Finds who is active in which mode; before any component is constructed. Names and patterns
-  /// that mean nothing are mistakes.
+  /// Resolves which components are active in which mode; before any component is constructed. Names
+  /// and patterns that match nothing are errors.
   void resolve(config::Problems& problems);
 
   [[nodiscard]] bool is_empty() const noexcept { return modes_.empty(); }
-  /// Whether `component` is active in the mode that its process begins with.
+  /// Whether `component` is active in the initial mode of its process.
   [[nodiscard]] bool is_active_at_first(std::uint32_t component) const;
-  /// Whether some mode names `component`.
+  /// Whether any mode names `component`.
   [[nodiscard]] bool is_switched(std::uint32_t component) const;
 
-  /// All components have started: from now on switches are made.
+  /// Call when all components have started: switches are made from now on.
   void begin();
-  /// No further switch begins; live, waits up to a second for the one that is under way.
+  /// No further switch begins; live, waits up to one second for the one in progress.
   void end();
 
-  /// Asks for `mode`. `by` is the component that asks, in one of its activations; null: somebody
-  /// outside.
+  /// Requests `mode`. `by` is the requesting component, in one of its activations; null: external.
   ///
   /// @errors  std::invalid_argument if there is no such mode.
   void ask(std::string_view mode, std::string_view why, detail::ComponentCore* by);
-  /// As `ask`, by the worker that serves `by`, also where that is in no activation.
+  /// As `ask`, by the worker that serves `by`, also outside of an activation.
   void ask_in_turn(std::string_view mode, std::string_view why, detail::ComponentCore& by);
-  /// Whether all that was asked for leads to `mode`. No lock.
+  /// Whether all pending requests lead to `mode`. Lock-free.
   [[nodiscard]] bool is_asked(std::string_view mode) const noexcept;
 
   /// The mode as of the last stamp; empty if there are none.
   [[nodiscard]] std::string current() const;
   [[nodiscard]] std::vector<ModeSwitch> switches() const;
-  /// How many switches were asked for while 64 others waited.
+  /// Number of requests refused because 64 others were waiting.
   [[nodiscard]] std::uint64_t refused() const;
-  /// Whether one is under way, or waits.
+  /// Whether a switch is in progress or waiting.
   [[nodiscard]] bool is_switching() const;
 
-  // Where the application has several processes; called as `Peers` says.
+  // For applications of several processes; called as `Peers` specifies.
   void take(const Notice& notice);
-  /// Whether components here have a step to do, of the switch that is under way.
+  /// Whether components here have a step to do, of the switch in progress.
   [[nodiscard]] bool is_busy() const noexcept { return awaited_.load() != 0; }
   void round_is_over(bool is_anyone_busy);
   [[nodiscard]] std::string make_snapshot() const;
-  /// Before the start, or instead of what was told and is lost.
+  /// Before the start, or to replace notices that were lost.
   void take_snapshot(const std::string& text);
 
  private:
@@ -117,7 +115,7 @@ class Modes {
   [[nodiscard]] std::size_t find(std::string_view mode) const;
   [[nodiscard]] Request request(std::string_view mode, std::string_view why,
                                 const detail::ComponentCore* by) const;
-  /// Asks for it here, or in all processes.
+  /// Requests it here, or in all processes.
   void put(Request request);
   void put_in_order(Request request);
   void begin_in_order();
@@ -136,29 +134,29 @@ class Modes {
 
   ApplicationHost& application_;
   std::vector<Mode> modes_;
-  std::vector<bool> is_switched_;  ///< By component: some mode names it.
+  std::vector<bool> is_switched_;  ///< By component: a mode names it.
 
   mutable base::PriorityMutex mutex_;
   std::deque<Request> waiting_;
   std::vector<ModeSwitch> switches_;
   std::size_t current_ = 0;
-  /// Where the last of those that were asked for leads to. Written under the mutex.
+  /// Target of the last request. Written under the mutex.
   std::atomic<std::size_t> last_asked_{0};
   std::uint64_t refused_ = 0;
   bool has_begun_ = false;
   bool is_over_ = false;
   bool is_switching_ = false;
 
-  // Of the switch that is under way: of whoever does its next step.
+  // State of the switch in progress: of the thread that does its next step.
   enum class Step : std::uint8_t { kLeaving, kJoining };
   Request request_;
   std::size_t from_ = 0;
   Step step_ = Step::kLeaving;
   std::atomic<std::size_t> awaited_{0};
-  /// The processes that have not told that their components have done the step. Of the thread that
-  /// takes notices.
+  /// The processes that have not reported their components' step as done. Of the thread that takes
+  /// notices.
   std::set<std::uint32_t> awaited_processes_;
-  bool is_entering_ = false;  ///< In the main process: it has told that all enter the mode.
+  bool is_entering_ = false;  ///< In the main process: it has notified all to enter the mode.
 };
 
 }  // namespace fastcycle::host

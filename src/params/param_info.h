@@ -12,10 +12,10 @@ namespace fastcycle::host {
 /// The type of a parameter in words: "number", "integer[]", "message demo.Limits".
 [[nodiscard]] std::string type_of(const detail::ParamSpec& spec);
 
-/// What others than its component see of `param`. @pre The mutex is held.
+/// The view of `param` for others than its component. @pre The mutex is held.
 [[nodiscard]] ParamInfo info_of(const std::string& component, const DeclaredParam& param);
 
-/// A list of them as one text, and back. Of a text that is none the list is empty.
+/// Serializes a list of them, and parses it. Invalid text yields an empty list.
 [[nodiscard]] std::string to_text(const std::vector<ParamInfo>& infos);
 [[nodiscard]] std::vector<ParamInfo> infos_of(std::string_view text);
 

@@ -82,7 +82,7 @@ ParamSlot* ParamTable::find(const ParamSlot& slot) {
 
 void ParamTable::end() {
   const std::lock_guard lock(mutex_);
-  // What the present object does not declare nobody reads.
+  // Values that the present object does not declare are unused.
   for (std::size_t i = 0; i < is_declared_again_.size(); ++i) {
     params_[i].is_declared = is_declared_again_[i];
   }

@@ -16,18 +16,18 @@
 
 namespace fastcycle::host {
 
-/// Guards what is committed, of all components.
+/// Guards the committed values of all components.
 using ParamMutex = base::PriorityMutex;
 
-/// Where a parameter has its value from.
+/// Source of a parameter's value.
 enum class ParamOrigin : std::uint8_t { kFallback, kOwn, kShared, kChanged };
 
 /// One parameter of a component.
 struct DeclaredParam {
   std::unique_ptr<detail::ParamSlot> slot;
-  detail::ParamData committed;  ///< What the last transaction made of it.
+  detail::ParamData committed;  ///< Value as of the last transaction.
   ParamOrigin origin = ParamOrigin::kFallback;
-  config::Place place;      ///< Where its value stands, if a file or an option gave it.
+  config::Place place;      ///< Where its value is set, if a file or an option sets it.
   bool is_declared = true;  ///< By the component's present object.
 
   [[nodiscard]] const detail::ParamSpec& spec() const { return slot->spec; }
@@ -36,26 +36,26 @@ struct DeclaredParam {
 /// New values for parameters of one component.
 using ParamValues = std::vector<std::pair<detail::ParamSlot*, detail::ParamData>>;
 
-/// The parameters of one component: owns what is committed, which any thread may look at and
-/// change, and what is in place, which only the component's own activations see and change.
+/// The parameters of one component: owns the committed values, which any thread may read and
+/// change, and the values in place, which only the component's own activations read and change.
 ///
-/// @threads  As said of each part.
+/// @threads  As stated for each part.
 class ParamTable {
  public:
   explicit ParamTable(ParamMutex& mutex) : mutex_(mutex) {}
 
-  // Where the component is constructed; take the mutex.
+  // During construction of the component; lock the mutex.
 
-  /// Before the constructor. One that is made anew gets what is committed now, as a whole. Returns
-  /// whether that is more than the component's activations have taken over.
+  /// Before the constructor. A re-created component gets all values committed by now. Returns
+  /// whether these are newer than what its activations have taken over.
   [[nodiscard]] bool begin();
-  /// What the present object began with, for a log: a JSON array of the number of the last
+  /// Initial values of the present object, for a log: a JSON array of the number of the last
   /// transaction, and an object of all values by name.
   [[nodiscard]] std::string begun_with() const;
-  /// What is said of the value of a declared parameter.
+  /// The value given for a declared parameter.
   struct Given {
     bool is_shared = false;
-    bool is_ordered = false;  ///< It counts for an object that is made anew, too.
+    bool is_ordered = false;  ///< It also applies to a re-created object.
   };
   [[nodiscard]] detail::ParamSlot& declare(std::unique_ptr<detail::ParamSlot> fresh,
                                            const config::Value* value, Given given,
@@ -66,29 +66,29 @@ class ParamTable {
   /// After a constructor that returned.
   void end();
 
-  /// What was committed of one parameter.
+  /// Committed value of one parameter.
   struct Kept {
     detail::ParamSlot* slot;
     detail::ParamData committed;
     ParamOrigin origin;
     config::Place place;
   };
-  /// Of those that `params` names, also where the present object does not declare them.
+  /// The values of those that `params` names, including undeclared ones.
   [[nodiscard]] std::vector<Kept> keep(const config::Value& params) const;
-  /// The same again, for the next object. What was not there has its fallback.
+  /// Restores them for the next object. Missing ones get their fallback.
   void put_back(const config::Value& params, const std::vector<Kept>& kept);
 
-  // In the component's activations; no mutex.
+  // In the component's activations; without the mutex.
 
-  /// Puts the values of a transaction in place, unless the object was made with them. Then, if
-  /// `tells`, calls back who waits for their change.
+  /// Puts the values of a transaction in place, unless the object was constructed with them. Then,
+  /// if `tells`, calls the callbacks for their change.
   void take_over(std::uint64_t transaction, const ParamValues& values, bool tells);
 
-  // While the mutex is held.
+  // With the mutex held.
 
   [[nodiscard]] const std::vector<DeclaredParam>& all() const { return params_; }
   [[nodiscard]] std::vector<DeclaredParam>& all() { return params_; }
-  /// Why the component cannot go on with `values`, in one or more sentences.
+  /// Why the component rejects `values`, in one or more sentences.
   [[nodiscard]] std::vector<std::string> objections(const ParamValues& values) const;
   /// @pre  `values` were checked.
   void commit(std::uint64_t transaction, const ParamValues& values);
@@ -101,9 +101,9 @@ class ParamTable {
   std::vector<ParamCheck> checks_;
   std::uint64_t committed_ = 0;  ///< Number of the last transaction.
 
-  // The component's own.
-  std::uint64_t in_place_ = 0;                 ///< The same, of what its callbacks see.
-  std::vector<detail::ParamData> for_object_;  ///< What an object that is made anew begins with.
+  // Used only by the component's worker.
+  std::uint64_t in_place_ = 0;                 ///< Last transaction that its callbacks see.
+  std::vector<detail::ParamData> for_object_;  ///< Initial values for a re-created object.
   std::vector<bool> is_declared_again_;
   std::vector<ParamCheck> checks_of_object_;
 };

@@ -36,7 +36,7 @@ using record::RecordedStream;
 constexpr const char* kName = "fastcycle/view";
 constexpr std::size_t kMaxConnections = 32;
 constexpr std::size_t kMaxStreams = 4096;  // Of one connection.
-constexpr auto kAtOnce = 20ms;             // So long is played before requests are looked at.
+constexpr auto kAtOnce = 20ms;             // Played for this long between requests.
 constexpr int kIdleMs = 50;
 constexpr Duration kFirstLookBack = 1s;
 
@@ -188,7 +188,7 @@ void PlayedLog::wait() {
     const double wait_ns = static_cast<double>((moment_.front().due - now()).count()) / speed_;
     timeout = static_cast<int>(std::clamp(std::ceil(wait_ns / 1e6), 0.0, double{kIdleMs}));
   } else if (!is_paused_) {
-    timeout = kIdleMs;  // The end of the recording may be a while after its last message.
+    timeout = kIdleMs;  // The recording may end a while after its last message.
   }
   if (has_new_ || (!is_selected_ && !is_paused_)) {
     timeout = 0;
@@ -308,7 +308,7 @@ void PlayedLog::fill(const Topic& topic, protocol::Topic& said) const {
   said.set_name(topic.name);
   said.set_type(first.type);
   said.set_published(topic.messages);
-  // Whoever comes later is given the last messages, as those who came at their time were.
+  // Later clients are given the last messages too, as the original subscribers were.
   said.set_latched(topic.streams.size());
   for (const std::size_t stream : topic.streams) {
     protocol::Publisher& publisher = *said.add_publishers();
@@ -437,7 +437,7 @@ void PlayedLog::obey(const protocol::ControlPlayback& control) {
   if (control.has_seek()) {
     target = base::from_ns(control.seek_ns());
   } else if (control.command() == protocol::ControlPlayback::COMMAND_PLAY && position >= end_) {
-    target = begin_;  // Once more.
+    target = begin_;  // Start over.
   }
   if (target) {
     move_to(*target);
@@ -456,7 +456,7 @@ void PlayedLog::obey(const protocol::ControlPlayback& control) {
   if (control.command() == protocol::ControlPlayback::COMMAND_PLAY) {
     is_paused_ = false;
     problem_.clear();
-    is_selected_ = is_selected_ && !std::exchange(is_broken_, false);  // It is tried again.
+    is_selected_ = is_selected_ && !std::exchange(is_broken_, false);  // Reading is retried.
   } else if (control.command() == protocol::ControlPlayback::COMMAND_PAUSE) {
     is_paused_ = true;
   }
@@ -476,8 +476,8 @@ void PlayedLog::select() {
   is_selected_ = true;
 }
 
-/// Gives new streams the last messages up to the present time: looks for them in windows that grow,
-/// so that those of topics in frequent use are found without reading much.
+/// Sends new streams the last messages up to the present time: searches in growing windows, so that
+/// frequent topics are found without reading much.
 void PlayedLog::give_last() {
   std::vector<bool> wanted(reader_.streams().size());
   for (const auto& client : clients_) {
@@ -542,7 +542,7 @@ bool PlayedLog::send_due() {
   const Time position = now();
   while (!moment_.empty() && moment_.front().due <= position) {
     if (std::chrono::steady_clock::now() >= until) {
-      move_to(moment_.front().due);  // Later than it should be: time has to wait.
+      move_to(moment_.front().due);  // Behind schedule: time has to wait.
       return false;
     }
     for (const RecordedMessage& message : moment_) {

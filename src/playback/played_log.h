@@ -20,29 +20,29 @@
 
 namespace fastcycle::playback {
 
-/// Plays a recording to whoever looks at it, as a running application shows itself: topics with
-/// their schemas, and streams of their messages at the times of the recording. It can
-/// be paused, sped up, and moved to another time; then, and when a stream begins, the last
-/// message before that time comes first, of each publisher.
+/// Plays a recording to inspection clients, as a running application presents itself: topics with
+/// their schemas, and streams of their messages at the recorded times. It can be paused, sped up,
+/// and moved to another time; then, and when a stream begins, the last message of each publisher
+/// before that time comes first.
 ///
 ///     PlayedLog log({"drive.mcap"}, {.speed = 2});
 ///     log.start(refusals);
 ///     inspect::Client client(log.connect(), "viewer");
 ///
-/// Time begins to pass with the first stream.
+/// Time starts with the first stream.
 ///
-/// A client that does not read loses messages, which are counted; time goes on. A machine that
-/// does not get ready plays more slowly, and loses nothing.
+/// A client that does not read loses messages, which are counted; time continues. On a machine that
+/// cannot keep up, playback slows down and loses nothing.
 ///
 /// @threads  `connect` is Safe from `start` on; all else is Compatible.
 class PlayedLog {
  public:
   struct Options {
-    double speed = 1.0;              ///< Seconds of the recording in one.
-    bool is_paused = false;          ///< Until somebody plays it.
-    std::optional<Time> start = {};  ///< Where it begins; none: at its beginning.
-    /// Called on its thread with what cannot be read; then it is paused, and its clients are told
-    /// too.
+    double speed = 1.0;              ///< Recorded seconds per second.
+    bool is_paused = false;          ///< Until a client resumes it.
+    std::optional<Time> start = {};  ///< Start time; none: the beginning.
+    /// Called on its thread with a read error; playback is then paused, and its clients are
+    /// notified too.
     std::function<void(const std::string&)> on_problem = [](const std::string&) {};
   };
 
@@ -59,29 +59,28 @@ class PlayedLog {
   void start(std::vector<base::Refusal>& refusals);
   void stop();
 
-  /// A descriptor for `inspect::Client`, which its caller closes. -1 if none can be made.
+  /// A descriptor for `inspect::Client`, which the caller closes. -1 if none can be opened.
   [[nodiscard]] int connect();
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] Time begin() const { return begin_; }
   [[nodiscard]] Time end() const { return end_; }
-  /// What is to be known of the files: where one ends that was not closed, topics that are not
-  /// shown.
+  /// Remarks on the files: where one ends that was not closed, topics that are not shown.
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
 
  private:
   struct Topic {
     std::string name;
-    std::vector<std::size_t> streams;  ///< Places in the recording.
+    std::vector<std::size_t> streams;  ///< Indexes in the recording.
     std::uint64_t messages = 0;
   };
-  /// What a client wants to be told of one topic.
+  /// A client's stream of one topic.
   struct Stream {
     std::uint32_t id = 0;
     std::size_t topic = 0;
     bool has_payload = true;
-    bool is_new = true;      ///< It was not given the last messages yet.
-    std::uint64_t lost = 0;  ///< Since the last that was sent.
+    bool is_new = true;      ///< It has not been sent the last messages yet.
+    std::uint64_t lost = 0;  ///< Since the last message sent.
   };
   struct Client {
     std::unique_ptr<inspect::Connection> connection;
@@ -104,43 +103,43 @@ class PlayedLog {
   void obey(const inspect::protocol::ControlPlayback& control);
   [[nodiscard]] inspect::protocol::Playback state() const;
 
-  /// Where time stands, or would stand if nothing took any time.
+  /// The current playback time, or the time due if playback were not late.
   [[nodiscard]] Time now() const;
-  /// From here on time goes on from `position`.
+  /// Continues time from `position`.
   void move_to(Time position);
   void play();
-  /// Sends what is due, for a bounded time; false if that was not enough.
+  /// Sends due messages for a bounded time; false if more are due.
   bool send_due();
   void select();
   void give_last();
-  /// `is_last`: to those who are given the last messages, else to all others.
+  /// `is_last`: to streams that get the last messages, else to all others.
   void send(const record::RecordedMessage& message, bool is_last);
-  /// Something cannot be read: pauses, and goes on where it is told to.
+  /// Handles a read error: pauses, and continues where a client moves to.
   void take_problem(const std::string& what);
 
   const std::function<void(const std::string&)> on_problem_;
   std::string name_;
   record::RecordingReader reader_;
-  record::RecordingReader backwards_;  ///< Looks for what came last.
+  record::RecordingReader backwards_;  ///< Searches for the last messages.
   const Time begin_;
   const Time end_;
   std::vector<Topic> topics_;          ///< By name.
   std::vector<std::size_t> topic_of_;  ///< By stream of the recording.
 
-  // The thread's.
+  // Of the thread.
   std::vector<std::unique_ptr<Client>> clients_;
   std::uint64_t numbers_ = 0;
   bool is_paused_ = false;
   double speed_ = 1.0;
   std::uint64_t seeks_ = 0;
-  Time anchor_{};                              ///< Where time stood at
+  Time anchor_{};                              ///< Playback time at
   std::int64_t anchor_ns_ = 0;                 ///< this time of CLOCK_MONOTONIC.
-  Time sent_{};                                ///< All up to here was sent.
-  bool has_begun_ = false;                     ///< Somebody looks, or did: before, time stands.
-  bool is_selected_ = false;                   ///< `reader_` gives the topics in use,
-  bool is_broken_ = false;                     ///< or something behind `sent_` cannot be read,
-  std::string problem_;                        ///< of which this is known; empty: nothing.
-  bool has_new_ = false;                       ///< A stream has not been given the last messages.
+  Time sent_{};                                ///< All messages up to here were sent.
+  bool has_begun_ = false;                     ///< A stream was opened; time stands still before.
+  bool is_selected_ = false;                   ///< `reader_` selects the topics in use,
+  bool is_broken_ = false;                     ///< or data after `sent_` is unreadable,
+  std::string problem_;                        ///< for this reason; empty: none.
+  bool has_new_ = false;                       ///< A stream has not been sent the last messages.
   std::span<record::RecordedMessage> moment_;  ///< The next ones of `reader_`.
 
   int wake_ = -1;

@@ -12,12 +12,12 @@
 
 namespace fastcycle::processes {
 
-/// What is done in one process, read by another.
+/// The activity of one process, read by another.
 ///
 /// @threads  Safe.
 class ActivityOfProcess final : public detail::PeerActivity {
  public:
-  /// The plan, in which activity is kept, and `wire` outlive it.
+  /// The plan, which specifies the recorded activity, and `wire` must outlive it.
   ActivityOfProcess(const ProcessPlan& plan, const segment::Wire& wire,
                     segment::ProcessIndex process);
 

@@ -41,7 +41,7 @@ void Channel::say(Word word, std::string_view text) const noexcept {
   std::array<char, 256> message{};
   message[0] = static_cast<char>(word);
   const std::size_t size = text.copy(message.data() + 1, message.size() - 1) + 1;
-  // As of a file: in a sandbox there are no sockets.
+  // write(), not send(): a sandbox forbids socket calls.
   while (write(socket_, message.data(), size) < 0 && errno == EINTR) {
   }
 }

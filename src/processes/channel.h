@@ -7,22 +7,22 @@
 
 namespace fastcycle::processes {
 
-/// What the process that makes the others and one of these say to each other.
+/// Words of the protocol between the supervisor and a worker process.
 enum class Word : char {
-  kBuilt = 'b',        ///< From the worker: its components are made; `kHasSources` if some are.
-  kConnect = 'c',      ///< To it: all are made; read what they publish.
-  kConnected = 'd',    ///< From it: it does.
-  kRun = 'r',          ///< To it: all do; start.
+  kBuilt = 'b',        ///< From the worker: its components are constructed; `kHasSources` if any.
+  kConnect = 'c',      ///< To it: all processes are built; connect to what they publish.
+  kConnected = 'd',    ///< From it: it is connected.
+  kRun = 'r',          ///< To it: all are connected; start.
   kSourcesOver = 's',  ///< From it: all its sources have finished.
-  kSwitch = 'w',  ///< From the main one: the process of this name gives its place to its standby.
-  kEnd = 'e',     ///< Both ways, with the reason: the run ends.
+  kSwitch = 'w',       ///< From the main one: the named process hands over to its standby.
+  kEnd = 'e',          ///< In both directions, with the reason: the run ends.
 };
 
 inline constexpr const char* kHasSources = "sources";
 
-/// One end of the two: messages of a word and a text, in order.
+/// One end of the channel: ordered messages of a word and a text.
 ///
-/// @threads  `say` is Safe; `hear` by one thread.
+/// @threads  `say` is Safe; `hear` is confined to one thread.
 class Channel {
  public:
   struct Message {
@@ -30,18 +30,18 @@ class Channel {
     std::string text;
   };
 
-  /// `socket` is owned from now on.
+  /// Takes over `socket`.
   explicit Channel(int socket = -1) : socket_(socket) {}
   Channel(Channel&& other) noexcept;
   Channel& operator=(Channel&& other) noexcept;
   ~Channel();
 
-  /// Two ends; none if the kernel refused, with `errno`.
+  /// A connected pair; none, with `errno`, on failure.
   static std::optional<std::pair<Channel, Channel>> make();
 
-  /// Nothing happens if the other end is gone. @pre SIGPIPE is ignored.
+  /// Does nothing if the other end is closed. @pre SIGPIPE is ignored.
   void say(Word word, std::string_view text = {}) const noexcept;
-  /// The next message; waits for it. None if the other end is gone.
+  /// Waits for the next message. None if the other end is closed.
   [[nodiscard]] std::optional<Message> hear() const;
 
   [[nodiscard]] int socket() const noexcept { return socket_; }

@@ -25,15 +25,15 @@ using segment::ProcessIndex;
 namespace {
 
 constexpr std::size_t kMaxText = 60'000;
-constexpr unsigned kMostOfOne = 64;            ///< Notices of a process that are taken in turn.
-constexpr std::int64_t kLookNs = 100'000'000;  ///< So often it is looked in any case.
+constexpr unsigned kMostOfOne = 64;            ///< Notices taken from one process per pass.
+constexpr std::int64_t kLookNs = 100'000'000;  ///< Maximum time between two checks.
 
 std::string to_record(const Notice& notice) {
   return fmt::format("{}{} {} {}", static_cast<char>(notice.kind), notice.process, notice.component,
                      notice.text);
 }
 
-/// None if it is no notice: who wrote it may be broken.
+/// None if it is no valid notice: its writer may be faulty.
 std::optional<Notice> from_record(std::string_view record) {
   constexpr std::string_view kKinds = "gcrbmlejnoyafipvwd";
   if (record.empty() || kKinds.find(record.front()) == std::string_view::npos) {
@@ -53,7 +53,7 @@ std::optional<Notice> from_record(std::string_view record) {
   return notice;
 }
 
-/// Whether any process may say this; the rest only the main one does.
+/// Whether any process may send this; the others only the main one sends.
 bool is_for_all_to_say(Notice::Kind kind) {
   return kind != Notice::Kind::kGone && kind != Notice::Kind::kCame &&
          kind != Notice::Kind::kModesBegun && kind != Notice::Kind::kModeEntered;
@@ -117,11 +117,11 @@ void NoticeOrder::begin() {
   }
 }
 
-/// Goes on where the main process is.
+/// Catches up with the main process.
 void NoticeOrder::take_snapshot() {
   const auto snapshot = notices_.snapshot_of(ProcessPlan::kMain);
   if (!snapshot) {
-    return;  // Nothing was told yet.
+    return;  // No notices so far.
   }
   const auto json = nlohmann::json::parse(*snapshot);
   told_ = json.at("told").get<std::set<std::uint32_t>>();
@@ -163,7 +163,7 @@ std::vector<base::WatchedWord> NoticeOrder::watched_words() const {
   return words;
 }
 
-/// Takes what is there; false if there was nothing.
+/// Takes pending notices; false if there were none.
 bool NoticeOrder::look() {
   if (process_ == ProcessPlan::kMain) {
     return look_as_main();
@@ -175,7 +175,7 @@ bool NoticeOrder::look() {
     }
     has_taken = true;
   }
-  if (notices_.take_loss()) {  // It was stopped for long.
+  if (notices_.take_loss()) {  // This process was stopped for long.
     take_snapshot();
   }
   return has_taken;
@@ -192,7 +192,7 @@ bool NoticeOrder::look_as_main() {
     put_in_order(notice);
   }
   for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
-    // Who says more and more keeps nobody else from being heard.
+    // Bounded, so that a process that floods does not starve the others.
     for (unsigned i = 0; i < kMostOfOne; ++i) {
       const auto record = notices_.next(one);
       if (!record) {
@@ -201,7 +201,7 @@ bool NoticeOrder::look_as_main() {
       has_taken = true;
       auto notice = from_record(*record);
       if (notice && is_for_all_to_say(notice->kind)) {
-        notice->process = one;  // Whatever it says.
+        notice->process = one;  // Overrides the sender's claim.
         put_in_order(*notice);
       }
     }
@@ -209,7 +209,7 @@ bool NoticeOrder::look_as_main() {
   return look_for_changes() || has_taken;
 }
 
-/// That a process has ended; `is_back`: there is a next incarnation already.
+/// The notice that a process has ended; `is_back`: its next incarnation exists already.
 Notice NoticeOrder::gone(ProcessIndex process, bool is_back) const {
   const bool is_coming = wire_.restarting(process).load(std::memory_order_seq_cst) != 0;
   return {.kind = Notice::Kind::kGone,
@@ -217,20 +217,20 @@ Notice NoticeOrder::gone(ProcessIndex process, bool is_back) const {
           .text = is_back || is_coming ? Notice::kRestarts : ""};
 }
 
-/// Whether a process that was to come will not: its last incarnation was too short to be seen here.
+/// Whether an expected process will not come: its last incarnation was too short to be seen here.
 bool NoticeOrder::is_lost(ProcessIndex process) const {
   const auto is_absent = [&] {
     return wire_.restarting(process).load(std::memory_order_seq_cst) == 0 &&
            wire_.incarnation(process).load(std::memory_order_seq_cst) == 0;
   };
-  // Twice, since it may come between two looks.
+  // Checked twice, since it may appear between the two loads.
   return coming_.contains(process) && is_absent() && is_absent();
 }
 
-/// Tells of processes that have ended, after all that they had said, and of those that came.
+/// Reports processes that have ended, after all their notices, and those that came.
 bool NoticeOrder::look_for_changes() {
   if (wire_.incarnation(ProcessPlan::kMain).load(std::memory_order_seq_cst) == 0) {
-    return false;  // Not all are there yet.
+    return false;  // Not all processes exist yet.
   }
   bool has_told = false;
   for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
@@ -264,7 +264,7 @@ bool NoticeOrder::look_for_changes() {
 void NoticeOrder::put_in_order(const Notice& notice) {
   if (notice.kind == Notice::Kind::kNews || notice.kind == Notice::Kind::kLine ||
       notice.kind == Notice::Kind::kFollows) {
-    take(notice);  // Nobody else wants to know.
+    take(notice);  // Only the main process uses it.
     return;
   }
   notices_.say(to_record(notice));
@@ -281,7 +281,7 @@ void NoticeOrder::take(const Notice& notice) {
   peers_.on_notice(notice);
 }
 
-/// By the main process, when all that was told so far was taken.
+/// By the main process, when all notices so far were taken.
 void NoticeOrder::put_snapshot() {
   nlohmann::json read = nlohmann::json::array();
   if (is_simulated_) {
@@ -311,8 +311,7 @@ NoticeOrder::Said NoticeOrder::say() {
 }
 
 bool NoticeOrder::take(const std::vector<Said>& said) {
-  std::multimap<std::uint32_t, Notice>
-      all;  // By component; of one, in the order in which they came.
+  std::multimap<std::uint32_t, Notice> all;  // By component; of one, in order of arrival.
   for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
     const bool is_there = said[one].incarnation != 0;
     const bool is_new = is_there && notices_.incarnation_of(one) != said[one].incarnation;
@@ -326,7 +325,7 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
     if (!is_there) {
       continue;
     }
-    // A ring holds fewer; one that is broken may never come to its end.
+    // A ring holds fewer; that of a faulty process may never end.
     for (std::size_t i = 0; i < segment::NoticeWords::kWords; ++i) {
       const auto record = notices_.next(one, said[one].words);
       if (!record) {

@@ -16,17 +16,17 @@
 
 namespace fastcycle::processes {
 
-/// Brings what the processes of an application say of the whole to all of them, in one order.
+/// Delivers application-wide notices of all processes to all processes, in one order.
 ///
-/// Live, the main process makes the order: it says in its own ring what others say in theirs, and
-/// all take it from there. In simulated time each takes what was said in a round when the round is
-/// over, in the order of the components for which it was said.
+/// Live, the main process defines the order: it repeats all notices in its own ring, and all take
+/// them from there. In simulated time each process takes the notices of a round at its end, in the
+/// order of the components they concern.
 ///
-/// @threads  `tell` is Safe. Live, notices are taken by a thread of its own; in simulated time by
-///           the one that runs the simulation.
+/// @threads  `tell` is Safe. Live, a thread of its own takes notices; in simulated time, the thread
+///           that runs the simulation.
 class NoticeOrder {
  public:
-  /// `peers` has what is called; all have to live as long as this.
+  /// `peers` provides the callbacks; all arguments must outlive this.
   NoticeOrder(const segment::Wire& wire, segment::ProcessIndex process, std::uint32_t incarnation,
               bool is_simulated, host::Peers& peers);
   NoticeOrder(const NoticeOrder&) = delete;
@@ -36,25 +36,25 @@ class NoticeOrder {
   /// @errors  As `Peers::tell`.
   void tell(host::Notice::Kind kind, std::uint32_t component, const std::string& text);
   [[nodiscard]] const std::set<std::uint32_t>& told() const { return told_; }
-  /// Live: has the thread look soon. Safe.
+  /// Live: wakes the thread. Safe.
   void wake();
 
-  /// Once all processes can be read, before the start: takes over what was told before, and takes
-  /// what is told from now on.
+  /// Call once all processes can be read, before the start: catches up on earlier notices, and
+  /// takes new ones from now on.
   void begin();
-  /// Takes nothing any more.
+  /// Stops taking notices.
   void stop();
 
   // In simulated time, at a point where all processes wait for each other.
 
-  /// What a process said up to this point, and in which incarnation.
+  /// A process's notices up to this point, and its incarnation.
   struct Said {
     std::uint64_t words = 0;
-    std::uint32_t incarnation = 0;  ///< 0: the process is not there.
+    std::uint32_t incarnation = 0;  ///< 0: the process is absent.
   };
-  /// Says what this process has to say; others may read it from the point on.
+  /// Publishes this process's pending notices; others may read them from the point on.
   [[nodiscard]] Said say();
-  /// Takes what all have said, by process. False if nobody had said anything.
+  /// Takes the notices of all, by process. False if there were none.
   bool take(const std::vector<Said>& said);
 
  private:
@@ -77,10 +77,10 @@ class NoticeOrder {
   host::Peers& peers_;
   Notices notices_;
   std::set<std::uint32_t> told_;
-  std::set<std::uint32_t> coming_;  ///< Of the main process, live: those that ended last.
+  std::set<std::uint32_t> coming_;  ///< Of the main process, live: ended last, restart expected.
 
   base::PriorityMutex mutex_;
-  std::vector<host::Notice> own_;  ///< Of the main process, or in simulated time: not said yet.
+  std::vector<host::Notice> own_;  ///< Of the main process, or in simulated time: not sent yet.
 
   base::Sleepers sleepers_;
   std::jthread thread_;

@@ -30,7 +30,7 @@ void put_words(std::string_view text, const Put& put) {
   }
 }
 
-/// The other way round.
+/// The inverse.
 template <typename Get>
 std::string get_words(std::size_t bytes, const Get& get) {
   std::string text(words_of(bytes) * kWordBytes, '\0');
@@ -129,7 +129,7 @@ bool Notices::put_snapshot(std::string_view text) {
 }
 
 std::optional<std::string> Notices::snapshot_of(ProcessIndex process) const {
-  constexpr int kTries = 1000;  // Its writer may have ended in the midst of it.
+  constexpr int kTries = 1000;  // Its writer may have ended in the middle.
   const std::uint32_t incarnation = wire_.incarnation(process).load(std::memory_order_seq_cst);
   if (incarnation == 0) {
     return std::nullopt;

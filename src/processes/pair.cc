@@ -66,7 +66,7 @@ void Pair::begin(host::ApplicationHost& application,
     return;
   }
   const bool is_late = incarnation_ > 1 || other_incarnation_ > 1;
-  if (!is_late) {  // It has all from the first activation on.
+  if (!is_late) {  // It has everything from the first activation on.
     words_.is_in_step.store(1, std::memory_order_release);
   }
   auto in_step = std::move(listener.in_step);
@@ -95,7 +95,7 @@ void Pair::end() {
 void Pair::begin_worker(unsigned worker) noexcept {
   segment::WorkerLife& life = wire_.life(process_, incarnation_, worker);
   pthread_mutex_lock(&life.mutex);
-  lock_word(life).fetch_or(FUTEX_WAITERS);  // So that the kernel wakes who sleeps on it.
+  lock_word(life).fetch_or(FUTEX_WAITERS);  // So that the kernel wakes threads that sleep on it.
 }
 
 void Pair::end_worker(unsigned worker) noexcept {
@@ -135,7 +135,7 @@ bool Pair::has_ended() const noexcept {
     return false;
   }
   if (wire_.incarnation(other_).load(std::memory_order_seq_cst) != other_incarnation_) {
-    return true;  // Told by who made it: both were announced before this one started.
+    return true;  // The supervisor changed it: both were announced before this one started.
   }
   for (unsigned worker = 0; worker < workers_; ++worker) {
     if (is_shadow_ ||

@@ -18,12 +18,12 @@
 
 namespace fastcycle::processes {
 
-/// Tells those who follow a process that one of its activations is over.
+/// Notifies followers of a process that one of its activations has ended.
 ///
 /// @threads  As `ActivationBell`.
 class FollowerBell final : public detail::ActivationBell {
  public:
-  /// The plan and `wire` outlive it.
+  /// The plan and `wire` must outlive it.
   FollowerBell(const ProcessPlan& plan, const segment::Wire& wire, segment::ProcessIndex process,
                std::uint32_t incarnation)
       : wire_(wire),
@@ -38,36 +38,34 @@ class FollowerBell final : public detail::ActivationBell {
   const std::vector<segment::ProcessIndex> followers_;
 };
 
-/// A process that follows another one: of two with the same components, the one that does their
-/// work or the one that takes its place; or a shadow.
+/// A process that follows another one: the active or the standby process of a pair, or a shadow.
 ///
 /// @threads  Safe after the build.
 class Pair final : public standby::Followed {
  public:
-  /// The plan and `wire` outlive it.
+  /// The plan and `wire` must outlive it.
   Pair(const ProcessPlan& plan, const segment::Wire& wire, segment::ProcessIndex process,
        std::uint32_t incarnation);
   ~Pair() override;
 
-  /// Of the two that `process` is one of, the one that does the work now.
+  /// The active process of the pair of `process` and `twin`.
   [[nodiscard]] static segment::ProcessIndex active_of(const segment::Wire& wire,
                                                        segment::ProcessIndex process,
                                                        segment::ProcessIndex twin);
 
-  /// Begins: the components of the application that are in this process follow, if it is one that
-  /// does. Before the start.
+  /// If this process is a follower, its components start to follow. Call before the start.
   void begin(host::ApplicationHost& application,
              const std::vector<detail::ComponentCore*>& components,
              std::vector<segment::LinkSet*> links, standby::Follower::Listener listener);
-  /// The application stops: nobody takes anybody's place.
+  /// The application stops: no more takeovers.
   void end();
 
   [[nodiscard]] standby::Follower* follower() const { return follower_.get(); }
 
-  // What its workers say. They are counted over all executors.
+  // Called by its workers, which are numbered over all executors.
   void begin_worker(unsigned worker) noexcept;
   void end_worker(unsigned worker) noexcept;
-  /// As `ForeignInputs`, of what the other one says.
+  /// As `ForeignInputs`, for the other process's activity.
   std::size_t announce(std::span<base::WatchedWord> words) noexcept;
   void withdraw() noexcept;
 
@@ -87,7 +85,7 @@ class Pair final : public standby::Followed {
   [[nodiscard]] segment::StandbyWords& other_words() const noexcept {
     return wire_.standby(other_, other_incarnation_);
   }
-  /// A word that the kernel changes when that worker of the other one ends.
+  /// A futex word that the kernel changes when that worker of the other process ends.
   [[nodiscard]] const std::atomic<std::uint32_t>& life_of_other(unsigned worker) const noexcept;
 
   const segment::Wire& wire_;
@@ -104,12 +102,13 @@ class Pair final : public standby::Followed {
   std::unique_ptr<standby::Follower> follower_;
 };
 
-/// What comes to an executor of one of two processes: messages, and what the other one does.
+/// Input of an executor of a paired process: messages, and the other process's activity.
 ///
 /// @threads  As `ForeignInputs`.
 class PairedInputs final : public detail::ForeignInputs {
  public:
-  /// `first_worker`: of the executor's, among all of the process. Both outlive it.
+  /// `first_worker`: index of the executor's first worker in the process. The references must
+  /// outlive this.
   PairedInputs(segment::LinkSet& links, Pair& pair, unsigned first_worker)
       : links_(links), pair_(pair), first_worker_(first_worker) {}
 

@@ -22,7 +22,7 @@ using segment::ProcessIndex;
 
 namespace {
 
-/// How often it is looked whether a process that is waited for has ended.
+/// Interval of checks whether an awaited process has ended.
 constexpr std::chrono::microseconds kLook{200};
 /// FastCycle's own status and log, which start last.
 constexpr std::size_t kOwnPlaces = 2;
@@ -100,7 +100,7 @@ void Partition::give_latched(std::uint32_t process) {
   for (const Outlet& one : outlets_) {
     if (one.to->link().to == process && one.publisher->options.latched > 0) {
       application_->beside(*one.publisher, [&one] {
-        if (one.to->is_fresh()) {  // Else it has got newer ones.
+        if (one.to->is_fresh()) {  // Else it has received newer ones.
           one.publisher->give_latched(*one.to, one.depth);
         }
       });
@@ -122,7 +122,7 @@ void Partition::declare(detail::ComponentCore& component) {
     const auto* const type =
         google::protobuf::DescriptorPool::generated_pool()->FindMessageTypeByName(publisher.type);
     if (type == nullptr) {
-      continue;  // No library here has it: nobody subscribes to it either.
+      continue;  // No library here has the type, so there is no subscriber either.
     }
     if (publisher.topic.ends_with(detail::kRequestTopic)) {
       topics.set_options(publisher.topic, detail::kRequestTopicOptions);
@@ -154,7 +154,7 @@ void Partition::connect(host::Application& application) {
   };
   const auto& executors = application.executors();
   const bool is_simulated = clock_->is_simulated();
-  // In simulated time there are no executors: what came is taken between rounds.
+  // In simulated time there are no executors: input is taken between rounds.
   const std::size_t set_count = is_simulated ? 1 : executors.size();
   std::map<unsigned, segment::LinkSet*> sets;
   for (unsigned place = 0; place < set_count; ++place) {
@@ -171,7 +171,7 @@ void Partition::connect(host::Application& application) {
       continue;
     }
     if (wire.from == process_) {
-      // Its sequence goes on, so that no two messages have the same number.
+      // Continues its sequence, so that no two messages have the same number.
       publisher->continue_after(std::max(publisher->published(), last_sequence(link)));
       outlets_.push_back({.topic = link.topic,
                           .depth = link.depth,
@@ -205,7 +205,7 @@ void Partition::connect(host::Application& application) {
   }
 }
 
-/// The components here that somebody follows say when their activations are over.
+/// Has the components here notify their followers at the end of activations.
 void Partition::tell_followers() {
   const std::vector<ProcessIndex> followers = plan_.followers_of(process_);
   if (followers.empty()) {
@@ -221,8 +221,8 @@ void Partition::tell_followers() {
   }
 }
 
-/// Why the component here cannot follow the one that was tried; empty if it can: it has to publish
-/// on the same topics, and to subscribe to the same.
+/// Why the component here cannot follow the one of the trial; empty if it can: it must publish and
+/// subscribe to the same topics.
 std::string Partition::why_other(const detail::ComponentCore& core) const {
   std::vector<std::string> published;
   std::vector<std::string> subscribed;
@@ -283,8 +283,8 @@ void Partition::begin_pair() {
   pair_->begin(*application_, components, std::move(links), on_standby);
 }
 
-/// Of what was published over this link before this process was made, also by the other one of two
-/// processes. Who follows that one learns it from it.
+/// Sequence of the last message published over this link before this process started, also by the
+/// other one of a pair. A follower learns it from its primary.
 std::uint64_t Partition::last_sequence(const ProcessPlan::Link& link) const {
   const segment::LinkPlan& wire = plan_.wire().links[link.wire];
   const auto last_of = [this](const segment::LinkPlan& one, std::uint32_t incarnation) {
@@ -332,7 +332,7 @@ std::vector<const detail::PeerActivity*> Partition::activity_elsewhere() const {
   return all;
 }
 
-/// Counts up what the one who made this process looks at.
+/// Increments the heartbeat that the supervisor checks.
 void Partition::beat(std::chrono::nanoseconds limit, const std::stop_token& stop) {
   auto& word = wire_.stage(process_, incarnation_, plan_.heartbeat_word());
   while (!stop.stop_requested()) {
@@ -373,7 +373,7 @@ void Partition::attach() {
   }
 }
 
-/// In simulated time nothing is to be published before all who are there read it.
+/// In simulated time nothing may be published before all existing processes read it.
 void Partition::await_readers() {
   const auto is_waited_for = [this](segment::Export& one) {
     const ProcessIndex reader = one.link().to;
@@ -388,10 +388,10 @@ void Partition::await_readers() {
   }
 }
 
-// ---- How far all are ----
+// ---- Progress of all processes ----
 //
-// A process says how far it is by one number that only grows: 1 + the place of the component that
-// it starts next; when all have started, when timers began; and so on to its end.
+// A process reports its progress as one number that only grows: 1 + the index of the component that
+// it starts next; then that all have started, that timers began; and so on to its end.
 
 namespace {
 
@@ -400,7 +400,7 @@ enum StageWord : std::size_t { kProgress, kBeginLow, kBeginHigh };
 
 }  // namespace
 
-/// Of the start; those of the end follow.
+/// Number of steps of the start; those of the end follow.
 std::uint32_t Partition::steps() const {
   return static_cast<std::uint32_t>(place_count());
 }
@@ -410,7 +410,7 @@ void Partition::say_progress(std::uint32_t progress) {
   word.store(std::max(progress, word.load(std::memory_order_relaxed)), std::memory_order_seq_cst);
 }
 
-/// Of a process that has ended: farther than all.
+/// A process that has ended counts as farthest.
 std::uint32_t Partition::progress_of(ProcessIndex process) const {
   const std::uint32_t incarnation = wire_.incarnation(process).load(std::memory_order_seq_cst);
   if (incarnation == 0) {
@@ -439,7 +439,7 @@ void Partition::reach_start(std::size_t place) {
 
 void Partition::await_start(const detail::ComponentCore& component, std::size_t place,
                             const std::function<bool()>& is_over) {
-  // Its process has started it once it comes to the next one. Rounds keep in step by themselves.
+  // Its process has started it once it reaches the next one. Rounds synchronize by themselves.
   if (incarnation_ == 1 && rounds_ == nullptr) {
     await_progress(plan_.process_of(component.name), static_cast<std::uint32_t>(place) + 2,
                    is_over);
@@ -459,7 +459,7 @@ Time Partition::agree_on_begin(base::Clock& clock, const std::function<bool()>& 
       clock.go_on_at(begin_said() != 0 ? begin_said() : base::monotonic_ns());
     }
     say_progress(steps() + 2);
-    return clock.now();  // The others began long ago.
+    return clock.now();  // The others have begun before.
   }
   say_progress(steps() + 1);
   await_all(steps() + 1, is_over);
@@ -484,7 +484,7 @@ std::atomic<std::uint32_t>& Partition::begin_word(std::size_t which) const {
   return wire_.stage(ProcessPlan::kMain, 1, plan_.stage_count() + which);
 }
 
-/// Of the application's time where that is simulated, of CLOCK_MONOTONIC live: what all share.
+/// In application time if that is simulated, in CLOCK_MONOTONIC live: shared by all.
 void Partition::say_begin(std::int64_t begin_ns) {
   const auto ns = static_cast<std::uint64_t>(begin_ns);
   begin_word(kBeginLow).store(static_cast<std::uint32_t>(ns), std::memory_order_relaxed);
@@ -507,7 +507,7 @@ Time Partition::began() const {
 
 namespace {
 
-/// For the others to come as far at the end; who takes longer is not waited for.
+/// Time for the others to reach the same step at the end; slower ones are not awaited.
 constexpr std::chrono::seconds kStepLimit{2};
 
 auto until(std::chrono::steady_clock::duration limit) {

@@ -26,7 +26,7 @@
 
 namespace fastcycle::processes {
 
-/// One process of an application: knows what runs here, and connects it with the others.
+/// One process of an application: which components run here, and their links to the others.
 ///
 ///     partition.become(process, incarnation);
 ///     host::Application application(plan.description_in(process), …);
@@ -37,16 +37,16 @@ namespace fastcycle::processes {
 /// @threads  Confined to the control thread, but for `runs_here`.
 class Partition final : public host::Peers, public host::ComponentClasses {
  public:
-  /// `classes` finds the components' code. All have to live as long as this.
+  /// `classes` provides the components' code. All arguments must outlive this.
   Partition(const ProcessPlan& plan, segment::Segments& segments, host::ComponentClasses& classes);
   ~Partition() override;
 
-  /// First thing in the process. Returns what the kernel refused.
+  /// Call first in the process. Returns an error of the kernel.
   [[nodiscard]] std::optional<std::string> become(segment::ProcessIndex process,
                                                   std::uint32_t incarnation);
   [[nodiscard]] segment::ProcessIndex process() const { return process_; }
   [[nodiscard]] std::uint32_t incarnation() const { return incarnation_; }
-  /// Null where nobody is followed.
+  /// Null if this process follows none.
   [[nodiscard]] const standby::Follower* follower() const {
     return pair_ == nullptr ? nullptr : pair_->follower();
   }
@@ -54,25 +54,25 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   const ComponentClass* find(const config::ComponentDescription& component,
                              config::Problems& problems) override;
 
-  /// Makes the ends of all links, after the application was built. In simulated time from then on
-  /// it serves rounds together with the others, who keep it in step with starts and stops too.
+  /// Creates the ends of all links, after the application was built. In simulated time it serves
+  /// rounds together with the others from then on; these also synchronize starts and stops.
   void connect(host::Application& application);
-  /// Reads what the others publish; once all that is to come at the start is there.
+  /// Connects to what the others publish; call once all publishers of the start exist.
   void attach();
 
-  /// Of a process with a standby, and of that: what became of following. Set before `connect`; any
+  /// Called with the state of following, in the processes of a pair. Set before `connect`; any
   /// thread.
   standby::Follower::Listener on_standby;
-  /// Asks the one that makes the processes to end this one, whose place its standby takes; set
-  /// before the start. Any thread.
+  /// Asks the supervisor to end `process` so that its standby takes over; set before the start. Any
+  /// thread.
   std::function<void(const std::string& process)> on_switch;
   /// Called when all sources of this process have finished; set before the start. Any thread.
   std::function<void()> on_sources_finished;
 
-  /// Where messages go to another process.
+  /// Where messages leave for another process.
   struct Outlet {
     std::string topic;
-    std::size_t depth = 0;  ///< The most that a subscription there takes.
+    std::size_t depth = 0;  ///< The largest depth of a subscription there.
     detail::PublisherCore* publisher = nullptr;
     std::unique_ptr<segment::Export> to;
   };
@@ -146,13 +146,13 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   host::Application* application_ = nullptr;
   std::vector<Outlet> outlets_;
   std::vector<std::unique_ptr<segment::LinkSet>> link_sets_;
-  std::unique_ptr<FollowerBell> bell_;  ///< Null in a process that nobody follows.
-  std::unique_ptr<Pair> pair_;          ///< Null in one that follows nobody, and never will.
+  std::unique_ptr<FollowerBell> bell_;  ///< Null in a process without followers.
+  std::unique_ptr<Pair> pair_;          ///< Null in one that never follows.
   std::vector<std::unique_ptr<PairedInputs>> paired_inputs_;
   std::vector<std::unique_ptr<ActivityOfProcess>> activity_elsewhere_;
-  std::unique_ptr<NoticeOrder> notices_;  ///< Null until it has become a process.
+  std::unique_ptr<NoticeOrder> notices_;  ///< Null before `become`.
   std::unique_ptr<Rounds> rounds_;        ///< In simulated time.
-  std::jthread heart_;                    ///< If the file asks for a sign of life.
+  std::jthread heart_;                    ///< If the file requires a heartbeat.
 };
 
 }  // namespace fastcycle::processes

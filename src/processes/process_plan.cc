@@ -15,12 +15,12 @@ using segment::ProcessIndex;
 
 namespace {
 
-/// What a queue between processes may hold at most; and below 65536 with what is held besides.
+/// Maximum depth of a queue between processes; below 65536 together with messages held beside it.
 constexpr std::size_t kMaxDepth = 16'384;
-/// More than what all may hold on purpose: what was returned and not collected yet, what is in a
-/// callback.
+/// Margin above the intended holders: for messages returned but not collected yet, and messages in
+/// a callback.
 constexpr std::size_t kSpare = 8;
-/// What may wait for a component on standby, or for one that had been.
+/// Minimum depth for a component that is, or was, on standby.
 constexpr std::size_t kDepthOfStandby = 16;
 
 }  // namespace
@@ -43,8 +43,7 @@ ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::Appli
     return;
   }
   wire_.processes = count();
-  // Behind each component's stage: how far the process is, when timers began, its heartbeat, its
-  // number.
+  // After each component's stage: the progress, when timers began (two words), heartbeat, pid.
   wire_.components = description_.components.size() + 5;
   std::set<std::string> roots;
   for (const config::ChainDescription& chain : description_.chains) {
@@ -63,7 +62,7 @@ ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::Appli
   wire_.lay_out();
 }
 
-/// In simulated time there are none: nothing fails there by itself.
+/// None in simulated time: no failures are expected there.
 void ProcessPlan::add_standbys() {
   for (ProcessIndex process = kMain + 1; process < first_standby_; ++process) {
     if (description_of(process).has_standby) {
@@ -139,7 +138,7 @@ bool ProcessPlan::hosts(ProcessIndex process, const std::string& component) cons
 }
 
 void ProcessPlan::add_activity(const Needs& needs) {
-  wire_.workers = {0};  // Who makes the others has none.
+  wire_.workers = {0};  // The supervisor has none.
   for (ProcessIndex process = kMain; process < count(); ++process) {
     wire_.workers.push_back(needs.is_simulated ? needs.simulated_workers
                                                : host::worker_count(description_in(process)));
@@ -208,7 +207,7 @@ config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process)
       used.insert(component.executor);
       continue;
     }
-    // As much of it as others must know.
+    // The part that other processes need.
     config::ComponentDescription known;
     known.name = component.name;
     known.name_space = component.name_space;
@@ -220,7 +219,7 @@ config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process)
     known.params = config::Value::object_at(part.shared_params);
     known.place = component.place;
     known.hang = component.hang;
-    // The main process asks for it where this one is gone for good.
+    // The main process needs it if this one is gone for good.
     known.fault_mode = component.fault_mode;
     component = std::move(known);
   }
@@ -256,7 +255,7 @@ std::vector<std::string> ProcessPlan::executors_in(ProcessIndex process) const {
   return host::executor_names(description_in(process));
 }
 
-/// Whether somebody there looks at topics to which no component there subscribes.
+/// Whether tools there read topics to which no component there subscribes.
 bool ProcessPlan::gets_all(ProcessIndex process, const Needs& needs) const {
   return (process == kMain && needs.main_gets_all) ||
          std::ranges::any_of(wiring_.recorders,
@@ -285,7 +284,7 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
                            std::map<ProcessIndex, std::vector<std::string>>& executors) {
   std::size_t depth = 0;
   std::size_t keep = 0;
-  // Two that follow each other compare what they publish.
+  // A follower compares its own output with the primary's.
   const config::ShadowDescription* const shadow = shadow_in(to);
   const bool is_followed =
       twin_of(from) == to || (shadow != nullptr && shadow->of == publisher.component);
@@ -308,7 +307,7 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
     return;
   }
   if (twin_of(to) || shadow != nullptr) {
-    // Who follows is behind, and must not lose what the other one still takes.
+    // A follower lags behind, and must not lose what the primary still takes.
     depth = std::max(2 * depth, kDepthOfStandby);
     keep += 2 * depth;
   }

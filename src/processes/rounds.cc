@@ -20,16 +20,16 @@ using segment::RoundWords;
 
 namespace {
 
-// What a process says.
+// Facts that a process publishes.
 enum Fact : std::size_t {
   kFlags,
-  kSteps,  ///< In which round there is recorded input << 32 | the round's place.
+  kSteps,  ///< Round with recorded input << 32 | index in the round.
   kNextDue,
   kNextUnwatched,
   kEndReason,
   kNow,
   kLimit,
-  // After a round, in the place of others.
+  // After a round, instead of others.
   kSaid = kSteps,
   kIncarnation = kNextDue
 };
@@ -40,7 +40,7 @@ constexpr std::uint64_t kThreads = 8;
 constexpr std::uint64_t kSources = 16;
 constexpr std::uint64_t kSourcesOver = 32;
 constexpr std::uint64_t kNotAdvancing = 64;
-constexpr std::uint64_t kExchange = 128;  ///< It handed over what was published in a round.
+constexpr std::uint64_t kExchange = 128;  ///< It handed over the messages of a round.
 constexpr std::uint64_t kBusy = 256;      ///< With what all processes do together.
 constexpr std::uint64_t kFirst = 512;     ///< It is the first such point of the round.
 
@@ -51,7 +51,7 @@ std::uint64_t flags_of(const RoundState& state) {
 }
 
 void sleep_on(const std::atomic<std::uint32_t>& word, std::uint32_t seen) {
-  // It is looked now and then whether the process that is waited for has ended.
+  // Wakes up now and then to check whether the awaited process has ended.
   constexpr timespec kLookAgain{.tv_sec = 0, .tv_nsec = 20'000'000};
   syscall(SYS_futex, &word, FUTEX_WAIT, seen, &kLookAgain, nullptr, 0);
 }
@@ -84,8 +84,8 @@ Rounds::Rounds(const segment::Wire& wire, ProcessIndex process, std::uint32_t in
   if (incarnation == 1) {
     return;
   }
-  // It goes on behind the last point that it came to before it ended. What was said there, and at
-  // the point before, is said again: others who have not come as far may find this incarnation.
+  // Continues after the last point it reached before it ended. Repeats its facts of that point and
+  // the one before: others that have not reached them yet may find this incarnation.
   for (std::uint32_t earlier = 1;
        earlier < segment::Segments::kGenerations && earlier < incarnation; ++earlier) {
     const RoundWords& words = wire.rounds(process, incarnation - earlier);
@@ -104,7 +104,7 @@ Rounds::Rounds(const segment::Wire& wire, ProcessIndex process, std::uint32_t in
   own_.count.store(count_, std::memory_order_seq_cst);
 }
 
-/// Comes to the next point.
+/// Reaches the next point.
 void Rounds::say(const Facts& facts) {
   ++count_;
   for (std::size_t i = 0; i < RoundWords::kFacts; ++i) {
@@ -139,7 +139,7 @@ const std::atomic<std::uint64_t>* Rounds::await(ProcessIndex process) {
     const std::uint32_t changes = wire_.changes().load(std::memory_order_seq_cst);
     const std::uint32_t now = wire_.incarnation(process).load(std::memory_order_seq_cst);
     const bool is_coming = wire_.restarting(process).load(std::memory_order_seq_cst) != 0;
-    // What it said before its end was said for all.
+    // Facts published before its end count for all.
     if (known_[process] != 0) {
       if (const auto* const facts = facts_of(process)) {
         return facts;
@@ -151,7 +151,7 @@ const std::atomic<std::uint64_t>* Rounds::await(ProcessIndex process) {
       continue;
     }
     if (now == 0 && !is_coming) {
-      // Unless it came, and ended again, between the two looks.
+      // Unless it came, and ended again, between the two loads.
       if (wire_.changes().load(std::memory_order_seq_cst) == changes) {
         return nullptr;
       }
@@ -194,7 +194,7 @@ void Rounds::join() {
     }
   }
   if (known_[ProcessPlan::kMain] == 0) {
-    return;  // All end.
+    return;  // The application ends.
   }
   const auto* const facts =
       wire_.rounds(ProcessPlan::kMain, known_[ProcessPlan::kMain]).facts[(count_ + 1) & 1];
@@ -206,7 +206,7 @@ void Rounds::join() {
 RoundState Rounds::agree(const RoundState& own) {
   if (is_joining_) {
     if (!own.is_advancing) {
-      return own;  // Its components start, and nobody else has anything to do meanwhile.
+      return own;  // Its components start; the others have nothing to do meanwhile.
     }
     is_joining_ = false;
     own_.is_joining.store(0, std::memory_order_seq_cst);
@@ -256,7 +256,7 @@ RoundState Rounds::agree(const RoundState& own) {
   return all;
 }
 
-/// The same in all processes.
+/// Gives the same result in all processes.
 void Rounds::agree_on_end(bool have_sources, bool are_sources_over, EndReason reason) {
   if (reason == EndReason::kNone && have_sources && are_sources_over) {
     reason = EndReason::kSourcesFinished;
@@ -281,7 +281,7 @@ void Rounds::exchange() {
   }
 }
 
-/// Waits for all, takes what they say of the whole, and waits again as long as there is an answer.
+/// Waits for all, takes their notices, and repeats as long as these cause new ones.
 void Rounds::exchange_notices() {
   const Peers& peers = *application_.peers();
   if (peers.on_round_ends) {
@@ -304,7 +304,7 @@ void Rounds::exchange_notices() {
                              facts[kIncarnation].load(std::memory_order_relaxed))};
         const std::uint64_t flags = facts[kFlags].load(std::memory_order_relaxed);
         is_anyone_busy |= (flags & kBusy) != 0;
-        if (process == ProcessPlan::kMain) {  // One that was restarted may come in the midst of it.
+        if (process == ProcessPlan::kMain) {  // A restarted process may join in the middle.
           is_round_over = (flags & kFirst) != 0;
         }
       }

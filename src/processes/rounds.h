@@ -16,23 +16,23 @@
 namespace fastcycle::processes {
 
 /// One process's part in rounds of simulated time that all processes of an application serve
-/// together. Each says, in memory that the others read, how many points it came to at which all
-/// wait for each other, and what it knows there; from that each finds the same answer.
+/// together. Each publishes, in memory that the others read, the number of synchronization points
+/// it has reached, and its state there; from that all derive the same result.
 ///
-/// A process that has ended is waited for if it is restarted, else not. What it had said counts, so
-/// that all who are left find the same.
+/// A process that has ended is awaited if it is restarted, else not. Its last published state
+/// counts, so that the remaining ones derive the same result.
 ///
 /// @threads  As `RoundPeers`; `end_sources` is Safe.
 class Rounds final : public detail::RoundPeers {
  public:
-  /// `links` are all that lead here, `notices` what the processes say of the whole. All have to
-  /// live as long as this.
+  /// `links` are all that lead here, `notices` the application-wide notices. All arguments must
+  /// outlive this.
   Rounds(const segment::Wire& wire, segment::ProcessIndex process, std::uint32_t incarnation,
          segment::LinkSet& links, NoticeOrder& notices, host::Application& application);
 
-  /// In a process that was restarted, before it reads from others: waits until these wait for it,
-  /// all with what they publish handed over. Then the application starts at their time, by itself;
-  /// it serves rounds with them from the first one on in which time may go on.
+  /// In a restarted process, before it reads from others: waits until these wait for it, with all
+  /// they published handed over. Then the application starts at their time, alone; it joins their
+  /// rounds from the first one in which time may advance.
   void join();
 
   [[nodiscard]] detail::RoundState agree(const detail::RoundState& own) override;
@@ -47,7 +47,7 @@ class Rounds final : public detail::RoundPeers {
   using Facts = std::array<std::uint64_t, segment::RoundWords::kFacts>;
 
   void say(const Facts& facts);
-  /// Waits for `process`; null if it ended before it came here, and is not restarted.
+  /// Waits for `process`; null if it ended before it reached this point and is not restarted.
   const std::atomic<std::uint64_t>* await(segment::ProcessIndex process);
   [[nodiscard]] const std::atomic<std::uint64_t>* facts_of(segment::ProcessIndex process) const;
   void exchange_notices();
@@ -65,7 +65,7 @@ class Rounds final : public detail::RoundPeers {
   std::atomic<bool> is_waiting_{false};
   std::atomic<host::Peers::AgreedEnd> agreed_end_{host::Peers::AgreedEnd::kNone};
   std::uint32_t count_ = 0;
-  std::vector<std::uint32_t> known_;  ///< By process: the incarnation that is waited for.
+  std::vector<std::uint32_t> known_;  ///< By process: the awaited incarnation.
   bool is_joining_ = false;
   bool joins_at_exchange_ = false;
 };

@@ -34,12 +34,12 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kWrong = 2;  // Exit codes of `fastcycle run`.
 constexpr int kEndedAtOnce = 130;
-/// For a process to end after it was told to. The steps of its end take up to 5 s.
+/// Time for a process to end on request. The steps of its end take up to 5 s.
 constexpr std::chrono::seconds kEndLimit{15};
-/// A restart that waits so long for memory that others hold is told.
+/// A restart that waits this long for memory held by others is reported.
 constexpr std::int64_t kLongHeldNs = 1'000'000'000;
 
-// As `EndReason`s are called.
+// Names of `EndReason`s.
 constexpr const char* kInputFinished = "input finished";
 constexpr const char* kComponentFault = "component fault";
 
@@ -50,7 +50,7 @@ std::string describe_end(int status) {
   return fmt::format("ended with exit code {}", WEXITSTATUS(status));
 }
 
-/// As `ps` shows a process: of long names the begin, and what tells a standby from whom it follows.
+/// Process name for `ps`: long names are shortened, but keep what distinguishes a standby.
 std::string short_name(const std::string& name) {
   constexpr std::size_t kMost = 15;
   const std::string suffix = ProcessPlan::kStandbySuffix;
@@ -70,7 +70,7 @@ std::string read_all(int file) {
   return text;
 }
 
-/// What the file says of where and as whom a process runs. Returns what could not be done.
+/// Applies the CPUs, memory limit and user of the file to this process. Returns what failed.
 std::string apply(const config::ProcessDescription& process) {
   if (!process.cpus.empty()) {
     cpu_set_t cpus;
@@ -83,7 +83,7 @@ std::string apply(const config::ProcessDescription& process) {
     }
   }
   if (process.memory_bytes > 0) {
-    // What it writes privately; segments of all processes are mapped, and not counted.
+    // Private memory; segments of all processes are mapped, and not counted.
     const rlimit limit{.rlim_cur = process.memory_bytes, .rlim_max = process.memory_bytes};
     if (setrlimit(RLIMIT_DATA, &limit) != 0) {
       return fmt::format("its memory limit: {}", std::strerror(errno));
@@ -175,7 +175,7 @@ bool Supervisor::fork_one(ProcessIndex process) {
   return true;
 }
 
-/// Whether it does the work of both, or will.
+/// Whether it is, or can become, the active process of its pair.
 bool Supervisor::may_be_followed(ProcessIndex process) const {
   const segment::StandbyWords& words = wire_.standby(process, its_[process].incarnation);
   return its_[process].pid > 0 &&
@@ -183,7 +183,7 @@ bool Supervisor::may_be_followed(ProcessIndex process) const {
 }
 
 void Supervisor::work_in_child(ProcessIndex process, Channel channel) {
-  // What a terminal sends goes to the supervisor alone, which passes it on.
+  // Signals from a terminal go to the supervisor alone, which forwards them.
   setpgid(0, 0);
   prctl(PR_SET_NAME, short_name(plan_.name(process)).c_str());
   const int report = its_[process].report;
@@ -216,7 +216,7 @@ void Supervisor::announce(ProcessIndex process, std::uint32_t incarnation) {
   segment::wake(wire_.changes(), INT_MAX);
 }
 
-/// A worker said something, or its end of the channel is gone.
+/// A worker sent a word, or closed its end of the channel.
 void Supervisor::hear(ProcessIndex process) {
   Its& its = its_[process];
   const auto message = its.channel.hear();
@@ -250,7 +250,7 @@ void Supervisor::hear(ProcessIndex process) {
   proceed();
 }
 
-/// Ends a process whose place its standby takes: as a crash would, since that is what works always.
+/// Ends a process whose standby takes over: by a kill, as in a crash, since that always works.
 void Supervisor::end_for_standby(const std::string& name) {
   for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
     const auto standby = plan_.twin_of(process);
@@ -263,7 +263,7 @@ void Supervisor::end_for_standby(const std::string& name) {
   }
 }
 
-/// Leads those that wait to the next step, as far as all are there.
+/// Advances waiting processes to the next step once all have reached it.
 void Supervisor::proceed() {
   const auto all = [this](auto member) {
     return std::ranges::all_of(its_.begin() + ProcessPlan::kMain, its_.end(),
@@ -338,7 +338,7 @@ void Supervisor::kill_all() {
   }
 }
 
-/// Looks whether a process that has ended served rounds of simulated time.
+/// Records whether a process that has ended served rounds of simulated time.
 void Supervisor::note_join(ProcessIndex process) {
   Its& its = its_[process];
   if (plan_.is_simulated()) {
@@ -348,46 +348,46 @@ void Supervisor::note_join(ProcessIndex process) {
   }
 }
 
-/// Whether it is restarted, now that it has ended.
+/// Whether a process that has ended is restarted.
 bool Supervisor::will_restart(ProcessIndex process, int status) const {
   const Its& its = its_[process];
   const config::ProcessDescription description = plan_.description_of(process);
   const bool is_asked_for = is_ending_ || (process == ProcessPlan::kMain && WIFEXITED(status) &&
                                            WEXITSTATUS(status) == kEndedAtOnce);
-  // What it had said last is still read where it stood: in memory that the next but one takes.
+  // Its last facts are still read at their place, in memory that the incarnation after next reuses.
   const bool may_join = its.never_joined < segment::Segments::kGenerations - 1;
   return is_started_ && !is_asked_for && may_join &&
          description.on_exit == config::OnExit::kRestart &&
          restarts_of(its, description.restart) < description.restart.limit;
 }
 
-/// As many as count now.
+/// Number of restarts that count now.
 std::uint32_t Supervisor::restarts_of(const Its& its,
                                       const config::RestartDescription& restart) const {
   const bool are_old = base::monotonic_ns() - its.first_restart_ns > restart.within.count();
   return are_old ? 0 : its.restarts;
 }
 
-/// A process has ended.
+/// Handles the end of a process.
 void Supervisor::take_end(ProcessIndex process) {
   Its& its = its_[process];
   int status = 0;
   if (waitpid(its.pid, &status, WNOHANG) != its.pid) {
     return;
   }
-  kill(-its.pid, SIGKILL);  // What it started in its group ends with it.
+  kill(-its.pid, SIGKILL);  // Processes it started in its group end with it.
   its.pid = -1;
   close(std::exchange(its.end, -1));
   its.channel.close();
   note_join(process);
-  // Before its end is announced, so that nobody goes on without it.
+  // Before its end is announced, so that no process continues without it.
   wire_.restarting(process).store(will_restart(process, status) ? its.incarnation + 1 : 0,
                                   std::memory_order_seq_cst);
   announce(process, 0);
   result_.reports[process] = read_all(its.report);
   const int code = WIFEXITED(status) ? WEXITSTATUS(status) : kFailed;
   if (!is_started_) {
-    if (!std::exchange(is_ending_, true)) {  // The others end because this one did.
+    if (!std::exchange(is_ending_, true)) {  // The others end because of this one.
       const std::uint64_t memory = plan_.description_of(process).memory_bytes;
       const std::string limit =
           memory == 0
@@ -411,7 +411,7 @@ void Supervisor::take_end(ProcessIndex process) {
     return;
   }
   if (is_ending_ && kill_at_ns_ == base::kNever) {
-    return;  // It was killed, since it did not come to its end.
+    return;  // It was killed because it did not end in time.
   }
   consider_restart(process, describe_end(status));
 }
@@ -472,7 +472,8 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
   end_all(kComponentFault);
 }
 
-/// Who still holds a message of the incarnation that had this one's memory; none if nobody does.
+/// The process that still holds a message of the incarnation whose memory this one reuses; none if
+/// there is none.
 std::optional<ProcessIndex> Supervisor::holder_of_generation(ProcessIndex process,
                                                              std::uint32_t incarnation) const {
   if (incarnation <= segment::Segments::kGenerations) {
@@ -500,14 +501,14 @@ void Supervisor::restart_due() {
       continue;
     }
     if (const auto holder = holder_of_generation(process, its.incarnation + 1)) {
-      announce(process, 0);  // They look what they hold.
+      announce(process, 0);  // Has them check what they hold.
       if (now_ns - its.restart_at_ns > kLongHeldNs && !std::exchange(its.is_wait_told, true)) {
         tell_(
             fmt::format("process \"{}\" is not restarted yet: process \"{}\" still keeps a message "
                         "of its run {}",
                         plan_.name(process), plan_.name(*holder),
                         its.incarnation + 1 - segment::Segments::kGenerations));
-        if (plan_.is_simulated()) {  // There time stands until it is back.
+        if (plan_.is_simulated()) {  // Simulated time stands still until it is back.
           tell_("the application stops, since simulated time does not go on meanwhile");
           result_.exit_code = kFailed;
           end_all(kComponentFault);
@@ -525,15 +526,15 @@ void Supervisor::restart_due() {
   }
 }
 
-/// Ends those that have not given a sign of life for as long as they may be silent. What counts is
-/// the time in which they were looked at: all may have stood still, with this process.
+/// Kills processes without a heartbeat for longer than their limit. Only supervised time counts:
+/// the whole machine may have been suspended.
 void Supervisor::look_at_heartbeats() {
   constexpr std::int64_t kMostNs = 20'000'000;
   const std::int64_t now_ns = base::monotonic_ns();
   const std::int64_t passed_ns = std::min(now_ns - looked_ns_, kMostNs);
   looked_ns_ = now_ns;
   if (is_ending_) {
-    return;  // Who ends gives no more signs; `kill_at_ns_` bounds how long that may take.
+    return;  // Ending processes stop their heartbeats; `kill_at_ns_` limits their end.
   }
   for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
     Its& its = its_[process];

@@ -16,18 +16,17 @@
 
 namespace fastcycle::processes {
 
-/// Makes the processes of an application, watches over them, and makes those anew that end, as the
-/// file says. It does nothing else: no component's code runs here, and nothing waits for it while
-/// messages move.
+/// Starts the processes of an application, monitors them, and restarts those that end, as the file
+/// specifies. It does nothing else: it runs no component's code, and no message depends on it.
 ///
 /// @threads  Confined to the only thread of its process.
 class Supervisor {
  public:
-  /// What runs in each process, from its begin to its end; returns the exit code. `report` is a
-  /// file for what there is to say of it at the end.
+  /// Runs a process from begin to end; returns its exit code. `report` is a file for its final
+  /// report.
   using Work = std::function<int(segment::ProcessIndex process, std::uint32_t incarnation,
                                  Channel channel, int report)>;
-  /// Told of all that a user should know.
+  /// Called with messages for the user.
   using Tell = std::function<void(const std::string& sentence)>;
 
   Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Tell tell);
@@ -37,12 +36,12 @@ class Supervisor {
 
   struct Result {
     int exit_code = 0;
-    std::string end;  ///< Why the run ended, where a process was the reason.
-    /// By process, what its last incarnation wrote into its file; empty if it wrote nothing.
+    std::string end;  ///< Why the run ended, if a process caused it.
+    /// By process, the report of its last incarnation; empty if it wrote none.
     std::vector<std::string> reports;
     std::vector<std::uint32_t> restarts;  ///< By process.
   };
-  /// Runs the application to its end. Signals that end it are blocked by the caller, and taken
+  /// Runs the application to its end. The caller blocks the signals that end it; they are handled
   /// here.
   [[nodiscard]] Result run();
 
@@ -57,15 +56,15 @@ class Supervisor {
     bool is_built = false;
     bool is_connected = false;
     bool is_running = false;
-    bool is_active = false;          ///< Of two: it was made to do the work.
-    bool has_sources = false;        ///< That have not finished.
-    std::int64_t restart_at_ns = 0;  ///< 0: it is not to be made anew.
-    bool is_wait_told = false;       ///< That its restart waits for somebody.
-    std::uint32_t restarts = 0;      ///< Within the time that began at `first_restart_ns`.
+    bool is_active = false;          ///< Of a pair: it was started as the active one.
+    bool has_sources = false;        ///< Unfinished ones.
+    std::int64_t restart_at_ns = 0;  ///< 0: no restart pending.
+    bool is_wait_told = false;       ///< That its restart has to wait was reported.
+    std::uint32_t restarts = 0;      ///< Since `first_restart_ns`.
     std::int64_t first_restart_ns = 0;
-    /// In simulated time: how many in a row have ended before they came to the time of the others.
+    /// In simulated time: how many in a row ended before they reached the time of the others.
     std::uint32_t never_joined = 0;
-    std::uint32_t heartbeat = 0;  ///< As it was seen last.
+    std::uint32_t heartbeat = 0;  ///< Last value seen.
     std::int64_t silence_ns = 0;  ///< For how long it has not changed.
   };
 
@@ -96,13 +95,13 @@ class Supervisor {
   const segment::Wire wire_;
   const Work work_;
   const Tell tell_;
-  std::vector<Its> its_;  ///< By process; the first is nobody.
+  std::vector<Its> its_;  ///< By process; the first is unused.
   int signals_ = -1;
   bool is_started_ = false;
   bool has_had_sources_ = false;
   bool is_ending_ = false;
-  std::int64_t kill_at_ns_ = 0;  ///< 0: there is time.
-  std::int64_t looked_ns_ = 0;   ///< At heartbeats.
+  std::int64_t kill_at_ns_ = 0;  ///< 0: no deadline.
+  std::int64_t looked_ns_ = 0;   ///< When heartbeats were checked last.
   Result result_;
 };
 

@@ -14,8 +14,8 @@
 
 namespace fastcycle::record {
 
-/// Messages on their way into one chunk of the file: either small ones, copied, or a single large
-/// one, which is held until it was written.
+/// Messages for one chunk of the file: either small ones, copied, or a single large one, which is
+/// held until it is written.
 ///
 /// @threads  Confined; handed from the thread that fills it to the one that writes it.
 class Batch {
@@ -32,14 +32,14 @@ class Batch {
   Batch& operator=(const Batch&) = delete;
   ~Batch() { release(); }
 
-  /// Takes over the reference to `envelope`, whose bytes the chunk borrows; `count` is lowered when
-  /// it is let go.
+  /// Takes over the reference to `envelope`, whose bytes the chunk borrows; decrements `count` when
+  /// it is released.
   void hold(detail::Envelope* envelope, std::atomic<std::size_t>& count) noexcept {
     held_ = envelope;
     count_ = &count;
   }
 
-  /// Lets go of what was held. The chunk must be cleared before it is used again.
+  /// Releases the held message. The chunk must be cleared before it is used again.
   void release() noexcept {
     if (held_ != nullptr) {
       detail::release(std::exchange(held_, nullptr));
@@ -55,12 +55,12 @@ class Batch {
   }
 
   mcap::ChunkBuilder chunk;
-  Serializer serializer;  ///< Of the message that is borrowed.
+  Serializer serializer;  ///< Of the borrowed message.
   log::MessageInfos infos;
   std::vector<log::Activations> activations;  ///< By worker.
-  std::vector<StoredMessage> latched;         ///< Of them, those of latched topics.
+  std::vector<StoredMessage> latched;         ///< Those of latched topics.
   std::vector<Count> counts;
-  std::int64_t began_ns = 0;  ///< CLOCK_MONOTONIC, first message.
+  std::int64_t began_ns = 0;  ///< CLOCK_MONOTONIC of the first message.
 
  private:
   detail::Envelope* held_ = nullptr;

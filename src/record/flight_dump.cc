@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 constexpr int kInfosAtOnce = 1024;
 constexpr std::size_t kLargeBytes = std::size_t{128} << 10U;  // Of a message.
 
-/// `Hard braking!` as a part of a file's name: `hard_braking`.
+/// Converts `Hard braking!` to a part of a file name: `hard_braking`.
 std::string as_name(std::string_view reason) {
   constexpr std::size_t kLongest = 40;
   std::string name;
@@ -59,7 +59,7 @@ std::string utc(std::int64_t time_ns) {
   return text.data();
 }
 
-/// `text` of a file that may be damaged, as it may stand in another one.
+/// `text` of a file that may be damaged, escaped for another one.
 std::string printable(std::string_view text) {
   std::string result(text);
   std::ranges::replace_if(result, [](char c) { return c != '\n' && (c < 0x20 || c == 0x7f); }, '?');
@@ -70,7 +70,7 @@ fs::path active_name(fs::path name) {
   return name += ".active";
 }
 
-/// A name that nothing has.
+/// An unused name.
 fs::path free_name(const fs::path& ring_file, const FlightTrigger& trigger) {
   const std::string begin =
       ring_file.stem().string() + "_" + utc(trigger.time_ns) + "_" + as_name(trigger.reason);
@@ -83,7 +83,7 @@ fs::path free_name(const fs::path& ring_file, const FlightTrigger& trigger) {
   return name;
 }
 
-/// The file of one dump, while it is written.
+/// The file of one dump while it is being written.
 class DumpFile {
  public:
   DumpFile(const fs::path& name, const FlightWindow& window)
@@ -145,11 +145,11 @@ class DumpFile {
   void write(std::uint16_t channel, std::uint32_t sequence, std::int64_t time_ns,
              mcap::Bytes data) {
     if (writer_.definitions().find_channel(channel) == nullptr) {
-      return;  // Of a damaged ring.
+      return;  // The ring is damaged.
     }
     const auto time = static_cast<std::uint64_t>(time_ns);
     if (data.size() >= kLargeBytes) {
-      writer_.flush();  // It gets a chunk without the schemas and channels that wait for one.
+      writer_.flush();  // A chunk of its own, without pending schemas and channels.
     }
     writer_.write(
         {.channel_id = channel, .sequence = sequence, .log_time_ns = time, .publish_time_ns = time},
@@ -173,7 +173,7 @@ class DumpFile {
         (is_latched && !repeated_.emplace(head.channel, head.sequence).second)) {
       return;
     }
-    // What was published before, and still holds, comes first.
+    // Messages published before, and still valid, come first.
     const std::int64_t log_ns = std::max(head.publish_ns, window_.begin_ns);
     const mcap::Bytes data = rest.subspan(head.info_size);
     writer_.write({.channel_id = head.channel,
@@ -219,7 +219,7 @@ class DumpFile {
     sum.process += loss.process;
   }
 
-  /// The activation that did not end, and what the process said of its end.
+  /// The unfinished activation, and the crash note of the process.
   void write_crash() {
     if (!window_.crash) {
       return;
@@ -281,7 +281,7 @@ class DumpFile {
   mcap::FileSink sink_;
   mcap::Writer writer_;
   log::MessageInfos infos_;
-  std::set<std::pair<std::uint16_t, std::uint32_t>> repeated_;  ///< Latched ones that are there.
+  std::set<std::pair<std::uint16_t, std::uint32_t>> repeated_;  ///< Latched ones already written.
   std::map<std::uint16_t, FlightLoss> losses_;                  ///< By channel.
   std::uint32_t activations_ = 0;
   std::uint32_t info_lists_ = 0;
@@ -290,7 +290,7 @@ class DumpFile {
   std::int64_t last_ns_ = 0;
 };
 
-/// When the records of a ring begin and end; none if it has none, or was closed.
+/// The time span of a ring's records; none if it has none, or was closed.
 std::optional<FlightWindow> window_of_crash(const fs::path& ring_file) {
   FlightRingReader ring(ring_file);
   std::optional<FlightWindow> window;
@@ -343,7 +343,7 @@ FlightDump write_dump(FlightRingReader& ring, const FlightWindow& window,
     dump.missing = ring.missing();
     file.finish(dump.missing);
     dump.file = file.name();
-  } catch (const std::exception& error) {  // Also those of the file system.
+  } catch (const std::exception& error) {  // Includes file system errors.
     dump.problem = error.what();
   }
   return dump;

@@ -13,22 +13,22 @@
 
 namespace fastcycle::record {
 
-/// What stands in the ring of a flight recorder.
+/// Kinds of records in the ring of a flight recorder.
 enum class FlightKind : std::uint16_t {
   kMessage = 1,      ///< A `FlightMessageHead`, a `log::MessageInfo`, and the message.
-  kLatched = 2,      ///< The same, of a message that was published before and still holds.
+  kLatched = 2,      ///< The same, for a latched message that is still valid.
   kActivations = 3,  ///< A `log::Activations`.
   kLoss = 4,         ///< A `FlightLoss`.
 };
 
 struct FlightMessageHead {
   std::uint16_t channel = 0;
-  std::uint16_t info_size = 0;  ///< 0: it is as usual.
+  std::uint16_t info_size = 0;  ///< 0: the info has its default values.
   std::uint32_t sequence = 0;   ///< Its lower 32 bits.
   std::int64_t publish_ns = 0;
 };
 
-/// What one channel lost since the last such record.
+/// Losses of one channel since the last such record.
 struct FlightLoss {
   std::uint16_t channel = 0;
   std::uint16_t unused[3] = {};
@@ -38,46 +38,46 @@ struct FlightLoss {
   std::uint64_t process = 0;
 };
 
-/// Why a dump was asked for, and when.
+/// Reason and time of a requested dump.
 struct FlightTrigger {
   std::int64_t time_ns = 0;
   std::string reason = {};     ///< `fault`
-  std::string component = {};  ///< Empty: none of them.
+  std::string component = {};  ///< Empty: no component.
   std::string detail = {};     ///< In words; may be empty.
 
   auto operator<=>(const FlightTrigger&) const = default;
 };
 
-/// What one dump has.
+/// Contents of one dump.
 struct FlightWindow {
   std::vector<FlightTrigger> triggers;  ///< At least one; the first names the file.
-  std::size_t trigger_count = 1;        ///< Also those of which nothing is kept.
+  std::size_t trigger_count = 1;        ///< Includes those that are not kept in `triggers`.
   std::int64_t begin_ns = 0;
-  std::int64_t end_ns = 0;  ///< The last nanosecond of it.
-  FlightMark from = {};     ///< Nothing of it stands before this in the ring.
-  std::optional<diagnostics::CrashNote> crash = {};  ///< What ended the run, if that is known.
+  std::int64_t end_ns = 0;  ///< Inclusive.
+  FlightMark from = {};     ///< Position in the ring before its first record.
+  std::optional<diagnostics::CrashNote> crash = {};  ///< What ended the run, if known.
 };
 
-/// What became of a dump.
+/// Result of a dump.
 struct FlightDump {
   std::filesystem::path file = {};
-  FlightTrigger trigger = {};  ///< The first.
+  FlightTrigger trigger = {};  ///< The first one.
   std::size_t trigger_count = 0;
   std::uint64_t messages = 0;
   std::uint64_t missing = 0;  ///< Records that were overwritten before they were written here.
-  std::string problem = {};   ///< Why it was not written; empty if it was.
+  std::string problem = {};   ///< Why it was not written; empty on success.
 };
 
-/// Writes what `ring` has of `window` into an MCAP file beside `ring_file`, whose name says when
-/// and why: `drive_2026-11-21_18-05-12_fault.mcap`. Never throws: see `FlightDump::problem`.
+/// Writes the part of `ring` in `window` to an MCAP file beside `ring_file`, named by time and
+/// reason: `drive_2026-11-21_18-05-12_fault.mcap`. Never throws: see `FlightDump::problem`.
 [[nodiscard]] FlightDump write_dump(FlightRingReader& ring, const FlightWindow& window,
                                     const std::filesystem::path& ring_file);
 
-/// Writes all that a run left in `ring_file` that did not end in order, as `…_crash.mcap`; nothing
-/// if there is no such file, it was closed, or it has no record. What could not be written stays in
-/// the ring, which gets the suffix `.left`.
+/// Writes all that an unfinished run left in `ring_file`, as `…_crash.mcap`; nothing if there is no
+/// such file, it was closed, or it has no record. What could not be written stays in the ring,
+/// which gets the suffix `.left`.
 ///
-/// @errors  `mcap::Error`: it is a link or being written by another process.
+/// @errors  `mcap::Error`: it is a link, or another process is writing it.
 [[nodiscard]] std::optional<FlightDump> dump_crashed(const std::filesystem::path& ring_file);
 
 }  // namespace fastcycle::record

@@ -15,10 +15,10 @@
 namespace fastcycle::record {
 namespace {
 
-constexpr std::size_t kFlightHoldMax = 1;     // It copies at once.
-constexpr std::int64_t kMarks = 4096;         // At most so many for the time before a trigger.
+constexpr std::size_t kFlightHoldMax = 1;     // Messages are copied at once.
+constexpr std::int64_t kMarks = 4096;         // Limit for the time before a trigger.
 constexpr std::size_t kTriggersInWords = 64;  // Of one dump.
-constexpr std::uint64_t kRepeats = 4;         // Latched messages, while the ring is written once.
+constexpr std::uint64_t kRepeats = 4;         // Of latched messages, per pass over the ring.
 
 template <std::size_t kSize>
 void put(std::array<char, kSize>& into, std::string_view text) {
@@ -121,7 +121,7 @@ void FlightRecorder::take(std::uint32_t step) {
   ring_->count_wake();
 }
 
-/// Says, once, what others did to the file of the ring.
+/// Reports, once, what others did to the file of the ring.
 void FlightRecorder::look_at_ring() {
   constexpr std::int64_t kPeriodNs = 1'000'000'000;
   const std::int64_t now_ns = base::monotonic_ns();
@@ -157,7 +157,7 @@ void FlightRecorder::keep(const Stream& stream, const detail::Envelope& envelope
                                .publish_ns = publish_ns};
   parts_.assign({std::as_bytes(std::span(&head, 1)), mcap::bytes_of(scratch_)});
   bool is_kept = false;
-  // A dump with a larger one could not be read.
+  // Readers would reject a dump with a larger one.
   if (detail::serialized_size(*envelope.payload) <= mcap::kMostMessageBytes) {
     const std::span<const mcap::Bytes> message = serializer_.serialize(*envelope.payload);
     parts_.insert(parts_.end(), message.begin(), message.end());
@@ -174,7 +174,7 @@ void FlightRecorder::keep(const Stream& stream, const detail::Envelope& envelope
   }
 }
 
-/// Keeps a copy of what was just put into the ring.
+/// Keeps a copy of the record just appended to the ring.
 void FlightRecorder::remember(const Stream& stream) {
   std::vector<std::byte> copy;
   for (const mcap::Bytes part : parts_) {
@@ -187,8 +187,8 @@ void FlightRecorder::remember(const Stream& stream) {
   }
 }
 
-/// Puts the latched messages that hold into the ring once more, so that it always has them. What is
-/// larger than a share of it is left out.
+/// Appends the valid latched messages again, so that the ring always has them. Leaves out those
+/// larger than a share of it.
 void FlightRecorder::repeat_latched() {
   const std::uint64_t share = ring_->capacity() / kRepeats / 4;
   std::uint64_t bytes = 0;
@@ -224,7 +224,7 @@ void FlightRecorder::keep_activations() {
   });
 }
 
-/// Says in the ring what was lost since the last time.
+/// Records the losses since the last time in the ring.
 void FlightRecorder::note_losses() {
   for (const Stream& stream : streams_.all()) {
     StreamState& state = states_[stream.index];
@@ -246,13 +246,13 @@ void FlightRecorder::note_losses() {
   }
 }
 
-/// Notes where the ring is, so that a dump need not read what came long before its begin.
+/// Records the position of the ring, so that a dump need not read what came long before its begin.
 void FlightRecorder::note_mark(std::int64_t now_ns) {
   const std::int64_t step_ns = options_.before.count() / kMarks;
   if (marks_.empty() || now_ns > marks_.back().time_ns + step_ns) {
     marks_.push_back({.time_ns = now_ns, .mark = ring_->mark()});
   }
-  // A trigger may be a little older than the time at which it is found.
+  // A trigger may be a little older than the time at which it is noticed.
   constexpr std::int64_t kSlackNs = 1'000'000'000;
   const std::int64_t old_ns = now_ns - options_.before.count() - kSlackNs;
   while (marks_.size() > 1 && marks_[1].time_ns <= old_ns) {
@@ -299,7 +299,7 @@ void FlightRecorder::collect_triggers() {
       slot.state.store(TriggerSlot::State::kFree, std::memory_order_release);
     }
   }
-  // In simulated time the same ones come first, whichever worker was faster.
+  // In simulated time the order must not depend on worker speed.
   std::ranges::sort(triggers);
   for (FlightTrigger& trigger : triggers) {
     add_trigger(std::move(trigger));
@@ -337,7 +337,7 @@ void FlightRecorder::add_trigger(FlightTrigger trigger) {
 }
 
 void FlightRecorder::hand_over_what_is_due(std::int64_t now_ns) {
-  // A publisher may have been held up between the time that it noted and its push.
+  // A publisher may have been delayed between its time stamp and its push.
   const std::int64_t slack_ns = clock_.is_simulated() ? 0 : std::chrono::nanoseconds(kPoll).count();
   while (!windows_.empty() && now_ns > windows_.front().end_ns + slack_ns) {
     hand_over(windows_.front());

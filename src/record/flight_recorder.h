@@ -28,7 +28,7 @@
 
 namespace fastcycle::record {
 
-/// What a flight recorder keeps, and what of it goes into a dump.
+/// What a flight recorder keeps, and which part of it goes into a dump.
 struct FlightOptions {
   std::filesystem::path file;  ///< Of the ring; dumps are written beside it.
   std::uint64_t bytes = 256'000'000;
@@ -37,81 +37,82 @@ struct FlightOptions {
   mcap::TopicFilter filter = {};
 };
 
-/// What became of a flight recorder.
+/// Statistics of a flight recorder.
 struct FlightReport {
   std::filesystem::path file;
   std::uint64_t capacity = 0;   ///< Bytes.
-  std::uint64_t messages = 0;   ///< That were kept, also those that were overwritten later.
-  std::uint64_t bytes = 0;      ///< Of them, serialized.
-  std::uint64_t overflow = 0;   ///< Lost: written over in the queue before the recorder came.
-  std::uint64_t pool = 0;       ///< Lost: the publisher's pool was dry; nobody got them.
+  std::uint64_t messages = 0;   ///< Kept, including those overwritten later.
+  std::uint64_t bytes = 0;      ///< Of these, serialized.
+  std::uint64_t overflow = 0;   ///< Lost: overwritten in the queue before the recorder took them.
+  std::uint64_t pool = 0;       ///< Lost: the publisher's pool was exhausted; not published at all.
   std::uint64_t too_large = 0;  ///< Lost: larger than half of the ring.
-  std::uint64_t process = 0;    ///< Lost: on the way from the process that published them.
+  std::uint64_t process = 0;    ///< Lost: on the way from the publishing process.
   std::uint64_t activations_lost = 0;
-  std::string problem = {};            ///< What became of the ring; empty if it is there.
-  std::vector<FlightDump> dumps;       ///< In the order in which they were written.
-  std::uint64_t triggers_refused = 0;  ///< After `kDumpsMax` dumps, or more at once than can wait.
+  std::string problem = {};            ///< Error of the ring; empty if there is none.
+  std::vector<FlightDump> dumps;       ///< In the order of writing.
+  std::uint64_t triggers_refused = 0;  ///< After `kDumpsMax` dumps, or the queue was full.
 };
 
 /// Keeps the last messages and activations of a running application in a ring on disk, and writes
 /// those around a trigger into an MCAP file.
 ///
-/// One thread takes the messages out of a tap every few milliseconds and copies them into the ring:
-/// what stands there outlives the process, whatever ends it. So a publisher pays for one more queue
-/// and for nothing else. A trigger is a few words in a slot; that thread finds it, and when the
-/// time after it is over, another one reads the ring and writes the file, while the application
-/// goes on.
+/// One thread takes the messages out of a tap every few milliseconds and copies them into the ring,
+/// whose contents survive the process, however it ends. So a publisher pays only for one more
+/// queue. A trigger is a few words in a slot; that thread finds it, and after the time that the
+/// dump has to cover, another one reads the ring and writes the file, while the application
+/// continues.
 ///
 /// In simulated time nothing polls: `take` is called after each round, and writes a dump that is
-/// due before anything of it could be overwritten.
+/// due before any of it could be overwritten.
 ///
 /// @threads  Confined to the control thread; `take` to that of the simulation; `trigger` is Safe.
 class FlightRecorder {
  public:
   static constexpr std::chrono::milliseconds kPoll{5};
-  static constexpr std::size_t kDumpsMax = 16;  ///< Of one run.
+  static constexpr std::size_t kDumpsMax = 16;  ///< Per run.
 
   FlightRecorder(FlightOptions options, const base::Clock& clock);
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
   ~FlightRecorder();
 
-  /// Called with a sentence about a dump, or about what cannot be done; on any thread of the
-  /// recorder. Set before `open`.
+  /// Called with a message about a dump or an error; on any thread of the recorder. Set before
+  /// `open`.
   std::function<void(bool is_trouble, const std::string&)> on_news = [](bool, const auto&) {};
 
-  /// Taps the topics that are wanted; before they are connected.
+  /// Taps the selected topics; call before they are connected.
   void tap(detail::Topics& topics);
 
-  /// Dumps what a run left in the file that did not end in order, and makes the ring anew; once the
+  /// Dumps what an unfinished run left in the file, and creates the ring again; call once the
   /// topics are connected.
   ///
-  /// @errors  `mcap::Error`: there can be no such file.
+  /// @errors  `mcap::Error`: the file cannot be created.
   void open(const Explanation& explanation);
 
-  /// Begins, before anything is published.
+  /// Starts, before anything is published.
   void start(Activity activity);
 
-  /// Takes what waits; in simulated time after each round, with the round's place in its moment.
+  /// Takes pending messages; in simulated time after each round, with the round's index in its
+  /// moment.
   void take(std::uint32_t step = 0);
 
-  /// Asks for a dump; for the same one as a trigger shortly before. Longer words are cut.
+  /// Requests a dump; joins that of a trigger shortly before. Long texts are truncated.
   ///
   /// @realtime No lock, no allocation, no system call.
   void trigger(std::string_view reason, std::string_view component,
                std::string_view detail) noexcept;
 
-  /// Takes what is left, writes the dumps that are outstanding, and closes the ring. A second call
-  /// does nothing.
+  /// Takes what is left, writes the outstanding dumps, and closes the ring. A second call does
+  /// nothing.
   void stop();
 
-  /// When stopped.
+  /// Once stopped.
   [[nodiscard]] FlightReport report() const;
   /// Null if it was not opened.
   [[nodiscard]] const FlightRing* ring() const { return ring_.get(); }
 
  private:
-  /// A trigger on its way to the thread that takes.
+  /// A trigger on its way to the taking thread.
   struct TriggerSlot {
     enum class State : std::uint8_t { kFree, kWriting, kReady };
 
@@ -122,17 +123,17 @@ class FlightRecorder {
     std::array<char, 256> detail{};
   };
 
-  /// What is kept of a stream.
+  /// State of a stream.
   struct StreamState {
     std::uint64_t overflow = 0;  ///< As noted in the ring.
     std::uint64_t pool = 0;
     std::uint64_t process = 0;
     std::uint64_t too_large = 0;
     std::uint64_t too_large_noted = 0;
-    std::deque<std::vector<std::byte>> latched;  ///< Its last messages, as they stand in the ring.
+    std::deque<std::vector<std::byte>> latched;  ///< Its last messages, as stored in the ring.
   };
 
-  /// Where the ring was at some time.
+  /// Position of the ring at some time.
   struct TimedMark {
     std::int64_t time_ns = 0;
     FlightMark mark;
@@ -168,19 +169,19 @@ class FlightRecorder {
   std::array<TriggerSlot, 16> slots_;
   std::atomic<std::uint64_t> triggers_refused_{0};
 
-  // The thread that takes.
+  // Of the taking thread.
   Serializer serializer_;
   ActivationReader activations_;
   std::vector<StreamState> states_;  ///< By `Stream::index`.
   std::vector<mcap::Bytes> parts_;
   std::string scratch_;
-  std::optional<std::uint32_t> round_;  ///< Simulated time: that is being taken, in its moment.
-  std::uint64_t repeated_at_ = 0;       ///< The ring's position when latched messages were.
+  std::optional<std::uint32_t> round_;  ///< Simulated time: the round being taken, in its moment.
+  std::uint64_t repeated_at_ = 0;       ///< Ring position when latched messages were repeated.
   std::deque<TimedMark> marks_;
   std::deque<FlightWindow> windows_;  ///< Not due yet.
   std::size_t dump_count_ = 0;
   bool has_said_enough_ = false;
-  std::int64_t looked_ns_ = 0;  ///< CLOCK_MONOTONIC: at the ring.
+  std::int64_t looked_ns_ = 0;  ///< CLOCK_MONOTONIC of the last check of the ring.
   bool is_cut_ = false;
   std::string told_;
   std::string problem_;
@@ -188,7 +189,7 @@ class FlightRecorder {
   std::uint64_t bytes_ = 0;
   std::uint64_t activations_lost_ = 0;
 
-  // Between the two.
+  // Shared by both threads.
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Job> jobs_;

@@ -24,11 +24,11 @@ constexpr std::array<char, 8> kMagic{'F', 'C', 'R', 'I', 'N', 'G', '\r', '\n'};
 constexpr std::uint32_t kVersion = 1;
 constexpr std::uint64_t kPage = 4096;
 constexpr std::uint64_t kAlignment = 8;
-constexpr std::uint64_t kBlock = std::uint64_t{1} << 20U;  // Read at once, at least.
+constexpr std::uint64_t kBlock = std::uint64_t{1} << 20U;  // Minimum size of a read.
 constexpr std::uint64_t kExplanationBytesMax = std::uint64_t{256} << 20U;
-constexpr std::uint16_t kFiller = 0xFFFF;  // Nothing more fits before the end of the ring.
+constexpr std::uint16_t kFiller = 0xFFFF;  // No further record fits before the end of the ring.
 
-// What never changes of a header. Numbers are in the byte order of the machine.
+// Constant part of a header. Numbers are in host byte order.
 struct Constant {
   std::array<char, 8> magic = kMagic;
   std::uint32_t version = kVersion;
@@ -41,7 +41,7 @@ struct Constant {
   std::array<char, 40> boot_id{};
 };
 
-// What changes, as it is read from a file that nobody writes.
+// Variable part, as read from a file without a writer.
 struct Changing {
   std::uint64_t tail = 0;
   std::uint64_t head = 0;
@@ -57,7 +57,7 @@ struct RecordHead {
   std::uint32_t size = 0;  // Of the data.
   std::uint16_t kind = 0;
   std::uint16_t unused = 0;
-  std::uint64_t position = 0;  // Where it stands, so that nothing old is taken for it.
+  std::uint64_t position = 0;  // Its position, so that no old data is mistaken for it.
   std::uint64_t number = 0;
   std::int64_t time_ns = 0;
   std::uint32_t data_crc = 0;
@@ -85,7 +85,7 @@ constexpr std::uint64_t rounded_up(std::uint64_t size, std::uint64_t step) {
   return (size + step - 1) / step * step;
 }
 
-/// What a record takes in the ring.
+/// Size of a record in the ring.
 constexpr std::uint64_t whole_size(std::uint64_t data_size) {
   return rounded_up(sizeof(RecordHead) + data_size, kAlignment);
 }
@@ -102,7 +102,7 @@ std::string last_error(int error = errno) {
                      .found = std::move(found)});
 }
 
-/// The file as it is, not one that a link leads to; locked, so that nobody writes it. -1: none.
+/// Opens the file itself, not the target of a link, and locks it against writers. -1 on failure.
 int open_left_file(const std::filesystem::path& file) {
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0 && errno == ENOENT) {
@@ -129,7 +129,7 @@ bool has_magic(int descriptor) {
   return got == static_cast<ssize_t>(magic.size()) && magic == kMagic;
 }
 
-/// Takes the ring of a former run away. What is no ring stays, and is an error.
+/// Removes the ring of a former run. A file that is no ring stays, and is an error.
 void remove_left_file(const std::filesystem::path& file) {
   const int descriptor = open_left_file(file);
   if (descriptor < 0) {
@@ -177,7 +177,7 @@ FlightRing::FlightRing(const Options& options, mcap::Bytes explanation)
     fail_at(file_, "at most 256 MiB of schemas", std::to_string(explanation.size()) + " bytes");
   }
   remove_left_file(file_);
-  // It gets its name when it is whole: what has the name is a ring.
+  // Renamed when it is complete: a file of that name is always a ring.
   std::filesystem::path unfinished = file_;
   unfinished += ".new";
   ::unlink(unfinished.c_str());
@@ -264,7 +264,7 @@ std::uint64_t FlightRing::size_at(std::uint64_t position) const noexcept {
   RecordHead head;
   std::memcpy(&head, ring_ + position % capacity_, sizeof(head));
   const std::uint64_t size = whole_size(head.size);
-  // Whatever others wrote into the file: it goes on, behind all of it.
+  // If others overwrote the record in the file: skip everything.
   return head.position == position && size <= rest ? size : head_ - position;
 }
 
@@ -276,7 +276,7 @@ void FlightRing::give_up(std::uint64_t until) noexcept {
     tail_ += size_at(tail_);
   }
   header_->tail.store(tail_, std::memory_order_relaxed);
-  // Nothing that is written from now on may be stored before that.
+  // No later store may become visible before that.
   std::atomic_thread_fence(std::memory_order_release);
 }
 
@@ -463,7 +463,7 @@ void FlightRingReader::read(std::uint64_t offset, std::span<std::byte> into) con
       continue;
     }
     if (got == 0 && live_ != nullptr) {
-      // Cut off, and the writer has not come there yet: nothing is there.
+      // Truncated, and the writer has not noticed yet: there is no data.
       std::ranges::fill(into, std::byte{0});
       return;
     }
@@ -475,8 +475,8 @@ void FlightRingReader::read(std::uint64_t offset, std::span<std::byte> into) con
   }
 }
 
-/// Whether `size` bytes from the present position on are in `bytes_` now. If not, they were
-/// overwritten meanwhile, and the position moved on.
+/// Whether `size` bytes from the present position on are now in `bytes_`. If not, they were
+/// overwritten meanwhile, and the position was advanced.
 ///
 /// @pre  They are before `end_`, and before the end of the ring's memory.
 bool FlightRingReader::fetch(std::uint64_t size) {
@@ -489,14 +489,14 @@ bool FlightRingReader::fetch(std::uint64_t size) {
   begin_ = position;
   read(ring_offset_ + begin_ % capacity_, bytes_);
   if (live_ != nullptr) {
-    // The writer gives up what stood there before it stores anything else.
+    // The writer releases old records before it stores anything else.
     std::atomic_thread_fence(std::memory_order_acquire);
     position_ = std::max(position, live_->oldest());
   }
   return position_ == position;
 }
 
-/// What was fetched.
+/// The fetched bytes.
 mcap::Bytes FlightRingReader::fetched(std::uint64_t size) const {
   return mcap::Bytes(bytes_).subspan(position_ - begin_, size);
 }
@@ -518,7 +518,7 @@ std::optional<FlightRecord> FlightRingReader::next() {
                          head.size <= FlightRing::kRecordBytesMax && whole <= rest &&
                          head.number >= next_number_.value_or(0);
     if (!is_head) {
-      position_ += kAlignment;  // The next head that is whole tells where to go on.
+      position_ += kAlignment;  // The next complete head gives the position.
       continue;
     }
     if (!fetch(whole)) {

@@ -16,10 +16,10 @@
 
 namespace fastcycle::record {
 
-/// One record of a ring, as it is read.
+/// One record read from a ring.
 struct FlightRecord {
   std::uint16_t kind = 0;
-  std::uint64_t number = 0;  ///< Counts the records of a ring, from 0, without gaps.
+  std::uint64_t number = 0;  ///< Index in the ring, from 0, without gaps.
   std::int64_t time_ns = 0;
   mcap::Bytes data;  ///< Borrowed from the reader.
 };
@@ -30,29 +30,29 @@ struct FlightMark {
   std::uint64_t number = 0;    ///< Of the next record.
 };
 
-/// A file of fixed size, mapped into memory, in which the last records are found whatever becomes
-/// of the process: the newest one takes the place of the oldest.
+/// A memory-mapped file of fixed size that keeps the last records even if the process crashes: the
+/// newest record replaces the oldest.
 ///
 ///     FlightRing ring({.file = "drive.ring", .bytes = 64 << 20}, explanation);
 ///     ring.append(kind, time_ns, parts);
 ///     ring.close();
 ///
-/// A record is there once `append` has returned, also if the process is killed right after: what
-/// was stored is the kernel's. The oldest record is given up before its place is written to, and
-/// the new one is counted after it was written, so that a kill between two instructions leaves
-/// whole records only. Nothing is synced: a power cut may take everything.
+/// A record survives a kill of the process as soon as `append` has returned, since the kernel owns
+/// the pages. The oldest record is released before its place is overwritten, and the new one is
+/// counted after it was written, so that a kill between two instructions leaves only complete
+/// records. Nothing is synced: a power failure may lose everything.
 ///
-/// The file is allocated as a whole, and each of its pages touched, when the ring is made: a full
-/// disk is an error then, and no signal later. It is locked as long as the ring lives, which tells
-/// the file of a process that lives from one that a dead process left. A child that the process
-/// forks has neither the lock nor the mapping.
+/// The constructor allocates the whole file and touches each of its pages: a full disk is an error
+/// then, and no signal later. The file is locked as long as the ring lives, which distinguishes the
+/// file of a live process from one left by a dead process. A forked child has neither the lock nor
+/// the mapping.
 ///
-/// Where another program cuts the file off, the ring goes on in memory alone: `is_cut`.
+/// If another program truncates the file, the ring continues in memory alone: `is_cut`.
 ///
 /// @threads  `append`, `count_wake` and `close` by one thread; `oldest`, `newest` and `wakes` are
 ///           Safe.
-/// @realtime No system call but in the constructor and at the end; pages that the kernel wrote to
-///           the disk meanwhile are made writable again, which may wait for the disk.
+/// @realtime No system call except in the constructor and at the end; pages that the kernel wrote
+///           to disk meanwhile are made writable again, which may wait for the disk.
 class FlightRing {
  public:
   struct Options {
@@ -64,35 +64,35 @@ class FlightRing {
   /// Larger records are refused, as are those above half of the ring.
   static constexpr std::uint64_t kRecordBytesMax = std::uint64_t{1} << 30U;
 
-  /// Makes the file, in the place of a ring that nobody writes. `explanation` is kept beside the
-  /// records as it is.
+  /// Creates the file, replacing a ring without a writer. `explanation` is stored unchanged beside
+  /// the records.
   ///
-  /// @errors  `mcap::Error`: the place is taken by something that is no ring, by a symbolic link,
-  ///          or by a ring that another process writes; there is no room; a folder is missing.
+  /// @errors  `mcap::Error`: the name belongs to a file that is no ring, to a symbolic link, or to
+  ///          a ring that another process writes; the disk is full; a folder is missing.
   FlightRing(const Options& options, mcap::Bytes explanation);
   FlightRing(const FlightRing&) = delete;
   FlightRing& operator=(const FlightRing&) = delete;
   ~FlightRing();
 
-  /// Adds a record: all of `parts`, one after the other. False if it is too large.
+  /// Appends a record, the concatenation of `parts`. False if it is too large.
   bool append(std::uint16_t kind, std::int64_t time_ns,
               std::span<const mcap::Bytes> parts) noexcept;
 
-  /// Says that the writer has looked for something to write once more.
+  /// Counts another poll of the writer.
   void count_wake() noexcept;
-  /// Says that the run ended in order.
+  /// Marks the run as finished in order.
   void close() noexcept;
 
-  /// Where a crash of the process leaves what it knows, for who reads the file later. Any thread.
+  /// Where a crash of the process leaves its note, for later readers of the file. Any thread.
   [[nodiscard]] diagnostics::CrashNote& crash_note() const noexcept;
-  /// Whether what is appended stands in memory alone, since another program cut the file off.
+  /// Whether appended data is in memory alone, because another program truncated the file.
   [[nodiscard]] bool is_cut() const noexcept { return mapped_->is_cut(); }
-  /// Forgets what there is, once it is cut off. By the thread that appends.
+  /// Drops all records, once the file is cut. By the appending thread.
   void forget() noexcept;
-  /// What became of the file.
+  /// State of the file.
   [[nodiscard]] base::FileState look() const;
 
-  /// Behind the last record. By the thread that appends.
+  /// The end of the last record. By the appending thread.
   [[nodiscard]] FlightMark mark() const noexcept { return {.position = head_, .number = number_}; }
 
   [[nodiscard]] std::uint64_t oldest() const noexcept;  ///< The position of the oldest record.
@@ -125,31 +125,31 @@ class FlightRing {
   std::byte* ring_ = nullptr;
   Header* header_ = nullptr;
 
-  // The thread that appends. What stands in the file is never believed.
+  // Of the appending thread. Values in the file are never trusted.
   std::uint64_t tail_ = 0;
   std::uint64_t head_ = 0;
   std::uint64_t number_ = 0;
 };
 
-/// Reads a ring, from its oldest record to its newest: one that is being written, by its own
-/// process, or the file that a process left.
+/// Reads a ring, from its oldest record to its newest: one that this process is writing, or a file
+/// left by another process.
 ///
-/// Of a ring that is being written, what was overwritten before it was read is missing, and
-/// counted. A damaged or hostile file gives an error or fewer records.
+/// Of a ring that is being written, records overwritten before they were read are missing, and
+/// counted. A damaged or hostile file yields an error or fewer records.
 ///
 /// Memory: 1 MiB, or the largest record.
 ///
-/// @threads  Confined; beside the thread that appends.
+/// @threads  Confined; may run beside the appending thread.
 class FlightRingReader {
  public:
-  /// The file that a process left. It is locked meanwhile.
+  /// Opens a file left by a process. It is locked meanwhile.
   ///
-  /// @errors  `mcap::Error`, a `Damage` where it is no ring or its header is wrong; also if a
-  ///          process writes it.
+  /// @errors  `mcap::Error`, a `Damage` if it is no ring or its header is wrong; also if a process
+  ///          is writing it.
   explicit FlightRingReader(const std::filesystem::path& file);
 
-  /// What stands in `ring` now, from `from` on. Made by the thread that appends, and then given
-  /// to any other; the ring has to live as long.
+  /// The present contents of `ring`, starting at `from`. Constructed by the appending thread, and
+  /// then handed to any other; must not outlive the ring.
   FlightRingReader(const FlightRing& ring, const FlightMark& from);
 
   FlightRingReader(const FlightRingReader&) = delete;
@@ -161,19 +161,19 @@ class FlightRingReader {
   /// @errors  `mcap::Error` if the file cannot be read.
   std::optional<FlightRecord> next();
 
-  /// What the writer kept beside the records.
+  /// The explanation stored by the writer.
   [[nodiscard]] mcap::Bytes explanation() const { return explanation_; }
   [[nodiscard]] bool is_closed() const { return is_closed_; }
   [[nodiscard]] std::int64_t start_ns() const { return start_ns_; }
   /// The process that wrote it.
   [[nodiscard]] std::uint32_t pid() const { return pid_; }
-  /// The boot of the machine in which it did, as the kernel calls it.
+  /// The boot id of the machine at that time, as the kernel reports it.
   [[nodiscard]] const std::string& boot_id() const { return boot_id_; }
   [[nodiscard]] std::uint64_t wakes() const { return wakes_; }
-  /// What a crash left; none if there was none. Its texts end, and are to be shown with care.
+  /// The note of a crash; none if there was none. Its texts are terminated, but must be escaped.
   [[nodiscard]] const std::optional<diagnostics::CrashNote>& crash_note() const { return note_; }
 
-  /// Records that are not there: overwritten before they were read, or damaged.
+  /// Records overwritten before they were read, or damaged.
   [[nodiscard]] std::uint64_t missing() const { return missing_; }
 
  private:
@@ -201,13 +201,13 @@ class FlightRingReader {
   std::uint64_t position_ = 0;
   std::uint64_t end_ = 0;
   std::optional<std::uint64_t> next_number_;
-  std::optional<std::uint64_t> end_number_;  ///< Of the record at `end_`, where it is known.
+  std::optional<std::uint64_t> end_number_;  ///< Of the record at `end_`, if known.
   std::uint64_t missing_ = 0;
   std::uint64_t begin_ = 0;  ///< The position of `bytes_`.
   std::vector<std::byte> bytes_;
 };
 
-/// Whether `file` begins as a ring does; false also if it cannot be read.
+/// Whether `file` has the header of a ring; false also if it cannot be read.
 [[nodiscard]] bool begins_as_ring(const std::filesystem::path& file);
 
 }  // namespace fastcycle::record

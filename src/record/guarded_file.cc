@@ -16,7 +16,7 @@ namespace fastcycle::record {
 /// One guarded file, as the signal handler sees it.
 struct GuardedFile::Slot {
   std::atomic<bool> is_taken{false};
-  std::atomic<std::byte*> memory{nullptr};  ///< Stored last: then all else is there.
+  std::atomic<std::byte*> memory{nullptr};  ///< Stored last: then all other members are valid.
   std::atomic<std::uint64_t> size{0};
   std::atomic<int> descriptor{-1};
   std::atomic<bool> is_cut{false};
@@ -27,8 +27,8 @@ struct GuardedFile::Slot {
     return begin != nullptr && byte >= begin && byte < begin + size.load(std::memory_order_relaxed);
   }
 
-  /// Puts memory of this process in the place of the file. Two system calls at most: fit for signal
-  /// handlers, and for a child between `fork` and whatever follows.
+  /// Replaces the mapping of the file with anonymous memory. One system call: safe in signal
+  /// handlers, and in a child after `fork`.
   [[nodiscard]] bool replace_by_memory() noexcept {
     std::byte* const begin = memory.load(std::memory_order_acquire);
     return ::mmap(begin, size.load(std::memory_order_relaxed), PROT_READ | PROT_WRITE,
@@ -36,18 +36,18 @@ struct GuardedFile::Slot {
   }
 };
 
-/// All of the process. It is never destroyed: signals come at any time.
+/// Process-wide. Never destroyed: signals may arrive at any time.
 struct SlotTable {
   static std::array<GuardedFile::Slot, GuardedFile::kFilesMax> slots;
-  static struct sigaction before;             ///< What SIGBUS did before.
-  static std::atomic<const void*> passed_on;  ///< The address of the last fault that is not ours.
-  static std::mutex mutex;                    ///< Of who makes the handler ready.
+  static struct sigaction before;             ///< The previous action of SIGBUS.
+  static std::atomic<const void*> passed_on;  ///< Address of the last fault passed on.
+  static std::mutex mutex;                    ///< Guards the installation of the handler.
   static bool hears_forks;
 
   static void on_bus_error(int signal, siginfo_t* info, void* context) noexcept {
     const int error = errno;
     for (GuardedFile::Slot& slot : slots) {
-      // Not one that somebody sends, which has no address.
+      // Not a signal sent by a process, which has no address.
       if (info->si_code > 0 && slot.has(info->si_addr) && slot.replace_by_memory()) {
         slot.is_cut.store(true, std::memory_order_release);
         errno = error;
@@ -58,10 +58,10 @@ struct SlotTable {
     pass_on(signal, info, context);
   }
 
-  /// As if this handler were not there.
+  /// Behaves as if this handler did not exist.
   static void pass_on(int signal, siginfo_t* info, void* context) noexcept {
     const bool is_fault = info->si_code > 0;
-    // A handler that only reports a fault lets it come again, and may have put this one back.
+    // A handler that only reports a fault lets it repeat, and may have restored this one.
     const bool comes_again = is_fault && passed_on.exchange(info->si_addr) == info->si_addr;
     const bool has_handler = (before.sa_flags & SA_SIGINFO) != 0 ||
                              (before.sa_handler != SIG_DFL && before.sa_handler != SIG_IGN);
@@ -80,7 +80,7 @@ struct SlotTable {
     standard.sa_handler = SIG_DFL;
     ::sigaction(signal, &standard, nullptr);
     if (!is_fault) {
-      static_cast<void>(::raise(signal));  // A fault comes again by itself.
+      static_cast<void>(::raise(signal));  // A fault repeats by itself.
     }
   }
 
@@ -93,7 +93,7 @@ struct SlotTable {
     }
   }
 
-  /// Puts the handler before the one that there is, each time that another one was put there.
+  /// Installs the handler, again if another one replaced it; that one becomes the previous one.
   static void get_ready() {
     const std::lock_guard lock(mutex);
     struct sigaction present{};

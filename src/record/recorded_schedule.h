@@ -13,48 +13,48 @@
 
 namespace fastcycle::record {
 
-/// One activation as its log has it: all that its component could see beside the contents of
+/// One activation as logged: everything its component could observe except the contents of
 /// messages.
 struct RecordedActivation {
   std::uint64_t number = 0;
   detail::Cause cause{};
   detail::Outcome outcome = detail::Outcome::kRunning;
-  std::optional<std::uint32_t> subscription = {};  ///< Which was given the message.
+  std::optional<std::uint32_t> subscription = {};  ///< The one that received the message.
   PublisherId publisher = 0;                       ///< Of the message; else 0.
   std::uint64_t key = 0;      ///< The message's sequence, or as `detail::ActivationRecord` has it.
   std::uint64_t skipped = 0;  ///< Ticks before this one.
-  std::int64_t time_ns = 0;   ///< What `now()` was, ns since 1970.
-  /// Of a tick: how much later it came than it was due. Of a message that the log does not have:
-  /// than it was published.
+  std::int64_t time_ns = 0;   ///< The value of `now()`, ns since 1970.
+  /// Of a tick: how late it was. Of a message that the log does not have: the time since it was
+  /// published.
   std::int64_t late_ns = 0;
   std::uint32_t publish_count = 0;
   std::vector<detail::ToldReads::Entry> reads = {};
-  std::uint64_t reads_lost = 0;  ///< Until this activation, since the one before that says so.
+  std::uint64_t reads_lost = 0;  ///< Since the previous activation that reports losses.
 };
 
 /// The activations of all components of a recorded run.
 ///
-/// Memory: some 150 bytes for each activation, and 64 for each of its reads.
+/// Memory: about 150 bytes for each activation, and 64 for each of its reads.
 struct RecordedSchedule {
   struct Component {
     std::string name;
     std::vector<RecordedActivation> activations = {};  ///< By number.
-    /// The process that it ran in was restarted: these are of the first incarnation only.
+    /// Its process was restarted: these are of the first incarnation only.
     bool is_restarted = false;
   };
 
   std::vector<Component> components;         ///< By their numbers in the log.
   std::map<std::string, std::string> facts;  ///< The metadata `fastcycle.run`.
   std::string application;                   ///< The attachment `application.json`; or empty.
-  std::uint64_t lost = 0;                    ///< Activations that the recorder could not take.
-  std::vector<std::string> notes;            ///< Where a file ends that was not closed.
+  std::uint64_t lost = 0;                    ///< Activations that the recorder lost.
+  std::vector<std::string> notes;            ///< Remarks on files that were not closed.
 
-  /// Null if there is none of that name.
+  /// Null if there is no component of that name.
   [[nodiscard]] const Component* find(const std::string& name) const;
 
   /// Reads all files of one recording.
   ///
-  /// @errors  `mcap::Error` if a file cannot be read, or is none or damaged.
+  /// @errors  `mcap::Error` if a file cannot be read, or is not valid.
   static RecordedSchedule read(const std::vector<std::filesystem::path>& files);
 };
 

@@ -82,7 +82,7 @@ bool Recorder::start(Explanation explanation, Activity activity) {
   define();
   const bool is_open = recording_.open();
   is_in_trouble_ = !is_open;
-  if (!is_open) {  // Whoever starts it says so.
+  if (!is_open) {  // The caller reports it.
     trouble_.store(&said_.emplace_back("nothing is recorded now: " + recording_.problem()));
   }
   is_started_ = true;
@@ -121,7 +121,8 @@ void Recorder::take(std::uint32_t step) {
   hand_over_what_is_due(false);
 }
 
-/// Whether a message may be taken: a large one is held until it is written, and only so many are.
+/// Whether a message may be taken: a large one is held until it is written, and their number is
+/// limited.
 bool Recorder::make_room(const Stream& stream, std::uint64_t bytes, bool is_large) {
   std::uint64_t open_bytes = bytes;
   for (const Open& open : open_) {
@@ -190,7 +191,7 @@ void Recorder::refuse(const Stream& stream, std::uint64_t bytes) {
 void Recorder::add_small(const Stream& stream, const detail::Envelope& envelope,
                          std::uint64_t bytes) {
   Open& open = open_[states_[stream.index]->open];
-  const bool is_alone = bytes >= kLargeBytes;  // Else its chunk may be larger than readers take.
+  const bool is_alone = bytes >= kLargeBytes;  // Else its chunk may exceed the limits of readers.
   if (is_alone && open.batch != nullptr) {
     hand_over(std::move(open.batch));
   }
@@ -239,8 +240,7 @@ void Recorder::take_activations() {
     if (open.batch == nullptr) {
       open.batch = new_batch(open.options);
     }
-    // What was lost came before all that follows it in the same record, which is of one
-    // incarnation.
+    // Lost activations must precede all others of a record, which is of one incarnation.
     const log::Activations& before = open.batch->activations_of(its.worker);
     if (before.activations_size() > 0 &&
         (its.lost > 0 || its.incarnation != std::max(1U, before.incarnation()))) {
@@ -351,7 +351,7 @@ void Recorder::write(Batch& batch) {
   }
 }
 
-/// Takes what is lost with a file off what is recorded. Returns how many messages that are.
+/// Moves the messages lost with a file from recorded to lost. Returns their number.
 std::uint64_t Recorder::count_as_lost(const std::filesystem::path& active) {
   std::uint64_t messages = 0;
   const std::vector<Written>& written = written_[active];
@@ -364,7 +364,7 @@ std::uint64_t Recorder::count_as_lost(const std::filesystem::path& active) {
   return messages;
 }
 
-/// Takes what became of files. `goes_on`: there is one that is being written.
+/// Handles changes of files. `goes_on`: a file is being written.
 void Recorder::hear(bool goes_on) {
   for (const Recording::News& news : recording_.take_news()) {
     std::string text = news.text;
@@ -398,7 +398,7 @@ void Recorder::tell(bool is_written, std::uint64_t messages) {
 
 void Recorder::explain(mcap::Writer& writer) {
   streams_.explain(writer, explanation_, clock_.now());
-  // A file that begins later tells what held when it began.
+  // A later file begins with the latched messages that were valid then.
   const std::uint64_t now_ns = to_log_time(clock_.now());
   for (const auto& [channel, latched] : latched_) {
     for (const StoredMessage& message : latched.last) {
@@ -406,7 +406,7 @@ void Recorder::explain(mcap::Writer& writer) {
       head.log_time_ns = now_ns;
       const mcap::Bytes bytes(message.data);
       if (bytes.size() >= kLargeBytes) {
-        writer.flush();  // It gets a chunk without the schemas and channels that wait for one.
+        writer.flush();  // A chunk of its own, without pending schemas and channels.
       }
       writer.write(head, {&bytes, 1});
     }

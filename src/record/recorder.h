@@ -32,38 +32,37 @@ namespace fastcycle::record {
 
 class Batch;
 
-/// How the messages of some topics are compressed.
+/// Compression of the messages of some topics.
 struct CompressionRule {
   std::string pattern;  ///< See `mcap::matches`.
   mcap::ChunkOptions chunk = {};
 };
 
-/// What is recorded, and where to.
+/// What is recorded, and to which files.
 struct RecorderOptions {
   Recording::Options recording = {};
   mcap::TopicFilter filter = {};
-  mcap::ChunkOptions chunk = {.compression =
-                                  mcap::Compression::kLz4};   ///< Where no rule says else.
-  std::vector<CompressionRule> rules = {};                    ///< The first that matches counts.
-  std::uint64_t memory_bytes = std::uint64_t{256} << 20U;     ///< That may wait to be written.
+  mcap::ChunkOptions chunk = {.compression = mcap::Compression::kLz4};  ///< If no rule matches.
+  std::vector<CompressionRule> rules = {};                    ///< The first match applies.
+  std::uint64_t memory_bytes = std::uint64_t{256} << 20U;     ///< Limit of unwritten data.
   std::uint64_t message_bytes_max = mcap::kMostMessageBytes;  ///< Larger messages are lost.
   bool records_activations = true;
-  /// Its threads run only where nothing else wants a CPU.
+  /// Its threads run only on idle CPUs.
   bool is_background = false;
 };
 
-/// What became of one topic.
+/// Statistics of one topic.
 struct RecordedTopic {
   std::string topic;
   std::uint64_t published = 0;
   std::uint64_t recorded = 0;
   std::uint64_t bytes = 0;      ///< Of the recorded messages, serialized.
-  std::uint64_t overflow = 0;   ///< Lost: written over in the queue before the recorder came.
-  std::uint64_t pool = 0;       ///< Lost: the publisher's pool was dry; nobody got them.
-  std::uint64_t memory = 0;     ///< Lost: more waited to be written than may.
-  std::uint64_t disk = 0;       ///< Lost: could not be written, or the file was taken away.
+  std::uint64_t overflow = 0;   ///< Lost: overwritten in the queue before the recorder took them.
+  std::uint64_t pool = 0;       ///< Lost: the publisher's pool was exhausted; not published at all.
+  std::uint64_t memory = 0;     ///< Lost: `memory_bytes` was exhausted.
+  std::uint64_t disk = 0;       ///< Lost: not written, or their file was removed.
   std::uint64_t too_large = 0;  ///< Lost: above `message_bytes_max`.
-  std::uint64_t process = 0;    ///< Lost: on the way from the process that published them.
+  std::uint64_t process = 0;    ///< Lost: on the way from the publishing process.
   std::uint64_t shutdown = 0;   ///< Lost: published before the start or after the stop.
 
   [[nodiscard]] std::uint64_t lost() const {
@@ -74,15 +73,15 @@ struct RecordedTopic {
 /// Records messages and activations of a running application into MCAP files.
 ///
 /// One thread takes the messages out of a tap every few milliseconds and puts them into chunks:
-/// small ones copied, large ones as they are. Another one compresses and writes. So a publisher
-/// pays for one more queue and for nothing else; and what the disk does not take at once waits, up
-/// to the memory that is allowed, beyond which it is lost and counted.
+/// small ones copied, large ones by reference. Another one compresses and writes. So a publisher
+/// pays only for one more queue; what the disk cannot take at once waits, up to the memory limit,
+/// beyond which messages are lost and counted.
 ///
-/// A chunk is written at the latest `kChunkAge` after its first message came: a crash of the
-/// process takes no more than that.
+/// A chunk is written at most `kChunkAge` after its first message arrived: a crash of the process
+/// loses no more than that.
 ///
-/// In simulated time nothing polls: `take` is called after each round, and waits where there is no
-/// room, so that nothing is lost.
+/// In simulated time nothing polls: `take` is called after each round, and waits if memory is
+/// exhausted, so that nothing is lost.
 ///
 /// @threads  Confined to the control thread; `take` to that of the simulation.
 class Recorder {
@@ -97,42 +96,43 @@ class Recorder {
   Recorder& operator=(const Recorder&) = delete;
   ~Recorder();
 
-  /// Taps the topics that are wanted; before they are connected.
+  /// Taps the selected topics; call before they are connected.
   void tap(detail::Topics& topics);
 
-  /// Called with a sentence when a file cannot be written any more or is not there any more, when
-  /// recording goes on, and about the first message of a publisher that is too large; on the
-  /// recorder's threads, and at the end on that of `stop`. Set before the start.
+  /// Called with a sentence when a file can no longer be written or is gone, when recording
+  /// continues, and for the first too large message of a publisher; on the recorder's threads, and
+  /// at the end on that of `stop`. Set before the start.
   std::function<void(const std::string&)> on_trouble = [](const std::string&) {};
 
-  /// Begins, once the topics are connected and before anything is published. False if no file can
-  /// be made: `problem` says why; then everything is lost and counted, until one can be.
+  /// Starts, once the topics are connected and before anything is published. False if no file can
+  /// be created: see `problem`; then everything is lost and counted, until one can be.
   [[nodiscard]] bool start(Explanation explanation, Activity activity);
 
-  /// Takes what waits; in simulated time after each round, with the round's place in its moment.
+  /// Takes pending messages; in simulated time after each round, with the round's index in its
+  /// moment.
   void take(std::uint32_t step = 0);
 
-  /// Records what is left, and ends the file; `end` is what its metadata `fastcycle.end` says. A
-  /// second call does nothing.
+  /// Records what is left, and closes the file with `end` as its metadata `fastcycle.end`. A second
+  /// call does nothing.
   void stop(std::map<std::string, std::string> end = {});
 
   [[nodiscard]] std::vector<RecordedTopic> topics() const;
   [[nodiscard]] std::uint64_t activations_lost() const { return activations_lost_; }
-  /// What was said last by `on_trouble`; empty if nothing was. Safe.
+  /// The last message of `on_trouble`; empty if there was none. Safe.
   ///
   /// @realtime No lock, no system call.
   [[nodiscard]] std::string trouble() const;
-  /// When stopped.
+  /// Once stopped.
   [[nodiscard]] const std::vector<std::filesystem::path>& files() const {
     return recording_.files();
   }
-  /// Whether something could not be written, or is not where it was asked for. When stopped.
+  /// Whether anything could not be written, or is not at the requested place. Once stopped.
   [[nodiscard]] bool has_failed() const { return has_failed_; }
-  /// What went wrong with the files last; empty if nothing did. When stopped, or not started.
+  /// The last error of the files; empty if there was none. Once stopped, or before the start.
   [[nodiscard]] const std::string& problem() const { return recording_.problem(); }
 
  private:
-  /// What is counted of a topic, by both threads.
+  /// Counters of a topic, updated by both threads.
   struct Topic {
     std::string name;
     std::atomic<std::uint64_t> recorded{0};
@@ -142,26 +142,26 @@ class Recorder {
     std::atomic<std::uint64_t> too_large{0};
   };
 
-  /// What one file has of a topic.
+  /// A topic's data in one file.
   struct Written {
     std::uint64_t messages = 0;
     std::uint64_t bytes = 0;
   };
 
-  /// What is kept of a stream.
+  /// State of a stream.
   struct StreamState {
-    std::size_t open = 0;  ///< Which of `open_` its small messages go into.
+    std::size_t open = 0;  ///< Index in `open_` for its small messages.
     std::atomic<std::size_t> held{0};
-    bool has_told = false;  ///< That a message was too large.
+    bool has_told = false;  ///< A too large message was reported.
   };
 
-  /// The last messages of a publisher whose topic is latched, as far as they are in a file.
+  /// The last messages of a publisher of a latched topic, as far as they are in a file.
   struct Latched {
     std::size_t count = 0;
     std::deque<StoredMessage> last;
   };
 
-  /// Small messages that are compressed alike.
+  /// Small messages with the same compression.
   struct Open {
     mcap::ChunkOptions options;
     std::unique_ptr<Batch> batch;
@@ -201,20 +201,20 @@ class Recorder {
   std::vector<std::unique_ptr<StreamState>> states_;  ///< By `Stream::index`.
   std::vector<std::unique_ptr<Topic>> topics_;
 
-  // The thread that takes.
+  // Of the taking thread.
   std::vector<Open> open_;
   Serializer serializer_;
   ActivationReader activations_;
-  std::array<std::uint32_t, 3> own_sequences_{};  ///< By channel, of what is not a topic's.
-  std::optional<std::uint32_t> round_;  ///< Simulated time: that is being taken, in its moment.
+  std::array<std::uint32_t, 3> own_sequences_{};  ///< By channel, for those that are no topic's.
+  std::optional<std::uint32_t> round_;  ///< Simulated time: the round being taken, in its moment.
   std::atomic<std::uint64_t> activations_lost_{0};
 
-  // What was said; under `mutex_`, but for its last one. It never goes away.
+  // Past messages; under `mutex_`, except the last one. Never erased.
   static constexpr std::size_t kSaidMax = 256;
   std::deque<std::string> said_;
   std::atomic<const std::string*> trouble_{nullptr};
 
-  // Between the two.
+  // Shared by both threads.
   mutable std::mutex mutex_;
   std::condition_variable came_;
   std::condition_variable went_;
@@ -224,10 +224,10 @@ class Recorder {
   bool stops_taking_ = false;
   bool stops_writing_ = false;
 
-  // The thread that writes.
+  // Of the writing thread.
   std::map<std::uint16_t, Latched> latched_;  ///< By channel.
   Recording recording_;
-  /// By topic, of the files that may still go away, by the names that they have while written.
+  /// By topic, for files that may still be lost, by their names while being written.
   std::map<std::filesystem::path, std::vector<Written>> written_;
   bool has_failed_ = false;
   bool is_in_trouble_ = false;

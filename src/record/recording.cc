@@ -25,9 +25,9 @@ std::filesystem::path Recording::name_of(unsigned number) const {
   return base::numbered(options_.file, number);
 }
 
-/// Null if one of its names is taken. The name of the file while it is written is what two
-/// recordings that begin at the same time agree by: making it fails for all but one. The final name
-/// is looked for once more behind that, since a recording that ends gives up the one for the other.
+/// Null if one of its names is taken. The name of the file while it is written decides between
+/// recordings that start at the same time: creation fails for all but one. The final name is
+/// checked again after that, since a recording that ends renames its file to it.
 std::unique_ptr<mcap::FileSink> Recording::make_sink(const File& file) {
   const auto is_taken = [&] {
     return std::filesystem::exists(std::filesystem::symlink_status(file.whole));
@@ -55,7 +55,7 @@ Recording::File Recording::make() {
         *file.sink, mcap::WriterOptions{.profile = "fastcycle", .library = "fastcycle"});
     preamble_(*file.writer);
   } catch (...) {
-    // There is no message in it; and on a full disk the next one is begun in a second.
+    // It has no messages; and on a full disk the next one is started in a second.
     std::error_code ignored;
     std::filesystem::remove(file.active, ignored);
     throw;
@@ -84,7 +84,7 @@ bool Recording::is_full(const mcap::ChunkBuilder& next) const {
              *file_.first_ns + static_cast<std::uint64_t>(limit.time.count());
 }
 
-/// Ends a file, and has it synced and renamed.
+/// Closes a file, and has it synced and renamed.
 bool Recording::finish(File& file) {
   if (file.writer == nullptr) {
     return false;
@@ -154,12 +154,12 @@ void Recording::take(const std::vector<Syncer::Outcome>& outcomes) {
 void Recording::take_problem(const Syncer::Outcome& outcome) {
   using Kind = base::FileState::Kind;
   if (outcome.state == Kind::kLost && std::exchange(lost_, outcome.active) == outcome.active) {
-    return;  // It was on its way once more.
+    return;  // It was pending again.
   }
   problem_ = outcome.problem;
   const bool is_written = file_.writer != nullptr && file_.active == outcome.active;
   if (outcome.state == Kind::kElsewhere && is_written) {
-    // It has all of it: perhaps somebody wanted it to be there.
+    // It is complete: perhaps the user moved it there on purpose.
     if (std::exchange(file_.told, outcome.problem) != outcome.problem) {
       news_.push_back({.active = outcome.active,
                        .text = outcome.problem + "; it is written to its end there",
@@ -181,7 +181,7 @@ void Recording::take_problem(const Syncer::Outcome& outcome) {
   }
   if (is_written) {
     give_up();
-    // What others did does not stand against a new file, as a full disk does.
+    // Unlike a full disk, a file lost to others does not delay a new one.
     tried_ -= outcome.state == Kind::kLost ? kRetry : std::chrono::seconds(0);
   }
 }
@@ -190,7 +190,7 @@ bool Recording::write(mcap::ChunkBuilder& chunk) {
   take(syncer_->outcomes());
   const auto now = std::chrono::steady_clock::now();
   if (file_.writer == nullptr) {
-    // The last file could not be written. What it has stays; perhaps there is room again.
+    // The last file could not be written. What it has stays; perhaps there is space again.
     if (now - tried_ < kRetry) {
       return false;
     }
@@ -199,7 +199,7 @@ bool Recording::write(mcap::ChunkBuilder& chunk) {
       return false;
     }
   } else if (is_full(chunk)) {
-    // A file that cannot be begun is no reason to lose what fits into this one.
+    // Failure to create a file is no reason to lose what fits into this one.
     if (now - tried_ >= kRetry || problem_.empty()) {
       tried_ = now;
       start_next();

@@ -17,7 +17,7 @@
 
 namespace fastcycle::record {
 
-/// When one file of a recording ends and the next one begins. 0: never.
+/// When a recording continues in a new file. 0: never.
 struct Splitting {
   std::uint64_t bytes = 0;
   std::chrono::nanoseconds time{0};  ///< From the first message of a file, by log time.
@@ -25,19 +25,19 @@ struct Splitting {
   [[nodiscard]] bool is_on() const { return bytes > 0 || time.count() > 0; }
 };
 
-/// The files of one recording, one after the other.
+/// The files of one recording, written in sequence.
 ///
-/// While a file is written its name ends in `.active`; it is synced and renamed when it is whole.
-/// So a name that ends in `.mcap` is a file that was closed. A recording that is split has a number
-/// before the suffix: `drive_0001.mcap`. The next file is open before the one before is closed.
+/// While a file is written its name ends in `.active`; it is synced and renamed when it is
+/// complete. So a name that ends in `.mcap` is a closed file. A split recording has a number before
+/// the suffix: `drive_0001.mcap`. The next file is opened before the previous one is closed.
 ///
-/// Getting files onto the disk is left to a `Syncer`: nothing here waits for that but `close`. It
-/// also looks whether they are still there. What others deleted or cut off is lost, and a new file
-/// is begun; one that was moved is written to its end where it is.
+/// A `Syncer` syncs the files: only `close` waits for that. It also checks that they still exist.
+/// What others deleted or truncated is lost, and a new file is started; a file that was moved is
+/// written to its end where it is.
 ///
-/// What cannot be written, since the disk is full or gone, is for the caller to count; a new file
-/// is then tried at most every second, and the one that failed stays as it is, with all that could
-/// be written; one that could not be begun is removed.
+/// If the disk is full or gone, the caller counts what cannot be written; a new file is then tried
+/// at most every second. The failed one stays with all that could be written; one that could not be
+/// started is removed.
 ///
 /// @threads  Confined.
 class Recording {
@@ -48,18 +48,18 @@ class Recording {
     std::chrono::nanoseconds sync_interval{std::chrono::seconds(1)};  ///< 0: only at the end.
   };
 
-  /// What became of a file.
+  /// A change of a file's state.
   struct News {
-    std::filesystem::path active;  ///< The name that it had while it was written.
-    std::string text = {};         ///< What is to be said; empty: it is as it was asked for.
-    bool is_lost = false;          ///< What was written into it is gone.
-    bool is_over = true;           ///< Nothing more will come of it.
-    bool is_trouble = true;        ///< Of what is to be said.
+    std::filesystem::path active;  ///< Its name while it was written.
+    std::string text = {};         ///< Message for the user; empty: the file is as requested.
+    bool is_lost = false;          ///< Its contents are lost.
+    bool is_over = true;           ///< No further change will follow.
+    bool is_trouble = true;        ///< `text` reports an error.
   };
 
-  /// What stands at the beginning of each file.
+  /// Writes the beginning of each file.
   using Preamble = std::function<void(mcap::Writer&)>;
-  /// What is added before a file is closed.
+  /// Called before a file is closed.
   using Closing = std::function<void(mcap::Writer&)>;
 
   Recording(Options options, Preamble preamble, Closing closing);
@@ -67,26 +67,24 @@ class Recording {
   Recording& operator=(const Recording&) = delete;
   ~Recording();
 
-  /// Opens the first file. A name that is taken is left alone, and the next number is tried, also
-  /// where several begin at the same time. False if no file can be made; it is tried again when
-  /// something is written.
+  /// Opens the first file. If the name is taken the next number is tried, also if several
+  /// recordings start at the same time. False if no file can be created; `write` then tries again.
   bool open();
 
   /// Appends a closed chunk. False if it could not be written.
   bool write(mcap::ChunkBuilder& chunk);
 
-  /// Writes the end of the last file, and waits until all are on the disk. False if it could not be
-  /// written.
+  /// Finishes the last file, and waits until all are on disk. False on a write error.
   bool close();
 
-  /// The file that has what was written last, by the name that it has meanwhile.
+  /// The file written last, by its name while being written.
   [[nodiscard]] const std::filesystem::path& active() const { return file_.active; }
-  /// What became of files since the last call.
+  /// Changes of files since the last call.
   [[nodiscard]] std::vector<News> take_news() { return std::exchange(news_, {}); }
 
-  /// What went wrong last; empty if nothing did since the last file was opened.
+  /// The last error; empty if there was none since the last file was opened.
   [[nodiscard]] const std::string& problem() const { return problem_; }
-  /// All files so far, in order, with the names that they have now.
+  /// All files so far, in order, with their present names.
   [[nodiscard]] const std::vector<std::filesystem::path>& files() const { return files_; }
   [[nodiscard]] std::uint64_t bytes() const;
 
@@ -97,11 +95,11 @@ class Recording {
     std::shared_ptr<mcap::FileSink> sink;
     std::unique_ptr<mcap::Writer> writer;
     std::optional<std::uint64_t> first_ns;
-    std::string told;  ///< Of what is the matter with it.
+    std::string told;  ///< The last problem reported.
   };
 
   [[nodiscard]] std::filesystem::path name_of(unsigned number) const;
-  /// A new file under the next name that is free; moves `number_` there.
+  /// A new file with the next free name; moves `number_` there.
   [[nodiscard]] File make();
   [[nodiscard]] static std::unique_ptr<mcap::FileSink> make_sink(const File& file);
   [[nodiscard]] bool is_full(const mcap::ChunkBuilder& next) const;
@@ -121,7 +119,7 @@ class Recording {
   std::uint64_t bytes_before_ = 0;  ///< In the files before this one.
   std::string problem_;
   std::vector<News> news_;
-  std::filesystem::path lost_;  ///< The last file that was found to be.
+  std::filesystem::path lost_;  ///< The last file found lost.
   std::chrono::steady_clock::time_point synced_;
   std::chrono::steady_clock::time_point tried_;
   std::optional<Syncer> syncer_;  // From `open` on.

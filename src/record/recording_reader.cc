@@ -18,7 +18,7 @@
 namespace fastcycle::record {
 namespace {
 
-/// Times in files are unsigned, and may be anything.
+/// Times in files are unsigned, and may have any value.
 Time to_time(std::uint64_t ns) {
   constexpr auto kLatest = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max() - 1);
   return base::from_ns(static_cast<std::int64_t>(std::min(ns, kLatest)));
@@ -71,7 +71,7 @@ struct RecordingReader::File {
   std::map<std::uint32_t, std::size_t> stream_of;  ///< By channel.
   std::optional<mcap::MessageReader> messages;
   std::optional<mcap::StoredMessage> head;  ///< The next message.
-  /// Of messages that come, by channel and the lower 32 bits of the sequence.
+  /// Of messages to come, by channel and the lower 32 bits of the sequence.
   std::unordered_map<std::uint64_t, log::MessageInfo> infos;
 };
 
@@ -180,7 +180,7 @@ void RecordingReader::advance(File& file) {
     }
     const auto stream = file.stream_of.find(file.head->channel_id);
     if (stream != file.stream_of.end() && selection_.wanted[stream->second]) {
-      return;  // Another publisher of a topic may not be wanted.
+      return;  // Other publishers of a topic may not be selected.
     }
     if (file.head->channel->topic == kInfosTopic) {
       take_infos(file, *file.head);
@@ -206,7 +206,7 @@ void RecordingReader::take_infos(File& file, const mcap::StoredMessage& message)
   }
 }
 
-/// What is left of messages that were given already came too late for them.
+/// Infos left over belong to messages already returned: they came too late.
 void RecordingReader::drop_parted_infos(File& file) {
   std::erase_if(file.infos, [&](const auto& entry) {
     const std::size_t stream = file.stream_of.at(entry.second.channel());
@@ -270,7 +270,7 @@ void RecordingReader::take(File& file) {
     file.infos.erase(found);
   }
   const std::uint64_t sequence = has_info ? info.sequence() : extended(head.sequence, last);
-  // A latched message stands once more at the beginning of each later file.
+  // A latched message is repeated at the beginning of each later file.
   if (is_ours && head.publish_time_ns < head.log_time_ns && sequence <= last) {
     return;
   }

@@ -16,79 +16,79 @@
 
 namespace fastcycle::record {
 
-/// What one component published on one topic, over all files of a recording.
+/// Messages of one component on one topic, over all files of a recording.
 struct RecordedStream {
   std::string topic;
-  std::string publisher;         ///< The component; empty: the files do not say.
-  PublisherId publisher_id = 0;  ///< Tells several of one component apart; 0: the files do not say.
+  std::string publisher;         ///< The component; empty: unknown.
+  PublisherId publisher_id = 0;  ///< Distinguishes several of one component; 0: unknown.
   std::string encoding;          ///< Of the messages: `protobuf`.
   std::string type;              ///< The messages' full name; empty: there is no schema.
   std::string schema;            ///< A serialized `FileDescriptorSet`, if the encoding is protobuf.
   std::uint64_t messages = 0;
 };
 
-/// A message as it stands in a recording.
+/// A message of a recording.
 struct RecordedMessage {
-  std::size_t stream = 0;  ///< Its place in `RecordingReader::streams`.
+  std::size_t stream = 0;  ///< Index in `RecordingReader::streams`.
   /// As it was published. `publisher` is not set; `origin.root` 0 means the message's own
   /// publisher.
   MessageInfo info;
-  /// When subscribers got it, or, if it was published before the file began, when that began.
+  /// When subscribers received it, or, if it was published before the file began, when that began.
   Time due{};
-  std::uint32_t step = 0;  ///< In simulated time: in which round of that moment.
+  std::uint32_t step = 0;  ///< In simulated time: the round in that moment.
   std::vector<std::byte> data;
 };
 
-/// Reads what a `Recorder` has written, or any MCAP file, back in the order in which it happened:
-/// by time, then by round, then by publisher and sequence.
+/// Reads the files of a `Recorder`, or any MCAP file, in the original order: by time, then by
+/// round, then by publisher and sequence.
 ///
 ///     RecordingReader reader({"drive_0001.mcap", "drive_0002.mcap.active"});
 ///     reader.rewind({.wanted = {true, false}, .from = reader.begin(), .to = reader.end()});
 ///     for (auto moment = reader.next(); !moment.empty(); moment = reader.next()) { ... }
 ///
-/// A file that was not closed is read up to its last whole message. What a later file of a split
-/// recording repeats comes once. Files that FastCycle did not write say less: then each message is
-/// its own measurement, and log times are what counts.
+/// A file that was not closed is read up to its last complete message. Messages that a later file
+/// of a split recording repeats are returned once. Files of other software have fewer facts: then
+/// each message is its own measurement, ordered by log time.
 ///
-/// Memory: the messages of one moment, and what `mcap::MessageReader` holds for each file.
+/// Memory: the messages of one moment, and that of `mcap::MessageReader` for each file.
 ///
 /// @threads  Confined.
 class RecordingReader {
  public:
-  /// @errors  `mcap::Error` if a file cannot be read, or is none or damaged.
+  /// @errors  `mcap::Error` if a file cannot be read, or is not valid.
   explicit RecordingReader(const std::vector<std::filesystem::path>& files);
   RecordingReader(const RecordingReader&) = delete;
   RecordingReader& operator=(const RecordingReader&) = delete;
   ~RecordingReader();
 
   [[nodiscard]] const std::vector<RecordedStream>& streams() const { return streams_; }
-  /// When the recorded run began; without a word about it, when the first message was published.
+  /// When the recorded run began; if unknown, when the first message was published.
   [[nodiscard]] Time begin() const { return begin_; }
-  /// When the timers of that run started; without a word about it, when the run began.
+  /// When the timers of that run started; if unknown, when the run began.
   [[nodiscard]] Time begin_of_timers() const { return std::max(begin_, begin_of_timers_); }
-  /// When it ended; without a word about it, when the last message was published.
+  /// When it ended; if unknown, when the last message was published.
   [[nodiscard]] Time end() const { return end_; }
-  /// What the recorded run said at its end, by name; nothing of a file that was not closed.
+  /// Facts recorded at the end of the run, by name; empty for a file that was not closed.
   [[nodiscard]] const std::map<std::string, std::string>& end_facts() const { return end_facts_; }
-  /// What is to be known of the files: where one ends that was not closed.
+  /// Remarks on the files, such as one that was not closed.
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
 
   struct Selection {
     std::vector<bool> wanted;  ///< By stream.
     Time from{};
-    Time to{};  ///< Of the last message at most.
+    Time to{};  ///< Inclusive.
   };
-  /// From now on `next` gives what is selected, from its beginning.
+  /// Selects what `next` returns, and starts at its beginning.
   void rewind(Selection selection);
 
-  /// All messages that are due next at the same time; none if there are no further ones. Valid, and
-  /// the caller's to change, until the next call.
+  /// All messages that are due next at the same time; none at the end. Valid, and the caller may
+  /// change them, until the next call.
   ///
-  /// @errors  `mcap::Error` with the place that cannot be read. The reader is of no use afterwards.
+  /// @errors  `mcap::Error` with the place that cannot be read. The reader is unusable afterwards.
   std::span<RecordedMessage> next();
 
-  /// How many messages came without what the file says of them, since a tool has put that too far
-  /// behind them: their sequence, origin and round are those of a message that nothing is said of.
+  /// Number of messages whose facts a tool has moved too far behind them in the file: their
+  /// sequence, origin and round have the default values.
   [[nodiscard]] std::uint64_t parted_infos() const { return parted_infos_; }
 
  private:
@@ -113,10 +113,10 @@ class RecordingReader {
   bool has_begin_ = false;
 
   Selection selection_;
-  // By stream: of what was given since `rewind`, before this moment.
+  // By stream: of what was returned since `rewind`, before this moment.
   std::vector<std::uint64_t> first_sequences_;
   std::vector<std::uint64_t> last_sequences_;
-  std::vector<RecordedMessage> moment_;  ///< Kept for its memory; `count_` are in use.
+  std::vector<RecordedMessage> moment_;  ///< Reused memory; `count_` are in use.
   std::size_t count_ = 0;
   std::uint64_t parted_infos_ = 0;
 };

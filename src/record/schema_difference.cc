@@ -12,7 +12,7 @@ namespace {
 using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 
-/// Keeps protobuf from printing what is wrong.
+/// Keeps protobuf from printing errors.
 class Silence final : public google::protobuf::DescriptorPool::ErrorCollector {
  public:
   void AddError(const std::string&, const std::string&, const google::protobuf::Message*,

@@ -33,7 +33,7 @@ void Serializer::Parts::gather(std::vector<mcap::Bytes>& parts) const {
 
 bool Serializer::Parts::Next(void** data, int* size) {
   const std::size_t begin = own_.size();
-  // What was handed out before is done with: it may move.
+  // Parts returned before are no longer in use: they may move.
   own_.resize(begin + kBlock);
   *data = own_.data() + begin;
   *size = static_cast<int>(kBlock);
@@ -61,7 +61,7 @@ std::span<const mcap::Bytes> Serializer::serialize(const google::protobuf::Messa
   {
     google::protobuf::io::CodedOutputStream coded(&stream_);
     coded.EnableAliasing(true);
-    // The entries of a map in the order of their keys: the same message is the same bytes.
+    // Map entries sorted by key: equal messages give equal bytes.
     coded.SetSerializationDeterministic(true);
     message.SerializeWithCachedSizes(&coded);
   }

@@ -17,29 +17,30 @@ class Message;
 
 namespace fastcycle::record {
 
-/// Serializes messages without copying their large fields: a camera image stays where it is, and
-/// only the few bytes around it are written.
+/// Serializes messages without copying their large fields: a camera image stays in place, and only
+/// the few bytes around it are written.
 ///
 /// @threads  Confined.
 class Serializer {
  public:
-  /// What protobuf can write.
+  /// Limit of protobuf.
   static constexpr std::uint64_t kBytesMax = std::numeric_limits<std::int32_t>::max();
 
-  /// The bytes of `message`, one part after the other; valid until the next call, and as long as
-  /// `message` is as it is.
+  /// The bytes of `message`, to be concatenated; valid until the next call, and as long as
+  /// `message` is unchanged.
   ///
   /// @errors  `std::length_error` for a message of 2 GiB or more, which protobuf cannot hold.
   [[nodiscard]] std::span<const mcap::Bytes> serialize(const google::protobuf::Message& message);
 
-  /// The same, all parts in one string.
+  /// The same, in one string.
   [[nodiscard]] std::string serialize_to_string(const google::protobuf::Message& message);
 
-  /// Of what `serialize` gave last, in bytes.
+  /// Size of the last result of `serialize`, in bytes.
   [[nodiscard]] std::uint64_t size() const { return size_; }
 
  private:
-  /// What protobuf writes to: own memory for what is small, and runs of the message's own.
+  /// The output stream for protobuf: own memory for small data, and references to the message's
+  /// own.
   class Parts final : public google::protobuf::io::ZeroCopyOutputStream {
    public:
     void clear();
@@ -56,7 +57,7 @@ class Serializer {
    private:
     static constexpr std::size_t kBlock = 512;
 
-    /// Borrowed bytes that stand where `own_` had `after` bytes.
+    /// Borrowed bytes, inserted after `after` bytes of `own_`.
     struct Run {
       std::size_t after = 0;
       mcap::Bytes bytes;

@@ -7,7 +7,7 @@
 
 namespace fastcycle::record {
 
-/// A message as it stands in a file.
+/// A message as stored in a file.
 struct StoredMessage {
   mcap::MessageHead head;
   std::vector<std::byte> data;

@@ -15,7 +15,7 @@
 namespace fastcycle::record {
 namespace {
 
-/// How many messages of this size take no more than an eighth of the memory, from `min` to `max`.
+/// The number of messages of this size that fit an eighth of the memory, from `min` to `max`.
 std::size_t how_many_fit(std::uint64_t message_bytes, std::uint64_t memory_bytes, std::size_t min,
                          std::size_t max) {
   if (message_bytes == 0) {
@@ -175,7 +175,7 @@ ActivationReader::ActivationReader(Activity activity) {
   parts_.front().reads.resize(parts_.front().rings.reads.size());
   for (const detail::PeerActivity* const peer : activity.peers) {
     Part part{.peer = peer};
-    // All incarnations have as many.
+    // The number is the same in all incarnations.
     part.workers.resize(peer->rings(1).workers.size());
     part.reads.resize(peer->rings(1).reads.size());
     begin(part, peer->incarnation());
@@ -191,7 +191,7 @@ void ActivationReader::begin(Part& part, std::uint32_t incarnation) {
   part.reads.assign(part.reads.size(), {});
 }
 
-/// Goes on with what followed an incarnation that has ended; false if nothing did.
+/// Continues with the incarnation after one that has ended; false if there is none.
 bool ActivationReader::begin_next(Part& part) {
   if (part.seen == part.incarnation) {
     return false;
@@ -240,7 +240,7 @@ bool ActivationReader::take_activations(Part& part) {
   return is_news;
 }
 
-/// The activation in which the process ended: no one completes it any more.
+/// The activation in which the process ended: it is never completed.
 void ActivationReader::take_last(Worker& worker, const detail::ActivationRing& ring) {
   detail::ActivationRecord record;
   if (worker.next < ring.size() && ring.read_at(worker.next, record)) {
@@ -249,8 +249,8 @@ void ActivationReader::take_last(Worker& worker, const detail::ActivationRing& r
   }
 }
 
-/// What stands here for components of other processes has activations too. And another process can
-/// write what it likes, but say nothing of components that are not its own.
+/// Removes activations of placeholders for components of other processes. Another process may also
+/// write anything, but must not report components that are not its own.
 void ActivationReader::leave_out_others(const Part& part, Worker& worker) {
   const auto is_of_others = [&](const detail::ActivationRecord& record) {
     return record.component < part.rings.reads.size() &&
@@ -266,7 +266,7 @@ void ActivationReader::leave_out_others(const Part& part, Worker& worker) {
 }
 
 void ActivationReader::take_reads(Part& part) {
-  // After the activations: what one that has ended read is there by now.
+  // After the activations: all that a finished activation read is recorded by now.
   constexpr std::size_t kMostKept = 4 * detail::ReadRing::kForViews;
   for (std::size_t component = 0; component < part.rings.reads.size(); ++component) {
     const detail::ReadRing* ring = part.rings.reads[component];
@@ -274,8 +274,8 @@ void ActivationReader::take_reads(Part& part) {
     if (ring == nullptr) {
       continue;
     }
-    // Another worker's ring may have had an activation before the last that was given; it was given
-    // in the look after that.
+    // Another worker's ring may have had an activation older than the last one returned; it was
+    // returned in the pass after that.
     const auto old = std::ranges::upper_bound(its.reads, its.old, {}, &detail::Read::activation);
     its.reads.erase(its.reads.begin(), old);
     its.old = its.given;
@@ -302,7 +302,7 @@ SeenReads ActivationReader::seen_in(const detail::ActivationRecord& record) {
 
 std::optional<log::MessageInfo> describe(const Stream& stream, const MessageInfo& message,
                                          std::optional<std::uint32_t> round) {
-  // What foreign threads publish is there before a round, all else after it.
+  // Messages of foreign threads exist before a round, all others after it.
   const std::uint32_t step = round ? *round + (stream.is_external ? 0 : 1) : kUsualStep;
   const Duration age = message.publish_time - message.origin.taken;
   const bool is_root = message.origin.root == message.publisher;

@@ -28,11 +28,11 @@ class MessageInfo;
 
 namespace fastcycle::record {
 
-/// The channels of what is not a topic's; those of publishers follow.
+/// Channels of FastCycle itself; those of publishers follow.
 inline constexpr std::uint16_t kActivationsChannel = 1;
 inline constexpr std::uint16_t kInfosChannel = 2;
 
-/// What explains the log on another machine: written at the beginning of each file.
+/// What a reader on another machine needs; written at the beginning of each file.
 struct Explanation {
   std::map<std::string, std::string> facts = {};  ///< The metadata `fastcycle.run`.
   std::string application = {};                   ///< JSON: the attachment `application.json`.
@@ -47,31 +47,32 @@ struct Stream {
   std::size_t latched = 0;  ///< Messages that later subscribers get first.
   bool is_external = false;
   std::string publisher = {};  ///< The component that publishes.
-  std::size_t may_hold = 0;    ///< How many of its messages may be held at once.
+  std::size_t may_hold = 0;    ///< Limit of its messages held at once.
 };
 
-/// What an observer of the broker listens to, and what explains it in a file: schemas and channels.
+/// The topics that an observer of the broker receives, and their schemas and channels for a file.
 ///
 ///     Streams streams("recorder");
 ///     streams.tap(topics, filter, memory_bytes);   // before the topics are connected
 ///     streams.define();                            // after that
 ///     streams.take([](const Stream& stream, const detail::Lane::Head& head) { ... });
 ///
-/// @threads  `take` by one thread, all else by the control thread before that; what is constant
-///           once defined is Safe.
+/// @threads  `take` by one thread, all else by the control thread before that; members that are
+///           constant after `define` are Safe.
 class Streams {
  public:
-  /// `name` stands for the observer in ledgers and reports.
+  /// `name` identifies the observer in ledgers and reports.
   explicit Streams(std::string name) : tap_(std::move(name)) {}
 
-  /// Listens to the topics that `filter` wants. Where the size of messages is known, those that
-  /// wait of one publisher take no more than an eighth of `memory_bytes`, and so do those that are
-  /// held once they were taken, `hold_max` at most.
+  /// Subscribes to the topics selected by `filter`. If the size of messages is known, the queue of
+  /// each publisher is limited to an eighth of `memory_bytes`, and so are the messages held after
+  /// they were taken, with at most `hold_max`.
   void tap(detail::Topics& topics, const mcap::TopicFilter& filter, std::uint64_t memory_bytes,
            std::size_t hold_max);
   void define();
 
-  /// Calls `give(stream, head)` for what waits; the reference to the envelope is then the callee's.
+  /// Calls `give(stream, head)` for each pending message; the callee owns the reference to the
+  /// envelope.
   template <typename Give>
   void take(const Give& give) {
     tap_.take([&](const detail::Lane& lane, const detail::Lane::Head& head) {
@@ -81,12 +82,12 @@ class Streams {
 
   [[nodiscard]] const std::vector<Stream>& all() const { return streams_; }
   [[nodiscard]] const std::vector<std::string>& topics() const { return topics_; }
-  /// Whether the messages of `publisher` are left out.
+  /// Whether messages of `publisher` are excluded.
   [[nodiscard]] bool leaves_out(PublisherId publisher) const {
     return left_out_.contains(publisher);
   }
 
-  /// Writes what a file begins with.
+  /// Writes the beginning of a file.
   void explain(mcap::Writer& writer, const Explanation& explanation, Time now) const;
 
  private:
@@ -105,30 +106,29 @@ class Streams {
   std::vector<mcap::Channel> channels_;
 };
 
-/// Where the components of an application leave what they do.
+/// Where the activity of an application's components is recorded.
 struct Activity {
-  std::vector<const detail::ActivationRing*> rings = {};  ///< One a worker.
-  /// One a component, in the order of the application file; null, or missing, where nobody keeps
-  /// them.
+  std::vector<const detail::ActivationRing*> rings = {};  ///< One per worker.
+  /// One per component, in the order of the application file; null, or missing, if not recorded.
   std::vector<const detail::ReadRing*> reads = {};
   std::vector<const detail::PeerActivity*> peers = {};  ///< The other processes.
 };
 
-/// What one activation learned beside its cause.
+/// What one activation read beside its cause.
 struct SeenReads {
   std::span<const detail::Read> reads = {};
-  std::uint64_t lost = 0;  ///< Of its component, since it was asked last.
+  std::uint64_t lost = 0;  ///< Of its component, since the last call.
 };
 
-/// What is new of one worker.
+/// New activations of one worker.
 struct NewActivations {
-  std::size_t worker = 0;         ///< Counts the workers of all processes, those of this one first.
+  std::size_t worker = 0;         ///< Among those of all processes, this one's first.
   std::uint32_t incarnation = 1;  ///< Of its process.
-  std::uint64_t lost = 0;  ///< Written over before they were read; they came before `records`.
+  std::uint64_t lost = 0;         ///< Overwritten before they were read; they precede `records`.
   std::span<const detail::ActivationRecord> records = {};
 };
 
-/// Reads the activations of all workers, each from where it was, with what they learned.
+/// Reads the new activations of all workers, and what they read.
 ///
 /// @threads  Confined.
 class ActivationReader {
@@ -136,8 +136,8 @@ class ActivationReader {
   ActivationReader() = default;
   explicit ActivationReader(Activity activity);
 
-  /// Calls `give(activations)` for each worker of which there is something new. In it, `seen_in`
-  /// tells what each learned.
+  /// Calls `give(activations)` for each worker with new activations. In it, `seen_in` returns what
+  /// each activation read.
   template <typename Give>
   void read(const Give& give) {
     std::size_t first = 0;
@@ -162,29 +162,29 @@ class ActivationReader {
   [[nodiscard]] SeenReads seen_in(const detail::ActivationRecord& record);
 
  private:
-  /// What one worker's ring had.
+  /// Data read from one worker's ring.
   struct Worker {
     std::uint64_t next = 0;
     std::uint64_t lost = 0;
     std::vector<detail::ActivationRecord> records = {};
   };
-  /// What one component's ring had, of activations that were not given for long.
+  /// Data read from one component's ring, for activations that were returned recently or not yet.
   struct Reads {
     std::uint64_t next = 0;
     std::uint64_t lost = 0;
-    std::uint64_t given = 0;  ///< The number of its newest activation that was given.
-    std::uint64_t old = 0;    ///< The same, one look ago.
-    /// The smallest number of this look's activations, which may be of several workers: what was
-    /// lost may have been of any of them.
+    std::uint64_t given = 0;  ///< The number of its newest activation that was returned.
+    std::uint64_t old = 0;    ///< The same, one pass ago.
+    /// The smallest number of this pass's activations, which may be of several workers: the losses
+    /// may concern any of them.
     std::uint64_t first = 0;
     std::vector<detail::Read> reads = {};  ///< By activation.
   };
   /// One process, in its present incarnation.
   struct Part {
     const detail::PeerActivity* peer = nullptr;  ///< Null: this process.
-    std::uint32_t incarnation = 1;               ///< 0: it has ended, or not begun.
+    std::uint32_t incarnation = 1;               ///< 0: it has ended, or not started.
     std::uint32_t last = 0;                      ///< The present one, or the last one before it.
-    std::uint32_t seen = 1;  ///< The process's incarnation before this look: if another, its last.
+    std::uint32_t seen = 1;                      ///< The process's at the begin of this pass.
     detail::PeerActivity::Rings rings = {};
     std::vector<Worker> workers = {};
     std::vector<Reads> reads = {};
@@ -199,27 +199,27 @@ class ActivationReader {
   static void take_reads(Part& part);
 
   std::vector<Part> parts_;
-  Part* part_ = nullptr;  ///< Whose activations are being given.
+  Part* part_ = nullptr;  ///< The one whose activations are being returned.
 };
 
-/// Says in which incarnation of their process these activations were.
+/// Records the incarnation of the process in which these activations ran.
 void set_incarnation(log::Activations& activations, std::uint32_t incarnation);
 
-/// Adds `record`, and what it saw, to what a log says of one worker. `is_left_out`: the log does
-/// not have the message that caused it.
+/// Adds `record`, and what it read, to the log of one worker. `is_left_out`: the log does not have
+/// the message that caused it.
 void add(log::Activations& activations, const detail::ActivationRecord& record,
          const SeenReads& seen = {}, bool is_left_out = false);
 
-/// What a message record has no place for; nothing if that is as usual. `round` is in simulated
-/// time the place of the round, in its moment, that was served last.
+/// The facts of a message that its record has no field for; nothing if all are default. `round`: in
+/// simulated time, the index in its moment of the last round served.
 [[nodiscard]] std::optional<log::MessageInfo> describe(const Stream& stream,
                                                        const MessageInfo& message,
                                                        std::optional<std::uint32_t> round);
 
-/// What a message record says.
+/// The fields of a message record.
 [[nodiscard]] mcap::MessageHead head_of(const Stream& stream, const MessageInfo& message);
 
-/// `time` as the format has it.
+/// `time` in the format of the log.
 [[nodiscard]] std::uint64_t to_log_time(Time time);
 
 }  // namespace fastcycle::record

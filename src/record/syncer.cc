@@ -15,14 +15,14 @@ Syncer::Outcome carry_out(const Syncer::File& file) {
     if (state.kind != base::FileState::Kind::kThere) {
       outcome.problem = file.active.string() + ": " + state.words;
     }
-    // Also one that is elsewhere: it has what was recorded.
+    // Also a file that was moved: it has the recorded data.
     file.sink->sync();
-    // What has its name now may be another file.
+    // Its present name may belong to another file.
     if (!file.whole.empty() && state.kind == base::FileState::Kind::kThere) {
       outcome.whole = base::rename_to_next_free(file.active, file.whole);
       base::sync_folder(outcome.whole.parent_path());
     }
-  } catch (const std::exception& error) {  // Also those of the file system.
+  } catch (const std::exception& error) {  // Includes file system errors.
     outcome.problem += (outcome.problem.empty() ? "" : "; ") + std::string(error.what());
   }
   return outcome;
@@ -70,7 +70,7 @@ void Syncer::run() {
     if (files_.empty()) {
       return;
     }
-    // Only this thread takes it away, and a deque that grows leaves it where it is.
+    // Only this thread removes it, and a deque does not move its elements when it grows.
     const File& file = files_.front();
     lock.unlock();
     Outcome outcome = carry_out(file);

@@ -15,29 +15,29 @@
 
 namespace fastcycle::record {
 
-/// Gets files onto the disk, on a thread of its own. A disk may take a second for what a write took
-/// a moment for; whoever writes must not wait for it, since what comes meanwhile is lost if the
+/// Syncs files to disk on a thread of its own. A sync may take a second where a write took a
+/// moment; the writer must not wait for it, since data that arrives meanwhile is lost if the
 /// process dies.
 ///
-/// Memory: a few words for each file that is on its way, and there are at most `kMostFiles`.
+/// Memory: a few words for each pending file, of which there are at most `kMostFiles`.
 ///
 /// @threads  Confined.
 class Syncer {
  public:
-  /// A file, and the name that it gets once it is on the disk; none if it is still being written.
+  /// A file, and its final name once it is on disk; no name while it is still being written.
   struct File {
     std::shared_ptr<mcap::FileSink> sink;
     std::filesystem::path active;
     std::filesystem::path whole = {};
   };
 
-  /// What became of one.
+  /// Result for one file.
   struct Outcome {
     std::filesystem::path active;
-    std::filesystem::path asked;  ///< The name that it was to get.
-    std::filesystem::path whole;  ///< The name that it got; empty: none.
-    std::string problem;          ///< Empty: it is on the disk, where it belongs.
-    /// What readers find of what was written. It is `kThere` also where it was not synced.
+    std::filesystem::path asked;  ///< The requested final name.
+    std::filesystem::path whole;  ///< The final name; empty: none.
+    std::string problem;          ///< Empty: it is on disk, in its place.
+    /// State of the file as readers find it. `kThere` also if the sync failed.
     base::FileState::Kind state = base::FileState::Kind::kThere;
   };
 
@@ -46,18 +46,17 @@ class Syncer {
   Syncer();
   Syncer(const Syncer&) = delete;
   Syncer& operator=(const Syncer&) = delete;
-  /// Waits for what is on its way.
+  /// Waits for pending files.
   ~Syncer();
 
-  /// Syncs a file soon, looks whether it is still there, and renames it if it gets another name. A
-  /// name that something else has meanwhile is left alone: it gets a number then, as
-  /// `drive_0002.mcap`. Does nothing for one that is being written and is on its way already; waits
-  /// only while `kMostFiles` are.
+  /// Syncs a file soon, checks that it still exists, and renames it if it has a final name; a taken
+  /// name gets a number, as `drive_0002.mcap`. Does nothing for a file that is still being written
+  /// and already pending; waits only while `kMostFiles` are pending.
   void sync(File file);
 
-  /// What became of files since the last call.
+  /// Results since the last call.
   [[nodiscard]] std::vector<Outcome> outcomes();
-  /// The same, once nothing is on its way any more.
+  /// The same, once nothing is pending.
   [[nodiscard]] std::vector<Outcome> wait();
 
  private:

@@ -10,17 +10,17 @@
 
 namespace fastcycle::record {
 
-/// Receives all messages of some topics without being woken by them: a publisher pays for one more
-/// queue, and nothing else. Whoever owns the tap empties the queues from time to time.
+/// Receives all messages of some topics without being woken by them: a publisher pays only for one
+/// more queue. The owner of the tap has to empty the queues regularly.
 ///
 /// @threads  `add` by the control thread before the topics are connected; `take` by one thread.
 class Tap {
  public:
-  /// `name` stands for the receiver in ledgers and reports.
+  /// `name` identifies the receiver in ledgers and reports.
   explicit Tap(std::string name) : name_(std::move(name)) { inbox_.attach(nobody_, 0); }
 
-  /// Receives what is published on `topic` from now on: `depth` messages of each publisher may
-  /// wait, and `keep` more be held after they were taken.
+  /// Receives what is published on `topic` from now on: the queue of each publisher holds `depth`
+  /// messages, and `keep` more may be held after they were taken.
   void add(detail::Topic& topic, std::size_t depth, std::size_t keep) {
     auto subscription = std::make_unique<detail::Subscription>(
         topic, inbox_, name_, detail::Subscription::Kind::kTap,
@@ -28,8 +28,8 @@ class Tap {
     topic.subscriptions.push_back(std::move(subscription));
   }
 
-  /// Calls `give(lane, head)` for what waits, lane after lane, at most as many as its depth; the
-  /// reference to the envelope is then the callee's.
+  /// Calls `give(lane, head)` for pending messages, lane after lane, at most as many as its depth;
+  /// the callee owns the reference to the envelope.
   template <typename Give>
   void take(const Give& give) {
     for (const auto& lane : inbox_.views()) {
@@ -43,7 +43,7 @@ class Tap {
     }
   }
 
-  /// The queues, one for each publisher of each topic; once the topics are connected.
+  /// The queues, one per publisher and topic; once the topics are connected.
   [[nodiscard]] const std::vector<std::shared_ptr<detail::Lane>>& lanes() const noexcept {
     return inbox_.views();
   }

@@ -68,7 +68,7 @@ void DriveComparison::has_executed(const std::string& component, std::int64_t ti
   }
 }
 
-/// What both sides have come to.
+/// Compares the messages that both sides have reached.
 void DriveComparison::match(Lane& lane) {
   while (!lane.recorded.empty()) {
     const Recorded& recorded = lane.recorded.front();
@@ -103,7 +103,7 @@ void DriveComparison::add(Lane& lane) {
 
 void DriveComparison::finish() {
   for (auto& [id, lane] : lanes_) {
-    // What comes after the last executed activation was not compared.
+    // Messages after the last executed activation were not compared.
     while (!lane.recorded.empty() && lane.executed_ns &&
            lane.recorded.front().activation_time_ns <= *lane.executed_ns) {
       ++lane.change.missing;
@@ -129,7 +129,7 @@ void DriveComparison::compare(Lane& lane, const Recorded& recorded, const Publis
   const google::protobuf::Message& type = lane.publisher->default_instance;
   const std::unique_ptr<google::protobuf::Message> then(type.New());
   const std::unique_ptr<google::protobuf::Message> now(type.New());
-  // What cannot be read has no fields, and differs as a whole.
+  // An unreadable message has no fields, and differs as a whole.
   const bool is_read =
       then->ParseFromString(recorded.bytes) && now->ParseFromString(published.bytes);
   if (!is_read) {

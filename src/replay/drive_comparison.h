@@ -23,25 +23,26 @@ namespace fastcycle::host {
 ///     comparison.finish();
 ///     for (const TopicChange& topic : comparison.topics()) { … }
 ///
-/// A new message belongs to the recorded one that the same activation published on the same topic:
-/// to the first the first, and so on. So one message more or less moves none of the others. A
-/// recorded message belongs to the last activation that had begun when it was published.
+/// A new message is paired with the recorded one that the same activation published on the same
+/// topic: the first with the first, and so on. So an additional or missing message shifts none of
+/// the others. A recorded message belongs to the last activation that had begun when it was
+/// published.
 ///
-/// Memory: the messages that only one side has come to.
+/// Memory: the messages that only one side has reached.
 class DriveComparison final : public OutputListener {
  public:
-  /// `schedule` has to live as long.
+  /// `schedule` has to outlive this.
   explicit DriveComparison(const record::RecordedSchedule& schedule) : schedule_(schedule) {}
 
-  /// A message that was published now. `publish_time` is that of the recorded one that it belongs
-  /// to; else the time of its activation.
+  /// A message published in the replay. `publish_time` is that of its recorded counterpart; without
+  /// one, the time of its activation.
   struct NewMessage {
     const detail::PublisherCore& publisher;
     std::int64_t publish_time_ns;
     std::uint64_t sequence;
     std::string_view bytes;
   };
-  /// Called for each; by publisher in order.
+  /// Called for each, in order per publisher.
   std::function<void(const NewMessage& message)> on_new_message;
 
   void is_recorded(const detail::PublisherCore& publisher, const MessageInfo& info,
@@ -50,7 +51,7 @@ class DriveComparison final : public OutputListener {
                     std::uint64_t sequence, std::string_view bytes) override;
   void has_executed(const std::string& component, std::int64_t time_ns) override;
 
-  /// After the run: what waits for its other side has none.
+  /// After the run: unpaired messages have no counterpart.
   void finish();
 
   /// By topic and publisher; fields in the order of the number of messages, largest first.
@@ -69,7 +70,7 @@ class DriveComparison final : public OutputListener {
     std::uint64_t sequence;
     std::string bytes;
   };
-  /// The messages of one publisher.
+  /// Messages of one publisher, not paired yet.
   struct Lane {
     const detail::PublisherCore* publisher = nullptr;
     const record::RecordedSchedule::Component* component = nullptr;  ///< Null: not in the log.

@@ -73,7 +73,7 @@ const char* to_word(LifeStep step) {
 
 }  // namespace
 
-/// The messages of one publisher that are made of recorded bytes.
+/// The messages of one publisher that are built from recorded bytes.
 class ExactReplay::StorePool {
  public:
   StorePool(const google::protobuf::Message& type, std::size_t roots)
@@ -97,7 +97,7 @@ class ExactReplay::StorePool {
   detail::Pool* const pool_;
 };
 
-/// What one component publishes in an activation; nobody but this run receives it.
+/// The messages that one component publishes in an activation; received only by this replay.
 class ExactReplay::Outputs final : public detail::Stage {
  public:
   struct Output {
@@ -116,26 +116,26 @@ struct ExactReplay::Player {
   ComponentCore* core = nullptr;
   const record::RecordedSchedule::Component* recorded = nullptr;  ///< Null: not in the log.
   bool is_wanted = false;
-  std::size_t end = 0;  ///< Of the activations that can be executed.
+  std::size_t end = 0;  ///< Number of activations that can be executed.
   std::size_t next = 0;
-  bool is_beginning = false;  ///< `next` is the activation of the key frame that it begins at.
+  bool is_beginning = false;  ///< `next` is the activation of its key frame.
   std::map<PublisherId, std::uint64_t> begun_after = {};  ///< Published before the key frame.
   bool is_running = false;
   ExactReplayResult result = {};
 
-  // While it executes something.
+  // During an activation.
   std::vector<std::pair<Key, Envelope*>> inputs = {};
   Outputs outputs = {};
-  detail::Stage* own_stage = nullptr;  ///< In whose place the outputs are.
+  detail::Stage* own_stage = nullptr;  ///< The stage replaced by the outputs.
   detail::ToldReads told = {};
   std::unique_ptr<detail::ActivationRing> ring = {};
   std::vector<std::pair<Source, OutputDifference>> noted = {};
-  bool is_astray = false;  ///< It ended otherwise than it did then.
+  bool is_astray = false;  ///< It ended differently than recorded.
   record::Serializer serializer = {};
 
   [[nodiscard]] bool is_over() const { return !is_wanted || next >= end; }
   [[nodiscard]] const RecordedActivation& activation() const { return recorded->activations[next]; }
-  /// Whether the message was published before the key frame at which it begins.
+  /// Whether the message was published before the key frame at which the component begins.
   [[nodiscard]] bool is_before(PublisherId publisher, std::uint64_t sequence) const {
     const auto found = begun_after.find(publisher);
     return found != begun_after.end() && sequence <= found->second;
@@ -223,7 +223,7 @@ bool ExactReplay::comes_from_log(PublisherId id) const {
                                                                 : !producers_.contains(id);
 }
 
-// ---- Who is executed ----
+// ---- Selection of components ----
 
 /// Why the activations from the first gap on cannot be executed; empty if there is none.
 std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& recorded,
@@ -352,7 +352,7 @@ void ExactReplay::choose(config::Problems& problems) {
       }
     }
   };
-  // One that is left out may be the only one who could publish what another one needs.
+  // A component that is excluded may be the only publisher of what another one needs.
   for (bool is_changed = true; is_changed;) {
     is_changed = false;
     note_producers();
@@ -395,7 +395,7 @@ void ExactReplay::choose(config::Problems& problems) {
         ++player->end;
       }
     }
-    // One that did not end is the last that the log has: it crashed, or the log was cut off.
+    // An unfinished activation is the last in the log: it crashed, or the log was cut off.
     if (player->end > player->next &&
         player->recorded->activations[player->end - 1].outcome == detail::Outcome::kRunning) {
       --player->end;
@@ -457,7 +457,7 @@ std::vector<ExactReplay::Key> ExactReplay::inputs_of(const Player& player) {
   return inputs;
 }
 
-/// Those of messages that the log does not have.
+/// The publish times of messages that the log does not have.
 void ExactReplay::note_publish_times(const RecordedActivation& activation) {
   for (std::size_t i = 1; i < activation.reads.size(); ++i) {
     const detail::Read& read = activation.reads[i].read;
@@ -501,7 +501,7 @@ void ExactReplay::choose_frames() {
     return is_key_frame(activation) && (is_asked ? activation.time_ns <= start_ns
                                                  : player.recorded->activations[0].number != 1);
   };
-  // A key frame is of use if the log has the messages that it names.
+  // A key frame is usable if the log has the messages that it names.
   std::set<std::pair<PublisherId, std::uint64_t>> missing;
   for (const auto& player : players_) {
     for (player->next = 0; player->is_wanted && player->next < player->end; ++player->next) {
@@ -530,7 +530,7 @@ void ExactReplay::choose_frames() {
     if (!player->is_wanted) {
       continue;
     }
-    // The first of a log that begins in the middle; else the last before the time.
+    // The first one of a log that begins in the middle; else the last one before the time.
     std::optional<std::size_t> chosen;
     for (player->next = 0; player->next < player->end; ++player->next) {
       player->is_beginning = true;
@@ -609,7 +609,7 @@ void ExactReplay::work(unsigned) {
   changed_.notify_all();
 }
 
-/// Executes what is ready, or reads on, or waits; false if there is nothing left to do.
+/// Executes a ready activation, or reads on, or waits; false if there is nothing left to do.
 bool ExactReplay::execute_next(std::unique_lock<std::mutex>& lock) {
   Player* const player = next_ready();
   if (player == nullptr) {
@@ -618,7 +618,7 @@ bool ExactReplay::execute_next(std::unique_lock<std::mutex>& lock) {
     }
     const auto runs = [](const auto& one) { return one->is_running; };
     if (std::ranges::none_of(players_, runs)) {
-      return false;  // All are over, or wait for what does not come.
+      return false;  // All have finished, or wait in vain.
     }
     changed_.wait(lock);
     return true;
@@ -640,8 +640,7 @@ bool ExactReplay::execute_next(std::unique_lock<std::mutex>& lock) {
   return true;
 }
 
-/// Of those whose next activation may be executed, the one whose time is the smallest; its inputs
-/// are there.
+/// The player with the earliest next activation whose inputs exist.
 ExactReplay::Player* ExactReplay::next_ready() {
   Player* best = nullptr;
   for (const auto& player : players_) {
@@ -665,7 +664,7 @@ ExactReplay::Player* ExactReplay::next_ready() {
   return best;
 }
 
-/// Reads the next moment of the recording; false if there is none.
+/// Reads the next moment of the recording; false at its end.
 bool ExactReplay::load() {
   if (is_loaded_) {
     return false;
@@ -686,7 +685,7 @@ bool ExactReplay::load() {
   return is_anything_new;
 }
 
-/// Gives a new message to others, with what the recording says of it.
+/// Passes on a new message, with its recorded facts.
 void ExactReplay::stamp(Entry& entry) {
   if (entry.unstamped == nullptr) {
     return;
@@ -772,7 +771,7 @@ Envelope* ExactReplay::parse(PublisherId id, const record::RecordedMessage& mess
   return envelope;
 }
 
-/// Who still waits waits for something that does not come.
+/// Players that still wait do so in vain.
 void ExactReplay::end_waiting() {
   for (const auto& player : players_) {
     if (player->is_over()) {
@@ -800,8 +799,8 @@ void ExactReplay::end_waiting() {
 
 // ---- One activation ----
 
-/// Brings the component into the state that it had after the activation of a key frame: it is
-/// started, what it publishes meanwhile is dropped, and then it is given all that the frame has.
+/// Restores the component's state after the activation of a key frame: starts it, drops what it
+/// publishes meanwhile, and restores the frame's contents.
 void ExactReplay::begin_at(Player& player, const RecordedActivation& frame) {
   ComponentCore& core = *player.core;
   driver_.clock(core.index).set_simulated(base::from_ns(frame.time_ns));
@@ -851,7 +850,7 @@ void ExactReplay::execute(Player& player, const RecordedActivation& activation) 
   }
 }
 
-/// The inputs that `activation` took beside its cause, or that a key frame says views hold.
+/// Shows views the inputs that `activation` took beside its cause, or those of a key frame.
 void ExactReplay::show_views(Player& player, const RecordedActivation& activation,
                              detail::ReadKind kind) {
   const auto& views = player.core->subscriptions.views();
@@ -923,7 +922,7 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
         call_posted(player, activation, "a fault");
       }
       return;
-    case Cause::kConnect:  // Who subscribes to it is nothing that its callbacks see.
+    case Cause::kConnect:  // Its callbacks cannot see who subscribes.
     case Cause::kMessage:
     case Cause::kExternal:
     case Cause::kRequest:
@@ -932,7 +931,7 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
 }
 
 void ExactReplay::call_fault_of_thread(Player& player, const RecordedActivation& activation) {
-  std::string what = "one of its threads threw";  // Logs of before do not say what.
+  std::string what = "one of its threads threw";  // Older logs do not contain the text.
   for (const detail::ToldReads::Entry& entry : activation.reads) {
     what = entry.read.kind == detail::ReadKind::kThrew ? entry.text : what;
   }
@@ -957,7 +956,7 @@ void ExactReplay::call_message(Player& player, const RecordedActivation& activat
   std::shared_ptr<detail::Lane> lane;
   if (activation.subscription && *activation.subscription < callbacks.size() &&
       callbacks[*activation.subscription]->callback != nullptr) {
-    // A subscription that ended and was made again has lanes of before, too.
+    // A subscription that ended and was created again has its former lanes, too.
     for (const auto& one : callbacks[*activation.subscription]->lanes()) {
       lane = one->publisher == activation.publisher ? one : lane;
     }
@@ -1028,14 +1027,14 @@ void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activ
              {.field = "restart", .recorded = "goes on", .now = "none is under way"});
       }
       return;
-    case LifeStep::kReload:  // The execution ends before it.
+    case LifeStep::kReload:  // Execution ends before it.
     case LifeStep::kRollBack:
     case LifeStep::kOther:
       return;
   }
 }
 
-/// Recorded values of params that the component does not accept.
+/// Reports recorded values of params that the component rejects.
 void ExactReplay::note_params(Player& player, const RecordedActivation& activation,
                               const std::string& recorded, const config::Problems& problems) {
   for (const config::Problem& problem : problems.all()) {
@@ -1058,15 +1057,15 @@ void ExactReplay::call_params(Player& player, const RecordedActivation& activati
   call_posted(player, activation, "a change of params");
 }
 
-/// Compares how the activation ended.
+/// Compares the end of the activation.
 void ExactReplay::check_end(Player& player, const RecordedActivation& activation) {
   detail::ActivationRecord record;
   if (!player.ring->read_at(player.ring->size() - 1, record)) {
     return;
   }
   if (activation.outcome == detail::Outcome::kRunning) {
-    // Its process ended in it. Activations follow, so the standby has completed it, from what the
-    // other one had read; what was published then is compared as ever.
+    // Its process ended in it. Activations follow, so the standby completed it, with the reads of
+    // the other one; what was published then is compared as usual.
     return;
   }
   const Source source{activation.number, cause_in_words(player, activation), activation.time_ns};
@@ -1094,12 +1093,12 @@ void ExactReplay::check_end(Player& player, const RecordedActivation& activation
   }
 }
 
-/// A difference that shows while the activation is executed, without the mutex.
+/// Records a difference found while the activation is executed, without the mutex.
 void ExactReplay::note(Player& player, Source source, OutputDifference difference) {
   player.noted.emplace_back(std::move(source), std::move(difference));
 }
 
-/// Takes over what the activation published, and lets go of what it used. The mutex is held.
+/// Takes over what the activation published, and releases its inputs. The mutex is held.
 void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
   player.result.activations += std::exchange(player.is_beginning, false) ? 0 : 1;
   for (auto& [source, difference] : player.noted) {
@@ -1107,7 +1106,7 @@ void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
   }
   player.noted.clear();
   if (player.is_astray) {
-    // From here on it is in another state than it was in then.
+    // From here on its state differs from the recorded run.
     player.end = player.next + 1;
     player.result.why = "what follows cannot be compared";
   }
@@ -1141,7 +1140,7 @@ void ExactReplay::finish(Player& player, const RecordedActivation& activation) {
     } else if (recorded_publishers_.contains(key.publisher)) {
       entry.produced = Produced{source, std::move(output.bytes)};
     } else {
-      ++player.result.not_recorded;  // Its topic was left out.
+      ++player.result.not_recorded;  // Its topic was not recorded.
     }
     if (entry.uses > 0 && entry.envelope == nullptr && !comes_from_log(key)) {
       entry.unstamped = output.envelope;

@@ -27,50 +27,49 @@
 
 namespace fastcycle::host {
 
-/// How a recorded run is executed again.
+/// Options for executing a recorded run again.
 struct ExactReplayOptions {
   std::vector<std::filesystem::path> files = {};
-  /// Who is executed, and with them those who published what they need and was not recorded.
-  /// Empty: all whose inputs the recording has.
+  /// The components to execute, in addition to those that published unrecorded inputs of theirs.
+  /// Empty: all whose inputs are recorded.
   std::vector<std::string> components = {};
   unsigned workers = 1;
-  /// What a component is given of another one that is executed too: the recorded message, or the
-  /// new one.
+  /// Which message of another executed component a component receives: the recorded or the new one.
   enum class Input : std::uint8_t { kRecorded, kNew };
   Input input = Input::kRecorded;
-  /// Where to begin, since the beginning of the run: each component at the last key frame of its
-  /// state before, one without key frames at the beginning of the log.
+  /// Start, relative to the beginning of the run: each component at its last key frame before, one
+  /// without key frames at the beginning of the log.
   std::optional<Duration> start = {};
 };
 
-/// The first output of a component that is not what was recorded.
+/// The first output of a component that differs from the recording.
 struct OutputDifference {
   std::uint64_t activation = 0;
   std::string cause = {};    ///< Of the activation, in words.
   std::int64_t time_ns = 0;  ///< Of the activation, since the run began.
-  std::string topic = {};    ///< Empty where it is not about one message.
+  std::string topic = {};    ///< Empty if no single message is concerned.
   std::uint64_t sequence = 0;
   std::string field = {};
   std::string recorded = {};
   std::string now = {};
 };
 
-/// What became of one component.
+/// Result for one component.
 struct ExactReplayResult {
   std::string component = {};
   bool is_component = true;  ///< Of the application; else its messages come from the log.
   bool is_executed = false;
-  bool is_source = false;      ///< Executed since another one needs what it published unrecorded.
-  std::string why = {};        ///< Why it was not executed, or not to its end; else empty.
-  std::uint64_t recorded = 0;  ///< Activations that the log has.
-  /// The activation behind which it began, at a key frame of its state; 0: it began at the first.
+  bool is_source = false;      ///< Executed since another one needs its unrecorded messages.
+  std::string why = {};        ///< Why it was not, or not completely, executed; else empty.
+  std::uint64_t recorded = 0;  ///< Activations in the log.
+  /// The activation after which it began, at a key frame of its state; 0: it began at the first.
   std::uint64_t began_after = 0;
   std::int64_t began_ns = 0;      ///< When that was, since the run began.
   std::uint64_t activations = 0;  ///< Of these, executed.
   std::uint64_t outputs = 0;      ///< Compared.
   std::uint64_t equal = 0;
-  std::uint64_t not_recorded = 0;  ///< Published again, and not in the log.
-  std::uint64_t differences = 0;   ///< Outputs and activations that are not as recorded.
+  std::uint64_t not_recorded = 0;  ///< Published, but not in the log.
+  std::uint64_t differences = 0;   ///< Outputs and activations that differ from the recording.
   std::optional<OutputDifference> first_difference = {};
 
   [[nodiscard]] bool is_equal() const noexcept { return differences == 0; }
@@ -79,11 +78,10 @@ struct ExactReplayResult {
 /// Executes the recorded activations of components again, each component in its own order, and
 /// compares what they publish with what was recorded, byte by byte.
 ///
-/// A component is an actor: what it does follows from its construction, its parameters, and the
-/// sequence of its activations with what each of them saw. The log has that sequence. An activation
-/// may be executed when the one before it is over and the messages that it needs exist; so there
-/// is no order between components but that of their messages, and any number of workers gives the
-/// same.
+/// A component is an actor: its behavior follows from its construction, its parameters, and the
+/// sequence of its activations with what each of them read. The log has that sequence. An
+/// activation may be executed when the previous one has finished and its messages exist; so
+/// components are ordered only by their messages, and any number of workers gives the same result.
 ///
 ///     ExactReplay replay(application, driver, schedule, options);
 ///     replay.run([](const ExactReplay::Progress& progress) { … });
@@ -94,10 +92,10 @@ struct ExactReplayResult {
 /// @threads  Confined to the control thread, which waits in `run` for the workers.
 class ExactReplay {
  public:
-  /// The application is built, and was never started. All have to live as long as this.
+  /// The application is built, and was never started. All arguments must outlive this.
   ///
-  /// @errors  Mistakes go to `problems`: components that do not exist, nothing to execute, a log
-  ///          that says too little.
+  /// @errors  Errors go to `problems`: components that do not exist, nothing to execute, an
+  ///          incomplete log.
   ExactReplay(ApplicationHost& application, RecordedDriver& driver,
               const record::RecordedSchedule& schedule, ExactReplayOptions options,
               config::Problems& problems);
@@ -109,19 +107,19 @@ class ExactReplay {
     std::uint64_t done = 0;
     std::uint64_t total = 0;
   };
-  /// Called on the thread that runs, now and then. False ends the run early.
+  /// Called regularly on the thread of `run`. False ends the run early.
   using Watcher = std::function<bool(const Progress& progress)>;
 
-  /// @errors  `mcap::Error` if the recording cannot be read on.
+  /// @errors  `mcap::Error` if reading the recording fails.
   void run(const Watcher& watcher);
 
   /// When the recorded run began, ns since 1970.
   [[nodiscard]] std::int64_t begin_ns() const { return base::to_ns(reader_.begin()); }
 
-  /// By component, in the order of the application file; those that are not executed too.
+  /// By component, in the order of the application file; includes those not executed.
   [[nodiscard]] std::vector<ExactReplayResult> results() const;
 
-  /// Hears of all messages of the components that are executed; null: nobody.
+  /// Receives all messages of the executed components; null: none.
   OutputListener* listener = nullptr;
 
   /// Called before each activation, by the worker that executes it.
@@ -140,7 +138,7 @@ class ExactReplay {
     }
   };
 
-  /// Where an output came from.
+  /// Origin of an output.
   struct Source {
     std::uint64_t activation = 0;
     std::string cause;
@@ -150,18 +148,18 @@ class ExactReplay {
     Source source;
     std::string bytes;
   };
-  /// What is known of one message.
+  /// State of one message.
   struct Entry {
-    std::uint32_t uses = 0;  ///< By activations that are to come.
+    std::uint32_t uses = 0;  ///< By pending activations.
     detail::Envelope* envelope = nullptr;
-    /// A new message that is given to others once the recording says when it was published.
+    /// A new message that is passed on once the recording gives its publish time.
     detail::Envelope* unstamped = nullptr;
-    std::optional<MessageInfo> info = {};  ///< As recorded, for that.
-    /// Of one that the log does not have: what those who received it saw.
+    std::optional<MessageInfo> info = {};  ///< As recorded, for `unstamped`.
+    /// For a message not in the log: its publish time as its receivers saw it.
     std::optional<Time> published = {};
-    bool is_recorded = false;  ///< `recorded` waits to be compared.
+    bool is_recorded = false;  ///< `recorded` waits for comparison.
     std::string recorded = {};
-    std::optional<Produced> produced = {};  ///< The same, from the other side.
+    std::optional<Produced> produced = {};  ///< The new message, waiting for the recorded one.
   };
 
   class Outputs;
@@ -173,16 +171,16 @@ class ExactReplay {
   [[nodiscard]] bool comes_from_log(PublisherId id) const;
   void choose(config::Problems& problems);
   [[nodiscard]] std::string why_not(const Player& player) const;
-  /// Executes also those who published what was not recorded and is needed.
+  /// Adds the components that published unrecorded inputs.
   void add_sources();
   void note_publish_times(const record::RecordedActivation& activation);
-  /// Chooses key frames to begin at, where that is asked for or needed.
+  /// Chooses key frames to begin at, if requested or needed.
   void choose_frames();
   [[nodiscard]] static std::string find_gap(const record::RecordedSchedule::Component& recorded,
                                             std::size_t first);
   void count_uses();
   [[nodiscard]] static std::vector<Key> inputs_of(const record::RecordedActivation& activation);
-  /// What the next step of `player` needs: an activation, or a key frame to begin at.
+  /// The inputs of the next step of `player`: of an activation, or of a key frame.
   [[nodiscard]] static std::vector<Key> inputs_of(const Player& player);
   [[nodiscard]] bool comes_from_log(const Key& key) const;
 
@@ -229,13 +227,13 @@ class ExactReplay {
   std::set<PublisherId> recorded_publishers_;
   std::map<PublisherId, std::unique_ptr<StorePool>> pools_;
 
-  // Between the workers.
+  // Shared by the workers.
   std::mutex mutex_;
   std::condition_variable changed_;
   std::unordered_map<Key, Entry, HashOfKey> entries_;
-  bool is_loaded_ = false;  ///< The recording has no more.
+  bool is_loaded_ = false;  ///< The whole recording was read.
   bool is_stopped_ = false;
-  unsigned at_work_ = 0;  ///< Workers that execute something.
+  unsigned at_work_ = 0;  ///< Workers that are executing something.
   std::exception_ptr error_;
   std::atomic<std::uint64_t> done_{0};
   std::uint64_t total_ = 0;

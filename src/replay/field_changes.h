@@ -13,7 +13,7 @@ namespace fastcycle::host {
 
 /// Where two messages differ in one field.
 struct ChangePlace {
-  std::uint64_t activation = 0;  ///< That published the new message.
+  std::uint64_t activation = 0;  ///< The one that published the new message.
   std::int64_t time_ns = 0;      ///< Of the activation, since 1970.
   std::uint64_t sequence = 0;    ///< Of the recorded message.
   std::string path = {};         ///< "nominal.points[3].x_m"
@@ -24,15 +24,15 @@ struct ChangePlace {
 /// How one field of a topic's messages changed.
 struct FieldChange {
   std::string field = {};      ///< Of all elements: "nominal.points[].x_m"
-  std::uint64_t messages = 0;  ///< In which it is different.
-  std::uint64_t values = 0;    ///< Different ones, over all these messages.
+  std::uint64_t messages = 0;  ///< With a difference in it.
+  std::uint64_t values = 0;    ///< Differing ones, over all these messages.
   std::uint64_t numbers = 0;   ///< Of these, those with a finite change.
-  double sum = 0.0;            ///< Of the sizes of these changes.
+  double sum = 0.0;            ///< Of the absolute changes.
   double most = 0.0;           ///< The largest of them.
   ChangePlace first = {};
-  ChangePlace largest = {};  ///< If there are numbers.
+  ChangePlace largest = {};  ///< Set if `numbers` is not 0.
 
-  /// Of the sizes of the changes; 0 without numbers.
+  /// Mean absolute change; 0 without numbers.
   [[nodiscard]] double mean() const {
     return numbers == 0 ? 0.0 : sum / static_cast<double>(numbers);
   }
@@ -44,8 +44,8 @@ struct TopicChange {
   std::string publisher = {};
   std::uint64_t compared = 0;
   std::uint64_t different = 0;
-  std::uint64_t missing = 0;  ///< Recorded, and not published again.
-  std::uint64_t added = 0;    ///< Published, and not recorded.
+  std::uint64_t missing = 0;  ///< Recorded, but not published.
+  std::uint64_t added = 0;    ///< Published, but not recorded.
   std::vector<FieldChange> fields = {};
 
   [[nodiscard]] bool is_equal() const { return different + missing + added == 0; }
@@ -56,12 +56,12 @@ struct TopicChange {
 /// @threads  By one thread at a time.
 class FieldChanges {
  public:
-  /// Adds all differences of two messages, of which some were found by bytes; `place` says where
-  /// they are, but for the field.
+  /// Adds all differences of two messages, which differ in their bytes; `place` identifies them,
+  /// without the field.
   void add(const google::protobuf::Message& recorded, const google::protobuf::Message& now,
            const ChangePlace& place);
 
-  /// In the order of the number of messages, largest first.
+  /// By number of messages, largest first.
   [[nodiscard]] std::vector<FieldChange> all() const;
 
  private:

@@ -19,7 +19,7 @@ using google::protobuf::TextFormat;
 using google::protobuf::util::MessageDifferencer;
 
 constexpr const char* kMissing = "missing";
-constexpr std::size_t kLongest = 120;  // Of a value in words.
+constexpr std::size_t kLongest = 120;  // Of a value as text.
 
 std::string shortened(std::string text) {
   if (text.size() > kLongest) {
@@ -60,7 +60,7 @@ std::string value_in_words(const Message& message, const FieldDescriptor& field,
   }
 }
 
-/// The same as a number; none if it is no finite one.
+/// The same as a number; none if it is not finite or no number.
 std::optional<double> number(const Message& message, const FieldDescriptor& field, int index) {
   const auto& reflection = *message.GetReflection();
   const auto get = [&](auto single, auto repeated) {
@@ -135,8 +135,8 @@ class Reported final : public FieldDifference {
     return text;
   }
 
-  /// Where the last field of the path is in `message`, -1 if it is not repeated; none if it is not
-  /// there.
+  /// Index of the last field of the path in `message`, -1 if it is not repeated; none if it is
+  /// missing.
   [[nodiscard]] std::optional<int> index_in(const Message& message, bool is_new) const {
     const auto& step = path_.back();
     if (!step.field->is_repeated()) {
@@ -165,7 +165,7 @@ class Reported final : public FieldDifference {
   const Message* const now_;
 };
 
-/// Hands each reported difference on.
+/// Forwards each reported difference.
 class Reporter final : public MessageDifferencer::Reporter {
  public:
   explicit Reporter(const std::function<void(const FieldDifference&)>& visit) : visit_(visit) {}
@@ -177,7 +177,7 @@ class Reporter final : public MessageDifferencer::Reporter {
     visit_(Reported(path, &recorded, nullptr));
   }
   void ReportModified(const Message& recorded, const Message& now, const Path& path) override {
-    // Of a message in a message its own fields are reported.
+    // Of a nested message its own fields are reported.
     const FieldDescriptor* field = path.back().field;
     if (field == nullptr || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) {
       visit_(Reported(path, &recorded, &now));

@@ -12,7 +12,7 @@ class PublisherCore;
 
 namespace fastcycle::host {
 
-/// Hears of all messages of the components that an `ExactReplay` executes, recorded and new ones.
+/// Receives all messages of the components that an `ExactReplay` executes, recorded and new ones.
 ///
 /// @threads  Called by one worker at a time; it must not call the `ExactReplay`.
 class OutputListener {
@@ -26,13 +26,13 @@ class OutputListener {
   virtual void is_recorded(const detail::PublisherCore& publisher, const MessageInfo& info,
                            std::string_view bytes) = 0;
 
-  /// Where a new message came from.
+  /// Origin of a new message.
   struct Source {
     std::uint64_t activation = 0;
     std::string_view cause;    ///< In words.
     std::int64_t time_ns = 0;  ///< Of the activation, since 1970.
   };
-  /// By component in the order in which it publishes.
+  /// In the order in which each component publishes.
   virtual void is_published(const detail::PublisherCore& publisher, const Source& source,
                             std::uint64_t sequence, std::string_view bytes) = 0;
 

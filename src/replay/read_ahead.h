@@ -12,8 +12,8 @@
 
 namespace fastcycle::host {
 
-/// Reads a recording on a thread of its own: owns that, and what was read ahead. So the disk is
-/// not in the way of who needs the next message at a certain time.
+/// Reads a recording on a thread of its own, and owns that thread and the messages read ahead. So
+/// the consumer of timed messages need not wait for the disk.
 ///
 /// Memory: `kBytes` of messages, or one that is larger.
 ///
@@ -22,20 +22,20 @@ class ReadAhead {
  public:
   static constexpr std::size_t kBytes = std::size_t{64} << 20U;
 
-  /// From now on `reader` is used by this alone.
+  /// From now on only this uses `reader`.
   explicit ReadAhead(record::RecordingReader& reader);
   ReadAhead(const ReadAhead&) = delete;
   ReadAhead& operator=(const ReadAhead&) = delete;
   ~ReadAhead();
 
-  /// The next message, once it was read; none if there is no further one.
+  /// Waits for the next message; none at the end.
   ///
   /// @errors  As `RecordingReader::next`.
   std::optional<record::RecordedMessage> next();
 
  private:
   void read();
-  /// Waits for room; false if nobody wants more.
+  /// Waits for room; false if this is being destroyed.
   bool put(record::RecordedMessage message);
 
   record::RecordingReader& reader_;

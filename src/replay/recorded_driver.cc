@@ -16,7 +16,7 @@ void RecordedDriver::add(detail::Actor& actor, const config::ComponentDescriptio
 }
 
 ControlCall RecordedDriver::call(detail::Actor&, detail::LifeStep, std::function<void()>) {
-  return {};  // Nothing but the log leads components through their lives.
+  return {};  // Only the log controls the lifecycle of components.
 }
 
 void RecordedDriver::stage(detail::Actor& from, std::function<void()> action) {

@@ -11,19 +11,19 @@
 
 namespace fastcycle::host {
 
-/// The driver of time where a recorded run is executed again: it serves nobody by itself, since
-/// `ExactReplay` says which activation of which component is next. Each component has a clock of
-/// its own, which shows the times of its recorded activations.
+/// The time driver for executing a recorded run again: it serves no component by itself, since
+/// `ExactReplay` decides which activation is next. Each component has a clock of its own, which
+/// shows the times of its recorded activations.
 ///
-/// What components ask for while they run is staged, as in simulated time; offloaded work is done
-/// at once when the stage is handed over.
+/// Requests of components are staged while they run, as in simulated time; offloaded work is
+/// executed when the stage is handed over.
 ///
 /// @threads  As `TimeDriver`; nothing here is shared between components.
 class RecordedDriver final : public TimeDriver {
  public:
   RecordedDriver() = default;
 
-  /// That of the component with this number. Between its activations.
+  /// The clock of the component with this number. Between its activations.
   [[nodiscard]] base::Clock& clock(std::size_t component) { return clocks_[component]; }
 
   [[nodiscard]] bool is_simulated() const noexcept override { return true; }
@@ -44,7 +44,7 @@ class RecordedDriver final : public TimeDriver {
                             std::function<void()> job) override;
 
  private:
-  /// What becomes ready is not served for that.
+  /// Ignores readiness.
   class Nobody final : public detail::ReadyQueue, public detail::TimerWatch {
    public:
     void enqueue(std::uint32_t) noexcept override {}

@@ -60,7 +60,7 @@ bool Replay::open(config::Problems& problems) {
   try {
     reader_ = std::make_unique<record::RecordingReader>(options_.files);
   } catch (const mcap::Error& error) {
-    problems.add(config::mistake({}, error.what()));  // Which names the place.
+    problems.add(config::mistake({}, error.what()));  // The text contains the place.
     return false;
   }
   for (const std::string& note : reader_->notes()) {
@@ -91,7 +91,7 @@ bool Replay::choose(const config::ApplicationDescription& application,
   return true;
 }
 
-/// Who runs asks again for the mode that it asked for; others do not.
+/// Components that run repeat their requests of modes; others do not.
 void Replay::warn_of_switches(config::Problems& problems) const {
   std::size_t count = 0;
   ModeSwitch first;
@@ -150,7 +150,7 @@ bool Replay::set_range(config::Problems& problems) {
 }
 
 Time Replay::begin_of_timers() const {
-  // A part begins with its own first moment.
+  // A part starts its timers at its own beginning.
   return from_ == reader_->begin() ? reader_->begin_of_timers() : from_;
 }
 
@@ -180,14 +180,14 @@ void Replay::declare(detail::ComponentCore& component) {
 }
 
 void Replay::explain(std::map<std::string, std::string>& facts) const {
-  // Live, the clock goes on already; what is fed first keeps its times.
+  // Live, the clock is running already; the messages fed first keep their times.
   facts["start_ns"] = std::to_string(base::to_ns(from_));
   for (std::size_t i = 0; i < options_.files.size(); ++i) {
     facts[fmt::format("replay.{}", i)] = options_.files[i].string();
   }
 }
 
-// ---- What comes next ----
+// ---- Next messages ----
 
 void Replay::rewind() {
   reader_->rewind({.wanted = wanted_, .from = from_, .to = to_});
@@ -195,7 +195,7 @@ void Replay::rewind() {
   next_ = 0;
 }
 
-/// What was published before the beginning, and is still to be had then.
+/// Keeps latched messages that were published before the beginning and still valid then.
 void Replay::keep_latched() {
   latched_.clear();
   std::vector<std::size_t> counts(wanted_.size());
@@ -229,7 +229,7 @@ void Replay::keep_latched() {
 
 std::span<record::RecordedMessage> Replay::read_moment() {
   const auto moment = reader_->next();
-  // Without a message since it began a loop would have no end.
+  // Without a message since its beginning a loop would never end.
   const bool had_any = last_sequences_ != loop_sequences_;
   if (!moment.empty() || !options_.is_looped || !had_any) {
     return moment;
@@ -255,13 +255,13 @@ void Replay::load() {
   }
 }
 
-/// What was published while the run stopped has its place only where this one stops too.
+/// Messages published while the run stopped are fed only if this run stops too.
 bool Replay::is_passed_over(const record::RecordedMessage& message) const {
   const bool stops_alike = clock_ == nullptr || clock_->is_simulated();
   return message.step >= kStopSteps && (options_.is_looped || !stops_alike);
 }
 
-/// Puts a message of a later loop behind those of the loops before.
+/// Renumbers a message of a later loop after those of the loops before.
 void Replay::shift(record::RecordedMessage& message) const {
   message.due += loop_shift_;
   message.info.sequence += loop_sequences_[message.stream];
@@ -381,7 +381,7 @@ bool Replay::wait_until(Time time) {
 }
 
 void Replay::play_on_time(const record::RecordedMessage& message) {
-  // Made before its time has come: that may take long.
+  // Built before its time has come: that may take long.
   detail::Envelope* loan = make(message);
   if (loan == nullptr) {
     return;

@@ -27,42 +27,41 @@
 
 namespace fastcycle::host {
 
-/// Constructs the components of an application once, and says how they are connected. Mistakes and
+/// Constructs the components of an application once, and returns their connections. Errors and
 /// warnings go to `problems`.
 using FindConnections =
     std::function<std::vector<Connection>(const config::ApplicationDescription& application,
                                           ComponentClasses& classes, config::Problems& problems)>;
 
-/// Why a replay has no more to feed.
+/// Why a replay has ended.
 enum class ReplayEnd : std::uint8_t {
-  kOver,    ///< All has come.
-  kFailed,  ///< The recording cannot be read on.
+  kOver,    ///< Everything was fed.
+  kFailed,  ///< Reading the recording failed.
 };
 
-/// What a recording has, published again in an application, in the place of the components that
-/// published it: owns the files, and what is next in them.
+/// Publishes a recording again in an application, in place of the components that published it:
+/// owns the files, and the messages that are next.
 ///
 ///     const auto replay = prepare_replay(options, description, libraries, problems);
 ///     Application application(replay->description(), clock);
 ///     application.replay(*replay);
 ///     application.build(*replay, problems, ConstructorFault::kFault);
 ///
-/// The application's clock shows the times of the recording. In simulated time this is a feed of
-/// the simulation: each message comes at its time, in its round. Live, a thread publishes each
-/// message when its time has come, and another one reads ahead.
+/// The application's clock shows the times of the recording. In simulated time this feeds the
+/// simulation: each message comes at its time, in its round. Live, a thread publishes each message
+/// at its time, and another one reads ahead.
 ///
-/// Messages keep sequence, publish time and origin. Where a component does not run, another one of
-/// its name stands, which has its publishers and nothing else; so all names and ids are as they
-/// were.
+/// Messages keep sequence, publish time and origin. A component that does not run is replaced by a
+/// stand-in of its name, which has only its publishers; so all names and ids are preserved.
 ///
 /// @threads  Confined to the control thread; `next_due_ns`, `next_step` and `put` to that of the
-///           simulation. What was fed is told after `stop`.
+///           simulation. Statistics are valid after `stop`.
 class Replay final : public ComponentClasses, public detail::Feed {
  public:
-  /// Opens the files, and decides who runs. `classes` knows the application's components; it has to
-  /// live as long as this. `find_connections` is called once, to see what components subscribe to.
+  /// Opens the files, and decides which components run. `classes` provides the application's
+  /// components; it has to outlive this. `find_connections` is called once, to find subscriptions.
   ///
-  /// @errors  Mistakes and warnings go to `problems`; null after a mistake.
+  /// @errors  Errors and warnings go to `problems`; null after an error.
   static std::unique_ptr<Replay> prepare(ReplayOptions options,
                                          const config::ApplicationDescription& application,
                                          ComponentClasses& classes,
@@ -70,7 +69,7 @@ class Replay final : public ComponentClasses, public detail::Feed {
                                          config::Problems& problems);
   ~Replay() override;
 
-  /// The application as it is run.
+  /// The application to run.
   [[nodiscard]] const config::ApplicationDescription& description() const { return description_; }
   [[nodiscard]] const ReplayOptions& options() const { return options_; }
   [[nodiscard]] const ReplayPlan& plan() const { return plan_; }
@@ -80,30 +79,30 @@ class Replay final : public ComponentClasses, public detail::Feed {
   [[nodiscard]] Time begin() const { return from_; }
   /// The application's time at which its timers start.
   [[nodiscard]] Time begin_of_timers() const;
-  /// The application's time at which all has come; `Time::max()` if it is looped.
+  /// The application's time at which everything was fed; `Time::max()` if it is looped.
   [[nodiscard]] Time end() const { return options_.is_looped ? Time::max() : to_; }
-  /// From its beginning to its end, once.
+  /// Length of one pass.
   [[nodiscard]] Duration length() const { return to_ - from_; }
 
-  /// How far behind the beginning of the recorded run the application's time `now` lies.
+  /// Time from the beginning of the recorded run to the application's time `now`.
   [[nodiscard]] Duration position(Time now) const;
 
   const ComponentClass* find(const config::ComponentDescription& component,
                              config::Problems& problems) override;
 
-  // What the application asks of it.
+  // Called by the application.
 
-  /// Declares the publishers of a component that this stands in for.
+  /// Declares the publishers of a component that is replaced.
   void declare(detail::ComponentCore& component);
-  /// Says in a log of this run what it repeats.
+  /// Adds to the facts of this run's log what it replays.
   void explain(std::map<std::string, std::string>& facts) const;
-  /// Begins at `time` instead, with the latched messages of before. Before `start`.
+  /// Begins at `time` instead, with the latched messages from before. Before `start`.
   void skip_to(Time time) { from_ = std::clamp(time, from_, to_); }
   /// Before the first component starts. `clock` and `log` are the application's. `ended` is called
-  /// after a failure, and live when all has come; on the thread that feeds.
+  /// after a failure, and live at the end; on the feeding thread.
   void start(const base::Clock& clock, detail::LogSource& log,
              std::function<void(ReplayEnd)> ended);
-  /// Live only: from now on messages come.
+  /// Live only: starts feeding.
   void start_thread(std::vector<base::Refusal>& refusals);
   void stop();
   /// Safe.
@@ -113,11 +112,11 @@ class Replay final : public ComponentClasses, public detail::Feed {
   [[nodiscard]] std::uint32_t next_step() const noexcept override;
   void put(Time now, std::uint32_t step) override;
 
-  // What there is to say of it afterwards.
+  // Statistics.
 
-  /// How many messages of each stream were fed.
+  /// Number of messages fed, by stream.
   [[nodiscard]] const std::vector<std::uint64_t>& fed() const { return fed_; }
-  /// Live: how much later than it should the latest message came.
+  /// Live: delay of the latest message.
   [[nodiscard]] Duration worst_lateness() const { return worst_lateness_; }
 
  private:
@@ -154,24 +153,24 @@ class Replay final : public ComponentClasses, public detail::Feed {
   Time from_{};
   Time to_{};
 
-  // The application's; from the start on.
+  // Of the application; set by `start`.
   const base::Clock* clock_ = nullptr;
   detail::LogSource* log_ = nullptr;
   std::function<void(ReplayEnd)> ended_;
 
-  /// By stream; null where nothing is fed.
+  /// By stream; null if it is not fed.
   std::vector<const google::protobuf::Message*> prototypes_;
   std::vector<detail::PublisherCore*> publishers_;
   std::vector<std::uint64_t> fed_;
   bool has_failed_ = false;
 
-  // What comes next. With what was latched before the beginning it starts.
+  // Next messages, beginning with those latched before the start.
   std::vector<record::RecordedMessage> latched_;
   std::span<record::RecordedMessage> moment_;
   std::size_t next_ = 0;
   Duration loop_shift_{0};
-  std::vector<std::uint64_t> loop_sequences_;  ///< By stream: what was added in earlier loops.
-  std::vector<std::uint64_t> last_sequences_;  ///< By stream: of what was fed last.
+  std::vector<std::uint64_t> loop_sequences_;  ///< By stream: offset from earlier loops.
+  std::vector<std::uint64_t> last_sequences_;  ///< By stream: of the last message fed.
 
   // Live.
   std::atomic<bool> is_stopping_{false};

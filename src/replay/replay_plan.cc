@@ -25,22 +25,22 @@ config::Place place_of(std::string file) {
   return {.file = std::move(file), .line = 0, .pointer = {}};
 }
 
-/// A topic as applications name it: in full, without a slash before it.
+/// Full topic name, without a leading slash.
 std::string topic_name(std::string name) {
   return name.starts_with('/') ? name.substr(1) : name;
 }
 
-/// Whether `publisher` is no component, but what tools publish through while they look on.
+/// Whether `publisher` is the publisher of inspection tools, not a component.
 bool is_tool(const std::string& publisher) {
   return publisher.starts_with(kOwnTopics);
 }
 
-/// A component that does nothing, in the place of `component`.
+/// A component without code, in place of `component`.
 config::ComponentDescription idle(const config::ComponentDescription& component) {
   config::ComponentDescription description;
   description.name = component.name;
   description.executor = component.executor;
-  description.after = component.after;  // Recordings count the starts in their order.
+  description.after = component.after;  // Recordings count starts in their order.
   description.params = config::Value::object_at(component.params);
   description.place = component.place;
   return description;
@@ -125,7 +125,7 @@ class Planner {
     }
   }
 
-  /// A component that brings input from outside, and whose input the recording has.
+  /// Whether a component brings external input that the recording has.
   [[nodiscard]] bool is_replaced(const std::string& component) const {
     bool has_recorded = false;
     for (const Connection& connection : connections_) {
@@ -140,7 +140,7 @@ class Planner {
     return has_recorded;
   }
 
-  /// Whether the recording has `topic` from `component`, or does not say from whom.
+  /// Whether the recording has `topic` from `component`, or from an unknown publisher.
   [[nodiscard]] bool is_recorded(const std::string& topic, const std::string& component) const {
     for (std::size_t i = 0; i < streams_.size(); ++i) {
       const std::string& publisher = streams_[i].publisher;
@@ -165,7 +165,7 @@ class Planner {
            });
   }
 
-  /// The components that subscribe to `topic`, or publish it, and run, or do not.
+  /// The components that subscribe to or publish `topic` and, depending on `run`, run or do not.
   [[nodiscard]] std::set<std::string> find(const std::string& topic, bool publish, bool run) const {
     std::set<std::string> names;
     for (const Connection& connection : connections_) {
@@ -217,7 +217,7 @@ class Planner {
     return {};
   }
 
-  /// False after adding a mistake.
+  /// False after adding an error.
   bool check_type(const RecordedStream& recorded, const std::string& topic) {
     for (const Connection& connection : connections_) {
       if (connection.topic != topic || connection.type == recorded.type ||
@@ -260,8 +260,8 @@ class Planner {
     return nobody;
   }
 
-  /// What FastCycle itself publishes comes from the recording, if that has it; else it is made
-  /// anew.
+  /// FastCycle's own topics come from the recording, if it has them; else they are published by
+  /// this run.
   void run_own() {
     for (const std::string name : {kOwnName, kLogName}) {
       const bool is_there = std::ranges::any_of(
@@ -287,7 +287,7 @@ class Planner {
     }
   }
 
-  /// Who subscribes to what comes from nowhere.
+  /// Reports subscriptions without a source.
   void check_inputs() {
     for (const Connection& input : connections_) {
       if (input.is_publisher || !plan_.runs(input.component) ||
@@ -345,7 +345,7 @@ class Planner {
     return topics;
   }
 
-  /// What the components that run subscribe to.
+  /// The topics to which running components subscribe.
   [[nodiscard]] std::set<std::string> inputs() const {
     std::set<std::string> topics;
     for (const Connection& connection : connections_) {

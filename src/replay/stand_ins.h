@@ -11,9 +11,9 @@
 
 namespace fastcycle::host {
 
-/// Stand-ins for those who published in a recording and are no components of the application:
-/// FastCycle's own status and log, tools, components of an earlier version. So that their messages
-/// reach who subscribes to them.
+/// Stand-ins for publishers of a recording that are no components of the application (FastCycle's
+/// own status and log, tools, components of an earlier version), so that their messages reach
+/// subscribers.
 ///
 ///     StandIns stand_ins(libraries, description, reader.streams());
 ///     Application application(stand_ins.description(), …);
@@ -23,17 +23,17 @@ namespace fastcycle::host {
 /// @threads  Confined to the control thread.
 class StandIns final : public ComponentClasses {
  public:
-  /// `classes` knows the application's components; it has to live as long as this.
+  /// `classes` provides the application's components; it has to outlive this.
   StandIns(ComponentClasses& classes, config::ApplicationDescription description,
            const std::vector<record::RecordedStream>& streams);
 
-  /// With a component for each of them, behind the others.
+  /// Includes a component for each stand-in, after the others.
   [[nodiscard]] const config::ApplicationDescription& description() const { return description_; }
 
   const ComponentClass* find(const config::ComponentDescription& component,
                              config::Problems& problems) override;
-  /// Declares the publishers of one of them; within its constructor. Those whose message type no
-  /// library has are left out: nobody can subscribe to them.
+  /// Declares the publishers of one of them; within its constructor. Leaves out those whose message
+  /// type is in no library: they can have no subscriber.
   void declare(detail::ComponentCore& component) const;
 
  private:

@@ -10,8 +10,7 @@
 
 namespace fastcycle::host {
 
-/// How messages changed, by topic and field: for programs, and for people. Times are since
-/// `begin_ns`.
+/// Changes of messages, by topic and field, as JSON and as text. Times are since `begin_ns`.
 [[nodiscard]] nlohmann::ordered_json json_of(const std::vector<TopicChange>& topics,
                                              std::int64_t begin_ns);
 [[nodiscard]] std::string table_of(const std::vector<TopicChange>& topics, std::int64_t begin_ns);

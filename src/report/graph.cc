@@ -17,7 +17,7 @@ namespace fastcycle::host {
 
 namespace {
 
-/// Light fills that a dark text is read on well; executors take turns.
+/// Light fills on which dark text is readable; executors use them in turn.
 constexpr std::array kFills{"#dbeafe", "#dcfce7", "#ede9fe", "#ffedd5",
                             "#fce7f3", "#cffafe", "#ecfccb", "#e0e7ff"};
 constexpr const char* kHead =
@@ -41,7 +41,7 @@ std::string notes_text(const std::vector<Drawing::Note>& notes) {
   return text;
 }
 
-/// A label: what it is called, and small, below that, what it is, and what is measured.
+/// A label: the name, and below it in small print `small` and the notes.
 std::string label(std::string_view name, std::string_view small,
                   const std::vector<Drawing::Note>& notes) {
   return "<<b>" + base::to_html(name) + "</b>" +
@@ -57,12 +57,12 @@ std::map<std::string, const char*> fills_of(const Drawing& drawing) {
   return fills;
 }
 
-/// What a component is called within its namespace.
+/// The name of a component within its namespace.
 std::string_view short_name(std::string_view name, std::string_view name_space) {
   return name_space.empty() ? name : name.substr(name_space.size() + 1);
 }
 
-/// What a component is made of, unless its name says it.
+/// A component's class or library, unless its name already contains it.
 std::string about(const config::ComponentDescription& description) {
   std::vector<std::string> parts;
   if (description.library != short_name(description.name, description.name_space)) {
@@ -100,7 +100,7 @@ std::string id_of(const Drawing& drawing, const std::string& component) {
   return "component_" + std::to_string(found - drawing.components.begin());
 }
 
-/// The components of one process, those of one namespace in one frame; `frames` counts them.
+/// The components of one process, one frame per namespace; `frames` counts these.
 std::string components_text(const Drawing& drawing, const std::string& process,
                             std::size_t& frames) {
   const auto fills = fills_of(drawing);
@@ -127,7 +127,7 @@ std::string components_text(const Drawing& drawing, const std::string& process,
   return text;
 }
 
-/// How one end of a topic is drawn; what causes no activation is dashed.
+/// One end of a topic as an edge; dashed if it causes no activation.
 std::string edge(const std::string& from, const std::string& to, const Drawing::End& end) {
   std::string attributes = end.style;
   if (!end.note.text.empty()) {
@@ -172,8 +172,8 @@ std::optional<std::string> process_of(const Drawing& drawing, const Drawing::Top
   return processes.size() == 1 ? std::optional(*processes.begin()) : std::nullopt;
 }
 
-/// The components, and of the topics those that do not leave one of several processes: in frames.
-/// `is_framed` is told which topics these are.
+/// The components, and the topics that do not leave one of several processes: in frames.
+/// `is_framed` is set for these topics.
 std::string nodes_text(const Drawing& drawing, std::vector<bool>& is_framed) {
   std::vector<std::string> processes;  // In the order in which components name them.
   for (const Drawing::Component& component : drawing.components) {

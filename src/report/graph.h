@@ -7,27 +7,27 @@
 
 namespace fastcycle::host {
 
-/// What a graph shows of an application.
+/// The contents of a graph of an application.
 struct Drawing {
-  /// A small line below a name, of what is measured; one that is bad is red.
+  /// A small line of measurements below a name; red if it is bad.
   struct Note {
     std::string text = {};
     bool is_bad = false;
   };
 
   struct Component {
-    std::string name = {};        ///< Whole: `front/limiter`.
+    std::string name = {};        ///< Full name: `front/limiter`.
     std::string name_space = {};  ///< `front`; empty if it is in none.
-    std::string executor = {};    ///< Those of one have one colour.
-    std::string process = {};     ///< Empty: the one that was started.
-    std::string about = {};       ///< What it is made of.
+    std::string executor = {};    ///< Nodes of one executor have the same color.
+    std::string process = {};     ///< Empty: the initial process.
+    std::string about = {};       ///< Its class or library.
     std::vector<Note> notes = {};
   };
 
   /// One end of a topic.
   struct End {
     std::string component = {};
-    std::string style = {};  ///< Of Graphviz; may be empty.
+    std::string style = {};  ///< Graphviz attributes; may be empty.
     Note note = {};
   };
 
@@ -45,16 +45,16 @@ struct Drawing {
   std::vector<Note> notes = {};
 };
 
-/// How an end is drawn that comes from a thread of a driver, or that causes no activation.
+/// Style of an end that belongs to a driver's thread, or causes no activation.
 inline constexpr const char* kExternalStyle = "style=bold, tooltip=\"from a thread\"";
 inline constexpr const char* kLookingStyle = "style=dashed";
 
-/// `application`, which is built.
+/// The drawing of a built application.
 [[nodiscard]] Drawing drawing_of(const Application& application);
 
-/// A graph in Graphviz's DOT: components are boxes, topics ellipses; what comes from one namespace
-/// stands in one frame. Where components are in several processes, each is a frame with its
-/// components, and with the topics that do not leave it.
+/// A graph in Graphviz's DOT: components are boxes, topics ellipses; each namespace is a frame. If
+/// components are in several processes, each process is a frame with its components, and with the
+/// topics that do not leave it.
 [[nodiscard]] std::string to_dot(const Drawing& drawing);
 [[nodiscard]] std::string to_dot(const Application& application);
 

@@ -67,7 +67,7 @@ ListedParam listed(const std::string& component, const DeclaredParam& param) {
   return result;
 }
 
-/// Of a component in another process, which tells no more than this.
+/// Of a component in another process, with less detail.
 ListedParam listed(const std::string& component, const ParamInfo& info) {
   const auto value_of = [](const std::string& json) {
     return json.empty() ? ordered_json() : ordered_json::parse(json, nullptr, false);
@@ -99,7 +99,7 @@ bool begins_character(char byte) {
   return (static_cast<unsigned char>(byte) & 0xC0U) != 0x80U;
 }
 
-/// For a table: not all of a long list.
+/// For a table: shortened if it is a long list.
 std::string shown(const ordered_json& value) {
   std::string text = dumped(value);
   if (text.size() > kMostOfAValue) {

@@ -10,7 +10,7 @@
 
 namespace fastcycle::host {
 
-/// One parameter as a tool shows it. Values are as they would stand in the application file.
+/// One parameter for a tool. Values are as the application file would write them.
 struct ListedParam {
   std::string component;
   std::string name;
@@ -23,15 +23,15 @@ struct ListedParam {
   nlohmann::ordered_json fallback;
   nlohmann::ordered_json value;
   std::string origin;   ///< "default", "file", "shared", "changed".
-  config::Place place;  ///< If a file or an option gave it.
+  config::Place place;  ///< If a file or an option set it.
   bool is_tunable = false;
   std::string description;
 
-  /// What `ParamChange::param` calls it.
+  /// Its name for `ParamChange::param`.
   [[nodiscard]] std::string full_name() const { return component + "." + name; }
 };
 
-/// The parameters of all components, as the file has these, with their committed values. Safe.
+/// The parameters of all components, in the order of the file, with their committed values. Safe.
 [[nodiscard]] std::vector<ListedParam> list_params(const Application& application);
 
 [[nodiscard]] std::string to_table(const std::vector<ListedParam>& params);

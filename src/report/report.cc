@@ -42,14 +42,13 @@ std::int64_t clock_ns(clockid_t clock) {
   return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
 }
 
-/// When the process began, in nanoseconds of CLOCK_BOOTTIME, to 10 ms; none if the system does not
-/// say.
+/// Start time of the process, in nanoseconds of CLOCK_BOOTTIME, to 10 ms; none if unknown.
 std::optional<std::int64_t> process_start_ns() {
   std::ifstream file("/proc/self/stat");
   std::string text;
   std::getline(file, text);
-  // The program's name stands in brackets and may contain anything. The start time is field 22,
-  // counted from 1; behind the name begins field 3.
+  // The program's name is in brackets and may contain anything. The start time is field 22, counted
+  // from 1; field 3 follows the name.
   const auto name_end = text.rfind(')');
   if (name_end == std::string::npos) {
     return std::nullopt;
@@ -106,7 +105,7 @@ ComponentReport report_component(const ComponentCore& core, const Modes& modes,
   report.overruns = core.statistics.overruns.get();
   report.is_stuck = core.is_stuck;
   if (core.is_left_alone) {
-    return report;  // What follows is its own worker's, which may still be at it.
+    return report;  // The rest belongs to its worker, which may still be running.
   }
   report.faults = core.fault_count;
   report.fault_texts = core.faults;
@@ -120,7 +119,7 @@ ComponentReport report_component(const ComponentCore& core, const Modes& modes,
   return report;
 }
 
-/// Whether the component only follows another process here, which tells of it.
+/// Whether the component only follows another process here, which then reports it.
 bool only_follows(const Peers* peers, const std::string& component) {
   return peers != nullptr && peers->runs_here(component) &&
          !peers->is_here(peers->process_of(component));
@@ -131,7 +130,7 @@ TopicReport report_topic(const detail::Topic& topic, double time_s, const Peers*
   report.name = topic.name;
   report.type = topic.type;
   for (const auto& publisher : topic.publishers) {
-    // Else the process that it is in tells of it.
+    // Else the publisher's process reports it.
     if (!publisher->is_imported && !only_follows(peers, publisher->owner.name)) {
       report.published += publisher->published();
       report.allocated += publisher->allocated();
@@ -141,7 +140,7 @@ TopicReport report_topic(const detail::Topic& topic, double time_s, const Peers*
   for (const auto& subscription : topic.subscriptions) {
     if (subscription->kind == detail::Subscription::Kind::kTap ||
         only_follows(peers, subscription->component)) {
-      continue;  // What it took, and what it lost, is told by its owner.
+      continue;  // Its deliveries and losses are reported by its owner.
     }
     report.subscribers.push_back({.component = subscription->component,
                                   .kind = subscription->kind,
@@ -180,8 +179,7 @@ void add_results(RunReport& report, const ComponentCore& core) {
   }
 }
 
-/// The results with names of which there is one each: one that is taken gets the component's before
-/// it.
+/// The results with unique names: a name that is taken gets the component's as a prefix.
 std::vector<std::pair<std::string, const ReportValue*>> named(
     const std::vector<ResultReport>& results) {
   std::vector<std::pair<std::string, const ReportValue*>> all;
@@ -244,7 +242,7 @@ const char* state_word(const ComponentReport& component) {
   return to_word(component.state);
 }
 
-/// The reasons for which something was dropped, with how often.
+/// Reasons for drops, with their counts.
 template <typename Use>
 void for_each_drop(const detail::Ledger& ledger, const Use& use) {
   for (std::size_t i = 0; i < ledger.dropped.size(); ++i) {
@@ -308,7 +306,7 @@ ordered_json json_of(const record::FlightReport& flight_recorder) {
           {"triggers_refused", flight_recorder.triggers_refused}};
 }
 
-/// JSON has no word for what is not finite.
+/// JSON cannot represent values that are not finite.
 ordered_json number(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json();
 }
@@ -498,14 +496,14 @@ ordered_json json_of(const TopicReport& topic) {
 constexpr std::size_t kColumns = 120;
 constexpr std::size_t kNameColumns = 24;
 
-/// How many columns a UTF-8 text takes: one a character.
+/// The width of a UTF-8 text in columns: one per character.
 std::size_t width(std::string_view text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
   }));
 }
 
-/// A name at most `columns` wide. The middle gives way: names differ at their ends.
+/// A name at most `columns` wide. Shortened in the middle: names differ at their ends.
 std::string shortened(const std::string& name, std::size_t columns) {
   if (name.size() <= columns) {
     return name;
@@ -514,7 +512,7 @@ std::string shortened(const std::string& name, std::size_t columns) {
   return name.substr(0, columns - tail - 1) + "…" + name.substr(name.size() - tail);
 }
 
-/// Three digits that mean something.
+/// Three significant digits.
 std::string three_digits(double value) {
   std::array<char, 32> text{};
   const double size = std::abs(value);
@@ -569,8 +567,7 @@ std::string value_text(const ReportValue& value) {
       value);
 }
 
-/// Rows of cells, padded so that the columns stand under each other: the first to the left, the
-/// others to the right.
+/// Rows of cells, padded to aligned columns: the first left-aligned, the others right-aligned.
 class Rows {
  public:
   void add(std::vector<std::string> cells) {
@@ -604,7 +601,7 @@ class Rows {
   std::vector<std::size_t> widths_;
 };
 
-/// `text` in lines that fit, broken at blanks; those after the first are indented.
+/// `text` wrapped at blanks; lines after the first are indented.
 std::string wrapped(std::string text, const std::string& indent) {
   std::string lines;
   while (text.size() > kColumns) {
@@ -731,7 +728,7 @@ std::string topic_head(const TopicReport& topic) {
          shortened(topic.type, type_columns) + ")" + numbers + "\n";
 }
 
-/// The ledger stands behind its subscriber where there is room, else below.
+/// Appends the ledger to the line if there is room, else below it.
 std::string with_ledger(const std::string& line, const detail::Ledger& ledger) {
   const std::string text = ledger_text(ledger);
   if (width(line) + 3 + width(text) <= kColumns) {
@@ -740,7 +737,7 @@ std::string with_ledger(const std::string& line, const detail::Ledger& ledger) {
   return line + "\n" + wrapped("      " + text, "        ");
 }
 
-/// What did not come as it was asked for; nothing if all did.
+/// Violations of quality of service; empty if there were none.
 std::string quality_text(const SubscriberReport& subscriber) {
   if (!subscriber.quality) {
     return {};
@@ -758,7 +755,7 @@ std::string quality_text(const SubscriberReport& subscriber) {
   return text.empty() ? "" : wrapped("      " + text, "        ");
 }
 
-/// Why messages of a synchronizer found no partners; nothing if all did.
+/// Why messages of a synchronizer found no partners; empty if all did.
 std::string unmatched_text(const SubscriberReport& subscriber) {
   std::string text;
   for (const UnmatchedReport& unmatched : subscriber.unmatched) {
@@ -827,7 +824,7 @@ std::string modes_text(const ModesReport& modes) {
   return text;
 }
 
-/// What there is to say of a chain beside its row; nothing if all was in time.
+/// Details of a chain beside its row; empty if there were no breaches.
 std::string breaches_text(const ChainReport& chain) {
   if (!chain.is_judged) {
     return "    not judged: this replay runs too little of its way\n";

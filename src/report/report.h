@@ -19,35 +19,35 @@
 
 namespace fastcycle::host {
 
-/// How often one callback of a component was called, and how long it took, ns.
+/// Number of calls of a component's callback, and their run time in ns.
 struct CallbackReport {
   std::string name = {};  ///< As in `KnownCallback`.
   std::string kind = {};
   base::HistogramSummary time = {};
 };
 
-/// What one component did in a run. Times are in nanoseconds.
+/// Statistics of one component. Times are in nanoseconds.
 struct ComponentReport {
   std::string name = {};
   detail::ComponentCore::State state{};
   std::uint64_t activations = 0;
-  base::HistogramSummary callback = {};  ///< All its callbacks together, those of control too.
+  base::HistogramSummary callback = {};  ///< All its callbacks, including control.
   std::vector<CallbackReport> callbacks = {};
   base::HistogramSummary timer_lateness = {};
   std::uint64_t overruns = 0;
   std::uint64_t faults = 0;
   std::vector<std::string> fault_texts = {};  ///< Of the first faults.
   std::uint64_t restarts = 0;
-  detail::VersionNews version = {};  ///< Whose code it ran at the end.
-  /// Whether it was active when the run ended; none if no mode names it.
+  detail::VersionNews version = {};  ///< The code version at the end.
+  /// Whether it was active at the end of the run; none if no mode names it.
   std::optional<bool> was_active = {};
-  bool is_stuck = false;  ///< It had not come back from its own code when the application stopped.
-  bool is_replayed = false;  ///< It did not run: a recording was published in its place.
+  bool is_stuck = false;  ///< It had not returned from its own code when the application stopped.
+  bool is_replayed = false;  ///< It did not run: its messages came from a recording.
   Health health = Health::kOk;
   std::string health_reason = {};
 };
 
-/// What became of one topic's messages on the way to one subscriber.
+/// Statistics of one topic's messages for one subscriber.
 struct SubscriberReport {
   std::string component = {};
   detail::Subscription::Kind kind{};
@@ -55,18 +55,18 @@ struct SubscriberReport {
   detail::Ledger ledger = {};
   base::HistogramSummary latency = {};  ///< From publish to callback, ns.
 
-  /// What became of its quality of service.
+  /// Results of its quality of service.
   struct Quality {
     std::uint64_t deadlines_missed = 0;
     std::uint64_t messages_lost = 0;
     std::uint64_t liveliness_lost = 0;
     std::uint64_t liveliness_gained = 0;
   };
-  std::optional<Quality> quality = {};  ///< None if it asked for none.
+  std::optional<Quality> quality = {};  ///< None if it requested none.
   std::vector<UnmatchedReport> unmatched = {};
 };
 
-/// What became of the deadline that a publisher promised.
+/// Results of the deadline that a publisher offered.
 struct OfferedReport {
   std::string component = {};
   double deadline_ms = 0;
@@ -77,28 +77,28 @@ struct TopicReport {
   std::string name = {};
   std::string type = {};
   std::uint64_t published = 0;
-  std::uint64_t allocated = 0;  ///< Messages that were ever made for it.
-  double rate_hz = 0;           ///< Per second of the application's time.
+  std::uint64_t allocated = 0;  ///< Messages allocated for it in all.
+  double rate_hz = 0;           ///< Per second of application time.
   std::vector<OfferedReport> offered = {};
   std::vector<SubscriberReport> subscribers = {};
 };
 
-/// What became of a recording.
+/// Statistics of a recording.
 struct RecordingReport {
   std::vector<std::string> files = {};
-  std::string problem = {};  ///< What went wrong with the files last; empty if nothing did.
+  std::string problem = {};  ///< Last error of its files; empty if there was none.
   std::uint64_t activations_lost = 0;
   std::vector<record::RecordedTopic> topics = {};
 };
 
-/// What became of a replay.
+/// Statistics of a replay.
 struct ReplayReport {
   /// One stream of the recording.
   struct Stream {
     std::string topic = {};
-    std::string component = {};  ///< In whose place it was fed; empty: it was not.
+    std::string component = {};  ///< It was fed in the name of this one; empty: not fed.
     std::string reason = {};     ///< Why not.
-    std::uint64_t messages = 0;  ///< That were fed; of one that was not, those in the recording.
+    std::uint64_t messages = 0;  ///< Fed; if not fed, those in the recording.
   };
 
   std::vector<std::string> files = {};
@@ -109,7 +109,7 @@ struct ReplayReport {
   std::vector<Stream> streams = {};
 };
 
-/// The modes that an application went through.
+/// The modes of an application during the run.
 struct ModesReport {
   /// One switch to another mode.
   struct Switch {
@@ -117,28 +117,28 @@ struct ModesReport {
     std::string from = {};
     std::string to = {};
     std::string why = {};
-    std::string by = {};  ///< The component that asked; empty: somebody outside.
+    std::string by = {};  ///< The requesting component; empty: external.
   };
 
   std::string at_end = {};
   std::vector<Switch> switches = {};
-  std::uint64_t refused = 0;  ///< That were asked for while too many waited.
+  std::uint64_t refused = 0;  ///< Refused since too many requests were waiting.
 };
 
-/// One process of an application that has several.
+/// One of several processes of an application.
 struct ProcessReport {
-  /// What became of a topic's messages on the way from it to another process.
+  /// Statistics of a topic's messages on the way to another process.
   struct Link {
     std::string topic = {};
     std::string to = {};  ///< A process.
     std::uint64_t given = 0;
-    std::uint64_t copied = 0;        ///< Had to be copied into the memory that is shared.
+    std::uint64_t copied = 0;        ///< Had to be copied into shared memory.
     std::uint64_t repaired = 0;      ///< Had some strings copied there.
-    std::uint64_t unshared = 0;      ///< Lost: that memory was full.
-    std::uint64_t overflowed = 0;    ///< Lost: as many waited as may.
-    std::uint64_t over_quota = 0;    ///< Lost: the other process held as many as it may.
+    std::uint64_t unshared = 0;      ///< Lost: shared memory was full.
+    std::uint64_t overflowed = 0;    ///< Lost: the queue was full.
+    std::uint64_t over_quota = 0;    ///< Lost: the other process held its maximum.
     std::uint64_t taken_back = 0;    ///< Held by the other process when it ended.
-    std::string always_copied = {};  ///< Why all are copied; empty if they need not be.
+    std::string always_copied = {};  ///< Why all are copied; empty if they are not.
   };
 
   std::string name = {};
@@ -155,24 +155,24 @@ struct ResultReport {
   ReportValue value;
 };
 
-/// What there is to say of a run: plain values, which outlive the application.
-///
-/// @threads  Compatible.
-/// What a tool that watched the run adds to the report.
+/// An addition to the report by a tool that observed the run.
 struct ToolReport {
   std::string name;   ///< The key in the JSON.
   std::string json;   ///< Its value.
-  std::string table;  ///< The same for people.
+  std::string table;  ///< The same as text.
 };
 
+/// The report of a run: plain values, which outlive the application.
+///
+/// @threads  Compatible.
 struct RunReport {
   std::string application;
   std::string clock;  ///< "live" or "simulated".
   /// From the process's start to the first message; none if there was no message.
   std::optional<double> startup_ms;
-  double time_s = 0;  ///< The application's time that passed.
-  double wall_s = 0;  ///< The same on the wall, the stop included.
-  double cpu_s = 0;   ///< Of the whole process since it began.
+  double time_s = 0;  ///< Application time that passed.
+  double wall_s = 0;  ///< Wall-clock time, the stop included.
+  double cpu_s = 0;   ///< Of the whole process since its start.
   std::int64_t rss_max_kib = 0;
   std::string end;  ///< Why the run ended.
   std::vector<ComponentReport> components;
@@ -183,31 +183,31 @@ struct RunReport {
   std::optional<RecordingReport> recording;
   std::optional<record::FlightReport> flight_recorder;
   std::vector<ProcessReport> processes;  ///< Empty if there is only one.
-  std::vector<ResultReport> results;     ///< By component, in their order.
+  std::vector<ResultReport> results;     ///< By component, in order.
   std::vector<ToolReport> tools;
-  std::vector<faults::FaultCount> faults;  ///< That were injected; empty if none were asked for.
+  std::vector<faults::FaultCount> faults;  ///< Injected ones; empty if there were none.
 };
 
-/// Reads everything from `application`, after `Application::stop`. `wall` is how long the run took
-/// on the machine's clock.
+/// Reads everything from `application`, after `Application::stop`. `wall` is the wall-clock
+/// duration of the run.
 [[nodiscard]] RunReport make_report(const Application& application, Duration wall);
 
-/// The report as JSON; docs/reference/report.md says what each key means.
+/// The report as JSON; see docs/reference/report.md for the keys.
 [[nodiscard]] nlohmann::ordered_json to_json(const RunReport& report);
 
-/// The report for people: at most 120 columns.
+/// The report as text: at most 120 columns.
 [[nodiscard]] std::string to_table(const RunReport& report);
 
-/// Sums over the whole application, for a line that shows how it goes.
+/// Totals of the whole application, for a progress line.
 struct Progress {
   Duration time{};  ///< Since the timers started; in a replay, within the recording.
-  std::optional<Duration> length{};  ///< Of the recording that is replayed.
+  std::optional<Duration> length{};  ///< Of the replayed recording.
   std::uint64_t published = 0;
   std::uint64_t dropped = 0;
   std::uint64_t faults = 0;
 };
 
-/// Reads the sums, also while the application runs: counters only.
+/// Computes the totals, also while the application runs: reads only counters.
 ///
 /// @threads  Safe, between `Application::build` and the application's end.
 [[nodiscard]] Progress progress_of(const Application& application);

@@ -14,7 +14,7 @@
 namespace fastcycle::host {
 namespace {
 
-/// Appends values to bytes.
+/// Serializes values.
 class Writer {
  public:
   template <typename T>
@@ -29,7 +29,7 @@ class Writer {
   std::string bytes;
 };
 
-/// Reads them again.
+/// Deserializes them.
 class Reader {
  public:
   explicit Reader(std::string_view bytes) : bytes_(bytes) {}
@@ -56,7 +56,7 @@ class Reader {
   std::string_view bytes_;
 };
 
-// `pass` writes a value, or reads it, as the archive does.
+// `pass` writes or reads a value, depending on the archive.
 
 template <typename Archive, typename T>
   requires(std::is_arithmetic_v<T> || std::is_enum_v<T>)
@@ -178,7 +178,7 @@ void pass(Archive& archive, RecordingReport& report) {
 }
 template <typename Archive>
 void pass(Archive& archive, record::FlightReport& report) {
-  // Without its dumps, which are named on standard error as they are written.
+  // Without its dumps, which are reported on standard error as they are written.
   pass_all(archive, report.file, report.capacity, report.messages, report.bytes, report.overflow,
            report.pool, report.too_large, report.process, report.activations_lost, report.problem,
            report.triggers_refused);
@@ -246,7 +246,7 @@ void pass(Archive& archive, std::vector<T>& values) {
   if constexpr (std::is_same_v<Archive, Reader>) {
     values.clear();
     for (std::uint64_t i = 0; i < count; ++i) {
-      values.emplace_back();  // One by one: a count that is wrong ends at the end of the bytes.
+      values.emplace_back();  // One by one: a wrong count is limited by the end of the bytes.
       pass(archive, values.back());
     }
   } else {
@@ -298,7 +298,7 @@ RunReport put_together(std::vector<RunReport> parts,
     std::ranges::move(part->results, std::back_inserter(whole.results));
     std::ranges::move(part->processes, std::back_inserter(whole.processes));
     std::ranges::move(part->tools, std::back_inserter(whole.tools));
-    // Each process counts what it did to messages that come to its own components.
+    // Each process counts the faults in messages to its own components.
     for (const faults::FaultCount& fault : part->faults) {
       const auto known = std::ranges::find(whole.faults, fault.name, &faults::FaultCount::name);
       if (known == whole.faults.end()) {
@@ -317,7 +317,7 @@ RunReport put_together(std::vector<RunReport> parts,
       const auto known = std::ranges::find(whole.chains, chain.name, &ChainReport::name);
       if (known == whole.chains.end()) {
         whole.chains.push_back(std::move(chain));
-      } else if (chain.count > known->count) {  // Where it ends it is judged.
+      } else if (chain.count > known->count) {  // It is judged where it ends.
         *known = std::move(chain);
       }
     }

@@ -9,14 +9,14 @@
 
 namespace fastcycle::host {
 
-/// What one process says of a run, as bytes for the one that puts the parts together: of the same
-/// program, so that nothing has to be told of their format.
+/// Serializes the report of one process for the one that combines them: the same program, so that
+/// the format needs no version.
 [[nodiscard]] std::string to_bytes(const RunReport& report);
-/// @errors  std::runtime_error if these are not what `to_bytes` gave.
+/// @errors  std::runtime_error if they are not a result of `to_bytes`.
 [[nodiscard]] RunReport report_from_bytes(std::string_view bytes);
 
-/// One report of all processes: `parts` holds what each said, that of the main process first.
-/// Components come in the order of the application's file.
+/// Combines the reports of all processes; `parts` begins with that of the main process. Components
+/// come in the order of the application's file.
 [[nodiscard]] RunReport put_together(std::vector<RunReport> parts,
                                      const config::ApplicationDescription& application);
 

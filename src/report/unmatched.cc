@@ -103,7 +103,7 @@ class Reasons {
     reasons_.push_back(std::move(report));
   }
 
-  /// What is held for a topic that is silent, to the end perhaps, was never unmatched.
+  /// Messages held for a silent topic, perhaps to the end, were never unmatched.
   void add_waiting() {
     const detail::Ledger ledger = input_.ledger();
     const std::uint64_t held =

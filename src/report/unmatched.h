@@ -9,13 +9,13 @@
 
 namespace fastcycle::host {
 
-/// One reason for which messages of a synchronized subscription found no partners.
+/// One reason why messages of a synchronized subscription found no partners.
 struct UnmatchedReport {
-  /// "too_far", "depth", "overtaken", "late", "no_message"; "waits" of those that are still held.
+  /// "too_far", "depth", "overtaken", "late", "no_message"; "waits" for those still held.
   std::string reason = {};
   std::uint64_t count = 0;
-  std::string topic = {};  ///< Of whose messages there was none that fits; empty: of no topic.
-  std::optional<double> difference_ms = {};  ///< The smallest from any of its times; may be none.
+  std::string topic = {};  ///< The topic without a matching message; empty: none in particular.
+  std::optional<double> difference_ms = {};  ///< The smallest one to its messages, if any.
   std::string text = {};                     ///< The same, as a sentence.
 };
 

@@ -5,10 +5,10 @@
 
 namespace fastcycle::ros2 {
 
-/// Bytes that grow at their end; those that are added are not set to zero first.
+/// Bytes that grow at their end; appended bytes are not zero-initialized.
 ///
 /// @threads  Confined.
-/// @realtime Allocates where it grows; `clear` keeps what was allocated.
+/// @realtime Allocates when it grows; `clear` keeps the memory.
 class Buffer {
  public:
   Buffer() = default;
@@ -24,9 +24,9 @@ class Buffer {
   [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return {data_, size_}; }
 
   void clear() noexcept { size_ = 0; }
-  /// Makes room for `size` bytes in all.
+  /// Reserves memory for `size` bytes in all.
   void reserve(std::size_t size);
-  /// Adds `count` bytes, whose values are for the caller to set, and gives the first of them.
+  /// Appends `count` uninitialized bytes, and returns a pointer to the first of them.
   std::byte* grow(std::size_t count);
 
  private:

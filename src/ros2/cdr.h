@@ -16,19 +16,19 @@
 
 namespace fastcycle::ros2 {
 
-/// What a message in the Common Data Representation begins with: which representation it is.
+/// Size of the encapsulation header of a message in the Common Data Representation.
 inline constexpr std::size_t kEncapsulationBytes = 4;
 
-/// Reads a message in the Common Data Representation, as ROS 2 writes it: four bytes that say the
-/// byte order, then values, each aligned to its size (OMG, *DDS Interoperability Wire Protocol*,
-/// 10.2; classic CDR, called XCDR1 later). Every length is compared with the bytes that are left
-/// before anything is made of it.
+/// Reads a message in the Common Data Representation, as ROS 2 writes it: four bytes with the byte
+/// order, then values, each aligned to its size (OMG, *DDS Interoperability Wire Protocol*, 10.2;
+/// classic CDR, called XCDR1 later). Every length is checked against the remaining bytes before it
+/// is used.
 ///
 /// @threads  Confined.
-/// @errors   `CdrError` if the bytes end, a text is no UTF-8, or the representation is another one.
+/// @errors   `CdrError` if the bytes end, a text is no UTF-8, or the representation is unsupported.
 class CdrReader {
  public:
-  /// `message` and `type`, which errors name, are borrowed.
+  /// Borrows `message` and `type`; errors contain the type.
   explicit CdrReader(std::span<const std::byte> message, std::string_view type = {});
 
   template <typename T>
@@ -48,12 +48,12 @@ class CdrReader {
   std::string_view view(std::string_view field);
   /// Of a sequence of bytes; borrowed.
   std::span<const std::byte> bytes(std::string_view field);
-  /// Of a sequence whose elements take at least `least_bytes` each: not more than there is room
-  /// for.
+  /// Of a sequence whose elements take at least `least_bytes` each: checked against the remaining
+  /// bytes.
   std::uint32_t count(std::string_view field, std::size_t least_bytes);
-  /// `count` numbers of `size` bytes each, in the message's order of bytes; borrowed.
+  /// `count` numbers of `size` bytes each, in the message's byte order; borrowed.
   std::span<const std::byte> raw(std::string_view field, std::size_t count, std::size_t size);
-  /// `count` numbers of what `raw` gave, in the order of this machine.
+  /// `count` numbers of `raw`'s result, in host byte order.
   template <typename T>
   void copy(const std::byte* from, T* to, std::size_t count) const {
     std::memcpy(to, from, count * sizeof(T));
@@ -64,10 +64,10 @@ class CdrReader {
       }
     }
   }
-  /// That the message ends here, but for what fills it up.
+  /// Checks that the message ends here, except for padding.
   void end() const;
 
-  /// Throws a `CdrError` of the place that was read last.
+  /// Throws a `CdrError` for the place read last.
   [[noreturn]] void fail(std::string_view field, std::string_view expected,
                          std::string_view found) const;
 
@@ -81,14 +81,14 @@ class CdrReader {
   bool is_swapped_ = false;
 };
 
-/// Writes a message in the same representation, in the byte order of this machine, behind what
-/// `out` has; what `out` has is taken for another message.
+/// Writes a message in the same representation, in host byte order, after the contents of `out`,
+/// which it treats as another message.
 ///
 /// @threads  Confined.
-/// @realtime Allocates where `out` grows.
+/// @realtime Allocates when `out` grows.
 class CdrWriter {
  public:
-  /// `out` and `type`, which errors name, are borrowed.
+  /// Borrows `out` and `type`; errors contain the type.
   explicit CdrWriter(Buffer& out, std::string_view type = {});
 
   template <typename T>
@@ -100,18 +100,18 @@ class CdrWriter {
   void text(std::string_view text, std::string_view field = {});
   /// A sequence of bytes.
   void bytes(std::string_view bytes, std::string_view field = {});
-  /// Of a sequence.
+  /// The count of a sequence.
   void count(std::size_t count, std::string_view field = {});
-  /// `count` numbers of `size` bytes each, to be filled by the caller: room in the message itself.
+  /// Reserves `count` numbers of `size` bytes each in the message, to be filled by the caller.
   std::byte* raw(std::size_t count, std::size_t size);
-  /// The numbers of a sequence or an array, without their count.
+  /// The numbers of a sequence or an array, without a count.
   template <typename T>
   void array(std::span<const T> values) {
     if (!values.empty()) {
       std::memcpy(raw(values.size(), sizeof(T)), values.data(), values.size_bytes());
     }
   }
-  /// Fills the message up to a multiple of four bytes, as it is sent.
+  /// Pads the message to a multiple of four bytes, as it is sent.
   void end();
 
   [[noreturn]] void fail(std::string_view field, std::string_view expected,
@@ -122,7 +122,7 @@ class CdrWriter {
 
   Buffer* out_;
   std::string_view type_;
-  std::size_t begin_;  // Of what alignment counts from.
+  std::size_t begin_;  // Origin of alignment.
 };
 
 }  // namespace fastcycle::ros2

@@ -13,14 +13,14 @@ using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using Rules = std::map<std::string, Rule, std::less<>>;
 
-/// A path in a message, followed: `pose.position`, `metadata{status}`.
+/// A resolved path in a message: `pose.position`, `metadata{status}`.
 struct Target {
   Way way;
   const FieldDescriptor* to = nullptr;  ///< Null: the message itself.
   std::string key;
 };
 
-/// Makes the steps of one pair of types, and of the pairs within.
+/// Creates the steps for one pair of types, and for nested pairs.
 class Compiler {
  public:
   Compiler(const Mappings& mappings, std::vector<std::string>& unmapped)
@@ -75,7 +75,7 @@ class Compiler {
     return ros.fields.size() == 1 && ros.fields.front().name == kEmptyField;
   }
 
-  /// Where fields of the same name are looked for; null: nowhere.
+  /// Where fields are matched by name; null: nowhere.
   struct ByName {
     Way way;
     const Descriptor* type = nullptr;
@@ -128,7 +128,7 @@ class Compiler {
     return target;
   }
 
-  /// That each path of a mapping is one of the type.
+  /// Checks that each path of a mapping exists in the type.
   static void check_rules(const Scope& scope) {
     for (const auto& [path, rule] : scope.rules) {
       const Definition* type = &scope.ros;
@@ -254,7 +254,7 @@ class Compiler {
   }
 
   /// A sequence whose elements have rules of their own: they become the elements of one repeated
-  /// field, in which the rest of each rule lies.
+  /// field, which contains the targets of the rules.
   void add_list(const Scope& scope, const Field& field, const std::string& prefix,
                 const std::string& path, Steps& steps) {
     Mapping inner;
@@ -290,8 +290,8 @@ class Compiler {
                       std::move(of_element)));
   }
 
-  /// Where one field of the element is the whole of ours, and others have no place: a pose with a
-  /// header that becomes a pose.
+  /// If one field of the element corresponds to our whole element, and the others have no target: a
+  /// pose with a header that becomes a pose.
   std::optional<Steps> element_as_whole(const Field& list, const Descriptor& type,
                                         const Mapping& inner, const std::string& path) {
     const bool has_whole = std::ranges::any_of(inner.fields, [](const auto& field) {

@@ -18,41 +18,41 @@
 
 namespace fastcycle::ros2 {
 
-/// What is written in C++, for a type that fields alone do not map.
+/// A conversion written in C++, for a type that rules for fields cannot map.
 struct Conversion {
   void (*to_message)(CdrReader& in, google::protobuf::Message& out) = nullptr;
   void (*to_ros)(const google::protobuf::Message& in, CdrWriter& out) = nullptr;
 };
-/// By the names that mappings have for them.
+/// By their names in mappings.
 using Conversions = std::map<std::string, Conversion, std::less<>>;
 
-/// Makes messages of ours of those of one ROS type, and the other way. What is done with each field
-/// is found out once, here; arrays of numbers and bytes are then copied once, between the
-/// serialized message and the field of ours.
+/// Converts messages of one ROS type to ours, and back. The conversion of each field is determined
+/// once, here; arrays of numbers and bytes are then copied once, between the serialized message and
+/// our field.
 ///
 /// @threads  Compatible.
 /// @realtime Allocates as the message grows.
 class Converter {
  public:
-  /// `ros` and the descriptor outlive it.
+  /// `ros` and the descriptor must outlive it.
   ///
-  /// @errors  `MappingError`: the mapping names a field that is not there or does not fit; or there
-  ///          is no mapping, and not one field has the same name in both.
+  /// @errors  `MappingError`: the mapping names a field that does not exist or does not fit; or
+  ///          there is no mapping, and no field has the same name in both.
   Converter(const Definition& ros, const google::protobuf::Descriptor& ours,
             const Mappings& mappings, const Conversions& conversions);
 
   [[nodiscard]] const Definition& definition() const { return *ros_; }
   [[nodiscard]] const google::protobuf::Message& prototype() const { return *prototype_; }
-  /// Paths of those fields of ROS that have no place in the message.
+  /// Paths of those ROS fields that have no counterpart in the message.
   [[nodiscard]] const std::vector<std::string>& unmapped() const { return unmapped_; }
 
-  /// `out` is cleared first; after an error it holds a part of the message.
+  /// Clears `out` first; after an error it holds a part of the message.
   ///
   /// @errors  `CdrError`
   void to_message(std::span<const std::byte> message, google::protobuf::Message& out) const;
-  /// Adds the serialized message to `out`, which should be empty.
+  /// Appends the serialized message to `out`, which should be empty.
   ///
-  /// @errors  `CdrError` if the type has no room for a value; `out` then holds a part of it.
+  /// @errors  `CdrError` if the type cannot hold a value; `out` then holds a part of it.
   void to_ros(const google::protobuf::Message& message, Buffer& out) const;
 
  private:

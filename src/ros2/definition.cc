@@ -21,7 +21,7 @@ struct Primitive {
   std::string_view name;
   Kind kind;
 };
-// `char` is a number of eight bits without a sign.
+// `char` is an unsigned 8-bit number.
 constexpr std::array kPrimitives = {
     Primitive{"bool", Kind::kBool},       Primitive{"byte", Kind::kByte},
     Primitive{"char", Kind::kUint8},      Primitive{"int8", Kind::kInt8},
@@ -41,7 +41,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kBlanks) - begin + 1);
 }
 
-/// A line without its comment; a # between quotes begins none.
+/// A line without its comment; a # in quotes begins none.
 std::string_view without_comment(std::string_view line) {
   char quote = '\0';
   for (std::size_t i = 0; i < line.size(); ++i) {
@@ -57,11 +57,11 @@ std::string_view without_comment(std::string_view line) {
       return line.substr(0, i);
     }
   }
-  // An apostrophe of a text that is not quoted: then the first # counts.
+  // The apostrophe of an unquoted text: then the first # counts.
   return quote == '\0' ? line : line.substr(0, line.find('#'));
 }
 
-/// The word that `line` begins with, taken off it.
+/// Removes and returns the first word of `line`.
 std::string_view take_word(std::string_view& line) {
   line = trimmed(line);
   const std::size_t end = std::min(line.find_first_of(" \t"), line.size());
@@ -85,7 +85,7 @@ bool is_name(std::string_view name) {
   });
 }
 
-/// Whether every part of `name` is a name, so that it may be a part of a path.
+/// Whether every part of `name` is a valid name, so that it may be part of a path.
 bool is_type_name(std::string_view name) {
   std::size_t parts = 0;
   while (true) {
@@ -101,7 +101,7 @@ bool is_type_name(std::string_view name) {
   }
 }
 
-/// Which half of a service `name` is: its ending, or nothing.
+/// The suffix of a service half that `name` has; else empty.
 std::string_view half_of_service(std::string_view name) {
   if (name.find("/srv/") == std::string_view::npos) {
     return {};
@@ -289,7 +289,7 @@ Definition Definitions::parse(const std::string& name, std::string_view text, st
     const std::string_view whole = line;
     std::string_view type = take_word(line);
     std::string_view field_name = line;
-    // A constant is `TYPE NAME=value`; a default behind the name does not matter here.
+    // A constant is `TYPE NAME=value`; a default after the name is ignored.
     const std::size_t equals = field_name.find('=');
     field_name =
         field_name.substr(0, std::min(field_name.find_first_of(" \t="), field_name.size()));
@@ -350,7 +350,7 @@ Definition Definitions::parse(const std::string& name, std::string_view text, st
     definition.fields.push_back(std::move(field));
   }
   if (definition.fields.empty()) {
-    // What a type without fields has on the wire.
+    // The wire form of a type without fields.
     Field field;
     field.name = kEmptyField;
     field.kind = Kind::kUint8;

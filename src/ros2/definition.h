@@ -13,7 +13,7 @@
 
 namespace fastcycle::ros2 {
 
-/// What a single value is.
+/// Type of a single value.
 enum class Kind : std::uint8_t {
   kBool,
   kByte,
@@ -32,7 +32,7 @@ enum class Kind : std::uint8_t {
   kMessage
 };
 
-/// How many of them there are.
+/// Number of values of a field.
 enum class Shape : std::uint8_t { kOne, kArray, kSequence, kBoundedSequence };
 
 struct Definition;
@@ -42,7 +42,7 @@ struct Field {
   Kind kind = Kind::kBool;
   Shape shape = Shape::kOne;
   std::size_t count = 0;                ///< Of an array; at most, of a bounded sequence.
-  std::size_t text_max = 0;             ///< Bytes of a text; 0: no bound.
+  std::size_t text_max = 0;             ///< Maximum size of a text in bytes; 0: unbounded.
   const Definition* message = nullptr;  ///< Of `kMessage`.
 };
 
@@ -51,20 +51,20 @@ struct Constant {
   std::string value;
 };
 
-/// A type of ROS messages: what stands in a `.msg`, or in one half of a `.srv`.
+/// A type of ROS messages: the contents of a `.msg`, or of one half of a `.srv`.
 struct Definition {
   std::string name;  ///< `sensor_msgs/msg/Imu`, `std_srvs/srv/SetBool_Request`
   std::vector<Field> fields;
   std::vector<Constant> constants;
-  std::size_t least_bytes = 0;  ///< What a message takes at least; never 0.
+  std::size_t least_bytes = 0;  ///< Minimum size of a message; never 0.
 };
 
-/// The one field of a type that has none.
+/// Placeholder field of a type without fields.
 inline constexpr std::string_view kEmptyField = "structure_needs_at_least_one_member";
 
-/// Bytes of a number; 0 of what is none.
+/// Size of a number in bytes; 0 if it is no number.
 [[nodiscard]] std::size_t size_of(Kind kind);
-/// What one element takes at least.
+/// Minimum size of one element.
 [[nodiscard]] std::size_t least_bytes_of(const Field& field);
 /// As in a `.msg`: `geometry_msgs/msg/Point[]`.
 [[nodiscard]] std::string to_text(const Field& field);
@@ -72,19 +72,19 @@ inline constexpr std::string_view kEmptyField = "structure_needs_at_least_one_me
 /// `sensor_msgs/Imu` is the same as `sensor_msgs/msg/Imu`.
 [[nodiscard]] std::string full_type_name(std::string_view name);
 
-/// All types that are known: of folders with `<package>/msg/<Name>.msg`, and of texts.
+/// All known types: from folders with `<package>/msg/<Name>.msg`, and from texts.
 ///
-/// @threads  Confined. The definitions stay where they are as long as this lives.
+/// @threads  Confined. Pointers to definitions stay valid as long as this lives.
 class Definitions {
  public:
-  /// A folder that has `<package>/msg/<Name>.msg`; the first that has a type counts.
+  /// A folder that has `<package>/msg/<Name>.msg`; the first one with a type takes precedence.
   void add_folder(std::filesystem::path folder);
   /// The folders that a ROS 2 installation names in AMENT_PREFIX_PATH.
   void add_installed();
-  /// The text of the `.msg` or `.srv` `name`, for when no folder has it.
+  /// The text of the `.msg` or `.srv` `name`, used if no folder has it.
   void add_text(std::string_view name, std::string_view text);
 
-  /// @errors  `DefinitionError`: there is none, or it cannot be read, or it contains itself.
+  /// @errors  `DefinitionError`: it is missing, invalid, or contains itself.
   const Definition& find(std::string_view name);
 
  private:

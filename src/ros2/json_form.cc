@@ -63,7 +63,7 @@ Json json_of(T value) {
     if (std::isinf(value)) {
       return value > 0 ? "Infinity" : "-Infinity";
     }
-    // The shortest text that is this number of 32 bits, and not all digits of it in 64.
+    // The shortest text that yields this 32-bit number, not all its digits as a 64-bit one.
     const std::string text = fmt::format("{}", value);
     double same = 0.0;
     std::from_chars(text.data(), text.data() + text.size(), same);

@@ -10,17 +10,17 @@
 
 namespace fastcycle::ros2 {
 
-/// A message of any type as JSON, for tests and for people: objects in the order of the fields,
-/// `uint8[]` as `{"base64": "..."}`, numbers that JSON has none for as "NaN", "Infinity" and
+/// A message of any type as JSON, for tests and for display: objects in the order of the fields,
+/// `uint8[]` as `{"base64": "..."}`, numbers that JSON cannot represent as "NaN", "Infinity" and
 /// "-Infinity".
 ///
 /// @errors  `CdrError`
 [[nodiscard]] nlohmann::ordered_json to_json(const Definition& definition,
                                              std::span<const std::byte> message);
 
-/// The other way; what `value` does not have is zero or empty.
+/// The inverse; fields missing in `value` are zero or empty.
 ///
-/// @errors  `CdrError` of a value that the type has no room for.
+/// @errors  `CdrError` for a value that the type cannot hold.
 void from_json(const Definition& definition, const nlohmann::ordered_json& value, Buffer& out);
 
 }  // namespace fastcycle::ros2

@@ -6,7 +6,7 @@
 
 namespace fastcycle::ros2 {
 
-/// Calls `f` with a zero of the type that `kind`, a number, has in C++; a bool is a byte.
+/// Calls `f` with a zero of the C++ type of `kind`, a number; a bool is a byte.
 template <typename F>
 decltype(auto) with_number(Kind kind, F&& f) {
   switch (kind) {

@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::json;
 
-/// One place of a file of mappings, for its mistakes.
+/// A position in a file of mappings, for errors.
 struct Place {
   std::string_view source;
   std::string pointer;

@@ -10,7 +10,7 @@ std::array<std::byte, 32> sha256(std::string_view text) {
   std::array<std::byte, 32> digest{};
   if (::EVP_Digest(text.data(), text.size(), reinterpret_cast<unsigned char*>(digest.data()),
                    nullptr, ::EVP_sha256(), nullptr) != 1) {
-    throw std::bad_alloc();  // It has no other reason to fail.
+    throw std::bad_alloc();  // The only reason to fail.
   }
   return digest;
 }

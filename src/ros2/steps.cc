@@ -26,7 +26,7 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
 // ---- Numbers of protobuf ----
 
-/// Calls `f` with a zero of the type that a field of numbers has in C++; an enum is an int32.
+/// Calls `f` with a zero of the C++ type of a number field; an enum is an int32.
 template <typename F>
 decltype(auto) with_ours(const FieldDescriptor& field, F&& f) {
   switch (field.cpp_type()) {
@@ -98,7 +98,7 @@ void set(Message& message, const FieldDescriptor& field, T value) {
   }
 }
 
-/// None if `To` has no room for `value`.
+/// None if `To` cannot represent `value`.
 template <typename To, typename From>
 std::optional<To> converted(From value) {
   if constexpr (std::is_same_v<To, From> || std::is_floating_point_v<To>) {
@@ -108,7 +108,7 @@ std::optional<To> converted(From value) {
   } else if constexpr (std::is_same_v<From, bool>) {
     return static_cast<To>(value ? 1 : 0);
   } else if constexpr (std::is_floating_point_v<From>) {
-    // 2^63 and the like have an exact double; the largest number has none.
+    // 2^63 and the like are exact as doubles; the largest integer is not.
     const double beyond = std::ldexp(1.0, std::numeric_limits<To>::digits);
     const double rounded = std::nearbyint(static_cast<double>(value));
     if (!(rounded < beyond && rounded >= (std::is_signed_v<To> ? -beyond : 0.0))) {
@@ -141,7 +141,7 @@ std::string shown(T value) {
   }
 }
 
-// ---- Values that have no place ----
+// ---- Values without a counterpart ----
 
 void skip_one(const Field& field, CdrReader& in, const std::string& path);
 
@@ -199,7 +199,7 @@ void write_zero(const Field& field, CdrWriter& out) {
   }
 }
 
-/// Zeros; of a rotation the one that does not turn.
+/// Zeros; for a rotation the identity.
 void write_zero(const Definition& definition, CdrWriter& out) {
   const bool is_rotation = definition.name == kQuaternion;
   for (const Field& field : definition.fields) {
@@ -261,7 +261,7 @@ class Nested final : public Step {
   Steps steps_;
 };
 
-/// The count of a sequence or array that is written.
+/// Writes the count of a sequence or array.
 void write_count(const Field& ros, const std::string& path, std::size_t count, CdrWriter& out) {
   switch (ros.shape) {
     case Shape::kArray:
@@ -280,7 +280,7 @@ void write_count(const Field& ros, const std::string& path, std::size_t count, C
   out.count(count, path);
 }
 
-/// The count of one that is read; repeated fields count by int.
+/// Reads a count; repeated fields count with int.
 std::size_t read_count(const Field& ros, const std::string& path, CdrReader& in) {
   if (ros.shape == Shape::kArray) {
     return ros.count;
@@ -392,13 +392,13 @@ class Number final : public Step {
   std::optional<double> constant_;
 };
 
-/// Whether the bytes of one are those of the other.
+/// Whether both types have the same representation.
 template <typename T, typename P>
 constexpr bool kIsSame = sizeof(T) == sizeof(P) && !std::is_same_v<P, bool> &&
                          std::is_floating_point_v<T> == std::is_floating_point_v<P> &&
                          std::is_signed_v<T> == std::is_signed_v<P>;
 
-// What protobuf offers instead sets one number at a time.
+// Protobuf's own alternative sets one number at a time.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdeprecated-declarations"
 template <typename P>
@@ -412,7 +412,7 @@ const RepeatedField<P>& numbers_of(const Message& message, const FieldDescriptor
 }
 #pragma GCC diagnostic pop
 
-/// Arrays and sequences of numbers: one copy where the numbers are of the same kind.
+/// Arrays and sequences of numbers: one copy if both have the same kind of number.
 class Numbers final : public Step {
  public:
   Numbers(Pair pair, const Rule& rule, std::optional<Way> absent)
@@ -455,7 +455,7 @@ class Numbers final : public Step {
     with_ours(*pair_.to, [&]<typename P>(P /*type*/) {
       const auto& ours = numbers_of<P>(from, *pair_.to);
       const auto size = static_cast<std::size_t>(ours.size());
-      // An array that the message leaves out is one of zeros.
+      // An array missing in the message is one of zeros.
       if (size == 0 && pair_.ros->shape == Shape::kArray) {
         put_none(absent_ && !is_present(root, *absent_), out);
         return;

@@ -13,7 +13,7 @@
 
 namespace fastcycle::ros2 {
 
-/// The way from a message to one of the messages in it.
+/// The path from a message to one of the messages in it.
 using Way = std::vector<const google::protobuf::FieldDescriptor*>;
 
 /// The message at the end of `way`; an empty one if it is absent.
@@ -23,7 +23,7 @@ using Way = std::vector<const google::protobuf::FieldDescriptor*>;
                                                     const Way& way);
 [[nodiscard]] bool is_present(const google::protobuf::Message& root, const Way& way);
 
-/// What is done with one field of ROS, in the order in which fields stand in the bytes.
+/// The conversion of one ROS field, in the order of the serialized bytes.
 ///
 /// @threads  Compatible.
 class Step {
@@ -37,10 +37,10 @@ class Step {
   virtual void write(const google::protobuf::Message& root, CdrWriter& out) const = 0;
 };
 
-/// A field of the message that is absent where the first number of another one is -1.
+/// A field of the message that is absent if the first number of another one is -1.
 struct Absent {
   Way value;
-  Way of_numbers;  ///< The message that has the numbers.
+  Way of_numbers;  ///< The message that contains the numbers.
   const google::protobuf::FieldDescriptor* numbers = nullptr;
 };
 
@@ -53,7 +53,7 @@ struct Steps {
   void write(const google::protobuf::Message& root, CdrWriter& out) const;
 };
 
-/// A field of ROS and its place in the message.
+/// A ROS field and its counterpart in the message.
 struct Pair {
   const Field* ros = nullptr;
   std::string path;  ///< For errors.
@@ -61,17 +61,17 @@ struct Pair {
   const google::protobuf::FieldDescriptor* to = nullptr;
 };
 
-/// For a field that has no place: it is read over, and written as zero or as `constant`.
+/// For a field without a counterpart: skipped, and written as zero or as `constant`.
 [[nodiscard]] std::unique_ptr<Step> make_skip(const Field& ros, std::string path,
                                               std::optional<double> constant);
-/// For a message of ROS whose fields lie in the message at the end of `way`.
+/// For a ROS message whose fields are in the message at the end of `way`.
 [[nodiscard]] std::unique_ptr<Step> make_message(const Field& ros, Way way, Steps steps);
 /// For a sequence of messages.
 [[nodiscard]] std::unique_ptr<Step> make_messages(Pair pair, Steps steps);
-/// For everything else: numbers, texts, bytes, times; null if the two do not go together. If
-/// `absent` is given, it is what an array of numbers that begins with -1 says is not there.
+/// For everything else: numbers, texts, bytes, times; null if the two are incompatible. `absent`,
+/// if given, is the field that is absent if the array of numbers begins with -1.
 [[nodiscard]] std::unique_ptr<Step> make_value(Pair pair, const Rule& rule, const Way* absent);
-/// For a number that lies as text in a list of keys and values.
+/// For a number stored as text in a list of keys and values.
 [[nodiscard]] std::unique_ptr<Step> make_keyed(Pair pair, std::string key);
 
 }  // namespace fastcycle::ros2

@@ -69,7 +69,7 @@ int number_of(const Field& field) {
   return one;
 }
 
-// Names are of letters, digits, _ and /, so nothing needs a backslash.
+// Names consist of letters, digits, _ and /, so nothing needs to be escaped.
 std::string describe(const Definition& definition) {
   std::vector<std::string> fields;
   for (const Field& field : definition.fields) {

@@ -1,9 +1,9 @@
-// Functions of the C library that would not do in a sandbox what they can do: they hold SIGSYS
-// back, so that a refused call would end the process instead of being told, or name the calling
-// thread by a number, which the filter cannot tell from another process. Libraries of components
-// find these before those of the C library.
+// Replacements of C library functions that would fail in a sandbox: those block SIGSYS, so that a
+// refused call would end the process instead of being reported, or identify the calling thread by a
+// number, which the filter cannot distinguish from another process. Libraries of components find
+// these before those of the C library.
 //
-// In a process without a sandbox they do what those of the C library do.
+// Without a sandbox they behave as those of the C library.
 
 #include <cerrno>
 #include <cstddef>
@@ -30,7 +30,7 @@ int set_mask(int how, const sigset_t* signals, sigset_t* before) noexcept {
   sigset_t mask;
   if (signals != nullptr && how != SIG_UNBLOCK) {
     mask = *signals;
-    // Two that the C library needs for itself, and cannot be named by sigdelset.
+    // Reserved by the C library, and unknown to sigdelset.
     constexpr unsigned long kOfTheLibrary = 3UL << 31;
     mask.__val[0] &= ~kOfTheLibrary;
     if (is_refusal_handler_installed()) {
@@ -45,8 +45,8 @@ int set_mask(int how, const sigset_t* signals, sigset_t* before) noexcept {
   return failure;
 }
 
-/// Whether a call that would start a program is refused here; then it is counted. Further down the
-/// C library holds all signals back while it makes the process.
+/// Whether a call that would start a program is refused here; then it is counted. Deeper in the C
+/// library all signals are blocked while it creates the process.
 bool refuses_programs() noexcept {
   if (!is_refusal_handler_installed()) {
     return false;
@@ -56,12 +56,12 @@ bool refuses_programs() noexcept {
   return true;
 }
 
-/// Whether a call for `thread` is one for the thread that makes it, and must be made as such.
+/// Whether a call for `thread` concerns the calling thread, and must be made as such.
 bool is_for_itself(pthread_t thread) noexcept {
   return is_refusal_handler_installed() && pthread_equal(thread, pthread_self()) != 0;
 }
 
-/// The one of the C library.
+/// The function of the C library.
 template <typename Function>
 Function* next(const char* name) noexcept {
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));

@@ -60,7 +60,7 @@ struct CallName {
   X(uname) X(unlinkat) X(unshare) X(userfaultfd) X(utimensat) X(vhangup) X(vmsplice) X(wait4) \
   X(waitid) X(write) X(writev)
 
-// Of x86_64 alone: newer ones have replaced them.
+// Only of x86_64: superseded by newer ones.
 #define FASTCYCLE_OLD_CALLS(X) \
   X(_sysctl) X(access) X(afs_syscall) X(alarm) X(arch_prctl) X(chmod) X(chown) X(creat) \
   X(create_module) X(dup2) X(epoll_create) X(epoll_ctl_old) X(epoll_wait) X(epoll_wait_old) \
@@ -78,7 +78,7 @@ constexpr CallName kCallNames[] = {
 #if defined(__x86_64__)
         FASTCYCLE_OLD_CALLS(FASTCYCLE_CALL_NAME)
 #endif
-    // Those that headers of old systems do not know; their numbers are the same everywhere.
+    // Missing in old system headers; the numbers are the same on all architectures.
     {447, "memfd_secret"},
     {448, "process_mrelease"},
     {449, "futex_waitv"},

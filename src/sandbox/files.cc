@@ -11,7 +11,7 @@
 namespace fastcycle::sandbox {
 namespace {
 
-// From linux/landlock.h, of which old systems have an old one, and the C library none.
+// From linux/landlock.h, which is outdated on old systems, and without wrappers in the C library.
 constexpr long kCreateRuleset = 444;  ///< The same number everywhere.
 constexpr long kAddRule = 445;
 constexpr long kRestrictSelf = 446;
@@ -50,8 +50,8 @@ constexpr Rights kToRead = kReadFile | kReadFolder;
 constexpr Rights kToWrite = kToRead | kWriteFile | kTruncate | kRemoveFolder | kRemoveFile |
                             kMakeFolder | kMakeFile | kRefer;
 
-/// What the C library and C++ ask of a system while they compute. What is not there is not needed.
-/// Nothing of the process may be written: by /proc/self/mem code could be.
+/// Read by the C library and C++ at run time. Missing files are skipped. Nothing of the process may
+/// be written: /proc/self/mem would allow writing code.
 constexpr const char* kReadByAll[] = {"/proc/self",
                                       "/proc/cpuinfo",
                                       "/proc/meminfo",
@@ -64,7 +64,7 @@ constexpr const char* kReadByAll[] = {"/proc/self",
                                       "/dev/random",
                                       "/etc/localtime",
                                       "/usr/share/zoneinfo"};
-/// And where libraries may be loaded.
+/// Folders from which libraries may be loaded.
 constexpr const char* kReadByLoader[] = {"/lib",       "/lib64",         "/usr/lib",
                                          "/usr/lib64", "/usr/local/lib", "/etc/ld.so.cache"};
 

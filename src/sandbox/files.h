@@ -9,7 +9,7 @@
 
 namespace fastcycle::sandbox {
 
-/// The files that a process may use from some time on, by Landlock.
+/// Restricts the files that a process may use, by Landlock.
 ///
 /// @threads  Confined to its owner.
 class FileRules {
@@ -19,11 +19,10 @@ class FileRules {
   FileRules& operator=(const FileRules&) = delete;
   ~FileRules();
 
-  /// Opens what `options` name and what every process needs. Takes nothing yet.
+  /// Opens what `options` name and what every process needs. Restricts nothing yet.
   [[nodiscard]] std::optional<base::Refusal> prepare(const SandboxOptions& options);
 
-  /// Takes all other files from the calling thread and those that it makes. The process has given
-  /// up new privileges before.
+  /// Denies all other files to the calling thread and to threads it creates. Requires no_new_privs.
   [[nodiscard]] std::optional<base::Refusal> enforce();
 
  private:
@@ -32,7 +31,7 @@ class FileRules {
                                                        std::uint64_t rights);
 
   int rules_ = -1;
-  std::uint64_t handled_ = 0;  ///< The rights that the kernel judges.
+  std::uint64_t handled_ = 0;  ///< Rights controlled by the kernel.
 };
 
 }  // namespace fastcycle::sandbox

@@ -31,8 +31,8 @@ constexpr std::uint32_t kArchitecture = AUDIT_ARCH_X86_64;
 constexpr std::uint32_t kArchitecture = AUDIT_ARCH_AARCH64;
 #endif
 
-// What a computing component needs, whatever the arguments are. Those that are made most stand
-// first, for kernels that do not remember what they have judged.
+// Needed by a computing component, with any arguments. The most frequent ones come first, for
+// kernels without a cache of filter results.
 constexpr int kAllowed[] = {
     // waiting, waking and time
     SYS_futex,
@@ -107,7 +107,7 @@ constexpr int kAllowed[] = {
     SYS_sched_rr_get_interval,
     SYS_getpriority,
     SYS_getcpu,
-    // what stands about the process and the machine
+    // information on the process and the machine
     SYS_getppid,
     SYS_getpgid,
     SYS_getsid,
@@ -156,7 +156,7 @@ constexpr int kAllowed[] = {
     SYS_fstatfs,
     SYS_fgetxattr,
     SYS_flistxattr,
-    // files, which Landlock judges; it lets everybody see that a file is there
+    // files, checked by Landlock; it lets everyone see that a file exists
     SYS_newfstatat,
     SYS_statx,
     SYS_faccessat,
@@ -202,18 +202,18 @@ constexpr int kAllowed[] = {
 #endif
 };
 
-// What may be done with the process itself. Not among them: to be dumpable, to survive the one that
-// made it, to trace, to change what is refused.
+// Permitted changes of the process itself. Excluded: to become dumpable, to outlive its parent, to
+// trace, to change the filter.
 constexpr std::uint32_t kPrctls[] = {PR_SET_NAME,         PR_GET_NAME,        PR_SET_TIMERSLACK,
                                      PR_GET_TIMERSLACK,   PR_GET_DUMPABLE,    PR_GET_NO_NEW_PRIVS,
                                      PR_GET_SECCOMP,      PR_GET_PDEATHSIG,   PR_CAPBSET_READ,
                                      PR_SET_NO_NEW_PRIVS, PR_SET_THP_DISABLE, PR_GET_THP_DISABLE,
                                      0x53564d41 /* PR_SET_VMA: names of mappings */};
 
-// Of files alike, and whether it is a terminal.
+// For any file, and terminal queries.
 constexpr std::uint32_t kIoctls[] = {FIONREAD, FIONBIO, FIOCLEX, FIONCLEX, TCGETS, TIOCGWINSZ};
 
-// Not among them: those by which a signal is sent to others.
+// Excluded: those that send signals to others.
 constexpr std::uint32_t kFcntls[] = {F_DUPFD,
                                      F_DUPFD_CLOEXEC,
                                      F_GETFD,
@@ -237,14 +237,14 @@ constexpr std::uint32_t refuse(Rule rule) {
   return SECCOMP_RET_TRAP | static_cast<std::uint32_t>(rule);
 }
 
-/// Where the C library makes the call with all signals held back, and a signal would end the
+/// For calls that the C library makes with all signals blocked, where a signal would end the
 /// process.
 constexpr std::uint32_t fail(int error) {
   return SECCOMP_RET_ERRNO | static_cast<std::uint32_t>(error);
 }
 
-/// Puts a program together, call by call. The number of the call is in the accumulator wherever one
-/// block ends and the next begins: each block ends with a decision.
+/// Builds a program call by call. The number of the call is in the accumulator between blocks: each
+/// block ends with a decision.
 class Program {
  public:
   Program() {
@@ -267,7 +267,7 @@ class Program {
     add(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call));
   }
 
-  /// Ends it: what no line of the block decided is decided so.
+  /// Ends the block with the default decision.
   void end(std::uint32_t decision) {
     decide(decision);
     const std::size_t distance = code_.size() - block_ - 1;
@@ -275,7 +275,7 @@ class Program {
     code_[block_].jf = static_cast<std::uint8_t>(distance);
   }
 
-  /// Looks at 32 bits of an argument from here on.
+  /// Loads 32 bits of an argument.
   void argument(unsigned index) {
     add(BPF_LD | BPF_W | BPF_ABS,
         static_cast<std::uint32_t>(offsetof(seccomp_data, args) + 8 * index));
@@ -303,7 +303,7 @@ class Program {
     decide(decision);
   }
 
-  /// A whole block: a call that is allowed where an argument is one of these values.
+  /// A whole block: allows the call if an argument is one of these values.
   template <typename Values>
   void allow_values(int call, unsigned index, const Values& values, std::uint32_t otherwise) {
     begin(call);
@@ -326,7 +326,7 @@ class Program {
   std::size_t block_ = 0;
 };
 
-/// Threads are made, processes are not.
+/// Allows new threads, but no processes.
 void add_clone(Program& program) {
   constexpr std::uint32_t kNamespaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS |
                                         CLONE_NEWIPC | CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET |
@@ -334,15 +334,15 @@ void add_clone(Program& program) {
   program.begin(SYS_clone);
   program.argument(0);
   program.if_any_bit(kNamespaces, refuse(Rule::kNamespace));
-  program.if_any_bit(CLONE_THREAD, kAllow);  // The kernel demands what belongs to it.
+  program.if_any_bit(CLONE_THREAD, kAllow);  // The kernel requires the related flags.
   program.if_any_bit(CLONE_VFORK, fail(EPERM));
   program.end(refuse(Rule::kFork));
-  // Its flags lie in memory, where the filter cannot look. The C library falls back to `clone`.
+  // Its flags are in memory, which the filter cannot read. The C library falls back to `clone`.
   program.begin(435 /* clone3 */);
   program.end(fail(ENOSYS));
 }
 
-/// Memory becomes executable never, or never while it can be written.
+/// Memory never becomes executable, or never while it is writable.
 void add_memory(Program& program, bool may_load_code) {
   for (const int call : {SYS_mmap, SYS_mprotect}) {
     program.begin(call);
@@ -362,12 +362,12 @@ void add_memory(Program& program, bool may_load_code) {
   program.end(kAllow);
 }
 
-/// Signals go to the process itself.
+/// Signals may be sent only to the process itself.
 void add_signals(Program& program, std::uint32_t own) {
   for (const int call : {SYS_kill, SYS_tgkill, SYS_rt_sigqueueinfo, SYS_rt_tgsigqueueinfo}) {
     program.allow_values(call, 0, std::array{own}, refuse(Rule::kForeignSignal));
   }
-  // Whose handler it is can be asked for.
+  // Queries of the present handler are allowed.
   program.begin(SYS_rt_sigaction);
   program.argument(0);
   program.if_not_equal(SIGSYS, kAllow);
@@ -378,8 +378,8 @@ void add_signals(Program& program, std::uint32_t own) {
   program.end(kAllow);
 }
 
-/// A thread sets its own CPUs and policy: the filter cannot tell other threads of the process from
-/// those of other processes.
+/// A thread may set its own CPUs and policy: the filter cannot distinguish other threads of the
+/// process from those of other processes.
 void add_scheduling(Program& program, std::uint32_t own) {
   for (const int call :
        {SYS_sched_setaffinity, SYS_sched_setscheduler, SYS_sched_setparam, SYS_sched_setattr}) {
@@ -406,8 +406,8 @@ void add_limits(Program& program, std::uint32_t own) {
   program.end(refuse(Rule::kForeignLimits));
 }
 
-/// Landlock judges which files are opened. Older ones do not judge whether a file is emptied by
-/// being opened for reading.
+/// Landlock checks which files are opened. Old versions do not check truncation by opening for
+/// reading.
 void add_files(Program& program) {
   const auto add_open = [&](int call, unsigned flags) {
     program.begin(call);
@@ -420,7 +420,7 @@ void add_files(Program& program) {
 #if defined(__x86_64__)
   add_open(SYS_open, 1);
 #endif
-  // Its flags lie in memory. Who uses it has another way for kernels without it.
+  // Its flags are in memory. Its users fall back for kernels without it.
   program.begin(437 /* openat2 */);
   program.end(fail(ENOSYS));
 }
@@ -449,7 +449,7 @@ std::vector<sock_filter> filter_program(bool may_load_code, int own) {
   program.allow_values(SYS_ioctl, 1, kIoctls, refuse(Rule::kRequest));
   program.allow_values(SYS_fcntl, 1, kFcntls, refuse(Rule::kRequest));
 #if defined(__x86_64__)
-  // To ask for wide registers of matrices.
+  // Requests for AMX registers.
   program.allow_values(SYS_arch_prctl, 0, std::array<std::uint32_t, 3>{0x1021, 0x1022, 0x1023},
                        refuse(Rule::kRequest));
 #endif
@@ -471,7 +471,7 @@ std::optional<base::Refusal> check_filter() {
 std::optional<base::Refusal> install_filter(bool may_load_code) {
   std::vector<sock_filter> code = filter_program(may_load_code, getpid());
   const sock_fprog program{static_cast<unsigned short>(code.size()), code.data()};
-  // Of all threads. There is one, see `apply_sandbox`.
+  // For all threads. There is one, see `apply_sandbox`.
   const long result =
       syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program);
   if (result != 0) {

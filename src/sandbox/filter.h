@@ -9,13 +9,13 @@
 
 namespace fastcycle::sandbox {
 
-/// The program by which the kernel judges every system call of the process `own`.
+/// The BPF program by which the kernel checks every system call of the process `own`.
 [[nodiscard]] std::vector<sock_filter> filter_program(bool may_load_code, int own);
 
-/// Whether the kernel can do what the filter needs.
+/// Whether the kernel supports what the filter needs.
 [[nodiscard]] std::optional<base::Refusal> check_filter();
 
-/// Puts the filter in force, for good. The process has given up new privileges before.
+/// Installs the filter permanently. Requires no_new_privs.
 [[nodiscard]] std::optional<base::Refusal> install_filter(bool may_load_code);
 
 }  // namespace fastcycle::sandbox

@@ -17,14 +17,14 @@ namespace {
 constexpr std::size_t kKinds = 256;  ///< A power of two.
 constexpr std::uint64_t kUsed = std::uint64_t{1} << 63;
 
-/// Refused calls of one kind. A kind that has a place keeps it.
+/// Refused calls of one kind. A used slot keeps its kind.
 struct Counter {
   std::atomic<std::uint64_t> kind{0};  ///< `kUsed`, rule, call and component; 0: free.
   std::atomic<std::uint64_t> count{0};
   std::atomic<std::int32_t> thread{0};
 };
 
-// What the signal handler works with, which is given nothing and may allocate nothing.
+// State of the signal handler, which has no arguments and must not allocate.
 struct State {
   std::atomic<WhoCalls> who{nullptr};
   std::atomic<bool> is_installed{false};
@@ -64,9 +64,9 @@ void set_result(void* context, long result) noexcept {
 }
 
 void on_refused_call(int /*signal*/, siginfo_t* info, void* context) {
-  constexpr int kFromFilter = 1;  // SYS_SECCOMP, which old headers do not have.
+  constexpr int kFromFilter = 1;  // SYS_SECCOMP, which old headers lack.
   if (info->si_code != kFromFilter) {
-    return;  // Somebody sent it.
+    return;  // Sent by a process.
   }
   const int error = errno;
   note_refusal(static_cast<Rule>(info->si_errno), info->si_syscall);
@@ -74,7 +74,7 @@ void on_refused_call(int /*signal*/, siginfo_t* info, void* context) {
   errno = error;
 }
 
-/// In words; `%` stands for the name of the call.
+/// Descriptions; `%` is replaced by the name of the call.
 constexpr std::array<const char*, static_cast<std::size_t>(Rule::kCount)> kWords{
     "%",
     "% of a process",
@@ -104,7 +104,7 @@ std::string words_for(std::uint64_t kind) {
 
 void take(Counter& counter, std::vector<RefusedCall>& refused) {
   const std::uint64_t kind = counter.kind.load(std::memory_order_relaxed);
-  // The thread was written before the count that is read here.
+  // The thread was stored before the count that is read here.
   if (const std::uint64_t count = counter.count.exchange(0, std::memory_order_acquire);
       count != 0) {
     refused.push_back({.call = kind == 0 ? "other calls" : words_for(kind),
@@ -120,7 +120,7 @@ bool install_refusal_handler(WhoCalls who) noexcept {
   g_state.who.store(who);
   struct sigaction action{};
   action.sa_sigaction = &on_refused_call;
-  // A refused call may come from another handler, on whatever stack that has.
+  // A refused call may come from another handler, on any stack.
   action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_NODEFER | SA_RESTART;
   sigemptyset(&action.sa_mask);
   sigset_t signals;

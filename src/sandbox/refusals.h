@@ -11,21 +11,21 @@ namespace fastcycle::sandbox {
 /// Refused calls of one kind.
 struct RefusedCall {
   std::string call;             ///< `socket`, or `mmap of executable memory`.
-  std::uint32_t component = 0;  ///< What `SandboxOptions::who` said.
-  std::int32_t thread = 0;      ///< The number of the thread that made the last one.
-  std::uint64_t count = 0;      ///< Since they were taken last.
+  std::uint32_t component = 0;  ///< Result of `SandboxOptions::who`.
+  std::int32_t thread = 0;      ///< Id of the thread that made the last one.
+  std::uint64_t count = 0;      ///< Since the last `take_refusals`.
 };
 
-/// The calls that were refused since this was called last, in no order. Memory for them is bounded:
-/// at most 256 kinds, what is beyond is of the kind `other calls`.
+/// The calls refused since the last call, in no order. Memory is bounded: at most 256 kinds,
+/// further ones are counted as `other calls`.
 ///
-/// What it says is for the honest: code that runs in this process can write into its list. That a
-/// call is refused does not depend on it.
+/// The list is not tamper-proof: code in this process can write into it. The refusal of calls does
+/// not depend on it.
 ///
 /// @threads  Safe.
 [[nodiscard]] std::vector<RefusedCall> take_refusals();
 
-/// Why the filter refused a call: what it gives to the signal handler.
+/// Why the filter refused a call; passed to the signal handler.
 enum class Rule : std::uint16_t {
   kCall,  ///< The call itself, whatever its arguments are.
   kFork,
@@ -43,8 +43,8 @@ enum class Rule : std::uint16_t {
   kCount,
 };
 
-/// Installs the handler of SIGSYS, and lets the calling thread receive it. False with `errno` set
-/// if the system refuses.
+/// Installs the handler of SIGSYS, and unblocks the signal for the calling thread. False with
+/// `errno` set on failure.
 [[nodiscard]] bool install_refusal_handler(WhoCalls who) noexcept;
 
 /// Whether `install_refusal_handler` was called in this process.

@@ -25,7 +25,7 @@ std::optional<base::Refusal> failed(const std::string& what) {
       "look whether a container or another sandbox around this process forbids it"};
 }
 
-/// Says which threads there are beside the calling one.
+/// Reports threads beside the calling one.
 std::optional<base::Refusal> check_threads() {
   std::string others;
   std::error_code error;
@@ -49,7 +49,7 @@ std::optional<base::Refusal> check_threads() {
       "OPENBLAS_NUM_THREADS=1"};
 }
 
-/// Of root and of files with capabilities, all that is not of real time goes.
+/// Drops all capabilities of root and of file capabilities except real-time scheduling.
 std::optional<base::Refusal> drop_capabilities() {
   __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
   std::array<__user_cap_data_struct, _LINUX_CAPABILITY_U32S_3> sets{};
@@ -71,7 +71,7 @@ std::optional<base::Refusal> drop_capabilities() {
 }  // namespace
 
 std::optional<base::Refusal> apply_sandbox(const SandboxOptions& options) {
-  // First what may be lacking, so that nothing is half done where it is.
+  // First checks everything that may be missing, so that nothing is done partially then.
   if (auto refusal = check_threads()) {
     return refusal;
   }

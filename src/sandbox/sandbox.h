@@ -7,16 +7,16 @@
 
 namespace fastcycle::sandbox {
 
-/// Takes from the calling process, for good, what a computing component does not need: files other
-/// than those that `options` name, sockets, other programs and processes, new machine code,
+/// Permanently denies the calling process what a computing component does not need: files other
+/// than those that `options` name, sockets, other programs and processes, new machine code, and
 /// everything that changes the machine. docs/reference/sandbox.md lists what is left. A refused
 /// call fails with EPERM, and is counted for `take_refusals` (refusals.h).
 ///
-/// To be called when the libraries are loaded and before a component runs. The process must have
-/// one thread: the kernel restricts files by thread, and threads that are made later inherit it.
+/// Call when the libraries are loaded and before a component runs. The process must have one
+/// thread: the kernel restricts files by thread, and later threads inherit the restrictions.
 ///
-/// Returns what the machine lacks or refuses; none when all of it is in force. After an answer the
-/// process may be restricted in part, and must not run components.
+/// Returns what the machine lacks or refuses; none if everything is in force. After an error the
+/// process may be partially restricted, and must not run components.
 ///
 /// @threads  The only thread of the process.
 [[nodiscard]] std::optional<base::Refusal> apply_sandbox(const SandboxOptions& options);

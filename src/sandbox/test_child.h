@@ -22,14 +22,14 @@ inline constexpr bool kIsSanitized = true;
 inline constexpr bool kIsSanitized = false;
 #endif
 
-/// What a child process said, and how it ended.
+/// Output of a child process, and how it ended.
 struct Ended {
   std::string said;
   int status = 0;
 };
 
-/// Runs `action` in a child process; what it returns is what the child said. A child that takes
-/// longer than 20 s is ended.
+/// Runs `action` in a child process; its result is the child's output. A child that takes longer
+/// than 20 s is killed.
 inline Ended in_child(const std::function<std::string()>& action) {
   int pipe_ends[2];
   if (pipe(pipe_ends) != 0) {
@@ -58,7 +58,7 @@ inline Ended in_child(const std::function<std::string()>& action) {
   return ended;
 }
 
-/// A folder of its own for each test.
+/// A temporary folder for each test.
 class Folder {
  public:
   Folder() {

@@ -47,7 +47,7 @@ google::protobuf::Message* Export::share(google::protobuf::Message* message) noe
     copy->CopyFrom(*message);
     delete std::exchange(message, copy);
   }
-  // Who serializes it elsewhere finds the sizes there, and need not write them.
+  // Caches the sizes, so that a reader in another process need not write them.
   static_cast<void>(message->ByteSizeLong());
   return message;
 }
@@ -64,7 +64,7 @@ bool Export::is_connected() noexcept {
   return wire_.in(link_, now).ready.load(std::memory_order_acquire) == both;
 }
 
-/// What it held, or was on its way to it, comes back.
+/// Takes back all that it held, or was sent.
 void Export::forget_receiver(std::uint32_t incarnation) noexcept {
   for (std::size_t number = 0; number < held_.size(); ++number) {
     if (held_[number].given != 0) {
@@ -77,7 +77,7 @@ void Export::forget_receiver(std::uint32_t incarnation) noexcept {
   given_to_receiver_ = 0;
 }
 
-/// Only what the table says was given comes back.
+/// Accepts a return only if the table has the message as held.
 bool Export::take_back(std::uint64_t word) noexcept {
   const std::uint64_t number = number_of(word);
   if (number >= held_.size() || held_[number].given != position_of(word) + 1) {
@@ -97,7 +97,7 @@ void Export::collect() noexcept {
   const std::atomic<std::uint64_t>* const returns =
       wire_.returns(link_, receiver_, own_incarnation_);
   const std::uint64_t count = Wire::return_count(link_);
-  // At most one lap: a receiver that writes on and on does not keep its publisher.
+  // At most one lap: a receiver that keeps writing must not block its publisher.
   for (std::uint64_t i = 0; i < count; ++i) {
     const std::uint64_t word = returns[returns_read_ % count].load(std::memory_order_acquire);
     if ((word & kLapBit) != lap_of_return(returns_read_, count)) {
@@ -110,7 +110,7 @@ void Export::collect() noexcept {
   }
 }
 
-/// Makes room for one more; false if there is none, and the new one is dropped.
+/// Makes room for one more; false if there is none, and the new one is to be dropped.
 bool Export::make_room(std::uint64_t tail) noexcept {
   const LinkIn& in = wire_.in(link_, receiver_);
   const std::uint64_t taking = in.taking.load(std::memory_order_seq_cst);
@@ -123,7 +123,7 @@ bool Export::make_room(std::uint64_t tail) noexcept {
   if (link_.drops_newest) {
     return false;
   }
-  // The oldest that waits: closed first, so that the receiver which looks again finds it gone.
+  // The oldest one waiting: close it first, so that the receiver's second check finds it gone.
   const std::uint64_t position = tail - link_.depth;
   std::atomic<std::uint64_t>& slot = slots_[position % Wire::slot_count(link_)];
   const std::uint64_t word = slot.load(std::memory_order_relaxed);
@@ -162,7 +162,7 @@ void Export::put(detail::Envelope& envelope) noexcept {
   }
   const std::uint16_t number = free_.back();
   free_.pop_back();
-  // As `share` found it.
+  // As `share` computed it.
   held_[number] = {
       .envelope = &envelope,
       .given = tail + 1,

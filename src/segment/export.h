@@ -10,26 +10,26 @@
 
 namespace fastcycle::segment {
 
-/// What became of the messages of one link, at the publisher's end.
+/// Statistics of one link at the publisher's end.
 struct ExportCounts {
   std::uint64_t given = 0;       ///< Handed over.
   std::uint64_t copied = 0;      ///< Had to be copied into the segment.
-  std::uint64_t repaired = 0;    ///< Had strings outside of it, which were moved.
-  std::uint64_t unshared = 0;    ///< Did not fit into the segment: nobody elsewhere got them.
-  std::uint64_t overflowed = 0;  ///< Dropped: as many waited as may.
-  std::uint64_t over_quota = 0;  ///< Dropped: the receiver holds as many as it may.
-  std::uint64_t refused = 0;     ///< Returns of what the receiver did not hold.
+  std::uint64_t repaired = 0;    ///< Had strings outside of the segment, which were moved.
+  std::uint64_t unshared = 0;    ///< Did not fit into the segment: not sent to other processes.
+  std::uint64_t overflowed = 0;  ///< Dropped: the queue was full.
+  std::uint64_t over_quota = 0;  ///< Dropped: the receiver holds its maximum.
+  std::uint64_t refused = 0;     ///< Invalid returns, of messages that the receiver did not hold.
   std::uint64_t taken_back = 0;  ///< Held by a receiver that ended.
 };
 
-/// The publisher's end of a link: owns the table of what was given to the receiver, which alone
-/// decides what comes back. The receiver can ask for nothing but that.
+/// The publisher's end of a link: owns the table of messages held by the receiver, which alone
+/// decides which returns are valid. The receiver can only return messages.
 ///
 /// @threads  As the publisher; `counts` is Safe.
 /// @realtime No allocation, no lock; one system call if the receiver sleeps.
 class Export final : public detail::MessageExport {
  public:
-  /// `incarnation` is that of this process. All have to live as long as this.
+  /// `incarnation` is that of this process. All arguments must outlive this.
   Export(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation,
          const google::protobuf::Message& default_instance);
 
@@ -39,12 +39,12 @@ class Export final : public detail::MessageExport {
       google::protobuf::Message* message) noexcept override;
   [[nodiscard]] std::size_t capacity() const noexcept override { return link_.capacity; }
 
-  /// Whether the receiver reads what is put.
+  /// Whether a receiver is connected.
   [[nodiscard]] bool is_connected() noexcept;
-  /// The same; and it, as it is now, has been given nothing yet.
+  /// The same, and nothing was sent yet to this incarnation.
   [[nodiscard]] bool is_fresh() noexcept { return is_connected() && given_to_receiver_ == 0; }
   [[nodiscard]] ExportCounts counts() const noexcept;
-  /// Why messages are copied; null if they are not, or for reasons of their own.
+  /// Why every message is copied; null if only some are, or none.
   [[nodiscard]] const char* always_copied() const noexcept { return layout_.always_copied(); }
   [[nodiscard]] const LinkPlan& link() const noexcept { return link_; }
 
@@ -54,7 +54,7 @@ class Export final : public detail::MessageExport {
     std::uint64_t given = 0;  ///< Its position + 1; 0: it is free.
     std::uint64_t bytes = 0;
   };
-  /// One writer, any readers.
+  /// One writer, many readers.
   using Count = std::atomic<std::uint64_t>;
   static void add(Count& count, std::uint64_t amount = 1) noexcept {
     count.store(count.load(std::memory_order_relaxed) + amount, std::memory_order_relaxed);
@@ -76,10 +76,10 @@ class Export final : public detail::MessageExport {
 
   std::vector<Held> held_;
   std::vector<std::uint16_t> free_;
-  std::uint32_t receiver_ = 0;  ///< Its incarnation, as of the last look.
+  std::uint32_t receiver_ = 0;  ///< Its incarnation, as last seen.
   std::uint64_t returns_read_ = 0;
   std::uint64_t given_to_receiver_ = 0;
-  std::uint64_t bytes_out_ = 0;  ///< Of all in `held_`.
+  std::uint64_t bytes_out_ = 0;  ///< Total size of `held_`.
 
   Count given_{0};
   Count copied_{0};

@@ -6,7 +6,7 @@
 namespace fastcycle::segment {
 
 /// The messages of one incarnation of the publisher that this process holds: owns an envelope for
-/// each number, and sends back those that are released.
+/// each number, and returns released ones.
 class Import::Held final : public detail::ReturnSink {
  public:
   Held(const Wire& wire, const LinkPlan& link, std::uint32_t its_publisher, std::uint32_t own)
@@ -20,14 +20,14 @@ class Import::Held final : public detail::ReturnSink {
     for (std::uint32_t i = 0; i < link.capacity; ++i) {
       envelopes_.push_back(pool_->take());
     }
-    // The pool's envelopes lie side by side.
+    // The pool's envelopes are contiguous.
     std::ranges::sort(envelopes_);
   }
   Held(const Held&) = delete;
   Held& operator=(const Held&) = delete;
   ~Held() override {
     if (count() > 0) {
-      return;  // Who still has one of them may read it as long as the process lives.
+      return;  // Remaining holders may read them as long as the process lives.
     }
     for (detail::Envelope* envelope : envelopes_) {
       pool_->put_back(envelope);
@@ -55,7 +55,7 @@ class Import::Held final : public detail::ReturnSink {
     count_.fetch_sub(1, std::memory_order_release);
   }
 
-  /// Tells the publisher that the message of this word is not held.
+  /// Returns the message of this word to the publisher.
   void send_back(std::uint64_t word) noexcept {
     const std::uint64_t place = next_return_.fetch_add(1, std::memory_order_relaxed);
     returns_[place % return_count_].store(word | lap_of_return(place, return_count_),
@@ -67,7 +67,7 @@ class Import::Held final : public detail::ReturnSink {
   }
 
   const std::uint32_t publisher;
-  /// The publisher has ended: its memory stays, and it counts nothing any more.
+  /// The publisher has ended: its memory stays, and needs no returns.
   std::atomic<bool> is_old{false};
 
  private:
@@ -75,7 +75,7 @@ class Import::Held final : public detail::ReturnSink {
   const std::uint64_t return_count_;
   detail::Pool* const pool_;
   std::vector<detail::Envelope*> envelopes_;
-  std::vector<std::atomic<std::uint64_t>> words_;  ///< By number: what is to be sent back, + 1.
+  std::vector<std::atomic<std::uint64_t>> words_;  ///< By number: the word to return, + 1.
   std::atomic<std::uint64_t> next_return_{0};
   std::atomic<std::size_t> count_{0};
 };
@@ -90,7 +90,7 @@ Import::Import(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation
 
 Import::~Import() = default;
 
-/// Of which incarnation on it holds messages.
+/// Updates the oldest incarnation whose messages are held.
 void Import::say_oldest() {
   std::erase_if(held_, [this](const auto& held) {
     return held->publisher != publisher_ && held->count() == 0;
@@ -110,7 +110,7 @@ std::size_t Import::held() const noexcept {
 void Import::attach() {
   const std::uint32_t now = wire_.incarnation(link_.from).load(std::memory_order_acquire);
   if (now == publisher_) {
-    say_oldest();  // Who wants the memory of an old incarnation asks by ringing.
+    say_oldest();  // Requests for the memory of an old incarnation arrive as a ring.
     return;
   }
   while (publisher_ != 0 && take_in_order()) {
@@ -140,7 +140,7 @@ void Import::attach() {
   in_.ready.store(std::uint64_t{now} << 32 | incarnation_, std::memory_order_seq_cst);
 }
 
-/// The word at `head_`, or a later one if the publisher passed it by; false if there is none yet.
+/// The word at `head_`, or a later one if the publisher overtook it; false if there is none yet.
 bool Import::find(std::uint64_t& word) noexcept {
   if (publisher_ == 0) {
     return false;
@@ -156,7 +156,7 @@ bool Import::find(std::uint64_t& word) noexcept {
     if (position_of(word) == head_) {
       return true;
     }
-    // Dropped, and about to be written anew: then it rings again. Or it was long ago.
+    // Dropped, and about to be rewritten, with another ring. Or it was dropped long ago.
     const std::uint64_t later = out.tail.load(std::memory_order_seq_cst);
     if (later <= head_ + link_.depth) {
       return false;
@@ -178,15 +178,15 @@ bool Import::take() noexcept {
   return has_taken;
 }
 
-/// The sequence of the message that `word` tells of.
+/// The sequence of the message of `word`.
 std::uint64_t Import::sequence_of(std::uint64_t word) const noexcept {
   return number_of(word) < link_.capacity
              ? wire_.messages(link_, publisher_)[number_of(word)].info.sequence
              : 0;
 }
 
-/// As `take_one`; what the other one of two processes published before comes first. The own link is
-/// looked at first: had something come there later, the other one's would be complete.
+/// As `take_one`; earlier messages of the other process of a pair come first. This link is checked
+/// first: if a message arrives there later, the other one's check was complete.
 bool Import::take_in_order() noexcept {
   if (partner_ != nullptr) [[unlikely]] {
     std::uint64_t own = 0;
@@ -201,7 +201,7 @@ bool Import::take_in_order() noexcept {
   return take_one();
 }
 
-/// Takes one message, or passes over what is gone; false if there is nothing.
+/// Takes one message, or skips one that is gone; false if there is nothing.
 bool Import::take_one() noexcept {
   std::uint64_t word = 0;
   if (!find(word)) {
@@ -209,7 +209,7 @@ bool Import::take_one() noexcept {
   }
   const std::atomic<std::uint64_t>* const slots = wire_.slots(link_, publisher_);
   const std::uint32_t slot_count = Wire::slot_count(link_);
-  in_.taking.store(head_ + 1, std::memory_order_seq_cst);  // From here on it is ours.
+  in_.taking.store(head_ + 1, std::memory_order_seq_cst);  // Claims it.
   const bool is_ours = slots[head_ % slot_count].load(std::memory_order_seq_cst) == word;
   const std::uint64_t position = head_++;
   Held& held = *held_.back();
@@ -223,7 +223,7 @@ bool Import::take_one() noexcept {
   const WireMessage& message = wire_.messages(link_, publisher_)[number_of(word)];
   if (message.receiver.load(std::memory_order_acquire) != incarnation_ ||
       message.position.load(std::memory_order_relaxed) != position) {
-    return true;  // Meant for who was here before.
+    return true;  // Sent to the previous incarnation.
   }
   const unsigned generation = Wire::generation_of(publisher_);
   if (!wire_.segments().is_in(link_.from, generation, message.payload,
@@ -233,7 +233,7 @@ bool Import::take_one() noexcept {
   }
   detail::Envelope* const envelope = held.begin(word);
   if (envelope == nullptr) {
-    return true;  // The publisher gives what it did not get back: not by our rules.
+    return true;  // The publisher reused a number that was not returned: a protocol violation.
   }
   envelope->info = message.info;
   envelope->payload = message.payload;

@@ -12,30 +12,30 @@
 
 namespace fastcycle::segment {
 
-/// The receiver's end of a link: hands what comes to the lanes of its process, in the name of the
-/// publisher, and tells the publisher what is not held any more.
+/// The receiver's end of a link: passes incoming messages to the lanes of its process, in the name
+/// of the publisher, and returns released messages to it.
 ///
 /// @threads  `take` and `has_any` by one thread at a time; `came_back` is Safe.
-/// @realtime After the first messages of a publisher no allocation; the lock of its stand-in.
+/// @realtime No allocation after the first messages of a publisher; takes the lock of its stand-in.
 class Import final {
  public:
-  /// `stand_in` is what the process knows of the publisher: an external one, to which nobody else
-  /// gives anything. `incarnation` is that of this process. All have to live as long as this.
+  /// `stand_in` represents the publisher in this process: an external one, used only by this.
+  /// `incarnation` is that of this process. All arguments must outlive this.
   Import(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation,
          detail::PublisherCore& stand_in);
   Import(const Import&) = delete;
   Import& operator=(const Import&) = delete;
   ~Import();
 
-  /// Reads from the publisher as it is now; what its last incarnation left is taken first. Where
-  /// there is none, it is looked for again.
+  /// Connects to the present incarnation of the publisher, after taking what its last one left. If
+  /// there is none, a later call connects.
   void attach();
-  /// Hands on what came, at most what the queue may hold; true if there was anything.
+  /// Takes pending messages, at most `depth`; true if there were any.
   bool take() noexcept;
   [[nodiscard]] bool has_any() noexcept;
 
-  /// `other` comes from the other one of two processes that take each other's place: of both
-  /// messages come in the order of their sequences.
+  /// `other` leads from the other process of a standby pair: messages of both are taken in the
+  /// order of their sequences.
   void pair_with(Import& other) noexcept {
     partner_ = &other;
     other.partner_ = this;
@@ -64,10 +64,10 @@ class Import final {
   LinkIn& in_;
   Import* partner_ = nullptr;
 
-  std::uint32_t publisher_ = 0;  ///< Its incarnation that is read; 0: none.
-  std::uint32_t newest_ = 0;     ///< The last that there was.
+  std::uint32_t publisher_ = 0;  ///< Incarnation being read; 0: none.
+  std::uint32_t newest_ = 0;     ///< The last one that existed.
   std::uint64_t head_ = 0;
-  std::vector<std::unique_ptr<Held>> held_;  ///< By incarnation of the publisher, the last is now.
+  std::vector<std::unique_ptr<Held>> held_;  ///< By incarnation of the publisher; last: current.
 };
 
 }  // namespace fastcycle::segment

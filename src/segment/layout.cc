@@ -18,7 +18,7 @@ namespace pb = google::protobuf;
 
 namespace google::protobuf {
 
-// Reflection names a class of this name as its friend, and leaves it to others to define.
+// Generated messages declare a friend class of this name, which anyone may define.
 class MessageLayoutInspector {
  public:
   static const internal::ReflectionSchema& schema(const Reflection& reflection) {
@@ -47,7 +47,7 @@ Layout::Verdict check_string(const std::string* text) {
   if (is_inside(text->data())) [[likely]] {
     return Layout::Verdict::kInside;
   }
-  std::string copy(*text);  // Lies in the segment, unless that is full.
+  std::string copy(*text);  // In the segment, unless that is full.
   const_cast<std::string*>(text)->swap(copy);
   return is_inside(text->data()) ? Layout::Verdict::kRepaired : Layout::Verdict::kOutside;
 }
@@ -125,7 +125,7 @@ Layout::Verdict Layout::check(pb::Message& message) const {
     }
     switch (place.kind) {
       case Kind::kString: {
-        // The two lowest bits tell whose it is; 0: the default, which lies in a library.
+        // The two lowest bits encode ownership; 0: the default, which is in a library.
         const auto tagged = at<std::uintptr_t>(object, place.offset);
         if ((tagged & 3) != 0) {
           add(check_string(reinterpret_cast<const std::string*>(tagged & ~std::uintptr_t{3})));
@@ -175,7 +175,7 @@ Layout::Verdict Layout::check(pb::Message& message) const {
 }
 
 bool Layout::holds_here() {
-  // A type of protobuf's own with a string, repeated strings and a number; all on the usual heap.
+  // A message type of protobuf with a string, repeated strings and a number; on the normal heap.
   static_assert(sizeof(std::string) == 32, "a string without a count of references");
   pb::FieldDescriptorProto probe;
   probe.set_name("a name that is longer than what fits into the string itself");

@@ -7,32 +7,32 @@
 
 namespace fastcycle::segment {
 
-/// Where the pointers of a message type lie, found once by reflection: says, without a call of
-/// reflection for a message, whether all of it lies in the memory that this process shares.
+/// Locations of the pointers in a message type, determined once by reflection: checks, without
+/// reflection for each message, whether all of it is in shared memory of this process.
 ///
-/// Unknown fields, maps and extensions are not looked into: who has some lies outside.
+/// Unknown fields, maps and extensions are not examined: messages with any count as outside.
 ///
 /// @threads  `of` is Safe; the rest is constant.
 class Layout {
  public:
   enum class Verdict : std::uint8_t {
-    kInside,    ///< All of it lies in this process's segment.
-    kRepaired,  ///< It does now: strings that lay outside were moved.
-    kOutside,   ///< Some of it lies outside; it has to be copied.
+    kInside,    ///< All of it is in this process's segment.
+    kRepaired,  ///< It is now: strings outside of it were moved.
+    kOutside,   ///< Some of it is outside; it has to be copied.
   };
 
   /// The layout of the type of `message`, which is a generated one.
   static const Layout& of(const google::protobuf::Message& message);
 
-  /// Looks at `message`. Strings whose contents lie outside are moved into the segment.
+  /// Checks `message`. Strings with contents outside of the segment are moved into it.
   /// @pre  The thread is in a scope of shared memory.
   [[nodiscard]] Verdict check(google::protobuf::Message& message) const;
 
-  /// Why messages of this type are copied each time; null if they need not be.
+  /// Why messages of this type are always copied; null if they are not.
   [[nodiscard]] const char* always_copied() const noexcept { return always_copied_; }
 
-  /// Whether this table finds what reflection finds, of a message that it fills: false where
-  /// protobuf lays messages out in another way than this expects.
+  /// Whether this layout agrees with reflection for a message that it fills: false if protobuf's
+  /// memory layout differs from the expected one.
   [[nodiscard]] static bool holds_here();
 
  private:

@@ -18,7 +18,7 @@ class LinkSet final : public detail::ForeignInputs {
   LinkSet(const Wire& wire, ProcessIndex process, std::uint32_t incarnation, unsigned executor);
 
   Import& add(const LinkPlan& link, detail::PublisherCore& stand_in);
-  /// Reads from all publishers that there are. Before the executor starts, or as `take`.
+  /// Connects to all present publishers. Before the executor starts, or as `take`.
   void attach();
 
   bool take() noexcept override;
@@ -27,7 +27,7 @@ class LinkSet final : public detail::ForeignInputs {
   void withdraw() noexcept override;
 
  private:
-  /// A process that has links to here.
+  /// A process with links to this one.
   struct Source {
     ProcessIndex process;
     std::uint32_t incarnation = 0;

@@ -1,8 +1,8 @@
 // The replacement of `operator new` and `operator delete` ([new.delete]): within a loan scope
 // memory comes from the process's segment, everywhere else from malloc. A program whose processes
-// read each other's messages is linked with this file; in a library it would come too late where a
-// sanitizer's runtime, or libstdc++, stands before it. All forms are here: what is left out would
-// be that runtime's, whose memory this cannot free.
+// read each other's messages is linked with this file; from a library it would be too late if the
+// runtime of a sanitizer, or libstdc++, precedes it. All forms are defined: a missing one would be
+// the runtime's, whose memory this cannot free.
 
 #include <cstdlib>
 #include <new>
@@ -18,7 +18,7 @@ constexpr std::size_t kUsualAlignment = __STDCPP_DEFAULT_NEW_ALIGNMENT__;
 
 void* allocate_or_null(std::size_t size, std::size_t alignment) noexcept {
   if (shared_scopes != 0 && shared_memory.allocator != nullptr) [[unlikely]] {
-    // Without room it comes from malloc; who publishes it finds that out.
+    // If the segment is full: malloc; the publisher detects that.
     if (void* const memory = shared_memory.allocator->allocate(size, alignment)) {
       return memory;
     }

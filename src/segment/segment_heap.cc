@@ -10,7 +10,7 @@
 namespace fastcycle::segment {
 namespace {
 
-/// What stands before the memory that a caller gets.
+/// Header before the memory that a caller gets.
 struct BlockHead {
   std::uint32_t size_class;
   std::uint32_t mark;
@@ -19,13 +19,13 @@ struct BlockHead {
 constexpr std::uint32_t kMark = 0x5e6b10c5;
 constexpr std::size_t kUnit = 16;
 
-/// The smallest class that has room for `size` bytes.
+/// The smallest class for `size` bytes.
 unsigned class_of(std::size_t size) noexcept {
   const std::size_t units = (size + kUnit - 1) / kUnit;
   if (units <= 4) {
     return static_cast<unsigned>(units);
   }
-  // units - 1 lies in [2^power, 2^(power + 1)), which is cut into four.
+  // units - 1 is in [2^power, 2^(power + 1)), which is divided into four.
   const auto power = static_cast<unsigned>(std::bit_width(units - 1)) - 1;
   return 4 * (power - 1) + static_cast<unsigned>(((units - 1) >> (power - 2)) & 3) + 1;
 }

@@ -8,8 +8,8 @@
 
 namespace fastcycle::segment {
 
-/// A heap in a range of memory that somebody else owns: free lists by size, four sizes for each
-/// doubling. What was freed is used again; nothing is ever given back to the kernel.
+/// A heap in a borrowed range of memory: free lists by size, four sizes per power of two. Freed
+/// memory is reused, and never returned to the kernel.
 ///
 /// @threads  Safe.
 /// @realtime A lock that inherits priorities, no system call; a first touch is a page fault.
@@ -18,21 +18,21 @@ class SegmentHeap {
   struct Statistics {
     std::uint64_t allocations = 0;
     std::uint64_t frees = 0;
-    std::uint64_t exhausted = 0;  ///< Requests for which there was no room.
-    std::size_t bytes_used = 0;  ///< Of the range, from its begin on, in blocks that are ever made.
+    std::uint64_t exhausted = 0;  ///< Requests that failed for lack of memory.
+    std::size_t bytes_used = 0;   ///< Size of the used part of the range, including freed blocks.
   };
 
   SegmentHeap() = default;
   SegmentHeap(const SegmentHeap&) = delete;
   SegmentHeap& operator=(const SegmentHeap&) = delete;
 
-  /// From now on it serves `[begin, begin + size)`. Before any other call.
+  /// Manages `[begin, begin + size)` from now on. Before any other call.
   void begin(char* begin, std::size_t size) noexcept;
 
-  /// Memory of `size` bytes at a multiple of `alignment`; null if there is no room.
+  /// Memory of `size` bytes at a multiple of `alignment`; null if it is exhausted.
   /// @pre  `alignment` is a power of two.
   [[nodiscard]] void* allocate(std::size_t size, std::size_t alignment) noexcept;
-  /// @pre  `memory` is of this heap. What is no block of it ends the process.
+  /// @pre  `memory` is of this heap. Anything else ends the process.
   void free(void* memory) noexcept;
 
   [[nodiscard]] Statistics statistics() const noexcept;

@@ -11,7 +11,7 @@
 
 #include "fastcycle/assert.h"
 
-// Linux 5.1; older headers do not know it.
+// Linux 5.1; missing in older headers.
 #ifndef F_SEAL_FUTURE_WRITE
 #define F_SEAL_FUTURE_WRITE 0x0010
 #endif
@@ -45,7 +45,7 @@ std::optional<std::string> Segments::reserve(const Options& options) {
                    "a process has the segments of one application");
   options_ = options;
   const std::size_t total = options.bytes * kGenerations * options.processes;
-  // Wherever the kernel likes: a fork keeps it, so that no address has to be fixed.
+  // At any address: children inherit it, so that no address has to be fixed.
   void* const range =
       mmap(nullptr, total, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (range == MAP_FAILED) {
@@ -64,7 +64,7 @@ std::optional<std::string> Segments::reserve(const Options& options) {
       return refused("a mapping");
     }
     madvise(address, options.bytes, MADV_DONTDUMP);
-    // Who has this mapping may write; nobody can make another one that may.
+    // This mapping stays writable; no further writable one can be created.
     if (fcntl(file, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL) !=
         0) {
       return refused("a seal");
@@ -77,7 +77,7 @@ std::optional<std::string> Segments::reserve(const Options& options) {
 std::optional<std::string> Segments::become(ProcessIndex process, unsigned generation) {
   const unsigned own = process * kGenerations + generation;
   for (unsigned i = 0; i < files_.size(); ++i) {
-    // mprotect would not do: it can be taken back. A new mapping of a sealed file cannot.
+    // mprotect does not suffice: it can be reverted. A new mapping of a sealed file cannot.
     if (i != own) {
       char* const address = begin_ + i * options_.bytes;
       if (mmap(address, options_.bytes, PROT_READ, MAP_SHARED | MAP_FIXED, files_[i], 0) ==

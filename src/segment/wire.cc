@@ -29,7 +29,7 @@ std::size_t trails_offset(const LinkPlan& link) {
 std::size_t returns_offset() {
   return round_up(sizeof(LinkIn), kLine);
 }
-/// Of the stages of components: behind sleepers and bells.
+/// Offset of the stages of components: after sleepers and bells.
 std::size_t stages_offset(const WirePlan& plan) {
   return plan.executors * (std::size_t{plan.processes} + 1) * sizeof(Bell);
 }

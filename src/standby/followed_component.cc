@@ -25,7 +25,7 @@ using detail::ReadKind;
 
 namespace {
 
-/// For an input on its way, when the process that was followed has ended.
+/// Time for an input in flight, after the followed process has ended.
 constexpr std::int64_t kPatienceNs = 200'000'000;
 
 bool is_posted(Cause cause) {
@@ -37,8 +37,8 @@ bool is_step(LifeStep step, Cause cause, std::uint64_t key) {
   return cause == Cause::kMode && key == detail::to_key(step);
 }
 
-/// Steps that one which began at a key frame takes although its own process may have posted them
-/// before that, when they were dropped.
+/// Steps that a component started from a key frame repeats, although its own process may have
+/// posted them before that, when they were dropped.
 std::function<void()> step_to_repeat(detail::ComponentCore& core,
                                      const detail::ActivationRecord& record) {
   if (is_step(LifeStep::kBeginTimers, record.cause, record.key)) {
@@ -53,7 +53,8 @@ std::function<void()> step_to_repeat(detail::ComponentCore& core,
   return {};
 }
 
-/// The newest lane of that publisher: a subscription that ended and was made again has older ones.
+/// The newest lane of that publisher: a subscription that ended and was created again has older
+/// ones.
 std::shared_ptr<Lane> lane_of(const detail::Subscription& subscription, PublisherId publisher) {
   std::shared_ptr<Lane> found;
   for (const auto& lane : subscription.lanes()) {
@@ -113,7 +114,7 @@ const FollowedActivation* FollowedComponent::next() {
 
 bool FollowedComponent::serve(detail::ActivationRing&) {
   detail::ActivationRing& ring = *ring_;
-  const Stage stage = stage_.load();  // Before the look at what waits: nothing is added after it.
+  const Stage stage = stage_.load();  // Before the waiting list is read: nothing is added after it.
   if (stage == Stage::kEnds) {
     core_.publishing.is_muted = true;
     return stop_following();
@@ -146,7 +147,7 @@ bool FollowedComponent::execute_next(detail::ActivationRing& ring,
   }
   const Input input = find_inputs(activation);
   if (stage_.load() == Stage::kTakesOver && input != Input::kThere) {
-    // Who published it may have ended too, before it came here: it is not waited for.
+    // Its publisher may have ended too, before it arrived here: do not wait for it.
     const std::int64_t now_ns = base::monotonic_ns();
     missing_since_ns_ = missing_since_ns_ == 0 ? now_ns : missing_since_ns_;
     if (input == Input::kLost || now_ns - missing_since_ns_ > kPatienceNs) {
@@ -179,7 +180,7 @@ bool FollowedComponent::execute_next(detail::ActivationRing& ring,
   return true;
 }
 
-/// What it published before it crashed counts as published.
+/// Messages published before the crash count as published.
 void FollowedComponent::skip(const FollowedActivation& activation, std::string_view why) {
   for (const ForView& one : std::exchange(for_views_, {})) {
     core_.repeat_view(*one.view, *one.lane, one.envelope);
@@ -198,9 +199,9 @@ void FollowedComponent::skip(const FollowedActivation& activation, std::string_v
                                                          activation.record.number, why));
 }
 
-/// What is posted before it begins at a key frame, the state has seen. That is so of the steps of a
-/// start too, which its process posts and waits for as for any other component: it does not begin
-/// before the last of them has come, since later ones would never be served.
+/// What is posted before it starts from a key frame is already part of that state. This includes
+/// the steps of a start, which its process posts and waits for as for any other component: it does
+/// not begin before the last of them has arrived, since later ones would never be served.
 void FollowedComponent::drop_posted() {
   detail::Control dropped;
   while (core_.drop_posted(dropped)) {
@@ -213,7 +214,7 @@ void FollowedComponent::pop() {
   waiting_.pop_front();
 }
 
-/// Looks whether it can begin behind this activation; false if it must wait for that.
+/// Checks whether it can begin after this activation; false if it must wait for that.
 bool FollowedComponent::seek(detail::ActivationRing& ring, const FollowedActivation& activation) {
   const bool is_frame = std::ranges::any_of(activation.reads, [](const auto& entry) {
     return entry.read.kind == ReadKind::kFrameNumber;
@@ -227,7 +228,7 @@ bool FollowedComponent::seek(detail::ActivationRing& ring, const FollowedActivat
     late_ = nullptr;
     listener_.found_frame();
   }
-  for (const ForView& one : for_views_) {  // Of a frame of which something is gone.
+  for (const ForView& one : for_views_) {  // Of a frame with missing messages.
     detail::release(one.envelope);
   }
   for_views_.clear();
@@ -237,7 +238,7 @@ bool FollowedComponent::seek(detail::ActivationRing& ring, const FollowedActivat
   return true;
 }
 
-/// The messages that a key frame speaks of.
+/// The messages of a key frame.
 FollowedComponent::Input FollowedComponent::find_frame(const FollowedActivation& activation) {
   const auto& states = static_cast<detail::DeclaredStates&>(*core_.states).all();
   const auto& views = core_.subscriptions.views();
@@ -260,7 +261,7 @@ FollowedComponent::Input FollowedComponent::find_frame(const FollowedActivation&
   return Input::kThere;
 }
 
-/// From now on what it publishes is published.
+/// Delivers what it publishes from now on.
 void FollowedComponent::go_public() {
   core_.publishing.is_following = false;
   core_.log_source.mute(false);
@@ -300,8 +301,8 @@ void FollowedComponent::lose(std::string why) {
   listener_.lost(why);
 }
 
-/// Takes the message of this sequence out of its lane. Those before it were dropped where they are
-/// followed.
+/// Takes the message of this sequence out of its lane, and drops those before it, as the followed
+/// process did.
 FollowedComponent::Input FollowedComponent::find(Lane& lane, std::uint64_t sequence,
                                                  Lane::Head& found) {
   while (lane.peek(found)) {
@@ -340,7 +341,7 @@ FollowedComponent::Input FollowedComponent::find_for_views(const FollowedActivat
   return Input::kThere;
 }
 
-/// The message of which `read` says that a view took it over, or holds it.
+/// The message that a view took over or holds, according to `read`.
 FollowedComponent::Input FollowedComponent::find_for_view(detail::View& view,
                                                           const detail::Read& read) {
   const auto lane = lane_of(view, read.publisher);
@@ -391,7 +392,7 @@ FollowedComponent::Input FollowedComponent::find_message(const FollowedActivatio
   return input;
 }
 
-/// Begins behind the activation of a key frame.
+/// Starts after the activation of a key frame.
 void FollowedComponent::begin_at(detail::ActivationRing& ring, const FollowedActivation& frame) {
   const auto& states = static_cast<detail::DeclaredStates&>(*core_.states).all();
   std::vector<std::unique_ptr<google::protobuf::Message>> copies(states.size());
@@ -428,8 +429,8 @@ void FollowedComponent::begin_at(detail::ActivationRing& ring, const FollowedAct
   }
 }
 
-/// A switch of modes waits for all processes. One that began at a key frame may be asked for a step
-/// that it took with that, or that it repeated before it was asked: nothing is left to be done.
+/// A mode switch waits for all processes. A component started from a key frame may receive a step
+/// that it took with that, or repeated before the request: nothing is left to do.
 void FollowedComponent::answer_for_mode(detail::ActivationRing& ring) {
   const detail::ComponentState state = core_.state;
   const bool is_active = state == detail::ComponentState::kActive;
@@ -445,7 +446,7 @@ void FollowedComponent::answer_for_mode(detail::ActivationRing& ring) {
   }
 }
 
-/// Who subscribes to it is nothing that its callbacks see, and is another matter in each process.
+/// Callbacks cannot see who subscribes, and that differs between processes.
 void FollowedComponent::connect_what_waits(detail::ActivationRing& ring) {
   while (core_.has_posted(Cause::kConnect, 0)) {
     told_.begin({});

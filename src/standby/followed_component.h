@@ -21,52 +21,52 @@
 
 namespace fastcycle::standby {
 
-/// One activation of the component that is followed, with what it learned.
+/// One activation of the followed component, with its reads.
 struct FollowedActivation {
   detail::ActivationRecord record;
   std::vector<detail::ToldReads::Entry> reads = {};
 };
 
-/// The script of one component on standby: the activations of the component that it follows, each
-/// once its inputs have come here too.
+/// The script of one component on standby: the activations of the followed component, each as soon
+/// as its inputs have arrived here too.
 ///
 /// @threads  `add`, `take_over`, `end` and the numbers are Safe; `serve` as `Script`.
 class FollowedComponent final : public detail::Script {
  public:
-  /// What its owner is told, by the worker that serves the component.
+  /// Callbacks, by the worker that serves the component.
   struct Listener {
-    /// It has begun at a key frame.
+    /// It has started from a key frame.
     std::function<void()> found_frame;
-    /// It cannot follow any longer.
+    /// It can no longer follow.
     std::function<void(const std::string& why)> lost;
-    /// It has taken the other one's place, and serves by itself.
+    /// It has taken over, and works independently.
     std::function<void()> taken_over;
   };
 
-  /// From now on `core` follows: from its first activation on, or, with an application, whose it
-  /// is, from the first key frame of its state that can be had once that has started. Before
-  /// anything runs; all outlive it.
+  /// Makes `core` follow: from its first activation on, or, with `late`, its application, from the
+  /// first available key frame of its state after the start. Before anything runs; all arguments
+  /// must outlive it.
   FollowedComponent(detail::ComponentCore& core, detail::OutputComparer& comparer,
                     Listener listener, host::ApplicationHost* late = nullptr);
 
-  /// The next one, in the order of their numbers.
+  /// Adds the next one, in the order of their numbers.
   void add(FollowedActivation activation);
-  /// The activation of this number, in which the other one crashed, is not executed: what it was
-  /// given is lost. Before `take_over`.
+  /// Does not execute this activation, in which the other process crashed: its input is lost.
+  /// Before `take_over`.
   void leave_out(std::uint64_t number) { left_out_.store(number); }
-  /// Nothing comes any more: once what was added is executed, the component serves by itself. What
-  /// it publishes from now on is published.
+  /// No more activations follow: once those added are executed, the component works independently.
+  /// What it publishes from then on is delivered.
   void take_over();
-  /// The application stops: the component serves by itself, and what it publishes goes nowhere.
+  /// The application stops: the component works independently, but its messages are discarded.
   void end();
-  /// Has it look whether it can go on.
+  /// Has it check whether it can continue.
   void mark() { core_.inbox.mark_control(); }
   void wake() { core_.inbox.queue().wake(); }
 
   bool serve(detail::ActivationRing& ring) override;
 
   [[nodiscard]] detail::ComponentCore& core() noexcept { return core_; }
-  /// Of the activations that it executed, the last.
+  /// Number of the last activation executed.
   [[nodiscard]] std::uint64_t executed() const noexcept { return executed_.load(); }
   [[nodiscard]] bool is_over() const noexcept { return stage_.load() == Stage::kOver; }
 
@@ -74,7 +74,7 @@ class FollowedComponent final : public detail::Script {
   enum class Stage : std::uint8_t { kFollows, kTakesOver, kEnds, kOver };
   enum class Input : std::uint8_t { kThere, kNotYet, kLost };
 
-  /// A message for a view that was taken out of its lane.
+  /// A message for a view, taken out of its lane.
   struct ForView {
     detail::View* view;
     detail::Lane* lane;
@@ -103,7 +103,7 @@ class FollowedComponent final : public detail::Script {
   void connect_what_waits(detail::ActivationRing& ring);
 
   detail::ComponentCore& core_;
-  /// What it does while it follows has been recorded where it was done first.
+  /// Activity while it follows was already recorded by the other process.
   const std::unique_ptr<detail::ActivationRing> ring_ = std::make_unique<detail::ActivationRing>();
   const Listener listener_;
   detail::ToldReads told_;
@@ -115,15 +115,15 @@ class FollowedComponent final : public detail::Script {
   std::atomic<std::uint64_t> executed_{0};
   std::atomic<std::uint64_t> left_out_{0};  ///< 0: none.
 
-  // The worker's.
-  bool is_public_ = false;  ///< What it publishes is published.
+  // Of the worker.
+  bool is_public_ = false;  ///< Its messages are delivered.
   bool is_lost_ = false;
-  std::int64_t missing_since_ns_ = 0;  ///< 0: no input is.
-  host::ApplicationHost* late_;        ///< Null once there is nothing to look for.
-  bool has_started_ = false;           ///< With `late_`: the start of its process is over.
-  std::size_t reads_found_ = 0;        ///< Of the next activation: whose messages were looked for.
+  std::int64_t missing_since_ns_ = 0;  ///< Since when an input has been missing; 0: none is.
+  host::ApplicationHost* late_;        ///< Null once no key frame is needed.
+  bool has_started_ = false;           ///< With `late_`: the start of its process is complete.
+  std::size_t reads_found_ = 0;        ///< Of the next activation: with messages searched for.
   std::vector<ForView> for_views_;
-  detail::LaneHead message_;  ///< Its cause; none: it was not found yet, or is no message.
+  detail::LaneHead message_;  ///< Its cause; none: not found yet, or no message.
 };
 
 }  // namespace fastcycle::standby

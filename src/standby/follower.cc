@@ -16,10 +16,10 @@ namespace fastcycle::standby {
 
 namespace {
 
-/// What is known and not executed; beyond that it is too far behind.
+/// Limit of known and not executed activations; beyond it is too far behind.
 constexpr std::uint64_t kMostBehind = 4096;
 
-/// It writes nothing into either, as protobuf's own functions would into one of another process.
+/// Writes into neither; protobuf's own functions would, into one of another process.
 bool are_equal(const google::protobuf::Message& one, const google::protobuf::Message& other) {
   record::Serializer serializer;
   return serializer.serialize_to_string(one) == serializer.serialize_to_string(other);
@@ -65,7 +65,7 @@ bool Follower::look(bool has_come) {
   }
   const std::lock_guard lock(mutex_);
   bool is_anything_new = has_come;
-  // Before the rings: what ends after this is looked for again.
+  // Before the rings: activations that end later cause another pass.
   if (const std::uint32_t progress = followed_.progress();
       progress != progress_seen_.exchange(progress)) {
     read_rings();
@@ -81,7 +81,7 @@ bool Follower::look(bool has_come) {
   return is_anything_new;
 }
 
-/// The mutex is held.
+/// With the mutex held.
 void Follower::read_rings() {
   const auto& rings = followed_.rings().workers;
   new_.clear();
@@ -113,11 +113,11 @@ void Follower::add(const detail::ActivationRecord& record) {
   }
 }
 
-/// Gives the script what follows without a gap.
+/// Passes consecutive activations to the script.
 void Follower::pass_on(Its& its) {
   while (!its.pending.empty()) {
     const auto first = its.pending.begin();
-    if (its.is_late) {  // The script looks for a key frame, from the first that is known here on.
+    if (its.is_late) {  // The script searches for a key frame, from the first known activation on.
       its.is_late = false;
       its.next = first->first;
     }
@@ -134,7 +134,7 @@ void Follower::pass_on(Its& its) {
   }
 }
 
-/// The mutex is held.
+/// With the mutex held.
 void Follower::take_over() {
   if (!options_.takes_over) {
     lose("the process that it follows has ended");
@@ -148,8 +148,8 @@ void Follower::take_over() {
   is_taking_over_ = true;
   followed_.take_rest();
   read_rings();
-  // Those in which it ended. What they published may have reached some. One in which the component
-  // crashed would crash it here too: it is left out.
+  // Those in which it ended. Some receivers may have what they published. One in which the
+  // component crashed would crash here too: it is skipped.
   const std::optional<std::uint32_t> crashed = followed_.crashed_in();
   const auto& rings = followed_.rings().workers;
   for (std::size_t i = 0; i < rings.size(); ++i) {

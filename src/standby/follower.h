@@ -19,7 +19,7 @@
 
 namespace fastcycle::standby {
 
-/// The process that is followed, as far as its follower must know it.
+/// The followed process, as its follower sees it.
 ///
 /// @threads  Safe.
 class Followed {
@@ -30,65 +30,65 @@ class Followed {
   virtual ~Followed() = default;
 
   [[nodiscard]] virtual const detail::PeerActivity::Rings& rings() const = 0;
-  /// Counted up after each of its activations.
+  /// Incremented after each of its activations.
   [[nodiscard]] virtual std::uint32_t progress() const noexcept = 0;
-  /// None of its workers will ever do anything again, and it did not end in order.
+  /// All its workers have ended, and it did not end in order.
   [[nodiscard]] virtual bool has_ended() const noexcept = 0;
-  /// In an activation of which component it crashed, by its place; none if it was ended otherwise.
+  /// Index of the component in whose activation it crashed; none if it ended otherwise.
   [[nodiscard]] virtual std::optional<std::uint32_t> crashed_in() const noexcept = 0;
-  /// It has ended: takes what it published and what did not come here yet.
+  /// It has ended: takes its remaining messages and returns.
   virtual void take_rest() = 0;
-  /// Says to all that this process publishes from now on.
+  /// Announces to all that this process publishes from now on.
   virtual void take_place() = 0;
 };
 
 /// Follows all components of another process: executes their activations here, in the same order,
-/// and takes their place when that process ends.
+/// and takes over when that process ends.
 ///
-/// What the other process published is published again by nobody, unless it may not have reached
-/// all: of the activation in which it ended, and of those that were not executed here yet.
+/// Messages that the other process published are not published again, unless they may not have
+/// reached all: those of the activation in which it ended, and of those not executed here yet.
 ///
 /// @threads  Safe.
 class Follower final : public detail::OutputComparer {
  public:
   struct Listener {
-    /// It follows, from now on up to the present.
+    /// It has caught up, and follows.
     std::function<void()> in_step = [] {};
-    /// Two messages of one sequence, by several threads; not set: a difference is the end of
-    /// following.
+    /// Two messages of one sequence, by several threads; if not set, a difference ends following.
     std::function<void(const detail::PublisherCore& publisher, const detail::Envelope& theirs,
                        const detail::Envelope& own, bool is_equal)>
         compare = {};
-    /// One that only one of both has published, the other one or this.
+    /// A message that only one of them has published.
     std::function<void(const detail::PublisherCore& publisher, bool is_theirs)> unmatched = {};
-    /// It cannot follow any longer.
+    /// It can no longer follow.
     std::function<void(const std::string& why)> lost = [](const std::string&) {};
-    /// All components serve by themselves, so many ns after the end of the other one was seen.
+    /// All components work independently, this many ns after the end of the other process was
+    /// noticed.
     std::function<void(std::int64_t duration_ns)> taken_over = [](std::int64_t) {};
   };
 
   struct Options {
     bool is_late = false;    ///< From a key frame on; else from the first activation on.
-    bool takes_over = true;  ///< Else it ends when the other one does.
+    bool takes_over = true;  ///< Else it ends with the other process.
   };
-  /// `components` were built and not started. All have to live as long as this.
+  /// `components` were built and not started. All arguments must outlive this.
   Follower(host::ApplicationHost& application, Followed& followed,
            const std::vector<detail::ComponentCore*>& components, Options options,
            Listener listener);
   ~Follower() override;
 
-  /// Looks for what is new; `has_come`: messages came here. True if there was anything.
+  /// Checks for news; `has_come`: messages arrived. True if there was anything.
   bool look(bool has_come);
   [[nodiscard]] bool has_news() const noexcept;
 
   /// The application stops.
   void end();
 
-  /// Activations of the other one that are known here, and of these, executed.
+  /// Known activations of the other process, and those of them executed.
   struct Progress {
     std::uint64_t known = 0;
     std::uint64_t executed = 0;
-    std::uint64_t compared = 0;  ///< Messages that both published.
+    std::uint64_t compared = 0;  ///< Messages published by both.
   };
   [[nodiscard]] Progress progress() const;
 
@@ -101,7 +101,7 @@ class Follower final : public detail::OutputComparer {
     std::unique_ptr<FollowedComponent> script;
     std::unique_ptr<ReadAssembly> reads;
     std::map<std::uint64_t, detail::ActivationRecord> pending;  ///< By number.
-    std::uint64_t next = 1;                                     ///< The number that is expected.
+    std::uint64_t next = 1;                                     ///< The next expected number.
     bool is_late = false;                                       ///< No key frame was found yet.
   };
 
@@ -116,13 +116,13 @@ class Follower final : public detail::OutputComparer {
   Followed& followed_;
   const Options options_;
   const Listener listener_;
-  std::map<std::uint32_t, Its> its_;  ///< By component. Constant but for what is in them.
+  std::map<std::uint32_t, Its> its_;  ///< By component. The map itself is constant.
 
   mutable std::mutex mutex_;
-  std::vector<std::uint64_t> next_;  ///< In each ring.
+  std::vector<std::uint64_t> next_;  ///< Position in each ring.
   std::vector<detail::ActivationRecord> new_;
   std::uint64_t known_ = 0;
-  bool is_in_step_ = false;  ///< It was told.
+  bool is_in_step_ = false;  ///< The listener was notified.
   std::int64_t ended_ns_ = 0;
 
   std::atomic<std::uint32_t> progress_seen_{0};

@@ -8,19 +8,19 @@
 
 namespace fastcycle::standby {
 
-/// What the activations of one component learned, put together from its read ring.
+/// Assembles the reads of one component's activations from its read ring.
 ///
 /// @threads  By one thread at a time.
 class ReadAssembly {
  public:
-  /// `ring` outlives it.
+  /// `ring` must outlive it.
   explicit ReadAssembly(const detail::ReadRing& ring) : ring_(ring) {}
 
-  /// Takes what is new in the ring. False if some of it was written over before.
+  /// Reads new entries of the ring. False if some were overwritten before.
   [[nodiscard]] bool read();
 
-  /// What `activation` learned; what was learned before is forgotten. Complete once the activation
-  /// is over.
+  /// The reads of `activation`; discards those of earlier ones. Complete once the activation has
+  /// ended.
   [[nodiscard]] std::vector<detail::ToldReads::Entry> take(std::uint64_t activation);
 
  private:

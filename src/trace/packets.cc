@@ -5,7 +5,7 @@
 namespace fastcycle::trace {
 namespace {
 
-// Numbers of fields, by message.
+// Field numbers, by message.
 namespace trace_field {
 constexpr unsigned kPacket = 1;
 }

@@ -27,12 +27,12 @@ class Fields {
     put(value.size());
     bytes_.append(value);
   }
-  /// A message within the message: `fill` adds its fields.
+  /// A nested message: `fill` adds its fields.
   template <typename Fill>
   void message(unsigned field, const Fill& fill) {
     put((field << 3U) | 2U);
     const std::size_t begin = bytes_.size();
-    bytes_.push_back('\0');  // Most are so short that their length is one byte.
+    bytes_.push_back('\0');  // Most lengths fit one byte.
     fill(*this);
     end_message(begin);
   }
@@ -50,7 +50,7 @@ class Fields {
   std::string& bytes_;
 };
 
-/// What an event of a track is. The numbers are the format's.
+/// Type of a track event. The numbers are the format's.
 enum class EventType : std::uint8_t { kBegin = 1, kEnd = 2, kInstant = 3, kCounter = 4 };
 
 /// A number that the viewer shows with an event.
@@ -78,26 +78,26 @@ struct Track {
   std::uint64_t id = 0;
   std::uint64_t parent = 0;  ///< 0: none.
   std::string name = {};
-  std::int64_t process = 0;  ///< Its number, if the row is a process,
-  std::int64_t thread = 0;   ///< and that of the thread, if it is one of `process`.
+  std::int64_t process = 0;  ///< Its pid, if the row is a process,
+  std::int64_t thread = 0;   ///< and its tid, if it is a thread of `process`.
   bool is_counter = false;
 };
 
-/// Makes the packets of a trace in the format of Perfetto, as far as it is needed here. Numbers of
-/// fields are those of its public definitions, package perfetto.protos:
+/// Encodes the packets of a trace in Perfetto's format, as far as needed here. Field numbers are
+/// those of its public definitions, package perfetto.protos:
 /// https://github.com/google/perfetto/tree/main/protos/perfetto/trace (trace_packet.proto,
 /// clock_snapshot.proto, track_event/*.proto, interned_data/interned_data.proto)
 ///
-/// Names are written once and are numbers from then on. Whoever has to throw packets away calls
-/// `begin_anew`: what follows stands on its own.
+/// Names are interned: written once, and numbers from then on. After packets were discarded, call
+/// `begin_anew`: what follows is self-contained.
 ///
 /// @threads  Confined.
 class Packets {
  public:
-  /// The number that stands for `text`, for all the time. Not 0.
+  /// The permanent number of `text`. Not 0.
   std::uint64_t name(const std::string& text);
 
-  /// The times that the clocks of the trace had at one moment.
+  /// Readings of the clocks of the trace at one moment.
   struct Clocks {
     std::int64_t monotonic_ns = 0;
     std::int64_t boot_ns = 0;
@@ -107,14 +107,14 @@ class Packets {
   void add(const Track& track);
   void add(const Event& event);
 
-  /// What was made and not taken yet.
+  /// Encoded bytes not taken yet.
   [[nodiscard]] const std::string& bytes() const noexcept { return bytes_; }
   [[nodiscard]] std::uint64_t event_count() const noexcept { return events_; }
   void clear() noexcept {
     bytes_.clear();
     events_ = 0;
   }
-  /// What was made last is lost: names are written again when they are needed.
+  /// The last packets were lost: names are written again when they are needed.
   void begin_anew() noexcept;
 
  private:

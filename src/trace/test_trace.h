@@ -1,6 +1,6 @@
 #pragma once
 
-// For tests: what stands in a trace, read by its wire format alone.
+// For tests: decodes a trace by its wire format alone.
 
 #include <array>
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace fastcycle::trace {
 
-/// The fields of a message, by number, in their order.
+/// The fields of a message, by number, in order.
 struct TestMessage {
   std::multimap<unsigned, std::uint64_t> numbers;
   std::multimap<unsigned, std::string> texts;  ///< Also messages.
@@ -102,11 +102,11 @@ struct TestSlice {
   std::map<std::string, std::int64_t> annotations;
 };
 
-/// All that stands in a trace.
+/// The contents of a trace.
 struct TestTrace {
   std::map<std::uint64_t, TestMessage> tracks;
   std::vector<TestEvent> events;
-  std::vector<TestSlice> slices;  ///< In the order in which they end.
+  std::vector<TestSlice> slices;  ///< In the order of their ends.
   std::map<std::uint64_t, std::int64_t> clocks;
   bool says_that_packets_were_dropped = false;
   std::size_t packets = 0;
@@ -120,8 +120,7 @@ struct TestTrace {
   }
 };
 
-/// Reads a trace, and throws if a name is used that is not known, or a slice ends that did not
-/// begin.
+/// Reads a trace, and throws if an unknown name is used, or a slice ends that did not begin.
 inline TestTrace read_trace(std::string_view bytes) {
   TestTrace trace;
   std::map<std::uint64_t, std::string> categories;
@@ -217,7 +216,7 @@ inline std::string bytes_of(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// What `protoc --decode_raw` makes of `file`; throws if it cannot read it.
+/// The output of `protoc --decode_raw` for `file`; throws if it fails.
 inline std::string decode_raw(const std::filesystem::path& file) {
   const std::string command = "protoc --decode_raw < '" + file.string() + "' 2>&1";
   const std::unique_ptr<FILE, int (*)(FILE*)> pipe(::popen(command.c_str(), "r"), &::pclose);

@@ -21,7 +21,7 @@ TraceFile::~TraceFile() {
 
 void TraceFile::open() {
   output_.emplace(file_, inputs_);
-  output_->commit();  // So that a trace is found also of a run that crashed.
+  output_->commit();  // So that the trace of a crashed run is found, too.
 }
 
 void TraceFile::start(std::vector<base::Refusal>& refusals) {
@@ -65,11 +65,11 @@ bool TraceFile::write(std::string_view bytes) {
 
 void TraceFile::write_chunks() {
   using namespace std::chrono_literals;
-  // On Linux this is the calling thread alone.
+  // On Linux this affects only the calling thread.
   static_cast<void>(setpriority(PRIO_PROCESS, 0, 19));
   std::unique_lock lock(mutex_);
   while (!is_closing_ || !chunks_.empty()) {
-    // A chunk that is being filled is written a little later.
+    // A chunk that is still being filled is written a little later.
     changed_.wait_for(lock, 100ms, [this] { return is_closing_ || chunks_.size() > 1; });
     if (chunks_.empty()) {
       continue;

@@ -15,8 +15,8 @@
 
 namespace fastcycle::trace {
 
-/// A file that a thread of the lowest priority writes, behind a buffer of bounded size. It can be
-/// read by its owner alone.
+/// A file that a thread of the lowest priority writes, with a bounded buffer. Only its owner can
+/// read it.
 ///
 /// @threads  `append` by one thread; all else by the control thread.
 class TraceFile {
@@ -28,23 +28,23 @@ class TraceFile {
   TraceFile& operator=(const TraceFile&) = delete;
   ~TraceFile();
 
-  /// Makes the file, in the place of one that has its name.
+  /// Creates the file, replacing one of its name.
   ///
   /// @errors  `std::runtime_error`: see `base::OutputFile`.
   void open();
   void start(std::vector<base::Refusal>& refusals);
 
-  /// Takes all of `bytes`, or none of it: false if there is no room, or the file cannot be written.
+  /// Takes all of `bytes`, or none: false if the buffer is full, or the file cannot be written.
   /// With `waits` it waits for room.
   bool append(std::string_view bytes, bool waits);
 
-  /// Writes what waits, and closes the file.
+  /// Writes the buffer, and closes the file.
   void close();
 
   [[nodiscard]] const std::filesystem::path& file() const noexcept { return file_; }
-  /// Bytes that stand in the file. When closed.
+  /// Size of the file in bytes. When closed.
   [[nodiscard]] std::uint64_t written() const noexcept { return written_; }
-  /// What went wrong; empty if nothing did. When closed.
+  /// An error; empty if there was none. When closed.
   [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
  private:
@@ -64,10 +64,10 @@ class TraceFile {
   std::condition_variable changed_;
   std::condition_variable has_room_;
   std::deque<std::string> chunks_;  ///< The last one is being filled.
-  std::uint64_t waiting_ = 0;       ///< Bytes in `chunks_`, and those that are being written.
+  std::uint64_t waiting_ = 0;       ///< Bytes in `chunks_`, and those being written.
   bool is_closing_ = false;
 
-  std::uint64_t written_ = 0;  ///< The writing thread's, until it has ended.
+  std::uint64_t written_ = 0;  ///< Of the writing thread, until it has ended.
   std::string problem_;        ///< Under the mutex, until it has ended.
 };
 

@@ -24,13 +24,13 @@ using detail::ActivationRecord;
 using detail::Cause;
 using detail::Outcome;
 
-/// How long a slice waits for the activation that its message came from: callbacks that take longer
-/// have no flows from them.
+/// How long a slice waits for the activation that published its message: callbacks that take longer
+/// have no outgoing flows.
 constexpr std::int64_t kPatienceNs = 1'000'000'000;
 constexpr std::size_t kWaitingMax = 16'384;  // Slices of one worker.
 constexpr std::size_t kPastMax = 1024;       // Activations of one component.
 constexpr int kPollsPerLedger = 20;
-constexpr int kPollsPerLook = 200;  // For subscriptions that came.
+constexpr int kPollsPerLook = 200;  // For new subscriptions.
 
 std::int64_t read_clock(clockid_t id) {
   timespec time{};
@@ -61,7 +61,7 @@ std::string name_of_timer(const detail::TimerCore& timer) {
   return role.name.empty() ? fmt::format("timer {}", timer.number) : role.name;
 }
 
-/// The number of a flow: another one for each message and activation.
+/// The id of a flow, unique for each message and activation.
 std::uint64_t flow_id(const ActivationRecord& record) {
   std::uint64_t hash = record.publisher;
   for (const std::uint64_t part : {record.key, std::uint64_t{record.component}, record.number}) {
@@ -111,7 +111,7 @@ std::int64_t Tracer::now_ns() const {
   return clock_->is_simulated() ? base::to_ns(clock_->now()) : base::monotonic_ns();
 }
 
-/// `time_ns` of the application's clock as the trace has it.
+/// Converts `time_ns` of the application's clock to the trace's.
 std::int64_t Tracer::to_trace(std::int64_t time_ns) const {
   return clock_->is_simulated() ? time_ns : clock_->monotonic_at(base::from_ns(time_ns));
 }
@@ -153,7 +153,7 @@ void Tracer::describe_tracks(const host::ObserverView& view) {
 }
 
 void Tracer::describe_workers(const host::Application& application) {
-  // The rings follow each other in the same order.
+  // The rings are in the same order.
   auto threads = threads_by_name();
   const std::vector<std::string> names = host::worker_names(application.description());
   for (std::size_t next = 0; next < std::min(names.size(), workers_.size()); ++next) {
@@ -172,7 +172,7 @@ void Tracer::describe_workers(const host::Application& application) {
   }
 }
 
-/// Who is in other processes; where that is shown follows when they are there.
+/// Describes other processes; their tracks follow when they exist.
 void Tracer::describe_peers(const host::ObserverView& view) {
   for (const detail::PeerActivity* const peer : view.peers) {
     const auto& first = peer->rings(1);
@@ -188,7 +188,7 @@ void Tracer::describe_peers(const host::ObserverView& view) {
   }
 }
 
-/// One that has begun, or was restarted.
+/// Describes a process that has started, or was restarted.
 void Tracer::describe_process(const PeerState& its) {
   const bool is_simulated = clock_->is_simulated();
   const std::uint64_t track = next_track_++;
@@ -336,7 +336,7 @@ void Tracer::read_ring(Worker& worker) {
   records_.clear();
   counts_.activations_lost += worker.ring->read(worker.next, records_);
   for (const ActivationRecord& record : records_) {
-    // Of components that run elsewhere, or that do not exist, another process may say something.
+    // Another process may report components that run elsewhere, or do not exist.
     if (record.component >= components_.size() ||
         components_[record.component].peer != worker.peer || record.cause > Cause::kFault) {
       continue;
@@ -349,7 +349,7 @@ void Tracer::read_ring(Worker& worker) {
   }
 }
 
-/// Goes on with the present rings of a process that began, ended or was restarted.
+/// Switches to the present rings of a process that started, ended or was restarted.
 void Tracer::look_at(PeerState& its) {
   const std::uint32_t now = its.peer->incarnation();
   if (now == its.incarnation) {
@@ -358,7 +358,7 @@ void Tracer::look_at(PeerState& its) {
   const std::size_t count = its.peer->rings(1).workers.size();
   const auto workers = std::span(workers_).subspan(its.first_worker, count);
   for (Worker& worker : workers) {
-    read_ring(worker);  // What came between the two looks.
+    read_ring(worker);  // Entries since the last pass.
   }
   write_live(true);
   its.incarnation = now;
@@ -377,7 +377,7 @@ void Tracer::remember(const ActivationRecord& record, const Slice& slice, std::u
     return;
   }
   std::deque<Past>& past = components_[record.component].past;
-  // Workers are read one after the other, so what one of them did later may come first.
+  // Workers are read one after the other, so a later activation may come first.
   auto place = past.end();
   while (place != past.begin() && std::prev(place)->number > record.number) {
     --place;
@@ -402,8 +402,8 @@ void Tracer::read_live(Worker& worker, const ActivationRecord& record) {
   worker.slices.push_back(slice);
 }
 
-/// Simulated time stands while components work. What follows at one moment is shown one after the
-/// other, as long as it took on this machine, as if each component had a CPU of its own.
+/// Simulated time stands still while components work. Activations at one moment are shown one after
+/// the other, with their run time on this machine, as if each component had a CPU of its own.
 void Tracer::write_simulated(Worker&, const ActivationRecord& record) {
   ComponentState& component = components_[record.component];
   Slice slice{.record = record};
@@ -450,7 +450,7 @@ Tracer::Found Tracer::find_live(const Slice& slice, FlowBegin& begin) const {
     return Found::kYes;
   }
   const std::deque<Past>& past = components_[publisher->second.component].past;
-  // At another rate than 1 the clock's conversion rounds.
+  // If the rate is not 1 the clock's conversion rounds.
   constexpr std::int64_t kRounding = 2;
   const Past* later = nullptr;
   for (auto it = past.rbegin(); it != past.rend(); ++it) {
@@ -463,14 +463,14 @@ Tracer::Found Tracer::find_live(const Slice& slice, FlowBegin& begin) const {
       begin.time_ns = std::min(begin.time_ns, slice.begin_ns);
       return Found::kYes;
     }
-    // It was published in the activation after this one: not read yet, or lost.
+    // Published in the activation after this one: not read yet, or lost.
     return later == nullptr || later->number != it->number + 1 ? Found::kNotYet : Found::kNo;
   }
   return past.empty() ? Found::kNotYet : Found::kNo;
 }
 
-/// Messages of a round are handed over when it is over: it is the last activation of before that
-/// published at that time.
+/// Messages of a round are handed over at its end: the publisher is the last earlier activation
+/// that published at that time.
 std::optional<Tracer::FlowBegin> Tracer::find_simulated(const ActivationRecord& record) const {
   const auto publisher = publishers_.find(record.publisher);
   if (record.publisher == 0 || publisher == publishers_.end()) {
@@ -610,7 +610,7 @@ void Tracer::write_queues() {
   }
 }
 
-/// All drops but those of full queues, which leave notes: how many there were since the last look.
+/// All drops since the last pass, except those of full queues, which leave notes.
 void Tracer::write_ledgers() {
   const std::int64_t now = now_ns();
   for (Queue& queue : queues_) {
@@ -640,7 +640,7 @@ void Tracer::overflowed(const detail::Subscription& subscription) noexcept {
     Note& note = (*notes_)[place % kNotes];
     const std::uint64_t turn = note.turn.load(std::memory_order_acquire);
     if (turn < place) {
-      notes_lost_.fetch_add(1, std::memory_order_relaxed);  // All places wait to be read.
+      notes_lost_.fetch_add(1, std::memory_order_relaxed);  // The queue of notes is full.
       return;
     }
     if (turn > place) {
@@ -684,7 +684,7 @@ void Tracer::faulted(std::string_view component, std::string_view what) noexcept
       return;
     }
   } catch (const std::bad_alloc&) {
-    // It is counted as lost.
+    // Counted as lost.
   }
   notes_lost_.fetch_add(1, std::memory_order_relaxed);
 }
@@ -701,7 +701,7 @@ void Tracer::write_faults() {
   }
 }
 
-/// At the end it waits for room, so that no loss stays unsaid.
+/// At the end waits for room, so that every loss is reported.
 void Tracer::write_losses(bool is_last) {
   counts_.notes_lost = notes_lost_.load(std::memory_order_relaxed);
   const std::uint64_t lost = counts_.activations_lost + counts_.events_lost + counts_.notes_lost;

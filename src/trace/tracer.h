@@ -31,17 +31,17 @@
 
 namespace fastcycle::trace {
 
-/// What became of a trace.
+/// Statistics of a trace.
 struct TraceReport {
   std::string file = {};
-  std::string problem = {};  ///< Why not all was written; empty if nothing was in the way.
+  std::string problem = {};  ///< Why the trace is incomplete; empty if it is not.
   std::uint64_t bytes = 0;
   std::uint64_t slices = 0;            ///< Activations.
   std::uint64_t flows = 0;             ///< From publish to callback.
   std::uint64_t instants = 0;          ///< Drops and faults.
   std::uint64_t samples = 0;           ///< Of queues.
-  std::uint64_t activations_lost = 0;  ///< Written over before they were read.
-  std::uint64_t events_lost = 0;       ///< There was no room for them in the buffer.
+  std::uint64_t activations_lost = 0;  ///< Overwritten before they were read.
+  std::uint64_t events_lost = 0;       ///< The buffer was full.
   std::uint64_t notes_lost = 0;        ///< Drops and faults that came too fast.
 
   [[nodiscard]] std::uint64_t lost() const noexcept {
@@ -49,16 +49,16 @@ struct TraceReport {
   }
 };
 
-/// Writes what an application does into a trace that Perfetto opens: a slice for each activation, a
-/// flow from each publish to the callback that it led to, queues as counters, drops and faults.
+/// Writes the activity of an application to a trace for Perfetto: a slice for each activation, a
+/// flow from each publish to the resulting callback, queues as counters, drops and faults.
 ///
 /// Live, one thread reads the activation rings every few milliseconds and another one writes the
-/// file: workers and publishers do nothing for it, except that an overflow leaves a note. What was
-/// written over before it was read, and what did not fit into the buffer, is counted, and said in
-/// the trace itself. A flow is written with the slice that it leads to or not at all, so each has
-/// both ends.
+/// file: workers and publishers have no extra work, except that an overflow leaves a note.
+/// Activations overwritten before they were read, and events that did not fit into the buffer, are
+/// counted, and reported in the trace itself. A flow is written with the slice that it leads to or
+/// not at all, so each has both ends.
 ///
-/// In simulated time nothing polls and nothing is lost: it is read after each round.
+/// In simulated time nothing polls and nothing is lost: rings are read after each round.
 ///
 /// @threads  As `Observer`; `report` when stopped.
 class Tracer final : public host::Observer {
@@ -81,8 +81,8 @@ class Tracer final : public host::Observer {
   [[nodiscard]] TraceReport report() const;
 
  private:
-  /// An overflow on its way to the thread that reads. A bounded queue of many writers and one
-  /// reader: `turn` says whose place it is.
+  /// An overflow on its way to the reading thread. A bounded queue of many writers and one reader:
+  /// `turn` determines who owns the entry.
   /// https://www.1024cores.net/home/lock-free-algorithms/queues/bounded-mpmc-queue
   struct Note {
     std::atomic<std::uint64_t> turn{0};
@@ -98,28 +98,28 @@ class Tracer final : public host::Observer {
   };
   static constexpr std::size_t kFaultNotes = 64;
 
-  /// An activation that was read and is not written yet. Times are those of the trace.
+  /// An activation that was read but not written yet. Times are those of the trace.
   struct Slice {
     detail::ActivationRecord record = {};
     std::int64_t begin_ns = 0;
     std::int64_t end_ns = 0;
     std::int64_t read_ns = 0;  ///< When it was read.
   };
-  /// Where a flow begins.
+  /// The begin of a flow.
   struct FlowBegin {
     std::uint64_t track = 0;
     std::int64_t time_ns = 0;
   };
   enum class Found : std::uint8_t { kYes, kNo, kNotYet };
 
-  /// An activation in which something may have been published.
+  /// An activation that may have published.
   struct Past {
     std::uint64_t number = 0;
     std::uint64_t track = 0;
     std::int64_t begin_ns = 0;
     std::int64_t end_ns = 0;
     std::int64_t time_ns = 0;  ///< The application's.
-    std::uint64_t batch = 0;   ///< When it was read.
+    std::uint64_t batch = 0;   ///< The pass in which it was read.
   };
 
   struct Worker {
@@ -133,8 +133,8 @@ class Tracer final : public host::Observer {
   /// Another process of the application.
   struct PeerState {
     const detail::PeerActivity* peer = nullptr;
-    std::uint32_t incarnation = 0;  ///< 0: it has ended, or not begun.
-    std::size_t first_worker = 0;   ///< Its own are behind each other.
+    std::uint32_t incarnation = 0;  ///< 0: it has ended, or not started.
+    std::size_t first_worker = 0;   ///< Index of its first worker; the others follow.
   };
   struct ComponentState {
     std::string name = {};
@@ -148,7 +148,7 @@ class Tracer final : public host::Observer {
     std::string topic = {};
     std::size_t component = 0;
     std::uint64_t name = 0;            ///< Of the begin of a flow.
-    std::uint64_t external_track = 0;  ///< Where its flows begin, if it is in no activation.
+    std::uint64_t external_track = 0;  ///< Of flows from outside of activations.
   };
   struct Queue {
     const detail::Subscription* subscription = nullptr;
@@ -166,7 +166,7 @@ class Tracer final : public host::Observer {
   void describe_publishers(const detail::Topics& topics);
   void poll();
   void end_reading();
-  /// Reads and writes all that there is; with `is_last` nothing is waited for any more.
+  /// Reads and writes everything available; with `is_last` it waits for nothing more.
   void take(bool is_last);
   void read_rings();
   void read_ring(Worker& worker);
@@ -183,7 +183,7 @@ class Tracer final : public host::Observer {
   void write_slice(const Slice& slice, std::uint64_t track, const std::optional<FlowBegin>& flow);
   void write_instant(std::int64_t time_ns, std::uint64_t track, std::uint64_t name,
                      std::span<const Annotation> annotations, std::string_view text = {});
-  /// Hands over what was made since; false if it is lost.
+  /// Hands over new packets; false if they are lost.
   bool hand_over();
   void remember(const detail::ActivationRecord& record, const Slice& slice, std::uint64_t track);
   [[nodiscard]] Found find_live(const Slice& slice, FlowBegin& begin) const;
@@ -204,7 +204,7 @@ class Tracer final : public host::Observer {
   bool is_started_ = false;
   std::int64_t start_ns_ = 0;
 
-  // The thread that reads; in simulated time that of the simulation.
+  // Of the reading thread; in simulated time that of the simulation.
   Packets packets_;
   std::vector<Worker> workers_;
   std::vector<PeerState> peers_;
@@ -227,7 +227,7 @@ class Tracer final : public host::Observer {
   std::uint64_t lost_said_ = 0;
   TraceReport counts_;
 
-  // From everywhere.
+  // Written by any thread.
   std::unique_ptr<std::array<Note, kNotes>> notes_;
   std::atomic<std::uint64_t> next_note_{0};
   std::uint64_t read_note_ = 0;

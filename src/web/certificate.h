@@ -8,14 +8,14 @@ namespace fastcycle::web {
 
 /// A certificate and its private key, both in PEM.
 struct Certificate {
-  std::string chain;  ///< The certificate, and those that vouch for it.
+  std::string chain;  ///< The certificate, and its issuers.
   std::string key;
 };
 
-/// A new one that vouches for itself, for `names`: IP addresses and names of hosts. Valid for 90
-/// days, elliptic curve P-256.
+/// Creates a self-signed certificate for `names`: IP addresses and host names. Valid for 90 days,
+/// elliptic curve P-256.
 ///
-/// @errors  `std::runtime_error` if it cannot be made.
+/// @errors  `std::runtime_error` on failure.
 [[nodiscard]] Certificate make_certificate(const std::vector<std::string>& names);
 
 /// The SHA-256 of the first certificate in `chain`, as browsers show it: "3A:0F:…".

@@ -26,7 +26,7 @@ void append_u64(std::string& out, std::uint64_t number) {
   }
 }
 
-/// Takes a number off the beginning of `bytes`.
+/// Removes a number from the beginning of `bytes`.
 template <typename Number>
 std::optional<Number> take(std::string_view& bytes) {
   if (bytes.size() < sizeof(Number)) {
@@ -57,7 +57,7 @@ Json json_of(const std::map<std::string, std::set<std::string>>& all, const char
   return list;
 }
 
-/// Names in `before` that `now` has not.
+/// Names in `before` that are missing in `now`.
 Json names_gone(const std::map<std::string, std::set<std::string>>& before,
                 const std::map<std::string, std::set<std::string>>& now) {
   Json list = Json::array();

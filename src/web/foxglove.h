@@ -12,11 +12,11 @@
 
 #include <nlohmann/json.hpp>
 
-/// The words of the Foxglove WebSocket protocol: `foxglove.sdk.v1` and `foxglove.websocket.v1`.
+/// The messages of the Foxglove WebSocket protocol: `foxglove.sdk.v1` and `foxglove.websocket.v1`.
 ///
 /// Source: github.com/foxglove/ws-protocol, docs/spec.md; github.com/foxglove/foxglove-sdk. Texts
-/// are JSON objects whose "op" says what they are; binary frames begin with one byte that does, and
-/// their numbers are little endian.
+/// are JSON objects with their type in "op"; binary frames have it in their first byte, and are
+/// little-endian.
 namespace fastcycle::web::foxglove {
 
 using Json = nlohmann::ordered_json;
@@ -24,11 +24,11 @@ using Json = nlohmann::ordered_json;
 inline constexpr std::string_view kNewSubprotocol = "foxglove.sdk.v1";
 inline constexpr std::string_view kOldSubprotocol = "foxglove.websocket.v1";
 
-/// Encodings of messages: those of the server are protobuf, clients may send protobuf's JSON too.
+/// Message encodings: the server sends protobuf, clients may also send protobuf's JSON.
 inline constexpr std::string_view kProtobuf = "protobuf";
 inline constexpr std::string_view kJson = "json";
 
-/// The one that is spoken with who offers `offered`, a list with commas; empty: none of it.
+/// The subprotocol to use with a client that offers `offered`, a comma-separated list; empty: none.
 [[nodiscard]] std::string_view choose_subprotocol(std::string_view offered);
 
 /// A topic.
@@ -51,7 +51,7 @@ struct Service {
 
 enum class StatusLevel : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };
 
-/// Who publishes, subscribes and serves: names by topic or service.
+/// Publishers, subscribers and service providers: names by topic or service.
 struct Graph {
   std::map<std::string, std::set<std::string>> published;
   std::map<std::string, std::set<std::string>> subscribed;
@@ -60,7 +60,7 @@ struct Graph {
   bool operator==(const Graph&) const = default;
 };
 
-// ---- What the server says ----
+// ---- Messages from the server ----
 
 /// The first time of a recording that is played, and the last one.
 struct TimeRange {
@@ -76,33 +76,33 @@ struct TimeRange {
 [[nodiscard]] std::string advertise_services(std::span<const Service> services);
 [[nodiscard]] std::string status(StatusLevel level, std::string_view text,
                                  std::string_view id = {});
-/// `id`: of the request that they answer; empty: of none.
+/// `id`: of the answered request; empty: none.
 [[nodiscard]] std::string parameter_values(Json parameters, const std::string& id);
 [[nodiscard]] std::string service_failure(std::uint32_t service, std::uint32_t call,
                                           std::string_view text);
-/// All of `graph`, and what of `before` is not in it.
+/// The entries of `graph`, and the removal of those in `before` that are gone.
 [[nodiscard]] std::string graph_update(const Graph& graph, const Graph& before);
 
-/// What goes before the payload of a message.
+/// The header before the payload of a message.
 [[nodiscard]] std::string message_head(std::uint32_t subscription, std::int64_t time_ns);
 [[nodiscard]] std::string time(std::int64_t time_ns);
 [[nodiscard]] std::string service_reply(std::uint32_t service, std::uint32_t call,
                                         std::string_view encoding, std::string_view payload);
 
-/// How a recording is played.
+/// State of a playback.
 struct PlaybackState {
   enum class Status : std::uint8_t { kPlaying = 0, kPaused = 1, kBuffering = 2, kEnded = 3 };
   Status status{};
   std::int64_t now_ns = 0;
   float speed = 1;
   bool did_seek = false;
-  std::string request;  ///< Which it answers; empty: none.
+  std::string request;  ///< The answered request; empty: none.
 };
 [[nodiscard]] std::string playback_state(const PlaybackState& state);
 
-// ---- What a client says ----
+// ---- Messages from a client ----
 
-/// A message that a client publishes, a service that it calls, how it wants a recording played.
+/// A published message, a service call, or a control request for a playback.
 struct ClientMessage {
   std::uint32_t channel = 0;
   std::string_view payload;
@@ -124,14 +124,14 @@ inline constexpr std::uint8_t kClientMessage = 1;
 inline constexpr std::uint8_t kClientCall = 2;
 inline constexpr std::uint8_t kClientPlayback = 3;
 
-/// The parts of a binary frame, borrowed; none if it is no such frame.
+/// Parses a binary frame, borrowed; none if it is invalid.
 [[nodiscard]] std::optional<ClientMessage> read_message(std::string_view frame);
 [[nodiscard]] std::optional<ClientCall> read_call(std::string_view frame);
 [[nodiscard]] std::optional<ClientPlayback> read_playback(std::string_view frame);
 
-/// An unsigned number of 32 bits; none if `json` is something else.
+/// An unsigned 32-bit number; none if `json` is something else.
 [[nodiscard]] std::optional<std::uint32_t> to_id(const Json& json);
-/// The member `name` as a text; empty if there is none.
+/// The text member `name`; empty if there is none.
 [[nodiscard]] std::string text_of(const Json& json, const char* name);
 
 [[nodiscard]] std::string to_base64(std::string_view bytes);

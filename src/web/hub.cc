@@ -70,7 +70,7 @@ void Hub::find_services() {
   const protocol::Answer answer = application_->ask(std::move(request));
   for (const protocol::Service& service : answer.overview().services()) {
     if (!service.feedback_type().empty()) {
-      continue;  // An action: what it gives back is more than one answer.
+      continue;  // An action: it returns more than one answer.
     }
     protocol::Request one;
     one.mutable_topic()->set_topic(service.name());
@@ -143,7 +143,7 @@ void Hub::take(const protocol::Answer& answer) {
     return;
   }
   if (answer.has_playback()) {
-    take_playback(answer.playback());  // Who asked for it is not alone.
+    take_playback(answer.playback());  // Not only the requester needs it.
   }
   const auto found = asked_.find(answer.id());
   if (found != asked_.end()) {
@@ -205,7 +205,7 @@ void Hub::unsubscribe(Listener& listener, std::uint32_t subscription, std::uint3
   std::erase(feed.subscribers, std::pair(&listener, subscription));
   if (feed.subscribers.empty() && feed.stream != 0) {
     application_->end(feed.stream);
-    feed.stream = 0;  // What is under way still comes, and goes to nobody.
+    feed.stream = 0;  // Messages in flight are discarded.
   }
 }
 
@@ -271,7 +271,7 @@ void Hub::take_playback(const protocol::Playback& playback) {
   const bool did_seek = before.seeks() != playback.seeks();
   if (did_seek) {
     for (auto& [channel, feed] : feeds_) {
-      feed.kept.clear();  // Of another time; what holds now is sent again.
+      feed.kept.clear();  // Of another time; the present ones are sent again.
     }
   }
   if (did_seek || before.status() != playback.status() || before.speed() != playback.speed() ||

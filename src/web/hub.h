@@ -21,7 +21,7 @@
 
 namespace fastcycle::web {
 
-/// Who asks the application by way of the hub.
+/// Sender of requests through the hub.
 class Asker {
  public:
   Asker() = default;
@@ -30,17 +30,17 @@ class Asker {
   virtual ~Asker() = default;
 };
 
-/// Whom the hub tells what came.
+/// Receives updates from the hub.
 class Listener : public Asker {
  public:
-  /// A message of a topic that it has subscribed to.
+  /// A message of a subscribed topic.
   virtual void take_message(std::uint32_t subscription,
                             std::shared_ptr<const SharedMessage> message) = 0;
-  /// `count` messages of it were lost before they came here.
+  /// `count` messages of it were lost on the way to the hub.
   virtual void take_loss(std::uint32_t subscription, std::uint64_t count) = 0;
-  /// The application's time, in a simulation.
+  /// The application's time, in simulated time.
   virtual void take_time(std::int64_t now_ns) = 0;
-  /// How a recording is played is not as it was; messages of another time may follow.
+  /// The playback state has changed; messages of another time may follow.
   virtual void take_playback(const inspect::protocol::Playback& playback, bool did_seek) = 0;
 
   [[nodiscard]] virtual bool wants_graph() const = 0;
@@ -48,71 +48,71 @@ class Listener : public Asker {
   [[nodiscard]] virtual bool wants_params() const = 0;
   virtual void take_params(const inspect::protocol::Params& params) = 0;
 
-  /// About once a second.
+  /// Called about once a second.
   virtual void tell_losses() = 0;
 };
 
-/// What the live server knows of an application, and what its clients share: channels, streams of
-/// messages, params, services, the graph.
+/// The live server's view of an application, shared by its clients: channels, message streams,
+/// params, services, the graph.
 ///
-/// All of it comes over one connection of `inspect`: a topic is looked at as long as a client has
-/// subscribed to it, and once for all of them.
+/// All of it uses one connection of `inspect`: a topic is streamed while any client subscribes to
+/// it, and only once for all of them.
 ///
 /// @threads  Confined to the server's thread.
-/// @errors   `inspect::ClientError` when the application has ended.
+/// @errors   `inspect::ClientError` if the application has ended.
 class Hub {
  public:
   struct Options {
-    std::vector<std::string> publish = {};  ///< Patterns of topics that clients may publish on.
+    std::vector<std::string> publish = {};  ///< Patterns of topics on which clients may publish.
     Outbox::Options outbox = {};
   };
 
-  /// Asks the application for its topics and services.
+  /// Requests the application's topics and services.
   Hub(std::unique_ptr<inspect::Client> application, Options options);
   Hub(const Hub&) = delete;
   Hub& operator=(const Hub&) = delete;
   ~Hub();
 
-  /// For poll(2); `read` takes what came, and gives it to the clients that wait for it.
+  /// For poll(2); `read` receives data, and passes it to the clients that wait for it.
   [[nodiscard]] int descriptor() const { return application_->descriptor(); }
   void read();
-  /// What is looked at from time to time: the graph, params, time, losses. At most each 50 ms.
+  /// Polls the graph, params, time and losses. At most every 50 ms.
   void look(std::chrono::steady_clock::time_point now);
 
-  // For listeners. Each that was added is removed before it ends.
+  // For listeners. Each must be removed before it is destroyed.
 
   void add(Listener& listener) { listeners_.insert(&listener); }
   void remove(Listener& listener);
-  /// What `asker` has asked for and not been given is not given to it any more.
+  /// Drops pending answers to `asker`.
   void forget(const Asker& asker);
 
   using Take = std::function<void(const inspect::protocol::Answer&)>;
-  /// Sends `request`; `take` is given its answer, an error too, unless `asker` is forgotten before.
+  /// Sends `request`; `take` receives its answer, or an error, unless `forget` is called before.
   void ask(const Asker& asker, inspect::protocol::Request request, Take take);
   [[nodiscard]] const foxglove::Channel* find_channel(std::uint32_t id) const;
   [[nodiscard]] const foxglove::Channel* find_channel(std::string_view topic) const;
   [[nodiscard]] const foxglove::Service* find_service(std::uint32_t id) const;
   void subscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel);
   void unsubscribe(Listener& listener, std::uint32_t subscription, std::uint32_t channel);
-  /// The message type `name`, which `schema`, a serialized `FileDescriptorSet`, describes.
+  /// The message type `name`, described by `schema`, a serialized `FileDescriptorSet`.
   ///
-  /// @errors  `std::runtime_error` that says what of the schema is wrong.
+  /// @errors  `std::runtime_error` that describes the error in the schema.
   [[nodiscard]] const archive::MessageType& type_of(const std::string& name,
                                                     const std::string& schema);
   [[nodiscard]] bool may_publish(const std::string& topic) const;
   [[nodiscard]] bool may(std::string_view word) const;
   [[nodiscard]] const foxglove::Graph& graph() const { return graph_; }
-  /// How a recording is played, as it was last heard; none if none is.
+  /// The last known playback state; none if nothing is played.
   [[nodiscard]] const std::optional<inspect::protocol::Playback>& playback() const {
     return playback_;
   }
-  /// Messages that clients were too slow for, all together.
+  /// Adds messages dropped because of slow clients.
   void count_left_out(std::uint64_t count) { left_out_ += count; }
   [[nodiscard]] std::uint64_t left_out() const { return left_out_; }
-  /// The next `look` asks for params again.
+  /// Makes the next `look` request params again.
   void params_have_changed() { next_params_ = {}; }
 
-  /// What clients are told that this server can do, and of whom.
+  /// The capabilities of this server, as announced to clients.
   [[nodiscard]] std::vector<std::string_view> capabilities() const;
   [[nodiscard]] const inspect::protocol::Welcome& welcome() const {
     return application_->welcome();
@@ -123,16 +123,16 @@ class Hub {
   [[nodiscard]] const Options& options() const { return options_; }
 
  private:
-  /// Messages of one topic on their way to all who subscribed to it.
+  /// Distributes messages of one topic to its subscribers.
   struct Feed {
     std::string topic;
-    std::uint32_t stream = 0;  ///< The request's id; 0: nobody looks.
-    std::size_t latched = 0;   ///< Messages that who comes later is given.
+    std::uint32_t stream = 0;  ///< The request's id; 0: not streamed.
+    std::size_t latched = 0;   ///< Number of messages for later subscribers.
     struct Kept {
       std::uint32_t publisher;
       std::shared_ptr<const SharedMessage> message;
     };
-    std::deque<Kept> kept;  ///< These; of a recording the last one of each publisher.
+    std::deque<Kept> kept;  ///< These; in a playback the last one of each publisher.
     std::vector<std::pair<Listener*, std::uint32_t>> subscribers;
   };
 
@@ -150,7 +150,7 @@ class Hub {
   const mcap::TopicFilter publishable_;
   const std::string session_id_;
   bool is_simulated_ = false;
-  std::vector<foxglove::Channel> channels_;  ///< Id less 1 is the place.
+  std::vector<foxglove::Channel> channels_;  ///< Index: id less 1.
   std::vector<foxglove::Service> services_;  ///< The same.
   std::map<std::uint32_t, Feed> feeds_;      ///< By channel.
   std::map<std::uint32_t, std::uint32_t> channel_of_stream_;
@@ -159,7 +159,7 @@ class Hub {
     Take take;
   };
   std::map<std::uint32_t, Asked> asked_;                                ///< By request.
-  std::map<std::string, std::unique_ptr<archive::MessageType>> types_;  ///< Asked for so far.
+  std::map<std::string, std::unique_ptr<archive::MessageType>> types_;  ///< Cache.
   std::set<Listener*> listeners_;
   foxglove::Graph graph_;
   std::optional<inspect::protocol::Playback> playback_;

@@ -37,7 +37,7 @@ std::string to_text(const Labels& labels) {
   return text.empty() ? text : "{" + text + "}";
 }
 
-/// Histograms of several series are added: their bounds are the same.
+/// Histograms of several series can be added: their bounds are equal.
 struct Buckets {
   std::map<std::uint64_t, std::uint64_t> below;  ///< By bound, in nanoseconds.
   std::uint64_t count = 0;
@@ -52,12 +52,12 @@ struct Buckets {
   }
 };
 
-/// Writes families of metrics, each with all of its series.
+/// Writes metric families, each with all of its series.
 class Writer {
  public:
   explicit Writer(MetricsFormat format) : is_open_metrics_(format == MetricsFormat::kOpenMetrics) {}
 
-  /// `name` without `_total`; `unit` is the end of it, or empty.
+  /// `name` without `_total`; `unit` is its suffix, or empty.
   void begin_counter(std::string_view name, std::string_view unit, std::string_view help) {
     begin(name, is_open_metrics_ ? "" : "_total", "counter", unit, help);
     suffix_ = "_total";
@@ -73,7 +73,7 @@ class Writer {
   void add(const Labels& labels, Number value) {
     text_ += fmt::format("{}{}{} {}\n", name_, suffix_, to_text(labels), value);
   }
-  /// Of a family of one state each: 1 for the one that is, 0 for the others.
+  /// A state family: 1 for the present state, 0 for the others.
   template <typename Words>
   void add_states(const Labels& labels, std::string_view label, const Words& words,
                   std::string_view current) {
@@ -226,7 +226,7 @@ void write_components(const protocol::Overview& overview, Writer& to) {
             &Component::lateness);
 }
 
-/// What a component's subscriptions to a topic have together.
+/// Totals of a component's subscriptions to a topic.
 struct Subscriptions {
   std::uint64_t delivered = 0;
   std::uint64_t queued = 0;

@@ -10,24 +10,24 @@
 
 namespace fastcycle::web {
 
-/// In which words a scraper asks for metrics.
+/// Format of metrics.
 enum class MetricsFormat : std::uint8_t {
   kText,         ///< Prometheus's text format 0.0.4.
   kOpenMetrics,  ///< OpenMetrics 1.0.
 };
 
-/// The format that the header `Accept` asks for: OpenMetrics if it is named.
+/// The format for the header `Accept`: OpenMetrics if it contains that.
 [[nodiscard]] MetricsFormat choose_format(std::string_view accept);
 [[nodiscard]] std::string_view content_type(MetricsFormat format);
 
-/// What the live server itself counts.
+/// Counters of the live server itself.
 struct ServedCounts {
   std::uint64_t connections = 0;  ///< Open now.
   std::uint64_t connections_refused = 0;
-  std::uint64_t messages_left_out = 0;  ///< That were too many for slow clients.
+  std::uint64_t messages_left_out = 0;  ///< Dropped because of slow clients.
 };
 
-/// What is known of an application, as Prometheus reads it; names in docs/reference/metrics.md.
+/// Metrics of an application for Prometheus; their names are in docs/reference/metrics.md.
 ///
 /// `overview` has histograms with their buckets; `chains` is the document of that name, null if the
 /// application has none.

@@ -73,7 +73,7 @@ void Outbox::put(std::uint32_t subscription, std::shared_ptr<const SharedMessage
     }
     drop_oldest(*victim);
   }
-  // What is larger than all that may wait goes alone, or not at all.
+  // A message larger than the limit is sent alone, or not at all.
   while (waiting_ > 4 * options_.bytes && waiting_ != bytes) {
     drop_oldest(*largest(1));
   }

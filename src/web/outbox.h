@@ -11,7 +11,7 @@
 
 namespace fastcycle::web {
 
-/// A message as all clients get it.
+/// A message, shared by all clients.
 struct SharedMessage {
   std::int64_t time_ns = 0;  ///< When it was published.
   std::string payload;       ///< Serialized.
@@ -20,33 +20,33 @@ struct SharedMessage {
 /// One frame of a WebSocket.
 struct Frame {
   bool is_text = false;
-  std::string head;                              ///< What goes before the message.
+  std::string head;                              ///< The header before the message.
   std::shared_ptr<const SharedMessage> message;  ///< May be null.
 
   [[nodiscard]] std::size_t size() const {
     return head.size() + (message == nullptr ? 0 : message->payload.size());
   }
-  /// What goes before it on the wire: RFC 6455, 5.2, from the server, whole.
+  /// The WebSocket header: RFC 6455, 5.2, from the server, unfragmented.
   [[nodiscard]] std::string wire_head() const;
 };
 
-/// What waits for one client: bounded, and fair between its subscriptions.
+/// The output queue of one client: bounded, and fair between its subscriptions.
 ///
-/// Control frames go first, in their order. Messages go in turns, one of each subscription. Of a
-/// subscription whose messages are large only the newest waits. When more waits than may, the
-/// subscription of which most waits loses its oldest message; the last one of a subscription stays
-/// until four times as much waits.
+/// Control frames go first, in order. Messages go round-robin over the subscriptions. Of a
+/// subscription with large messages only the newest is kept. Beyond the limit, the subscription
+/// with the most waiting bytes loses its oldest message; the last message of a subscription is kept
+/// up to four times the limit.
 ///
 /// @threads  Confined.
 class Outbox {
  public:
   struct Options {
-    std::size_t bytes = std::size_t{8} << 20U;          ///< Of messages that wait.
+    std::size_t bytes = std::size_t{8} << 20U;          ///< Limit of waiting messages.
     std::size_t large_bytes = std::size_t{128} << 10U;  ///< A message of this size is large.
-    std::size_t control_bytes = std::size_t{4} << 20U;  ///< Of control frames that wait.
+    std::size_t control_bytes = std::size_t{4} << 20U;  ///< Limit of waiting control frames.
   };
 
-  /// What a client did not get.
+  /// Messages that a client lost.
   struct Loss {
     std::uint32_t subscription = 0;
     std::uint64_t count = 0;
@@ -65,22 +65,22 @@ class Outbox {
     put({.is_text = false, .head = std::move(bytes), .message = {}});
   }
   [[nodiscard]] bool has_control() const { return !control_.empty(); }
-  /// A client that lets control frames pile up is to be dropped.
+  /// Whether control frames exceed their limit: the client is to be dropped.
   [[nodiscard]] bool is_overrun() const { return control_waiting_ > options_.control_bytes; }
 
-  /// Does nothing without that subscription.
+  /// Ignored without that subscription.
   void put(std::uint32_t subscription, std::shared_ptr<const SharedMessage> message);
 
-  /// Messages that wait are of no use any more: they are not lost either.
+  /// Discards waiting messages as obsolete; they do not count as lost.
   void forget_messages();
 
-  /// The next frame; of a message its head is that of the protocol.
+  /// The next frame; that of a message has the protocol's header.
   [[nodiscard]] std::optional<Frame> take();
 
   /// Messages that were dropped since the last call.
   [[nodiscard]] std::vector<Loss> take_losses();
 
-  /// Bytes that wait.
+  /// Waiting bytes.
   [[nodiscard]] std::size_t waiting() const { return waiting_ + control_waiting_; }
 
  private:
@@ -92,14 +92,15 @@ class Outbox {
 
   void put(Frame frame);
   void drop_oldest(Lane& lane);
-  /// Of those with at least `count` messages the one of which most waits; null if there is none.
+  /// The lane with the most waiting bytes of those with at least `count` messages; null if there is
+  /// none.
   [[nodiscard]] Lane* largest(std::size_t count);
 
   const Options options_;
   std::deque<Frame> control_;
   std::size_t control_waiting_ = 0;
   std::map<std::uint32_t, Lane> lanes_;
-  std::uint32_t last_ = 0;  ///< The subscription whose turn it was.
+  std::uint32_t last_ = 0;  ///< The subscription served last.
   std::size_t waiting_ = 0;
 };
 

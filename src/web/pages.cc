@@ -51,7 +51,7 @@ void Pages::ask(std::string_view body) {
 }
 
 void Pages::ask_metrics(MetricsFormat format, ServedCounts served) {
-  // Both are asked for at once; the answers come in this order.
+  // Both are requested at once; the answers come in this order.
   const auto chains = std::make_shared<nlohmann::json>();
   protocol::Request document;
   document.mutable_document()->set_name("chains");

@@ -16,19 +16,19 @@ struct Page {
   std::string body;
 };
 
-/// What is asked for over HTTP: the application's answers as JSON, and metrics. The answer of the
-/// application comes later.
+/// Serves HTTP requests: the application's answers as JSON, and metrics. Answers are asynchronous.
 ///
 /// @threads  Confined to the server's thread.
 class Pages final : public Asker {
  public:
   using Give = std::function<void(Page)>;
 
-  /// `give` is called once for each request, unless `this` ends before.
+  /// `give` is called once per request, unless this is destroyed before.
   Pages(Hub& hub, Give give) : hub_(hub), give_(std::move(give)) {}
   ~Pages() override { hub_.forget(*this); }
 
-  /// `body`: a `fastcycle.inspect.protocol.Request` as JSON, but no stream. The page is the Answer.
+  /// `body`: a `fastcycle.inspect.protocol.Request` as JSON, except streams. The page is the
+  /// Answer.
   void ask(std::string_view body);
   void ask_metrics(MetricsFormat format, ServedCounts served);
 

@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
-#include <utility>  // Asio needs it, and does not include it.
+#include <utility>  // Asio requires it without including it.
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
@@ -56,19 +56,19 @@ using Clock = std::chrono::steady_clock;
 constexpr const char* kName = "live";
 constexpr auto kHeaderPatience = 5s;   // For a whole HTTP request.
 constexpr auto kAnswerPatience = 30s;  // For the reader of an answer.
-constexpr auto kIdlePatience = 30s;    // For a sign of life of a WebSocket.
+constexpr auto kIdlePatience = 30s;    // For any frame from a WebSocket.
 constexpr auto kLookPeriod = 50ms;
-constexpr auto kAcceptPause = 100ms;  // While no connection can be accepted.
+constexpr auto kAcceptPause = 100ms;  // While accept() fails.
 constexpr auto kFarewell = 200ms;
 constexpr std::size_t kMaxFrameBytes = std::size_t{1} << 20U;
-constexpr std::size_t kMaxPublishBytes = std::size_t{15} << 20U;  // Less than a request may have.
+constexpr std::size_t kMaxPublishBytes = std::size_t{15} << 20U;  // Below the maximum request size.
 constexpr int kSendBuffer = 1 << 20;
-// Of one client in one system call: as many as it takes in pieces (two of each message), and no
-// more of large ones than a client should wait for in front of what is more urgent.
+// Limit per client and system call: as many as fit its buffer list (two per message), and not more
+// large ones than a client should wait for before urgent data.
 constexpr std::size_t kFramesAtOnce = 32;
 constexpr std::size_t kBytesAtOnce = std::size_t{64} << 10U;
 // Between two system calls for messages of one client. Each takes a CPU from the components for a
-// moment, in which the kernel does not let them run; the eye sees no difference.
+// moment that the kernel does not preempt; the eye sees no difference.
 constexpr auto kWritePause = 10ms;
 
 std::string_view view_of(beast::string_view text) {
@@ -86,9 +86,9 @@ std::string read_file(const std::string& path) {
   return std::move(text).str();
 }
 
-/// The token that a file has in its first line.
+/// Reads the token from the first line of a file.
 ///
-/// @errors  `std::runtime_error` that says what is wrong with the file.
+/// @errors  `std::runtime_error` that describes the error in the file.
 std::string read_token(const std::string& path) {
   struct stat status{};
   if (::stat(path.c_str(), &status) == 0 && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
@@ -108,15 +108,15 @@ std::string host_name() {
   return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : std::string();
 }
 
-/// What is below a WebSocket. The library's own frames (handshake, pings, goodbyes) wait here until
-/// the connection sends them with its own: so all that waits for a client goes out at once, and not
+/// The layer below a WebSocket. The library's own frames (handshake, pings, close) wait here until
+/// the connection sends them with its own data: so all output of a client is sent at once, and not
 /// frame by frame.
 template <typename Next>
 class Below {
  public:
   using executor_type = typename Next::executor_type;
 
-  /// What the library wants to be sent, and whom to tell of it.
+  /// Output of the library, and its completion handler.
   struct Waiting {
     std::string bytes;
     std::function<void(error_code)> sent;
@@ -136,13 +136,13 @@ class Below {
     return next_.async_read_some(buffers, std::forward<Handler>(handler));
   }
 
-  /// One at a time, as the library does it.
+  /// One at a time, as the library calls it.
   template <typename Buffers, typename Handler>
   auto async_write_some(const Buffers& buffers, Handler&& handler) {
     return asio::async_initiate<Handler, void(error_code, std::size_t)>(
         [this](auto its_handler, std::string bytes) {
           const std::size_t size = bytes.size();
-          // A handler can only be moved, a function has to be copied.
+          // A handler may be move-only, but std::function requires a copy.
           const auto kept = std::make_shared<decltype(its_handler)>(std::move(its_handler));
           waiting_ = {.bytes = std::move(bytes), .sent = [kept, size](error_code error) {
                         asio::post(beast::bind_front_handler(std::move(*kept), error,
@@ -183,7 +183,7 @@ class Server::Net {
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] const std::string& token() const { return access_.token; }
   [[nodiscard]] const std::string& fingerprint() const { return fingerprint_; }
-  /// "http" or "ws", as it is called here.
+  /// "http" or "ws"; with TLS "https" or "wss".
   [[nodiscard]] std::string scheme(std::string name) const {
     return tls_ ? std::move(name) + "s" : name;
   }
@@ -199,7 +199,7 @@ class Server::Net {
   using PlainStream = beast::tcp_stream;
   using TlsStream = beast::ssl_stream<beast::tcp_stream>;
 
-  /// @errors  `std::exception` that says what is wrong.
+  /// @errors  `std::exception` that describes the error.
   void prepare_tls();
 
   void serve();
@@ -209,7 +209,7 @@ class Server::Net {
   /// The application has ended, or the run.
   void close_all();
   void complain(const std::string& text);
-  /// `complain`, of a connection that is refused.
+  /// `complain`, for a refused connection.
   void refuse(const std::string& text);
 
   const Log log_;
@@ -217,7 +217,7 @@ class Server::Net {
   const Connect connect_;
   const std::string_view page_;
   Access access_;
-  std::string name_;  ///< The address, or the name of the machine.
+  std::string name_;  ///< The address, or the host name.
   std::uint16_t port_ = 0;
   std::optional<asio::ssl::context> tls_;
   std::string fingerprint_;
@@ -226,7 +226,7 @@ class Server::Net {
   tcp::acceptor acceptor_{io_};
   asio::steady_timer look_timer_{io_};
   asio::steady_timer accept_timer_{io_};
-  asio::posix::stream_descriptor news_{io_};  ///< A copy of the hub's.
+  asio::posix::stream_descriptor news_{io_};  ///< A duplicate of the hub's.
   std::unique_ptr<Hub> hub_;
   std::set<std::shared_ptr<AnyConnection>> connections_;
   std::uint64_t refused_ = 0;
@@ -236,7 +236,7 @@ class Server::Net {
   bool is_running_ = false;
 };
 
-/// What the server needs to know of a connection, with TLS or without.
+/// The server's interface to a connection, with or without TLS.
 class Server::Net::AnyConnection : public std::enable_shared_from_this<AnyConnection> {
  public:
   AnyConnection() = default;
@@ -245,13 +245,13 @@ class Server::Net::AnyConnection : public std::enable_shared_from_this<AnyConnec
   virtual ~AnyConnection() = default;
 
   virtual void begin() = 0;
-  /// Says goodbye; nothing more is read.
+  /// Sends a close frame; reads nothing more.
   virtual void close() = 0;
-  /// The network's thread is over.
+  /// The network thread has ended.
   virtual void abandon() = 0;
 };
 
-/// One socket: HTTP requests, and then, if one of them asks for it, a WebSocket.
+/// One socket: HTTP requests, and after an upgrade a WebSocket.
 template <typename Stream>
 class Server::Net::Connection final : public AnyConnection {
  public:
@@ -281,7 +281,7 @@ class Server::Net::Connection final : public AnyConnection {
     session_.reset();
     pages_.reset();
     if (ws_) {
-      // They hold this connection.
+      // Their handlers hold a reference to this connection.
       ws_->next_layer().take_waiting();
       of_library_.sent = nullptr;
     }
@@ -300,7 +300,7 @@ class Server::Net::Connection final : public AnyConnection {
     }
     if (!std::exchange(is_ending_, true)) {
       session_->tell_losses();
-      want_write();  // What waits is written before.
+      want_write();  // Pending output is written first.
     }
   }
 
@@ -312,7 +312,7 @@ class Server::Net::Connection final : public AnyConnection {
     return ws_ ? beast::get_lowest_layer(*ws_) : beast::get_lowest_layer(stream_);
   }
 
-  /// What the hub throws is the end of the application.
+  /// An exception of the hub means the end of the application.
   template <typename Body>
   void guarded(const Body& body) {
     try {
@@ -325,7 +325,7 @@ class Server::Net::Connection final : public AnyConnection {
     }
   }
 
-  /// The connection is forgotten.
+  /// Removes the connection.
   void leave() {
     abandon();
     net_.connections_.erase(this->shared_from_this());
@@ -389,7 +389,7 @@ class Server::Net::Connection final : public AnyConnection {
                      });
   }
 
-  /// An HTTP request that may be answered.
+  /// Handles an HTTP request that may be answered.
   void take_request(error_code error) {
     if (error || is_closed_) {
       leave();
@@ -423,7 +423,7 @@ class Server::Net::Connection final : public AnyConnection {
   }
 
   Pages& pages() {
-    lowest().expires_never();  // The application answers when it does.
+    lowest().expires_never();  // The application's answer has no deadline here.
     return pages_.emplace(*net_.hub_, [this](Page page) {
       answer(static_cast<http::status>(page.status), std::move(page));
     });
@@ -434,7 +434,7 @@ class Server::Net::Connection final : public AnyConnection {
     response_.set(http::field::server, "FastCycle");
     response_.set(http::field::content_type, page.type);
     response_.set(http::field::cache_control, "no-store");
-    response_.set("Referrer-Policy", "no-referrer");  // The address has the token.
+    response_.set("Referrer-Policy", "no-referrer");  // The URL contains the token.
     response_.set("X-Content-Type-Options", "nosniff");
     response_.set("X-Frame-Options", "DENY");
     response_.keep_alive(is_kept_);
@@ -455,7 +455,7 @@ class Server::Net::Connection final : public AnyConnection {
   }
 
   void upgrade(std::string_view subprotocol) {
-    lowest().expires_never();  // The WebSocket has its own.
+    lowest().expires_never();  // The WebSocket has its own timeout.
     ws_.emplace(std::move(stream_), [this] { begin_writing(); });
     ws_->set_option(websocket::stream_base::timeout{.handshake_timeout = kHeaderPatience,
                                                     .idle_timeout = kIdlePatience,
@@ -509,14 +509,14 @@ class Server::Net::Connection final : public AnyConnection {
     read();
   }
 
-  /// Something waits of the session.
+  /// The session has output.
   void want_write() {
     if (!is_closed_) {
       begin_writing();
     }
   }
 
-  /// A little later: the session may be in the middle of it.
+  /// Deferred: the session may be in the middle of a call.
   void begin_writing() {
     if (!std::exchange(is_writing_, true)) {
       if (is_urgent() || Clock::now() >= next_write_) {
@@ -525,7 +525,7 @@ class Server::Net::Connection final : public AnyConnection {
         pause();
       }
     } else if (is_pausing_ && is_urgent()) {
-      write_timer_.cancel();  // Which ends the pause.
+      write_timer_.cancel();  // This ends the pause.
     }
   }
 
@@ -538,7 +538,7 @@ class Server::Net::Connection final : public AnyConnection {
     });
   }
 
-  /// Whether what waits is more than messages that may wait a little longer.
+  /// Whether anything waits except messages, which may be delayed.
   [[nodiscard]] bool is_urgent() {
     return session_ == nullptr || is_closed_ || is_ending_ || ws_->next_layer().has_waiting() ||
            session_->outbox().has_control() || session_->outbox().waiting() >= kBytesAtOnce;
@@ -548,7 +548,7 @@ class Server::Net::Connection final : public AnyConnection {
     frames_.clear();
     parts_.clear();
     std::size_t bytes = 0;
-    // Nothing follows a goodbye.
+    // Nothing may follow a close frame.
     const bool may_send = !is_closed_ && session_ != nullptr && ws_->is_open();
     while (may_send && frames_.size() < kFramesAtOnce && bytes < kBytesAtOnce) {
       std::optional<Frame> frame = session_->outbox().take();
@@ -607,11 +607,11 @@ class Server::Net::Connection final : public AnyConnection {
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::string_body>> parser_;
   http::response<http::string_body> response_;
-  bool is_kept_ = false;  ///< Another request may come after the answer.
+  bool is_kept_ = false;  ///< Keep-alive: another request may follow.
   std::optional<Pages> pages_;
   std::optional<websocket::stream<Below<Stream>>> ws_;
   std::unique_ptr<Session> session_;
-  // What is being written.
+  // Being written.
   std::vector<Frame> frames_;
   typename Below<Stream>::Waiting of_library_;
   std::vector<asio::const_buffer> parts_;
@@ -716,7 +716,7 @@ void Server::Net::end() {
   }
   asio::post(io_, [this] {
     close_all();
-    // Who does not say goodbye in this time is left.
+    // Connections that have not closed by then are abandoned.
     look_timer_.expires_after(kFarewell);
     look_timer_.async_wait([this](error_code) { io_.stop(); });
   });
@@ -742,7 +742,7 @@ void Server::Net::serve() {
     is_over_ = true;
   }
   io_.run();
-  // Of those that have not said goodbye, unfinished work may keep more than the set does.
+  // Unfinished work may keep connections alive beyond this set.
   for (const auto& connection : connections_) {
     connection->abandon();
   }
@@ -805,7 +805,7 @@ void Server::Net::wait_to_look() {
     }
     try {
       hub_->look(Clock::now());
-      hub_->read();  // An answer may have come while a request was being sent.
+      hub_->read();  // An answer may have arrived while a request was being sent.
       wait_to_look();
     } catch (const std::exception&) {
       close_all();

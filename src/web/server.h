@@ -14,31 +14,31 @@
 
 namespace fastcycle::web {
 
-/// Shows a running application, or a recording that is played, to browsers, to Foxglove over
+/// Serves a running application, or the playback of a recording, to browsers, to Foxglove over
 /// WebSockets, and to Prometheus.
 ///
 ///     web::Server server(application, description, [&] { return inspection.connect(); });
 ///     application.add(inspection);
 ///     application.add(server);   // behind the inspection, which it asks
 ///
-/// One thread of low priority does all of it. What a client may do is what the inspection allows.
+/// One low-priority thread does all of it. Clients have the permissions of the inspection.
 ///
-/// @threads  As `Observer`. It has to live longer than the application.
+/// @threads  As `Observer`. Must outlive the application.
 class Server final : public host::Observer {
  public:
   static constexpr std::size_t kMaxConnections = 64;
   static constexpr std::size_t kMaxHeaderBytes = 8192;  ///< Of an HTTP request.
   static constexpr std::size_t kMaxBodyBytes = std::size_t{1} << 20U;
 
-  /// Gives a descriptor of a connection to the inspection, as `inspect::Server::connect`.
+  /// Returns a descriptor of a connection to the inspection, as `inspect::Server::connect`.
   using Connect = std::function<int()>;
 
   using Log = std::function<void(LogLevel level, const std::string& text)>;
 
-  /// Of whatever answers at the other end of `connect`. `page`: HTML that browsers are given;
-  /// empty: a line of text. `log` is called on the server's thread.
+  /// For the application at the other end of `connect`. `page`: HTML for browsers; empty: a line of
+  /// text. `log` is called on the server's thread.
   Server(config::LiveDescription description, Connect connect, std::string_view page, Log log);
-  /// Of an application; what goes wrong is in its log.
+  /// For an application; errors go to its log.
   Server(host::Application& application, config::LiveDescription description, Connect connect,
          std::string_view page = {});
   ~Server() override;
@@ -47,20 +47,20 @@ class Server final : public host::Observer {
   void start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void stop(const host::Application& application) override;
 
-  // Where there is no application: `open`, and then these.
+  // Without an application: `open`, and then these.
 
   void start(std::vector<base::Refusal>& refusals);
   void stop();
 
-  /// Where a browser finds it, the token included; empty before `open`.
+  /// URL for a browser, including the token; empty before `open`.
   [[nodiscard]] std::string url() const;
   [[nodiscard]] std::uint16_t port() const;
   [[nodiscard]] const std::string& token() const;
-  /// The SHA-256 of the certificate that this run has made; empty if it has made none.
+  /// The SHA-256 of the certificate created by this run; empty if there is none.
   [[nodiscard]] const std::string& fingerprint() const;
 
  private:
-  class Net;  ///< All that is of the network's library.
+  class Net;  ///< Everything that depends on the network library.
   const std::unique_ptr<Net> net_;
 };
 

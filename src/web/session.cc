@@ -17,7 +17,7 @@ namespace protocol = inspect::protocol;
 using foxglove::Json;
 using foxglove::StatusLevel;
 
-/// A list in `json`; an empty one if there is none.
+/// The list `name` of `json`; empty if there is none.
 const Json& list_of(const Json& json, const char* name) {
   static const Json kNone = Json::array();
   const auto found = json.find(name);
@@ -31,7 +31,7 @@ std::string name_of(const protocol::Param& param) {
 Json to_json(const protocol::Param& param) {
   Json value = Json::parse(param.value_json(), nullptr, false);
   Json json{{"name", name_of(param)}, {"value", value.is_discarded() ? Json() : std::move(value)}};
-  // Else 1 would be read as an integer.
+  // Else 1 would be parsed as an integer.
   if (param.type() == "number") {
     json["type"] = "float64";
   } else if (param.type() == "number[]") {
@@ -70,9 +70,9 @@ bool is_known(std::string_view encoding) {
   return encoding == foxglove::kProtobuf || encoding == foxglove::kJson;
 }
 
-/// What protobuf's JSON says, as a serialized message.
+/// Converts protobuf's JSON to a serialized message.
 ///
-/// @errors  `std::runtime_error` that says what is wrong with it.
+/// @errors  `std::runtime_error` that describes the error.
 std::string to_bytes(std::string_view json, const archive::MessageType& type) {
   return type.parse_json(json)->SerializeAsString();
 }
@@ -89,7 +89,7 @@ std::string to_json(std::string_view bytes, const archive::MessageType& type) {
   return json;
 }
 
-/// `value` as the application reads it: clients say 3.0 for the integer 3.
+/// `value` in the application's form: clients send 3.0 for the integer 3.
 std::string to_value(const Json& value) {
   if (value.is_number_float()) {
     const auto number = value.get<double>();
@@ -168,7 +168,7 @@ void Session::take_playback(const protocol::Playback& playback, bool did_seek) {
   foxglove::PlaybackState state = to_state(playback);
   state.did_seek = did_seek;
   if (did_seek) {
-    outbox_.forget_messages();  // Control frames go first: these would come behind the news.
+    outbox_.forget_messages();  // Control frames go first: these would follow the new state.
   }
   say_binary(foxglove::playback_state(state));
   if (playback.problem() != problem_) {

@@ -14,16 +14,17 @@
 
 namespace fastcycle::web {
 
-/// One client: what it has subscribed to, and what it asks for.
+/// One client: its subscriptions and requests.
 ///
 /// @threads  Confined to the server's thread.
 class Session final : public Listener {
  public:
-  /// The client is told what there is. `wake` is called whenever something waits in the outbox.
+  /// Sends the client the available topics and services. `wake` is called whenever the outbox gets
+  /// data.
   Session(Hub& hub, std::function<void()> wake);
   ~Session() override;
 
-  /// What the client says. What cannot be done is told by `status`, and the client goes on.
+  /// Handles a message of the client. Failures are sent as `status`, and the session continues.
   void take_text(std::string_view text);
   void take_binary(std::string_view frame);
 
@@ -37,7 +38,7 @@ class Session final : public Listener {
   [[nodiscard]] bool wants_graph() const override { return wants_graph_; }
   void take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) override;
   [[nodiscard]] bool wants_params() const override { return wants_params_; }
-  /// Tells what changed of the params that it has subscribed to.
+  /// Sends changes of the subscribed params.
   void take_params(const inspect::protocol::Params& params) override;
   void tell_losses() override;
 
@@ -65,8 +66,8 @@ class Session final : public Listener {
   Hub& hub_;
   const std::function<void()> wake_;
   Outbox outbox_;
-  std::map<std::uint32_t, std::uint32_t> subscriptions_;  ///< To which channel.
-  std::map<std::uint32_t, std::uint64_t> lost_;           ///< By subscription, not told yet.
+  std::map<std::uint32_t, std::uint32_t> subscriptions_;  ///< Channels by subscription id.
+  std::map<std::uint32_t, std::uint64_t> lost_;           ///< By subscription, not reported yet.
   struct OwnChannel {
     std::string topic;
     bool is_json = false;
@@ -76,7 +77,7 @@ class Session final : public Listener {
   bool wants_params_ = false;
   std::set<std::string> params_;                    ///< Empty: all.
   std::map<std::string, std::string> told_params_;  ///< Values as JSON.
-  std::string problem_;                             ///< Of the recording, as it was told.
+  std::string problem_;                             ///< Last reported problem of the recording.
 };
 
 }  // namespace fastcycle::web

@@ -31,7 +31,7 @@ enum Parameter : std::uint16_t {
 
 constexpr std::int32_t kUdp4 = 1;
 
-/// Reads numbers in one order of bytes; what is not there is none.
+/// Reads numbers in one byte order; none at the end.
 class Bytes {
  public:
   Bytes(std::span<const std::byte> bytes, bool is_little) : bytes_(bytes), is_little_(is_little) {}
@@ -94,7 +94,7 @@ void read_name(Bytes value, Announcement& announcement) {
   announcement.name.resize(std::min(announcement.name.find('\0'), announcement.name.size()));
 }
 
-/// A list of parameters up to its end; false if it is cut.
+/// Reads a parameter list to its end; false if it is truncated.
 bool read_parameters(std::span<const std::byte> payload, Announcement& announcement) {
   if (payload.size() < 4 || payload[0] != std::byte{0}) {
     return false;
@@ -135,7 +135,7 @@ bool read_parameters(std::span<const std::byte> payload, Announcement& announcem
   }
 }
 
-/// Of a submessage with data, from behind its head on: whether it is an announcement.
+/// Reads the body of a submessage with data: whether it is an announcement.
 bool read_data(std::span<const std::byte> body, std::uint8_t flags, Announcement& announcement) {
   Bytes bytes(body, (flags & kLittleEndian) != 0);
   const auto extra = bytes.number<std::uint16_t>();
@@ -196,7 +196,7 @@ std::string implementation_of(const Guid& participant) {
     std::uint8_t minor;
     const char* name;
   };
-  // Numbers that the OMG has given.
+  // Vendor ids assigned by the OMG.
   constexpr Known kKnown[] = {
       {0x01, "RTI Connext"},       {0x02, "OpenSplice"}, {0x03, "OpenDDS"},
       {0x0a, "RTI Connext Micro"}, {0x0f, "Fast DDS"},   {0x10, "Cyclone DDS"},

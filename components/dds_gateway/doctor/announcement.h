@@ -12,21 +12,21 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What a participant says of itself to everybody, before anybody has found it (OMG, *DDS
-/// Interoperability Wire Protocol*, 8.5.3: the simple participant discovery protocol).
+/// A participant's announcement of itself, before discovery (OMG, *DDS Interoperability Wire
+/// Protocol*, 8.5.3: the simple participant discovery protocol).
 struct Announcement {
   Guid participant{};
-  std::string name;                    ///< Of the participant, if it says one.
-  std::vector<std::string> addresses;  ///< IPv4, at which it wants to be answered.
+  std::string name;                    ///< Of the participant; may be empty.
+  std::vector<std::string> addresses;  ///< Its IPv4 unicast addresses.
   bool is_secured = false;             ///< It has a certificate.
 };
 
-/// The first announcement in a packet that came on a port of discovery; none if there is none, or
-/// what looks like one is cut or says lengths that it does not have. At most 16 addresses are kept.
+/// The first announcement in a packet from a discovery port; none if there is none, or it is
+/// truncated or has wrong lengths. Keeps at most 16 addresses.
 [[nodiscard]] std::optional<Announcement> read_announcement(std::span<const std::byte> packet);
 
-/// The name of the implementation of DDS that a participant has, by the first two bytes of its
-/// guid: "Cyclone DDS"; else the two bytes as `vendor 01.7f`.
+/// The DDS implementation of a participant, from the first two bytes of its guid: "Cyclone DDS"; if
+/// unknown the two bytes as `vendor 01.7f`.
 [[nodiscard]] std::string implementation_of(const Guid& participant);
 
 }  // namespace fastcycle::dds_gateway

@@ -14,8 +14,8 @@
 namespace fastcycle::dds_gateway {
 namespace {
 
-constexpr std::size_t kTroublesMax = 50;  // That are told of topics.
-constexpr std::size_t kAddressesMax = 8;  // That are told of one domain.
+constexpr std::size_t kTroublesMax = 50;  // Reported for topics.
+constexpr std::size_t kAddressesMax = 8;  // Reported for one domain.
 constexpr std::uint64_t kBufferBytes = 1 << 20;
 
 using Findings = std::vector<Finding>;
@@ -152,9 +152,9 @@ void look_at_environment(const Observation& seen, Findings& findings) {
   }
 }
 
-// ---- Who is there ----
+// ---- Participants ----
 
-/// The domains besides the one that is looked at, each with where its participants are.
+/// The other domains, each with the addresses of its participants.
 std::string other_domains(const Observation& seen) {
   std::map<std::uint32_t, std::set<std::string>> all;
   for (const auto& [domain, count] : seen.domains_in_use) {
@@ -225,7 +225,7 @@ void look_for_others(const Observation& seen, Findings& findings) {
                       .remedy = "start a node, and look again"});
 }
 
-/// Participants whose announcements came, and that were not found all the same.
+/// Participants whose announcements were received, but that were not discovered.
 void look_at_heard(const Observation& seen, Findings& findings) {
   for (const Heard& heard : seen.heard) {
     const bool is_found = std::ranges::any_of(seen.participants, [&](const auto& participant) {

@@ -34,7 +34,7 @@ std::set<std::uint16_t> open_ports(const std::filesystem::path& root) {
   for (const char* const file : {"proc/net/udp", "proc/net/udp6"}) {
     std::ifstream input(root / file);
     std::string line;
-    std::getline(input, line);  // The heads of the columns.
+    std::getline(input, line);  // Column headings.
     while (std::getline(input, line)) {
       std::istringstream words(line);
       std::string number;
@@ -80,8 +80,8 @@ std::vector<LocalInterface> local_interfaces() {
 bool does_multicast_return(const LocalInterface& interface) {
   const Socket receiver(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   const Socket sender(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  // The group of discovery, and a port that nobody has: firewalls tell groups apart, and no
-  // participant gets what is none of an announcement.
+  // The discovery group, and an unused port: firewalls distinguish groups, and no participant
+  // receives what is no announcement.
   sockaddr_in place{};
   place.sin_family = AF_INET;
   inet_pton(AF_INET, kDiscoveryGroup, &place.sin_addr);
@@ -110,7 +110,7 @@ std::map<std::uint32_t, std::size_t> domains_in_use(const std::filesystem::path&
   std::map<std::uint32_t, std::size_t> domains;
   for (std::uint32_t domain = 0; domain < kDomains; ++domain) {
     const unsigned first = discovery_port(domain);
-    // Each participant with ports of a number has two, one behind the other, from the tenth on.
+    // Each participant with a given number has two consecutive ports, from the tenth on.
     std::size_t pairs = 0;
     for (unsigned port = first + 10; port < std::min(first + kPortsOfDomain - 1, kPortMax);
          port += 2) {

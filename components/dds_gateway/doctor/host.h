@@ -25,21 +25,21 @@ struct LocalInterface {
 inline constexpr const char* kDiscoveryGroup = "239.255.0.1";
 inline constexpr std::uint32_t kDomains = 233;  // More have no ports.
 
-/// The UDP port on which announcements of a domain come to everybody.
+/// The UDP multicast port for announcements of a domain.
 [[nodiscard]] constexpr std::uint16_t discovery_port(std::uint32_t domain) {
   return static_cast<std::uint16_t>(7400 + 250 * domain);
 }
 
-/// Whether what is sent to many over `interface` comes back on it, as a program of this machine has
-/// to hear it. Waits for at most 0.3 s.
+/// Whether multicast sent over `interface` loops back to this machine, as its programs require.
+/// Waits for at most 0.3 s.
 [[nodiscard]] bool does_multicast_return(const LocalInterface& interface);
 
-/// The domains of DDS whose ports programs of this machine have open, by the files of the kernel
-/// under `root`, which is / but for tests; with the number of participants that each has at least.
+/// The DDS domains whose ports programs of this machine have open, from the kernel's files under
+/// `root`, which is / except in tests; with the minimum number of participants in each.
 [[nodiscard]] std::map<std::uint32_t, std::size_t> domains_in_use(
     const std::filesystem::path& root);
 
-/// The most bytes that a socket may have waiting (net.core.rmem_max); none if nobody says so.
+/// The maximum size of a socket's receive buffer (net.core.rmem_max); none if unknown.
 [[nodiscard]] std::optional<std::uint64_t> receive_buffer_max(const std::filesystem::path& root);
 
 }  // namespace fastcycle::dds_gateway

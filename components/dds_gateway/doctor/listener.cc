@@ -13,15 +13,15 @@ namespace {
 
 constexpr std::size_t kHeardMax = 4096;
 constexpr std::size_t kPacketBytesMax = 65'536;
-constexpr int kLook_ms = 100;     // So late the end is seen.
-constexpr int kTakenAtOnce = 64;  // Of one socket, before the others come.
+constexpr int kLook_ms = 100;     // Maximum delay of the end.
+constexpr int kTakenAtOnce = 64;  // Of one socket, before the others are served.
 
 Socket open_domain(std::uint32_t domain, const std::vector<LocalInterface>& interfaces) {
   Socket made(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int yes = 1;
   (void)setsockopt(made.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   (void)setsockopt(made.get(), IPPROTO_IP, IP_PKTINFO, &yes, sizeof yes);
-  // On the group itself: what is sent to one participant alone is not taken away from it.
+  // Bound to the group itself: takes no unicast packets away from participants.
   sockaddr_in place{};
   place.sin_family = AF_INET;
   place.sin_port = htons(discovery_port(domain));

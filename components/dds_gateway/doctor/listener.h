@@ -14,34 +14,34 @@
 
 namespace fastcycle::dds_gateway {
 
-/// An announcement that came to everybody.
+/// A received multicast announcement.
 struct Heard {
   Announcement announcement;
   std::uint32_t domain = 0;
   std::string from;       ///< The IPv4 address of its sender.
-  std::string interface;  ///< On which it came.
+  std::string interface;  ///< The receiving interface.
 };
 
-/// Hears who announces itself in any domain, whether or not a DDS would find it, on a thread of its
-/// own. It says nothing itself.
+/// Receives announcements of participants in any domain, whether or not a DDS would discover them,
+/// on a thread of its own. It sends nothing.
 ///
 /// @threads  Safe.
 class Listener {
  public:
-  /// On all of `interfaces` that are for multicast.
+  /// Listens on those of `interfaces` that support multicast.
   explicit Listener(const std::vector<LocalInterface>& interfaces);
   Listener(const Listener&) = delete;
   Listener& operator=(const Listener&) = delete;
   ~Listener() = default;
 
-  /// What came until now: the newest announcement of each participant, at most 4096.
+  /// The newest announcement of each participant so far, at most 4096.
   [[nodiscard]] std::vector<Heard> heard() const;
 
  private:
   void run(const std::stop_token& stop);
   void take(std::size_t socket);
 
-  std::vector<Socket> sockets_;  // Of the domains, by their numbers.
+  std::vector<Socket> sockets_;  // By domain number.
   std::map<int, std::string> names_;
   mutable std::mutex mutex_;
   std::map<std::pair<std::uint32_t, Guid>, Heard> heard_;  // Guarded by it.

@@ -1,4 +1,4 @@
-// What `fastcycle doctor --dds` runs, so that the tool itself links no DDS:
+// The program that `fastcycle doctor --dds` runs, so that the tool itself links no DDS:
 //
 //     fastcycle-dds-doctor look TEXT|JSON ENGINE DOMAIN INTERFACE SECURITY MILLISECONDS
 //     fastcycle-dds-doctor echo ENGINE DOMAIN INTERFACE FROM TO
@@ -32,7 +32,7 @@ constexpr int kFailed = 1;
 constexpr int kWrong = 2;
 constexpr int kProblems = 3;
 
-/// Something on the command line that cannot be.
+/// An error on the command line.
 class Wrong final : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -77,7 +77,7 @@ int look(const std::vector<std::string>& args) {
       .time = std::chrono::milliseconds(std::stoul(args.at(6))),
       .program = {}};
   if (options.participant.security.empty()) {
-    // Permissions name the topics of the application, and not those of a round trip.
+    // Permissions cover the topics of the application, but not those of a round trip.
     options.program = std::filesystem::read_symlink("/proc/self/exe");
   } else {
     refuse_wrong_enclave(options.participant);

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::chrono::milliseconds kServe = 50ms;  // So late a message is given up, at most.
+constexpr std::chrono::milliseconds kServe = 50ms;  // Maximum delay of a message's timeout.
 
 void look_at_machine(Observation& seen) {
   for (const char* const name : variables_of_interest()) {
@@ -35,7 +35,7 @@ void look_at_machine(Observation& seen) {
 
 Observation observe(const ObserveOptions& options) {
   if (!options.participant.interface.empty()) {
-    (void)find_interface(options.participant.interface);  // A mistake before all else.
+    (void)find_interface(options.participant.interface);  // Reports an unknown interface first.
   }
   Observation seen{.domain = options.participant.domain,
                    .interface = options.participant.interface,
@@ -69,7 +69,7 @@ Observation observe(const ObserveOptions& options) {
   }
 
   seen.heard = listener.heard();
-  // Its own announcements, and those of the other end of the round trip, are of no interest.
+  // Excludes its own announcements, and those of the other end of the round trip.
   std::erase_if(seen.heard, [&](const Heard& heard) {
     return heard.announcement.participant == participant->guid() ||
            picture.is_doctor(heard.announcement.participant);

@@ -8,17 +8,17 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What is to be looked at, and how long.
+/// What to observe, and for how long.
 struct ObserveOptions {
   const Engine* engine = nullptr;
   ParticipantOptions participant;
   std::chrono::milliseconds time{};
-  /// Run for the other end of the round trip, with `echo`, the engine's name, the domain and the
-  /// interface behind it; empty: without a round trip.
+  /// Program to run as the other end of the round trip, with the arguments `echo`, the engine's
+  /// name, the domain and the interface; empty: no round trip.
   std::string program;
 };
 
-/// Looks at this machine, takes part in the domain for `time`, and returns what was seen.
+/// Examines this machine, joins the domain for `time`, and returns the observations.
 ///
 /// @errors  `EngineError`
 [[nodiscard]] Observation observe(const ObserveOptions& options);

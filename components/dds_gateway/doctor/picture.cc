@@ -39,7 +39,7 @@ void Picture::take_graph(std::span<const std::byte> message) {
   try {
     graph_.take(message);
   } catch (const ros2::CdrError&) {
-    // Others may say what they like; who is there is known without it.
+    // Invalid messages of others are ignored: discovery does not depend on them.
   }
 }
 

@@ -11,37 +11,37 @@
 
 namespace fastcycle::dds_gateway {
 
-/// What the participants of the doctor itself say of themselves; they are not told of.
+/// User data that marks the doctor's own participants, which are not reported.
 inline constexpr const char* kDoctorUserData = "enclave=/;fastcycle_doctor=1;";
 
-/// A participant that was found.
+/// A discovered participant.
 struct FoundParticipant {
   Guid guid{};
   std::string user_data;
 };
 
-/// A reader or a writer that was found.
+/// A discovered reader or writer.
 struct FoundEndpoint {
   Guid guid{};
   Guid participant{};
   Endpoint endpoint;
-  std::string node;  ///< Of ROS 2: `/lidar_driver`; empty if nobody has said so.
+  std::string node;  ///< ROS 2 node: `/lidar_driver`; empty if unknown.
 };
 
-/// Who is there, as one participant finds it out: what it discovers, and what others say of their
-/// nodes. At most 4096 participants and 16,384 readers and writers are kept.
+/// The participants and endpoints of a domain, as one participant discovers them, with the nodes
+/// that others announce. At most 4096 participants and 16,384 readers and writers are kept.
 ///
 /// @threads  Confined.
 class Picture {
  public:
   void take(const Discovery& discovery);
-  /// A message of `ros_discovery_info`; one that is none is left out.
+  /// A message of `ros_discovery_info`; an invalid one is ignored.
   void take_graph(std::span<const std::byte> message);
 
   [[nodiscard]] std::vector<FoundParticipant> participants() const;
-  /// In the order of their topics, writers first.
+  /// Ordered by topic, writers first.
   [[nodiscard]] std::vector<FoundEndpoint> endpoints() const;
-  /// Whether it is a participant of a doctor, this one's or another's.
+  /// Whether it is a participant of any doctor.
   [[nodiscard]] bool is_doctor(const Guid& participant) const;
 
  private:

@@ -23,7 +23,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kPatience = 1s;  // For one message.
-constexpr auto kServe = 200ms;  // So late the other process sees that it shall end.
+constexpr auto kServe = 200ms;  // Maximum delay of the other process's end.
 constexpr std::array<std::byte, 4> kEncapsulation = {std::byte{0}, std::byte{1}, std::byte{0},
                                                      std::byte{0}};
 
@@ -35,7 +35,7 @@ Endpoint endpoint_of(const std::string& topic, bool is_reader) {
           .is_reader = is_reader};
 }
 
-/// What waits for the other process ends it, whatever it does.
+/// Kills and reaps the other process.
 void end_process(pid_t process) {
   for (int i = 0; i < 100; ++i) {
     if (waitpid(process, nullptr, WNOHANG) != 0) {
@@ -112,7 +112,7 @@ void RoundTrip::step() {
   if (is_done() || (number_ != 0 && now - sent_ < kPatience)) {
     return;
   }
-  // The first may go before the other side has found its reader.
+  // The first message may be sent before the other side has found its reader.
   const bool has_come = !result_.small.empty();
   result_.lost += number_ != 0 && has_come ? 1 : 0;
   send();
@@ -130,7 +130,7 @@ void RoundTrip::send() {
   try {
     writer_->write(message);
   } catch (const EngineError&) {
-    // It is not under way, and will be sent again when its time is over.
+    // Not sent, and retried after the timeout.
   }
 }
 
@@ -141,7 +141,7 @@ void RoundTrip::take(std::span<const std::byte> message) {
   }
   std::memcpy(&number, message.data() + kEncapsulation.size(), sizeof number);
   if (number == 0 || number != number_) {
-    return;  // Late, or not from our process.
+    return;  // Late, or from another process.
   }
   const auto took = Clock::now() - sent_;
   auto& times = message.size() > kSmallBytes ? result_.large : result_.small;

@@ -18,7 +18,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kWhoMax = 200;     // That are listed for people.
+constexpr std::size_t kWhoMax = 200;     // Listed in the text.
 constexpr std::size_t kTopicsMax = 100;  // Of each.
 
 std::string_view word_of(Level level) {
@@ -36,7 +36,7 @@ std::string line_of(const Finding& finding) {
   return text;
 }
 
-/// Where a participant is, by what was heard of it.
+/// The location of a participant, from its announcements.
 std::string place_of(const Observation& seen, const Guid& participant) {
   const auto found = std::ranges::find_if(seen.heard, [&](const Heard& heard) {
     return heard.announcement.participant == participant;

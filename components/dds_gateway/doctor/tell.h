@@ -7,7 +7,7 @@
 
 namespace fastcycle::dds_gateway {
 
-/// For people: each finding, and who is there with its topics; ends with a count of problems.
+/// As text: all findings, and the participants with their topics; ends with the number of problems.
 [[nodiscard]] std::string to_text(const Observation& seen, const std::vector<Finding>& findings);
 /// One JSON object, indented: `findings`, `participants`, `endpoints`, `heard`, `round_trip_us`.
 [[nodiscard]] std::string to_json(const Observation& seen, const std::vector<Finding>& findings);

@@ -1,6 +1,6 @@
 #pragma once
 
-// Where things are: coordinate frames, the transforms between them, and how they change with time.
+// Coordinate frames, the transforms between them, and how they change with time.
 
 #include <concepts>
 #include <cstddef>
@@ -19,9 +19,8 @@
 
 namespace fastcycle::transforms {
 
-/// A point or a direction, in metres. Axes are right-handed; which way they point is a matter of
-/// the frame. For a vehicle we take x forward, y to the left, z up; for a map x east, y north, z
-/// up.
+/// A point or a direction, in metres. Axes are right-handed; each frame defines their directions.
+/// Convention: for a vehicle x forward, y left, z up; for a map x east, y north, z up.
 struct Vector {
   /// Forward, or east.
   double x = 0.0;
@@ -31,7 +30,7 @@ struct Vector {
   double z = 0.0;
 };
 
-/// A rotation as a unit quaternion; what is made without values turns nothing.
+/// A rotation as a unit quaternion; the default is the identity.
 struct Quaternion {
   /// The real part: the cosine of half the angle.
   double w = 1.0;
@@ -42,43 +41,43 @@ struct Quaternion {
   /// The part about z.
   double z = 0.0;
 
-  /// The way back.
+  /// The inverse rotation.
   [[nodiscard]] Quaternion conjugate() const noexcept { return {w, -x, -y, -z}; }
-  /// Turns `vector`.
+  /// Rotates `vector`.
   [[nodiscard]] Vector operator*(const Vector& vector) const noexcept;
-  /// Turns by `first`, then by this.
+  /// Composition: first `first`, then this.
   [[nodiscard]] Quaternion operator*(const Quaternion& first) const noexcept;
 };
 
-/// Turns by `roll` about x, then by `pitch` about the old y, then by `yaw` about the old z: the
-/// attitude of a vehicle in its map. Radians; a positive yaw turns from x to y, which is
+/// Rotates by `roll` about x, then by `pitch` about the fixed y, then by `yaw` about the fixed z:
+/// the attitude of a vehicle in its map. Radians; a positive yaw turns from x to y, which is
 /// counter-clockwise seen from above; a positive pitch turns the nose (x) down.
 [[nodiscard]] Quaternion from_roll_pitch_yaw(double roll, double pitch, double yaw) noexcept;
 
-/// Takes the coordinates of a point in one frame to its coordinates in another one.
+/// Transforms the coordinates of a point in one frame to its coordinates in another one.
 ///
 ///     point_in_b = a_to_b * point_in_a
 ///     a_to_c     = b_to_c * a_to_b
 ///     b_to_a     = a_to_b.inverse()
 ///
-/// The same numbers are the pose of frame a in frame b: `translation` is where a's origin is in b,
-/// `rotation` how a's axes stand in b.
+/// The same numbers are the pose of frame a in frame b: `translation` is the origin of a in b,
+/// `rotation` the orientation of a's axes in b.
 struct Transform {
-  /// Where a's origin is in b, in metres.
+  /// Origin of a in b, in metres.
   Vector translation{};
-  /// How a's axes stand in b.
+  /// Orientation of a's axes in b.
   Quaternion rotation{};
 
-  /// `point` of frame a in frame b.
+  /// Transforms `point` from frame a to frame b.
   [[nodiscard]] Vector operator*(const Vector& point) const noexcept;
-  /// By `first`, then by this.
+  /// Composition: first `first`, then this.
   [[nodiscard]] Transform operator*(const Transform& first) const noexcept;
   /// From b to a.
   [[nodiscard]] Transform inverse() const noexcept;
 };
 
-/// Between `from` (at `part` 0) and `to` (at 1): positions on a straight line, rotations at
-/// constant speed the shorter way round.
+/// Interpolates between `from` (at `part` 0) and `to` (at 1): positions linearly, rotations at
+/// constant speed along the shorter arc.
 [[nodiscard]] Transform interpolate(const Transform& from, const Transform& to,
                                     double part) noexcept;
 
@@ -86,49 +85,49 @@ struct Transform {
 struct Pose {
   /// When it was measured.
   Time taken{};
-  /// Takes points of the child to the parent.
+  /// Transforms points from the child to the parent.
   Transform child_to_parent{};
 };
 
-/// What a message says; without a rotation or a translation there is none.
+/// The pose in a message; a missing rotation or translation is the identity.
 [[nodiscard]] Pose from_message(const transform::Transform& message);
 /// Fills all of `message`.
 void to_message(std::string_view parent, std::string_view child, const Pose& pose,
                 transform::Transform& message);
 
-/// Why a look-up found nothing.
+/// Why a lookup failed.
 enum class Missing : std::uint8_t {
-  kFrame,       ///< Nobody spoke of this frame (yet).
-  kConnection,  ///< Both frames are known; nothing leads from one to the other.
-  kPose,        ///< Nothing has come yet on the topic that moves a frame.
-  kNewPose,     ///< The newest pose is older than asked, by more than may be.
-  kOldPose,     ///< The oldest pose that is kept is younger than asked.
-  kValid,       ///< A pose cannot be used: its rotation is none, or it speaks of other frames.
-  kSense,       ///< Two parents of one frame, or frames that lead in a circle.
+  kFrame,       ///< The frame is unknown (so far).
+  kConnection,  ///< Both frames are known, but not connected.
+  kPose,        ///< No message yet on the topic of a moving frame.
+  kNewPose,     ///< The newest pose is too old for the requested time.
+  kOldPose,     ///< The oldest pose kept is newer than requested.
+  kValid,       ///< An invalid pose: its rotation is not one, or it is of other frames.
+  kSense,       ///< A frame with two parents, or frames in a cycle.
 };
 
-/// Why a look-up found nothing, with the names of the frames: "map ← base_link: the newest on
+/// Why a lookup failed, with the names of the frames: "map ← base_link: the newest on
 /// "localization/pose" is 120 ms older than asked; 50 ms are allowed (max_hold)".
 struct Error {
-  /// What is missing.
+  /// The reason.
   Missing missing{};
-  /// In words.
+  /// The reason as text.
   std::string why;
 };
 
-/// What was looked up, or why it is missing.
+/// The result of a lookup, or the reason of its failure.
 template <typename T>
 class Result {
  public:
-  /// What was found.
+  /// A value.
   Result(T value) : content_(std::move(value)) {}  // NOLINT(google-explicit-constructor)
-  /// Why nothing was.
+  /// A failure.
   Result(Error error) : content_(std::move(error)) {}  // NOLINT(google-explicit-constructor)
 
-  /// Whether it was found.
+  /// Whether there is a value.
   [[nodiscard]] explicit operator bool() const noexcept { return content_.index() == 0; }
 
-  /// @pre  It was found.
+  /// @pre  There is a value.
   [[nodiscard]] const T& operator*() const {
     FASTCYCLE_ASSERT(content_.index() == 0, "what is taken from a look-up was found");
     return *std::get_if<0>(&content_);
@@ -136,7 +135,7 @@ class Result {
   /// As `*`.
   [[nodiscard]] const T* operator->() const { return &**this; }
 
-  /// @pre  It was not found.
+  /// @pre  There is no value.
   [[nodiscard]] const Error& error() const {
     FASTCYCLE_ASSERT(content_.index() == 1, "a look-up that found something has no error");
     return *std::get_if<1>(&content_);
@@ -146,33 +145,33 @@ class Result {
   std::variant<T, Error> content_;
 };
 
-/// A frame that moves against its parent, and the topic that says how.
+/// A frame that moves relative to its parent, and the topic of its poses.
 struct MovingFrame {
   /// Where its poses are published.
   std::string topic;
-  /// The frame that it moves in.
+  /// Its parent.
   std::string parent;
   /// Its own name.
   std::string child;
-  std::size_t depth = 64;  ///< Poses that are kept: how far back a look-up can reach.
+  std::size_t depth = 64;  ///< Number of poses kept: how far back a lookup can reach.
 };
 
-/// What a component says of the frames that it asks for.
+/// The frames that a component looks up.
 struct TreeOptions {
-  /// Where frames that do not move are published, by any number of publishers, as
-  /// `transform::StaticTransforms`; the topic is latched. Empty: there are none.
+  /// Topic of static frames, published by any number of publishers as
+  /// `transform::StaticTransforms`; it is latched. Empty: none.
   std::string static_topic = "transforms/static";
-  /// Frames whose poses are published as `transform::Transform`. Poses that come as other messages
-  /// are added by `Tree::add`.
+  /// Frames whose poses are published as `transform::Transform`. `Tree::add` adds those published
+  /// as other messages.
   std::vector<MovingFrame> moving = {};
-  /// For how long the newest pose may stand for a later time, unchanged. 0: only times between two
-  /// poses, and those of poses, are answered; nothing is guessed.
+  /// How long the newest pose may be used, unchanged, for later times. 0: only interpolation, no
+  /// extrapolation.
   Duration max_hold{0};
 };
 
 namespace detail {
 
-/// The poses that a topic has, whatever its type; index 0 is the oldest.
+/// The poses of a topic, whatever its type; index 0 is the oldest.
 class Poses {
  public:
   Poses() = default;
@@ -182,7 +181,7 @@ class Poses {
 
   [[nodiscard]] virtual std::size_t size() const = 0;
   [[nodiscard]] virtual Pose at(std::size_t index) const = 0;
-  /// Whether the message itself speaks of these frames, where it names any.
+  /// Whether the message itself is of these frames, if it names any.
   [[nodiscard]] virtual bool is_of(std::size_t, std::string_view, std::string_view) const {
     return true;
   }
@@ -203,8 +202,8 @@ class ConvertedPoses final : public Poses {
 
 }  // namespace detail
 
-/// The frames of an application and how they stand to each other: a member of each component that
-/// asks for transforms.
+/// The frames of an application and the transforms between them: a member of each component that
+/// looks up transforms.
 ///
 ///     class Tracker final : public fastcycle::Component {
 ///      public:
@@ -220,24 +219,24 @@ class ConvertedPoses final : public Poses {
 ///         }
 ///         const auto point_in_map = *lidar_to_map * point_in_lidar;
 ///
-/// Each frame has at most one parent. What the tree knows is frozen while an activation lasts: two
-/// questions in one callback get one answer, whatever is published meanwhile. Asking causes no
-/// activation and waits for nothing: what is not known is an error that says what is missing.
+/// Each frame has at most one parent. The tree is frozen during an activation: equal lookups in one
+/// callback return equal results, whatever is published meanwhile. A lookup causes no activation
+/// and never blocks: an unknown transform is an error with the reason.
 ///
-/// @threads  Confined to its component: made in its constructor, asked in its activations.
+/// @threads  Confined to its component: constructed in its constructor, used in its activations.
 /// @realtime `a_to_b` takes no lock and allocates nothing if it finds the transform and no static
-///           frames came since the last question. Its time grows with the frames between a and b,
-///           and with how many poses came since the time that is asked for.
+///           frames came since the last lookup. Its time grows with the frames between a and b, and
+///           with the number of poses since the requested time.
 class Tree {
  public:
-  /// @errors  std::invalid_argument if the moving frames make no tree.
+  /// @errors  std::invalid_argument if the moving frames do not form a tree.
   explicit Tree(Context& context, TreeOptions options = {});
   Tree(const Tree&) = delete;
   Tree& operator=(const Tree&) = delete;
   ~Tree();
 
-  /// A moving frame whose poses come as messages of any type: `convert(const T&)` gives a `Pose`.
-  /// In the component's constructor. The measured times of one topic do not go back.
+  /// Adds a moving frame with poses in messages of any type: `convert(const T&)` returns a `Pose`.
+  /// In the component's constructor. The measured times of one topic must not decrease.
   ///
   ///     tree_.add<localization::Pose>(context, {"localization/pose", "map", "base_link"},
   ///                                   [](const localization::Pose& pose) { return …; });
@@ -250,9 +249,8 @@ class Tree {
               std::make_unique<detail::ConvertedPoses<T, F>>(history, std::move(convert)));
   }
 
-  /// What takes coordinates in frame `a` to coordinates in frame `b` at `time`, which is the
-  /// measured time (`header.taken_ns`) of poses: `point_in_b = *a_to_b("a", "b", time) *
-  /// point_in_a`.
+  /// The transform from frame `a` to frame `b` at `time`, which is the measured time
+  /// (`header.taken_ns`) of poses: `point_in_b = *a_to_b("a", "b", time) * point_in_a`.
   [[nodiscard]] Result<Transform> a_to_b(std::string_view a, std::string_view b, Time time);
 
   /// The same at the newest time for which every transform between them is known.
@@ -262,11 +260,11 @@ class Tree {
   /// of them moves.
   [[nodiscard]] Result<Time> newest_time(std::string_view a, std::string_view b);
 
-  /// Each frame that has two parents, or is part of a circle, in words. Look-ups that need none of
-  /// them work.
+  /// A description of each frame that has two parents, or is part of a cycle. Lookups without such
+  /// frames work.
   [[nodiscard]] std::vector<std::string> problems();
 
-  /// The names of all frames that are known, in the order of the alphabet.
+  /// The names of all known frames, in alphabetical order.
   [[nodiscard]] std::vector<std::string> frames();
 
  private:
@@ -292,28 +290,28 @@ class Tree {
 
   const TreeOptions options_;
   std::optional<History<transform::StaticTransforms>> static_;
-  std::uint64_t seen_ = 0;  ///< Which static messages the tree is made of.
+  std::uint64_t seen_ = 0;  ///< The static messages from which the tree was built.
   std::vector<std::unique_ptr<Moving>> moving_;
   std::vector<Frame> frames_;
   std::map<std::string, std::size_t, std::less<>> names_;
   std::vector<std::string> problems_;
 };
 
-/// Says where frames are that do not move. Any number of components may do so on one topic, which
-/// is latched: `"topics": {"transforms/static": {"latched": 1, "multiple_publishers": true}}`.
+/// Publishes static frames. Any number of components may do so on one topic, which is latched:
+/// `"topics": {"transforms/static": {"latched": 1, "multiple_publishers": true}}`.
 ///
-/// @threads  Confined to its component: made in its constructor, used in its activations.
+/// @threads  Confined to its component: constructed in its constructor, used in its activations.
 class StaticBroadcaster {
  public:
-  /// Declares that the component publishes on `topic`, in its constructor.
+  /// Declares `topic` as published by the component, in its constructor.
   explicit StaticBroadcaster(Context& context, std::string_view topic = "transforms/static")
       : publisher_(context.create_publisher<transform::StaticTransforms>(topic)) {}
 
-  /// Where `child` is in `parent`: `point_in_parent = child_to_parent * point_in_child`. A second
-  /// call for the same child replaces the first.
+  /// Sets the pose of `child` in `parent`: `point_in_parent = child_to_parent * point_in_child`. A
+  /// second call for the same child replaces the first.
   void set(std::string_view parent, std::string_view child, const Transform& child_to_parent);
 
-  /// Publishes all that was set; in `start()`, or whenever something has changed.
+  /// Publishes all poses set; in `start()`, and after changes.
   void publish();
 
  private:

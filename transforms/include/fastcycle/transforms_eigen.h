@@ -1,6 +1,6 @@
 #pragma once
 
-// For those who compute with Eigen; FastCycle itself needs no Eigen.
+// Conversions for Eigen; FastCycle itself does not need Eigen.
 
 #include <Eigen/Geometry>
 
