@@ -83,7 +83,8 @@ void write_application(const std::filesystem::path& folder, std::mt19937_64& ran
                        {{"file", (folder / "drive.mcap").string()},
                         {"compression", random() % 2 == 0 ? "none" : "lz4"},
                         {"compression_by_topic", {{"camera", "none"}, {"lidar", "none"}}},
-                        {"sync_ms", random() % 2 == 0 ? 1000 : 50}}}};
+                        {"sync_ms", random() % 2 == 0 ? 1000 : 50},
+                        {"memory_mb", 2048}}}};  // A slow disk is no part of this test.
   for (const Stream& stream : kStreams) {
     application["components"].push_back({{"name", stream.topic},
                                          {"library", "recorder_parts"},
