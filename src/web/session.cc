@@ -351,7 +351,7 @@ void Session::publish(const foxglove::ClientMessage& message) {
   }
   hub_.ask(*this, std::move(request), [this, asked = topic](const auto& answer) {
     if (answer.has_error()) {
-      refuse(fmt::format("topic \"{}\": {}", topic, answer.error().text()));
+      refuse(fmt::format("topic \"{}\": {}", asked, answer.error().text()));
     }
   });
 }
