@@ -6,7 +6,7 @@
 
 namespace fastcycle::detail {
 
-/// The remedy where a publisher is used outside of its component's callbacks.
+/// The remedy for a publisher that is used outside of its component's callbacks.
 inline constexpr const char* kPublishFromThreads =
     "publish from your own thread with create_external_publisher()";
 
@@ -15,11 +15,11 @@ inline constexpr const char* kPublishFromThreads =
   return component.is_active_here();
 }
 
-/// Ends the process: code of `component` broke the contract, as `what` says, and `remedy` how it is
-/// done right. Prints `component "planner": WHAT; REMEDY`.
+/// Ends the process: code of `component` broke a contract. Prints
+/// `component "planner": WHAT; REMEDY`.
 [[noreturn]] void broke_contract(const PublishingComponent& component, std::string_view what,
                                  std::string_view remedy) noexcept;
-/// The same of a `call` ("publish on") that concerns the topic `name`, outside of a callback.
+/// The same for a `call` ("publish on") on the topic `name` outside of a callback.
 [[noreturn]] void called_outside(const PublishingComponent& component, std::string_view call,
                                  std::string_view name, std::string_view remedy) noexcept;
 

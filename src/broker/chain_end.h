@@ -14,37 +14,39 @@
 
 namespace fastcycle::detail {
 
-/// A latency chain, as far as the data plane must know it.
+/// A latency chain, as the data plane needs it.
 struct ChainRule {
-  std::size_t chain = 0;  ///< Its place in the application file.
-  std::size_t root = 0;   ///< Whose trail is judged.
+  std::size_t chain = 0;  ///< Its index in the application file.
+  std::size_t root = 0;   ///< The root whose trail is judged.
   Duration deadline{0};
-  bool drops = false;  ///< What is too old is not delivered.
+  bool drops = false;  ///< Messages that are too old are not delivered.
 };
 
 /// The end of latency chains at one subscription: judges each message before it is delivered, and
-/// counts what became of it.
+/// counts the results.
 ///
-/// Everything is known here: the trail says when each component on the way began and published. So
-/// the statistics of a chain have one writer, and the hop that made a message late is named in the
-/// moment of the breach.
+/// All information is available here: the trail has when each component on the way began and
+/// published. So the statistics of a chain have one writer, and the hop that made a message late is
+/// identified at the time of the breach.
 ///
-/// @threads  `judge` by the receiving component's worker; all counters and histograms by anyone.
+/// @threads  `judge` by the receiving component's worker; all counters and histograms by any
+///           thread.
 /// @realtime No lock, no allocation.
 class ChainEnd {
  public:
-  /// Different publishers on the ways that lead here; what comes by more counts for the last.
+  /// Different publishers on the paths that lead here; further ones count as the last.
   static constexpr std::size_t kMaxHops = 24;
 
-  /// What one component on the way took. @threads  As `ChainEnd`; `usual_*` by the writer only.
+  /// Times of one component on the path. @threads As `ChainEnd`; `usual_*` by the writer only.
   struct HopStatistics {
-    std::atomic<PublisherId> publisher{0};  ///< What it published by; 0: the receiver itself.
-    std::atomic<std::size_t> place{0};      ///< Where on the way it was seen first.
-    base::Histogram waiting;  ///< From the publish before until the activation that published, ns.
-    base::Histogram running;  ///< From there until its own publish, ns.
-    Counter guilty_waiting;   ///< Breaches in which it exceeded what is usual most, by waiting,
+    std::atomic<PublisherId> publisher{0};  ///< Its publisher; 0: the receiver itself.
+    std::atomic<std::size_t> place{0};      ///< Its first observed position on the path.
+    base::Histogram waiting;  ///< From the previous publish to the activation that published, ns.
+    base::Histogram running;  ///< From there to its own publish, ns.
+    Counter guilty_waiting;   ///< Breaches in which it had the largest excess over its usual time,
+                              ///< by waiting,
     Counter guilty_running;   ///< and by running.
-    double usual_waiting_ns = 0;  ///< Of passes in time, the last ones most.
+    double usual_waiting_ns = 0;  ///< Moving average over passes in time.
     double usual_running_ns = 0;
     bool has_usual = false;
   };
@@ -67,7 +69,7 @@ class ChainEnd {
   /// @pre At most 32 rules.
   explicit ChainEnd(std::span<const ChainRule> rules);
 
-  /// Judges a message with these trails, null if it has none, that would be delivered at `now`.
+  /// Judges a message with these trails (null if it has none) that would be delivered at `now`.
   [[nodiscard]] Verdict judge(const Trail* trails, Time now) noexcept;
 
   [[nodiscard]] const std::vector<std::unique_ptr<Chain>>& chains() const noexcept {

@@ -14,7 +14,7 @@ namespace fastcycle::detail {
 class Inbox;
 class Credits;
 
-/// What the receiver of one lane owes its publisher: a credit for each message that it has.
+/// The credits of one lane: its receiver returns one for each message that it has finished.
 ///
 /// @threads  `finish` and `end` by the receiver; all else by the publisher.
 /// @realtime No lock, no allocation.
@@ -24,12 +24,12 @@ class LaneCredit {
   LaneCredit(const LaneCredit&) = delete;
   LaneCredit& operator=(const LaneCredit&) = delete;
 
-  /// One message is done: its callback has returned, or never will be called.
+  /// One message is finished: its callback has returned, or never will be called.
   void finish() noexcept {
     finished_.fetch_add(1, std::memory_order_seq_cst);
     settle();
   }
-  /// The receiver takes nothing any more.
+  /// The receiver takes no more messages.
   void end() noexcept {
     is_over_.store(true, std::memory_order_seq_cst);
     settle();
@@ -43,19 +43,19 @@ class LaneCredit {
   const std::shared_ptr<Credits> credits_;
   std::atomic<std::uint64_t> finished_{0};
   std::atomic<bool> is_over_{false};
-  std::atomic<bool> is_awaited_{false};  ///< The publisher has no credit here, and waits for one.
+  std::atomic<bool> is_awaited_{false};  ///< The publisher waits for a credit of this lane.
 };
 
 /// The credit window of one publisher: how many of its messages may be on their way to each
-/// receiver, so that no queue overflows. A receiver gives a credit back when it is done with a
-/// message; who ends gives back all.
+/// receiver, so that no queue overflows. A receiver returns a credit when it has finished a
+/// message, and all of them when it ends.
 ///
-/// A publisher that ran out of credits waits for a credit of each lane that has none. The receiver
-/// first counts, then looks whether it is waited for; the publisher first says that it waits, then
-/// looks at the count again: one of them sees the other.
+/// A publisher without credits waits for a credit of each lane that has none. The receiver first
+/// counts, then reads the flag of the waiting publisher; the publisher first sets the flag, then
+/// reads the count again: one of them sees the other.
 ///
 /// @threads  `lane_returned` is Safe. All else belongs to the publisher: its activations, an
-///           external one's mutex, in simulated time also who runs it, between rounds.
+///           external one's mutex, in simulated time also the driving thread, between rounds.
 /// @realtime No lock, no allocation, except for `add`; at most one wake call.
 class Credits {
  public:
@@ -65,26 +65,25 @@ class Credits {
 
   void add(const std::shared_ptr<Lane>& lane) { receivers_.push_back({lane, lane->credit}); }
   void remove(const Lane& lane) noexcept;
-  /// The publisher is gone: it waits for nobody, and is told of nothing.
+  /// The publisher is gone: it does not wait, and is not notified any more.
   void leave() noexcept {
-    receivers_.clear();  // Their lanes hold this.
+    receivers_.clear();  // Their lanes refer to this.
     inbox_ = nullptr;
   }
 
-  /// How many messages may be published now, if `staged` are on their way to the lanes.
+  /// How many messages may be published now, if `staged` have not reached the lanes yet.
   [[nodiscard]] std::size_t left(std::uint64_t staged) const noexcept;
 
-  /// From now on waits for credits, if it does not already: `take_returned` will say that they
-  /// came.
+  /// Starts to wait for credits, if it does not already: `take_returned` will report them.
   void await() noexcept;
 
-  /// True once after each time that what was awaited came.
+  /// True once after each time that the awaited credits were returned.
   [[nodiscard]] bool take_returned() noexcept;
 
-  /// Who is marked, by its timer bit, when credits came.
+  /// Sets the inbox that is marked, by its timer bit, when credits were returned.
   void tell(Inbox& inbox) noexcept { inbox_ = &inbox; }
 
-  /// For foreign threads: changes when credits came, or somebody was woken.
+  /// For foreign threads: changes when credits were returned, or a thread was woken.
   [[nodiscard]] std::uint32_t epoch() const noexcept {
     return epoch_.load(std::memory_order_seq_cst);
   }
@@ -93,7 +92,7 @@ class Credits {
   }
   void wake() noexcept;
 
-  /// A lane that was waited for has a credit.
+  /// An awaited lane has a credit.
   void lane_returned() noexcept;
 
   const std::size_t window;
@@ -101,7 +100,8 @@ class Credits {
  private:
   struct Receiver {
     std::shared_ptr<Lane> lane;
-    std::shared_ptr<LaneCredit> credit;  ///< Its own, apart from what the receiver writes.
+    std::shared_ptr<LaneCredit>
+        credit;  ///< On a line of its own, apart from what the receiver writes.
   };
 
   [[nodiscard]] std::size_t left_of(const Receiver& receiver, std::uint64_t staged) const noexcept;

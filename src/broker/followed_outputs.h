@@ -10,7 +10,7 @@ namespace fastcycle::detail {
 
 class PublisherCore;
 
-/// Compares what a component on standby publishes with what the one published that it follows.
+/// Compares the messages of a component on standby with those of the one that it follows.
 ///
 /// @threads  By one thread at a time for each publisher.
 class OutputComparer {
@@ -23,12 +23,13 @@ class OutputComparer {
   /// Two messages of the same sequence.
   virtual void compare(const PublisherCore& publisher, const Envelope& theirs,
                        const Envelope& own) noexcept = 0;
-  /// One that only one side has published: the other one, or this.
+  /// A message that only one side has published.
   virtual void unmatched(const PublisherCore& publisher, bool is_theirs) noexcept = 0;
 };
 
 /// The outputs of one publisher on standby: its own, and those of the publisher that it follows,
-/// each until the other one is there. At most `kMost` of each wait; what is older is not compared.
+/// each kept until its counterpart arrives. At most `kMost` of each wait; older ones are not
+/// compared.
 ///
 /// @threads  Under the publisher's mutex.
 class FollowedOutputs {
@@ -41,20 +42,20 @@ class FollowedOutputs {
   FollowedOutputs& operator=(const FollowedOutputs&) = delete;
   ~FollowedOutputs();
 
-  /// Take over a reference.
+  /// These take over a reference.
   void add_theirs(Envelope* envelope) noexcept { add(envelope, theirs_, own_, true); }
   void add_own(Envelope* envelope) noexcept { add(envelope, own_, theirs_, false); }
-  /// The other one's message of this sequence; null if it is not here. It stays.
+  /// The followed publisher's message of this sequence; null if it is not here. It is not removed.
   [[nodiscard]] const Envelope* find_theirs(std::uint64_t sequence) const noexcept;
-  /// Whether it cannot come any more.
+  /// Whether it cannot arrive any more.
   [[nodiscard]] bool is_past(std::uint64_t sequence) const noexcept {
     return !theirs_.empty() && theirs_.back()->info.sequence > sequence;
   }
-  /// Lets go of all that waits, or of its own.
+  /// Releases all that wait, or its own.
   void clear() noexcept;
   void clear_own() noexcept;
 
-  bool is_following = true;  ///< Else it takes the other one's place.
+  bool is_following = true;  ///< Else it replaces the followed one.
   std::uint64_t made = 0;    ///< The sequence of its own last message.
 
  private:

@@ -12,7 +12,7 @@
 
 namespace fastcycle::detail {
 
-/// Where components that have something to do are queued. An executor is one.
+/// The queue of components that are ready to run. An executor is one.
 ///
 /// @threads  Safe.
 /// @realtime As `publish` is.
@@ -23,31 +23,31 @@ class ReadyQueue {
   ReadyQueue& operator=(const ReadyQueue&) = delete;
   virtual ~ReadyQueue() = default;
 
-  /// Puts the component `index` into the queue; nobody is woken yet.
+  /// Queues the component `index`, without waking a worker.
   virtual void enqueue(std::uint32_t index) noexcept = 0;
 
-  /// Wakes a worker for what was queued, if one sleeps.
+  /// Wakes a worker for the queued components, if one sleeps.
   virtual void wake() noexcept = 0;
 
-  /// Brings near what `enqueue` and `wake` will write.
+  /// Prefetches what `enqueue` and `wake` will write.
   virtual void prepare(std::uint32_t index) noexcept = 0;
 };
 
-/// All lanes that lead to one component, and one word that says what is ready.
+/// All lanes that lead to one component, and one state word of ready bits.
 ///
 /// A push ends by setting its lane's bit; only the step from nothing to something queues the
 /// component, so that a busy receiver costs a publisher one atomic step. The worker that serves the
-/// component clears a bit only after finding the lane empty, and looks again. It takes the smallest
-/// publish time among the lanes' heads, and only if the word, read again, shows no ready lane that
-/// it did not look at: so if one push returned before another began, it is served first.
+/// component clears a bit only after finding the lane empty, and then reads the lane again. It
+/// takes the smallest publish time among the lanes' heads, and only if the word, read again, shows
+/// no other ready lane: so if one push returned before another began, it is served first.
 ///
-/// The first 59 lanes have a bit each. All others share the last one, and what stands behind it
-/// tells them apart (`SharedBit`).
+/// The first 59 lanes have a bit each. All others share the last one, and `SharedBit` distinguishes
+/// them.
 ///
 /// @threads  `mark` is Safe; `begin`, `end`, `peek`, `pop` and the lists of lanes belong to the one
 ///           worker that serves the component, and before the start to the control thread.
-/// @realtime No allocation, no lock. `peek` grows with the number of ready lanes that have a bit
-///           each; what it does for the others is told in `SharedBit`.
+/// @realtime No allocation, no lock. The time of `peek` grows with the number of ready lanes that
+///           have a bit each; for the others see `SharedBit`.
 class Inbox {
  public:
   static constexpr unsigned kLaneBits = 60;
@@ -60,17 +60,18 @@ class Inbox {
 
   using Head = LaneHead;
 
-  /// How many messages may wait in a lane while the component follows another one. Before lanes.
+  /// How many messages may wait in a lane while the component is a standby. Set before lanes are
+  /// added.
   std::uint16_t lane_room = 0;
 
   Inbox() = default;
   Inbox(const Inbox&) = delete;
   Inbox& operator=(const Inbox&) = delete;
 
-  /// Says who serves this component: set once, before anything is pushed.
+  /// Sets the queue that serves this component: once, before anything is pushed.
   ///
-  /// With `is_watched` its worker looks at the lanes again and again: what a publisher brings near
-  /// before it writes would only travel once more.
+  /// With `is_watched` its worker polls the lanes: a publisher's prefetch would only move the cache
+  /// line once more.
   void attach(ReadyQueue& queue, std::uint32_t index, bool is_watched = false) noexcept {
     queue_ = &queue;
     index_ = index;
@@ -79,13 +80,13 @@ class Inbox {
   [[nodiscard]] bool is_watched() const noexcept { return is_watched_; }
   [[nodiscard]] ReadyQueue& queue() const noexcept { return *queue_; }
 
-  /// Lets the receiver see `lane`, and gives it its place: before its publisher knows it. Worker,
-  /// or control thread before the start.
+  /// Adds `lane` and assigns its place, before its publisher has it. Worker, or control thread
+  /// before the start.
   void add(std::shared_ptr<Lane> lane);
-  /// A lane that it does not see any more, or never saw, is none of its business.
+  /// Does nothing for a lane that was removed, or never added.
   void remove(const Lane& lane) noexcept;
 
-  /// What to set in the state word when something was pushed into `lane`; 0 for one that causes no
+  /// The bit of the state word to set after a push into `lane`; 0 for one that causes no
   /// activation.
   [[nodiscard]] static std::uint64_t bit_of(const Lane& lane) noexcept {
     if (lane.options.is_view) {
@@ -98,8 +99,8 @@ class Inbox {
 
   /// Sets bits; returns true if that queued the component, whose queue must then be woken.
   ///
-  /// Bits that are set already need no write: the worker clears a bit before it looks for the last
-  /// time, so whoever finds it set after a push knows that this push will be seen.
+  /// Bits that are set already need no write: the worker clears a bit before its last read, so a
+  /// push that finds it set afterwards will be seen.
   bool mark(std::uint64_t bits) noexcept {
     if ((state_.load(std::memory_order_seq_cst) & bits) == bits) {
       return false;
@@ -119,19 +120,20 @@ class Inbox {
     return mark(bit);
   }
 
-  /// Brings near what `mark` and the wake after it will write.
+  /// Prefetches what `mark` and the wake after it will write.
   void prepare_mark() noexcept {
     __builtin_prefetch(&state_, 1);
     queue_->prepare(index_);
   }
 
-  /// As `mark`, but queues the component in any case: for causes that are served when others wait.
+  /// As `mark`, but queues the component in any case: for causes that are served even if others
+  /// wait.
   void mark_control() noexcept {
     state_.fetch_or(kControlBit, std::memory_order_seq_cst);
     queue_->enqueue(index_);
   }
 
-  /// Brings near what a turn will read first. Only by the one worker that may serve the component.
+  /// Prefetches what a turn will read first. Only by the one worker that may serve the component.
   void prepare_serve() const noexcept {
     __builtin_prefetch(&state_, 1);
     for (const Lane* lane : few_lanes_) {
@@ -146,7 +148,7 @@ class Inbox {
     return (state_.fetch_or(kRunningBit, std::memory_order_seq_cst) & kRunningBit) == 0;
   }
 
-  /// Ends a turn in which nothing was left; false if something came meanwhile: then go on.
+  /// Ends a turn in which nothing was left; false if something arrived meanwhile: then continue.
   [[nodiscard]] bool try_end_idle() noexcept {
     std::uint64_t expected = kRunningBit;
     return state_.compare_exchange_strong(expected, 0, std::memory_order_seq_cst);
@@ -159,17 +161,18 @@ class Inbox {
     }
   }
 
-  /// Ends a turn of a component that serves no lanes yet; false if control causes came meanwhile.
+  /// Ends a turn of a component that serves no lanes yet; false if control causes arrived
+  /// meanwhile.
   [[nodiscard]] bool try_end_unopened() noexcept;
 
-  /// Clears `bit` (timer or control) and says whether it was set.
+  /// Clears `bit` (timer or control) and returns whether it was set.
   bool take_bit(std::uint64_t bit) noexcept {
     return (state_.load(std::memory_order_seq_cst) & bit) != 0 &&
            (state_.fetch_and(~bit, std::memory_order_seq_cst) & bit) != 0;
   }
 
-  /// Clears the bits of all lanes that are ready, and gives each of these lanes to `take`: what is
-  /// pushed into it afterwards sets its bit again. Worker only.
+  /// Clears the bits of all ready lanes, and calls `take` with each of these lanes: a later push
+  /// sets its bit again. Worker only.
   template <typename Take>
   void take_ready(const Take& take) noexcept {
     std::uint64_t ready = state_.fetch_and(~kLaneMask, std::memory_order_seq_cst) & kLaneMask;
@@ -184,8 +187,8 @@ class Inbox {
     }
   }
 
-  /// Has all lanes looked at, whatever their bits said: in this turn, or in the next one where the
-  /// worker serves the component without a turn. Worker only.
+  /// Marks all lanes: they are read in this turn, or in the next one if the worker serves the
+  /// component without a turn. Worker only.
   void mark_all() noexcept {
     shared_.mark_all();
     if (state_.fetch_or(kLaneMask, std::memory_order_seq_cst) == 0) {
@@ -196,9 +199,9 @@ class Inbox {
   /// Within a turn: control causes wait for the next one. Worker only.
   void keep_control() noexcept { state_.fetch_or(kControlBit, std::memory_order_seq_cst); }
 
-  /// The oldest message of all lanes, which stays; false if there is none.
+  /// The oldest message of all lanes, without removing it; false if there is none.
   [[nodiscard]] bool peek(Head& found) noexcept {
-    // As most of the time: one lane is ready, has a bit of its own, and holds something.
+    // The usual case: one lane is ready, has a bit of its own, and is not empty.
     const std::uint64_t ready = state_.load(std::memory_order_seq_cst) & kLaneMask;
     if (ready != 0 && (ready & (ready - 1)) == 0) {
       Lane* const lane = lanes_[static_cast<unsigned>(std::countr_zero(ready))].get();
@@ -211,9 +214,9 @@ class Inbox {
     return ready != 0 && peek_all(found);
   }
 
-  /// As `peek`, without the state word: for the only worker of a component that waits by looking,
-  /// where the publisher has pushed but not marked yet. False also where there are many lanes, or
-  /// where it cannot tell which message is the oldest.
+  /// As `peek`, without the state word: for a component's only worker, which polls, when the
+  /// publisher has pushed but not marked yet. False also if there are many lanes, or if the oldest
+  /// message cannot be determined.
   [[nodiscard]] bool peek_early(Head& found) noexcept {
     if (few_lanes_[1] == nullptr) {
       found.lane = few_lanes_[0];
@@ -222,24 +225,24 @@ class Inbox {
     if (!peek_few(found)) {
       return false;
     }
-    // A lane found empty may have been filled before one that was looked at after it; what is found
-    // twice came before all that came between.
+    // A lane found empty may have been filled before one that was read after it; the same result
+    // twice is older than all that arrived in between.
     Head again;
     return peek_few(again) && again.lane == found.lane &&
            again.head.position == found.head.position;
   }
 
-  /// Takes what `peek` found; false if it is gone: then peek again.
+  /// Removes the message of `peek`; false if it is gone: then peek again.
   [[nodiscard]] static bool pop(const Head& found) noexcept { return found.lane->pop(found.head); }
 
-  /// Nothing is ready, and nobody serves the component.
+  /// Whether nothing is ready, and no worker serves the component.
   [[nodiscard]] bool is_quiet() const noexcept {
     return state_.load(std::memory_order_seq_cst) == 0;
   }
   [[nodiscard]] std::uint64_t state() const noexcept {
     return state_.load(std::memory_order_seq_cst);
   }
-  /// What stands behind the last bit.
+  /// The lanes behind the last bit.
   [[nodiscard]] const SharedBit& shared() const noexcept { return shared_; }
 
  private:

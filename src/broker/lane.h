@@ -20,18 +20,18 @@ class Subscription;
 /// Why a message that was published for a subscription never reached its callback.
 enum class DropReason : std::uint8_t {
   kOverflow,      ///< The queue was full.
-  kSuperseded,    ///< A newer one took its place in a latest or history view.
-  kPool,          ///< The publisher's pool was dry.
+  kSuperseded,    ///< A newer one replaced it in a latest or history view.
+  kPool,          ///< The publisher's pool was empty.
   kFault,         ///< The receiving component had failed.
   kShutdown,      ///< The application was stopping, or not started yet.
   kUnsubscribed,  ///< The subscription had ended.
   kInactive,      ///< The receiving component was not active.
   kUnmatched,     ///< A synchronizer found no partner for it.
   kExpired,       ///< It had waited longer than its lifespan.
-  kStale,         ///< What it was made of was too old for a latency chain.
+  kStale,         ///< Its inputs were too old for a latency chain.
   kProcess,       ///< It was lost between two processes.
-  kLink,          ///< Another application sent it, and it never came.
-  kInjected,      ///< A fault that the application file asks for took it.
+  kLink,          ///< Another application sent it, and it never arrived.
+  kInjected,      ///< Lost by an injected fault.
   kCount,
 };
 
@@ -50,22 +50,21 @@ class Counter {
   std::atomic<std::uint64_t> value_{0};
 };
 
-/// The messages on their way from one publisher to one subscription, oldest first, at most `depth`.
+/// The queue of messages from one publisher to one subscription, oldest first, at most `depth`.
 ///
 /// `head` may be advanced from either end, by compare-and-swap: the receiver takes the oldest, and
 /// a publisher that finds the lane full drops the oldest. Since it counts in 64 bits, a swap that
 /// succeeds means that nothing happened in between. A push never fails and never waits, and no
 /// other publisher can hold it up.
 ///
-/// A slot itself says whether what it holds was pushed in this lap around the slots, so that its
-/// line is all that travels from publisher to receiver. `tail` belongs to the publisher; who only
-/// looks on, or ahead, reads it too. The receiver may be past it by the one message whose push has
-/// not written it yet.
+/// A slot itself has the lap in which it was written, so that its cache line is all that moves from
+/// publisher to receiver. `tail` belongs to the publisher; observers and prefetches read it too.
+/// The receiver may be past it by the one message whose push has not written it yet.
 ///
 /// Invariants: `head - 1 <= tail <= head + depth`; the slot at `head` shows its lap if and only if
 /// a message waits; published = popped by the receiver + dropped + queued.
 ///
-/// @threads  `push` by the publisher only; `peek`, `pop` by one receiver; counters by anyone.
+/// @threads  `push` by the publisher only; `peek`, `pop` by one receiver; counters by any thread.
 /// @realtime No allocation, no lock, no loop over messages.
 class Lane {
  public:
@@ -75,16 +74,16 @@ class Lane {
     std::size_t depth = 16;
     Overflow overflow = Overflow::kDropOldest;
     bool is_view : 1 = false;               ///< Causes no activation.
-    bool is_external : 1 = false;           ///< Fed by a thread that is not FastCycle's.
+    bool is_external : 1 = false;           ///< Filled by a thread outside of FastCycle.
     bool ages : 1 = true;                   ///< Counts for the origin of what timers publish.
-    bool is_judged : 1 = false;             ///< Each message is looked at before it is delivered.
+    bool is_judged : 1 = false;             ///< Each message is checked before it is delivered.
     bool is_imported : 1 = false;           ///< Its publisher is in another process.
-    std::uint16_t history = kWholeHistory;  ///< Latched messages that are given to it.
-    std::uint16_t room = 0;                 ///< What `set_limit` may ask for beyond the depth.
+    std::uint16_t history = kWholeHistory;  ///< Latched messages that it receives.
+    std::uint16_t room = 0;                 ///< Upper bound of `set_limit`, beyond the depth.
   };
 
-  /// A message in the lane, with what its receiver must know before its callback: the envelope
-  /// itself is still in the publisher's cache.
+  /// A message in the lane, with what its receiver needs before its callback: the envelope itself
+  /// is still in the publisher's cache.
   struct Head {
     std::uint64_t position = 0;
     std::int64_t time_ns = 0;  ///< When it was published.
@@ -108,13 +107,13 @@ class Lane {
   Lane& operator=(const Lane&) = delete;
   ~Lane() { drain(); }
 
-  /// Adds `envelope`; returns the one that had to give way and that the caller releases: the
-  /// oldest, `envelope` itself, or none.
+  /// Adds `envelope`; returns the dropped one, which the caller releases: the oldest, `envelope`
+  /// itself, or null.
   [[nodiscard]] Envelope* push(Envelope* envelope) noexcept {
     published.add();
     Envelope* displaced = nullptr;
     const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
-    // `head` only grows: what was room once is room still, and its line is not asked for.
+    // `head` only grows: room that was seen once still exists, without reading its line.
     const std::uint32_t limit = limit_.load(std::memory_order_relaxed);
     if (tail - known_head_ >= limit) {
       known_head_ = head_.load(std::memory_order_acquire);
@@ -144,7 +143,7 @@ class Lane {
     return displaced;
   }
 
-  /// The oldest message, which stays; false if there is none. The receiver's.
+  /// The oldest message, without removing it; false if there is none. The receiver's.
   [[nodiscard]] bool peek(Head& found) noexcept {
     for (;;) {
       const std::uint64_t head = head_.load(std::memory_order_acquire);
@@ -163,14 +162,14 @@ class Lane {
     }
   }
 
-  /// Takes what `peek` found; false if the publisher dropped it meanwhile.
+  /// Removes the message of `peek`; false if the publisher dropped it meanwhile.
   [[nodiscard]] bool pop(const Head& found) noexcept {
     std::uint64_t expected = found.position;
     return head_.compare_exchange_strong(expected, expected + 1, std::memory_order_seq_cst);
   }
 
-  /// Whether more than `count` messages wait. It asks the slots: the newest message may be there
-  /// before `tail` says so. The receiver's.
+  /// Whether more than `count` messages wait. It reads the slots: the newest message may be there
+  /// before `tail` is updated. The receiver's.
   [[nodiscard]] bool holds_more_than(std::size_t count) const noexcept {
     if (count > mask_) {
       return false;
@@ -186,12 +185,12 @@ class Lane {
     }
   }
 
-  /// From the next push on so many may wait: at most the depth, or the room. Any thread.
+  /// Sets how many may wait, from the next push on: at most the depth, or the room. Any thread.
   void set_limit(std::size_t limit) noexcept {
     limit_.store(static_cast<std::uint32_t>(limit), std::memory_order_relaxed);
   }
 
-  /// Takes out and releases all that waits; returns how many. Either end may call it.
+  /// Removes and releases all messages; returns how many. Either end may call it.
   std::uint64_t drain() noexcept {
     std::uint64_t count = 0;
     for (;;) {
@@ -208,11 +207,11 @@ class Lane {
     }
   }
 
-  /// Brings near what the next push writes.
+  /// Prefetches what the next push writes.
   void prepare_push() const noexcept {
     __builtin_prefetch(&slots_[tail_.load(std::memory_order_relaxed) & mask_], 1);
   }
-  /// Brings near what the next `peek` reads.
+  /// Prefetches what the next `peek` reads.
   void prepare_peek() const noexcept {
     __builtin_prefetch(&slots_[head_.load(std::memory_order_relaxed) & mask_]);
   }
@@ -224,14 +223,14 @@ class Lane {
   }
 
   /// When the newest message that was pushed was published, in nanoseconds; the smallest time if
-  /// there was none. For who only looks on.
+  /// there was none. For observers.
   [[nodiscard]] std::int64_t newest_ns() const noexcept {
     const std::uint64_t tail = tail_.load(std::memory_order_acquire);
     return tail == 0 ? std::numeric_limits<std::int64_t>::min()
                      : slots_[(tail - 1) & mask_].time_ns.load(std::memory_order_acquire);
   }
 
-  /// Messages that were left to the receiver, and that no push has dropped. The publisher's.
+  /// Messages passed to the receiver, which no push has dropped. The publisher's.
   [[nodiscard]] std::uint64_t passed_on() const noexcept {
     return published.get() - overflowed.get() - dropped_by_pool.get() - dropped_after_close.get() -
            dropped_outside.get();
@@ -242,8 +241,8 @@ class Lane {
   Subscription& subscription;
   const PublisherId publisher;
 
-  /// Where lanes that share a bit of the inbox's state word are told apart; null if it has a bit of
-  /// its own. As `place`.
+  /// The word that distinguishes lanes which share a bit of the inbox's state word; null if it has
+  /// a bit of its own. As `place`.
   std::atomic<std::uint64_t>* shared_word = nullptr;
 
  private:
@@ -255,13 +254,13 @@ class Lane {
     std::atomic<std::uintptr_t> envelope{0};
   };
 
-  std::atomic<std::uint32_t> limit_;  ///< Its depth, but for who follows another component.
+  std::atomic<std::uint32_t> limit_;  ///< Its depth, except for a standby.
   const std::uint32_t mask_;
   const std::unique_ptr<Slot[]> slots_;
 
  public:
-  /// Which bit is its own: of the inbox's state word, or of all that stand behind a shared one. Set
-  /// by the inbox, before the publisher knows the lane.
+  /// The index of its bit: in the inbox's state word, or among those behind the shared bit. Set by
+  /// the inbox, before the publisher has the lane.
   unsigned place = 0;
   /// Set once by the receiver; `kCount` while the lane is open.
   std::atomic<DropReason> close_reason{DropReason::kCount};
@@ -278,7 +277,7 @@ class Lane {
   /// between the processes.
   Counter dropped_outside;
   std::atomic<bool> is_left_by_publisher{false};
-  /// The receiver keeps more than its share of the pool, and gets no further message. The
+  /// The receiver keeps more than its share of the pool, and receives no further message. The
   /// publisher's.
   bool is_held_back = false;
 
@@ -289,19 +288,18 @@ class Lane {
  public:
   // Written by the receiver, on a line of its own.
   alignas(64) Counter delivered;
-  Counter drained;  ///< Taken out when it was closed, for `close_reason`.
+  Counter drained;  ///< Removed when it was closed, for `close_reason`.
   std::atomic<bool> is_left_by_receiver{false};
-  /// Constant: what the receiver gives back when it is done with a message. Null if the publisher
-  /// asks for no credits.
+  /// Constant: where the receiver returns credits. Null if the publisher uses none.
   const std::shared_ptr<LaneCredit> credit;
 
  private:
   std::atomic<std::uint64_t> head_{0};
   std::uint64_t known_tail_ = 0;  ///< The receiver's: `tail` is at least this.
-  bool was_empty_ = true;         ///< The receiver's: it found nothing when it looked last.
+  bool was_empty_ = true;         ///< The receiver's: its last read found nothing.
 
-  /// Brings near the message that follows `head`, while that one is served: in a burst, another
-  /// CPU wrote it just now. What is dropped meanwhile was asked for in vain.
+  /// Prefetches the message that follows `head`, while that one is served: in a burst, another CPU
+  /// wrote it just now.
   void prepare_following(std::uint64_t head) noexcept {
     if (head + 1 >= known_tail_) {
       known_tail_ = tail_.load(std::memory_order_relaxed);
@@ -316,7 +314,7 @@ class Lane {
     }
   }
 
-  /// Tells what was pushed to `position` from what its slot held one lap before.
+  /// Distinguishes what was pushed to `position` from the slot's content one lap before.
   [[nodiscard]] std::uintptr_t lap(std::uint64_t position) const noexcept {
     return (position & (std::uint64_t{mask_} + 1)) == 0 ? 1 : 0;
   }
@@ -324,7 +322,7 @@ class Lane {
     return reinterpret_cast<Envelope*>(word & ~std::uintptr_t{1});
   }
 
-  /// What stands at `head`; false if nothing does, or `head` has moved on meanwhile.
+  /// Reads the message at `head`; false if there is none, or `head` has advanced meanwhile.
   [[nodiscard]] bool read(std::uint64_t head, Head& found) const noexcept {
     const Slot& slot = slots_[head & mask_];
     const std::uintptr_t word = slot.envelope.load(std::memory_order_seq_cst);

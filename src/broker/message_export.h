@@ -4,7 +4,7 @@
 
 namespace fastcycle::detail {
 
-/// Where messages of one publisher go besides the lanes: to another process.
+/// Forwards the messages of one publisher to another process, besides the lanes.
 ///
 /// @threads  As the publisher.
 /// @realtime As `publish` is.
@@ -16,20 +16,19 @@ class MessageExport {
   virtual ~MessageExport() = default;
 
   /// Hands over a message that was numbered, and takes one reference to it, which it releases when
-  /// the message has come back, or at once if it goes nowhere.
+  /// the message was returned, or at once if it is not sent.
   virtual void put(Envelope& envelope) noexcept = 0;
-  /// Releases what has come back.
+  /// Releases returned messages.
   virtual void collect() noexcept = 0;
-  /// Makes `message` readable for other processes, all that it consists of included; copies into a
-  /// new one, which it returns and which takes its place, where it cannot be. The thread is in a
-  /// scope of shared memory.
+  /// Makes `message` and all its parts readable for other processes; if that is impossible, returns
+  /// a copy that replaces it. The thread is in a scope of shared memory.
   [[nodiscard]] virtual google::protobuf::Message* share(
       google::protobuf::Message* message) noexcept = 0;
-  /// How many messages may be on their way, and held, there.
+  /// How many messages may be in transit, and held, there.
   [[nodiscard]] virtual std::size_t capacity() const noexcept = 0;
 };
 
-/// Where envelopes of a pool without messages go when they are released: to who made them.
+/// Receives the released envelopes of a pool without messages: their creator.
 ///
 /// @threads  Safe.
 class ReturnSink {

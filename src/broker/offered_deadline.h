@@ -9,7 +9,7 @@ namespace fastcycle::detail {
 
 class PublisherCore;
 
-/// The deadline that a publisher offers: its own component is told when it does not keep it.
+/// The deadline that a publisher offers: its own component is notified of violations.
 class OfferedDeadline final : public Watch {
  public:
   OfferedDeadline(PublisherCore& its_publisher, Duration period);

@@ -13,33 +13,33 @@
 
 namespace fastcycle::detail {
 
-/// What becomes of a message that came back, until it is lent again: who kept a reference to it
-/// beyond the callback reads what cannot be mistaken for a message.
+/// How returned messages are poisoned until they are lent again, to expose references that were
+/// kept beyond the callback.
 enum class Poison : std::uint8_t {
-  kOff,      ///< It stays as it is, and keeps its capacity.
+  kOff,      ///< It is unchanged, and keeps its capacity.
   kPattern,  ///< It is destroyed, and its own bytes are `kPoisonByte` for a while.
-  kFree,     ///< It is destroyed and freed: a memory checker reports who uses it.
+  kFree,     ///< It is destroyed and freed: a memory checker reports its use.
 };
 inline constexpr unsigned char kPoisonByte = 0xfc;
 
-/// What the environment says as FASTCYCLE_POISON (off, pattern, free); without it, or with anything
-/// else, `kFree` under AddressSanitizer, `kOff` where NDEBUG is defined, `kPattern` otherwise.
+/// The value of the environment variable FASTCYCLE_POISON (off, pattern, free); without it, or with
+/// any other value, `kFree` under AddressSanitizer, `kOff` where NDEBUG is defined, `kPattern`
+/// otherwise.
 [[nodiscard]] Poison poison_of_environment() noexcept;
 
 /// The messages that one publisher lends.
 ///
-/// Readers on any thread push what they let go of on a stack; the owner takes the whole stack at
-/// once. Since nobody takes single entries from it, an entry that comes back early can confuse
-/// nothing (no ABA). The owner's free list is last-in first-out: the warmest message goes out
-/// first.
+/// Readers on any thread push released messages on a stack; the owner takes the whole stack at
+/// once. Since no thread pops single entries, there is no ABA problem. The owner's free list is
+/// last-in first-out: the warmest message is lent first.
 ///
-/// A pool outlives its publisher until its last message came back.
+/// A pool outlives its publisher until its last message was returned.
 ///
 /// @threads  `give_back` is Safe; all else is confined to the publisher.
 /// @realtime `take` and `give_back` allocate nothing and take no lock. `grow` allocates.
 class Pool {
  public:
-  /// A pool whose envelopes own messages like `default_instance`; none for envelopes that only
+  /// A pool whose envelopes own messages like `default_instance`; null for envelopes that only
   /// forward. Each has `trails` trails.
   explicit Pool(const google::protobuf::Message* default_instance, std::size_t trails = 0,
                 Poison poison = poison_of_environment());
@@ -48,24 +48,24 @@ class Pool {
   Pool& operator=(const Pool&) = delete;
 
   /// Adds `count` envelopes; their messages are copies of `prototype`, cleared but with its
-  /// capacity, so that a first publish of that size faults no page. It must outlive the last
+  /// capacity, so that a first publish of that size causes no page fault. It must outlive the last
   /// `take`.
   void grow(std::size_t count, const google::protobuf::Message* prototype = nullptr);
 
-  /// From now on counts the samples that each of `count` holders keeps; before anything is
+  /// Enables counting of the samples that each of `count` holders keeps; before anything is
   /// published.
   void tell_holders_apart(std::size_t count);
   /// How many messages `holder` keeps beyond its callbacks. Safe.
   [[nodiscard]] std::size_t kept_by(Holder holder) const noexcept {
     return holder < holder_count_ ? kept_[holder].count() : 0;
   }
-  /// Says how many messages `holder` declares that it keeps; before it is given any.
+  /// Sets how many messages `holder` declares to keep; before it receives any.
   void declare_kept(Holder holder, std::size_t count) noexcept {
     if (holder < holder_count_) {
       kept_[holder].declared.store(count, std::memory_order_relaxed);
     }
   }
-  /// Whether anybody ever kept more than it declared, but for one or two.
+  /// Whether a holder ever kept more than it declared, with a tolerance of `kToleratedKept`.
   [[nodiscard]] bool is_overdrawn() const noexcept {
     return is_overdrawn_.load(std::memory_order_relaxed);
   }
@@ -73,43 +73,43 @@ class Pool {
   void count_kept(Envelope& envelope, Holder holder) noexcept;
   void count_let_go(Envelope& envelope, Holder holder) noexcept;
 
-  /// `holder` forwards a message of this pool in `forward`, and counts as keeping it until
-  /// everybody who is given it has let go. By who publishes for `holder`, one at a time, unless the
-  /// message came to it forwarded.
+  /// `holder` forwards a message of this pool in `forward`, and counts as keeping it until all its
+  /// receivers have released it. By the publisher of `holder`, one thread at a time, unless the
+  /// message was forwarded to it.
   void count_forwarded(Envelope& forward, Holder holder) noexcept;
-  /// `forward` came back. Safe.
+  /// `forward` was returned. Safe.
   void count_came_back(const Envelope& forward) noexcept;
 
   /// A free envelope, or null if all are out.
   [[nodiscard]] Envelope* take() noexcept;
 
-  /// From now on `take` gives only what the last `collect` found: in simulated time, what comes
-  /// back while a round runs must not decide how many messages there are.
+  /// Makes `take` use only what the last `collect` found: in simulated time, returns during a round
+  /// must not affect how many messages there are.
   void collect_by_hand() noexcept { is_collected_by_hand_ = true; }
-  /// Takes over what came back.
+  /// Moves returned messages to the free list.
   void collect() noexcept;
 
-  /// From now on what is given back goes to `sink`, which owns the envelopes: for messages of
-  /// others. Before anything is taken.
+  /// Sends returned envelopes to `sink`, which owns them: for messages of others. Before anything
+  /// is taken.
   void send_back_to(ReturnSink& sink) noexcept { sink_ = &sink; }
-  /// Makes the messages that are free anew, in the memory where the thread allocates now.
+  /// Reconstructs the free messages, in the memory where the thread allocates now.
   void make_free_ones_anew();
 
-  /// Takes back what the owner did not publish after all.
+  /// Takes back a message that the owner did not publish.
   void put_back(Envelope* envelope) noexcept;
 
-  /// Takes back an envelope to which nobody holds a reference any more.
+  /// Takes back an envelope without references.
   void give_back(Envelope* envelope) noexcept;
 
-  /// Ends the owner's part: messages that are free are freed, those that are out when they come
-  /// back, and the last one frees the pool.
+  /// Ends the owner's use: frees the free messages now, and the others when they are returned; the
+  /// last one frees the pool.
   void close() noexcept;
 
-  /// All envelopes ever made.
+  /// The number of envelopes ever allocated.
   [[nodiscard]] std::size_t size() const noexcept { return size_.load(std::memory_order_relaxed); }
 
  private:
-  /// Envelopes that were made together.
+  /// Envelopes that were allocated together.
   struct Slab {
     std::size_t count;
     std::unique_ptr<Envelope[]> envelopes;
@@ -117,16 +117,16 @@ class Pool {
     std::unique_ptr<std::atomic<std::uint32_t>[]> kept_samples;
   };
 
-  /// One that is kept until the next comes, and both while it is exchanged.
+  /// One that is kept until the next arrives, and both during the exchange.
   static constexpr std::size_t kToleratedKept = 2;
 
-  /// What one holder keeps.
+  /// The messages that one holder keeps.
   struct Kept {
-    /// Of which it keeps at least one sample.
+    /// Messages of which it keeps at least one sample.
     alignas(64) std::atomic<std::uint32_t> messages{0};
     std::atomic<std::uint32_t> forwarded{0};  ///< Written by `holder` alone.
-    std::atomic<std::size_t> declared{0};     ///< Written again when it subscribes anew.
-    /// Of those that it forwarded; on a line of its own, as any thread may write it.
+    std::atomic<std::size_t> declared{0};     ///< Written again when it subscribes again.
+    /// Forwarded ones that were returned; on a line of its own, as any thread may write it.
     alignas(64) std::atomic<std::uint32_t> came_back{0};
 
     [[nodiscard]] std::size_t count() const noexcept {
@@ -157,21 +157,22 @@ class Pool {
   std::unique_ptr<Kept[]> kept_;  ///< By holder.
 
   // Owner only.
-  std::vector<Slab> slabs_;  ///< All envelopes, as long as the pool lives.
+  std::vector<Slab> slabs_;  ///< All envelopes, as long as the pool exists.
   const google::protobuf::Message* prototype_ =
       nullptr;                    ///< Of poisoned messages that are revived.
   std::deque<void*> quarantine_;  ///< Their memory, the last ones.
-  /// A list of lists: what came back together stays together. Its first envelope knows the next.
+  /// A list of lists: envelopes that were returned together stay together. The first of each points
+  /// to the next list.
   Envelope* free_ = nullptr;
   bool is_collected_by_hand_ = false;
   std::atomic<std::size_t> size_{0};
-  std::atomic<bool> is_overdrawn_{false};  ///< Set once, by who does it.
+  std::atomic<bool> is_overdrawn_{false};  ///< Set once, by any thread.
 
   alignas(64) std::atomic<Envelope*> returned_{nullptr};
   const Poison
-      poison_of_returned_;      ///< As `poison_`: who gives something back has this line anyway.
+      poison_of_returned_;  ///< As `poison_`: a thread that returns a message has this line anyway.
   ReturnSink* sink_ = nullptr;  ///< Constant once anything is taken.
-  // After `close`: how many envelopes are still out, plus one while the owner counts.
+  // After `close`: how many envelopes are not returned yet, plus one while the owner counts.
   std::atomic<std::size_t> outstanding_{1};
 };
 

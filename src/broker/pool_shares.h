@@ -21,12 +21,12 @@ struct Target {
   std::uint64_t bit;
 };
 
-/// Which part of a publisher's messages is whose: owns how many its subscriptions need, and says
-/// who keeps more than its share and gets no further message until it lets go
-/// ([decision 0034](../../docs/decisions/0034-a-hoarder-runs-out-of-its-own-share.md)).
+/// The shares of a publisher's messages: owns how many its subscriptions need, and finds
+/// subscriptions that keep more than their share, which receive no further message until they
+/// release one ([decision 0034](../../docs/decisions/0034-a-hoarder-runs-out-of-its-own-share.md)).
 ///
 /// @threads  As the publisher.
-/// @realtime `must_look` reads two flags; the rest is called where somebody may have too much.
+/// @realtime `must_look` reads two flags; the rest is called only if a share may be exceeded.
 class PoolShares {
  public:
   /// `keep` and `latched` messages are held on purpose; the pool may have `pool_max`, 0 for twice
@@ -36,24 +36,24 @@ class PoolShares {
 
   void join(const Lane& lane) noexcept;
   void leave(const Lane& lane) noexcept;
-  /// Another process may hold so many.
+  /// Another process may hold `capacity` messages.
   void join_export(std::size_t capacity) noexcept { needed_ += capacity; }
-  /// How many messages those that joined, and the owner, may hold.
+  /// How many messages the subscriptions, the exports and the owner may hold.
   [[nodiscard]] std::size_t needed() const noexcept { return needed_; }
   /// How many messages the pool may have.
   [[nodiscard]] std::size_t limit() const noexcept;
 
-  /// More was needed than what everybody may hold: from now on shares are looked at.
+  /// More messages were needed than all may hold: shares are checked from now on.
   void note_shortage() noexcept { is_short_ = true; }
-  /// Whether somebody may have more than its share of `pool`, and is to be looked for.
+  /// Whether a share of `pool` may be exceeded, so that `find_held_back` is to be called.
   [[nodiscard]] bool must_look(const Pool& pool) const noexcept {
     return is_short_ || pool.is_overdrawn();
   }
-  /// Marks who gets no further message; returns how many these are.
+  /// Marks the lanes that receive no further message; returns how many these are.
   std::size_t find_held_back(std::span<const Target> targets, const Pool& pool) const noexcept;
-  /// Counts a message that `lane` does not get, and tells who keeps too much.
+  /// Counts a message that `lane` does not receive, and reports the component that keeps too many.
   void hold_back(Lane& lane, const Pool& pool) const noexcept;
-  /// The pool has nothing left, and the owner holds `loans`: tells who holds the most of it.
+  /// The pool is empty, and the owner holds `loans`: reports the holder of most messages.
   void tell_dry(std::span<const Target> targets, const Pool& pool, std::size_t loans) noexcept;
 
  private:
@@ -64,10 +64,10 @@ class PoolShares {
   const PublishingComponent& owner_;
   const std::size_t keep_;
   const std::size_t pool_max_;
-  std::size_t needed_;           ///< By the subscriptions that there are now, and by the owner.
+  std::size_t needed_;           ///< By the present subscriptions, and by the owner.
   std::size_t lanes_ = 0;        ///< Those that joined.
-  bool is_short_ = false;        ///< More was needed than what everybody may hold.
-  std::uint64_t dry_count_ = 0;  ///< How often there was nothing left to lend.
+  bool is_short_ = false;        ///< More messages were needed than all may hold.
+  std::uint64_t dry_count_ = 0;  ///< How often the pool was empty.
 };
 
 }  // namespace fastcycle::detail

@@ -27,13 +27,13 @@ namespace fastcycle::detail {
 class Topic;
 class WakeList;
 
-/// What came with a message that another application had published, in the time of this one.
+/// Metadata of a message from another application, in the time of this one.
 struct Arrival {
   Time published{};
   Origin origin{};
-  Time came{};                         ///< To this application.
+  Time came{};                         ///< When it arrived here.
   std::span<const Trail> trails = {};  ///< One for each root of this application, or none.
-  std::uint64_t lost = 0;              ///< Those sent right before it that never came.
+  std::uint64_t lost = 0;              ///< Messages sent right before it that never arrived.
 };
 
 /// One component's end of a topic: numbers its messages and puts them into the lanes.
@@ -47,13 +47,13 @@ class PublisherCore {
  public:
   struct Options {
     bool is_external = false;
-    std::size_t keep = 0;  ///< Messages that components hold on purpose.
-    /// Messages ever made; 0: twice what the subscribers need, plus 64. In simulated time it limits
-    /// nothing: what observers and foreign threads hold depends on how fast they are, and what is
-    /// lost must not.
+    std::size_t keep = 0;  ///< Messages that components keep on purpose.
+    /// Maximum number of messages; 0: twice what the subscribers need, plus 64. No limit in
+    /// simulated time: the number held by observers and foreign threads depends on their speed, and
+    /// losses must not.
     std::size_t pool_max = 0;
-    std::size_t latched = 0;                ///< Messages kept for those who connect later.
-    std::optional<Duration> lifespan = {};  ///< What is older is not given to them.
+    std::size_t latched = 0;                ///< Messages kept for later subscribers.
+    std::optional<Duration> lifespan = {};  ///< Older ones are not given to them.
   };
 
   PublisherCore(Topic& topic, PublishingComponent& owner, PublisherId id,
@@ -63,30 +63,30 @@ class PublisherCore {
   PublisherCore& operator=(const PublisherCore&) = delete;
   ~PublisherCore();
 
-  /// From now on counts what each of `count` subscriptions of the topic keeps, and a few more that
-  /// may come while it runs. Before anything is published.
+  /// Enables counting of the samples that each of `count` subscriptions of the topic keeps, and a
+  /// few more that may be added while it runs. Before anything is published.
   void tell_holders_apart(std::size_t count);
   /// How many of its messages the component of a subscription keeps beyond its callbacks. Safe.
   [[nodiscard]] std::size_t kept_by(Holder holder) const noexcept {
     return pool_->kept_by(holder) + forwards_->kept_by(holder);
   }
 
-  /// From now on what is published reaches `lane` too; latched messages go first.
+  /// Connects `lane`, which first receives the latched messages.
   void connect(const std::shared_ptr<Lane>& lane, Inbox& inbox);
-  /// From now on what is published goes to another process too: messages lie where that can read
-  /// them. Before anything is published, or as `publish`.
+  /// Adds an export to another process: messages are allocated in memory that it can read. Before
+  /// anything is published, or as `publish`.
   void add_export(MessageExport& to);
   /// Gives `to`, one of these, the last latched messages, at most `count`; as `publish`.
   void give_latched(MessageExport& to, std::size_t count) noexcept;
-  /// Of an import: puts a message of the publisher that this stands for, with all that is known of
-  /// it, into the lanes. What is missing between its sequence and that of the message before is
-  /// counted as lost on the way. `may_repeat`: what came before is left out, since who took the
-  /// place of another one publishes again what may be missing. Under the mutex.
+  /// For an import: puts a message of the publisher that this represents, with its metadata, into
+  /// the lanes. A gap between its sequence and that of the previous message is counted as lost.
+  /// `may_repeat`: messages received before are skipped, since a standby that takes over publishes
+  /// again what may be missing. Under the mutex.
   void publish_imported(Envelope* envelope, bool may_repeat) noexcept;
-  /// `lane` is closed and gets nothing more.
+  /// `lane` is closed and receives nothing more.
   void disconnect(const Lane& lane) noexcept;
-  /// From now on there is room for one more lane, and messages for all that it may hold: when it is
-  /// connected while the component runs, nothing is allocated. Before anything runs.
+  /// Reserves room for one more lane, and the messages that it may hold: connecting it while the
+  /// component runs allocates nothing. Before anything runs.
   void provide_for(const Lane::Options& lane, std::size_t keep);
 
   [[nodiscard]] Envelope* loan(bool is_cleared);
@@ -95,88 +95,85 @@ class PublisherCore {
   /// `holder` is the subscription that received it.
   void forward(Envelope* received, Holder holder);
   void publish_external(Envelope* loan, Time taken_at);
-  /// Publishes what another application had published: with its publish time, which is raised where
-  /// this publisher's messages would go back in time, with its origin, and with the ways that it
-  /// came. What was lost before it is `dropped{link}` of each subscription. For an external
-  /// publisher.
+  /// Publishes a message of another application: with its publish time, raised if needed to keep
+  /// this publisher's times monotonic, its origin, and its trails. Messages lost before it are
+  /// `dropped{link}` of each subscription. For an external publisher.
   void publish_arrived(Envelope* loan, const Arrival& arrival);
-  /// Publishes what was published once before, with sequence, publish time and origin of then; an
-  /// origin without a root is of this publisher. For an external publisher, from a thread that is
-  /// in no activation; in simulated time from the one that runs it, between rounds.
+  /// Publishes a recorded message, with its original sequence, publish time and origin; an origin
+  /// without a root is of this publisher. For an external publisher, from a thread that is in no
+  /// activation; in simulated time from the driving thread, between rounds.
   void publish_again(Envelope* loan, const MessageInfo& info);
 
-  /// Puts a message, numbered already, into all lanes, and wakes who must be woken.
+  /// Puts a numbered message into all lanes, and wakes their receivers.
   void deliver(Envelope* envelope) noexcept;
 
-  /// From now on asks for credits, `window` of them; the topic's own number stands above that, and
-  /// a window that there is already. Before anything is connected.
+  /// Enables credits with this `window`; the topic's number, or an existing window, overrides it.
+  /// Before anything is connected.
   void use_credits(std::size_t window);
   /// Null without a window.
   [[nodiscard]] const std::shared_ptr<Credits>& credits() const noexcept { return credits_; }
-  /// How many messages may be published now: what was there when it was asked first in this
-  /// activation, less what was published since.
+  /// How many messages may be published now: the credits at the first call in this activation, less
+  /// the messages published since.
   [[nodiscard]] std::size_t ask_credits();
-  /// Ends the asking of one activation; true if all that there was is used.
+  /// Ends the use of credits in one activation; true if all are used.
   [[nodiscard]] bool end_asking() noexcept;
   /// Waits for credits; see `Credits::await`.
   void await_credits() noexcept { credits_->await(); }
-  /// Whether credits came that were awaited; those that are gone already are awaited again.
+  /// Whether awaited credits were returned; if they are used already, it waits again.
   [[nodiscard]] bool take_returned_credits() noexcept;
-  /// For threads of an external publisher: how many there are, and waiting for the first. False if
-  /// `stop` ended that.
+  /// For threads of an external publisher: the number of credits, and waiting for one, which
+  /// returns false if `stop` ended it.
   [[nodiscard]] std::size_t ask_external_credits();
   [[nodiscard]] bool wait_for_credit(const std::stop_token& stop);
 
-  /// The next message follows the one of this number: where a recorded run is executed again from
-  /// the middle, or its process was restarted.
+  /// Sets the last sequence: for a replay from the middle, or after a restart of the process.
   void continue_after(std::uint64_t sequence) noexcept {
     handed_over_ = sequence;
     published_.set(sequence);
   }
 
-  /// From now on `gate` decides what reaches the lanes of components; null: all that is published
-  /// does. Before anything is connected; it has to live as long as something is published.
+  /// Sets the filter before the lanes of components; null: none. Before anything is connected; it
+  /// outlives all publishes.
   void set_gate(LaneGate* gate) noexcept { gate_ = gate; }
-  /// Of the gate, which holds its mutex: puts `envelope`, of which one reference is given away,
-  /// into the lane of `subscription`. False if there is none any more; then it is released.
+  /// For the gate, which holds its mutex: puts `envelope`, with one reference, into the lane of
+  /// `subscription`. False if the lane is gone; then it is released.
   bool put_behind_gate(const Subscription& subscription, Envelope* envelope) noexcept;
 
-  /// Its component follows another one from now on: what it publishes goes nowhere and is given to
-  /// `comparer`, with what that one's publisher does, which comes as to an import. Before anything
-  /// is published.
+  /// Makes this a standby's publisher: its messages are not delivered but given to `comparer`, with
+  /// those of the followed publisher, which arrive as for an import. Before anything is published.
   void follow(OutputComparer& comparer);
-  /// It takes the other one's place: from now on what it publishes goes on from what it published
-  /// itself. What of that came here from the other one reaches nobody here again. Once nothing of
-  /// the other one comes any more.
+  /// Takes over from the followed publisher: its messages are delivered from its own sequence on.
+  /// Those that the followed one delivered here are not delivered again. Called once nothing
+  /// arrives from the followed one any more.
   void stop_following();
-  /// After `stop_following`: what came here from the other one was published, and is not done
-  /// again.
+  /// After `stop_following`: messages that arrived from the followed one count as published.
   void skip_followed();
   [[nodiscard]] bool is_following() const noexcept { return followed_ != nullptr; }
-  /// Of one that follows: the next message has the number after this; what it published so far does
-  /// not count.
+  /// For a standby's publisher: sets the last sequence; messages published so far do not count.
   void continue_following_after(std::uint64_t sequence);
-  /// Of one that follows: the other one's message of this sequence, which is held as long as the
-  /// caller holds the mutex; null if it is not here. `is_past`: it does not come any more.
+  /// For a standby's publisher: the followed one's message of this sequence, valid while the caller
+  /// holds the mutex; null if it is not here. `is_past`: it cannot arrive any more.
   [[nodiscard]] const Envelope* find_followed(std::uint64_t sequence, bool& is_past) const noexcept;
 
   /// An external publisher's lock; the others need none.
   [[nodiscard]] base::PriorityMutex& mutex() noexcept { return mutex_; }
 
-  /// What it publishes comes from another application, where latency chains may begin. Before
-  /// anything is connected.
+  /// Its messages are from another application, where latency chains may begin. Before anything is
+  /// connected.
   void bring_trails() noexcept { brings_trails_ = true; }
   [[nodiscard]] bool brings_trails() const noexcept { return brings_trails_; }
 
-  /// Where an external publisher's messages go in simulated time.
+  /// Sets where an external publisher's messages wait in simulated time.
   void set_external_stage(Stage* stage) noexcept { external_stage_ = stage; }
 
-  /// Opens or closes an external publisher: what it publishes while closed is `dropped{shutdown}`.
+  /// Opens or closes an external publisher: messages published while closed are
+  /// `dropped{shutdown}`.
   void set_external_open(bool is_open) noexcept { is_open_ = is_open; }
-  /// What an external publisher publishes while it is muted reaches nobody, and counts for nobody.
+  /// Messages that an external publisher publishes while it is muted are neither delivered nor
+  /// counted as dropped.
   void set_external_muted(bool is_muted) noexcept;
 
-  /// It stands for a publisher in another process. Constant once anything is connected.
+  /// It represents a publisher in another process. Constant once anything is connected.
   bool is_imported = false;
 
   // Constant after construction.
@@ -189,7 +186,7 @@ class PublisherCore {
   /// Of what is published.
   const google::protobuf::Message& default_instance;
 
-  /// What the memory of a new message takes, as far as its prototype tells; 0 without one.
+  /// The size of a new message, estimated from its prototype; 0 without one.
   [[nodiscard]] std::uint64_t prototype_bytes() const {
     return prototype_ == nullptr ? 0 : prototype_->SpaceUsedLong();
   }
@@ -202,7 +199,7 @@ class PublisherCore {
   [[nodiscard]] std::size_t count_subscribers() const noexcept;
 
   [[nodiscard]] std::uint64_t published() const noexcept { return published_.get(); }
-  /// What was given to it while its component was muted.
+  /// Messages published while its component was muted.
   [[nodiscard]] std::uint64_t muted() const noexcept { return muted_.get(); }
   /// Of the newest message, if anything was published.
   [[nodiscard]] Time last_publish_time() const noexcept {
@@ -214,22 +211,22 @@ class PublisherCore {
     return first_publish_ns_.load(std::memory_order_relaxed);
   }
 
-  /// Refuses the next loan if it was refused when this activation was recorded.
+  /// In a replay: refuses the next loan if it was refused in the recorded run.
   void check_told_loan() const;
 
  private:
   void check_loans() const;
-  /// Tells the next loan from the others of an activation.
+  /// Identifies the next loan within an activation.
   [[nodiscard]] std::string loan_in_words() const;
   [[nodiscard]] Envelope* take_from(Pool& pool, Envelope*& scratch);
   void prepare() const noexcept;
   void number(Envelope& envelope, const Origin& origin, Time now) noexcept;
   void follow(Envelope& envelope, const Trail* cause, const Trail* held) const noexcept;
-  /// As `follow`, for what another application had published.
+  /// As `follow`, for a message of another application.
   void follow(Envelope& envelope, const Arrival& arrival, Time now) const noexcept;
   void count_lost(std::uint64_t count) noexcept;
   void send(Envelope* envelope, Stage* stage) noexcept;
-  /// As `deliver`, when a simulated round is over.
+  /// As `deliver`, at the end of a simulated round.
   void hand_over(Envelope* envelope) noexcept;
   void put_into_lanes(Envelope* envelope) noexcept;
   void put_through_gate(Envelope* envelope) noexcept;
@@ -254,30 +251,30 @@ class PublisherCore {
   Pool* const pool_;
   Pool* const forwards_;
   PoolShares shares_;
-  std::size_t provided_ = 0;  ///< The most that were ever needed: so many were made.
+  std::size_t provided_ = 0;  ///< The most that were ever needed, which were allocated.
   std::size_t loans_ = 0;     ///< Lent, and neither published nor returned.
 
-  // Lent when the pool is dry and may not grow; as many as the component ever borrowed at once.
+  // Lent when the pool is empty and may not grow; as many as the component ever borrowed at once.
   Envelope* scratch_loans_ = nullptr;
   Envelope* scratch_forwards_ = nullptr;
 
   std::vector<Target> targets_;
-  LaneGate* gate_ = nullptr;  ///< Only where faults are injected.
-  /// While its component follows another one, or takes its place. Its own activations make it null.
+  LaneGate* gate_ = nullptr;  ///< Set only if faults are injected.
+  /// While its component is a standby, or takes over. Its own activations reset it to null.
   std::unique_ptr<FollowedOutputs> followed_;
   std::vector<MessageExport*> exports_;  ///< To other processes; most publishers have none.
   std::vector<Envelope*> latched_;
   std::atomic<Time> last_publish_time_{};
   Counter published_;
   Counter muted_;
-  std::uint64_t imported_ = 0;     ///< Of an import that may repeat: the last sequence.
-  std::uint64_t handed_over_ = 0;  ///< In simulated time: of those, who left the stage.
+  std::uint64_t imported_ = 0;     ///< For an import that may repeat: the last sequence.
+  std::uint64_t handed_over_ = 0;  ///< In simulated time: those that have left the stage.
   std::shared_ptr<Credits> credits_;
-  bool is_asked_ = false;  ///< For credits, in this activation.
-  /// In simulated time: credits are to be awaited once all that was published has left the stage.
+  bool is_asked_ = false;  ///< `ask_credits` was called in this activation.
+  /// In simulated time: credits are to be awaited once all published messages have left the stage.
   bool awaits_when_handed_over_ = false;
   std::size_t granted_ = 0;
-  std::uint64_t granted_at_ = 0;  ///< What was published before.
+  std::uint64_t granted_at_ = 0;  ///< Messages published before.
   std::atomic<std::int64_t> first_publish_ns_{0};
   Stage* external_stage_ = nullptr;
   bool is_open_ = false;

@@ -12,8 +12,8 @@
 
 namespace fastcycle::detail {
 
-/// Who the publishers are that messages and latency chains tell by their numbers: those of this
-/// application, and those of others from which messages came.
+/// The names of publishers by their ids: those of this application, and those of others that sent
+/// messages.
 ///
 /// @threads  Safe.
 class PublisherNames {
@@ -25,7 +25,7 @@ class PublisherNames {
     std::string topic;
   };
 
-  /// The first names of a number stay.
+  /// The first names of an id are kept.
   void learn(PublisherId publisher, std::string_view component, std::string_view topic) {
     const std::lock_guard lock(mutex_);
     if (names_.size() < kMax) {

@@ -17,10 +17,10 @@ namespace fastcycle::detail {
 
 class PublisherCore;
 
-/// Who is told of a component's activations when they are over: another process, which follows it.
+/// Notifies another process, which follows a component, at the end of its activations.
 ///
 /// @threads  Safe.
-/// @realtime No lock, no allocation; one system call if the other one sleeps.
+/// @realtime No lock, no allocation; one system call if the other process sleeps.
 class ActivationBell {
  public:
   ActivationBell() = default;
@@ -31,7 +31,7 @@ class ActivationBell {
   virtual void ring() noexcept = 0;
 };
 
-/// Where published messages wait until a round of simulated time is over.
+/// Where published messages wait until the end of a round of simulated time.
 class Stage {
  public:
   Stage() = default;
@@ -42,7 +42,7 @@ class Stage {
   virtual void put(PublisherCore& publisher, Envelope* envelope) = 0;
 };
 
-/// Who writes down, at the end of an activation, what its component remembers.
+/// Saves the state of a component at the end of an activation.
 class KeyFrames {
  public:
   KeyFrames() = default;
@@ -54,11 +54,11 @@ class KeyFrames {
   virtual void end_activation() = 0;
   /// The component's object is about to be replaced.
   virtual void end_object() noexcept = 0;
-  /// Params were changed; `text` is what a log says of them.
+  /// Params were changed; `text` is their form in a log.
   virtual void change_params(std::uint64_t transaction, std::string_view text) = 0;
 };
 
-/// What a publisher must know of the component that owns it.
+/// The part of a component that its publishers use.
 ///
 /// @threads  Confined to the component's activations, and to the control thread before the start.
 struct PublishingComponent {
@@ -66,39 +66,37 @@ struct PublishingComponent {
   const base::Clock* clock = nullptr;
   Stage* stage = nullptr;        ///< In simulated time; null when live.
   bool has_subscribers = false;  ///< Then its messages inherit their origin.
-  /// The thread of its activation; null: it is in none. Only there it may publish. Also read by its
-  /// own threads, which ask whether they are the one.
+  /// The thread of its activation; null if there is none. Only this thread may publish. Also read
+  /// by its own threads, to compare with themselves.
   std::atomic<const void*> active_thread{nullptr};
-  bool is_muted = false;       ///< Then nobody receives what it publishes.
+  bool is_muted = false;       ///< Then its messages are not delivered.
   Time now{};                  ///< The activation's time.
   Duration simulated_cost{0};  ///< In simulated time: how much later it publishes.
-  /// The activation's origin; root 0 if nothing led to it. That of a message is read only if
+  /// The activation's origin; root 0 if it has no cause. That of a message is read only if
   /// something is published.
   const Origin* origin = &kNoOrigin;
   static constexpr Origin kNoOrigin{};
-  /// What led to the activation, for each root of latency chains; null if nothing did.
+  /// The trails of the activation's cause, for each root of latency chains; null if it has none.
   const Trail* trails = nullptr;
-  /// The newest that was delivered for each root, for those that the cause knows nothing of; null
-  /// where there are no chains.
+  /// The newest delivered trail of each root, used for roots that the cause has no trail of; null
+  /// if there are no chains.
   const Trail* held_trails = nullptr;
   std::uint32_t publish_count = 0;  ///< In this activation.
   Time published{};                 ///< The last publish time of its own publishers.
-  /// Something is to be done when the activation is over: publishers were asked for credits, or a
-  /// subscription has ended.
+  /// There is work at the end of the activation: credits were queried, or a subscription has ended.
   bool has_leftovers = false;
-  std::vector<PublisherCore*> asked = {};    ///< For credits.
+  std::vector<PublisherCore*> asked = {};    ///< Publishers whose credits were queried.
   std::vector<PublisherId> publishers = {};  ///< All of its own. Constant once declared.
 
-  KeyFrames* key_frames = nullptr;  ///< Null where no state is declared.
-  /// Where what it learns in its activations is kept; null if nobody records that.
+  KeyFrames* key_frames = nullptr;  ///< Null if no state is declared.
+  /// Records the reads of its activations; null if they are not recorded.
   ReadRing* reads = nullptr;
-  /// Where its activations are executed again: what they learned when they were recorded. Else
-  /// null.
+  /// In a replay: the recorded reads of its activations. Else null.
   ToldReads* told = nullptr;
-  /// Its process follows another one: what it does has been done there. Else false.
+  /// Its process is a standby: its activations were executed in the followed one before.
   bool is_following = false;
-  ActivationBell* follower = nullptr;  ///< Rung after each activation; null: nobody follows it.
-  /// It learned something in this activation.
+  ActivationBell* follower = nullptr;  ///< Rung after each activation; null: no process follows it.
+  /// Records a read of this activation.
   void learned(ReadKind kind, PublisherId about, std::uint64_t value,
                std::uint32_t place = 0) const noexcept {
     if (reads != nullptr) {
@@ -110,7 +108,7 @@ struct PublishingComponent {
       reads->add(kind, place, text);
     }
   }
-  /// What `find()` gives, and what it gave when this activation was recorded.
+  /// The result of `find()`, or in a replay the recorded one.
   template <typename Find>
   std::uint64_t learn(ReadKind kind, PublisherId about, const Find& find) const {
     if (told != nullptr) [[unlikely]] {
@@ -123,14 +121,13 @@ struct PublishingComponent {
     return value;
   }
 
-  /// A limit that others have a part in refused `call`, which tells it from the other calls of this
-  /// activation.
+  /// A limit that others also affect refused `call`, which identifies it within this activation.
   void refused(std::string_view call, std::string_view why) const {
     if (is_active_here()) {
       learned(ReadKind::kRefused, std::string(call) + '\0' + std::string(why));
     }
   }
-  /// Why `call` was refused when this activation was recorded; none if it was not.
+  /// In a replay: why `call` was refused in the recorded activation; none if it was not.
   [[nodiscard]] std::optional<std::string> told_refusal(std::string_view call) const {
     return told == nullptr ? std::nullopt : told->take_text(ReadKind::kRefused, call);
   }
@@ -144,12 +141,12 @@ struct PublishingComponent {
     base::shared_scopes =
         0;  // A loan that outlives the activation keeps its memory, not the scope.
   }
-  /// For what is done on the component's behalf, maybe by a thread that waits with it.
+  /// For work on the component's behalf, possibly by another thread while it waits.
   [[nodiscard]] bool is_in_activation() const noexcept {
     return active_thread.load(std::memory_order_relaxed) != nullptr;
   }
-  /// Whether the calling thread is in an activation of this component. Safe: a thread finds itself
-  /// there only if it stored that.
+  /// Whether the calling thread is in an activation of this component. Safe: a thread finds its own
+  /// id there only if it stored it.
   [[nodiscard]] bool is_active_here() const noexcept {
     return active_thread.load(std::memory_order_relaxed) == __builtin_thread_pointer();
   }

@@ -18,8 +18,7 @@ struct PublishingComponent;
 class TimerCore;
 class Topic;
 
-/// What is looked at when a time is over, and leads to an event only if something did not happen
-/// until then.
+/// A timeout: causes an event if something did not happen in time.
 ///
 /// @threads  Confined to its component's activations, and to the control thread before the start.
 class Watch {
@@ -29,26 +28,26 @@ class Watch {
   Watch& operator=(const Watch&) = delete;
   virtual ~Watch() = default;
 
-  /// Watches from `now_ns` on, as if a message had come then.
+  /// Watches from `now_ns` on, as if a message had arrived then.
   virtual void begin(std::int64_t now_ns) noexcept = 0;
-  /// The next thing that there is to tell at `now_ns`; none if all is well.
+  /// The next event to report at `now_ns`; none if there is none.
   [[nodiscard]] virtual std::optional<QosEvent> look(std::int64_t now_ns) noexcept = 0;
   /// When to look next; `base::kNever` if nothing is watched.
   [[nodiscard]] virtual std::int64_t next_look_ns() const noexcept = 0;
 
-  /// Shared with who calls it, since a callback may replace itself.
+  /// Shared with its caller, since a callback may replace itself.
   [[nodiscard]] const std::shared_ptr<const QosCallback>& callback() const noexcept {
     return callback_;
   }
   void set_callback(const QosCallback& callback);
 
-  /// Which of its component's: the number of a subscription, or `kOffered` and that of a publisher
+  /// Its number within the component: that of a subscription, or `kOffered` and that of a publisher
   /// which offers a deadline.
   std::uint32_t place = 0;
   static constexpr std::uint32_t kOffered = std::uint32_t{1} << 31U;
-  /// Keeps `event` with what the present activation of `component` learns.
+  /// Records `event` among the reads of the present activation of `component`.
   void keep(const PublishingComponent& component, const QosEvent& event) const noexcept;
-  /// Whether anybody is told. Safe.
+  /// Whether it has a callback. Safe.
   [[nodiscard]] bool has_callback() const noexcept { return has_callback_.load(); }
 
  private:
@@ -56,7 +55,7 @@ class Watch {
   std::atomic<bool> has_callback_{false};
 };
 
-/// An event as a log has it; `read` gives it back, with words that live as long as `text`.
+/// An event in its log format; `read` parses it into strings that refer to `text`.
 ///
 ///     2 17 1700000000123456789\nsilent\nlidar_driver
 struct WrittenEvent {
@@ -66,8 +65,7 @@ struct WrittenEvent {
 
 /// Counts the whole periods that pass without a message.
 ///
-/// A period is over only after its last nanosecond: who publishes exactly once a period misses
-/// none.
+/// A period ends after its last nanosecond: a publisher with exactly that period misses none.
 class Deadline {
  public:
   void set_period(std::optional<Duration> period) noexcept;
@@ -75,7 +73,7 @@ class Deadline {
   [[nodiscard]] std::int64_t last_ns() const noexcept { return last_ns_; }
 
   void begin(std::int64_t now_ns) noexcept;
-  /// How many more periods are over at `now_ns`, when the newest message is of `newest_ns`.
+  /// How many more periods have passed at `now_ns`, if the newest message is of `newest_ns`.
   std::uint64_t look(std::int64_t newest_ns, std::int64_t now_ns) noexcept;
   [[nodiscard]] std::int64_t next_look_ns() const noexcept;
 
@@ -85,18 +83,18 @@ class Deadline {
   std::uint64_t missed_in_a_row_ = 0;
 };
 
-/// What a subscription asks for beyond depth and overflow, and what came of it.
+/// The quality of service that a subscription requests beyond depth and overflow, and its state.
 ///
-/// A deadline and a lease need nothing of the hot path: when they are looked at, the lanes still
-/// say when their newest message was published. Lanes whose messages have to be looked at one by
-/// one are marked as such.
+/// A deadline and a lease cost nothing on the hot path: when they are checked, the lanes still have
+/// the time of their newest message. Lanes whose messages must be checked one by one are marked as
+/// such.
 class Quality final : public Watch {
  public:
-  /// What to do with a message that is next.
+  /// What to do with the next message.
   enum class Verdict : std::uint8_t {
     kDeliver,
-    kTell,     ///< The event first; then ask again.
-    kExpired,  ///< It is dropped, and the event told.
+    kTell,     ///< Report the event first; then judge again.
+    kExpired,  ///< It is dropped, and the event reported.
   };
 
   Quality(const Topic& topic, const SubscriberOptions& options);
@@ -105,11 +103,11 @@ class Quality final : public Watch {
   [[nodiscard]] static bool is_asked_for(const Topic& topic,
                                          const SubscriberOptions& options) noexcept;
 
-  /// Takes over what is asked for; the counters go on.
+  /// Applies `options`; the counters continue.
   void set(const SubscriberOptions& options);
 
-  /// A lane that the subscription has from now on, and the component that publishes into it; `end`
-  /// forgets them all, and watches no more.
+  /// Adds a lane of the subscription, and the component that publishes into it; `end` removes them
+  /// all, and ends the watch.
   void add(std::shared_ptr<const Lane> lane, std::string_view component);
   void end() noexcept;
 
@@ -117,11 +115,11 @@ class Quality final : public Watch {
   [[nodiscard]] std::optional<QosEvent> look(std::int64_t now_ns) noexcept override;
   [[nodiscard]] std::int64_t next_look_ns() const noexcept override;
 
-  /// Whether it must be looked at when a time is over.
+  /// Whether it needs a timer.
   [[nodiscard]] bool is_timed() const noexcept {
     return deadline_.period().has_value() || lease_.has_value();
   }
-  /// Whether its messages must be looked at one by one.
+  /// Whether its messages must be checked one by one.
   [[nodiscard]] bool is_judging() const noexcept {
     return lifespan_.has_value() || lease_.has_value() || has_callback();
   }
@@ -129,18 +127,18 @@ class Quality final : public Watch {
                               QosEvent& event) noexcept;
   /// The message that was judged last was taken.
   void took(const Lane& lane, const Lane::Head& head) noexcept;
-  /// What did not come until now is not missing: the component was not there for it.
+  /// Messages not received until now do not count as missing: the component was not active.
   void forget_gaps() noexcept;
   [[nodiscard]] bool is_expired(std::int64_t published_ns, std::int64_t now_ns) const noexcept;
 
-  /// The component of `publisher` has ended, or is back; what there is to tell of it.
+  /// The component of `publisher` has ended, or is back; returns the event to report.
   [[nodiscard]] std::optional<QosEvent> hear(PublisherId publisher, bool is_alive,
                                              std::string_view reason, std::int64_t now_ns) noexcept;
 
   [[nodiscard]] std::optional<Duration> deadline() const noexcept { return deadline_.period(); }
   [[nodiscard]] std::optional<Duration> lifespan() const noexcept { return lifespan_; }
 
-  TimerCore* timer = nullptr;  ///< That looks after it; the receiving component's.
+  TimerCore* timer = nullptr;  ///< The timer that checks it; the receiving component's.
 
   // Written by the receiving component's worker.
   Counter expired;
@@ -150,13 +148,13 @@ class Quality final : public Watch {
   Counter messages_lost;
 
  private:
-  /// One publisher, as its subscriber knows it.
+  /// A subscriber's view of one publisher.
   struct Source {
     std::shared_ptr<const Lane> lane;
     std::string_view component;
-    std::uint64_t sequence = 0;  ///< Of the last message that was taken.
+    std::uint64_t sequence = 0;  ///< Of the last received message.
     bool is_lost = false;
-    std::int64_t lost_ns = 0;   ///< What is published after this shows that it is back.
+    std::int64_t lost_ns = 0;   ///< A message published after this shows that it is back.
     std::int64_t alive_ns = 0;  ///< When something else than a message showed that it is back.
   };
 
@@ -174,7 +172,7 @@ class Quality final : public Watch {
   std::optional<Duration> lease_;
   std::vector<Source> sources_;
   std::int64_t begin_ns_ = 0;
-  std::uint64_t refused_ = 0;  ///< Messages that full queues had refused when it was looked last.
+  std::uint64_t refused_ = 0;  ///< Messages that full queues had refused at the last check.
 };
 
 }  // namespace fastcycle::detail

@@ -14,45 +14,46 @@
 
 namespace fastcycle::detail {
 
-/// Of what kind a read is.
+/// The kind of a read.
 enum class ReadKind : std::uint8_t {
-  kTaken,        ///< A view took over a message: whose, and its sequence.
-  kCredits,      ///< A publisher was asked for credits: which, and how many there were.
-  kSubscribers,  ///< A publisher was asked for its subscribers: which, and how many there were.
-  kMode,         ///< The application's mode was asked for: its place in the application file.
+  kTaken,        ///< A view took over a message: its publisher and sequence.
+  kCredits,      ///< `credits` was called: the publisher, and the result.
+  kSubscribers,  ///< `subscriber_count` was called: the publisher, and the result.
+  kMode,         ///< `mode` was called: the mode's index in the application file.
   kQosEvent,     ///< An event of `Watch::place`: a text, see `WrittenEvent`.
   kBegan,        ///< When the application's timers started, ns since 1970.
-  kLateStart,    ///< Whether `start()` has taken too long: 0 or 1.
+  kLateStart,    ///< Whether `start()` exceeded its limit: 0 or 1.
   kThreads,      ///< Threads of an old object: 0 ended, 1 waited for, 2 too late.
   kParams,       ///< New values of params: a text.
-  kResult,       ///< What became of a change of params: a text.
-  kObserved,     ///< What `observe()` found: a text.
-  kKeyFrame,     ///< A key frame of declared state: its publisher, the message, which state.
+  kResult,       ///< The result of a change of params: a text.
+  kObserved,     ///< The result of `observe()`: a text.
+  kKeyFrame,     ///< A key frame of declared state: its publisher, the message, the state's number.
   kSequence,     ///< Of a key frame: a publisher, and its last message.
   kHeld,         ///< Of a key frame: a message that a view holds.
   kFrameNumber,  ///< Of a key frame: see `DeclaredStates::FrameNumber`.
-  kFrameParams,  ///< Of a key frame: all params that were changed: a text.
-  kPublished,    ///< When the message before it was published, ns since 1970; not in the log else.
-  kMadeWith,     ///< Params that a new object began with before it was told of them: a text.
-  kRefused,      ///< A call that a limit refused: a text, what call and why.
-  kThrew,        ///< What a thread of its own threw: a text.
-  kText = 255,   ///< The next 1 to 8 bytes of the text before it; `place`: how many.
+  kFrameParams,  ///< Of a key frame: all changed params: a text.
+  kPublished,    ///< When the message before it was published, ns since 1970, if the log does not
+                 ///< have it.
+  kMadeWith,     ///< Params that a new object began with before their change was announced: a text.
+  kRefused,      ///< A call that a limit refused: a text, the call and the reason.
+  kThrew,        ///< An exception of a thread of its own: a text.
+  kText = 255,   ///< The next 1 to 8 bytes of the preceding text; `place`: how many.
 };
 
-/// One thing that an activation learned, and that follows neither from its cause nor from what the
-/// component knew before: with the causes, all that a component can know of the run that it is in.
+/// A value that an activation read, and that follows neither from its cause nor from the
+/// component's earlier reads: causes and reads together are all inputs of a component.
 struct Read {
   std::uint64_t activation = 0;  ///< Its number.
   ReadKind kind{};
-  std::uint32_t place = 0;  ///< Which of the component's views, in the order of their declaration.
-  PublisherId publisher = 0;  ///< Whom it is about; 0 if that is no publisher.
+  std::uint32_t place = 0;    ///< Number of the component's view, in the order of declaration.
+  PublisherId publisher = 0;  ///< The publisher concerned; 0 if none.
   std::uint64_t value = 0;    ///< Of a text: its bytes.
 };
 
-/// The last reads of one component, for who records what its activations saw.
+/// The last reads of one component, for recorders.
 ///
-/// @threads  `begin` and `add` by the worker that serves the component; `read` by any thread: what
-///           is written over meanwhile is left out, and counted.
+/// @threads  `begin` and `add` by the worker that serves the component; `read` by any thread: reads
+///           that are overwritten meanwhile are skipped, and counted.
 /// @realtime No lock, no allocation.
 class ReadRing {
  public:
@@ -62,25 +63,25 @@ class ReadRing {
 
   /// In memory of its own.
   explicit ReadRing(std::size_t capacity);
-  /// In `memory`, `bytes_of(capacity)` that outlive it, which other processes may read. Where all
-  /// of that is zero, the ring is empty. One that is constant reads only.
+  /// In `memory`, `bytes_of(capacity)` that outlive it, which other processes may read. If all of
+  /// it is zero, the ring is empty. A constant ring only reads.
   ReadRing(void* memory, std::size_t capacity) noexcept;
   [[nodiscard]] static std::size_t bytes_of(std::size_t capacity) noexcept;
 
-  /// What is added from now on belongs to `activation`.
+  /// Further reads belong to `activation`.
   void begin(std::uint64_t activation) noexcept { activation_ = activation; }
   void add(ReadKind kind, std::uint32_t place, PublisherId publisher, std::uint64_t value) noexcept;
-  /// The same of a text.
+  /// The same for a text.
   void add(ReadKind kind, std::uint32_t place, std::string_view text) noexcept;
 
-  /// Appends to `reads` those from the place `next` on, and moves `next` behind them. Returns how
-  /// many were lost, since they were written over before. Whatever the ring says, it appends as
-  /// many as fit into it at most.
+  /// Appends to `reads` those from position `next` on, and advances `next`. Returns how many were
+  /// lost because they were overwritten. Regardless of the ring's content, it appends at most its
+  /// capacity.
   std::uint64_t read(std::uint64_t& next, std::vector<Read>& reads) const;
 
  private:
-  // As in `ActivationRing`: the version says which place the slot holds, and is odd while it is
-  // being written.
+  // As in `ActivationRing`: the version has the position that the slot holds, and is odd while it
+  // is being written.
   struct Slot {
     std::atomic<std::uint64_t> version{0};
     std::atomic<std::uint64_t> activation{0};
@@ -89,9 +90,9 @@ class ReadRing {
     std::atomic<std::uint64_t> value{0};
   };
 
-  /// Where the reads lie: this, and behind it the slots.
+  /// The memory of the ring: this, followed by the slots.
   struct alignas(64) Words {
-    std::atomic<std::uint64_t> next{0};  ///< Released after the read: who sees it, sees that.
+    std::atomic<std::uint64_t> next{0};  ///< Released after the read.
   };
 
   [[nodiscard]] Slot& slot_at(std::uint64_t place) const noexcept {
@@ -105,9 +106,10 @@ class ReadRing {
   std::uint64_t activation_ = 0;
 };
 
-/// What a recorded activation learned, given again where that activation is executed again.
+/// The reads of a recorded activation, returned again in its replay.
 ///
-/// @threads  Confined to the component's activations, and to who executes them, between them.
+/// @threads  Confined to the component's activations, and between them to the thread that executes
+///           them.
 class ToldReads {
  public:
   /// One read; of a text, all of it.
@@ -116,17 +118,17 @@ class ToldReads {
     std::string text = {};
   };
 
-  /// From now on gives `entries`, which live until the next call.
+  /// Sets the `entries` to return, which are valid until the next call.
   void begin(std::span<const Entry> entries);
-  /// The first of this kind, about this publisher or place, that was not given yet. None if there
-  /// is none: the activation asks for something that it did not ask for when it was recorded.
+  /// The first of this kind, for this publisher or place, that was not returned yet. Null if there
+  /// is none: the activation reads something that the recorded one did not.
   [[nodiscard]] const Entry* take(ReadKind kind, PublisherId about = 0, std::uint32_t place = 0);
-  /// What follows `name` and a zero byte in the first text of this kind that begins so and was not
-  /// given yet; none if there is none, which an activation may well ask for.
+  /// The rest of the first text of this kind that begins with `name` and a zero byte and was not
+  /// returned yet; none if there is none, which does not count as missed.
   [[nodiscard]] std::optional<std::string> take_text(ReadKind kind, std::string_view name);
-  /// Whether there is one of this kind, given or not.
+  /// Whether there is one of this kind, returned or not.
   [[nodiscard]] bool has(ReadKind kind) const noexcept;
-  /// Whether it was asked for something that was not recorded.
+  /// Whether a read was requested that was not recorded.
   [[nodiscard]] bool has_missed() const noexcept { return has_missed_; }
 
  private:

@@ -13,29 +13,28 @@
 namespace fastcycle::detail {
 
 /// The lanes of one inbox that share a bit of its state word: which of them are marked, and which
-/// marked one holds the oldest message.
+/// of these holds the oldest message.
 ///
 /// Each has a bit of its own in a second row of words. A push sets first that, then the shared bit.
-/// The worker goes the other way: it clears the shared bit, then looks for marked lanes; and it
-/// clears a lane's own bit, then looks into the lane: whoever finds a bit set after a push knows
-/// that this push will be seen.
+/// The worker proceeds in reverse: it clears the shared bit, then searches for marked lanes; and it
+/// clears a lane's own bit, then reads the lane: a push that finds its bit set will be seen.
 ///
-/// Marked lanes stand in a heap, by a time that none of their messages is older than: the publish
-/// times of a lane never go back, so it is enough to look into the lane on top. That one goes down
-/// if its oldest message is younger than was known, and out if it is empty.
+/// Marked lanes are in a heap, by a lower bound of their messages' times: the publish times of a
+/// lane never decrease, so reading the top lane is enough. It sinks if its oldest message is newer
+/// than the bound, and is removed if it is empty.
 ///
-/// Invariant: a lane stands in the heap if and only if it is `held_`, and then its bit is set.
+/// Invariant: a lane is in the heap if and only if it is `held_`, and then its bit is set.
 ///
 /// @threads  `mark` is Safe; all else as in `Inbox`.
-/// @realtime No allocation, no lock, except for `add`. `peek` looks at one word for 64 lanes, into
-///           each newly marked lane once, and beyond that into one or two of them for each message.
+/// @realtime No allocation, no lock, except for `add`. `peek` reads one word for 64 lanes, each
+///           newly marked lane once, and beyond that one or two of them for each message.
 class SharedBit {
  public:
   SharedBit() = default;
   SharedBit(const SharedBit&) = delete;
   SharedBit& operator=(const SharedBit&) = delete;
 
-  /// Sees `lane` from now on, and gives it its place.
+  /// Adds `lane`, and assigns its place.
   void add(std::shared_ptr<Lane> lane);
   void remove(const Lane& lane) noexcept;
   [[nodiscard]] bool is_empty() const noexcept { return lane_count_ == 0; }
@@ -49,13 +48,13 @@ class SharedBit {
   }
   void mark_all() noexcept;
 
-  /// Makes the oldest message of all marked lanes `best`, if it is older than that; false if none
-  /// holds a message. Before it returns it looks for newly marked lanes: of a push that returned
-  /// before `best` was pushed it knows.
+  /// Sets `best` to the oldest message of all marked lanes, if it is older than `best`; false if
+  /// none holds a message. Before it returns it searches for newly marked lanes, so that it has
+  /// seen each push that returned before `best` was pushed.
   bool peek(LaneHead& best) noexcept;
 
-  /// Clears the bits of all marked lanes, and gives each of these lanes to `take`. The shared bit
-  /// has been cleared before.
+  /// Clears the bits of all marked lanes, and calls `take` with each of them. The shared bit has
+  /// been cleared before.
   template <typename Take>
   void take_marked(const Take& take) noexcept {
     heap_.clear();
@@ -71,7 +70,7 @@ class SharedBit {
     }
   }
 
-  /// How often `peek` looked into a lane until now: what it costs.
+  /// How many lanes `peek` has read so far: its cost.
   [[nodiscard]] std::uint64_t looks() const noexcept { return looks_; }
 
  private:
@@ -79,7 +78,7 @@ class SharedBit {
 
   struct Held {
     Lane* lane;
-    std::int64_t time_ns;  ///< None of its messages was published before.
+    std::int64_t time_ns;  ///< Lower bound of its messages' publish times.
   };
   /// For the heaps of the standard library, which have the greatest on top.
   static bool is_served_later(const Held& a, const Held& b) noexcept {
@@ -94,11 +93,11 @@ class SharedBit {
   [[nodiscard]] bool look_again(Lane& lane, Lane::Head& head) noexcept;
   void let_go_of_first() noexcept;
 
-  /// The lanes' bits. Publishers point to them: what was made stays where it is.
+  /// The lanes' bits. Publishers point to them, so they never move.
   std::deque<std::atomic<std::uint64_t>> marked_;
 
   // Worker only.
-  std::vector<std::uint64_t> held_;           ///< Of `marked_`: what stands in the heap.
+  std::vector<std::uint64_t> held_;  ///< The bits of `marked_` whose lanes are in the heap.
   std::vector<std::shared_ptr<Lane>> lanes_;  ///< By place; null if it is free.
   std::vector<unsigned> free_;                ///< Places.
   std::vector<Held> heap_;

@@ -21,7 +21,7 @@ class Topic;
 /// The loss ledger of one subscription:
 /// published = delivered + sum of dropped + queued.
 struct Ledger {
-  std::uint64_t published = 0;  ///< Since the subscription was made.
+  std::uint64_t published = 0;  ///< Since the subscription was created.
   std::uint64_t delivered = 0;  ///< Counted when the callback is entered.
   std::array<std::uint64_t, static_cast<std::size_t>(DropReason::kCount)> dropped{};
   std::uint64_t queued = 0;
@@ -32,12 +32,12 @@ struct Ledger {
   }
 };
 
-/// The word that stands for `reason` in tables and reports.
+/// The word for `reason` in tables and reports.
 [[nodiscard]] const char* to_word(DropReason reason) noexcept;
 
 /// One component's interest in one topic: its lanes (one per publisher) and their ledger.
 ///
-/// The executor derives what it calls from this.
+/// The executor derives its callback subscriptions from this.
 ///
 /// @threads  The vector of lanes belongs to the control thread before the start, later to the
 ///           receiving component; `ledger` is Safe.
@@ -47,8 +47,8 @@ class Subscription {
     kCallback,
     kLatest,
     kHistory,
-    kSynchronized,  ///< Given to a callback together with messages of other topics.
-    kTap,           ///< Emptied by its owner when it likes: nobody is woken.
+    kSynchronized,  ///< Passed to a callback together with messages of other topics.
+    kTap,           ///< Polled by its owner: causes no wake-up.
   };
 
   static constexpr std::size_t kDefaultDepth = 16;
@@ -59,26 +59,26 @@ class Subscription {
   Subscription& operator=(const Subscription&) = delete;
   virtual ~Subscription();
 
-  /// Makes the lane for one more publisher, of the component `from`, known to both ends.
-  /// `is_imported`: that publishes in another process.
+  /// Creates the lane for one more publisher, of the component `from`. `is_imported`: it publishes
+  /// in another process.
   std::shared_ptr<Lane> add_lane(PublisherId publisher, std::string_view from, bool is_external,
                                  bool ages, bool is_imported = false,
                                  std::shared_ptr<LaneCredit> credit = nullptr);
 
-  /// How many of a topic's latched messages it asks for, from now on.
+  /// Sets how many of a topic's latched messages it requests.
   void set_history(const SubscriberOptions& options) noexcept;
 
-  /// The lanes that there are now.
+  /// The present lanes.
   [[nodiscard]] std::vector<std::shared_ptr<Lane>> lanes() const;
 
-  /// Closes all lanes: what waits and what still comes is counted as dropped for `reason`. A second
+  /// Closes all lanes: waiting and later messages are counted as dropped for `reason`. A second
   /// call does nothing.
   void close(DropReason reason) noexcept;
 
-  /// The credits of its lanes, where their publishers ask for some.
+  /// The credits of its lanes whose publishers use them.
   [[nodiscard]] std::vector<std::shared_ptr<LaneCredit>> credits() const;
 
-  /// The sum over all lanes there ever were; exact when nothing moves.
+  /// The sum over all lanes, past ones included; exact when nothing moves.
   [[nodiscard]] Ledger ledger() const;
 
   // Constant after construction.
@@ -86,17 +86,16 @@ class Subscription {
   Inbox& inbox;
   const std::string component;
   const Kind kind;
-  /// Under which messages count that its component keeps as samples; nobody for taps.
+  /// Identifies the samples that its component keeps; `kNobody` for taps.
   const Holder holder;
   const std::size_t depth;
   const Overflow overflow;
-  /// Of latched messages, for lanes that are made from now on. As the vector of lanes.
+  /// Number of latched messages for new lanes. As the vector of lanes.
   std::uint16_t history = Lane::kWholeHistory;
   const std::size_t keep;
-  /// What it asks for beyond these; null, as for most, if nothing. Constant after construction.
+  /// Its further quality of service; null, as for most, if none. Constant after construction.
   const std::unique_ptr<Quality> quality;
-  /// The latency chains that end here; null, as for most, if none does. Constant after
-  /// construction.
+  /// The latency chains that end here; null, as for most, if none. Constant after construction.
   const std::unique_ptr<ChainEnd> chain_end;
 
   /// Whether its messages cause activations.
@@ -104,29 +103,28 @@ class Subscription {
     return kind == Kind::kCallback || kind == Kind::kSynchronized;
   }
 
-  /// What came while the receiving component was not active. Written by its worker.
+  /// Messages received while the component was not active. Written by its worker.
   Counter inactive;
 
-  /// What another application sent, and what never came to the publisher here. Written by external
-  /// publishers.
+  /// Messages of another application that never arrived here. Written by external publishers.
   std::atomic<std::uint64_t> lost_on_link{0};
-  /// What was published for it, and lost by a fault that was asked for. Written by gates.
+  /// Messages lost by injected faults. Written by gates.
   std::atomic<std::uint64_t> lost_by_injection{0};
 
   /// From publish to callback, in nanoseconds. Written by the receiving component's worker.
   base::CoarseHistogram latency;
 
  protected:
-  /// For a receiver that puts messages aside before it decides about them: how many of those that
-  /// came out of the lanes were delivered or dropped since; the rest still waits. False if it
-  /// delivers what comes out of the lanes.
+  /// For a receiver that holds messages before it decides about them: how many of those taken from
+  /// the lanes were delivered or dropped since; the rest still waits. False if it delivers directly
+  /// from the lanes.
   virtual bool add_decided(Ledger&) const noexcept { return false; }
 
  private:
   void add_to(Ledger& ledger, const Lane& lane) const noexcept;
   [[nodiscard]] bool is_judged_by_quality() const noexcept;
 
-  // Control plane: taken when lanes come and go, and by readers of the ledger.
+  // Control plane: locked to add and remove lanes, and by readers of the ledger.
   mutable base::PriorityMutex mutex_;
   std::vector<std::shared_ptr<Lane>> lanes_;
   Ledger retired_;

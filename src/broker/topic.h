@@ -18,19 +18,19 @@ class PublisherCore;
 class Subscription;
 class Topic;
 
-/// What belongs to a topic and not to one of its ends.
+/// Options of a topic as a whole.
 struct TopicOptions {
   std::size_t latched = 0;
   bool ages = true;
   std::size_t keep = 0;
   std::size_t pool_max = 0;
   bool multiple_publishers = false;
-  bool external = false;                  ///< No component has to publish it.
+  bool external = false;                  ///< It needs no publishing component.
   std::optional<Duration> lifespan = {};  ///< Older messages are not delivered.
-  std::size_t credits = 0;  ///< Messages on their way to a subscriber; 0: what the code says.
+  std::size_t credits = 0;                ///< Credit window; 0: that of the code.
 };
 
-/// Who is told when a queue is full.
+/// Notified when a queue is full.
 ///
 /// @threads  Safe.
 /// @realtime As `publish` is.
@@ -41,28 +41,28 @@ class OverflowWatch {
   OverflowWatch& operator=(const OverflowWatch&) = delete;
   virtual ~OverflowWatch() = default;
 
-  /// One message for `subscription` was dropped, since as many waited as may.
+  /// One message for `subscription` was dropped because its queue was full.
   virtual void overflowed(const Subscription& subscription) noexcept = 0;
 };
 
-/// Why a publisher had no message for somebody.
+/// Why a pool had no message for a subscriber.
 struct PoolShortage {
   enum class Kind : std::uint8_t {
-    kKept,   ///< A component keeps more samples than its share; only it gets nothing.
+    kKept,   ///< A component keeps more samples than its share; only it receives nothing.
     kLoans,  ///< The publisher's component holds loans that it does not publish.
     kSmall,  ///< The pool may not have as many messages as its subscribers may hold.
   };
   Kind kind;
   const Topic& topic;
   std::string_view publisher;  ///< The component.
-  std::string_view component;  ///< Who holds the most.
-  std::size_t held;            ///< Messages that it keeps, holds as loans, or has not read.
-  std::size_t share;           ///< How many may be its own.
+  std::string_view component;  ///< The holder of most messages.
+  std::size_t held;            ///< Messages that it keeps, holds as loans, or has not read yet.
+  std::size_t share;           ///< Its share of the messages.
   std::size_t limit;           ///< How many the pool may have.
 };
 
-/// Who is told when a pool has no message for somebody: at the first message that is dropped for
-/// that, at the 10th, the 100th, and so on.
+/// Notified when a pool has no message for a subscriber: at the first message dropped for that, the
+/// 10th, the 100th, and so on.
 ///
 /// @threads  Safe.
 /// @realtime As `publish` is.
@@ -92,27 +92,26 @@ class Topic {
   PoolWatch* pool_watch = nullptr;
 
   // Constant once anything is declared.
-  std::size_t root_count = 0;       ///< Of all latency chains: so many trails a message has.
-  std::optional<std::size_t> root;  ///< Which of these it is itself, if chains begin here.
+  std::size_t root_count = 0;       ///< Of all latency chains: the number of trails of a message.
+  std::optional<std::size_t> root;  ///< Its index among these, if chains begin here.
   std::vector<ChainRule> ends;      ///< The chains that end here.
 
   // Constant once observers listen.
-  /// A recording runs that does not have its messages: who receives them remembers when they were
-  /// published.
+  /// A running recording omits its messages: receivers record their publish times.
   bool is_left_out = false;
 
-  /// Whether its messages count for the origin of what timers publish. A latched message says how
-  /// things are; its age is not the age of what follows from it.
+  /// Whether its messages count for the origin of what timers publish. A latched message states a
+  /// lasting fact; its age is not the age of what follows from it.
   [[nodiscard]] bool ages() const noexcept { return options.ages && options.latched == 0; }
 
   // Control plane.
-  /// Adds a subscription. Those that come after `close_declarations` stand behind the others, by
-  /// their components' names: which of two components was first in a round must not show.
+  /// Adds a subscription. Those after `close_declarations` are ordered behind the others, by their
+  /// components' names, independent of the order within a round.
   void add(std::unique_ptr<Subscription> subscription);
-  /// From now on subscriptions come while the application runs.
+  /// Later subscriptions are added while the application runs.
   void close_declarations() noexcept { declared_count_ = subscriptions.size(); }
-  /// A name for one more subscription among those whose samples are counted; nobody when there are
-  /// too many to tell apart.
+  /// The holder id of one more subscription whose samples are counted; `kNobody` if there are too
+  /// many.
   [[nodiscard]] Holder next_holder() noexcept {
     return holder_count == kNobody ? kNobody : holder_count++;
   }
@@ -123,7 +122,8 @@ class Topic {
   std::vector<std::unique_ptr<Subscription>> subscriptions;
 
  private:
-  std::optional<std::size_t> declared_count_;  ///< Of `subscriptions`, once that is known.
+  std::optional<std::size_t>
+      declared_count_;  ///< Number of `subscriptions` at `close_declarations`.
 };
 
 }  // namespace fastcycle::detail

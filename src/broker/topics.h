@@ -17,54 +17,54 @@
 
 namespace fastcycle::detail {
 
-/// One mistake in how the components of an application fit together.
+/// One conflict between declarations of components.
 struct TopicConflict {
   enum class Kind { kTwoTypes, kTwoPublishers, kNoPublisher };
   Kind kind;
   std::string topic;
-  std::string component;        ///< Whose declaration does not fit.
-  std::string other = {};       ///< With whose it does not.
+  std::string component;        ///< The component whose declaration conflicts.
+  std::string other = {};       ///< The one that it conflicts with.
   std::string type = {};        ///< Of two types: that of `component`,
   std::string other_type = {};  ///< and that of `other`.
 };
 
 /// The registry of topics: used when topics are declared and connected, never while messages move.
 ///
-/// @threads  Confined to the control thread until the application runs; then whoever changes it
-///           must exclude others.
+/// @threads  Confined to the control thread until the application runs; then changes need external
+///           locking.
 class Topics {
  public:
-  /// Sets what the application file says of `name`; before anything is declared.
+  /// Sets the options of `name` from the application file; before anything is declared.
   void set_options(const std::string& name, const TopicOptions& options);
 
-  /// What holds for `name` if the file says nothing of it; before anything is declared.
+  /// Sets the options of `name` for a file without any; before anything is declared.
   void set_default_options(const std::string& name, const TopicOptions& options) {
     default_options_[name] = options;
   }
 
-  /// Says where latency chains begin, and those that end at each topic; before anything is
-  /// declared.
+  /// Sets the topics where latency chains begin, and the chains that end at each topic; before
+  /// anything is declared.
   void set_chains(std::vector<std::string> roots,
                   std::map<std::string, std::vector<ChainRule>> ends);
 
-  /// From now on `watch` is told of each overflow; before anything runs.
+  /// Notifies `watch` of each overflow; before anything runs.
   void set_overflow_watch(OverflowWatch& watch) noexcept;
-  /// From now on `watch` is told when a pool runs short; before anything runs.
+  /// Notifies `watch` when a pool runs short; before anything runs.
   void set_pool_watch(PoolWatch& watch) noexcept;
 
-  /// `keep`: of its messages, how many components retain on purpose; else the topic's number.
+  /// `keep`: how many of its messages components keep on purpose; else the topic's number.
   PublisherCore& add_publisher(const std::string& name, PublishingComponent& owner,
                                const google::protobuf::Message& default_instance,
                                const google::protobuf::Message* prototype, bool is_external,
                                std::optional<std::size_t> keep = {});
-  /// The topic `name`, made if it is new; a second type is a conflict.
+  /// The topic `name`, created if it is new; a second type is a conflict.
   Topic& get(const std::string& name, const std::string& component,
              const google::protobuf::Message& default_instance);
 
-  /// Connects every publisher with every subscription, and finds what does not fit.
+  /// Connects every publisher with every subscription, and returns the conflicts.
   void connect_all();
 
-  /// The lane from `publisher` to `subscription`, not known to the two ends yet.
+  /// Creates the lane from `publisher` to `subscription`, without adding it to the two ends.
   static std::shared_ptr<Lane> make_lane(const PublisherCore& publisher,
                                          Subscription& subscription);
 
@@ -82,7 +82,7 @@ class Topics {
   /// anything is declared.
   [[nodiscard]] const std::vector<std::string>& roots() const noexcept { return roots_; }
 
-  /// Of all publishers that were ever here, and of those of other applications. Safe.
+  /// The names of all publishers, past ones and those of other applications included. Safe.
   [[nodiscard]] PublisherNames& names() noexcept { return names_; }
   [[nodiscard]] const PublisherNames& names() const noexcept { return names_; }
 
@@ -103,8 +103,8 @@ class Topics {
 /// The identity of the publisher of `component` on `topic`: FNV-1a over both names, 64 bits.
 /// http://www.isthe.com/chongo/tech/comp/fnv/
 ///
-/// Of several publishers of one component on one topic `ordinal` is the place in which they are
-/// declared, from 0; from the second on it is part of the identity.
+/// `ordinal` numbers several publishers of one component on one topic in the order of declaration,
+/// from 0; from the second on it is part of the identity.
 [[nodiscard]] PublisherId publisher_id(std::string_view component, std::string_view topic,
                                        std::size_t ordinal = 0) noexcept;
 

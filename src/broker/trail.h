@@ -10,21 +10,21 @@
 
 namespace fastcycle::detail {
 
-/// One publish on the way from a root to here.
+/// One publish on the path from a root to here.
 struct Hop {
   PublisherId publisher = 0;
   Time begin{};  ///< Of the activation that published; of the first hop: the taken time.
   Time published{};
 };
 
-/// The way on which something that was measured came here: when it was taken, and every publish
-/// since. Each message has one for each root, a topic where chains begin.
+/// The path of a measurement: when it was taken, and every publish since. Each message has one for
+/// each root, a topic where chains begin.
 ///
-/// Its spans add up: from the taken time to the last publish, nothing is counted twice and nothing
-/// left out. Beyond `kMaxHops` the last hop stands for all that follow, such as in a circle.
+/// Its spans add up: from the taken time to the last publish, nothing is counted twice or omitted.
+/// Beyond `kMaxHops` the last hop represents all further ones, such as in a cycle.
 ///
 /// @threads  Compatible.
-/// @realtime No allocation; a copy costs what is known, not what there is room for.
+/// @realtime No allocation; the cost of a copy depends on the number of hops, not on the capacity.
 class Trail {
  public:
   static constexpr std::size_t kMaxHops = 16;
@@ -41,7 +41,7 @@ class Trail {
   }
   ~Trail() = default;
 
-  /// Whether anything of this root led here.
+  /// Whether it has a measurement of this root.
   [[nodiscard]] bool is_known() const noexcept { return count_ > 0; }
   [[nodiscard]] Time taken() const noexcept { return taken_; }
   [[nodiscard]] std::span<const Hop> hops() const noexcept { return {hops_.data(), count_}; }
@@ -55,7 +55,7 @@ class Trail {
     count_ = 1;
   }
 
-  /// One hop more. @pre `is_known()`
+  /// Adds one hop. @pre `is_known()`
   void add(const Hop& hop) noexcept {
     if (count_ < kMaxHops) {
       hops_[count_++] = hop;

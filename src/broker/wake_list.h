@@ -31,7 +31,7 @@ class WakeList {
 
  private:
   std::array<ReadyQueue*, 16>
-      queues_;  ///< Only `size_` of them are set: each publish makes a list.
+      queues_;  ///< Only `size_` of them are initialized, since each publish constructs a list.
   std::size_t size_ = 0;
 };
 

@@ -15,14 +15,14 @@
 
 namespace fastcycle::config {
 
-/// Makes one tree of an application file and everything it names: included files, component files,
-/// overlays and options.
+/// Composes one tree from an application file and everything it names: included files, component
+/// files, overlays and options.
 ///
 /// The tree has the keys of an application without `$schema`, `variables` and `include`, and its
-/// components are without `file`: what these say has been done. A component of an included file has
-/// its whole namespace in `namespace`. So the tree is itself an application that means the same.
+/// components are without `file`: all of these were resolved. A component of an included file has
+/// its full namespace in `namespace`. So the tree is itself an equivalent application.
 ///
-/// @threads  Confined to whoever loads the configuration.
+/// @threads  Confined to the thread that loads the configuration.
 class Composer {
  public:
   static constexpr std::size_t kMaxIncludeDepth = 16;
@@ -66,8 +66,8 @@ class Composer {
   const Schema& schema_;
   Problems& problems_;
   std::size_t file_count_ = 0;
-  // Where in the tree each component is, by its full name, once overlays or options ask; of several
-  // with one name the first. Empty: not known.
+  // Index of each component in the tree, by its full name; of several with one name the first.
+  // Filled when overlays or options need it.
   std::unordered_map<std::string, std::size_t> component_places_;
 };
 

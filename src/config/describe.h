@@ -8,18 +8,17 @@
 
 namespace fastcycle::config {
 
-/// The plain values of an effective tree. What has not the form that the schema wants keeps its
-/// default: the mistake has been reported with the file.
+/// The plain values of an effective tree. A value that violates the schema keeps its default: the
+/// error was reported with the file.
 [[nodiscard]] ApplicationDescription describe(const Value& tree);
 
-/// The processes that a tree describes, also those that no component is in.
+/// The processes that a tree describes, including those without components.
 [[nodiscard]] std::vector<ProcessDescription> described_processes(const Value& tree);
 
-/// Adds the mistakes that only the whole application shows: names that are used twice or not known,
-/// values that contradict each other.
+/// Adds the errors of the application as a whole: duplicate or unknown names, contradictory values.
 void check_sense(const ApplicationDescription& application, Problems& problems);
 
-/// Adds a mistake for each fault to be injected that is not complete, or says what means nothing.
+/// Adds an error for each fault to be injected that is incomplete or has keys without effect.
 void check_faults(const ApplicationDescription& application, Problems& problems);
 
 }  // namespace fastcycle::config

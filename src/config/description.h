@@ -18,16 +18,16 @@ namespace fastcycle::config {
 
 /// What happens when a component faults.
 enum class OnFault : std::uint8_t {
-  kStopComponent,  ///< That component stops, the others go on.
+  kStopComponent,  ///< That component stops, the others continue.
   kStop,           ///< The application stops, exit code 1.
-  kRestart,        ///< That component is made anew.
+  kRestart,        ///< That component is restarted.
 };
 
 /// What happens when a call of a component does not return.
 enum class OnHang : std::uint8_t {
-  kTell,        ///< It is told, and the run goes on.
+  kTell,        ///< It is reported, and the run continues.
   kStop,        ///< The application stops, exit code 1.
-  kEndProcess,  ///< Its process is ended, and what follows is what that process's `on_exit` says.
+  kEndProcess,  ///< Its process is ended; then `on_exit` of that process applies.
 };
 
 /// The kernel's scheduling policy of an executor's workers.
@@ -36,40 +36,40 @@ enum class Policy : std::uint8_t { kOther, kFifo, kRr };
 /// What a worker without work does.
 enum class Wait : std::uint8_t {
   kPark,      ///< Sleeps.
-  kSpin,      ///< Looks for work without pause; for a CPU of its own.
-  kAdaptive,  ///< Looks for a short while, then sleeps.
+  kSpin,      ///< Polls for work without pause; for a CPU of its own.
+  kAdaptive,  ///< Polls for a short time, then sleeps.
 };
 
-/// What a full inbox lane does with one more message.
+/// The overflow policy of a full inbox lane.
 enum class Overflow : std::uint8_t {
   kDropOldest,  ///< For state: only the newest matters.
-  kDropNewest,  ///< For events: what came first is kept.
+  kDropNewest,  ///< For events: the earliest are kept.
 };
 
 /// How a recording is compressed.
 enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
 
-/// What is recorded, and where to.
+/// Options of the recording.
 struct RecordDescription {
   std::filesystem::path file;
   std::vector<std::string> topics;  ///< Patterns, see `mcap::matches`; empty: all.
   std::vector<std::string> except;  ///< Patterns of topics that are not recorded.
   Compression compression = Compression::kLz4;
-  /// For topics that the pattern means; the first that does counts.
+  /// By pattern of topics; the first match applies.
   std::vector<std::pair<std::string, Compression>> compression_by_topic;
   std::uint64_t split_bytes = 0;                          ///< 0: not by size.
   std::chrono::nanoseconds split_time{0};                 ///< 0: not by time.
   std::chrono::nanoseconds sync_interval{1'000'000'000};  ///< 0: only at the end of a file.
   std::uint64_t memory_bytes = 256'000'000;               ///< That may wait to be written.
   bool has_activations = true;
-  bool is_background = false;  ///< Its threads run only where nothing else wants a CPU.
+  bool is_background = false;  ///< Its threads run only on idle CPUs.
   Place place;
 };
 
-/// What the flight recorder keeps, and what of it goes into a dump.
+/// Options of the flight recorder: what it keeps, and what a dump contains.
 struct FlightRecorderDescription {
-  std::filesystem::path file;                       ///< Of the ring; empty: the application's name.
-  std::uint64_t bytes = 256'000'000;                ///< Of the ring.
+  std::filesystem::path file;         ///< Of the ring; empty: named after the application.
+  std::uint64_t bytes = 256'000'000;  ///< Of the ring.
   std::chrono::nanoseconds before{20'000'000'000};  ///< A trigger.
   std::chrono::nanoseconds after{5'000'000'000};    ///< A trigger.
   std::vector<std::string> topics;  ///< Patterns, see `record::matches`; empty: all.
@@ -78,33 +78,34 @@ struct FlightRecorderDescription {
   Place place;
 };
 
-/// Where a trace of what the components do goes.
+/// Options of the trace of the components' activity.
 struct TraceDescription {
-  std::filesystem::path file = {};          ///< What it held before is gone; empty: by the name.
+  std::filesystem::path file = {};          ///< Overwritten; empty: named after the application.
   std::uint64_t buffer_bytes = 16'000'000;  ///< That may wait to be written.
   Place place = {};
 };
 
-/// Who may look at a run over a socket, and what they may change.
+/// Permissions of the clients of the inspection socket.
 struct InspectDescription {
-  bool allows_params = false;     ///< Parameters.
-  bool allows_publish = false;    ///< Messages of their own, and calls of services.
-  bool allows_lifecycle = false;  ///< Modes, and components that stop, start, or are made anew.
-  bool allows_reload = false;     ///< Components that are made of another library.
+  bool allows_params = false;   ///< Parameters.
+  bool allows_publish = false;  ///< Publishing messages, and calling services.
+  bool allows_lifecycle =
+      false;                   ///< Switching modes; stopping, starting and restarting components.
+  bool allows_reload = false;  ///< Reloading components from another library.
   Place place;
 };
 
-/// Where browsers and Foxglove are shown a run, and what more they may do than look.
+/// Options of the server for browsers and Foxglove, with their permissions.
 struct LiveDescription {
   std::string address = "127.0.0.1";  ///< An IP address.
-  std::uint16_t port = 8765;          ///< 0: any that is free.
+  std::uint16_t port = 8765;          ///< 0: any free port.
   std::vector<std::string> publish;   ///< Patterns of topics that clients may publish on.
-  /// Pages of others that may ask: "https://app.foxglove.dev".
+  /// Other origins of pages that may connect: "https://app.foxglove.dev".
   std::vector<std::string> origins;
-  std::string token_file;   ///< Has the token; empty: each run makes one.
-  std::string certificate;  ///< A file in PEM, for TLS; empty: made by the run where TLS is wanted.
+  std::string token_file;   ///< Contains the token; empty: each run generates one.
+  std::string certificate;  ///< A PEM file, for TLS; empty: generated by the run if TLS is used.
   std::string key;          ///< The file with its private key.
-  bool tls = false;         ///< TLS on the own machine too.
+  bool tls = false;         ///< TLS for the local machine too.
   Place place;
 };
 
@@ -120,20 +121,20 @@ struct ExecutorDescription {
   Place place;
 };
 
-/// What happens when a process of the application ends without being asked to.
+/// What happens when a process of the application ends unexpectedly.
 enum class OnExit : std::uint8_t {
   kStop,      ///< The application stops, exit code 1.
-  kRestart,   ///< The process is made anew, with all its components.
-  kContinue,  ///< The others go on without it.
+  kRestart,   ///< The process is restarted, with all its components.
+  kContinue,  ///< The others continue without it.
 };
 
-/// What the code of a process may ask of the kernel.
+/// The restrictions of a process's system calls.
 enum class Sandbox : std::uint8_t {
-  kNone,    ///< Whatever its user may.
-  kStrict,  ///< What computing needs: no network, no programs, no files but those that it names.
+  kNone,    ///< All that its user may do.
+  kStrict,  ///< Computing only: no network, no programs, no files except those that it names.
 };
 
-/// Where and how a thread that a component makes runs.
+/// Scheduling of a thread that a component creates.
 struct ThreadDescription {
   std::vector<int> cpus;  ///< CPUs that it may run on; empty: all.
   Policy policy = Policy::kOther;
@@ -141,7 +142,7 @@ struct ThreadDescription {
   Place place;
 };
 
-/// What belongs to a topic and not to one of its ends.
+/// Options of a topic as a whole.
 struct TopicDescription {
   std::string name;  ///< Full, without a leading slash.
   int latched = 0;   ///< Messages kept for later subscribers, 0 to 1024.
@@ -151,26 +152,26 @@ struct TopicDescription {
   bool multiple_publishers = false;
   bool external = false;  ///< Its messages may come from outside of the application.
   std::optional<std::chrono::nanoseconds> lifespan;  ///< Older messages are not delivered.
-  std::size_t credits = 0;  ///< Messages on their way to a subscriber; 0: what the code says.
+  std::size_t credits = 0;                           ///< Credit window; 0: that of the code.
   Place place;
 };
 
-/// What the application says about one subscription of a component; unset: what the code says.
+/// Options of one subscription in the application file; unset: those of the code.
 struct SubscriberDescription {
   std::optional<std::size_t> depth;  ///< 1 to 65536, per publisher.
   std::optional<Overflow> overflow;
-  std::optional<std::size_t> history;  ///< Latched messages that it is given, 0 to 1024.
+  std::optional<std::size_t> history;  ///< Latched messages that it receives, 0 to 1024.
   std::optional<std::chrono::nanoseconds> deadline;
   std::optional<std::chrono::nanoseconds> lifespan;
   std::optional<std::chrono::nanoseconds> liveliness;
   Place place;
 };
 
-/// What the application says about one publisher of a component; unset: what the code says.
+/// Options of one publisher in the application file; unset: those of the code.
 struct PublisherDescription {
   std::optional<std::size_t> keep;  ///< Of its messages, those that components retain; else the
                                     ///< topic's number.
-  std::optional<std::chrono::nanoseconds> deadline;  ///< That it promises.
+  std::optional<std::chrono::nanoseconds> deadline;  ///< The deadline that it offers.
   Place place;
 };
 
@@ -180,12 +181,12 @@ enum class AfterRestarts : std::uint8_t {
   kProcess,   ///< Of a component: its process is restarted, if that is one of its own; else as
               ///< before.
   kStop,      ///< The application stops.
-  kContinue,  ///< Of a process: the others go on without it.
+  kContinue,  ///< Of a process: the others continue without it.
 };
 
-/// How often, and how fast, a component that faults is made anew.
+/// How often, and how fast, a component that faults is restarted.
 struct RestartDescription {
-  std::uint32_t limit = 3;  ///< Restarts within `within`; one more fault is the end.
+  std::uint32_t limit = 3;  ///< Restarts within `within`; after one more fault `then` applies.
   std::chrono::nanoseconds within{10'000'000'000};
   std::chrono::nanoseconds back_off{0};  ///< Before the first of them; doubled each time,
   std::chrono::nanoseconds back_off_max{5'000'000'000};  ///< up to this.
@@ -197,21 +198,21 @@ struct ProcessDescription {
   std::string name;
   OnExit on_exit = OnExit::kStop;
   RestartDescription restart;  ///< With `OnExit::kRestart`.
-  /// Without a sign of life for so long it is ended; 0: never.
+  /// It is ended after this time without a heartbeat; 0: never.
   std::chrono::nanoseconds heartbeat{0};
   std::uint64_t memory_bytes = 0;  ///< Private memory that it may have; 0: no limit.
   std::vector<int> cpus;           ///< CPUs that its threads may run on; empty: all.
   Sandbox sandbox = Sandbox::kNone;
-  std::vector<std::filesystem::path> readable;  ///< In a sandbox: files and folders to read,
-  std::vector<std::filesystem::path> writable;  ///< and those to write as well.
+  std::vector<std::filesystem::path> readable;  ///< In a sandbox: readable files and folders,
+  std::vector<std::filesystem::path> writable;  ///< and those that are writable as well.
   std::string user;        ///< The user that it runs as; empty: the one who started the run.
-  bool is_trusted = true;  ///< Others read its messages in its memory; else they get copies.
-  /// A second process follows it, and takes its place when it ends.
+  bool is_trusted = true;  ///< Others read its messages in its memory; else they receive copies.
+  /// A standby process follows it, and replaces it when it ends.
   bool has_standby = false;
   Place place;
 };
 
-/// How long the calls of a component may take by the machine's clock before that is told.
+/// How long the calls of a component may take by the machine's clock before a hang is reported.
 struct HangDescription {
   std::chrono::nanoseconds callback_limit{750'000'000};     ///< Of a callback; 0: none.
   std::chrono::nanoseconds lifecycle_limit{5'000'000'000};  ///< Of constructor, start(), ...; 0:
@@ -219,7 +220,7 @@ struct HangDescription {
   OnHang on_hang = OnHang::kTell;
 };
 
-/// One mode of the application: who is active in it, of those that some mode names.
+/// One mode of the application: which of the components that any mode lists are active in it.
 struct ModeDescription {
   std::string name;
   std::vector<std::string> components;  ///< Full names, or patterns of them.
@@ -234,7 +235,7 @@ enum class OnBreach : std::uint8_t {
   kDegrade,  ///< It is counted and delivered, and the mode is switched.
 };
 
-/// How old what is made of one topic's messages may be where another topic is delivered.
+/// A latency chain: the maximum age of data from one topic at the delivery of another topic.
 struct ChainDescription {
   std::string name;
   std::string from;  ///< The topic where it begins: full, without a leading slash.
@@ -245,32 +246,32 @@ struct ChainDescription {
   Place place;
 };
 
-/// Where chains may begin: so many different topics, each of which every message knows.
+/// Maximum number of topics where chains begin; each message has a trail for every one of them.
 inline constexpr std::size_t kMaxChainRoots = 8;
 
-/// What a fault does: to messages of a topic, up to `kCorrupt`, to a component, or to a process.
+/// The kinds of faults: of messages of a topic, up to `kCorrupt`, of a component, or of a process.
 enum class FaultKind : std::uint8_t {
-  kDrop,       ///< The message does not come.
-  kDelay,      ///< It comes later; those behind it wait for it.
-  kDuplicate,  ///< It comes twice.
-  kFreeze,     ///< The last message before the fault comes in its place.
+  kDrop,       ///< The message is lost.
+  kDelay,      ///< It is delayed, and those behind it.
+  kDuplicate,  ///< It is delivered twice.
+  kFreeze,     ///< It is replaced by the last message before the fault.
   kCorrupt,    ///< A field of it is changed.
   kThrow,      ///< The component throws.
-  kSlow,       ///< In simulated time: what it computes takes longer.
+  kSlow,       ///< In simulated time: its computations take longer.
   kHang,       ///< Live: a callback does not return for a while.
-  kRestart,    ///< It is made anew.
+  kRestart,    ///< It is restarted.
   kKill,       ///< The process ends as by SIGKILL.
 };
 [[nodiscard]] constexpr bool is_of_topic(FaultKind kind) noexcept {
   return kind <= FaultKind::kCorrupt;
 }
 
-/// What a field becomes in a corrupt message.
+/// How a field of a message is corrupted.
 enum class Corruption : std::uint8_t {
   kNan,      ///< Not a number.
-  kValue,    ///< A number that the file gives.
-  kBitFlip,  ///< What it is, but for one bit.
-  kStale,    ///< What it was in the message before.
+  kValue,    ///< A number from the file.
+  kBitFlip,  ///< One bit is inverted.
+  kStale,    ///< Its value in the previous message.
 };
 
 /// One fault that is injected into a run.
@@ -293,20 +294,20 @@ struct FaultDescription {
   Place place;
 };
 
-/// What is injected into a run, to see what becomes of it.
+/// The faults that are injected into a run.
 struct FaultsDescription {
-  std::uint64_t seed = 0;  ///< Of what is drawn.
+  std::uint64_t seed = 0;  ///< Of the random numbers.
   std::vector<FaultDescription> list;
   Place place;
 };
 
-/// One component of the application, with all that its file, overlays and options say of it.
+/// One component of the application, from its file, overlays and options.
 struct ComponentDescription {
   std::string name;          ///< Full: `front/limiter` for `limiter` in the namespace `front`.
   std::string name_space;    ///< `front`, or empty; `"namespace"` in JSON.
   std::string library;       ///< `speed_limiter` for the file `libspeed_limiter.so`.
-  std::string class_name;    ///< Which class of the library; empty: its only one. `"class"`.
-  std::string executor;      ///< Empty: the one of all who name none.
+  std::string class_name;    ///< The class within the library; empty: its only one. `"class"`.
+  std::string executor;      ///< Empty: the default pool.
   std::string process;       ///< One of the application's `processes`; empty: the main process.
   bool has_standby = false;  ///< Its process has one.
   std::optional<std::chrono::nanoseconds> serve_period;  ///< None: `serve()` is never called.
@@ -317,10 +318,10 @@ struct ComponentDescription {
   OnFault on_fault = OnFault::kStopComponent;
   RestartDescription restart;  ///< With `OnFault::kRestart`.
   HangDescription hang;
-  std::string fault_mode;          ///< The mode that follows its end by a fault; or none.
-  std::vector<std::string> after;  ///< Full names of those that start before it.
-  std::chrono::nanoseconds start_timeout{0};                 ///< For its `start()`, live; 0: none.
-  std::optional<LogLevel> log_level;                         ///< None: the application's.
+  std::string fault_mode;                     ///< The mode after its end by a fault; or empty.
+  std::vector<std::string> after;             ///< Full names of those that start before it.
+  std::chrono::nanoseconds start_timeout{0};  ///< For its `start()`, live; 0: none.
+  std::optional<LogLevel> log_level;          ///< None: the application's.
   std::map<std::string, SubscriberDescription> subscribers;  ///< By the topic's name in code.
   std::map<std::string, PublisherDescription> publishers;    ///< By the topic's name in code.
   std::map<std::string, ThreadDescription> threads;          ///< By the thread's name in code.
@@ -335,40 +336,40 @@ struct LibrariesDescription {
   Place place;
 };
 
-/// A component that is executed once more beside the one that it follows.
+/// A second instance of a component, executed beside the one that it follows.
 struct ShadowDescription {
-  std::string name;  ///< Of it and its process.
+  std::string name;  ///< Name of it and its process.
   std::string of;
   std::string library;     ///< Empty: that of the component.
   std::string class_name;  ///< Empty: the library's only one; without a library the component's.
-  Value params;            ///< An object: in what it differs from the component.
+  Value params;            ///< An object: its differences from the component.
   Place place;
 };
 
-/// A checked application: plain values, complete, no file is needed any more.
+/// A checked application: plain values, complete, independent of its files.
 struct ApplicationDescription {
   std::string name;
   std::filesystem::path file;
   std::vector<std::filesystem::path> library_path;  ///< Folders to look for libraries in, first one
                                                     ///< first.
-  std::optional<LibrariesDescription> libraries;    ///< None: all that are found may be loaded.
+  std::optional<LibrariesDescription> libraries;    ///< None: any may be loaded.
   std::vector<ExecutorDescription> executors;
-  /// All that components name, the main process left out: in the order of the file, then of the
-  /// components that name one which is not described.
+  /// All processes except the main one: those described, in file order, then undescribed ones, in
+  /// the order of the components that name them.
   std::vector<ProcessDescription> processes;
   std::vector<TopicDescription> topics;
   std::vector<ComponentDescription> components;  ///< Included ones first, then in file order.
   std::vector<ModeDescription> modes;            ///< In file order.
   std::string initial_mode;                      ///< Empty where there are no modes.
   std::vector<ChainDescription> chains;          ///< In file order.
-  FaultsDescription faults;                      ///< Empty in all but a trial of faults.
+  FaultsDescription faults;                      ///< Empty except in a trial of faults.
   std::vector<ShadowDescription> shadows;        ///< In file order.
   Value shared_params;                           ///< Always an object.
   std::optional<RecordDescription> record;       ///< None: nothing is recorded.
   std::optional<FlightRecorderDescription> flight_recorder;  ///< None: there is none.
   std::optional<TraceDescription> trace;                     ///< None: nothing is traced.
-  std::optional<InspectDescription> inspect;                 ///< None: nobody may look.
-  std::optional<LiveDescription> live;                       ///< None: nobody is shown it.
+  std::optional<InspectDescription> inspect;                 ///< None: no inspection socket.
+  std::optional<LiveDescription> live;                       ///< None: no live server.
   OnFault on_fault = OnFault::kStopComponent;                ///< The default of its components.
   std::chrono::nanoseconds status_period{1'000'000'000};     ///< Of "fastcycle/status".
   std::chrono::nanoseconds state_period{1'000'000'000};      ///< Of key frames; 0: none.
@@ -378,8 +379,8 @@ struct ApplicationDescription {
 };
 
 /// The order in which components start, as places in `application.components`: that of the file,
-/// but each after those that it names under `"after"`. Names that do not exist count for nothing;
-/// of a circle, which `check_sense` reports, the first in the file goes first.
+/// but each after those that it names under `"after"`. Unknown names are ignored; of a cycle, which
+/// `check_sense` reports, the first in the file comes first.
 [[nodiscard]] std::vector<std::size_t> start_order(const ApplicationDescription& application);
 
 /// The full name of the topic that `component` calls `name_in_code`.
@@ -392,7 +393,7 @@ struct ApplicationDescription {
 [[nodiscard]] std::string resolve_topic(const ComponentDescription& component,
                                         std::string_view name_in_code);
 
-/// The words of the enums as JSON has them: `drop_oldest`, `stop_component`.
+/// The names of the enumerators in JSON: `drop_oldest`, `stop_component`.
 [[nodiscard]] std::string_view to_string(OnFault on_fault);
 [[nodiscard]] std::string_view to_string(OnHang on_hang);
 [[nodiscard]] std::string_view to_string(AfterRestarts then);

@@ -13,8 +13,8 @@ namespace fastcycle::config {
 ///     const ApplicationDescription application = load({.file = "app.json"}, problems);
 ///     if (problems.has_errors()) { … }
 ///
-/// Reports every mistake at once. With mistakes the description is as complete as it can be, which
-/// is good for further checks, and must not be started.
+/// Reports all errors at once. With errors the description is as complete as possible, for further
+/// checks, and must not be started.
 ///
 /// @threads  Safe.
 /// @errors   Everything goes to `problems`; nothing is thrown but `std::bad_alloc`.

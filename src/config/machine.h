@@ -5,8 +5,8 @@
 
 namespace fastcycle::config {
 
-/// Adds what the processes of an effective tree ask of this machine and what it does not have:
-/// users are mistakes; CPUs, and files and folders of a sandbox, are warnings.
+/// Adds what the processes of an effective tree require and this machine lacks: users are errors;
+/// CPUs, and files and folders of a sandbox, are warnings.
 void check_machine(const Value& tree, Problems& problems);
 
 }  // namespace fastcycle::config

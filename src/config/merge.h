@@ -8,8 +8,8 @@
 
 namespace fastcycle::config {
 
-/// Lays `over` upon `base`: objects are merged key by key, null deletes, all else is replaced. A
-/// null for a key that is not there is a mistake.
+/// Merges `over` into `base`: objects are merged key by key, null deletes, all else is replaced. A
+/// null for a missing key is an error.
 ///
 /// @pre  both are objects
 void merge(Value& base, const Value& over, Problems& problems);
@@ -17,7 +17,7 @@ void merge(Value& base, const Value& over, Problems& problems);
 /// The keys of an object.
 [[nodiscard]] std::vector<std::string> keys_of(const Value& object);
 
-/// The member `key` if it is of that type; none otherwise. A wrong type is the schema's to report.
+/// The member `key` if it is of that type; none otherwise. The schema check reports wrong types.
 [[nodiscard]] const Value* find_object(const Value& object, std::string_view key);
 [[nodiscard]] const Value* find_array(const Value& object, std::string_view key);
 [[nodiscard]] const Value* find_string(const Value& object, std::string_view key);

@@ -13,23 +13,23 @@
 
 namespace fastcycle::config {
 
-/// What a number may be, both ends included; unset: no limit.
+/// The range of a number, both ends included; unset: no limit.
 template <typename T>
 struct Range {
   std::optional<T> min{};
   std::optional<T> max{};
 };
 
-/// How a vector's items are limited.
+/// The limits of a vector and its items.
 template <typename T>
 struct VectorRange {
   Range<T> item{};
   Range<std::size_t> size{};
 };
 
-/// Conversions. What does not fit is added to `problems`, and nothing is returned: the caller goes
-/// on with its fallback, so that one run finds all mistakes. Integers are not made of `2.0`, but a
-/// double may be written `2`.
+/// Conversions. A mismatch is added to `problems`, and nothing is returned: the caller continues
+/// with its fallback, so that one run finds all errors. `2.0` is no integer, but a double may be
+/// written `2`.
 [[nodiscard]] std::optional<bool> to_bool(const Value& value, Problems& problems);
 [[nodiscard]] std::optional<std::int64_t> to_int64(const Value& value, const Range<std::int64_t>& r,
                                                    Problems& problems);
@@ -57,16 +57,16 @@ struct VectorRange {
                                                                const Range<std::size_t>& size,
                                                                Problems& problems);
 
-/// Reads the params of one component, and knows in the end which ones nobody asked for.
+/// Reads the params of one component, and reports those that were not read.
 ///
 ///     ParamReader reader(component.params, application.shared_params, problems);
 ///     const double limit = reader.read_double("limit_mps", 13.9, {.min = 0.0, .max = 60.0});
 ///     reader.finish();
 ///
-/// A name is looked for in the component's own params, then in the shared ones; dots lead into
+/// A name is looked up in the component's own params, then in the shared ones; dots reach into
 /// nested objects: `limits.jerk`.
 ///
-/// @threads  Confined to whoever constructs the component.
+/// @threads  Confined to the thread that constructs the component.
 class ParamReader {
  public:
   /// All three are only borrowed, and must outlive the reader.
@@ -74,7 +74,7 @@ class ParamReader {
 
   /// The value, if the configuration has one. Declares the name; with an object, all below it too.
   [[nodiscard]] const Value* find(std::string_view name);
-  /// As `find`, where the configuration has to have one: else a mistake.
+  /// As `find`; a missing value is an error.
   [[nodiscard]] const Value* require(std::string_view name);
 
   [[nodiscard]] bool read_bool(std::string_view name, bool fallback);
@@ -92,11 +92,11 @@ class ParamReader {
   [[nodiscard]] std::size_t read_choice(std::string_view name, std::size_t fallback,
                                         std::span<const std::string> names);
 
-  /// Adds a mistake for each param of the component that no one declared. Shared params are looked
-  /// at by `check_shared`, when all components are known.
+  /// Adds an error for each param of the component that was not declared. `check_shared` checks
+  /// shared params, once all components are known.
   void finish();
 
-  /// The names asked for so far.
+  /// The names requested so far.
   [[nodiscard]] const std::set<std::string>& declared() const { return declared_; }
 
  private:
@@ -106,8 +106,8 @@ class ParamReader {
   std::set<std::string> declared_;
 };
 
-/// Adds a mistake for each shared param that no component declared. `declared` is the union of what
-/// the readers of all components declared.
+/// Adds an error for each shared param that no component declared. `declared` is the union over the
+/// readers of all components.
 void check_shared(const Value& shared, const std::set<std::string>& declared, Problems& problems);
 
 }  // namespace fastcycle::config

@@ -12,31 +12,31 @@
 
 namespace fastcycle::config {
 
-/// What a file may ask of us, so that a hostile or broken one costs little.
+/// Limits of a file, so that a hostile or broken one costs little.
 inline constexpr std::size_t kMaxFileBytes = std::size_t{16} << 20U;
 inline constexpr std::size_t kMaxDepth = 64;
 inline constexpr std::size_t kMaxValues = 1'000'000;     // Of one file.
 inline constexpr std::size_t kMaxKeysOfObject = 10'000;  // Looking up a key goes through them all.
 inline constexpr std::size_t kMaxKeyBytes = 256;
 
-/// The content of a regular file of at most `kMaxFileBytes`; none, and a mistake at `asked_at`, if
-/// there is no such file or it cannot be read. Never waits: neither a FIFO nor a device is read.
+/// The content of a regular file of at most `kMaxFileBytes`; none, and an error at `asked_at`, if
+/// there is no such file or it cannot be read. Never blocks: neither a FIFO nor a device is read.
 [[nodiscard]] std::optional<std::string> read_file(const std::filesystem::path& file,
                                                    const Place& asked_at, Problems& problems);
 
-/// The JSON in `text`, `//` and `/* */` comments allowed; none, and a mistake, if it cannot be read
-/// to its end. A key that an object has twice is a mistake, but reading goes on.
+/// The JSON in `text`, `//` and `/* */` comments allowed; none, and an error, if it cannot be
+/// parsed to its end. A duplicate key is an error, but parsing continues.
 [[nodiscard]] std::optional<Value> parse(std::string_view text,
                                          const std::shared_ptr<const Source>& source,
                                          Problems& problems);
 
-/// `read_file` and `parse`. Mistakes of the file itself are at the file; that it cannot be opened
-/// is a mistake at `asked_at`, or at the file where `asked_at` is empty.
+/// `read_file` and `parse`. Errors in the file are at the file; a file that cannot be opened is an
+/// error at `asked_at`, or at the file if `asked_at` is empty.
 [[nodiscard]] std::optional<Value> parse_file(const std::filesystem::path& file,
                                               const Place& asked_at, Problems& problems);
 
-/// What an option gives: `text` as JSON if it is such, as a string otherwise. Its values say that
-/// they come from `option`, written as `--set limiter.limit_mps=20`.
+/// The value of an option: `text` parsed as JSON if possible, as a string otherwise. Its place is
+/// `option`, written as `--set limiter.limit_mps=20`.
 [[nodiscard]] Value parse_option(const std::string& text, const std::string& option);
 
 }  // namespace fastcycle::config

@@ -9,36 +9,36 @@
 
 namespace fastcycle::config {
 
-/// One mistake (or warning) of a configuration.
+/// One error (or warning) of a configuration.
 struct Problem {
   Place place;
   std::string message;   ///< The full sentence, without place and hint.
-  std::string expected;  ///< What should stand there, `a number in [0, 60]`; may be empty.
-  std::string found;     ///< What stands there, `"fast"`; may be empty.
-  std::string hint;      ///< How it may be mended, `did you mean "limit_mps"?`; may be empty.
+  std::string expected;  ///< The expected value, `a number in [0, 60]`; may be empty.
+  std::string found;     ///< The actual value, `"fast"`; may be empty.
+  std::string hint;      ///< A possible fix, `did you mean "limit_mps"?`; may be empty.
   bool warning = false;  ///< A warning is shown, but the application may start.
 };
 
 /// `file:line: /pointer: expected …, found …; did you mean "…"?`, on one line.
 [[nodiscard]] std::string to_string(const Problem& problem);
 
-/// The usual mistake: something else should stand there. The message is made of the two.
+/// The usual error: another value was expected. The message is composed from the two.
 [[nodiscard]] Problem unexpected(const Value& at, std::string expected, std::string found,
                                  std::string hint = {});
-/// The same, where `found` is the value itself.
+/// The same, with the value itself as `found`.
 [[nodiscard]] Problem unexpected(const Value& at, std::string expected);
-/// A mistake that is one sentence.
+/// An error that is one sentence.
 [[nodiscard]] Problem mistake(Place place, std::string message, std::string hint = {});
 
 /// `did you mean "name"?`, or nothing if `name` is empty.
 [[nodiscard]] std::string did_you_mean(std::string_view name);
 
-/// Collects all that is wrong, so that one run reports everything.
+/// Collects all errors, so that one run reports everything.
 ///
-/// Keeps at most `kMaxKept` mistakes and as many warnings: a file of nothing but mistakes must not
-/// fill the memory, and warnings must not hide a mistake.
+/// Keeps at most `kMaxKept` errors and as many warnings: a file full of errors must not fill the
+/// memory, and warnings must not hide an error.
 ///
-/// @threads  Confined to whoever loads the configuration.
+/// @threads  Confined to the thread that loads the configuration.
 class Problems {
  public:
   static constexpr std::size_t kMaxKept = 1000;
@@ -47,7 +47,7 @@ class Problems {
 
   [[nodiscard]] bool has_errors() const { return error_count_ > 0; }
   [[nodiscard]] std::size_t error_count() const { return error_count_; }
-  /// Whether one more will be kept; if not, what it says need not be worked out.
+  /// Whether one more will be kept; if not, its text need not be composed.
   [[nodiscard]] bool keeps_mistakes() const { return error_count_ < kMaxKept; }
   [[nodiscard]] bool keeps_warnings() const { return warning_count_ < kMaxKept; }
   [[nodiscard]] bool is_empty() const { return problems_.empty(); }

@@ -20,25 +20,25 @@ namespace fastcycle::config {
 
 /// Checks the form of files: keys, types, words, ranges.
 ///
-/// The verdict is the schema library's. It says neither what was expected nor what would be near,
-/// so the wording is made here, from the schema's own keywords and titles.
+/// The schema library validates. It reports neither the expected nor the nearest value, so messages
+/// are composed here, from the schema's keywords and titles.
 ///
 /// @threads  Compatible.
 class Schema {
  public:
-  /// Reads `schema_file`; the built-in schema if it is empty. If that cannot be read it is a
-  /// mistake, and nothing is checked.
+  /// Reads `schema_file`; the built-in schema if it is empty. If that cannot be read it is an
+  /// error, and nothing is checked.
   Schema(const std::filesystem::path& schema_file, Problems& problems);
 
-  /// Adds a mistake for whatever in `file` is not as the schema wants it.
+  /// Adds an error for each violation of the schema in `file`.
   void check_application(const Value& file, Problems& problems) const;
-  /// The same for an overlay: there null may stand for everything.
+  /// The same for an overlay, in which any value may be null.
   void check_overlay(const Value& file, Problems& problems) const;
   /// The same for the file of one component.
   void check_component_file(const Value& file, Problems& problems) const;
 
  private:
-  // The schema of one kind of file, as JSON to word mistakes with, and as the validator reads it.
+  // The schema of one kind of file: as JSON to compose messages from, and in the validator's form.
   struct Rules {
     nlohmann::json json;
     std::shared_ptr<const valijson::Schema> parsed;

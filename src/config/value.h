@@ -15,10 +15,10 @@
 
 namespace fastcycle::config {
 
-/// Where a value was written: what a mistake points at.
+/// Where a value was written: the location that errors refer to.
 struct Place {
   std::string file;     ///< As the user named it; or the option, `--set limiter.limit_mps=20`.
-  int line = 0;         ///< Counted from 1; 0 where lines mean nothing, as for an option.
+  int line = 0;         ///< Counted from 1; 0 if there are no lines, as for an option.
   std::string pointer;  ///< JSON pointer within that file; empty for the whole of it.
 
   friend bool operator==(const Place&, const Place&) = default;
@@ -29,15 +29,15 @@ struct Place {
 
 /// One file or one option that values come from. Shared by all values of it.
 struct Source {
-  std::string name;              ///< Shown in mistakes.
+  std::string name;              ///< Shown in errors.
   std::filesystem::path folder;  ///< Where relative paths start; empty: the working folder.
-  bool has_lines = true;         ///< Whether a line says anything; of an option it does not.
+  bool has_lines = true;         ///< False for an option.
 };
 
-/// A JSON value in which every part knows where it was written.
+/// A JSON value in which every part has the place where it was written.
 ///
-/// The place of a value survives all that happens to the tree around it: including, merging,
-/// replacing. Objects keep the order in which their keys were written.
+/// A value keeps its place when the tree around it is included, merged or replaced. Objects keep
+/// the order of their keys.
 ///
 ///     const Value* period = component.find("serve_period_ms");
 ///     if (period != nullptr && period->is_number()) { use(period->as_double()); }
@@ -54,12 +54,12 @@ class Value {
   /// Null, of no place.
   Value() = default;
 
-  /// What a value can be made of. An integer that fits 64 signed bits is `kInt`; `kUint` holds only
-  /// what is larger, so that equal numbers have equal types.
+  /// The content of a value. An integer that fits 64 signed bits is `kInt`; `kUint` holds only what
+  /// is larger, so that equal numbers have equal types.
   using Content = std::variant<std::monostate, bool, std::int64_t, std::uint64_t, double,
                                std::string, Array, Object>;
 
-  /// Where a value is to say that it comes from.
+  /// The place to assign to a value.
   struct Origin {
     std::shared_ptr<const Source> source;
     int line = 0;
@@ -68,9 +68,9 @@ class Value {
 
   Value(Content content, Origin origin);
 
-  /// An empty object that says it was written where `place_of` was.
+  /// An empty object with the place of `place_of`.
   [[nodiscard]] static Value object_at(const Value& place_of);
-  /// A string that says it was written where `place_of` was.
+  /// A string with the place of `place_of`.
   [[nodiscard]] static Value string_at(const Value& place_of, std::string text);
 
   [[nodiscard]] Type type() const;
@@ -92,9 +92,9 @@ class Value {
   [[nodiscard]] const Array& items() const;
   [[nodiscard]] const Object& members() const;
 
-  /// The string as a path. A relative one is relative to the folder of the file that it stands in;
-  /// to the working folder if it came from the command line. A string that begins with a variable,
-  /// as `"${data}/town.osm"`, is relative to where that variable got its value.
+  /// The string as a path. A relative one is relative to the folder of its file; to the working
+  /// directory if it is from the command line. A string that begins with a variable, as
+  /// `"${data}/town.osm"`, is relative to where that variable was assigned.
   ///
   /// @pre  `is_string()`
   [[nodiscard]] std::filesystem::path as_path() const;
@@ -107,7 +107,7 @@ class Value {
   [[nodiscard]] const Value& operator[](std::size_t index) const { return items()[index]; }
   /// The member `key`. @pre it is there
   [[nodiscard]] const Value& operator[](std::string_view key) const;
-  /// How many items or members; 0 for all that is neither array nor object.
+  /// Number of items or members; 0 for values that are neither array nor object.
   [[nodiscard]] std::size_t size() const;
 
   /// Changing the tree. @pre `is_object()`, or for the items `is_array()`
@@ -129,7 +129,7 @@ class Value {
   /// Compact JSON, `{"a":[1,2.5]}`.
   [[nodiscard]] std::string to_text() const;
 
-  /// Same content; places do not matter.
+  /// Whether the content is equal, ignoring places.
   [[nodiscard]] bool same_content(const Value& other) const;
 
  private:

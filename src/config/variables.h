@@ -11,18 +11,18 @@
 
 namespace fastcycle::config {
 
-/// The variables of one file: what `${name}` in its strings stands for.
+/// The variables of one file: the values of `${name}` in its strings.
 ///
 /// A file declares its variables with their defaults; the command line, an overlay or the including
 /// file may give other values. So first `declare`, then `give`, then `complete`, then `substitute`.
 ///
-/// @threads  Confined to whoever loads the configuration.
+/// @threads  Confined to the thread that loads the configuration.
 class Variables {
  public:
-  /// What all strings of one file may grow by: a variable may be large and used often.
+  /// Limit for the growth of all strings of one file: a variable may be large and used often.
   static constexpr std::size_t kMaxInsertedBytes = std::size_t{16} << 20U;
 
-  /// Takes the members of a file's `"variables"`. Null declares one that has to be given.
+  /// Declares the members of a file's `"variables"`. Null declares one without a default.
   void declare(const Value& variables);
 
   /// Takes the members of `values`, whose names have to be declared, and whose types have to be
@@ -33,8 +33,8 @@ class Variables {
   /// JSON where it can be read as such.
   void give_option(const std::string& option, Problems& problems);
 
-  /// Replaces variables in the defaults, each of which may use those declared before it. Adds a
-  /// mistake for each variable that has no value.
+  /// Replaces variables in the defaults, each of which may use those declared before it. Adds an
+  /// error for each variable without a value.
   void complete(Problems& problems);
 
   /// Replaces the variables in all strings of `value`, but not in its keys. A string that is
@@ -61,7 +61,7 @@ class Variables {
   std::size_t inserted_bytes_ = 0;
 };
 
-/// `text` written so that `substitute` gives it back: `${` becomes `$${`.
+/// Escapes `text` for `substitute`: `${` becomes `$${`.
 [[nodiscard]] std::string escape_variables(const std::string& text);
 
 }  // namespace fastcycle::config

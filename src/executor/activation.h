@@ -16,19 +16,18 @@ namespace fastcycle::detail {
 class Subscription;
 class TimerCore;
 
-/// What a thread does for a component at this moment: for who has to name it when it crashes, or
-/// does not come back.
+/// What a thread currently does for a component: for reports of crashes and hangs.
 struct RunningActivation {
-  // Also read by other threads, which look at `begin_ns` again afterwards: each call has another.
-  std::atomic<const ActorBase*> actor{nullptr};  ///< Null: it does nothing for any component.
+  // Also read by other threads, which read `begin_ns` again afterwards: it differs for each call.
+  std::atomic<const ActorBase*> actor{nullptr};  ///< Null: none.
   std::atomic<const char*> call{nullptr};        ///< "its start()", a literal; null: a callback.
   std::atomic<std::uint64_t> number{0};          ///< Of the activation; 0: it is none.
-  std::atomic<std::int64_t> begin_ns{0};  ///< CLOCK_MONOTONIC; 0: it may take as long as it likes.
+  std::atomic<std::int64_t> begin_ns{0};         ///< CLOCK_MONOTONIC; 0: without a limit.
 
-  // The thread itself, and what interrupts it.
+  // Read by the thread itself, and by its signal handlers.
   const ActivationRecord* record = nullptr;
-  const Subscription* subscription = nullptr;  ///< Whose message it was given; or none.
-  const TimerCore* timer = nullptr;            ///< Which tick it was given; or none.
+  const Subscription* subscription = nullptr;  ///< Of the message that it handles; or null.
+  const TimerCore* timer = nullptr;            ///< Of the tick that it handles; or null.
   const char* detail = nullptr;                ///< More about `call`; or none.
   std::uintptr_t stack_end = 0;                ///< The lowest address of its stack; 0: unknown.
 };
@@ -36,25 +35,25 @@ struct RunningActivation {
 extern constinit thread_local RunningActivation running_activation
     [[gnu::tls_model("initial-exec")]];
 
-/// What the calling thread does for a component; null if it does nothing for any.
+/// What the calling thread currently does for a component; null if nothing.
 [[nodiscard]] inline const RunningActivation* current_activation() noexcept {
   return running_activation.actor.load(std::memory_order_relaxed) == nullptr ? nullptr
                                                                              : &running_activation;
 }
 
-/// What calls the component: one of both, or none for what the framework does.
+/// The subscription or timer of an activation; neither for those of the framework.
 struct ActivationTarget {
   const Subscription* subscription = nullptr;
   const TimerCore* timer = nullptr;
 };
 
-/// One activation, from before its callback to the end of what its fault leads to. While it lives,
-/// the calling thread is in it, and the component may publish on this thread only.
+/// Scope of one activation, from before its callback to the end of its fault handling. Within it,
+/// the component may publish on the calling thread only.
 ///
 /// @realtime A few stores: no lock, no allocation, no system call.
 class ActivationContext {
  public:
-  /// `record`, which must outlive this, says number and beginning.
+  /// `record`, which must outlive this, has number and begin.
   ActivationContext(const ActorBase& actor, PublishingComponent& publishing,
                     const ActivationRecord& record, ActivationTarget target) noexcept
       : publishing_(publishing) {
@@ -75,7 +74,7 @@ class ActivationContext {
   ~ActivationContext() {
     publishing_.leave();
     RunningActivation& running = running_activation;
-    running.actor.store(nullptr, std::memory_order_relaxed);  // What else it says is not looked at.
+    running.actor.store(nullptr, std::memory_order_relaxed);  // The other fields are not read then.
     running.record = nullptr;
   }
 
@@ -83,11 +82,11 @@ class ActivationContext {
   PublishingComponent& publishing_;
 };
 
-/// A call of a component that is no activation, or within one: its constructor, its destructor, a
-/// thread of its own. In a child that was forked in it, its end ends the process.
+/// Scope of a call of a component that is no activation, or within one: its constructor, its
+/// destructor, a thread of its own. In a child forked within it, its end ends the process.
 class CallScope {
  public:
-  /// `call` and `detail` outlive it. Without a limit nobody looks how long it takes.
+  /// `call` and `detail` outlive it. Without a limit its duration is not monitored.
   CallScope(const ActorBase& actor, const char* call, const char* detail = nullptr,
             bool has_limit = true) noexcept;
   CallScope(const CallScope&) = delete;
@@ -102,7 +101,7 @@ class CallScope {
   const std::uint64_t number_;
 };
 
-/// A call within an activation, in words, which what runs on the thread says as well.
+/// A call within an activation, as text, which is also set in `RunningActivation`.
 ///
 /// @threads  As the component's activations; `load` is Safe.
 class NotedCall {
@@ -121,10 +120,10 @@ class NotedCall {
   std::atomic<const char*> call_{nullptr};
 };
 
-/// The calling thread, as one that serves components: known to who looks what runs now, and with a
-/// stack for its signal handlers.
+/// Registers the calling thread as one that serves components, with a stack for its signal
+/// handlers.
 ///
-/// @threads  Made and destroyed on that thread.
+/// @threads  Constructed and destroyed on that thread.
 class ServingThread {
  public:
   ServingThread();
@@ -136,18 +135,18 @@ class ServingThread {
   const base::SignalStack signal_stack_;
 };
 
-/// One of them, while it is looked at.
+/// A view of one of them.
 struct ServingThreadView {
   const RunningActivation& running;
   pthread_t thread;
   pid_t id;  ///< As the kernel counts threads.
 };
 
-/// Calls `look` with each serving thread there is; none ends meanwhile. Safe.
+/// Calls `look` with each serving thread; none ends meanwhile. Safe.
 void for_each_serving_thread(const std::function<void(const ServingThreadView&)>& look);
 
-/// Called in a child that `fork` made of a callback, once that has returned: says so, and ends the
-/// process. What `_exit` and `exec` do in the child before that is its own matter.
+/// Called in a child that was forked within a callback, once that has returned: reports it, and
+/// ends the process. The child may call `_exit` or `exec` before.
 [[noreturn]] void end_forked_child() noexcept;
 
 }  // namespace fastcycle::detail

@@ -40,8 +40,8 @@ struct ActivationRecord {
   std::uint32_t component = 0;  ///< The component's place in the application file.
   Cause cause{};
   Outcome outcome = Outcome::kRunning;
-  /// Which subscription of the component was given the message, among all that it ever made; 65535:
-  /// none, or a later one.
+  /// Number of the subscription that received the message, among all of the component; 65535: none,
+  /// or a later one.
   std::uint16_t subscription = kNoSubscription;
   static constexpr std::uint16_t kNoSubscription = 0xffff;
   std::uint64_t number = 0;   ///< Of the component, from 1.
@@ -49,8 +49,8 @@ struct ActivationRecord {
   std::uint64_t key = 0;      ///< The message's sequence, or the timer's number.
   std::uint64_t skipped = 0;  ///< Ticks skipped before this one.
   std::int64_t time_ns = 0;   ///< The activation's time.
-  /// When its cause came about, on the application's clock: the message was published, the tick was
-  /// due; of all else the activation's time.
+  /// The time of its cause, on the application's clock: when the message was published, or the tick
+  /// was due; else the activation's time.
   std::int64_t cause_ns = 0;
   std::int64_t begin_ns = 0;        ///< CLOCK_MONOTONIC; of a component never before its last end.
   std::int64_t duration_ns = 0;     ///< By CLOCK_MONOTONIC, when ended.
@@ -62,8 +62,8 @@ struct ActivationRecord {
 ///
 /// It may lie in memory that other processes read. Memory that is zero is an empty ring.
 ///
-/// @threads  One writer; `snapshot` by any thread: a record that is overwritten meanwhile is left
-/// out.
+/// @threads  One writer; `snapshot` by any thread: a record that is overwritten meanwhile is
+/// skipped.
 /// @realtime No lock, no allocation.
 class ActivationRing {
  public:
@@ -75,20 +75,18 @@ class ActivationRing {
 
   /// Writes `record`; returns its place for `end`.
   std::uint64_t begin(const ActivationRecord& record) noexcept;
-  /// Completes the record at `place` with what `record` says of the end: outcome, duration, and
-  /// what was published.
+  /// Completes the record at `place` with the outcome, duration and publishes of `record`.
   void end(std::uint64_t place, const ActivationRecord& record) noexcept;
 
-  /// Appends to `records` those from the place `next` on, up to one that has not ended yet, and
-  /// moves `next` behind them. Returns how many were lost, since they were written over before.
-  /// Whatever the ring says, it appends `kCapacity` records at most.
+  /// Appends to `records` those from position `next` on, up to one that has not ended yet, and
+  /// advances `next`. Returns how many were lost because they were overwritten. Regardless of the
+  /// ring's content, it appends at most `kCapacity` records.
   std::uint64_t read(std::uint64_t& next, std::vector<ActivationRecord>& records) const;
 
   /// The records that are complete, oldest first.
   [[nodiscard]] std::vector<ActivationRecord> snapshot() const;
 
-  /// The record at `place`, counted from 0; false if it is not there any more, or was written over
-  /// meanwhile. Also for a signal handler.
+  /// The record at `place`, counted from 0; false if it was overwritten. Also for a signal handler.
   [[nodiscard]] bool read_at(std::uint64_t place, ActivationRecord& record) const noexcept;
 
   /// All records ever begun.
@@ -115,7 +113,7 @@ class ActivationRing {
   };
 
   std::array<Slot, kCapacity> slots_;
-  std::atomic<std::uint64_t> next_{0};  ///< Released after the record: who sees it, sees that.
+  std::atomic<std::uint64_t> next_{0};  ///< Released after the record.
 };
 
 /// One ring for each worker: of its own, or in memory that others own.
@@ -125,14 +123,14 @@ class ActivationRings {
  public:
   explicit ActivationRings(unsigned workers = 0) { make(workers); }
 
-  /// Makes rings until there are as many as workers.
+  /// Creates rings until there are as many as workers.
   void make(unsigned workers) {
     while (all_.size() < workers) {
       own_.push_back(std::make_unique<ActivationRing>());
       all_.push_back(own_.back().get());
     }
   }
-  /// The first workers write into these from now on; nothing was written yet.
+  /// The first workers write into these; nothing was written yet.
   void use(std::span<ActivationRing* const> rings) {
     all_.resize(std::max(all_.size(), rings.size()));
     std::ranges::copy(rings, all_.begin());

@@ -20,9 +20,8 @@
 
 namespace fastcycle::detail {
 
-/// Calls one component: makes an activation of each cause that it is given, writes it into the
-/// ring, and accounts for it. What a callback leaves behind is finished when it is over, and a
-/// fault is told.
+/// Calls one component: executes each cause as an activation, writes that to the ring, and updates
+/// the statistics. After the callback it finishes pending work, and reports a fault.
 ///
 /// @threads  As `Actor`.
 class Activator {
@@ -35,19 +34,19 @@ class Activator {
   Activator(const Activator&) = delete;
   Activator& operator=(const Activator&) = delete;
 
-  /// The next activation has this number. Where a recorded run is executed again.
+  /// Sets the number of the next activation. For a replay.
   void set_next(std::uint64_t number) noexcept { number_ = number - 1; }
 
-  /// Takes over the reference to the message of `head`, which was taken out of its lane.
+  /// Takes over the reference to the message of `head`, which was removed from its lane.
   void run(ActivationRing& ring, const Inbox::Head& head);
   void run(ActivationRing& ring, TimerCore& timer, const Tick& tick);
   void run(ActivationRing& ring, const Control& control);
-  /// Tells the component of an event, if it wants to be told.
+  /// Notifies the component of an event, if it has a callback for it.
   void run(ActivationRing& ring, const Watch& watch, const QosEvent& event);
 
  private:
-  /// Calls `body` as an activation; `where()` says, for a fault, what it was that threw. Without
-  /// `origin` it inherits what is held. `run_time` is that of the callback, if it has its own.
+  /// Calls `body` as an activation; `where()` describes what threw, for a fault. Without `origin`
+  /// it inherits the held origins. `run_time` is that of the callback, if it has its own.
   template <typename Body, typename Where>
   void activate(ActivationRing& ring, ActivationRecord record, ActivationTarget target,
                 const Origin* origin, base::CoarseHistogram* run_time, const Body& body,

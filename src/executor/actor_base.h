@@ -13,7 +13,7 @@
 
 namespace fastcycle::detail {
 
-/// What one component did, counted by the worker that serves it.
+/// Statistics of one component, written by the worker that serves it.
 struct ActorStatistics {
   Counter activations;
   Counter faults;
@@ -22,8 +22,8 @@ struct ActorStatistics {
   base::Histogram lateness;  ///< From a tick's due time to its callback, ns.
 };
 
-/// What the parts of an actor, and those who watch it, know of it: who it is, what reaches it, what
-/// its publishers ask, and what it did.
+/// The part of an actor that its parts and its observers use: its identity, inbox, publishing state
+/// and statistics.
 struct ActorBase {
   ActorBase(std::string its_name, std::uint32_t its_index, const base::Clock& its_clock)
       : name(std::move(its_name)), index(its_index), clock(its_clock) {
@@ -42,8 +42,7 @@ struct ActorBase {
   PublishingComponent publishing;
   ActorStatistics statistics;
 
-  /// From now on what its activations learn is kept in `reads`, for who records it. Before the
-  /// start.
+  /// Records the reads of its activations in `reads`. Before the start.
   void keep_reads(std::unique_ptr<ReadRing> reads) {
     reads_ = std::move(reads);
     publishing.reads = reads_.get();

@@ -9,8 +9,7 @@
 
 namespace fastcycle::detail {
 
-/// The credits that one component gives back and waits for; in simulated time when the round is
-/// over.
+/// The credits that one component returns and waits for; in simulated time at the end of the round.
 ///
 /// @threads  As `Actor`.
 class ActorCredits {
@@ -19,20 +18,20 @@ class ActorCredits {
   ActorCredits(const ActorCredits&) = delete;
   ActorCredits& operator=(const ActorCredits&) = delete;
 
-  /// It is done with a message.
+  /// It has finished a message.
   void give_back(std::shared_ptr<LaneCredit> credit);
-  /// It serves a message of a lane with this credit, which that callback may end.
+  /// It begins to serve a message of a lane with this credit, which its callback may end.
   void begin(const std::shared_ptr<LaneCredit>& credit) {
     if (served_ != credit) {  // In a burst it is the same again, and nothing is counted.
       served_ = credit;
     }
   }
-  /// It is done with the message that it began with.
+  /// It has finished the message of `begin`.
   void finish();
-  /// It takes nothing more of `subscription`: all its credits are given back.
+  /// It takes nothing more of `subscription`: returns all its credits.
   void end(const Subscription& subscription) noexcept;
-  /// An activation is over: waits for the credits of the publishers that it asked for some, and
-  /// used up.
+  /// At the end of an activation: waits for the credits of publishers that were queried and used
+  /// up.
   void finish_asking();
 
  private:

@@ -12,34 +12,34 @@
 
 namespace fastcycle::detail {
 
-/// Something that a component does between two messages: connect, life cycle, parameters, jobs that
-/// are done, answers that it gives itself.
+/// Work of a component between two messages: connections, life cycle, parameters, completed jobs,
+/// replies to itself.
 struct Control {
-  /// The key of an event that no timer tells of.
+  /// The key of an event without a timer.
   static constexpr std::uint64_t kNoTimer = ~std::uint64_t{0};
 
   Cause cause{};
   std::function<void()> body;
   std::function<void()> finished = {};  ///< After the activation, its fault included.
   std::int64_t posted_ns = 0;           ///< When, on the application's clock.
-  std::uint64_t key = 0;                ///< Tells it from others of its cause, in a log.
+  std::uint64_t key = 0;                ///< Identifies it among others of its cause, in a log.
 };
 
-/// The control causes of one component that wait.
+/// The waiting control causes of one component.
 ///
-/// Those that others post are served before all messages: what they change holds for every message
-/// that is published after `post` returned. Those that a component posts to itself are served in
-/// the order of their times among its messages and ticks, so that a component which goes on posting
-/// keeps nothing else from being served.
+/// Those that others post are served before all messages: they affect every message that is
+/// published after `post` returned. Those that a component posts to itself are served in the order
+/// of their times among its messages and ticks, so that a component which keeps posting does not
+/// starve them.
 ///
-/// What others post is bounded by who posts: each connection, transaction, mode switch, job and
-/// call waits once. What a component posts to itself is bounded here.
+/// Posts of others are bounded by their sources: each connection, transaction, mode switch, job and
+/// call waits once. A component's posts to itself are bounded here.
 ///
 /// @threads  `post` and `has_posted` are Safe; all else is confined to the worker that serves the
 ///           component.
 class ControlQueue {
  public:
-  /// Of those that a component posts to itself.
+  /// Limit of those that a component posts to itself.
   static constexpr std::size_t kMaxOwn = 4096;
 
   ControlQueue() = default;
@@ -50,16 +50,16 @@ class ControlQueue {
   /// False if too many wait.
   [[nodiscard]] bool post_own(Control control);
 
-  /// Whether something that others posted waits. True before what is published after `post`
+  /// Whether a cause that others posted waits. True before a message published after `post`
   /// returned can be seen.
   [[nodiscard]] bool has_posted() const noexcept {
     return count_.load(std::memory_order_seq_cst) != 0;
   }
-  /// The next of what others posted; false if there is none.
+  /// Takes the next cause that others posted; false if there is none.
   [[nodiscard]] bool take_posted(Control& control);
   /// Whether one of this cause and key waits.
   [[nodiscard]] bool has_posted(Cause cause, std::uint64_t key);
-  /// The next of this cause and key, wherever it stands; false if there is none.
+  /// Takes the next of this cause and key, at any position; false if there is none.
   [[nodiscard]] bool take_posted(Cause cause, std::uint64_t key, Control& control);
 
   [[nodiscard]] bool has_own() const noexcept { return !own_.empty(); }
@@ -73,7 +73,7 @@ class ControlQueue {
 
   std::deque<Control> own_;
 
-  // Taken only when a control cause is posted or served.
+  // Locked only when a control cause is posted or served.
   base::PriorityMutex mutex_;
   std::deque<Control> posted_;
   /// Written under the mutex. Set before what is published after `post` returned.

@@ -7,7 +7,7 @@
 
 namespace fastcycle::detail {
 
-/// Who is told when a component's next timer changes.
+/// Notified when a component's next timer changes.
 class TimerWatch {
  public:
   TimerWatch() = default;
@@ -19,8 +19,7 @@ class TimerWatch {
   virtual void timer_armed(std::int64_t due_ns) noexcept = 0;
 };
 
-/// When the next timer of one component is due, as who watches the timers of all components sees
-/// it.
+/// When the next timer of one component is due, for the watch of all timers.
 ///
 /// @threads  `set` by the worker that serves the component; all else is Safe.
 class DueTime {
@@ -29,7 +28,7 @@ class DueTime {
   DueTime(const DueTime&) = delete;
   DueTime& operator=(const DueTime&) = delete;
 
-  /// As `TimerWatch` says it; `base::kNever` without one.
+  /// As for `TimerWatch`; `base::kNever` without one.
   [[nodiscard]] std::int64_t get() const noexcept {
     return due_ns_.load(std::memory_order_seq_cst);
   }
@@ -37,7 +36,7 @@ class DueTime {
   bool take(std::int64_t due_ns) noexcept {
     return due_ns_.compare_exchange_strong(due_ns, base::kNever, std::memory_order_seq_cst);
   }
-  /// Says when; `watch` is told if that is new, and not never.
+  /// Sets it; notifies `watch` if it changed to a time.
   void set(std::int64_t due_ns, TimerWatch* watch) noexcept {
     if (due_ns != get()) {
       due_ns_.store(due_ns, std::memory_order_seq_cst);

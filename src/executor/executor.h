@@ -19,12 +19,12 @@ namespace fastcycle::detail {
 
 /// What a worker does while there is nothing to do.
 enum class WaitMode : std::uint8_t {
-  kPark,      ///< Sleeps at once: the machine's other work goes on.
-  kSpin,      ///< Looks again and again: only where a CPU belongs to this worker.
-  kAdaptive,  ///< Looks for up to 50 µs, then sleeps.
+  kPark,      ///< Sleeps at once: leaves the CPU to other work.
+  kSpin,      ///< Polls: only for a worker with a CPU of its own.
+  kAdaptive,  ///< Polls for up to 50 µs, then sleeps.
 };
 
-/// How an executor is made; what the application file says of it.
+/// Options of an executor, from the application file.
 struct ExecutorOptions {
   std::string name = "default";
   unsigned threads = 1;
@@ -37,8 +37,8 @@ struct ExecutorOptions {
 
 /// Workers that serve components on the machine's clock.
 ///
-/// Components that are ready are bits of a mask; a worker claims one and serves a turn of it.
-/// Nobody dispatches: the publisher itself sets the bit and wakes a sleeper. One of the sleeping
+/// Components that are ready are bits of a mask; a worker claims one and serves a turn of it. There
+/// is no dispatcher: the publisher itself sets the bit and wakes a sleeper. One of the sleeping
 /// workers, the leader, sleeps only until the next timer is due.
 ///
 /// @threads  `enqueue`, `wake`, `submit`, `timer_armed` are Safe; all else is the control thread's.
@@ -53,14 +53,13 @@ class Executor final : public ReadyQueue, public TimerWatch {
   /// Serves `actor` from now on; before `start`.
   void add(Actor& actor);
 
-  /// Its components get messages from other processes, by `inputs`, which has to live as long as
-  /// this. Before `start`.
+  /// Sets the inputs from other processes, which outlive this. Before `start`.
   void set_foreign_inputs(ForeignInputs& inputs) noexcept { foreign_ = &inputs; }
 
-  /// Starts the workers; what the machine refused is added to `refusals`.
+  /// Starts the workers; adds what the machine refused to `refusals`.
   void start(std::vector<base::Refusal>& refusals);
 
-  /// Ends the workers after what they do now, and joins them.
+  /// Ends the workers after their current work, and joins them.
   void stop();
 
   /// Runs `job` on a worker beside the components. False if too many wait.
@@ -73,7 +72,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
 
   [[nodiscard]] const ExecutorOptions& options() const noexcept { return options_; }
   [[nodiscard]] bool is_quiet() const noexcept;
-  /// What the workers do: one ring each.
+  /// The activations of the workers: one ring each.
   [[nodiscard]] const ActivationRings& rings() const noexcept { return rings_; }
   /// The first workers write into `rings`, which outlive them. Before the start.
   void use_rings(std::span<ActivationRing* const> rings) { rings_.use(rings); }
@@ -100,7 +99,7 @@ class Executor final : public ReadyQueue, public TimerWatch {
   const ExecutorOptions options_;
   std::vector<Actor*> actors_;
   ActivationRings rings_;
-  ForeignInputs* foreign_ = nullptr;  ///< Null: nothing comes from other processes.
+  ForeignInputs* foreign_ = nullptr;  ///< Null: no inputs from other processes.
 
   std::vector<std::atomic<std::uint64_t>> ready_;  ///< One bit a component.
   base::Sleepers sleepers_;

@@ -7,8 +7,8 @@
 
 namespace fastcycle::detail {
 
-/// What comes to the components of an executor from other processes: looked at by its workers, who
-/// sleep on the words that the others count up.
+/// Inputs of an executor's components from other processes: polled by its workers, which sleep on
+/// the words that the others increment.
 ///
 /// @threads  Safe.
 /// @realtime No allocation; a lock that only the executor's workers take.
@@ -19,20 +19,20 @@ class ForeignInputs {
   ForeignInputs& operator=(const ForeignInputs&) = delete;
   virtual ~ForeignInputs() = default;
 
-  /// A worker of the executor, number `worker`, begins, and ends: called by itself.
+  /// A worker of the executor, number `worker`, begins, or ends: called by itself.
   virtual void begin_worker(unsigned) noexcept {}
   virtual void end_worker(unsigned) noexcept {}
 
-  /// Hands what came to the lanes; true if there was anything.
+  /// Moves received messages to the lanes; true if there were any.
   virtual bool take() noexcept = 0;
 
-  /// A worker says that it will sleep; it gets the words to sleep on, with what they show now. It
-  /// must look once more after this.
+  /// Announces that a worker will sleep; returns the words to sleep on, with their current values.
+  /// It must check once more after this.
   /// @returns how many of `words` it filled.
   virtual std::size_t announce(std::span<base::WatchedWord> words) noexcept = 0;
-  /// Whether something came that `take` would find.
+  /// Whether `take` would find anything.
   [[nodiscard]] virtual bool has_any() noexcept = 0;
-  /// The worker does not sleep any more.
+  /// The worker is awake again.
   virtual void withdraw() noexcept = 0;
 };
 

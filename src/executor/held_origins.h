@@ -12,15 +12,14 @@ namespace fastcycle::detail {
 
 class Subscription;
 
-/// What the messages that were delivered to a component leave behind for what it publishes without
-/// a message as the cause: origins, and the trails of latency chains.
+/// Origins and trails of messages delivered to a component, inherited by what it publishes without
+/// a message as the cause.
 ///
-/// For each publisher that it heard, a component holds the origin of the newest message. It ends
-/// with the next message of that publisher, with the lifespan that the subscription gives its
-/// messages, and with the subscription. So a root ends when no publisher says it any more.
+/// A component holds the origin of the newest message of each publisher. It ends with the next
+/// message of that publisher, with the lifespan of the message, and with the subscription. So a
+/// root ends when no publisher passes it on any more.
 ///
-/// What comes back of a component's own measurements is nothing that it heard: roots that it began
-/// itself are not held.
+/// Roots that the component began itself are not held.
 ///
 /// @threads  Confined to the component's activations, and to the control thread before the start.
 class HeldOrigins {
@@ -29,24 +28,24 @@ class HeldOrigins {
   HeldOrigins(const HeldOrigins&) = delete;
   HeldOrigins& operator=(const HeldOrigins&) = delete;
 
-  /// How many roots latency chains have; before anything is held.
+  /// Sets the number of roots of latency chains; before anything is held.
   void set_root_count(std::size_t count) { trails_.resize(count); }
   [[nodiscard]] std::size_t root_count() const noexcept { return trails_.size(); }
-  /// By root; null where there are no chains.
+  /// By root; null if there are no chains.
   [[nodiscard]] const Trail* trails() const noexcept {
     return trails_.empty() ? nullptr : trails_.data();
   }
 
-  /// `envelope` was delivered; it counts until `end_ns`, on the application's clock.
+  /// `envelope` was delivered; it is held until `end_ns`, on the application's clock.
   void hold(const Envelope& envelope, std::int64_t end_ns = base::kNever);
-  /// As that, of a message that `subscription` was given: it counts no longer than its lifespan.
+  /// The same for a message of `subscription`, held no longer than its lifespan.
   void hold(const Subscription& subscription, const Envelope& envelope);
   /// The subscription to `publisher` has ended.
   void forget(PublisherId publisher) noexcept;
   void clear() noexcept;
 
-  /// Of each root the newest that is held at `now_ns`, and of these the oldest; without a root if
-  /// nothing is held.
+  /// The oldest, at `now_ns`, among the newest held of each root; without a root if nothing is
+  /// held.
   [[nodiscard]] Origin oldest(std::int64_t now_ns) const noexcept;
 
  private:
@@ -58,7 +57,7 @@ class HeldOrigins {
     bool is_own = false;      ///< Its root is one of the component's publishers.
   };
 
-  /// Where a publisher stands in `held_`.
+  /// Index of a publisher in `held_`.
   struct Place {
     PublisherId publisher = 0;
     std::size_t place = 0;
@@ -70,13 +69,13 @@ class HeldOrigins {
     }
     return held_[last_];
   }
-  /// Its place; a new one if it is not held yet.
+  /// Its index; a new one if it is not held yet.
   [[nodiscard]] std::size_t find(PublisherId publisher);
 
   const PublishingComponent& owner_;
-  std::vector<Held> held_;     ///< In the order in which they were heard first.
-  std::vector<Place> places_;  ///< By publisher: a component may hear thousands.
-  std::size_t last_ = 0;  ///< Where a publisher was found last: in a burst it is the same again.
+  std::vector<Held> held_;     ///< In the order of their first messages.
+  std::vector<Place> places_;  ///< By publisher: there may be thousands.
+  std::size_t last_ = 0;       ///< The last index found: in a burst it is the same again.
   std::vector<Trail> trails_;
 };
 

@@ -9,8 +9,8 @@
 
 namespace fastcycle::detail {
 
-/// What the workers and the components of another process do, as far as it can be read here. What
-/// the rings say is not trusted.
+/// The activity of another process's workers and components, as readable here. The content of the
+/// rings is not trusted.
 ///
 /// @threads  Safe.
 class PeerActivity {

@@ -7,27 +7,27 @@
 
 namespace fastcycle::detail {
 
-/// What one process knows before a round of simulated time, or all processes together.
+/// The state of one process before a round of simulated time, or of all together.
 struct RoundState {
   static constexpr std::uint32_t kNoStep = std::numeric_limits<std::uint32_t>::max();
 
   bool is_ready = false;      ///< A component has something to do at the present time.
-  bool is_computing = false;  ///< What a component did takes time, and is not handed over yet.
+  bool is_computing = false;  ///< The effects of a component with a cost are not handed over yet.
   bool is_held = false;       ///< Time must not advance.
   bool has_threads = false;   ///< Threads of components may publish something.
   bool is_to_end = false;     ///< The run ends.
   /// Time may go on, up to `limit_ns`: in all processes.
   bool is_advancing = false;
   std::int64_t limit_ns = base::kNever;
-  /// In which round of the present moment there is recorded input; `kNoStep`: in none.
+  /// The round of the present instant that has recorded input; `kNoStep`: none.
   std::uint32_t fed_step = kNoStep;
-  std::uint32_t step = 0;  ///< The round's place in its moment.
+  std::uint32_t step = 0;  ///< The round's index in its instant.
   std::int64_t next_due_ns = base::kNever;
-  std::int64_t next_unwatched_ns = base::kNever;  ///< The same, without who only watches.
+  std::int64_t next_unwatched_ns = base::kNever;  ///< The same, without the observer.
 };
 
 /// The other processes of an application in simulated time: all serve the same rounds together, so
-/// that what they compute is the same as in one process.
+/// that the result is the same as in one process.
 ///
 /// @threads  Confined to the thread that runs the simulation; `is_waiting` is Safe.
 class RoundPeers {
@@ -37,11 +37,11 @@ class RoundPeers {
   RoundPeers& operator=(const RoundPeers&) = delete;
   virtual ~RoundPeers() = default;
 
-  /// Waits until all others have called it as often; returns what all know together, which is the
-  /// same everywhere.
+  /// Waits until all others have called it as often; returns the combined state, which is the same
+  /// everywhere.
   [[nodiscard]] virtual RoundState agree(const RoundState& own) = 0;
-  /// Waits until all others have called it as often, with all that they published in the round
-  /// handed over; hands over what came from them.
+  /// Waits until all others have called it as often and handed over all that they published in the
+  /// round; hands over what was received from them.
   virtual void exchange() = 0;
   /// Whether it waits for another process now.
   [[nodiscard]] virtual bool is_waiting() const noexcept = 0;

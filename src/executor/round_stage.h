@@ -7,25 +7,26 @@
 
 namespace fastcycle::detail {
 
-/// What one component published and asked for in a round of simulated time, in its order, until the
-/// round is over.
+/// The publishes and requests of one component in a round of simulated time, in order, until the
+/// end of the round.
 ///
-/// @threads  Confined to the component's activations, and to who runs the rounds, between them.
+/// @threads  Confined to the component's activations, and between them to the thread that runs the
+///           rounds.
 class RoundStage final : public Stage {
  public:
   void put(PublisherCore& publisher, Envelope* envelope) override {
     staged_.push_back({.publisher = &publisher, .envelope = envelope});
   }
-  /// `action` is done when the round is over.
+  /// Executes `action` at the end of the round.
   void put(std::function<void()> action) { staged_.push_back({.action = std::move(action)}); }
 
   [[nodiscard]] bool is_empty() const noexcept { return staged_.empty(); }
 
-  /// The round is over. What is put meanwhile waits for the end of the next one.
+  /// Called at the end of the round. Later additions wait for the end of the next one.
   void hand_over();
 
  private:
-  /// A message, or something else to be done.
+  /// A message, or another action.
   struct Staged {
     PublisherCore* publisher = nullptr;
     Envelope* envelope = nullptr;

@@ -4,8 +4,8 @@
 
 namespace fastcycle::detail {
 
-/// What a component does that follows another one: the activations of that one, in its order, and
-/// nothing by itself.
+/// Drives a component that follows another one: executes the activations of that one, in the same
+/// order.
 ///
 /// @threads  As `Actor`.
 class Script {
@@ -15,8 +15,8 @@ class Script {
   Script& operator=(const Script&) = delete;
   virtual ~Script() = default;
 
-  /// Executes the next activation if all that it needs is there; false if it is not, or if there is
-  /// none: then somebody marks the component when that has changed.
+  /// Executes the next activation if all that it needs is there; else false: then the component is
+  /// marked when that has changed.
   virtual bool serve(ActivationRing& ring) = 0;
 };
 

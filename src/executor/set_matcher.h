@@ -12,32 +12,32 @@ namespace fastcycle::detail {
 
 /// Why a message found no partners.
 enum class Unmatched : std::uint8_t {
-  kTooFar,     ///< Every message of some other topic is too far from it in time.
-  kDepth,      ///< It waited for some other topic while `depth` younger ones of its own came.
-  kOvertaken,  ///< A younger one of its topic was in a set, or came, before it was.
+  kTooFar,     ///< Every message of another topic is too far from it in time.
+  kDepth,      ///< `depth` newer messages of its topic arrived while it waited for another topic.
+  kOvertaken,  ///< A newer one of its topic was in a set, or arrived, before it was.
   kLate,       ///< Its time is before that of an earlier one of its topic.
-  kNoMessage,  ///< With `kLatest`: some other topic had no message yet.
+  kNoMessage,  ///< With `kLatest`: another topic had no message yet.
   kCount,
 };
 
 /// Decides which messages of 2 to 4 topics belong together, by the rule that `SyncPolicy` states.
-/// It only compares times: envelopes are handed through unread.
+/// It only compares times, and does not read envelopes.
 ///
 /// @threads  Compatible.
-/// @realtime No allocation. `add` grows with the square of the number of messages held within
-///           `max_difference`; where each topic holds one or two, that is nothing.
+/// @realtime No allocation. The time of `add` grows with the square of the number of messages held
+///           within `max_difference`, usually one or two for each topic.
 class SetMatcher {
  public:
   static constexpr std::size_t kMaxTopics = 4;
 
-  /// A message that is given back, since it will never be in a set, or in no further one.
+  /// A message that is returned because it will be in no (further) set.
   struct Departed {
     std::size_t topic;
     Envelope* envelope;
     bool was_used;  ///< It was in a set: `kLatest` only.
     Unmatched why = Unmatched::kOvertaken;
     std::size_t partner = 0;  ///< Of `kTooFar`, `kDepth`, `kNoMessage`: the other topic.
-    /// Of these: how far its nearest message is, as far as that is known; none if it has none.
+    /// For these: the distance to its nearest message, if known; none if it has none.
     std::optional<Duration> difference = {};
   };
 
@@ -45,16 +45,16 @@ class SetMatcher {
   struct Member {
     Envelope* envelope = nullptr;
     bool is_new = false;   ///< It was in no set before.
-    bool is_held = false;  ///< It may be in further ones, and is given back later.
+    bool is_held = false;  ///< It may be in further ones, and is returned later.
   };
 
   SetMatcher(std::size_t topics, const SynchronizerOptions& options);
 
-  /// Takes over a message that arrived; what became of it, and of those that were held, is shown by
-  /// `departed` and `set` until the next call. Returns whether it completed a set.
+  /// Takes over a message that arrived; `departed` and `set` have the result until the next call.
+  /// Returns whether it completed a set.
   [[nodiscard]] bool add(std::size_t topic, Time time, Envelope* envelope);
 
-  /// Gives back all that is held, as `departed`.
+  /// Returns all held messages, as `departed`.
   void clear() noexcept;
 
   [[nodiscard]] const std::vector<Departed>& departed() const noexcept { return departed_; }
@@ -67,23 +67,23 @@ class SetMatcher {
     Envelope* envelope;
     bool was_used;
   };
-  /// What arrived on one topic, in its order; as such also in the order of time.
+  /// The held messages of one topic, in the order of arrival, which is that of time.
   struct Queue {
     static constexpr std::size_t kRecent = 8;
 
     std::vector<Held> held;
     std::optional<Time> newest;          ///< Of all that ever came.
-    std::array<Time, kRecent> recent{};  ///< The last that came, the oldest of them overwritten.
+    std::array<Time, kRecent> recent{};  ///< The last received ones; the oldest is overwritten.
     std::size_t count = 0;               ///< Of all that ever came.
 
     void note(Time time) noexcept {
       newest = time;
       recent[count++ % kRecent] = time;
     }
-    /// How far from `time` the nearest is, of those that are held and of the last that came.
+    /// Distance from `time` to the nearest one, among those held and the last received.
     [[nodiscard]] std::optional<Duration> nearest(Time time) const noexcept;
 
-    /// The place of the first that is held and not before `time`.
+    /// Index of the first held one that is not before `time`.
     [[nodiscard]] std::size_t first_from(Time time) const noexcept;
   };
   using Places = std::array<std::size_t, kMaxTopics>;

@@ -17,8 +17,7 @@
 
 namespace fastcycle::detail {
 
-/// What comes into simulated time from outside of all components, at times that are known: a
-/// recording.
+/// External input of simulated time, with known times: a recording.
 ///
 /// @threads  Called by the thread that runs the simulation, between rounds.
 class Feed {
@@ -28,15 +27,15 @@ class Feed {
   Feed& operator=(const Feed&) = delete;
   virtual ~Feed() = default;
 
-  /// When the next of it is due; `kNever` if there is no further one.
+  /// When the next input is due; `kNever` if there is none.
   [[nodiscard]] virtual std::int64_t next_due_ns() const noexcept = 0;
-  /// In which round of that moment.
+  /// In which round of that instant.
   [[nodiscard]] virtual std::uint32_t next_step() const noexcept = 0;
   /// Hands over all that is due before `now`, or at `now` in a round up to `step`.
   virtual void put(Time now, std::uint32_t step) = 0;
 };
 
-/// Says when, on the wall, simulated time may go on.
+/// Determines when, in wall time, simulated time may advance.
 ///
 /// @threads  Called by the thread that runs the simulation.
 class Pace {
@@ -46,32 +45,32 @@ class Pace {
   Pace& operator=(const Pace&) = delete;
   virtual ~Pace() = default;
 
-  /// CLOCK_MONOTONIC at which time may go to `next`; `kNever` while it stands. Asked again
-  /// whenever `Simulation::look_again` was called.
+  /// CLOCK_MONOTONIC at which time may advance to `next`; `kNever` while paused. Called again after
+  /// each `Simulation::look_again`.
   [[nodiscard]] virtual std::int64_t may_go_at(Time next) noexcept = 0;
-  /// Time goes to `next` now; `is_fed`: the feed has something for that moment.
+  /// Time advances to `next` now; `is_fed`: the feed has input for that instant.
   virtual void goes(Time next, bool is_fed) noexcept = 0;
 };
 
 /// Serves components in simulated time, by rounds, in place of all executors.
 ///
 /// A round is all causes with the smallest time. Its components run in parallel; what they publish
-/// is handed over when all are done, and makes the next round. Time advances, to the next timer,
-/// only when nothing is left to do at the present one and nobody holds it. So the result is the
-/// same for any number of workers, and as fast as the components compute.
+/// is handed over when all have finished, and forms the next round. Time advances, to the next
+/// timer, only when nothing is left to do at the present time and no hold exists. So the result is
+/// the same for any number of workers, and as fast as the components compute.
 ///
-/// What a component with a simulated cost did in a round is handed over at the end of the first
-/// round in which that time is over; it serves nothing until then.
+/// The effects of a component with a simulated cost are handed over at the end of the first round
+/// in which that time has passed; it serves nothing until then.
 ///
 /// @threads  `enqueue`, `hold`, `let_go`, `submit`, `call`, `interrupt` are Safe; all else is
 ///           confined to the thread that runs it.
 class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
  public:
   enum class End {
-    kReached,      ///< Time reached the limit that was asked for.
-    kIdle,         ///< Nothing is left that could ever happen.
+    kReached,      ///< Time reached the requested limit.
+    kIdle,         ///< No event is left.
     kInterrupted,  ///< `interrupt` was called.
-    kStuck,        ///< A hundred thousand rounds at one moment: time would never advance.
+    kStuck,        ///< A hundred thousand rounds at one instant: time would never advance.
   };
 
   Simulation(base::Clock& clock, unsigned workers);
@@ -79,59 +78,59 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
 
   void add(Actor& actor);
 
-  /// Called, if it is set, when a round is over and all that it published was handed over: for who
-  /// watches without being a component. `step` is the round's place in its moment.
+  /// If set, called at the end of a round, after all that it published was handed over: for
+  /// observers that are not components. `step` is the round's index in its instant.
   std::function<void(std::uint32_t step)> after_round;
 
-  /// What else there is to serve. Before the first round; it has to live as long as rounds run.
+  /// Sets the external input. Before the first round; it outlives all rounds.
   void set_feed(Feed& feed) noexcept { feed_ = &feed; }
-  /// Other processes that share this time. Before the first round; it has to live as long as rounds
-  /// run. All call `run_now` and `run_until` in the same order.
+  /// Sets the other processes that share this time. Before the first round; it outlives all rounds.
+  /// All call `run_now` and `run_until` in the same order.
   void set_peers(RoundPeers& peers) noexcept { peers_ = &peers; }
-  /// Without one, time goes as fast as the components compute.
+  /// Without one, time advances as fast as the components compute.
   void set_pace(Pace& pace) noexcept { pace_ = &pace; }
-  /// `actor`, which was added, only watches: its timers are no reason for time to go on when
-  /// nothing else is left.
+  /// `actor`, which was added, only observes: its timers do not keep time advancing when nothing
+  /// else is left.
   void set_watcher(const Actor& actor) noexcept { watcher_ = &actor; }
-  /// Asks the pace again. Safe.
+  /// Makes the simulation query the pace again. Safe.
   void look_again() noexcept;
 
-  /// The next round of the present moment is number `first`, or a later one; until the next call
-  /// nothing is fed that belongs to round `end` or a later one. So parts of a moment that follow
-  /// each other in a certain order, such as the starts of components, have numbers of their own.
+  /// The next round of the present instant is number `first`, or a later one; until the next call
+  /// no input of round `end` or later is fed. So ordered parts of an instant, such as the starts of
+  /// components, have their own ranges of numbers.
   void begin_steps(std::uint32_t first, std::uint32_t end) noexcept;
 
-  /// Serves everything up to `limit`, and moves the clock there.
+  /// Serves everything up to `limit`, and advances the clock to it.
   End run_until(Time limit) { return run_until(limit, true); }
-  /// The same, whatever would end a run.
+  /// The same, ignoring the conditions that end a run.
   void advance_to(Time time) { run_until(time, false); }
 
   /// Serves what is left to do at the present time, without advancing it; at most a hundred
-  /// thousand rounds. What is still being computed is done at once.
+  /// thousand rounds. Pending computations end at once.
   void run_now();
 
-  /// Ends `run_until` after the present round; `clear_interrupt` allows the next one. With peers it
-  /// is they who say when it ends, since all must end in the same round.
+  /// Ends `run_until` after the present round; `clear_interrupt` allows the next one. With peers,
+  /// they determine when it ends, since all must end in the same round.
   void interrupt() noexcept;
   void clear_interrupt() noexcept { is_interrupted_.store(false); }
 
-  /// The next round's place among those of the present moment, from 0.
+  /// The next round's index in the present instant, from 0.
   [[nodiscard]] std::uint32_t step() const noexcept { return step_; }
 
   void hold() noexcept;
   void let_go() noexcept;
 
-  /// Runs `job` when the present round is over; time does not advance before it is done.
+  /// Runs `job` at the end of the present round; time does not advance before it has finished.
   [[nodiscard]] bool submit(std::function<void()> job);
 
   /// Calls `action` before the next round, on the thread that runs the simulation. Safe.
   void call(std::function<void()> action);
 
   /// In the next round these components are served before all others, one after the other. The
-  /// result is the same; but what else they share with others is seen in this order.
+  /// result is the same; it only orders their effects on state shared outside of messages.
   void serve_first(std::vector<std::uint32_t> indices) { first_ = std::move(indices); }
 
-  /// As long as there are such threads, an idle simulation waits for what they publish.
+  /// While there are such threads, an idle simulation waits for their messages.
   void foreign_thread_begins() noexcept { foreign_threads_.fetch_add(1); }
   void foreign_thread_ends() noexcept;
 
@@ -143,7 +142,7 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void wake() noexcept override {}
   void timer_armed(std::int64_t due_ns) noexcept override;
 
-  /// What the workers do: one ring each.
+  /// The activations of the workers: one ring each.
   [[nodiscard]] const ActivationRings& rings() const noexcept { return rings_; }
   /// The first workers write into `rings`, which outlive them. Before the start.
   void use_rings(std::span<ActivationRing* const> rings) { rings_.use(rings); }
@@ -158,19 +157,19 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   struct Turn {
     Actor* actor;
     std::size_t index;
-    bool is_served = false;  ///< Ahead of the others, or before the time that it took.
+    bool is_served = false;  ///< Ahead of the others, or within its simulated cost.
   };
 
   static constexpr std::uint64_t kMaxRoundsAtOnce = 100'000;
 
   End run_until(Time limit, bool may_end);
-  /// Takes what came from outside, and asks the peers what is to be done. With a `limit` time may
-  /// go on until then.
+  /// Takes external input, and agrees with the peers on what is to be done. With a `limit` time may
+  /// advance until then.
   void begin_round(std::optional<Time> limit = {});
   bool run_round();
   void collect_round();
   [[nodiscard]] RoundState state();
-  /// What is still being computed is done now, as time does not go on; false if there is none.
+  /// Ends pending computations now, as time does not advance; false if there are none.
   bool end_computing() noexcept;
   [[nodiscard]] bool is_anyone_computing() const noexcept;
   [[nodiscard]] bool is_computing(std::size_t index) const noexcept {
@@ -189,13 +188,12 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   void advance(Time time) noexcept;
   [[nodiscard]] std::int64_t next_due_ns(const Actor* without = nullptr) const noexcept;
   [[nodiscard]] std::uint64_t changes();
-  /// Waits until something came from outside since `seen`; false if nothing has to be waited for.
+  /// Waits for external input since `seen`; false if there is nothing to wait for.
   [[nodiscard]] bool wait_for_change(std::uint64_t seen, bool may_end);
-  /// As `run_until`, when no round is left: moves to the next moment that the peers agreed on.
+  /// For `run_until`, when no round is left: advances to the next time that the peers agreed on.
   /// Returns true if the run has ended, by `end`.
   [[nodiscard]] bool advance_together(std::uint64_t seen, End& end);
-  /// Waits until the pace lets time go to `next`; false if something came from outside since
-  /// `seen`.
+  /// Waits until the pace allows time to advance to `next`; false on external input since `seen`.
   [[nodiscard]] bool wait_for_pace(std::uint64_t seen, Time next);
 
   base::Clock& clock_;
@@ -204,18 +202,18 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   Feed* feed_ = nullptr;
   Pace* pace_ = nullptr;
   RoundPeers* peers_ = nullptr;
-  RoundState all_;  ///< With peers: what all know together.
+  RoundState all_;  ///< With peers: the combined state.
   const Actor* watcher_ = nullptr;
   std::vector<Actor*> actors_;
   ActivationRings rings_;
 
   std::vector<std::atomic<std::uint64_t>> ready_;
-  /// By component: when what it computes is done, if that takes time; else `kNever`.
+  /// By component: when its pending computation ends; `kNever` if there is none.
   std::vector<std::int64_t> computing_until_ns_;
   std::atomic<bool> is_interrupted_{false};
   std::atomic<int> foreign_threads_{0};
 
-  // What other threads bring, and what wakes an idle simulation.
+  // Input of other threads, which also wakes an idle simulation.
   std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<External> external_;
@@ -226,9 +224,9 @@ class Simulation final : public ReadyQueue, public TimerWatch, public Stage {
   std::mutex job_mutex_;
   std::vector<std::function<void()>> jobs_;
 
-  // One round. While helpers serve it, the running thread changes nothing of it.
+  // One round. Not changed by the running thread while helpers serve it.
   std::vector<Turn> round_;
-  std::vector<std::int64_t> expected_ns_;  ///< By component: what its last turns cost.
+  std::vector<std::int64_t> expected_ns_;  ///< By component: expected cost, from its last turns.
   std::atomic<std::size_t> next_in_round_{0};
   std::vector<std::uint32_t> first_;  ///< Served before all others.
 

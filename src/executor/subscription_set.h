@@ -17,14 +17,14 @@ namespace fastcycle::detail {
 
 class Synchronizer;
 
-/// The subscriptions of one component, with its views and synchronizers: made, ended, made again
-/// and closed here. The callback of an ended one is kept until the activation is over.
+/// The subscriptions of one component, with its views and synchronizers: created, ended, recreated
+/// and closed here. The callback of an ended one is kept until the end of the activation.
 ///
 /// @threads  As `Actor`.
 class SubscriptionSet {
  public:
-  /// Called with a subscription whose next message comes too late for latency chains: a bit for
-  /// each that ends there.
+  /// Called with a subscription whose next message is too late for latency chains: a bit for each
+  /// that ends there.
   using TellBreaches = std::function<void(const Subscription&, std::uint32_t breached)>;
 
   SubscriptionSet(ActorBase& actor, HeldOrigins& held, ActorCredits& credits,
@@ -35,23 +35,22 @@ class SubscriptionSet {
 
   CallbackSubscription& add(Topic& topic, const SubscriberOptions& options,
                             EnvelopeCallback callback);
-  /// As `add`, in the place of an ended subscription of that topic, if there is one that asks for
-  /// the same.
+  /// As `add`, reusing an ended subscription of that topic, if there is one with the same options.
   CallbackSubscription& add_again(Topic& topic, const SubscriberOptions& options,
                                   EnvelopeCallback callback);
   void add(View& view);
   /// Calls `callback` with messages of `topics` that belong together; its subscriptions are the
-  /// newest of `callbacks`. `queues` says, for each topic, how many messages may wait before that.
+  /// newest of `callbacks`. `queues` has, for each topic, how many messages may wait before that.
   Synchronizer& synchronize(std::span<Topic* const> topics,
                             std::span<const SubscriberOptions> queues,
                             const SynchronizerOptions& options, EnvelopeSetCallback callback);
 
   /// Ends `subscription`; a second call does nothing.
   void end(CallbackSubscription& subscription, DropReason reason) noexcept;
-  /// Closes all: what waits and still comes is dropped for `reason`. After a fault those that
+  /// Closes all: waiting and later messages are dropped for `reason`. After a fault those that
   /// outlive it stay open.
   void close(DropReason reason) noexcept;
-  /// Lets go of all that synchronizers hold: it counts as dropped for `reason`.
+  /// Releases all messages that synchronizers hold, as dropped for `reason`.
   void drop_held(DropReason reason) noexcept;
 
   /// Destroys the callbacks of ended subscriptions. They may own handles of others, which end with
@@ -60,18 +59,18 @@ class SubscriptionSet {
   /// The same for all callbacks, once nothing is served any more.
   void destroy_callbacks() noexcept;
 
-  /// Takes over what came for the views; what they show is no older than their span. The
-  /// activation's time goes on to that of the newest message.
+  /// Moves received messages to the views, limited by their spans. The activation's time advances
+  /// to that of the newest message.
   void refresh_views();
   [[nodiscard]] bool has_views() const noexcept { return !views_.empty(); }
-  /// While it follows another component, views take over what that one's did, and nothing else.
+  /// While it follows another component, its views take over only what that one's did.
   void follow(bool is_following) noexcept { is_following_ = is_following; }
 
-  /// The oldest message of a subscription that outlives faults, which stays; false if there is
-  /// none. Of several such subscriptions the first that has one.
+  /// The oldest message of a subscription that outlives faults, without removing it; false if there
+  /// is none. Of several such subscriptions the first that has one.
   [[nodiscard]] bool peek_outliving(Inbox::Head& found) noexcept;
 
-  /// All that give messages to callbacks, ended ones too, in the order in which they were made.
+  /// All subscriptions with callbacks, ended ones too, in the order of creation.
   [[nodiscard]] const std::vector<CallbackSubscription*>& callbacks() const noexcept {
     return callbacks_;
   }

@@ -13,19 +13,19 @@
 
 namespace fastcycle::detail {
 
-/// A subscription whose messages are given to a callback.
+/// A subscription whose messages are passed to a callback.
 class CallbackSubscription : public Subscription {
  public:
   CallbackSubscription(Topic& its_topic, ActorBase& its_actor, const SubscriberOptions& options,
                        EnvelopeCallback its_callback, Kind its_kind = Kind::kCallback);
 
   ActorBase& actor;
-  /// On the heap, so that it stays where it is when the subscription ends while it runs.
+  /// On the heap, so that it can outlive the subscription if that ends while it runs.
   std::unique_ptr<EnvelopeCallback> callback;
   Cause cause = Cause::kMessage;  ///< Of its activations.
-  std::uint32_t number = 0;       ///< Among all that its component ever made.
+  std::uint32_t number = 0;       ///< Among all of its component.
   bool is_ended = false;
-  /// Its callback is the framework's: it goes on after a fault, and while the component is not
+  /// Its callback is the framework's: it continues after a fault, and while the component is not
   /// active.
   bool outlives_faults = false;
   /// Time in its callback, ns by CLOCK_MONOTONIC. Written by the component's worker.
@@ -39,9 +39,9 @@ class View final : public Subscription {
        std::optional<Duration> its_span, std::optional<Duration> its_lifespan = {});
   ~View() override;
 
-  /// Takes over `envelope` and its reference; the oldest gives way.
+  /// Takes over `envelope` and its reference; the oldest is dropped if it is full.
   void insert(Envelope* envelope);
-  /// Lets go of what is older than the span, or than its lifespan.
+  /// Releases messages older than the span, or than their lifespan.
   void forget_old(Time now) noexcept;
   void clear() noexcept;
 

@@ -25,22 +25,23 @@ class Suspension {
   Suspension(const Suspension&) = delete;
   Suspension& operator=(const Suspension&) = delete;
 
-  /// Messages and timers are served from now on.
+  /// Starts to serve messages and timers.
   void open() noexcept { gate_.store(Gate::kOpen, std::memory_order_relaxed); }
-  /// They are not, and what waits already is looked at in a turn: this one or the next.
+  /// Stops that; waiting messages are checked in a turn: this one or the next.
   void suspend() noexcept;
-  /// The same, but all that waits, and that comes until `resume`, goes on waiting.
+  /// The same, but all messages until `resume` keep waiting.
   void suspend_keeping() noexcept;
-  /// Drops what came until now, unless it is kept, and opens.
+  /// Drops messages received until now, unless they are kept, and opens.
   void resume() noexcept;
 
   [[nodiscard]] bool is_open() const noexcept { return gate() == Gate::kOpen; }
   [[nodiscard]] bool is_suspended() const noexcept { return gate() == Gate::kSuspended; }
-  /// It was never opened.
+  /// Whether it was never opened.
   [[nodiscard]] bool is_closed() const noexcept { return gate() == Gate::kClosed; }
 
-  /// Drops, as inactive, what waits for callbacks that do not outlive that: all but the last
-  /// messages of latched topics, or these too. Where all is kept, nothing, but with `with_latched`.
+  /// Drops, as inactive, messages that wait for callbacks, except those that outlive a suspension:
+  /// all but the last messages of latched topics, or these too (`with_latched`). If all are kept,
+  /// drops only `with_latched`.
   void drop_waiting(bool with_latched) noexcept;
 
   void set_alarm(Time due, std::function<void()> action);
@@ -48,10 +49,10 @@ class Suspension {
   /// When the alarm is due, on the application's clock; `base::kNever` without one.
   [[nodiscard]] std::int64_t alarm_ns() const noexcept { return alarm_ns_; }
   [[nodiscard]] bool has_alarm() const noexcept { return alarm_ns_ != base::kNever; }
-  /// The action of the alarm, which is over then.
+  /// Returns the action of the alarm, and clears it.
   [[nodiscard]] std::function<void()> take_alarm() noexcept;
 
-  /// While suspended: timers may be armed, for it is resumed next.
+  /// While suspended: timers may be armed, since it is resumed next.
   bool is_resuming = false;
 
  private:
@@ -61,7 +62,7 @@ class Suspension {
   bool is_keeping_ = false;
   Inbox& inbox_;
   const GiveBack give_back_;
-  /// Written by the worker, read by who waits for the end.
+  /// Written by the worker, read by threads that wait for the end.
   std::atomic<Gate> gate_{Gate::kClosed};
   std::int64_t alarm_ns_ = base::kNever;
   std::function<void()> alarm_;

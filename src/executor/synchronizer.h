@@ -16,10 +16,10 @@ namespace fastcycle::detail {
 
 class Synchronizer;
 
-/// A subscription whose messages a synchronizer holds until others that belong to them have come.
+/// A subscription whose messages a synchronizer holds until their partners have arrived.
 ///
-/// Its ledger counts as delivered what was given to the synchronizer's callback; what is held
-/// counts as queued, and what found no partner as dropped.
+/// Its ledger counts messages passed to the synchronizer's callback as delivered, held ones as
+/// queued, and those without partners as dropped.
 class SynchronizerInput final : public CallbackSubscription {
  public:
   SynchronizerInput(Topic& its_topic, ActorBase& its_actor, const SubscriberOptions& queue,
@@ -28,7 +28,7 @@ class SynchronizerInput final : public CallbackSubscription {
   Synchronizer& synchronizer;
   const std::size_t place;  ///< Among the inputs of the synchronizer.
 
-  /// What a message of this input lacked of another one.
+  /// Statistics of partners that this input lacked from another one.
   struct Lack {
     Counter count;
     /// The smallest difference of the times, ns; the largest number before there was one.
@@ -41,7 +41,7 @@ class SynchronizerInput final : public CallbackSubscription {
   // Written by the component's worker; by the control thread before and after the run.
   Counter matched;
   std::array<Counter, static_cast<std::size_t>(Unmatched::kCount)> unmatched;
-  /// Of those that were too far, and of those that waited: by the other input.
+  /// For messages too far in time, and for those that waited: by the other input.
   std::array<Lack, SetMatcher::kMaxTopics> too_far;
   std::array<Lack, SetMatcher::kMaxTopics> waited;
   std::array<Counter, static_cast<std::size_t>(DropReason::kCount)> dropped;
@@ -63,7 +63,7 @@ class Synchronizer {
   Synchronizer& operator=(const Synchronizer&) = delete;
   ~Synchronizer();
 
-  /// The next input, in the order of the topics.
+  /// Adds the next input, in the order of the topics.
   void connect(SynchronizerInput& input) noexcept { inputs_[input.place] = &input; }
 
   /// A message arrived.
