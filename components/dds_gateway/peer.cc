@@ -11,10 +11,10 @@
 //     ask SERVICE COUNT                                       is a client of it
 //     come_and_go OUT TYPE COUNT                              is so many participants, one by one
 //
-// IN, OUT and TYPE are names of DDS, SERVICE is one of ROS 2. All say on standard output that they
-// are ready; all but `come_and_go` end when standard input ends. `send` and `play` begin once a
-// reader was found. `echo` says at its end what came, and how many readers and writers it has
-// found; `ask` says how many answers were right, as soon as it has them.
+// IN, OUT and TYPE are names of DDS, SERVICE is one of ROS 2. All print on standard output when
+// they are ready; all but `come_and_go` end at the end of standard input. `send` and `play` begin
+// once a reader was found. `echo` prints at its end what it received, and how many readers and
+// writers it has found; `ask` prints how many answers were right, as soon as it has them.
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -97,7 +97,7 @@ std::string read_file(const std::string& name) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// What the modes have in common.
+/// Shared by all modes.
 struct Peer {
   Participant& participant;
   Writer& graph;
