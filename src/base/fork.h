@@ -2,8 +2,8 @@
 
 namespace fastcycle::base {
 
-/// Enables `has_forked` to detect children of this process. In a child it may be called again.
-/// Safe, and cheap after the first call.
+/// Enables `has_forked` to detect children of this process. Called in a child, it makes that a
+/// process of its own. Safe, and cheap after the first call.
 void watch_forks() noexcept;
 
 /// Whether this is a forked child of the process that called `watch_forks`: it has only the thread

@@ -11,7 +11,7 @@ namespace fastcycle::host {
 class ApplicationHost;
 
 /// For an application of several processes: sends the log lines of this one to the main process,
-/// which passes those of all processes to its listeners. Each process prints its own.
+/// which passes them to its listeners. Each process prints its own.
 ///
 /// Live at most `kMostLines` in each tenth of a second are sent; the next one has the number of
 /// dropped ones. In simulated time all lines of components in a round are sent, at its end.

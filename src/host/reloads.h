@@ -97,7 +97,7 @@ class Reloads {
   bool is_over_ = false;
   bool is_trying_ = false;
   std::thread trial_;
-  std::map<std::string, Guilt> guilt_;  ///< Counts at the last check, of components on probation.
+  std::map<std::string, Guilt> guilt_;  ///< The last counts, of components on probation.
 };
 
 }  // namespace fastcycle::host
