@@ -24,7 +24,7 @@ using mcap::name_of;
 using mcap::Opcode;
 using mcap::shown;
 
-/// What the checks share: who is told, and what of the file is known.
+/// Shared by the checks: the receiver of findings, and the state of the file.
 class Findings {
  public:
   Findings(std::string file, const std::function<void(const Finding&)>& tell)
@@ -88,7 +88,7 @@ class Difference {
 
 // ---- Chunks and the message indexes behind them ----
 
-/// Compares what a chunk and its message indexes say with the messages of it.
+/// Compares a chunk and its message indexes with its messages.
 class ChunkCheck {
  public:
   using Entry = mcap::MessageIndex::Entry;
@@ -140,7 +140,8 @@ class ChunkCheck {
     compare(std::move(index), place);
   }
 
-  /// The chunk and its indexes are over. What its chunk index should be, if there was one.
+  /// Called at the end of a chunk and its indexes. Returns the expected chunk index, if there was a
+  /// chunk.
   std::optional<mcap::ChunkIndex> end() {
     is_unknown_ = false;
     if (!std::exchange(is_open_, false)) {
@@ -218,7 +219,7 @@ class SummaryCheck {
   SummaryCheck(Findings& findings, std::uint64_t most_bytes)
       : findings_(findings), most_bytes_(most_bytes) {}
 
-  // What the data section has.
+  // The contents of the data section.
   void has(const mcap::Schema& schema) { schemas_.insert(schema.id); }
   void has(const mcap::Channel& channel) { channels_.insert(channel.id); }
   void has(const mcap::Message& message) {
@@ -258,7 +259,7 @@ class SummaryCheck {
          metadata.name.size());
   }
 
-  // What the summary says.
+  // The contents of the summary.
   void says(const mcap::Schema& schema, const mcap::Place& place) {
     ++said_schemas_;
     if (!schemas_.contains(schema.id)) {
@@ -534,7 +535,8 @@ std::optional<std::uint64_t> number_of(const mcap::Metadata& metadata, const std
                                                                   : std::nullopt;
 }
 
-/// What our own logs say of lost messages: published = recorded + lost, and lost has its reasons.
+/// Checks the losses in FastCycle's logs: published = recorded + lost, and lost is the sum of its
+/// reasons.
 void check_loss(const mcap::Metadata& metadata, const mcap::Place& place, Findings& findings) {
   std::map<std::string, std::uint64_t> numbers;
   std::uint64_t reasons = 0;
@@ -591,7 +593,7 @@ class Doctor {
   }
 
  private:
-  /// Why reading stopped. Whether it can go on.
+  /// Reports why reading stopped. Returns whether it can continue.
   bool note_stop() {
     const mcap::Stop stop = *reader_.stop();
     if (stop.reason == mcap::Stop::Reason::kEnd) {

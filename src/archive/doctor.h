@@ -10,14 +10,14 @@
 
 namespace fastcycle::archive {
 
-/// Something that a file has and should not have.
+/// A defect of a file.
 struct Finding {
-  bool is_warning = false;  ///< Odd, but no reader stumbles over it.
+  bool is_warning = false;  ///< Unusual, but readers accept it.
   mcap::Problem problem;
 };
 
 struct Diagnosis {
-  /// So many errors are told, and as many warnings; all are counted.
+  /// Limit of reported errors, and of warnings; all are counted.
   static constexpr std::uint64_t kMostTold = 1000;
 
   std::uint64_t errors = 0;
@@ -26,15 +26,15 @@ struct Diagnosis {
   std::uint64_t chunks = 0;
 };
 
-/// Reads all of a file and checks everything that can be checked, telling what it finds as it goes:
+/// Reads all of a file, checks it, and reports findings immediately:
 ///
 /// - all CRCs, the order of the records, that they are whole and that the file was closed;
 /// - that times and indexes of chunks are those of their messages;
-/// - that the summary says what the file has: schemas, channels, statistics, indexes, offsets (not
-///   checked where something before it is damaged);
+/// - that the summary matches the file: schemas, channels, statistics, indexes, offsets (not
+///   checked if anything before it is damaged);
 /// - that schemas of protobuf are complete and that every message is one of its schema;
-/// - per channel: log times that go back, numbers that are missing (warnings);
-/// - that the loss which the log counts adds up.
+/// - per channel: decreasing log times, missing numbers (warnings);
+/// - that the losses counted in the log are consistent.
 ///
 /// Memory: a record, an uncompressed chunk with 16 bytes for each of its messages, schemas and
 /// channels, and the index of the file, up to `ReadLimits::index_bytes`.

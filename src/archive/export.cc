@@ -268,7 +268,7 @@ class Exporter {
   std::invoke_result_t<const Make&> guarded(const Make& make) const {
     try {
       return make();
-    } catch (const mcap::Error&) {  // It says its place already.
+    } catch (const mcap::Error&) {  // It has a place already.
       throw;
     } catch (const std::runtime_error& error) {
       fail("messages on " + mcap::shown(options_.topic) + " that make a table", error.what());

@@ -13,22 +13,22 @@ namespace fastcycle::archive {
 
 struct TableOptions {
   std::string topic;
-  std::size_t most_elements = 64;  ///< Of a repeated field there are columns for so many.
+  std::size_t most_elements = 64;  ///< Maximum number of columns of a repeated field.
 };
 
 struct Table {
   std::uint64_t rows = 0;
   std::size_t columns = 0;
-  std::vector<std::string> cut = {};  ///< Repeated fields of which not all elements have a column.
+  std::vector<std::string> cut = {};  ///< Repeated fields with more elements than columns.
 };
 
 /// Writes the messages of a topic as a table, CSV as RFC 4180 has it, to `write`, row by row: first
 /// the names of the columns. These are `log_time_ns`, `publish_time_ns`, `sequence`, and all fields
-/// that are no messages: `pose.x`, `points[0].x`. What a message does not have is empty; bytes have
-/// their size.
+/// that are no messages: `pose.x`, `points[0].x`. Unset fields are empty; for bytes the size is
+/// written.
 ///
-/// The messages are read twice: first it is found out which columns there are. `progress` is told
-/// of messages, not of bytes, each counted twice.
+/// The messages are read twice: first to determine the columns. `progress` receives the number of
+/// messages, not of bytes, each counted twice.
 ///
 /// @errors  `mcap::Error` if there is no such topic, its messages are no protobuf or of more than
 /// one

@@ -53,7 +53,7 @@ std::string_view first_of(std::string_view text, std::size_t bytes) {
   return text.substr(0, bytes);
 }
 
-/// What of each field is missing before anything is left out.
+/// The parts of each field that are missing already.
 using Cut = std::map<std::string, std::uint64_t, std::less<>>;
 
 Cut by_field(const std::vector<Elided>& cut) {

@@ -17,8 +17,8 @@ namespace fastcycle::archive {
 
 using base::printable;
 
-/// One value: of a field, or of an element of a repeated one, as `index` says. Numbers are as short
-/// as they can be without loss, enums have their names, bytes their size: `<7 bytes>`.
+/// The text of a field, or of the element `index` of a repeated one. Numbers are as short as
+/// possible without loss, enums are names, bytes are their size: `<7 bytes>`.
 ///
 /// @pre  It is no message. `index` is -1 if and only if the field is not repeated.
 [[nodiscard]] std::string scalar_text(const google::protobuf::Message& message,
@@ -28,26 +28,26 @@ using base::printable;
 struct TextLimits {
   std::size_t elements = 5;   ///< Of a repeated field.
   std::size_t bytes = 64;     ///< Of a bytes field: a larger one is `<4194304 bytes>`.
-  std::size_t letters = 400;  ///< Of a text.
+  std::size_t letters = 400;  ///< Of a string.
 
-  /// Everything.
+  /// No limits.
   [[nodiscard]] static TextLimits none();
 };
 
-/// A field that is not shown whole.
+/// A field that is not shown completely.
 struct Elided {
   std::string field;           ///< `points[0].data`
   std::uint64_t left_out = 0;  ///< Elements, bytes or letters.
 };
 
 /// A message as lines of text, each field that is set on one of its own, `indent` columns from the
-/// left. `cut` is what of it is missing already: it counts as what is beyond the limits.
+/// left. `cut` has parts that are missing already, treated as those beyond the limits.
 [[nodiscard]] std::string to_text(const google::protobuf::Message& message,
                                   const TextLimits& limits = {}, int indent = 0,
                                   const std::vector<Elided>& cut = {});
 
-/// A message as protobuf's JSON, with the names of the schema. Of large fields, what is beyond the
-/// limits is missing; `elided` says of which, and of those that are `cut` already.
+/// A message as protobuf's JSON, with the names of the schema. Parts of large fields beyond the
+/// limits are missing; `elided` lists these fields, and those that are `cut` already.
 ///
 /// @errors  `std::runtime_error` if it has no JSON, as a time stamp beyond the year 9999.
 struct MessageJson {

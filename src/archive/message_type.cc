@@ -115,7 +115,8 @@ class ImportOrder {
 /// Goes through the bytes of a message, and counts what it will take.
 class WireCheck {
  public:
-  /// `is_strict`: texts of proto2 have to be UTF-8 as well, which protobuf says on standard error.
+  /// `is_strict`: strings of proto2 have to be UTF-8 as well, violations of which protobuf prints
+  /// to standard error.
   explicit WireCheck(mcap::Bytes data, bool is_strict = false)
       : input_(reinterpret_cast<const std::uint8_t*>(data.data()), size_of(data)),
         is_strict_(is_strict) {}

@@ -18,16 +18,16 @@ class Message;
 
 namespace fastcycle::archive {
 
-/// A protobuf message type as a schema of a file describes it; nothing that is compiled in is used.
+/// A protobuf message type described by a schema of a file; independent of compiled-in types.
 ///
 /// @threads  Confined.
 class MessageType {
  public:
-  /// More than this a message may not take when it is unpacked, estimated: a few bytes of a hostile
-  /// file can stand for many.
+  /// Limit for the estimated size of an unpacked message: a few bytes of a hostile file can expand
+  /// to many.
   static constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{512} << 20U;
 
-  /// @errors  `std::runtime_error` that says what of the schema is wrong.
+  /// @errors  `std::runtime_error` with what is wrong in the schema.
   explicit MessageType(const mcap::Schema& schema);
   MessageType(const MessageType&) = delete;
   MessageType& operator=(const MessageType&) = delete;
@@ -35,19 +35,19 @@ class MessageType {
 
   [[nodiscard]] const google::protobuf::Descriptor& descriptor() const { return *descriptor_; }
 
-  /// What is wrong with `data` as a message of this type; none if it can be parsed. Asks for no
-  /// memory.
+  /// What is wrong with `data` as a message of this type; none if it can be parsed. Allocates
+  /// nothing.
   [[nodiscard]] std::optional<std::string> find_wrong(mcap::Bytes data) const;
 
   /// The message, valid as long as this. One of proto2 may lack required fields.
   ///
-  /// @errors  `std::runtime_error` with what `find_wrong` says.
+  /// @errors  `std::runtime_error` with the result of `find_wrong`.
   [[nodiscard]] std::unique_ptr<google::protobuf::Message> parse(mcap::Bytes data) const;
 
-  /// The message that protobuf's JSON says, valid as long as this.
+  /// The message in protobuf's JSON, valid as long as this.
   ///
-  /// @errors  `std::runtime_error` with what is wrong: no JSON, a field that there is not, a value
-  ///          of another kind.
+  /// @errors  `std::runtime_error` with what is wrong: no JSON, an unknown field, a value of
+  ///          another kind.
   [[nodiscard]] std::unique_ptr<google::protobuf::Message> parse_json(std::string_view json) const;
 
  private:
@@ -56,15 +56,15 @@ class MessageType {
   const google::protobuf::Descriptor* descriptor_ = nullptr;
 };
 
-/// The message types of a file, each made when it is asked for the first time.
+/// The message types of a file, each created on first use.
 ///
-/// Memory: what the schemas describe; of all schemas together, 32 MiB are taken at most.
+/// Memory: what the schemas describe; all schemas together are limited to 32 MiB.
 ///
 /// @threads  Confined.
 class MessageTypes {
  public:
   struct Found {
-    const MessageType* type = nullptr;  ///< Null if `problem` says why there is none.
+    const MessageType* type = nullptr;  ///< Null if there is none, for the reason in `problem`.
     std::string problem = {};
   };
 

@@ -79,7 +79,7 @@ void add_chunk(Overview& result, const std::string& compression, std::uint64_t c
   chunks.uncompressed_bytes += uncompressed;
 }
 
-/// Reads everything, for what the summary does not tell.
+/// Reads everything, for data that is not in the summary.
 void read_whole(const mcap::Source& file, Overview& result, const Progress& progress) {
   mcap::RecordReader reader(file);
   std::map<std::uint16_t, std::uint64_t> bytes;

@@ -15,7 +15,7 @@
 
 namespace fastcycle::archive {
 
-/// What a log says of the messages of a topic that are not in it.
+/// A topic's messages that are missing in a log, as counted in it.
 struct TopicLoss {
   std::uint64_t published = 0;
   std::uint64_t recorded = 0;
@@ -28,7 +28,7 @@ struct TopicOverview {
   std::set<std::string> encodings = {};
   std::uint64_t channels = 0;
   std::uint64_t messages = 0;
-  std::optional<std::uint64_t> bytes = {};  ///< Of their data; known once everything was read.
+  std::optional<std::uint64_t> bytes = {};  ///< Of their data; set if everything was read.
   std::optional<TopicLoss> loss = {};
 };
 
@@ -38,7 +38,7 @@ struct ChunkOverview {
   std::uint64_t uncompressed_bytes = 0;
 };
 
-/// What is in a file.
+/// A summary of a file.
 struct Overview {
   std::string file;
   std::uint64_t bytes = 0;
@@ -49,9 +49,9 @@ struct Overview {
   std::vector<mcap::AttachmentIndex> attachments = {};
   std::vector<mcap::Metadata> metadata = {};  ///< The first of them, up to 1 MiB.
 
-  bool was_scanned = false;  ///< It has no summary that tells enough.
+  bool was_scanned = false;  ///< Its summary is missing or insufficient.
   bool was_read = false;     ///< Everything was read, and checked.
-  /// What is wrong: it has no end, or is damaged. What can be told nevertheless, is.
+  /// Set if the file has no end, or is damaged. The other members have what could be read.
   std::optional<mcap::Problem> problem = {};
 };
 
@@ -60,7 +60,7 @@ struct OverviewOptions {
   std::uint64_t read_whole_bytes = std::uint64_t{256} << 20U;
 };
 
-/// Looks at a file of MCAP, also one that was not closed.
+/// Summarizes an MCAP file, also one that was not closed.
 ///
 /// @errors  `mcap::Error` if it cannot be read, a `Damage` if its content is wrong before its data
 ///          ends.
@@ -68,7 +68,7 @@ struct OverviewOptions {
                                 const Progress& progress = {});
 
 /// The files of a recording: `name` itself if there is such a file; else those it was split into,
-/// `NAME_0001.mcap` and so on, in order, also where they are still `.active`; else `name`.
+/// `NAME_0001.mcap` and so on, in order, including those that are still `.active`; else `name`.
 [[nodiscard]] std::vector<std::filesystem::path> files_of_recording(
     const std::filesystem::path& name);
 

@@ -11,8 +11,8 @@
 
 namespace fastcycle::archive {
 
-// What is written stays within what readers take (`mcap::ReadLimits`): the summary has the schemas
-// and channels once more, and all indexes; a chunk has at least one whole message.
+// Keeps output within the limits of readers (`mcap::ReadLimits`): the summary repeats the schemas
+// and channels, and has all indexes; a chunk has at least one whole message.
 
 inline constexpr std::uint64_t kMostDefinitionBytes = std::uint64_t{96} << 20U;
 inline constexpr std::uint64_t kMostIndexBytes = std::uint64_t{128} << 20U;
@@ -21,8 +21,8 @@ using mcap::kMostMessageBytes;
 /// @errors  `mcap::Error` about `file`, of which this is a copy, if its summary would be too large.
 void require_readable(const mcap::Writer& writer, const std::string& file);
 
-/// An input that ends before its first whole message gives nothing: to go on as if it were empty
-/// would hide what is missing.
+/// Rejects an input that ends before its first whole message: treating it as empty would hide the
+/// loss.
 ///
 /// @errors  `mcap::Error` with where it ends, if nothing was read of it although it has no end.
 void require_messages(const std::optional<mcap::Problem>& problem, std::uint64_t messages);

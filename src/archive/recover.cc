@@ -21,7 +21,7 @@
 namespace fastcycle::archive {
 namespace {
 
-// What reading again and again in the middle of a hostile file may cost.
+// Limits the cost of repeated restarts in the middle of a hostile file.
 constexpr int kMostRestarts = 10'000;
 constexpr std::uint64_t kMostRestartBytes = std::uint64_t{1} << 30U;
 
@@ -169,7 +169,7 @@ class Recoverer {
   }
 
  private:
-  /// Reads as far as it goes. Returns where to go on, if there is such a place.
+  /// Reads as far as possible. Returns where to continue, if there is such a place.
   std::optional<std::uint64_t> read_from(std::uint64_t from, bool may_restart) {
     const Tail tail(in_, from, from == 0 ? std::vector<std::byte>{} : beginning());
     mcap::RecordReader reader(tail, {.limits = limits_});
@@ -215,8 +215,8 @@ class Recoverer {
     return is_first && learn(reader.definitions());
   }
 
-  /// A CRC or an offset that counts from the beginning of the file: who begins later cannot know
-  /// it.
+  /// A CRC or an offset that counts from the beginning of the file, and cannot be checked from a
+  /// later one.
   [[nodiscard]] static bool is_about_all(const mcap::Problem& problem) {
     return problem.record == mcap::name_of(mcap::Opcode::kDataEnd) ||
            problem.record == mcap::name_of(mcap::Opcode::kFooter);
@@ -330,14 +330,14 @@ class Recoverer {
   template <typename Other>
   void keep(const Other& /*made anew*/) {}
 
-  // ---- What is lost ----
+  // ---- Losses ----
 
   [[nodiscard]] static bool is_lost_chunk(const mcap::Problem& problem) {
     return problem.record == mcap::name_of(mcap::Opcode::kChunk) || problem.place.offset_in_chunk;
   }
 
-  /// Takes note of a problem, behind which reading goes on at `next`; `bytes` were not used if they
-  /// are known, else all up to there.
+  /// Records a problem, after which reading continues at `next`; `bytes` were not used if they are
+  /// known, else all up to there.
   void note(const mcap::Problem& problem, std::uint64_t bytes, const mcap::RecordReader& reader,
             std::uint64_t next) {
     const mcap::Place& place = problem.place;
@@ -444,7 +444,7 @@ class Recoverer {
   std::optional<mcap::Writer> writer_;
   std::optional<mcap::Statistics> statistics_;  // Of the summary.
   mcap::Definitions spare_;                     // Those of the summary.
-  mcap::Definitions definitions_;               // Those that reading goes on with.
+  mcap::Definitions definitions_;               // Those with which reading continues.
   bool has_looked_ = false;  // For definitions of a lost chunk; then all are known.
   Summer sum_;
   Recovery result_;

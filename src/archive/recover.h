@@ -14,7 +14,7 @@
 namespace fastcycle::archive {
 
 struct RecoverOptions {
-  mcap::ChunkOptions chunk = {.compression = mcap::Compression::kLz4};  ///< Of what is written.
+  mcap::ChunkOptions chunk = {.compression = mcap::Compression::kLz4};  ///< Of the output.
   mcap::ReadLimits limits = {};
 };
 
@@ -31,17 +31,17 @@ struct ContentSum {
   bool operator==(const ContentSum&) const = default;
 };
 
-/// Something that could not be kept.
+/// A part of the file that was lost.
 struct Loss {
   mcap::Problem problem;
   std::uint64_t bytes = 0;  ///< Of the file; 0 if it is a record within a chunk.
-  /// How many messages stood there, where the indexes behind it tell.
+  /// How many messages were there, if the following indexes have it.
   std::optional<std::uint64_t> messages = {};
 };
 
-/// What became of a file that was recovered.
+/// The result of a recovery.
 struct Recovery {
-  /// So many are listed of losses, and of what was mended.
+  /// Limit of listed losses, and of mended problems.
   static constexpr std::size_t kMostListed = 1000;
 
   ContentSum kept = {};
@@ -49,21 +49,21 @@ struct Recovery {
   std::uint64_t loss_count = 0;
   std::uint64_t lost_bytes = 0;
   std::uint64_t lost_messages = 0;  ///< As far as known.
-  /// What was wrong and cost nothing, since it was made anew: an end that is missing, an index.
+  /// Problems without loss, since the part was regenerated: a missing end, an index.
   std::vector<mcap::Problem> mended = {};
 
-  /// The file was not in order, and nothing was found in it.
+  /// Whether the file was damaged, and nothing was found in it.
   [[nodiscard]] bool is_hopeless() const {
     const bool has_content = kept.messages + kept.attachments + kept.metadata > 0;
     return !has_content && (loss_count > 0 || !mended.empty());
   }
 };
 
-/// Writes what can be read of `in` to `out`, as a file in order: every whole record, with new
-/// chunks, indexes and a summary.
+/// Writes the readable part of `in` to `out`, as a valid file: every whole record, with new chunks,
+/// indexes and a summary.
 ///
-/// A chunk whose CRC is wrong is given up as a whole: nobody knows which of its bytes are right.
-/// Where a length is wrong, reading goes on at the next chunk that is to be found.
+/// A chunk with a wrong CRC is dropped as a whole: its correct bytes cannot be identified. After a
+/// wrong length, reading continues at the next chunk that can be found.
 ///
 /// Memory: a record, an uncompressed chunk, schemas and channels, the indexes of `out`.
 ///
@@ -72,9 +72,9 @@ struct Recovery {
 [[nodiscard]] Recovery recover(const mcap::Source& in, mcap::Sink& out,
                                const RecoverOptions& options = {}, const Progress& progress = {});
 
-/// Reads all of `file`, in both ways, and compares it with what was written to it.
+/// Reads all of `file`, sequentially and by index, and compares it with what was written to it.
 ///
-/// @errors  `mcap::Error` if it is not in order, or has another content.
+/// @errors  `mcap::Error` if it is invalid, or has another content.
 void verify(const mcap::Source& file, const ContentSum& written, const Progress& progress = {});
 
 }  // namespace fastcycle::archive

@@ -320,7 +320,7 @@ class Rewriter {
     }
   }
 
-  // ---- What explains the messages ----
+  // ---- Metadata of the messages ----
 
   void choose_explanation() {
     Once once_attached;
@@ -504,12 +504,12 @@ class Rewriter {
     }
   }
 
-  /// What a message takes beside its data: its record, and its place in the index.
+  /// Overhead of a message: its record, and its index entry.
   static constexpr std::uint64_t kMessageBytes = mcap::kFrameBytes + mcap::kMessageHeadBytes + 16;
 
   static constexpr std::uint64_t kWorthAChunk = std::uint64_t{64} << 10U;
 
-  // What a file has beyond what is counted: statistics, offsets, footer, the indexes of one chunk.
+  // Upper bound of uncounted parts: statistics, offsets, footer, the indexes of one chunk.
   static constexpr std::uint64_t kEndBytes = 1024;
   static constexpr std::uint64_t kEndBytesOfAChannel = 40;
 

@@ -16,7 +16,7 @@ namespace fastcycle::archive {
 /// A file from some record on, with a beginning put before it, so that a `RecordReader` can start
 /// in its middle.
 ///
-/// @threads  Safe, as the file is, which has to live as long as this.
+/// @threads  Safe, as the file is, which outlives this.
 class Tail final : public mcap::Source {
  public:
   /// @pre  `from <= whole.size()`
@@ -26,7 +26,7 @@ class Tail final : public mcap::Source {
   [[nodiscard]] const std::string& name() const override { return whole_.name(); }
   void read(std::uint64_t offset, std::span<std::byte> into) const override;
 
-  /// Where in the whole file that is what stands at `offset` here.
+  /// The position in the whole file of `offset` here.
   [[nodiscard]] std::uint64_t in_whole(std::uint64_t offset) const;
 
  private:

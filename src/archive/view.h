@@ -12,38 +12,38 @@
 
 namespace fastcycle::archive {
 
-/// What is wrong with a view, with its place.
+/// An error in a view, with its place.
 class ViewMistake final : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Points in a field of bytes, all of the same size: where each has what.
+/// Layout of the points in a field of bytes, all of the same size.
 struct PointLayout {
   std::size_t stride = 0;
   std::size_t x = 0;  ///< Of floats, little endian, in metres.
   std::size_t y = 0;
   std::size_t z = 0;
-  std::optional<std::size_t> time = {};  ///< Of 16 bits: the part of the turn that was over.
+  std::optional<std::size_t> time = {};  ///< Of 16 bits: the completed fraction of the turn.
   std::uint64_t most = 0;                ///< In all messages together.
 };
 
-/// What the page calls `name`, and where it is in a message.
+/// A value that the page calls `name`, with its field of a message.
 struct Pick {
   std::string name;
   std::vector<std::string> path = {};
   int decimals = 3;
-  int every = 1;  ///< Of a repeated field, one element of so many.
+  int every = 1;  ///< Of a repeated field, use every n-th element.
   bool is_time = false;
   std::optional<PointLayout> points = {};
   std::vector<Pick> fields = {};
 };
 
-/// What the page calls `name`, of the messages of a topic.
+/// A layer that the page calls `name`, from the messages of a topic.
 struct Layer {
   std::string name;
   std::string topic;
   double least_period_ns = 0.0;
-  bool is_latched = false;  ///< Its messages hold until the next one comes, however late that is.
+  bool is_latched = false;  ///< Its messages are valid until the next one.
   std::vector<Pick> fields = {};
 };
 
@@ -52,7 +52,7 @@ struct View {
   std::vector<Layer> layers;
 };
 
-/// Reads a view: JSON, with comments. What it says is in docs/reference/page.md.
+/// Parses a view: JSON, with comments. docs/reference/page.md has the format.
 ///
 /// @errors  `ViewMistake` with the place in it.
 View parse_view(std::string_view text);

@@ -207,7 +207,7 @@ class Values {
     }
   }
   void add_time(std::int64_t time_ns, std::string& text) const {
-    // A file may say any time: the difference of numbers without a sign is always one.
+    // A file may have any time: unsigned subtraction is always defined.
     const std::uint64_t since_ns = static_cast<std::uint64_t>(time_ns) - begin_ns_;
     add_number(static_cast<double>(static_cast<std::int64_t>(since_ns)) / kNsPerSecond,
                kTimeDecimals, text);
@@ -338,7 +338,7 @@ std::uint64_t messages_of(const mcap::Reader& reader, const std::string& topic) 
   return messages;
 }
 
-/// What is picked for one layer.
+/// The selected data of one layer.
 class LayerData {
  public:
   LayerData(const Layer& layer, const mcap::Reader& reader, std::uint64_t begin_ns)
@@ -463,7 +463,7 @@ void take(const mcap::StoredMessage& message, std::vector<LayerData>& data, Mess
   }
 }
 
-/// What a view could draw instead.
+/// The topics that a view could use instead.
 std::string topics_of(const mcap::Reader& reader) {
   constexpr std::size_t kMostNames = 8;
   std::set<std::string> topics;

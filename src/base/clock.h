@@ -13,11 +13,11 @@ namespace fastcycle::base {
 /// No deadline: later than anything.
 inline constexpr std::int64_t kNever = INT64_MAX;
 
-/// The application's clock: every time in an application comes from here.
+/// The application's clock: the source of all times in an application.
 ///
-/// Live, it is CLOCK_MONOTONIC plus an offset to Unix time that is fixed when it is made, so that
-/// it never steps; at a rate other than 1 it runs that many times as fast. Simulated, it stands
-/// until the scheduler moves it.
+/// Live, it is CLOCK_MONOTONIC plus an offset to Unix time that is fixed when it is created, so
+/// that it never steps; at a rate other than 1 it runs that many times as fast. Simulated, it is
+/// stopped until the scheduler sets it.
 ///
 /// @threads  Safe; `set_simulated` is for the scheduler alone.
 /// @realtime One clock read, no lock.
@@ -35,25 +35,24 @@ class Clock {
 
   [[nodiscard]] Time now() const noexcept;
 
-  /// What a live clock shows when CLOCK_MONOTONIC is `monotonic`; a simulated one shows what it
-  /// does.
+  /// The time of a live clock when CLOCK_MONOTONIC is `monotonic`; the present time of a simulated
+  /// one.
   [[nodiscard]] Time at_monotonic(std::int64_t monotonic) const noexcept;
 
-  /// The CLOCK_MONOTONIC nanoseconds at which a live clock will show `time`; of one that stands, if
-  /// it went on now.
+  /// The CLOCK_MONOTONIC nanoseconds at which a live clock will show `time`; of a stopped one, if
+  /// it resumed now.
   [[nodiscard]] std::int64_t monotonic_at(Time time) const noexcept;
 
   /// @pre  The clock is simulated, and `time` is not before `now()`.
   void set_simulated(Time time) noexcept;
 
-  /// Lets it show `time` now, and go on from there. Before anybody reads it.
+  /// Sets it to `time` now. Before it is read.
   void restart(Time time) noexcept;
 
-  /// Lets a live clock show `time`, and stand there until it is told to go on. Before anybody reads
-  /// it.
+  /// Stops a live clock at `time`, until `go_on_at`. Before it is read.
   void stand_at(Time time) noexcept;
   [[nodiscard]] bool stands() const noexcept;
-  /// Lets a clock that stands go on, as if it had done so when CLOCK_MONOTONIC was `monotonic`.
+  /// Resumes a stopped clock, as if at the time when CLOCK_MONOTONIC was `monotonic`.
   ///
   /// @threads  One; others may read it meanwhile.
   void go_on_at(std::int64_t monotonic) noexcept;
@@ -64,7 +63,7 @@ class Clock {
   const bool is_simulated_;
   const double rate_;
   std::int64_t origin_ns_;
-  std::atomic<std::int64_t> monotonic_origin_ns_;  ///< `kNever` while a live clock stands.
+  std::atomic<std::int64_t> monotonic_origin_ns_;  ///< `kNever` while a live clock is stopped.
   std::atomic<std::int64_t> simulated_ns_;
 };
 

@@ -18,7 +18,7 @@ bool is_same(const struct stat& one, const struct stat& other) {
   return one.st_dev == other.st_dev && one.st_ino == other.st_ino;
 }
 
-/// The name that an open file has now; empty if the kernel does not say it.
+/// The present name of an open file; empty if the kernel does not report it.
 std::string present_name(int descriptor) {
   std::error_code ignored;
   return fs::read_symlink("/proc/self/fd/" + std::to_string(descriptor), ignored).string();

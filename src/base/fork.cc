@@ -7,7 +7,7 @@
 namespace fastcycle::base {
 namespace {
 
-// What the handler of a fork needs, which is given nothing.
+// For the fork handler, which has no arguments.
 std::atomic<bool> g_is_child{false};
 std::atomic<void (*)()> g_action{nullptr};
 
@@ -23,7 +23,7 @@ void begin_child() {
 void watch_forks() noexcept {
   static const int registered = pthread_atfork(nullptr, nullptr, &begin_child);
   static_cast<void>(registered);
-  g_is_child.store(false);  // What begins in a child is a process of its own.
+  g_is_child.store(false);  // A child that calls this is a process of its own.
 }
 
 bool has_forked() noexcept {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#ifndef FASTCYCLE_STATISTICS  // CMake says when it is OFF.
+#ifndef FASTCYCLE_STATISTICS  // Defined by CMake if it is OFF.
 #define FASTCYCLE_STATISTICS 1
 #endif
 
@@ -15,7 +15,7 @@ namespace fastcycle::base {
 /// Whether anything is recorded in histograms.
 inline constexpr bool kHasStatistics = FASTCYCLE_STATISTICS != 0;
 
-/// Summary of a histogram, in the unit of what was recorded.
+/// Summary of a histogram, in the unit of the recorded values.
 struct HistogramSummary {
   std::uint64_t count = 0;
   double mean = 0;
@@ -41,10 +41,10 @@ struct HistogramBuckets {
 };
 
 /// Durations in nanoseconds, in buckets that grow with the value: each at most 1/2^kSubBits of its
-/// value wide, or 4 ns, from 0 to 4.3 s; what is longer counts in the last one. Count, mean,
+/// value wide, or 4 ns, from 0 to 4.3 s; longer ones count in the last bucket. Count, mean,
 /// deviation and maximum are exact. A bucket counts to 2^32; when one is full all are halved, so
-/// that in percentiles what was before weighs half from then on: after more than an hour of a
-/// million a second.
+/// that older values have half the weight in percentiles: after more than an hour at a million a
+/// second.
 ///
 /// @threads  `record` by one thread at a time; `summary` and `buckets` by any thread, and exact
 /// when
@@ -54,7 +54,7 @@ struct HistogramBuckets {
 template <unsigned kSubBits>
 class LogHistogram {
  public:
-  /// Counts `nanoseconds`, as often as `times` says; what is negative counts as 0.
+  /// Counts `nanoseconds` `times` times; negative values count as 0.
   void record(std::int64_t nanoseconds, std::uint32_t times = 1) noexcept {
     if constexpr (kHasStatistics) {
       const auto value = static_cast<std::uint64_t>(nanoseconds > 0 ? nanoseconds : 0);
@@ -68,7 +68,7 @@ class LogHistogram {
     }
   }
 
-  /// Adds what `other` counted; as `record`.
+  /// Adds the counts of `other`; as `record`.
   void merge(const LogHistogram& other) noexcept;
 
   [[nodiscard]] std::uint64_t count() const noexcept;
@@ -76,7 +76,7 @@ class LogHistogram {
   [[nodiscard]] HistogramBuckets buckets() const noexcept;
 
  private:
-  static constexpr unsigned kStepBits = 2;  ///< What is shorter than 4 ns is not told apart.
+  static constexpr unsigned kStepBits = 2;  ///< Resolution: 4 ns.
   static constexpr unsigned kOctaves = 31 - kSubBits;
   static constexpr std::size_t kBuckets = (kOctaves << kSubBits);
 
@@ -106,9 +106,9 @@ class LogHistogram {
   [[nodiscard]] static double middle_of(std::size_t bucket) noexcept;
   [[nodiscard]] double percentile(double share, std::uint64_t count) const noexcept;
 
-  // One writer: plain additions, as relaxed loads and stores so that a reader may look.
+  // One writer: plain additions, as relaxed loads and stores so that readers may read concurrently.
   std::array<std::atomic<std::uint32_t>, kBuckets> counts_{};
-  std::atomic<std::uint64_t> halved_{0};  ///< That were in buckets, and are no more.
+  std::atomic<std::uint64_t> halved_{0};  ///< Counts removed from buckets by halving.
   std::atomic<double> sum_{0};
   std::atomic<double> square_sum_{0};
   std::atomic<std::uint64_t> max_{0};

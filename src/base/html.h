@@ -5,7 +5,7 @@
 
 namespace fastcycle::base {
 
-/// `text` as it stands in HTML, between tags or in quotes.
+/// `text` escaped for HTML, between tags or in quotes.
 [[nodiscard]] std::string to_html(std::string_view text);
 
 }  // namespace fastcycle::base

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::int64_t kTellNs = 1'000'000'000;
 
-/// What stands before a level on a terminal, and behind it.
+/// The escape sequences before and after a level on a terminal.
 const char* colour_of(LogLevel level) noexcept {
   switch (level) {
     case LogLevel::kError:
@@ -42,7 +42,7 @@ std::string head_of(const LogLine& line, Time start) {
 }
 
 std::string rest_of(const LogLine& line) {
-  // Most often somebody wrote the end of the line.
+  // Usually a trailing line end.
   std::string_view text = line.text;
   while (text.ends_with('\n')) {
     text.remove_suffix(1);
@@ -56,8 +56,8 @@ std::string to_string(const LogLine& line, Time start) {
   return head_of(line, start) + to_word(line.level) + rest_of(line);
 }
 
-// The queue is the bounded one of Dmitry Vyukov: a slot's `turn` says whose turn it is to use it.
-// https://www.1024cores.net/home/lock-free-algorithms/queues/bounded-mpmc-queue
+// The queue is the bounded one of Dmitry Vyukov: a slot's `turn` determines which thread may use
+// it. https://www.1024cores.net/home/lock-free-algorithms/queues/bounded-mpmc-queue
 LogQueue::LogQueue(const base::Clock& clock)
     : clock_(clock),
       is_terminal_(isatty(STDERR_FILENO) != 0),
@@ -147,7 +147,7 @@ void LogQueue::print_line() noexcept {
   ++head_;
 }
 
-/// Says how many lines found the queue full since that was said last.
+/// Logs how many lines found the queue full since the last call.
 void LogQueue::tell_lost() noexcept {
   const std::uint64_t lost = lost_.load(std::memory_order_relaxed);
   if (lost == told_lost_) {

@@ -19,7 +19,7 @@
 
 namespace fastcycle::detail {
 
-/// One line, and who says it when.
+/// One line, with its source and time.
 struct LogLine {
   Time time;
   LogLevel level = LogLevel::kInfo;
@@ -28,42 +28,42 @@ struct LogLine {
 };
 
 /// `12.345678 warning planner: no lane`, without an end of line: seconds since `start`, 0 before
-/// it, and nothing in it that would steer a terminal.
+/// it, without terminal control characters.
 [[nodiscard]] std::string to_string(const LogLine& line, Time start);
 
-/// The lines of one application on their way to standard error, printed by a thread of its own.
+/// The queue of an application's lines to standard error, printed by a thread of its own.
 ///
 /// @threads  `write`, `set_start`, `set_listener` are Safe.
 /// @realtime `write` allocates nothing, takes no lock and touches no file; it makes one wake call
-///           when the printing thread sleeps. A line that finds the queue full is counted, which is
-///           told at most once a second, and at the end.
+///           when the printing thread sleeps. A line that finds the queue full is counted; the
+///           count is logged at most once a second, and at the end.
 class LogQueue {
  public:
   static constexpr std::size_t kCapacity = 1024;
-  /// A line's text is cut behind so many bytes.
+  /// A line's text is cut to this many bytes.
   static constexpr std::size_t kTextBytes = 400;
-  /// Who says what is of no component.
+  /// The source of lines that are of no component.
   static constexpr std::string_view kOwnName = "fastcycle";
 
   explicit LogQueue(const base::Clock& clock);
   LogQueue(const LogQueue&) = delete;
   LogQueue& operator=(const LogQueue&) = delete;
-  /// Prints what is left, and how many lines were lost.
+  /// Prints the remaining lines, and how many were lost.
   ~LogQueue();
 
   void write(const LogLine& line) noexcept;
 
-  /// From now on times are printed since `start`; before the first call all are 0.
+  /// Prints times relative to `start`; before the first call all are 0.
   void set_start(Time start) noexcept { start_ns_.store(base::to_ns(start)); }
 
-  /// Whether all that was written until now is printed. A signal handler may ask that too.
+  /// Whether all lines written until now are printed. Async-signal-safe.
   [[nodiscard]] bool is_printed() const noexcept;
 
   using Listener = std::function<void(const LogLine& line)>;
-  /// From now on `listener` is given each line that is printed, on the thread that prints; an empty
-  /// one ends that for `who`, and is not called any more once this has returned.
+  /// Calls `listener` with each printed line, on the printing thread; an empty one removes that of
+  /// `who`, which is not called any more once this has returned.
   void set_listener(const void* who, Listener listener);
-  /// Gives listeners a line that another process of the application printed. Safe.
+  /// Passes a line that another process of the application printed to the listeners. Safe.
   void tell(const LogLine& line) noexcept;
 
  private:
@@ -84,7 +84,7 @@ class LogQueue {
   void print_until_stopped() noexcept;
 
   const base::Clock& clock_;
-  /// Standard error is a terminal: a line that is redrawn may stand there, and is cleared.
+  /// Standard error is a terminal: a progress line there is cleared.
   const bool is_terminal_;
   const bool is_coloured_;
   std::vector<Slot> slots_;
@@ -105,16 +105,16 @@ class LogQueue {
   base::Thread thread_;
 };
 
-/// Lets each text through once in a while.
+/// Rate limit for each text.
 ///
 /// @threads  Safe.
-/// @realtime No lock, no allocation; it looks at up to `kTexts` texts.
+/// @realtime No lock, no allocation; it compares with up to `kTexts` texts.
 class LogThrottle {
  public:
   static constexpr std::size_t kTexts = 32;
 
-  /// Whether `text`, known by its address, may be written at `now`, and then not again before
-  /// `period` is over: how many times it might not since the last time. Nothing if it may not.
+  /// Whether `text`, identified by its address, may be written at `now`, at most once per `period`:
+  /// returns how many times it was suppressed since the last time; none if it may not be written.
   std::optional<std::uint64_t> admit(const char* text, Time now, Duration period) noexcept;
 
  private:
@@ -126,12 +126,12 @@ class LogThrottle {
 
   Entry& entry_of(const char* text) noexcept;
 
-  std::array<Entry, kTexts + 1> entries_;  ///< The last one is of all texts that had no place.
+  std::array<Entry, kTexts + 1> entries_;  ///< The last one is for all texts beyond.
 };
 
-/// Whom lines are of: gives them name and time, and leaves out what is below its level.
+/// The source of lines: adds name and time, and drops lines below its level.
 ///
-/// @threads  Safe, but for what is said otherwise.
+/// @threads  Safe, unless stated otherwise.
 class LogSource {
  public:
   /// `name` outlives it.
@@ -143,16 +143,16 @@ class LogSource {
   [[nodiscard]] bool wants(LogLevel level) const noexcept {
     return level >= level_ && !is_muted_.load(std::memory_order_relaxed);
   }
-  /// Whether nothing is written: somebody else writes the same.
+  /// Suppresses all lines, while another process writes the same.
   void mute(bool is_muted) noexcept { is_muted_.store(is_muted, std::memory_order_relaxed); }
   void write(LogLevel level, std::string_view text) { write(level, name_, text); }
-  /// In the name of `component`.
+  /// On behalf of `component`.
   void write(LogLevel level, std::string_view component, std::string_view text);
 
   [[nodiscard]] Time now() const noexcept { return clock_.now(); }
   [[nodiscard]] LogThrottle& throttle() noexcept { return throttle_; }
 
-  /// A line that is kept for somebody who takes it later.
+  /// A line that is kept for a later `take`.
   struct Kept {
     Time time;
     LogLevel level = LogLevel::kInfo;
@@ -164,8 +164,8 @@ class LogSource {
     std::uint64_t lost = 0;  ///< Beyond `kMostKept`.
   };
   static constexpr std::size_t kMostKept = 1024;
-  /// From now on lines are kept too, in the order in which they are written. Then `write` takes a
-  /// lock and allocates: for simulated time. Before anybody writes, or between two rounds.
+  /// Also keeps lines, in the order in which they are written. Then `write` takes a lock and
+  /// allocates: for simulated time. Before the first write, or between two rounds.
   void keep() noexcept { is_kept_.store(true); }
   /// Keeps a line that another process of the application wrote, if lines are kept.
   void keep_line(Kept line);

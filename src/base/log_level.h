@@ -7,7 +7,7 @@
 
 namespace fastcycle::detail {
 
-/// What the levels of the log are called wherever people read or write them, in their order.
+/// The names of the log levels in input and output, in their order.
 inline constexpr std::array<const char*, 4> kLogLevelWords{"debug", "info", "warning", "error"};
 
 [[nodiscard]] constexpr const char* to_word(LogLevel level) noexcept {

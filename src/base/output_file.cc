@@ -46,11 +46,11 @@ int open_beside(const fs::path& path, std::string& name) {
   return ::mkostemp(name.data(), O_CLOEXEC);
 }
 
-/// What speaks against `path` as it is there now.
+/// Why the present `path` cannot be used.
 std::string find_wrong(const fs::path& path, OutputFile::Inputs inputs) {
   struct stat status{};
   if (::lstat(path.c_str(), &status) != 0) {
-    return {};  // It is free, or making it says why not.
+    return {};  // It is free, or creating it reports the error.
   }
   switch (status.st_mode & S_IFMT) {
     case S_IFDIR:
@@ -79,7 +79,7 @@ std::string OutputFile::find_obstacle(const fs::path& path, Inputs inputs) {
     const OutputFile file(path, inputs);
     return {};
   } catch (const std::runtime_error& error) {
-    // Without the path, which whoever asks knows.
+    // Without the path, which the caller has.
     return std::string(error.what()).substr(path.string().size() + 2);
   }
 }
@@ -109,7 +109,7 @@ void OutputFile::commit() {
   if (unfinished_.empty()) {
     return;
   }
-  // What came there meanwhile is not ours to replace, unless it is a file as before.
+  // A new object at this path must not be replaced, unless it is a file as before.
   if (const std::string wrong = find_wrong(path_, {}); !wrong.empty()) {
     throw std::runtime_error(path_.string() + ": " + wrong);
   }

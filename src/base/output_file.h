@@ -6,30 +6,30 @@
 
 namespace fastcycle::base {
 
-/// A file that a command was asked to write: a report, a trace, a table.
+/// An output file of a command: a report, a trace, a table.
 ///
 ///     OutputFile file(path, inputs);
 ///     write(file.descriptor(), …);
 ///     file.commit();
 ///
-/// It is made beside its place, readable by its owner alone, and gets its name by `commit`, which
-/// replaces a regular file of that name. So what stands under the name is never half written, a
-/// link is never followed, and a FIFO is never waited for. What was not committed is removed.
+/// It is created in the same folder under another name, readable by its owner only, and renamed by
+/// `commit`, which replaces a regular file of that name. So the named file is never incomplete,
+/// links are not followed, and FIFOs do not block. An uncommitted file is removed.
 ///
 /// Streams that the kernel offers as files, `/dev/stdout`, `/dev/fd/3`, `/dev/null`, are written
-/// as they are.
+/// directly.
 ///
 /// @threads  Confined.
 class OutputFile {
  public:
   using Inputs = std::span<const std::filesystem::path>;
 
-  /// Why `path` cannot be written, as "it is a folder"; empty if nothing is known against it.
-  /// `inputs` are what the command reads. Leaves nothing behind.
+  /// Why `path` cannot be written, such as "it is a folder"; empty if no reason is found. `inputs`
+  /// are the files that the command reads. Without side effects.
   [[nodiscard]] static std::string find_obstacle(const std::filesystem::path& path,
                                                  Inputs inputs = {});
 
-  /// @errors  `std::runtime_error`, with the path and what `find_obstacle` says.
+  /// @errors  `std::runtime_error`, with the path and the result of `find_obstacle`.
   explicit OutputFile(std::filesystem::path path, Inputs inputs = {});
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
@@ -37,12 +37,12 @@ class OutputFile {
 
   [[nodiscard]] int descriptor() const { return descriptor_; }
 
-  /// Gives it its name; more may be written to it afterwards.
+  /// Renames it; more may be written to it afterwards.
   ///
   /// @errors  `std::runtime_error`
   void commit();
 
-  /// Closes it, which may be when the disk says that it is full.
+  /// Closes it, which may be when a full disk is reported.
   ///
   /// @errors  `std::runtime_error`
   void close();
@@ -51,7 +51,7 @@ class OutputFile {
   [[noreturn]] void fail(int error) const;
 
   const std::filesystem::path path_;
-  std::string unfinished_;  ///< Empty: a stream, or it has its name.
+  std::string unfinished_;  ///< Empty: a stream, or committed.
   int descriptor_ = -1;
 };
 

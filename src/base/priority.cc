@@ -38,7 +38,7 @@ void give_way() noexcept {
                                         .runtime_ns = kSliceNs,
                                         .deadline_ns = 0,
                                         .period_ns = 0};
-  // Systems that do not know slices ignore them, or refuse.
+  // Systems without slices ignore them, or return an error.
   static_cast<void>(::syscall(SYS_sched_setattr, 0, &attributes, 0));
 }
 

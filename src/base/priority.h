@@ -2,10 +2,10 @@
 
 namespace fastcycle::base {
 
-/// Makes the calling thread one of low priority, for work that serves people and no component: nice
-/// 10, or what it has if that is lower, and long time slices. Since Linux 6.12 a thread with
-/// shorter slices that wakes up takes the place of one with longer slices at once; of one with
-/// equally long slices only when these are over, however low its priority is.
+/// Lowers the priority of the calling thread, for work that serves users and no component: nice 10,
+/// unless its priority is lower already, and long time slices. Since Linux 6.12 a waking thread
+/// with shorter slices preempts one with longer slices at once, but one with equal slices only at
+/// the end of a slice, regardless of nice.
 void give_way() noexcept;
 
 }  // namespace fastcycle::base

@@ -4,8 +4,8 @@
 
 namespace fastcycle::base {
 
-/// A mutex whose holder inherits the priority of who waits for it: for what running components and
-/// threads of a lower priority share.
+/// A mutex with priority inheritance: for data that running components share with threads of a
+/// lower priority.
 ///
 /// @threads  Safe. With `std::lock_guard` and `std::unique_lock`.
 class PriorityMutex {

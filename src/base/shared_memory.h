@@ -1,14 +1,14 @@
 #pragma once
 
-// The memory that the processes of an application read of each other, as far as those must know it
-// who allocate: one range of addresses, and where a thread's `new` takes its memory from.
+// The memory that the processes of an application read of each other, as needed for allocation: one
+// range of addresses, and the source of a thread's `new`.
 
 #include <cstddef>
 #include <cstdint>
 
 namespace fastcycle::base {
 
-/// Where memory comes from while a thread is in a scope of shared memory.
+/// The allocator of a thread within a scope of shared memory.
 ///
 /// @threads  Safe.
 class SharedAllocator {
@@ -20,11 +20,11 @@ class SharedAllocator {
 
   /// Null if there is no room.
   [[nodiscard]] virtual void* allocate(std::size_t size, std::size_t alignment) noexcept = 0;
-  /// Frees what lies in the range; also where it belongs to another process, which keeps it.
+  /// Frees memory within the range; no effect on memory of another process.
   virtual void free(void* memory) noexcept = 0;
 };
 
-/// The range of this process, and who allocates in it. Set once, while the process has one thread.
+/// The range of this process, and its allocator. Set once, while the process has one thread.
 struct SharedMemory {
   std::uintptr_t begin = 0;
   std::size_t size = 0;                  ///< 0: there is none.
@@ -41,13 +41,13 @@ struct SharedMemory {
 };
 extern SharedMemory shared_memory;
 
-/// In how many scopes of shared memory the thread is.
+/// Nesting depth of the thread's scopes of shared memory.
 extern thread_local constinit unsigned shared_scopes __attribute__((tls_model("initial-exec")));
 
 inline void enter_shared_scope() noexcept {
   ++shared_scopes;
 }
-/// A scope may end on another thread than it began on; who is in none stays there.
+/// A scope may end on another thread than it began on; no effect on a thread that is in none.
 inline void leave_shared_scope() noexcept {
   shared_scopes -= shared_scopes > 0 ? 1 : 0;
 }

@@ -6,10 +6,10 @@
 
 namespace fastcycle::base {
 
-/// A stack of its own for the signal handlers of the calling thread, so that a thread whose stack
-/// is used up can still say so. Where there is no memory for it, the thread goes without.
+/// An alternate signal stack of the calling thread, so that a stack overflow can be reported.
+/// Without memory for it, the thread has none.
 ///
-/// @threads  Made and destroyed on the thread that it is for.
+/// @threads  Constructed and destroyed on its thread.
 class SignalStack {
  public:
   static constexpr std::size_t kSize = 64UL * 1024;

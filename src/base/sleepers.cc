@@ -28,8 +28,8 @@ bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns)
   return result == 0 || errno != ETIMEDOUT;
 }
 
-/// The same, or until one of `words` shows something else. Returns false if the deadline passed or
-/// such a word changed.
+/// The same, or until one of `words` changes. Returns false if the deadline passed or such a word
+/// changed.
 bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns,
                      std::span<const WatchedWord> words) noexcept {
   std::array<futex_waitv, Sleepers::kMaxWatched + 1> waited;
@@ -47,7 +47,7 @@ bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns,
   const timespec deadline = to_timespec(deadline_ns);
   const timespec* limit = deadline_ns != kNever ? &deadline : nullptr;
   const long result = syscall(SYS_futex_waitv, waited.data(), count, 0, limit, CLOCK_MONOTONIC);
-  // EAGAIN: a word had changed before; which one, it does not say.
+  // EAGAIN: a word had changed before; unknown which one.
   return result == 0 || (errno == EAGAIN && word.load(std::memory_order_acquire) != 0);
 }
 
@@ -150,7 +150,7 @@ bool Sleepers::sleep(unsigned index, std::int64_t deadline_ns) noexcept {
         alarm.after_deadline();
         return false;
       }
-      // A waker was faster, and may need this CPU to go on: wait for it without a limit.
+      // A waker was faster, and may need this CPU to continue: wait for it without a limit.
       deadline_ns = kNever;
     }
   }

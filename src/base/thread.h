@@ -9,12 +9,12 @@
 
 namespace fastcycle::base {
 
-/// `kIdle` (SCHED_IDLE) runs where nothing else wants the CPU, and gives way at once.
+/// `kIdle` (SCHED_IDLE) runs only on an idle CPU, and is preempted at once.
 enum class SchedulingPolicy : std::uint8_t { kOther, kFifo, kRoundRobin, kIdle };
 
-/// How a thread should run. What the machine refuses is reported, not fatal.
+/// Scheduling of a thread. Options that the machine refuses are reported, not fatal.
 struct ThreadOptions {
-  std::string name;  ///< At most 15 bytes are shown by the system.
+  std::string name;  ///< At most 15 bytes, the limit of the system, are used.
   std::vector<int> cpus;
   SchedulingPolicy policy = SchedulingPolicy::kOther;
   int priority = 0;  ///< 1 to 99 for FIFO and round robin.
@@ -26,17 +26,18 @@ struct Refusal {
   std::string remedy;
 };
 
-/// A thread with a small prefaulted stack (256 KiB), its name, place and policy set before its body
-/// runs, and a timer slack of 1 ns, so that a timed wait of an ordinary thread is not 50 µs late.
+/// A thread with a small prefaulted stack (256 KiB), its name, affinity and policy set before its
+/// body runs, and a timer slack of 1 ns, so that a timed wait of an ordinary thread is not 50 µs
+/// late.
 ///
 /// @threads  Confined to its owner.
 class Thread {
  public:
   Thread() = default;
 
-  /// Starts `body`; what the machine refused is added to `refusals` before this returns.
+  /// Starts `body`; adds what the machine refused to `refusals` before this returns.
   ///
-  /// @errors  std::system_error if no thread could be made.
+  /// @errors  std::system_error if no thread could be created.
   Thread(const ThreadOptions& options, std::function<void()> body, std::vector<Refusal>& refusals);
 
   Thread(Thread&& other) noexcept;

@@ -53,8 +53,8 @@ namespace fastcycle::base {
   return true;
 }
 
-/// `text` itself if it is UTF-8, else with '?' in place of each byte that is not ASCII: what a text
-/// of a message has to be.
+/// `text` itself if it is UTF-8, else with '?' in place of each byte that is not ASCII, as string
+/// fields require.
 [[nodiscard]] inline std::string to_utf8(std::string_view text) {
   std::string result(text);
   if (!is_utf8(result)) {

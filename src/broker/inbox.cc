@@ -28,7 +28,7 @@ void Inbox::remove(const Lane& lane) noexcept {
   } else if (lane.shared_word != nullptr) {
     shared_.remove(lane);
   } else if (lanes_[lane.place].get() == &lane) {
-    // Its publisher may set the bit once more: then whoever has it next is looked at in vain.
+    // Its publisher may set the bit once more: then the next lane with that bit is read needlessly.
     lanes_[lane.place].reset();
   }
   find_few_lanes();
@@ -84,8 +84,8 @@ bool Inbox::peek_all(Head& found) noexcept {
     Head best;
     std::uint64_t seen = 0;
     std::uint64_t ready = state_.load(std::memory_order_seq_cst) & kLaneMask;
-    // The shared bit comes last: who looks behind it looks for newer lanes after the oldest message
-    // was found, wherever that was.
+    // The shared bit is last: its `peek` searches for newly marked lanes after the oldest message
+    // was found in any lane.
     while (ready != 0) {
       const auto bit = static_cast<unsigned>(std::countr_zero(ready));
       const std::uint64_t flag = std::uint64_t{1} << bit;

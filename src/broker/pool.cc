@@ -30,7 +30,7 @@ constexpr Poison kUsualPoison = Poison::kOff;
 constexpr Poison kUsualPoison = Poison::kPattern;
 #endif
 
-/// What stands in `returned_` once the publisher is gone.
+/// The value of `returned_` once the publisher is gone.
 Envelope* closed_mark() noexcept {
   static Envelope mark;
   return &mark;
@@ -169,10 +169,10 @@ void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
   slabs_.push_back(std::move(slab));
 }
 
-/// By whoever held it last.
+/// By the last holder.
 void Pool::poison(Envelope& envelope) noexcept {
   google::protobuf::Message* const message = std::exchange(envelope.own, nullptr);
-  // What other processes read has a heap of its own, which writes into what is freed.
+  // Shared memory has a heap of its own, which writes into freed memory.
   if (poison_ == Poison::kFree || base::shared_memory.has(message)) {
     delete message;
     return;
@@ -180,7 +180,7 @@ void Pool::poison(Envelope& envelope) noexcept {
   envelope.remains = message;
   const std::size_t size = malloc_usable_size(envelope.remains);
   message->~Message();
-  // Volatile: the bytes are written though nobody may read them.
+  // Volatile: the writes must not be optimized away.
   std::fill_n(static_cast<volatile unsigned char*>(envelope.remains), size, kPoisonByte);
 }
 

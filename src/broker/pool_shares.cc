@@ -56,7 +56,7 @@ bool PoolShares::keeps_too_much(const Lane& lane, const Pool& pool) const noexce
   if (kept <= subscription.keep + keep_) {
     return false;
   }
-  // What views and synchronizers hold, they asked for.
+  // Views and synchronizers hold messages by design.
   const bool is_plain = subscription.kind == Subscription::Kind::kCallback;
   const std::size_t in_use = lane.queued() + 1 + (is_plain ? 0 : subscription.keep);
   return kept + in_use >= share_of(lane);

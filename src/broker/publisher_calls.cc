@@ -1,4 +1,4 @@
-// What include/fastcycle/publisher.h calls: the ends of components and threads at a publisher.
+// Implements the functions of include/fastcycle/publisher.h: calls of components and threads.
 
 #include <mutex>
 
@@ -12,8 +12,8 @@
 namespace fastcycle::detail {
 namespace {
 
-/// What `find()` gives. An external publisher is asked by threads of its own; an activation that
-/// asks it is to be told the same again.
+/// The result of `find()`. An external publisher is called by foreign threads; a call within an
+/// activation is recorded, and returns the same in a replay.
 template <typename Find>
 std::uint64_t learn_if_activated(const PublisherCore& publisher, ReadKind kind, const Find& find) {
   return publisher.owner.is_active_here() ? publisher.owner.learn(kind, publisher.id, find)

@@ -98,7 +98,7 @@ std::size_t PublisherCore::count_latched_for(const Lane& lane) const noexcept {
 
 void PublisherCore::tell_holders_apart(std::size_t count) {
   if (published() > 0) {
-    return;  // Those who hold something are told apart already, or not at all.
+    return;  // Holders are counted already, or not at all.
   }
   pool_->tell_holders_apart(count + kLateHolders);
   forwards_->tell_holders_apart(count + kLateHolders);
@@ -187,8 +187,8 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
   }
   check_loans();
   shares_.note_shortage();
-  // In simulated time losses must not depend on how fast observers and foreign threads let go of
-  // what they hold: it is limited by nothing.
+  // No limit in simulated time: losses must not depend on how fast observers and foreign threads
+  // release messages.
   if (pool.size() < shares_.limit() || owner.stage != nullptr) {
     pool.grow(1, prototype_.get());
     return pool.take();
@@ -204,8 +204,8 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
 }
 
 Envelope* PublisherCore::loan(bool is_cleared) {
-  // What came back last is warm, in caches and in pages; but in a burst its list belongs to the
-  // readers. An external publisher is in no activation, and may not look at its owner's.
+  // The last returned message is warm, in caches and in pages; but in a burst its list belongs to
+  // the readers. An external publisher is in no activation, and may not look at its owner's.
   if (owner.stage == nullptr && (options.is_external || owner.publish_count == 0)) {
     pool_->collect();
   }
@@ -244,7 +244,7 @@ void PublisherCore::add_export(MessageExport& to) {
   shares_.join_export(to.capacity());
 }
 
-/// Ends the loan's scope. What is published lies where others can read it.
+/// Ends the loan's scope. Makes the message readable for other processes.
 void PublisherCore::share(Envelope& loan) noexcept {
   if (exports_.empty()) [[likely]] {
     return;
@@ -253,7 +253,7 @@ void PublisherCore::share(Envelope& loan) noexcept {
   base::leave_shared_scope();
 }
 
-/// A message of somebody else, who may end before those do that are given it: a copy, as a loan.
+/// A copy, as a loan, of another publisher's message: that publisher may end before the receivers.
 Envelope* PublisherCore::copy_for_export(const Envelope& received) {
   Envelope* const copy = loan(false);
   copy->own->CopyFrom(*received.payload);
@@ -383,7 +383,7 @@ void PublisherCore::publish(Envelope* loan, const PublishOptions& options_) {
   number(*loan, origin, is_simulated ? owner.now + owner.simulated_cost : owner.clock->now());
   owner.published = loan->info.publish_time;
   if (root_count != 0) [[unlikely]] {
-    // What was measured just now follows from nothing that came before.
+    // A new measurement inherits no trails.
     follow(*loan, options_.taken_at ? nullptr : owner.trails,
            options_.taken_at ? nullptr : owner.held_trails);
   }
@@ -443,7 +443,7 @@ void PublisherCore::stop_following() {
   const std::lock_guard lock(mutex_);
   followed_->clear();
   followed_->is_following = false;
-  // Who comes later is given these; the memory of the other process is not for that.
+  // Later subscribers receive these; the memory of the other process is not used for that.
   for (Envelope*& kept : latched_) {
     Envelope* const copy = loan(false);
     copy->own->CopyFrom(*kept->payload);
@@ -476,8 +476,7 @@ void PublisherCore::skip_followed() {
   followed_.reset();
 }
 
-/// What the component publishes while it follows another one, or what it does again when it takes
-/// its place.
+/// For a message that the component publishes while it is a standby, or again when it takes over.
 void PublisherCore::send_following(Envelope* envelope, const Trail* cause, const Trail* held) {
   const std::lock_guard lock(mutex_);
   MessageInfo& info = envelope->info;
@@ -589,7 +588,7 @@ void PublisherCore::publish_again(Envelope* loan, const MessageInfo& info) {
 }
 
 void PublisherCore::drop_outside(Envelope* loan) noexcept {
-  // Before the start and after the stop nobody is served.
+  // No component is served before the start and after the stop.
   ++handed_over_;
   for (const Target& target : targets_) {
     target.lane->published.add();
@@ -626,7 +625,7 @@ void PublisherCore::publish_imported(Envelope* envelope, bool may_repeat) noexce
   }
 }
 
-/// What the publisher that is followed published, to those who receive it here.
+/// Delivers a message of the followed publisher to its subscribers here.
 void PublisherCore::put_followed(Envelope* envelope) noexcept {
   envelope->references.store(
       static_cast<std::uint32_t>(targets_.size()) + (options.latched > 0 ? 2 : 1),
@@ -820,7 +819,7 @@ std::size_t PublisherCore::ask_credits() {
                    "an ExternalPublisher can be asked by your own thread");
   }
   if (owner.is_muted) {
-    return 0;  // What it publishes reaches nobody, and comes back from nobody.
+    return 0;  // Its messages are not delivered, so no credits are returned.
   }
   if (!is_asked_) {
     is_asked_ = true;
@@ -844,8 +843,8 @@ bool PublisherCore::take_returned_credits() noexcept {
   if (credits_->left(staged()) > 0) {
     return true;
   }
-  // What is staged uses them up, and no lane knows of it yet: waiting would end at once, and again
-  // and again, before the round does.
+  // Staged messages use up credits, but are not in the lanes yet: waiting would end at once,
+  // repeatedly, before the end of the round.
   if (staged() > 0) {
     awaits_when_handed_over_ = true;
   } else {
@@ -871,7 +870,7 @@ bool PublisherCore::wait_for_credit(const std::stop_token& stop) {
   check_credits(*this);
   const std::stop_callback wake_up(stop, [this] { credits_->wake(); });
   for (;;) {
-    // Read before everything that a change of it announces: the stop, the credits, being heard.
+    // Read before everything whose change it announces: the stop, the credits, the mute state.
     const std::uint32_t epoch = credits_->epoch();
     if (stop.stop_requested()) {
       return false;

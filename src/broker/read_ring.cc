@@ -23,7 +23,7 @@ void ReadRing::add(ReadKind kind, std::uint32_t its_place, PublisherId publisher
   const std::uint64_t place = words_.next.load(std::memory_order_relaxed);
   Slot& slot = slot_at(place);
   slot.version.store(2 * place + 1, std::memory_order_relaxed);
-  // Released after the odd version: who reads one of them sees that version too.
+  // Released after the odd version: a reader of one of them sees that version too.
   const auto order = std::memory_order_release;
   slot.activation.store(activation_, order);
   slot.kind.store(static_cast<std::uint64_t>(kind) | (std::uint64_t{its_place} << 8), order);

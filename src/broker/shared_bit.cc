@@ -10,7 +10,7 @@ void SharedBit::add(std::shared_ptr<Lane> lane) {
   if (free_.empty()) {
     free_.push_back(static_cast<unsigned>(lanes_.size()));
     lanes_.emplace_back();
-    // What the worker does later must find room.
+    // The worker must not allocate later.
     free_.reserve(lanes_.capacity());
     heap_.reserve(lanes_.capacity());
     if (lanes_.size() > held_.size() * kRow) {
@@ -36,7 +36,7 @@ void SharedBit::remove(const Lane& lane) noexcept {
     std::erase_if(heap_, [&](const Held& held) { return held.lane == &lane; });
     std::make_heap(heap_.begin(), heap_.end(), is_served_later);
   }
-  // Its publisher may set the bit once more: then whoever has it next is looked at in vain.
+  // Its publisher may set the bit once more: then the next lane with that bit is read needlessly.
   lanes_[place].reset();
   free_.push_back(place);
   --lane_count_;

@@ -157,7 +157,7 @@ void Subscription::add_to(Ledger& ledger, const Lane& lane) const noexcept {
 
 namespace {
 
-/// Of the messages that came out of the lanes, delivered are only those that `decided` says.
+/// Counts only the messages in `decided` of those taken from the lanes as delivered.
 void put_aside(Ledger& ledger, const Ledger& decided) noexcept {
   const std::uint64_t settled = decided.delivered + decided.dropped_total();
   ledger.queued += ledger.delivered > settled ? ledger.delivered - settled : 0;

@@ -132,7 +132,7 @@ PublisherCore& Topics::add_publisher(const std::string& name, PublishingComponen
 
 std::shared_ptr<Lane> Topics::make_lane(const PublisherCore& publisher,
                                         Subscription& subscription) {
-  // What a synchronizer receives counts once it is in a set.
+  // A message of a synchronizer counts for origins once it is in a set.
   return subscription.add_lane(
       publisher.id, publisher.owner.name, publisher.options.is_external,
       publisher.topic.ages() && subscription.kind != Subscription::Kind::kSynchronized,

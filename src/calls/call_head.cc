@@ -25,8 +25,8 @@ bool is_of_head(const UnknownField& field) {
   return field.number() >= kFirstHeadField && field.number() <= kLastHeadField;
 }
 
-/// The message's fields of unknown numbers, without those of a head that it had: who copies a
-/// request into another one copies that too.
+/// The message's fields of unknown numbers, without those of an existing head: copying a request
+/// into another one copies its head too.
 UnknownFieldSet& fields_of(Message& message) {
   UnknownFieldSet& fields = *message.GetReflection()->MutableUnknownFields(&message);
   for (int i = fields.field_count() - 1; i >= 0; --i) {

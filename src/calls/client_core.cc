@@ -18,8 +18,7 @@ namespace {
 
 constexpr std::size_t kFeedbackDepth = 64;  // The newest is what matters.
 
-/// What stops while it owes answers, of which one would wait for `service` in the end: so one can
-/// see where it goes round.
+/// Describes the cycle in which the answer of `service` would wait for itself.
 std::string way_round(const host::ComponentHost& application,
                       const std::vector<std::uint64_t>& path, std::uint64_t service) {
   std::string way;
@@ -43,8 +42,8 @@ void ClientCore::declare(const google::protobuf::Message& request,
   is_goal_client = feedback != nullptr;
   reply_ = &reply;
   feedback_ = feedback;
-  // One that is made anew finds its topics as they are, and must leave them alone: it does so while
-  // the application runs, and others may make topics at the same time.
+  // A reconstructed component must not change its existing topics: the application runs, and others
+  // may create topics at the same time.
   const auto set_options = [this](const std::string& topic, const TopicOptions& options) {
     if (!core_.is_redeclaring) {
       core_.application.wiring().topics().set_options(topic, options);
@@ -64,7 +63,7 @@ void ClientCore::declare(const google::protobuf::Message& request,
     subscription.cause = Cause::kReply;
     subscription.outlives_faults = true;  // The last word on what was given up frees a place.
   };
-  // What is accepted, and what it ends with.
+  // Acceptance, and the result.
   listen(reply_topic(service, core_.name), reply, 2 * places_.size(), &ClientCore::take_reply);
   if (feedback != nullptr) {
     listen(feedback_topic(service, core_.name), *feedback, kFeedbackDepth,
@@ -148,7 +147,7 @@ std::uint64_t ClientCore::call(Envelope* request, const CallOptions& options,
   const Duration deadline = options.deadline.value_or(Duration(0));
   const std::int64_t due_ns =
       options.deadline ? base::to_ns(core_.publishing.now + deadline) : base::kNever;
-  // The number tells the place, too.
+  // The number contains the place, too.
   const auto index = static_cast<std::uint64_t>(place - places_.begin());
   const std::uint64_t number = ++calls_ * places_.size() + index;
   *place = {.state = State::kOpen,
@@ -215,7 +214,7 @@ void ClientCore::send(std::uint64_t number, CallHead::Kind kind) {
   requests_->publish(loan, {});
 }
 
-/// The server hears that nobody waits, and answers once more: then the place is free.
+/// Notifies the server that the caller waits no more; its answer frees the place.
 void ClientCore::give_up(Place& place) {
   place.state = State::kGivenUp;
   place.deadline_ns = base::kNever;
@@ -234,7 +233,7 @@ void ClientCore::cancel(std::uint64_t number) {
     return;
   }
   if (is_goal_client) {
-    send(number, CallHead::Kind::kCancel);  // Its server says what it ends with.
+    send(number, CallHead::Kind::kCancel);  // Its server determines the result.
     return;
   }
   post({.status = CallStatus::kCancelled,
@@ -322,7 +321,7 @@ void ClientCore::on_deadline() {
 
 void ClientCore::arm() {
   if (timer_ == nullptr) {
-    return;  // The component waits to be made anew: no call is open.
+    return;  // The component waits for its reconstruction: no call is open.
   }
   std::int64_t due_ns = base::kNever;
   for (const Place& place : places_) {
@@ -338,7 +337,7 @@ void ClientCore::arm() {
 }
 
 void ClientCore::end_all(CallStatus status, std::string_view reason) {
-  // Callbacks may call again: that ends alike. Whoever calls on and on is left alone in the end.
+  // Callbacks may call again: these calls end alike. The number of rounds is limited.
   constexpr int kMaxRounds = 16;
   for (int round = 0; round < kMaxRounds; ++round) {
     bool had_any = false;
@@ -375,7 +374,7 @@ void ClientCore::abandon(std::string_view) {
   }
 }
 
-// ---- What clients ask ----
+// ---- Functions for clients ----
 
 PublisherCore& request_publisher(ClientCore& client) noexcept {
   return client.requests();

@@ -1,4 +1,4 @@
-// What components ask of their context about services and actions.
+// The functions of `Context` for services and actions.
 
 #include <algorithm>
 #include <memory>
@@ -17,7 +17,7 @@
 namespace fastcycle::detail {
 namespace {
 
-/// Whether a service or an action may have messages of `type`; else adds a mistake.
+/// Adds an error unless a service or an action may have messages of `type`.
 void check_call_type(ComponentCore& core, const std::string& service,
                      const google::protobuf::Message* type) {
   if (type == nullptr) {

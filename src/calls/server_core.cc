@@ -94,7 +94,7 @@ void ServerCore::take_request(const Client& client, Envelope& envelope,
   owed->path = head_.path;
   owed->path.push_back(id);
   const Ticket ticket{this, static_cast<std::size_t>(owed - owed_.begin()), owed->serial};
-  // Who answers at once waits for nobody.
+  // A server that answers at once has no calls that its answer waits for.
   const Serving serving(core, defers_ ? ticket : Ticket());
   callback_(envelope, payload, ticket);
   if (feedback_instance != nullptr && owes(ticket)) {
@@ -189,8 +189,8 @@ void ServerCore::answer(const Ticket& ticket, CallStatus status, std::string_vie
         message);
 }
 
-/// What is thrown is told as the reason, if it becomes a fault; that shows only after this. A test
-/// may let go of a responder between activations.
+/// An exception becomes the reason, if it is a fault, which is known only after this. A test may
+/// destroy a responder between activations.
 void ServerCore::drop(Owed& owed) {
   owed.is_dropped = true;
   core.post(
@@ -233,7 +233,7 @@ void ServerCore::abandon(std::string_view what) {
   end_all(CallStatus::kFaulted, "component \"" + core.name + "\": " + std::string(what));
 }
 
-// ---- What responders ask ----
+// ---- Functions for responders ----
 
 bool is_owed(const Ticket& ticket) noexcept {
   return ticket.server != nullptr && ticket.server->owes(ticket);

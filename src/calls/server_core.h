@@ -15,11 +15,11 @@ namespace fastcycle::detail {
 
 class ComponentCore;
 
-/// One component's end of a service that it gives: owns the requests whose answers it owes.
+/// One component's end of a service that it provides: owns its pending requests.
 ///
 /// Every request gets exactly one reply from here, also after the component has failed: its inbox
-/// of requests stays open until the application stops. So whoever calls need not know how the
-/// server is, and a recording has all that the caller saw.
+/// of requests stays open until the application stops. So callers do not depend on the server's
+/// state, and a recording has all that the caller received.
 ///
 /// @threads  Confined to the component's activations; `add_client` to the control thread before the
 ///           start.
@@ -27,13 +27,13 @@ class ServerCore final : public ServiceEnd {
  public:
   ServerCore(ComponentCore& core, std::string service, std::size_t depth);
 
-  /// What the component's present object gave.
+  /// Sets the declaration of the component's present object.
   void declare(ServerSpec spec);
 
   /// Declares its topic; `depth` messages of each client may wait.
   void listen(std::size_t depth);
 
-  /// Who calls by `requests` gets its replies, and what was achieved so far, by these.
+  /// Sets where the client that publishes `requests` receives its replies, and its feedback.
   void add_client(PublisherId requests, PublisherCore& replies, PublisherCore* feedback);
 
   [[nodiscard]] bool owes(const Ticket& ticket) const noexcept;
@@ -41,14 +41,14 @@ class ServerCore final : public ServiceEnd {
   [[nodiscard]] std::optional<Time> deadline_of(const Ticket& ticket) const noexcept;
   /// The services that wait for the answer, this one last. @pre `owes(ticket)`
   [[nodiscard]] const std::vector<std::uint64_t>& path_of(const Ticket& ticket) const noexcept;
-  /// Of who asked; once that is answered, of anybody: nothing is sent then.
+  /// Of the request's client; of any client once it is answered, since nothing is sent then.
   [[nodiscard]] PublisherCore& replies_of(const Ticket& ticket) const noexcept;
   [[nodiscard]] PublisherCore& feedback_of(const Ticket& ticket) const noexcept;
 
   void answer(const Ticket& ticket, CallStatus status, std::string_view reason, Envelope* reply,
               PublisherCore* lender) noexcept;
   void publish_feedback(const Ticket& ticket, Envelope* feedback, PublisherCore* lender);
-  /// That of `ComponentCore::servers` as what it is.
+  /// Downcast of an element of `ComponentCore::servers`.
   [[nodiscard]] static ServerCore& of(ServiceEnd& server) noexcept {
     return static_cast<ServerCore&>(server);
   }
@@ -56,7 +56,7 @@ class ServerCore final : public ServiceEnd {
   void end_all(CallStatus status, std::string_view reason) override;
   void abandon(std::string_view what) override;
 
-  /// Answers to requests that nobody waited for any more.
+  /// Answers after the caller had given up.
   [[nodiscard]] std::uint64_t late_answers() const noexcept { return late_answers_; }
 
   ComponentCore& core;
@@ -73,14 +73,14 @@ class ServerCore final : public ServiceEnd {
     PublisherCore* feedback;
   };
   struct Owed {
-    std::uint64_t serial = 0;  ///< 0: nothing is owed here.
+    std::uint64_t serial = 0;  ///< 0: no pending request here.
     const Client* client = nullptr;
     std::uint64_t number = 0;
     std::optional<std::int64_t> deadline_ns = {};
     bool is_cancelling = false;
-    bool is_dropped = false;  ///< Its responder is gone, since something was thrown.
+    bool is_dropped = false;  ///< Its responder was destroyed by an exception.
     Origin origin{};
-    std::vector<Trail> trails = {};  ///< By root; empty where there are no chains.
+    std::vector<Trail> trails = {};  ///< By root; empty if there are no chains.
     std::vector<std::uint64_t> path = {};
   };
 

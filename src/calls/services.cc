@@ -126,7 +126,7 @@ class Connector {
   }
 
   [[nodiscard]] std::size_t depth_for(const std::string& service) const {
-    constexpr std::size_t kForStandIns = 256;  // What they asked is bounded by what was asked then.
+    constexpr std::size_t kForStandIns = 256;  // Their requests are bounded by the recorded ones.
     std::size_t depth = replayed_ != nullptr ? kForStandIns : 1;
     for (const auto& component : components_) {
       for (const auto& client : component->clients) {

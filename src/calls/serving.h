@@ -7,7 +7,7 @@
 
 namespace fastcycle::detail {
 
-/// While it lives, what the component calls is called to answer `ticket`.
+/// Scope in which calls of the component are made to answer `ticket`.
 class Serving {
  public:
   Serving(ComponentCore& core, const Ticket& ticket)
@@ -21,7 +21,7 @@ class Serving {
   const Ticket before_;
 };
 
-/// While it lives, the framework's own words are heard, also of a component that is not active.
+/// Scope in which the framework's own messages are delivered, even for an inactive component.
 class Unmuted {
  public:
   explicit Unmuted(PublishingComponent& component)
@@ -35,7 +35,7 @@ class Unmuted {
   const bool before_;
 };
 
-/// While it lives, what is published has this origin, and these trails if there are any.
+/// Scope in which published messages have this origin, and these trails if there are any.
 class OriginOf {
  public:
   OriginOf(PublishingComponent& component, const Origin& origin, const Trail* trails = nullptr)

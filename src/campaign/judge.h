@@ -14,10 +14,10 @@ namespace fastcycle::campaign {
 /// @threads  Compatible.
 class Judge {
  public:
-  /// None, and `why`, if `text` is no condition.
+  /// None, with the reason in `why`, if `text` is no condition.
   static std::optional<Judge> parse(const std::string& text, std::string& why);
 
-  /// What is wrong with `report` by this condition, as "collisions is 2"; empty if it is met.
+  /// How `report` violates this condition, such as "collisions is 2"; empty if it is met.
   [[nodiscard]] std::string find_fault(const nlohmann::ordered_json& report) const;
   [[nodiscard]] const std::string& text() const { return text_; }
 

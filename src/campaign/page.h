@@ -6,8 +6,8 @@
 
 namespace fastcycle::campaign {
 
-/// What was found as a page of its own, which needs nothing else: a map of what failed when, the
-/// table, the failures.
+/// The results as a self-contained page: a map of failures by fault and time, the table, the
+/// failures.
 [[nodiscard]] std::string to_page(const Summary& summary);
 
 }  // namespace fastcycle::campaign

@@ -9,19 +9,18 @@
 
 namespace fastcycle::campaign {
 
-/// One fault that a seed drew: as it stands in an overlay, and from which entry of the plan it is.
+/// One fault drawn by a seed: its form in an overlay, and its entry of the plan.
 struct DrawnFault {
   nlohmann::ordered_json json;
   std::size_t source = 0;
 };
 
-/// What may be drawn: faults as in the application file, in which numbers may be ranges.
+/// The distribution of faults: faults as in the application file, in which numbers may be ranges.
 ///
 /// @threads  Compatible.
 class Plan {
  public:
-  /// Reads `text`, which stands in `file`. None, and what is wrong, one mistake each, if it is not
-  /// a plan.
+  /// Parses `text` of `file`. None, with one message for each error, if it is not a plan.
   static std::optional<Plan> read(const std::string& text, const std::string& file,
                                   std::vector<std::string>& mistakes);
 
@@ -30,7 +29,7 @@ class Plan {
 
  private:
   std::vector<nlohmann::ordered_json> faults_;
-  std::uint64_t at_least_ = 1;  ///< So many faults at once.
+  std::uint64_t at_least_ = 1;  ///< Minimum number of faults at once.
   std::uint64_t at_most_ = 1;
 };
 

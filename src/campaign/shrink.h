@@ -10,34 +10,33 @@
 
 namespace fastcycle::campaign {
 
-/// What became of a run.
+/// The verdict on a run.
 struct Verdict {
-  std::string
-      way;  ///< In which way it failed, as "collisions == 0" or "signal 11"; empty: it passed.
-  std::string how;  ///< The same for people, as "collisions is 2".
+  std::string way;  ///< How it failed, such as "collisions == 0" or "signal 11"; empty: it passed.
+  std::string how;  ///< The same for people, such as "collisions is 2".
   nlohmann::ordered_json report = {};
 
   [[nodiscard]] bool has_failed() const { return !way.empty(); }
 };
 
 using Faults = std::vector<DrawnFault>;
-/// Runs each list of faults, and says what became of it, in their order. Fewer verdicts than lists:
-/// somebody asked for the end.
+/// Runs each list of faults, and returns the verdicts in their order. Fewer verdicts than lists:
+/// the end was requested.
 using TryAll = std::function<std::vector<Verdict>(const std::vector<Faults>& lists)>;
 
-/// What is left of a failing list.
+/// The reduced list of faults.
 struct Shrunk {
   Faults faults;
   Verdict verdict;          ///< Of these.
-  std::size_t runs = 0;     ///< That it took.
-  bool is_smallest = true;  ///< Else it was ended, or took too many runs.
+  std::size_t runs = 0;     ///< Number of runs needed.
+  bool is_smallest = true;  ///< False if it was ended, or needed too many runs.
 };
 
 /// Reduces `faults`, which fail as `verdict` says, while they fail in the same way: to the fewest
 /// faults, each to the fewest messages, or to the shortest time, with the least delay. Takes at
 /// most about `most_runs` runs.
 ///
-/// What it ends with is smallest in that no single fault and no single message can be left out.
+/// The result is minimal in that no single fault and no single message can be removed.
 [[nodiscard]] Shrunk shrink(Faults faults, Verdict verdict, const TryAll& try_all,
                             std::size_t most_runs);
 

@@ -28,7 +28,7 @@ std::string target_of(const ordered_json& fault) {
   return fault.value("topic", fault.value("component", ""));
 }
 
-/// What makes two failures one.
+/// Equal for failures of one kind.
 std::string signature(const Failure& failure) {
   std::vector<std::string> parts;
   for (const DrawnFault& fault : failure.faults) {

@@ -10,7 +10,7 @@
 
 namespace fastcycle::campaign {
 
-/// What became of one seed.
+/// The result of one seed.
 struct SeedResult {
   std::uint64_t seed = 0;
   std::vector<DrawnFault> faults;
@@ -19,7 +19,7 @@ struct SeedResult {
   double wall_s = 0;
 };
 
-/// As a line of `results.jsonl`, and back. Throws what the JSON library throws.
+/// Converts to a line of `results.jsonl`, and back. Exceptions of the JSON library propagate.
 [[nodiscard]] std::string to_line(const SeedResult& result);
 [[nodiscard]] SeedResult result_of(const std::string& line);
 
@@ -29,25 +29,25 @@ struct Failure {
   std::vector<DrawnFault> faults;  ///< The fewest that fail.
   std::string way;
   std::string how;
-  std::size_t runs = 0;  ///< That shrinking took.
+  std::size_t runs = 0;  ///< Needed for shrinking.
   bool is_smallest = true;
   std::string overlay;  ///< A file.
   std::string log;      ///< The same; empty if none was written.
-  std::string command;  ///< Which repeats it.
+  std::string command;  ///< Reproduces it.
 };
 
 /// Whether they are of one kind: they fail in the same way, by the same kinds of faults on the same
 /// targets, with as many messages.
 [[nodiscard]] bool is_alike(const Failure& one, const Failure& other);
 
-/// A fault in a few words: `drop lidar/points, messages 41 42`.
+/// Short text of a fault: `drop lidar/points, messages 41 42`.
 [[nodiscard]] std::string in_words(const nlohmann::ordered_json& fault);
 
-/// All that a campaign found.
+/// The results of a campaign.
 struct Summary {
   std::string application;
   std::string plan;
-  std::uint64_t seeds = 0;  ///< That were asked for.
+  std::uint64_t seeds = 0;  ///< The requested number.
   std::vector<std::string> judges;
   std::vector<SeedResult> results;  ///< By seed.
   std::vector<Failure> failures;    ///< The different ones.

@@ -279,7 +279,7 @@ void ComponentCore::call_activate() {
 
 void ComponentCore::call_deactivate() {
   is_wanted = false;
-  // Whatever happens, after this nobody hears of it.
+  // In any case, nothing is delivered after this.
   struct End {
     ComponentCore& core;
     ~End() {
@@ -312,8 +312,8 @@ void ComponentCore::call_stop() {
     drop_waiting();
   }
   application.wiring().tell_liveliness(*this, false, "stopped");
-  // What `stop` gives back nobody may use any more: no message comes after it, and no tick, not
-  // even one that it arms itself.
+  // Resources released by `stop` must not be used any more: no message and no tick is served after
+  // it, not even one that it arms itself.
   close(DropReason::kShutdown);
   struct End {
     ComponentCore& core;
@@ -330,7 +330,7 @@ void ComponentCore::call_stop() {
     component->stop();
   }
   in_call_ = nullptr;
-  // What it called meanwhile.
+  // Calls that it made meanwhile.
   end_services(CallStatus::kShutdown, CallStatus::kShutdown, "the application stops");
 }
 
@@ -350,7 +350,7 @@ void ComponentCore::take_params(std::uint64_t transaction, const host::ParamValu
   if (states != nullptr) {
     states->change_params(transaction, text);
   }
-  // One that waits to be made anew will begin with them.
+  // One that waits for its reconstruction will begin with them.
   const bool is_there = state == State::kStandby || state == State::kActive;
   if (is_there || state == State::kConstructed) {
     param_table.take_over(transaction, values, is_there);
@@ -367,14 +367,14 @@ void ComponentCore::note_fault(std::string_view what) {
 void ComponentCore::note_contained_fault(std::string_view what) {
   ++fault_count;
   if (state != State::kFailed) {
-    last_fault = what;  // What ended it stays, whatever work that it had offloaded says later.
+    last_fault = what;  // The first fault is kept, regardless of later faults of offloaded work.
   }
   if (faults.size() < kFaultsInWords) {
     faults.emplace_back(what);
   }
   log_source.write(LogLevel::kError, what);
   if (publishing.is_following) {
-    return;  // What follows from it is done by the one that does the work.
+    return;  // The followed instance handles the consequences.
   }
   application.fault_noted(*this, what);
 }
@@ -385,7 +385,7 @@ void ComponentCore::fail(std::string_view what) {
   end_calls(what);
   state = State::kFailed;
   cancel_alarm();
-  open();  // What still comes is taken out and counted, not left waiting.
+  open();  // Later messages are removed and counted, not left waiting.
   cancel_timers();
   close(DropReason::kFault);
   application.component_failed(*this);
@@ -470,7 +470,7 @@ void ComponentCore::end_late_subscriptions() {
 
 void ComponentCore::end_old_subscriptions() {
   end_late_subscriptions();
-  // The new object knows nothing of what latched topics say: it is given that again.
+  // The new object receives the messages of latched topics again.
   for (CallbackSubscription* subscription : declared.subscriptions) {
     if (subscription->kind == Subscription::Kind::kCallback &&
         subscription->topic.options.latched > 0 && !subscription->is_ended) {
@@ -617,7 +617,7 @@ std::string ComponentCore::renew() {
     component->deactivate();
     in_call_ = nullptr;
   }
-  // What `stop` gives back its threads use no more.
+  // Its threads must not use resources released by `stop`.
   owes_stop_ = true;
   end_threads([this] {
     owes_stop_ = false;
@@ -687,7 +687,7 @@ std::string ComponentCore::try_anew() {
     return {};
   } catch (const std::exception& exception) {
     what = exception.what();
-  } catch (...) {  // In words already.
+  } catch (...) {  // `what` describes it already.
   }
   const char* call = in_call_.exchange(nullptr);
   return std::string(call == nullptr ? "it" : call) + " threw when it was restarted: " + what;

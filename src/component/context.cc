@@ -1,4 +1,4 @@
-// What components ask of their context, answered by the application.
+// The functions of `Context`, which call the application.
 
 #include <algorithm>
 #include <cstddef>
@@ -40,7 +40,7 @@ void assert_in_activation(const ComponentCore& core, const char* call, std::stri
   }
 }
 
-/// For timers: what is said of `call`, and of which timer.
+/// For timers: ends the process if `call` is made outside of the component's callbacks.
 void check_timer(const TimerCore& timer, const char* call) noexcept {
   if (!may_use_its_own(timer.actor)) [[unlikely]] {
     called_outside(
@@ -58,7 +58,7 @@ void check_period(const TimerCore& timer, bool is_periodic, const char* what,
   }
 }
 
-/// A pool must have messages left to lend, beside those that the file says are kept.
+/// Checks that a pool has messages left to lend, besides those kept according to the file.
 void check_pool(const PublisherCore& publisher, const config::PublisherDescription& configured,
                 config::Problems& problems) {
   const PublisherCore::Options& options = publisher.options;
@@ -370,7 +370,7 @@ void Context::offload(std::string_view executor, std::function<void()> work,
   const std::uint64_t key = ++core.jobs_made;
   submit(core, executor, key,
          [&core, object = core.restart_count, key, work = std::move(work), done = std::move(done)] {
-           struct Job {  // Who waits for the end sees it.
+           struct Job {  // Counted for threads that wait for the end.
              ComponentCore& core;
              explicit Job(ComponentCore& its_core) : core(its_core) { core.jobs.fetch_add(1); }
              ~Job() { core.jobs.fetch_sub(1); }

@@ -93,8 +93,8 @@ std::string DeclaredStates::why_none() const {
   return {};
 }
 
-/// Whether a key frame is to be written now: after a time, and once nothing is under way that the
-/// state does not tell of.
+/// Whether a key frame is to be written now: after a period, and once nothing is in progress that
+/// the state does not contain.
 bool DeclaredStates::is_due() {
   if (core_.publishing.told != nullptr) {
     return core_.publishing.told->has(ReadKind::kFrameNumber);
@@ -141,7 +141,7 @@ void DeclaredStates::end_object() noexcept {
   for (const auto& one : all_) {
     try {
       save(*one);
-    } catch (...) {  // It has failed anyway, and said so.
+    } catch (...) {  // It has failed anyway, and reported it.
     }
     one->save = nullptr;
   }

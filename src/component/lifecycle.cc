@@ -26,7 +26,7 @@ using detail::LifeStep;
 
 namespace {
 
-/// What the message of `publisher` was given to, in words.
+/// Text for the callback that received the message of `publisher`.
 std::string callback_for(const Wiring& wiring, PublisherId publisher) {
   std::string name = "a message";
   wiring.look([&](const detail::Topics& topics) {
@@ -120,7 +120,8 @@ void Lifecycle::start_timers(Time start) {
   }
 }
 
-/// How a component's own thread runs. In simulated time, where nobody waits for it, as any other.
+/// Options of a component's own thread. In simulated time, in which nothing waits for it, the
+/// defaults.
 base::ThreadOptions Lifecycle::options_of(const config::ComponentDescription& component,
                                           const std::string& thread) const {
   base::ThreadOptions options{.name = thread, .cpus = {}};
@@ -137,7 +138,7 @@ void Lifecycle::start_threads(std::vector<base::Refusal>& refusals) {
   const std::lock_guard lock(threads_mutex_);
   threads_stage_ = ThreadsStage::kRun;
   for (const auto& component : host_.components()) {
-    // One that is being made anew starts them itself.
+    // One that is being reconstructed starts them itself.
     if (component->has_started() && !between_objects_.contains(component.get())) {
       begin_threads(*component, refusals);
     }
@@ -145,7 +146,7 @@ void Lifecycle::start_threads(std::vector<base::Refusal>& refusals) {
 }
 
 void Lifecycle::start_threads(ComponentCore& component) {
-  std::vector<base::Refusal> refusals;  // The same that were told when it was started first.
+  std::vector<base::Refusal> refusals;  // The same that were reported at its first start.
   const std::lock_guard lock(threads_mutex_);
   between_objects_.erase(&component);
   if (threads_stage_ == ThreadsStage::kRun) {
@@ -396,7 +397,7 @@ void Lifecycle::find_stuck() {
   }
 }
 
-/// What it is called for now; empty if it is in no callback.
+/// Its running callback; empty if there is none.
 std::string Lifecycle::call_of(const ComponentCore& component) const {
   std::optional<ActivationRecord> running;
   for (const detail::ActivationRing* ring : time_.rings()) {

@@ -128,7 +128,7 @@ void Reloading::end_in_order(const std::function<void()>& next) {
     core_.component->deactivate();
     core_.in_call_ = nullptr;
   }
-  // What `stop` gives back its threads use no more.
+  // Its threads must not use resources released by `stop`.
   core_.owes_stop_ = true;
   core_.keeps_messages_ = true;
   core_.end_threads([this, next] {

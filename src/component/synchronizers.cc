@@ -1,4 +1,4 @@
-// What `Context::create_synchronizer` asks of the application.
+// Implements `Context::create_synchronizer`.
 
 #include <algorithm>
 #include <set>
@@ -17,8 +17,8 @@
 namespace fastcycle::detail {
 namespace {
 
-/// What is wrong with a synchronizer is told with its component's place, and put right, so that the
-/// other mistakes are found too.
+/// Reports errors of a synchronizer with its component's place, and corrects them, so that further
+/// errors are found too.
 SynchronizerOptions checked(ComponentCore& core, const std::vector<std::string>& names,
                             SynchronizerOptions options) {
   std::string head = "component \"" + core.name + "\": its synchronizer of";

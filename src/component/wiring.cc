@@ -85,7 +85,7 @@ void Wiring::connect_late(ComponentCore& component, detail::PublisherCore& publi
 void Wiring::run_at(detail::PublisherCore& publisher, ComponentCore& from,
                     std::function<void()> action) {
   ComponentCore& owner = component_of(publisher);
-  // What reaches another component waits until the round is over, latched messages too.
+  // Deliveries to another component wait for the end of the round, latched messages too.
   owner.post(
       Cause::kConnect,
       [&time = time_, &owner, action = std::move(action)] { time.stage(owner, action); }, &from);
@@ -150,8 +150,8 @@ void Wiring::tell_liveliness(ComponentCore& component, bool is_alive, std::strin
   if (!has_begun_) {
     return;
   }
-  // In simulated time when the round is over: who subscribes or unsubscribes in the same round is
-  // told, or not, whichever of the two a worker serves first.
+  // In simulated time at the end of the round: whether a component that subscribes or unsubscribes
+  // in the same round is notified must not depend on the order of workers.
   const auto tell_all = [this, &component, is_alive, reason] {
     const std::lock_guard lock(mutex_);
     for (const detail::PublisherCore* publisher : component.declared.publishers) {

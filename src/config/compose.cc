@@ -97,7 +97,7 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
     isolate(tree, pattern);
   }
   std::erase_if(tree.members(), [](const auto& member) {
-    // An empty one of these says that there is one.
+    // Each of these is significant even if it is empty.
     constexpr std::array<std::string_view, 6> kOptional = {
         "record", "flight_recorder", "trace", "inspect", "live", "libraries"};
     return member.value.size() == 0 && !member.value.is_string() && !member.value.is_number() &&
@@ -370,7 +370,7 @@ Value* Composer::find_component(Value& tree, const std::string& name) {
 
 std::string Composer::nearest_component(const Value& tree, const std::string& name) const {
   std::vector<std::string> names;
-  if (problems_.keeps_mistakes()) {  // Else nobody will read it.
+  if (problems_.keeps_mistakes()) {  // Else it would not be reported.
     for (const Value& component : tree["components"].items()) {
       names.push_back(full_name(component));
     }
@@ -436,7 +436,7 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
   }
 }
 
-// What is there, though it may be empty, or not.
+// Sections whose presence is significant, even if empty.
 void Composer::apply_overlay_optional(Value& tree, const std::string& key, const Value& over) {
   Value* known = tree.find(key);
   if (over.is_null()) {
@@ -472,7 +472,7 @@ void Composer::apply_overlay_component(Value& tree, const Value& over, Variables
     component_places_.clear();
     return;
   }
-  // Name and namespace only say which component is meant.
+  // Name and namespace only identify the component.
   Value rest = over;
   rest.erase("name");
   rest.erase("namespace");

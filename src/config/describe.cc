@@ -15,7 +15,7 @@ namespace fastcycle::config {
 
 namespace {
 
-/// Of a process with a standby whose file asks for none: who does not hear of it takes over.
+/// Default of a process with a standby, which takes over when the heartbeat is missing.
 constexpr std::chrono::milliseconds kHeartbeatWithStandby{100};
 
 template <typename Integer>
@@ -79,7 +79,7 @@ std::optional<std::chrono::nanoseconds> find_ms(const Value& object, std::string
   return find_time(object, key, std::chrono::milliseconds(1));
 }
 
-/// A time above zero; the schema tells of others.
+/// A time above zero; the schema check reports others.
 std::optional<std::chrono::nanoseconds> find_span(const Value& object, std::string_view key) {
   const auto span = find_ms(object, key);
   return span && span->count() > 0 ? span : std::nullopt;
@@ -194,7 +194,7 @@ void read_texts(const Value& object, std::string_view key, std::vector<std::stri
   }
 }
 
-/// What `object` says under `"restart"`, upon `defaults`.
+/// Reads `"restart"` of `object`, over `defaults`.
 RestartDescription describe_restart(const Value& object, RestartDescription defaults) {
   if (const Value* restart = find_object(object, "restart")) {
     read_integer(*restart, "limit", defaults.limit);
@@ -209,7 +209,7 @@ RestartDescription describe_restart(const Value& object, RestartDescription defa
   return defaults;
 }
 
-/// What `object` says of calls that do not return, upon `defaults`.
+/// Reads the options for hanging calls of `object`, over `defaults`.
 HangDescription describe_hang(const Value& object, HangDescription defaults) {
   defaults.callback_limit = find_ms(object, "callback_limit_ms").value_or(defaults.callback_limit);
   defaults.lifecycle_limit =
@@ -220,7 +220,7 @@ HangDescription describe_hang(const Value& object, HangDescription defaults) {
   return defaults;
 }
 
-/// What the application says for all components that do not say it themselves.
+/// The application's defaults for its components.
 struct ComponentDefaults {
   OnFault on_fault = OnFault::kStopComponent;
   RestartDescription restart;
@@ -241,7 +241,7 @@ ComponentDescription describe_component(const Value& value, const ComponentDefau
   }
   read_bool(value, "standby", component.has_standby);
   if (component.has_standby && component.process.empty()) {
-    component.process = component.name;  // Who follows it follows a process.
+    component.process = component.name;  // A standby follows a process.
   }
   component.serve_period = find_ms(value, "serve_period_ms");
   component.serve_phase = find_ms(value, "serve_phase_ms").value_or(std::chrono::nanoseconds{0});
@@ -484,7 +484,7 @@ FaultsDescription describe_faults(const Value& value) {
       faults.list.push_back(describe_fault(fault));
     }
   }
-  // What is drawn for a fault depends on its name, and so not on what else is in the list.
+  // The draw of a fault depends on its name, and so not on the rest of the list.
   for (std::size_t i = 0; i < faults.list.size(); ++i) {
     FaultDescription& fault = faults.list[i];
     if (fault.name.empty()) {

@@ -60,7 +60,7 @@ struct RecordDescription {
   std::uint64_t split_bytes = 0;                          ///< 0: not by size.
   std::chrono::nanoseconds split_time{0};                 ///< 0: not by time.
   std::chrono::nanoseconds sync_interval{1'000'000'000};  ///< 0: only at the end of a file.
-  std::uint64_t memory_bytes = 256'000'000;               ///< That may wait to be written.
+  std::uint64_t memory_bytes = 256'000'000;               ///< Limit of unwritten data.
   bool has_activations = true;
   bool is_background = false;  ///< Its threads run only on idle CPUs.
   Place place;
@@ -81,7 +81,7 @@ struct FlightRecorderDescription {
 /// Options of the trace of the components' activity.
 struct TraceDescription {
   std::filesystem::path file = {};          ///< Overwritten; empty: named after the application.
-  std::uint64_t buffer_bytes = 16'000'000;  ///< That may wait to be written.
+  std::uint64_t buffer_bytes = 16'000'000;  ///< Limit of unwritten data.
   Place place = {};
 };
 

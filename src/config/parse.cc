@@ -84,7 +84,7 @@ int line_at(std::string_view text, std::size_t position) {
   return 1 + static_cast<int>(std::count(text.begin(), end, '\n'));
 }
 
-/// What the bytes have to be before they are looked at as JSON.
+/// Checks the encoding before parsing.
 std::optional<Problem> encoding_mistake(std::string_view text, const std::string& name) {
   if (text.starts_with("\xEF\xBB\xBF")) {
     return mistake({name, 1, ""}, "the file begins with a byte order mark",
@@ -106,8 +106,8 @@ std::optional<Problem> encoding_mistake(std::string_view text, const std::string
   return std::nullopt;
 }
 
-/// An iterator over the text that tells the outside how far the parser has read. The parser's own
-/// events say nothing of lines.
+/// An iterator over the text that exposes the parser's position. The parser's own events have no
+/// lines.
 struct CountingIterator {
   using iterator_category = std::input_iterator_tag;
   using value_type = char;

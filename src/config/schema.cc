@@ -24,12 +24,12 @@ namespace {
 
 using nlohmann::json;
 
-// What the validator is shown of long values. Its regular expressions need stack by the character
-// and its search for equal items is quadratic; the schema limits both far below.
+// Limits of long values for the validator. Its regular expressions need stack by the character and
+// its search for equal items is quadratic; the schema limits both far below.
 constexpr std::size_t kMaxShownBytes = 1024;
 constexpr std::size_t kMaxShownItems = 1100;
 
-/// A place in the file together with what the schema says of it.
+/// A place in the file with its schema.
 struct Spot {
   const Value* value;
   const json* schema;
@@ -78,7 +78,7 @@ void erase_nulls(Value& value) {
   }
 }
 
-// Follows "$ref". A property may say more beside it, as its description; that is for editors.
+// Follows "$ref". Other keywords beside it, such as its description, are for editors.
 const json& resolved(const json& root, const json& schema) {
   const json* at = &schema;
   while (at->contains("$ref")) {
@@ -87,7 +87,7 @@ const json& resolved(const json& root, const json& schema) {
   return *at;
 }
 
-// What the schema says of a member or an item; none if it says nothing.
+// The schema of a member or an item; null if there is none.
 const json* schema_of_child(const json& schema, const Value& parent, const std::string& key) {
   if (parent.is_array()) {
     return schema.contains("items") ? &schema["items"] : nullptr;
@@ -168,7 +168,7 @@ std::string items_of(const json& schema) {
   return schema.contains("maxItems") ? " of at most " + schema["maxItems"].dump() + " items" : "";
 }
 
-/// What should stand there: `an integer in [1, 64]`.
+/// The expected value: `an integer in [1, 64]`.
 std::string expected_by(const json& schema) {
   const bool is_outermost = schema.contains("$schema");
   if (schema.contains("title") && !is_outermost) {
@@ -244,8 +244,8 @@ bool has_too_many_items(const Spot& spot) {
          spot.value->size() > (*spot.schema)["maxItems"].get<std::size_t>();
 }
 
-/// Says what is wrong at the spot itself. Each mistake is reported by the validator again at every
-/// level above it; there this finds nothing to say, because `is_deepest` is false.
+/// Reports the error at the spot itself. The validator reports each error again at every level
+/// above it; there this reports nothing, because `is_deepest` is false.
 void explain(const Spot& spot, bool is_deepest, Problems& problems) {
   if (!has_type_of(*spot.value, *spot.schema)) {
     problems.add(unexpected(*spot.value, expected_by(*spot.schema)));

@@ -105,7 +105,7 @@ class Sense {
     }
   }
 
-  // No search for what nobody will read.
+  // No search if the hint would not be reported.
   [[nodiscard]] std::string hint_for(const std::string& name,
                                      const std::vector<std::string>& known) const {
     return problems_.keeps_mistakes() ? did_you_mean(nearest(name, known)) : std::string();
@@ -245,7 +245,7 @@ class Sense {
         unused.push_back(process.name);
       }
     }
-    // One need not be described. But where one is that nobody uses, it may have been meant.
+    // A process need not be described. But an unused described one may have been meant.
     constexpr std::size_t kMaxCompared = 20;
     unused.resize(std::min(unused.size(), kMaxCompared));
     for (const ProcessDescription& process : application_.processes) {
@@ -425,7 +425,7 @@ class Sense {
     return names;
   }
 
-  // Whether its topics exist, and messages get from one to the other, only the code can tell.
+  // Whether its topics exist and are connected can be checked only with the code.
   void check_chains() {
     check_names_are_used_once(application_.chains, "chain");
     std::set<std::string> roots;
@@ -480,8 +480,8 @@ class Sense {
     }
   }
 
-  // What is said of a topic twice, under its name with and without the slash or by way of a remap,
-  // would depend on the order.
+  // Duplicate options of a topic, by its name with and without the slash or by a remap, would
+  // depend on the order.
   void check_ends(const ComponentDescription& component) {
     check_topics_are_different(component, component.subscribers);
     check_topics_are_different(component, component.publishers);
@@ -525,7 +525,7 @@ class Sense {
   std::unordered_map<std::string, const ComponentDescription*> components_;
   std::unordered_map<std::string, const TopicDescription*> topics_;
   std::unordered_map<std::string, const ProcessDescription*> processes_;
-  // Filled by the first mistake that needs them.
+  // Filled by the first error that needs them.
   std::vector<std::string> component_names_;
   std::unordered_map<std::string, const Value*> written_;  ///< By place, as text.
 };

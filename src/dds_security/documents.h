@@ -7,22 +7,22 @@
 
 namespace fastcycle::dds_security {
 
-/// The domains that can be secured are those up to this: Cyclone DDS reads no larger number.
+/// The largest domain that can be secured: a limit of Cyclone DDS.
 inline constexpr std::uint32_t kDomainMax = 230;
 
-/// What a participant may do in a domain. All else is denied.
+/// Permissions of a participant in a domain. All else is denied.
 struct Rights {
   std::uint32_t domain = 0;
   std::set<std::string> publish;    ///< Topics of DDS: `rt/points`
   std::set<std::string> subscribe;  ///< The same.
 };
 
-/// The rules of all domains: who has no certificate is left out, discovery and messages are
-/// encrypted, and topics need permissions.
+/// The rules of all domains: participants without a certificate are rejected, discovery and
+/// messages are encrypted, and topics need permissions.
 [[nodiscard]] std::string governance();
 
-/// What the participant with the certificate of `name` may do until `end`. `name` and the topics
-/// have nothing that means something in XML.
+/// Permissions of the participant with the certificate of `name`, until `end`. `name` and the
+/// topics must not contain XML markup.
 [[nodiscard]] std::string permissions(const std::string& name, const Rights& rights,
                                       std::chrono::sys_seconds end);
 

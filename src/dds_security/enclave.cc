@@ -37,7 +37,7 @@ void tell(Mistakes& mistakes, const fs::path& file, std::string_view expected,
   mistakes.push_back(fmt::format("{}: expected {}, found {}", file.string(), expected, found));
 }
 
-/// What is in the file; none, and a mistake, if it cannot be read.
+/// The content of the file; none, and an error, if it cannot be read.
 std::optional<std::string> read(const fs::path& file, std::string_view expected,
                                 Mistakes& mistakes) {
   const auto fail = [&](std::string_view found) -> std::optional<std::string> {
@@ -116,7 +116,7 @@ void check_signer(X509& certificate, const fs::path& file, X509& authority,
   }
 }
 
-/// The document; none, and a mistake, if `authority` has not signed it.
+/// The document; none, and an error, if `authority` has not signed it.
 std::optional<std::string> read_signed(const fs::path& file, X509* authority, Mistakes& mistakes) {
   const std::string expected =
       "a document that is signed by the authority in "
@@ -197,7 +197,7 @@ std::vector<std::string> mistakes_of_enclave(const fs::path& folder) {
   (void)read_signed(files.governance, signer.get(), mistakes);
   const auto permissions = read_signed(files.permissions, signer.get(), mistakes);
   if (permissions && certificate != nullptr) {
-    // Of several parts it may be written in several ways, which DDS knows.
+    // A name of several parts has several notations, which DDS accepts.
     const std::string subject = subject_of(*certificate);
     if (subject.starts_with("CN=") && subject.find(',') == std::string::npos &&
         permissions->find(subject) == std::string::npos) {

@@ -8,21 +8,20 @@ namespace fastcycle::dds_security {
 
 /// The files that a participant needs, in one folder: those of an enclave of ROS 2.
 struct Enclave {
-  std::filesystem::path identity_ca;     ///< The certificate that vouches for identities.
+  std::filesystem::path identity_ca;     ///< The certificate of the authority for identities.
   std::filesystem::path certificate;     ///< The participant's own.
   std::filesystem::path key;             ///< The private key of that.
-  std::filesystem::path permissions_ca;  ///< The certificate that the two documents are signed by.
+  std::filesystem::path permissions_ca;  ///< The certificate that verifies the two documents.
   std::filesystem::path governance;
   std::filesystem::path permissions;
 };
 
-/// Where they are; absolute.
+/// Their absolute paths.
 [[nodiscard]] Enclave enclave_in(const std::filesystem::path& folder);
 
-/// All that is wrong with an enclave and can be known without DDS, each with the file, what was
-/// expected and what was found: files that are not there or cannot be read, a key that is another
-/// one's, a certificate or a document that nobody vouches for, or whose time is over. Empty if
-/// nothing is.
+/// All errors of an enclave that can be found without DDS, each with the file, what was expected
+/// and what was found: missing or unreadable files, a key of another certificate, a certificate or
+/// a document that is not signed by the authority, or that has expired. Empty if there are none.
 [[nodiscard]] std::vector<std::string> mistakes_of_enclave(const std::filesystem::path& folder);
 
 /// Whether others than its owner can read its private key.

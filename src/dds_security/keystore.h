@@ -8,12 +8,12 @@
 
 namespace fastcycle::dds_security {
 
-/// Makes a keystore: a certificate authority and the rules of its domains, laid out as ROS 2 does.
-/// All of it is there afterwards, or nothing; what is there already is never changed.
+/// Creates a keystore: a certificate authority and the rules of its domains, in the layout of ROS
+/// 2. Creates all of it or nothing; existing files are never changed.
 ///
-///     DIR/public     the certificate of the authority
-///     DIR/private    its key, for its owner alone; it stays where enclaves are made
-///     DIR/enclaves   governance.xml, governance.p7s, and each enclave
+///     DIR/public the certificate of the authority DIR/private its key, readable by its owner only;
+///     stays where enclaves are created DIR/enclaves governance.xml, governance.p7s, and each
+///     enclave
 ///
 /// @errors  `std::runtime_error`, with the path; so do all functions here.
 void make_keystore(const std::filesystem::path& folder, Days valid);

@@ -43,14 +43,13 @@ constexpr std::size_t kMaxComponents = 1024;  ///< Whose last activations are lo
 constexpr std::uint64_t kMaxRecords =
     16 * 1024;  ///< That are looked at for that, over all workers.
 
-/// What the handlers know of a run, ready to be used.
+/// The data of a run, prepared for the handlers.
 struct Known {
   RunFacts facts;
   std::string file;  ///< Of the report; empty: none.
 };
 
-// What signal handlers and exit handlers work with: they are given nothing, and may allocate
-// nothing.
+// The state of signal handlers and exit handlers, which have no arguments, and must not allocate.
 struct State {
   std::atomic<bool> is_armed{false};
   std::atomic<const Known*> known{nullptr};
@@ -144,7 +143,7 @@ void describe_fault(int signal, const siginfo_t& info, const void* context,
   } else if (signal == SIGSEGV && info.si_code == SI_KERNEL) {
     text << ": an address was used that no memory can have, such as a pointer in memory that was "
             "given back";
-    return;  // The kernel does not say which.
+    return;  // The kernel does not report which.
   } else if (signal == SIGSEGV && info.si_code == SEGV_MAPERR) {
     text << ": there is no memory at the address that was used";
   } else if (signal == SIGSEGV && info.si_code == SEGV_ACCERR) {
@@ -164,8 +163,8 @@ void describe_fault(int signal, const siginfo_t& info, const void* context,
 
 // ---- The report ----
 
-/// A component whose library has some of the code that the thread was in: for threads that the
-/// framework does not know.
+/// A component whose library has some of the code that the thread was in: for threads outside of
+/// the framework.
 const RunFacts::Component* component_of_code(const Known& known,
                                              std::span<const Frame> frames) noexcept {
   for (const Frame& frame : frames) {
@@ -309,7 +308,7 @@ void add_activations(const Known& known, TextBuffer& text) noexcept {
   }
 }
 
-/// Who made the most messages.
+/// The publishers with the most messages.
 void add_memory(const Known& known, TextBuffer& text) noexcept {
   text << "  messages in memory, of the publishers with the most\n";
   std::uint64_t below = UINT64_MAX;
@@ -335,7 +334,8 @@ void add_memory(const Known& known, TextBuffer& text) noexcept {
 void write_all(int file, std::string_view text) noexcept {
   while (!text.empty()) {
     pollfd ready{.fd = file, .events = POLLOUT, .revents = 0};
-    constexpr int kLongestMs = 1000;  // Who does not read must not keep the process from ending.
+    constexpr int kLongestMs =
+        1000;  // A reader that does not read must not keep the process from ending.
     if (poll(&ready, 1, kLongestMs) == 0) {
       return;
     }
@@ -381,8 +381,8 @@ bool is_own(const Frame& frame) noexcept {
   return std::string_view(frame.function.data()).starts_with("fastcycle::diagnostics::");
 }
 
-/// Makes the report of the calling thread. `what` says why, `context` where a signal interrupted
-/// it.
+/// Writes the report of the calling thread. `what` is the reason, `context` where a signal
+/// interrupted it.
 void report(std::string_view what, const void* context) noexcept {
   const std::int64_t began_ns = base::monotonic_ns();
   const Known* const known = g_state.known.load();
@@ -466,7 +466,7 @@ void on_signal(int signal, siginfo_t* info, void* context) {
     describe_fault(signal, *info, context, text);
     report(text.text(), context);
   }
-  // What follows is what would have followed: the instruction is tried again, or the signal sent.
+  // Then the default action follows: the instruction is retried, or the signal sent again.
   const auto place = std::ranges::find(kSignals, signal) - kSignals.begin();
   sigaction(signal, &g_state.before[static_cast<std::size_t>(place)], nullptr);
   if (info->si_code <= 0) {
@@ -494,7 +494,7 @@ void on_signal(int signal, siginfo_t* info, void* context) {
         throw;
       } catch (const std::exception& exception) {
         text << " \"" << Foreign{exception.what()} << "\"";
-      } catch (...) {  // It says nothing.
+      } catch (...) {  // It has no text.
       }
     }
   }
@@ -513,7 +513,7 @@ std::uint64_t resident_bytes() noexcept {
   return resident == nullptr ? 0 : std::strtoull(resident, nullptr, 10) * 4096;
 }
 
-/// Called where memory that is asked for is not there: says once who asked.
+/// Called when an allocation fails: reports the first one.
 void on_no_memory() {
   if (is_of_this_run() && !g_state.is_out_of_memory.exchange(true)) {
     TextBuffer text(g_state.memory_text);
@@ -540,7 +540,7 @@ void on_no_memory() {
   throw std::bad_alloc();
 }
 
-/// Reports that somebody ends the process in the midst of a run, and ends it.
+/// Reports that code ends the process during a run, and ends it.
 [[noreturn]] void end_reported(std::string_view call, int code) noexcept {
   if (begin_report()) {
     std::array<char, 128> what{};
@@ -652,10 +652,10 @@ void report_and_end(const char* reason, int exit_code) noexcept {
 
 namespace {
 
-/// What `_exit` does in this process.
+/// Replaces `_exit` in this process.
 [[noreturn]] void leave(const char* call, int code, const void* caller) noexcept {
   if (is_of_this_run()) {
-    // The framework itself, and the program, know what they do.
+    // Calls of the framework itself, and of the program, are intended.
     const LoadedObject* const object = find_object(reinterpret_cast<std::uintptr_t>(caller));
     const LoadedObject* const own = find_object(reinterpret_cast<std::uintptr_t>(&end_process));
     const bool is_own = object == nullptr || object == own || object->is_program;

@@ -19,7 +19,7 @@ class PublisherCore;
 
 namespace fastcycle::diagnostics {
 
-/// What a crash report knows of a run, beside what the crash itself shows.
+/// Data about a run for crash reports.
 struct RunFacts {
   struct Component {
     std::string name;
@@ -34,29 +34,30 @@ struct RunFacts {
 
   std::string application;
   std::filesystem::path folder;       ///< Where the report goes; empty: only to standard error.
-  std::vector<Component> components;  ///< By their places in the application file.
+  std::vector<Component> components;  ///< In the order of the application file.
   std::vector<Publisher> publishers;
   std::vector<const detail::ActivationRing*> rings;
   CrashNote* note = nullptr;  ///< Filled in by the crash; or none.
-  /// Where the crash says in whose activation it was: the component's place + 1; or none.
+  /// Where the crash stores the index + 1 of the component whose activation it was in; or null.
   std::atomic<std::uint32_t>* crashed = nullptr;
-  const detail::LogQueue* log = nullptr;  ///< Whose lines are printed before the end; or none.
+  const detail::LogQueue* log = nullptr;  ///< Its lines are printed before the end; or null.
 };
 
-/// Says who is to blame when the process ends by SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT,
-/// `std::terminate`, or by `exit`, `quick_exit` or `_exit` from within a component: component, call
-/// and message, the backtrace of the thread, and what all components did last. It goes to standard
-/// error and into a file of its own, `fastcycle-crash-NAME-PID.txt`.
+/// Reports the component at fault when the process ends by SIGSEGV, SIGBUS, SIGFPE, SIGILL,
+/// SIGABRT, `std::terminate`, or by `exit`, `quick_exit` or `_exit` from within a component:
+/// component, call and message, the backtrace of the thread, and the last activations of all
+/// components. It is written to standard error and to a file of its own,
+/// `fastcycle-crash-NAME-PID.txt`.
 ///
-/// Lines of the log that wait to be printed get a tenth of a second for that.
+/// Waiting lines of the log have a tenth of a second to be printed.
 ///
-/// After the report of a signal the process ends as it would have without one, with a core file
-/// where those are allowed. What ends in `exit` ends with exit code 1.
+/// After the report of a signal the process ends as it would have without one, with a core file if
+/// those are enabled. A call of `exit` ends with exit code 1.
 ///
-/// Nothing of a report comes from messages.
+/// A report contains no data of messages.
 ///
-/// @threads  One of the process at a time. What it reports it does on the thread that crashed,
-///           with what a signal handler may use.
+/// @threads  One of the process at a time. Reports are made on the thread that crashed, with
+///           async-signal-safe functions only.
 class CrashReporter {
  public:
   CrashReporter();
@@ -64,7 +65,7 @@ class CrashReporter {
   CrashReporter& operator=(const CrashReporter&) = delete;
   ~CrashReporter();
 
-  /// From now on reports know this. Those of before stay in memory.
+  /// Sets the data for reports. Earlier data is not freed.
   void know(RunFacts facts);
 };
 

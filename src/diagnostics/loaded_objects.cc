@@ -18,7 +18,7 @@ namespace {
 
 using Objects = std::vector<LoadedObject>;
 
-// What a signal handler looks into; older tables are kept.
+// Read by signal handlers; older tables are kept.
 std::atomic<const Objects*> g_objects{nullptr};
 
 std::string build_id_of(const dl_phdr_info& info) {
@@ -164,7 +164,8 @@ class MappedElf {
   std::string_view bytes_;
 };
 
-/// The address in the object's file that tells the function: a call returns behind itself.
+/// The address in the object's file for the look-up of the function: a return address is behind its
+/// call.
 std::uint64_t file_address(const Frame& frame) noexcept {
   return frame.address - frame.object->bias - (frame.is_exact ? 0 : 1);
 }

@@ -20,12 +20,12 @@ struct Span {
   std::int64_t ns = 0;
 };
 
-/// Text that somebody else made: control characters become `?`, so that it cannot steer a terminal.
+/// Untrusted text: control characters become `?`, so that it cannot control a terminal.
 struct Foreign {
   std::string_view text;
 };
 
-/// Text written into memory that is there already; what does not fit is left out.
+/// Writes text to preallocated memory; what does not fit is dropped.
 ///
 /// @threads  Compatible.
 /// @realtime No allocation, no lock, no system call: for signal handlers.
@@ -76,7 +76,7 @@ class TextBuffer {
 
   [[nodiscard]] std::string_view text() const noexcept { return {memory_.data(), size_}; }
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
-  /// Forgets what was written after the first `size` characters.
+  /// Truncates the text to `size` characters.
   void cut(std::size_t size) noexcept { size_ = std::min(size_, size); }
 
  private:

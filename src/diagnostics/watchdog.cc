@@ -44,7 +44,7 @@ void Watchdog::watch() {
 }
 
 void Watchdog::look() {
-  // What hangs already is not asked again: a signal may disturb a call that waits for something.
+  // A thread that hangs already is not signalled again: a signal may disturb a blocking call.
   std::vector<RunningCall> still;
   std::vector<RunningCall> slow;
   const auto is_new_hang = [&](const RunningCall& call) {

@@ -13,25 +13,25 @@
 
 namespace fastcycle::diagnostics {
 
-/// Looks whether calls of components return, on a thread of its own that sleeps most of the time.
+/// Checks whether calls of components return, on a thread of its own that sleeps most of the time.
 ///
-/// It looks as often as a quarter of the smallest limit, or of the notice, at least 5 ms and at
-/// most 1 s apart, and reads what serving threads say of themselves: it costs a callback nothing.
+/// The period of checks is a quarter of the smallest limit, or of the notice, at least 5 ms and at
+/// most 1 s. It reads the state that serving threads publish: it costs a callback nothing.
 ///
 /// @threads  Confined to its owner; the functions are called on the thread of its own.
 class Watchdog {
  public:
   struct Options {
-    /// How long `call` may take; none: as long as it likes.
+    /// The limit of `call`; none: no limit.
     std::function<std::optional<std::chrono::nanoseconds>(const RunningCall& call)> limit_of;
-    std::chrono::nanoseconds smallest_limit{0};  ///< 0: nothing is looked at.
-    /// Called, once for each, with what takes longer than `notice`, and not yet longer than it may.
-    /// It is not asked where it stands.
+    std::chrono::nanoseconds smallest_limit{0};  ///< 0: nothing is checked.
+    /// Called once for each call that takes longer than `notice` but is within its limit. Its stack
+    /// is not read.
     std::function<void(const RunningCall& call)> on_slow = [](const RunningCall&) {};
     std::chrono::nanoseconds notice{0};  ///< 0: `on_slow` is not called.
-    /// A call takes longer than it may; once for each.
+    /// A call exceeds its limit; once for each.
     std::function<void(const RunningCall& call)> on_hang;
-    /// The same call has still not returned; at each look.
+    /// The same call has still not returned; at each check.
     std::function<void(const RunningCall& call)> on_look = [](const RunningCall&) {};
     /// It has returned after all.
     std::function<void(const RunningCall& call)> on_return;
@@ -50,7 +50,7 @@ class Watchdog {
   const std::chrono::nanoseconds shortest_;  ///< Of limit and notice.
   // Its thread only.
   std::vector<RunningCall> hanging_;
-  std::vector<RunningCall> slow_;  ///< Those that `on_slow` was told of, and that go on.
+  std::vector<RunningCall> slow_;  ///< Those that `on_slow` was called for, and that continue.
 
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -24,7 +24,7 @@
 namespace fastcycle::diagnostics {
 namespace {
 
-/// What a thread is asked, and what it answers, in memory that is there before.
+/// A query to a thread, and its answer, in preallocated memory.
 struct Question {
   enum class Stage : std::uint8_t { kNone, kAsked, kAnswering, kAnswered };
 
@@ -120,7 +120,7 @@ bool wait_for_answer() {
   return true;
 }
 
-/// Lets the thread `id` say what it does, if it still is in the call that began at `begin_ns`.
+/// Makes the thread `id` report what it does, if it still is in the call that began at `begin_ns`.
 void ask(pid_t id, RunningCall& call) {
   Question& question = g_question;
   std::ranges::fill(question.call, '\0');

@@ -14,7 +14,7 @@
 namespace fastcycle::estimate {
 namespace {
 
-/// What takes most first.
+/// Largest first.
 void sort_by_time(std::vector<Hindrance>& hindrances) {
   std::ranges::sort(hindrances, [](const Hindrance& a, const Hindrance& b) {
     return std::pair(b.time, a.component) < std::pair(a.time, b.component);
@@ -77,8 +77,8 @@ class Analysis {
     const Chain& chain;
     ChainEstimate result;
     std::vector<bool> is_visited;
-    std::vector<bool> is_sampled;      ///< Visited by way of what its component had heard before.
-    std::vector<bool> always_carries;  ///< Topics whose messages all know the root by themselves.
+    std::vector<bool> is_sampled;      ///< Visited by messages that its component holds.
+    std::vector<bool> always_carries;  ///< Topics whose messages all carry the root by themselves.
     std::size_t ways = 0;
     std::set<std::string> obstacles = {};
   };
@@ -194,7 +194,7 @@ void Analysis::find_order() {
       }
     }
   }
-  // What is called by the unknown is unknown itself. Twice, since circles have no order.
+  // Callbacks with unknown causes are unknown themselves. Twice, since cycles have no order.
   for (int pass = 0; pass < 2; ++pass) {
     for (const std::size_t i : order_) {
       for (const Input& input : system_.callbacks[i].inputs) {
@@ -249,7 +249,7 @@ void Analysis::forget(std::size_t component, const std::string& why) {
     return;
   }
   is_bounded_[component] = false;
-  is_known_[component] = false;  // What waits of it when another begins to wait has no bound.
+  is_known_[component] = false;  // Its backlog when another component begins to wait is unbounded.
   obstacles_[component] = why;
   // How far apart the messages are that follow from it is not known any more.
   for (const std::size_t i : callbacks_[component]) {
@@ -285,7 +285,7 @@ void Analysis::find_responses() {
       }
     }
   }
-  // Without a run time not even a turn has a bound, nor has who may have to wait for one.
+  // Without a run time a turn is unbounded, and so are components that may wait for it.
   for (std::size_t i = 0; i < system_.callbacks.size(); ++i) {
     const Callback& callback = system_.callbacks[i];
     if (callback.run_time) {
@@ -419,7 +419,7 @@ std::optional<Duration> Analysis::topic_age(std::size_t topic, std::vector<bool>
     }
     if (its.inputs.empty()) {
       if (hears(its.component)) {
-        return std::nullopt;  // What it holds may be of any age: such sets are not bounded.
+        return std::nullopt;  // Held messages may have any age: such sets are unbounded.
       }
       oldest = std::max(oldest, run_time(publisher));
       continue;
@@ -602,8 +602,8 @@ void Analysis::walk_on(Walk& walk, const Way& way, std::size_t callback) const {
   }
 }
 
-/// The topics of which each message follows from one of `root`, as a cause and not by what was
-/// heard before.
+/// The topics of which each message follows from one of `root`, as a cause and not by held
+/// messages.
 std::vector<bool> Analysis::find_carriers(std::size_t root) const {
   std::vector<bool> carries(system_.topics.size());
   carries[root] = true;
@@ -631,8 +631,8 @@ bool Analysis::inherits(std::size_t callback, const std::vector<bool>& carries) 
                                         : std::ranges::any_of(its.inputs, is_carried));
 }
 
-/// What came into `component` is inherited by what has no such root of its own: by its timers, and
-/// by callbacks for other messages.
+/// A message to `component` is inherited by activations without that root of their own: its timers,
+/// and callbacks for other messages.
 void Analysis::sample(Walk& walk, const Way& way, std::size_t component) const {
   for (const std::size_t i : callbacks_[component]) {
     const Callback& its = system_.callbacks[i];
@@ -650,7 +650,7 @@ void Analysis::sample(Walk& walk, const Way& way, std::size_t component) const {
     }
     on.age += run_time(i);
     on.is_pure = true;
-    on.running = run_time(i);  // What came before may have been done long ago.
+    on.running = run_time(i);  // Earlier callbacks may have ended long ago.
     on.gap = its.always_publishes ? gap_of(i) : std::nullopt;
     if (!on.gap) {
       on.no_gap = "nothing says how often \"" + system_.components[component].name +
@@ -704,7 +704,7 @@ ChainEstimate Analysis::judge(const Chain& chain) const {
       walk.obstacles.insert(why_unbounded(publisher));
       continue;
     }
-    // What a component publishes that hears of others is as old as what led to it.
+    // Messages of a component with inputs have the age of their causes.
     std::vector<bool> visited(system_.callbacks.size());
     const std::optional<Duration> age =
         hears(its.component) ? topic_age(chain.from, visited) : run_time(publisher);

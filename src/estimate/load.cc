@@ -122,7 +122,7 @@ std::string Waiting::obstacle(std::size_t component) const {
 }
 
 Duration Waiting::work(std::size_t component, Duration window, Duration each) const {
-  // What waited when the window began had come within its response before that.
+  // The backlog at the begin of the window arrived within its response before that.
   return is_known_[component] ? demands_[component].work_in(window + responses_[component], each)
                               : kNoBound;
 }

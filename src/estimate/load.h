@@ -9,14 +9,14 @@
 
 namespace fastcycle::estimate {
 
-/// What one component asks of its executor, given how late those before it are.
+/// The demand of one component on its executor, given the delays of its predecessors.
 struct Demand {
   std::vector<std::vector<Arrivals>> arrivals;  ///< By the component's callbacks.
   std::vector<Duration> run_times;              ///< The same.
 
   /// Calls that begin within a span, ends included.
   [[nodiscard]] std::uint64_t calls_in(Duration span) const;
-  /// What they take, and `each` more.
+  /// Their run time, plus `each` per call.
   [[nodiscard]] Duration work_in(Duration span, Duration each = {}) const;
   /// The earliest time after `span` at which `calls_in` is larger.
   [[nodiscard]] Duration next_after(Duration span) const;
@@ -24,24 +24,25 @@ struct Demand {
   [[nodiscard]] double utilization() const;
 };
 
-/// How long one component waits for workers: the bound of one busy window after the other. It sees
-/// all other components by their demand, and by the response that they are believed to have.
+/// Bounds how long one component waits for workers, one busy window after the other. Other
+/// components are represented by their demand, and by the assumed response.
 class Waiting {
  public:
-  /// All by components' places. `is_known[c]`: the demand of `c` is bounded; `responses` of those
-  /// that are not mean nothing.
+  /// All by component index. `is_known[c]`: the demand of `c` is bounded; otherwise `responses[c]`
+  /// is ignored.
   Waiting(const System& system, const std::vector<Demand>& demands,
           const std::vector<bool>& is_known, const std::vector<Duration>& responses);
 
   struct Result {
     bool is_bounded = false;
     Duration response{};  ///< From a cause to the end of its callback.
-    /// Of the worst case: what each other component adds, the component itself what it does before.
+    /// In the worst case: the contribution of each other component, and of the component's own
+    /// earlier work.
     std::vector<Duration> hindrance;
   };
   [[nodiscard]] Result of(std::size_t component) const;
 
-  /// Why the waiting of `component` cannot be bounded at all, or nothing.
+  /// Why the waiting of `component` cannot be bounded; empty if it can.
   [[nodiscard]] std::string obstacle(std::size_t component) const;
 
  private:
@@ -57,7 +58,7 @@ class Waiting {
   const std::vector<Duration>& responses_;
 };
 
-/// Longer than this nothing waits that is worth a bound.
+/// Longer waits count as unbounded.
 inline constexpr Duration kNoBound = std::chrono::seconds(10);
 
 }  // namespace fastcycle::estimate

@@ -23,20 +23,20 @@ struct Arrivals {
   }
 };
 
-/// What an executor is, as far as time goes.
+/// Timing model of an executor.
 struct Executor {
   std::string name;
   unsigned threads = 1;
-  std::vector<int> cpus = {};  ///< That its workers may run on; empty: all of the machine.
+  std::vector<int> cpus = {};  ///< CPUs of its workers; empty: all of the machine.
   int priority = 0;            ///< Real-time priority; 0: the kernel's usual policy.
   bool hand_over = false;      ///< A publish by one of its workers wakes no other of them.
   bool is_spinning = false;
-  Duration looks_for{};  ///< How long a worker looks for more before it sleeps.
+  Duration looks_for{};  ///< How long a worker polls before it sleeps.
 };
 
 struct Component {
   std::string name;
-  std::size_t executor = 0;  ///< Its place in `System::executors`.
+  std::size_t executor = 0;  ///< Its index in `System::executors`.
 };
 
 /// A topic that messages of one callback go to.
@@ -45,23 +45,23 @@ struct Publication {
   std::uint64_t messages = 1;  ///< At most, in one call.
 };
 
-/// Messages of a topic on their way to a callback.
+/// The queue of a topic's messages to a callback.
 struct Input {
   std::size_t topic = 0;
-  std::uint64_t depth = 16;  ///< That may wait, of each publisher.
-  /// Its age counts for what the component's timers publish.
+  std::uint64_t depth = 16;  ///< Queue depth, per publisher.
+  /// Whether its age counts for messages that the component's timers publish.
   bool ages = true;
 };
 
 /// How the callback of several inputs is called.
 enum class Joining : std::uint8_t {
   kEach,           ///< With every message.
-  kSets,           ///< When the last member of a set is there, by the times when they were taken.
-  kPublishedSets,  ///< The same, by the times when they were published.
+  kSets,           ///< When the last member of a set has arrived, by their taken times.
+  kPublishedSets,  ///< The same, by their publish times.
   kLatest,         ///< With every message of the first input, and the newest of the others.
 };
 
-/// What a component is called for.
+/// A callback of a component.
 struct Callback {
   std::string name;  ///< `its timer`, `"planning/speed"`.
   std::size_t component = 0;
@@ -69,30 +69,32 @@ struct Callback {
   std::vector<Input> inputs;         ///< Empty: a timer.
   Joining joining = Joining::kEach;
   Duration max_difference{};         ///< Of a set's members.
-  std::optional<Arrivals> arrivals;  ///< Of a timer, or of what else calls it.
+  std::optional<Arrivals> arrivals;  ///< Of a timer, or of another cause.
   std::vector<Publication> publishes;
-  /// It publishes all of `publishes` in each call; only then what is held of it has a largest age.
+  /// It publishes all of `publishes` in each call; only then held messages of it have a maximum
+  /// age.
   bool always_publishes = true;
 };
 
-/// A component looks at the last messages of a topic when it is called for something else.
+/// A component reads the last messages of a topic when it is called for another cause.
 struct View {
   std::size_t component = 0;
   std::size_t topic = 0;
   bool ages = true;
 };
 
-/// Messages that come from outside of all callbacks.
+/// Messages from outside of all callbacks.
 struct Source {
   std::string name;
   std::size_t topic = 0;
   std::optional<Arrivals> arrivals;  ///< None: not known.
-  /// Whether they also come at least that often; only then what is held of them has a largest age.
+  /// Whether they also arrive at least that often; only then held messages of it have a maximum
+  /// age.
   bool keeps_coming = true;
   Duration age{};  ///< When they are published, at most.
 };
 
-/// A way of messages through the application that must not take too long.
+/// A path of messages through the application with a maximum age.
 struct Chain {
   std::string name;
   std::size_t from = 0;
@@ -100,10 +102,10 @@ struct Chain {
   Duration deadline{};
 };
 
-/// An application as far as time goes.
+/// Timing model of an application.
 struct System {
   unsigned cpus = 1;   ///< Of the machine.
-  Duration wake_up{};  ///< What the machine takes, at most, until a woken worker runs.
+  Duration wake_up{};  ///< Maximum latency of the machine until a woken worker runs.
   std::vector<Executor> executors;
   std::vector<Component> components;
   std::vector<std::string> topics;

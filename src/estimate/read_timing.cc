@@ -20,7 +20,7 @@ Duration milliseconds(double ms) {
   return std::chrono::ceil<Duration>(std::chrono::duration<double, std::milli>(ms));
 }
 
-/// Reads the members of objects, and says what is wrong with them.
+/// Reads the members of objects, and reports their errors.
 class TimingReader {
  public:
   TimingReader(double margin, Timing& timing, Problems& problems)

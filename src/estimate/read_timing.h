@@ -7,8 +7,8 @@
 
 namespace fastcycle::estimate {
 
-/// Adds what `file` says, over what there is: a file of timing; or the report of a run, or a
-/// recording (`.mcap`), whose longest callbacks are taken `margin` times.
+/// Merges `file` over `timing`: a file of timing; or the report of a run, or a recording (`.mcap`),
+/// whose longest callbacks are multiplied by `margin`.
 ///
 /// @errors  Into `problems`, with file, pointer, expected and found.
 void read_timing(const std::filesystem::path& file, double margin, Timing& timing,

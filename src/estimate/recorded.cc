@@ -35,7 +35,7 @@ std::map<std::uint32_t, std::string> components_of(const mcap::Reader& reader) {
   return components;
 }
 
-/// Topics by the identity of who publishes on them.
+/// Topics by the id of their publishers.
 std::map<PublisherId, std::string> topics_of(const mcap::Reader& reader) {
   std::map<PublisherId, std::string> topics;
   for (const auto& [id, channel] : reader.definitions().channels()) {

@@ -7,8 +7,8 @@
 
 namespace fastcycle::estimate {
 
-/// Adds to `timing`, over what there is, the longest activation of each callback in a recording,
-/// taken `margin` times.
+/// Merges over `timing` the longest activation of each callback in a recording, multiplied by
+/// `margin`.
 ///
 /// @errors  Into `problems`: that it cannot be read, or has no activations.
 void read_recorded_timing(const std::filesystem::path& file, double margin, Timing& timing,

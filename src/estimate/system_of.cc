@@ -169,7 +169,7 @@ class SystemBuilder {
 
   void add_timers(const ComponentCore& core, std::size_t component) {
     for (const auto& timer : core.timers()) {
-      // What is the framework's own calls the component when something has gone wrong.
+      // The framework's own timers call the component only after errors.
       if (timer->watch != nullptr || (!timer->is_periodic() && !timer->role.name.empty())) {
         continue;
       }
@@ -270,7 +270,7 @@ class SystemBuilder {
     }
   }
 
-  /// What timing names and nobody has.
+  /// Reports names of the timing without a match.
   void check_names() {
     std::vector<std::string> components;
     for (const Component& component : system_.components) {
@@ -287,7 +287,7 @@ class SystemBuilder {
         const std::vector<std::string>& known = keys_[name];
         if (std::ranges::find(known, key) == known.end()) {
           if (!callback.is_said) {
-            continue;  // Of a recording, where this component was another, or heard of others too.
+            continue;  // From a recording in which this component was another, or had other inputs.
           }
           std::string all;
           for (const std::string& one : known) {
@@ -322,7 +322,7 @@ class SystemBuilder {
   std::map<std::pair<std::string, std::size_t>, std::size_t> executors_in_processes_;
   std::map<std::string, std::size_t> topics_;
   std::map<std::string, std::vector<std::string>> keys_;  ///< Of callbacks, by component.
-  std::set<std::string> is_said_;  ///< Component and callback: what it publishes was said.
+  std::set<std::string> is_said_;  ///< Component and callback, whose publishes are given.
 };
 
 }  // namespace

@@ -7,17 +7,17 @@
 
 namespace fastcycle::estimate {
 
-/// What the analysis has to know of the machine.
+/// Properties of the machine for the analysis.
 struct Machine {
   unsigned cpus = 0;  ///< 0: as many as this process may use.
   Duration wake_up = std::chrono::microseconds(200);
 };
 
-/// `application`, built and not started, as the analysis sees it: its executors, what calls its
-/// components and what they publish, and its chains. A component of which `timing` does not say
-/// what each callback publishes may publish everything in each of them.
+/// The model of `application`, which was built and not started: its executors, the causes and
+/// publications of its components, and its chains. A component without `publishes` in `timing` may
+/// publish everything in each callback.
 ///
-/// @errors  Into `problems`: what `timing` names and the application does not have.
+/// @errors  Into `problems`: names in `timing` that the application does not have.
 [[nodiscard]] System system_of(const host::Application& application, const Timing& timing,
                                const Machine& machine, config::Problems& problems);
 

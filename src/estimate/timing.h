@@ -11,7 +11,7 @@
 
 namespace fastcycle::estimate {
 
-/// What is known of one callback; what is unset is not known.
+/// Known timing of one callback; unset: unknown.
 struct CallbackTiming {
   std::optional<Duration> run_time;
   std::optional<Arrivals> arrivals;  ///< Of a timer that is armed by hand.
@@ -36,8 +36,8 @@ struct SourceTiming {
   config::Place place;
 };
 
-/// How long callbacks take, and how often messages come from outside: what an application does not
-/// say of itself. docs/reference/estimate.md has the form of the file.
+/// Run times of callbacks, and arrival rates of external messages: not part of the application
+/// file. docs/reference/estimate.md has the form of the file.
 struct Timing {
   std::map<std::string, ComponentTiming> components;
   std::map<std::string, SourceTiming> sources;  ///< By topic.

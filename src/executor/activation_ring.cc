@@ -24,7 +24,7 @@ std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
   const std::uint64_t place = next_.load(std::memory_order_relaxed);
   Slot& slot = slots_[place % kCapacity];
   const auto relaxed = std::memory_order_relaxed;
-  // Every field is released after the odd version: who reads one of them sees that version too.
+  // Every field is released after the odd version: a reader of one of them sees that version too.
   slot.version.store(2 * place + 1, relaxed);
   const auto release_order = std::memory_order_release;
   slot.head.store(head_of(record), release_order);
@@ -45,7 +45,7 @@ std::uint64_t ActivationRing::begin(const ActivationRecord& record) noexcept {
 
 void ActivationRing::end(std::uint64_t place, const ActivationRecord& record) noexcept {
   Slot& slot = slots_[place % kCapacity];
-  // Released too: who reads one of these for an older record sees that this one took its place.
+  // Released too: a reader of one of these for an older record sees that it was replaced.
   slot.duration_ns.store(record.duration_ns, std::memory_order_release);
   slot.published_ns.store(record.published_ns, std::memory_order_release);
   slot.publish_count.store(record.publish_count, std::memory_order_release);
@@ -88,7 +88,7 @@ std::uint64_t ActivationRing::read(std::uint64_t& next,
   }
   for (; next < end; ++next) {
     ActivationRecord record;
-    // A worker that goes on writing is ahead of what it writes over by this reader's next look.
+    // The worker may have overwritten the record meanwhile: then it is lost.
     if (!read_at(next, record)) {
       ++lost;
     } else if (record.outcome == Outcome::kRunning && next + 1 == end) {

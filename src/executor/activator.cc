@@ -73,12 +73,12 @@ void Activator::activate(ActivationRing& ring, ActivationRecord record, Activati
   }
   if (record.outcome == Outcome::kFault) {
     statistics.faults.add();
-    running_activation.timer = nullptr;  // A restart makes its timers anew.
+    running_activation.timer = nullptr;  // A restart creates its timers again.
     tell_fault_(fault_);
     if (publishing.has_leftovers) {
-      finish_leftovers();  // Of a start anew.
+      finish_leftovers();  // Of a restart.
     }
-    // After what the fault leads to: once it has ended, who records takes what it learned.
+    // After the fault handling: once the record has ended, recorders take its reads.
     ring.end(place, record);
     clock_.read();  // A restart takes long.
   }

@@ -214,7 +214,7 @@ bool Actor::run_next(ActivationRing& ring) {
   if (!has_message) {
     return false;
   }
-  // What is left is looked at again: a callback may have suspended the component.
+  // The rest is checked again: a callback may have suspended the component.
   take(ring, head);
   return true;
 }

@@ -15,7 +15,7 @@ using Verdict = DeliveryFilter::Verdict;
 
 Verdict take_by_quality(Quality& quality, const Inbox::Head& head, Time now) {
   if (head.lane->is_closed()) {
-    // The subscription is over, and what its callback for events belonged to may be gone.
+    // The subscription has ended, and the owner of its callback for events may be gone.
     return {.decision = Inbox::pop(head) ? Decision::kDeliver : Decision::kGone};
   }
   QosEvent event;

@@ -110,8 +110,8 @@ void Executor::timer_armed(std::int64_t due_ns) noexcept {
   }
   const std::int64_t watched_ns = leader_deadline_ns_.load(std::memory_order_seq_cst);
   if (watched_ns == kNobodyLeads) {
-    // Who sleeps now began while another led: it must watch, since this worker may be busy for
-    // long.
+    // A worker that sleeps now began while another led: it must watch, since this worker may be
+    // busy for long.
     sleepers_.wake_one();
   } else if (watched_ns > due_ns) {
     const unsigned leader = leader_.load(std::memory_order_seq_cst);
@@ -175,7 +175,8 @@ bool Executor::run_ready(unsigned worker) {
     auto& word = ready_[place];
     const std::size_t base = place * 64;
     std::uint64_t bits = word.load(std::memory_order_seq_cst);
-    // One pass over what was ready when it began: nobody waits longer than one turn of each other.
+    // One pass over the components ready at its begin: none waits longer than one turn of each
+    // other.
     while (bits != 0) {
       const auto bit = static_cast<unsigned>(std::countr_zero(bits));
       const std::uint64_t flag = std::uint64_t{1} << bit;
@@ -285,7 +286,7 @@ bool Executor::run_early(std::int64_t now_ns) {
 }
 
 bool Executor::spin_for_work(std::int64_t limit_ns) {
-  // Who shares few components with nobody serves a message before its publisher has marked it.
+  // A single worker with few components serves a message before its publisher has marked it.
   const bool looks_early = options_.threads == 1 && actors_.size() <= kEarlyActors;
   const std::int64_t begin_ns = base::monotonic_ns();
   for (;;) {
@@ -299,7 +300,7 @@ bool Executor::spin_for_work(std::int64_t limit_ns) {
       pause_briefly();
     }
     if (options_.wait == WaitMode::kAdaptive) {
-      sched_yield();  // Whoever will publish may be waiting for this very CPU.
+      sched_yield();  // The next publisher may be waiting for this CPU.
     }
     if (now_ns >= earliest_due_ns_.load(std::memory_order_relaxed)) {
       return true;
@@ -337,8 +338,8 @@ void Executor::idle(unsigned worker) {
     return;
   }
   sleepers_.announce(worker);
-  // A single worker leads for ever: a deadline that it has left behind only costs whoever arms an
-  // earlier timer a look whether it sleeps.
+  // A single worker always leads: a stale deadline only costs a thread that arms an earlier timer a
+  // check whether it sleeps.
   const bool is_alone = options_.threads == 1;
   const std::int64_t deadline_ns = is_alone ? announce_deadline() : lead(worker);
   if (foreign_ != nullptr) [[unlikely]] {
@@ -351,7 +352,7 @@ void Executor::idle(unsigned worker) {
   }
   const bool has_led = leader_.load(std::memory_order_seq_cst) == worker;
   stop_leading(worker);
-  // Somebody must watch the timers while this worker is busy, if somebody else sleeps.
+  // If another worker sleeps, it must watch the timers while this one is busy.
   if (has_led && earliest_due_ns_.load(std::memory_order_seq_cst) != base::kNever) {
     sleepers_.wake_one();
   }

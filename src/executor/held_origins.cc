@@ -41,7 +41,7 @@ void HeldOrigins::hold(const Envelope& envelope, std::int64_t end_ns) {
   Held& held = of(info.publisher);
   const std::int64_t published_ns = base::to_ns(info.publish_time);
   if (published_ns < held.published_ns) {
-    return;  // By another subscription it was heard of later.
+    return;  // Another subscription has a newer one.
   }
   if (held.origin.root != info.origin.root) {
     held.is_own = std::ranges::find(owner_.publishers, info.origin.root) != owner_.publishers.end();
@@ -91,7 +91,7 @@ Origin HeldOrigins::oldest(std::int64_t now_ns) const noexcept {
     } else if (count < roots.size()) {
       roots[count++] = {held.origin.root, held.origin.taken};
     } else {
-      // More roots than places: the newest gives way, as the oldest is what is asked for.
+      // More roots than places: drops the newest, since the oldest is needed.
       const auto newest = std::ranges::max_element(roots, {}, &Root::taken);
       if (held.origin.taken < newest->taken) {
         *newest = {held.origin.root, held.origin.taken};

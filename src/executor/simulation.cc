@@ -32,7 +32,7 @@ void Simulation::add(Actor& actor) {
 
 void Simulation::enqueue(std::uint32_t index) noexcept {
   ready_[index / 64].fetch_or(std::uint64_t{1} << (index % 64), std::memory_order_seq_cst);
-  // Whoever brings work from outside while the simulation waits must end its waiting.
+  // External work while the simulation waits must wake it.
   if (foreign_threads_.load(std::memory_order_relaxed) != 0) {
     const std::lock_guard lock(mutex_);
     ++changes_;
@@ -116,8 +116,8 @@ bool Simulation::has_fed_at(std::int64_t time_ns) const noexcept {
   return feed_ != nullptr && feed_->next_due_ns() <= time_ns && feed_->next_step() < steps_end_;
 }
 
-/// Takes what belongs to the next round. Where nobody else has anything to do, that is the round in
-/// which the next of it is due.
+/// Takes the input of the next round. If there is nothing else to do, that is the round in which
+/// the next input is due.
 bool Simulation::take_fed() {
   const Time now = clock_.now();
   const bool is_fed_here = has_fed_at(base::to_ns(now));
@@ -354,7 +354,7 @@ std::int64_t Simulation::next_due_ns(const Actor* without) const noexcept {
   std::int64_t next_ns = base::kNever;
   if (feed_ != nullptr) {
     const std::int64_t fed_ns = feed_->next_due_ns();
-    // What belongs to a later part of this moment does not let time go on.
+    // Input of a later part of this instant does not advance time.
     next_ns = fed_ns > base::to_ns(clock_.now()) || has_fed_at(fed_ns) ? fed_ns : base::kNever;
   }
   for (std::size_t i = 0; i < actors_.size(); ++i) {
@@ -417,7 +417,7 @@ bool Simulation::advance_together(std::uint64_t seen, End& end) {
   const Time limit = base::from_ns(all_.limit_ns);
   const bool is_idle = limit == Time::max() && all_.next_unwatched_ns == base::kNever;
   if (all_.is_held || (is_idle && all_.has_threads)) {
-    // All look again after a while: only one of them may hear of a change.
+    // All check periodically: only one of them may be notified of a change.
     constexpr std::chrono::milliseconds kLook{1};
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kLook, [&] { return changes_ != seen; });
@@ -444,7 +444,7 @@ Simulation::End Simulation::run_until(Time limit, bool may_end) {
     } else if (peers_ == nullptr && is_interrupted_.load()) {
       return End::kInterrupted;
     }
-    // What comes from outside after this is seen as a change, and makes another pass.
+    // External input after this is seen as a change, and causes another pass.
     const std::uint64_t seen = changes();
     begin_round(limit);
     if (may_end && peers_ != nullptr && all_.is_to_end) {

@@ -40,8 +40,8 @@ class Suspension {
   [[nodiscard]] bool is_closed() const noexcept { return gate() == Gate::kClosed; }
 
   /// Drops, as inactive, messages that wait for callbacks, except those that outlive a suspension:
-  /// all but the last messages of latched topics, or these too (`with_latched`). If all are kept,
-  /// drops only `with_latched`.
+  /// all but the last messages of latched topics, or these too (`with_latched`). While all messages
+  /// are kept, drops them only with `with_latched`.
   void drop_waiting(bool with_latched) noexcept;
 
   void set_alarm(Time due, std::function<void()> action);

@@ -69,10 +69,10 @@ class Synchronizer {
   /// A message arrived.
   void take(const SynchronizerInput& input, Envelope& envelope);
 
-  /// Lets go of all that is held, and counts it as dropped for `reason`.
+  /// Releases all held messages, as dropped for `reason`.
   void drop_held(DropReason reason) noexcept;
 
-  /// What a restarted component calls from now on. What is held stays.
+  /// Sets the callback of a restarted component. Held messages are kept.
   void set_callback(EnvelopeSetCallback callback) { callback_ = std::move(callback); }
 
   [[nodiscard]] const SynchronizerInput& input(std::size_t place) const { return *inputs_[place]; }
@@ -92,7 +92,7 @@ class Synchronizer {
   SetMatcher matcher_;
   std::array<SynchronizerInput*, SetMatcher::kMaxTopics> inputs_{};
   Origin origin_;              ///< Of the set that was called last.
-  std::vector<Trail> trails_;  ///< Of that set, by root; empty where there are no chains.
+  std::vector<Trail> trails_;  ///< Of that set, by root; empty if there are no chains.
 };
 
 }  // namespace fastcycle::detail

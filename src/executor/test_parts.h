@@ -1,7 +1,7 @@
 #pragma once
 
-// The parts of an actor, for the tests of one of them: what was published reaches it, and nobody
-// serves it but the test.
+// The parts of an actor, for tests of single parts: messages are delivered, and only the test
+// serves it.
 
 #include <cstdint>
 #include <memory>
@@ -55,7 +55,7 @@ class ActorParts : public ::testing::Test {
   Topic& topic(const std::string& name) {
     return topics_.get(name, "reader", Int64Value::default_instance());
   }
-  /// Writes down the value of what it is given.
+  /// A callback that records the values of its messages.
   EnvelopeCallback note() {
     return [this](Envelope&, const google::protobuf::Message& message) {
       heard_.push_back(static_cast<const Int64Value&>(message).value());

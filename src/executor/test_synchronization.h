@@ -1,6 +1,6 @@
 #pragma once
 
-// For tests: what synchronizers must do, found by trying everything, and streams to try it on.
+// For tests: the expected results of synchronizers, by exhaustive search, and streams of messages.
 
 #include <algorithm>
 #include <cstddef>
@@ -17,16 +17,16 @@
 
 namespace fastcycle::detail {
 
-/// A message as the rule sees it.
+/// A message, as input of the rule.
 struct TestArrival {
   std::size_t topic;
   int time;
 };
 
-/// What becomes of messages, which are named by their places in the order of arrival.
+/// The result: messages are identified by their index in the order of arrival.
 struct Matched {
   std::vector<std::vector<std::size_t>> sets;
-  /// After which arrival each message gave way.
+  /// The arrival after which each message was discarded.
   std::map<std::size_t, std::size_t> unmatched;
 
   bool operator==(const Matched&) const = default;
@@ -105,7 +105,7 @@ class Oracle {
         give_way(held_[topic(now_)].front());
       }
     }
-    // All at once: what has no hope does not wait for what else has none.
+    // All at once: messages without hope must not depend on each other.
     std::vector<std::size_t> without_hope;
     for (const auto& messages : held_) {
       std::ranges::copy_if(messages, std::back_inserter(without_hope),

@@ -20,22 +20,22 @@ namespace fastcycle::detail {
 
 class Actor;
 
-/// What a timer is for.
+/// The purpose of a timer.
 struct TimerRole {
   std::string name = {};          ///< In reports; empty: "timer 2", by its number.
-  std::string label = "a timer";  ///< In words, for faults.
+  std::string label = "a timer";  ///< As text, for faults.
   Cause cause = Cause::kTick;     ///< Of its activations.
 };
 
 /// How long the callbacks of one timer take. It outlives the timer: a component that is restarted
-/// makes its timers again, and each goes on with what it had.
+/// creates its timers again, and each continues with its statistics.
 struct TimerStatistics {
   TimerStatistics(std::string its_name, Cause its_cause)
       : name(std::move(its_name)), cause(its_cause) {}
 
   const std::string name;
   const Cause cause;
-  bool is_taken = true;            ///< By a timer that there is now.
+  bool is_taken = true;            ///< By a present timer.
   base::CoarseHistogram run_time;  ///< Ns by CLOCK_MONOTONIC. Written by the component's worker.
 };
 
@@ -57,7 +57,7 @@ class TimerCore {
   const TimerOptions options;
   TickCallback callback;
   const TimerRole role;
-  Watch* watch = nullptr;                 ///< Then there is an activation only if it has an event.
+  Watch* watch = nullptr;                 ///< If set, there is an activation only for its events.
   TimerStatistics* statistics = nullptr;  ///< None if it has a watch.
   std::int64_t due_ns = base::kNever;     ///< On the application's clock.
   std::uint64_t armed_in_turn = 0;        ///< In simulated time a timer fires once a round.
@@ -74,10 +74,11 @@ class TimerSet {
   TimerSet& operator=(const TimerSet&) = delete;
 
   TimerCore& add(Actor& actor, const TimerOptions& options, TickCallback callback, TimerRole role);
-  /// A timer that looks after `watch`, which must outlive it, from `now_ns` on; with `base::kNever`
+  /// Adds a timer that checks `watch`, which must outlive it, from `now_ns` on; with `base::kNever`
   /// from the start of the timers on.
   TimerCore& add_watch(Actor& actor, Watch& watch, std::int64_t now_ns);
-  /// A timer that is due when credits of `publisher`, which had run out, are there again.
+  /// Adds a timer that is due when credits of `publisher` are available again after they had run
+  /// out.
   void add_credit_event(Actor& actor, PublisherCore& publisher, std::function<void()> callback);
 
   /// A turn begins: in simulated time each timer fires once in a turn.
@@ -86,20 +87,20 @@ class TimerSet {
   [[nodiscard]] bool is_empty() const noexcept { return timers_.empty(); }
   /// The timer that is due first of those due at `now_ns`; null if none is.
   [[nodiscard]] TimerCore* due(std::int64_t now_ns) noexcept;
-  /// The tick of `timer`, which is due, and when it is due next. What is a whole period late stands
-  /// for the ticks that it missed.
+  /// The tick of `timer`, which is due, and when it is due next. A tick that is a whole period late
+  /// replaces the missed ones.
   [[nodiscard]] Tick take(TimerCore& timer, std::int64_t now_ns) noexcept;
-  /// The watch of `timer` was asked: it is due when that wants to be asked next.
+  /// The watch of `timer` was checked: schedules its next check.
   void look_again(TimerCore& timer) noexcept;
 
   void arm(TimerCore& timer, std::int64_t due_ns) noexcept;
-  /// Makes the timers of credit events due whose credits came.
+  /// Makes the timers of credit events due whose credits were returned.
   void take_credits(std::int64_t now_ns) noexcept;
 
   /// Arms all periodic timers and all watches, as of `start`.
   void start(Time start);
   void cancel() noexcept;
-  /// Destroys all timers, which their owners declare again; statistics stay.
+  /// Destroys all timers, which their owners declare again; statistics are kept.
   void clear() noexcept;
 
   /// When the next timer is due, on the application's clock.
@@ -109,12 +110,12 @@ class TimerSet {
   [[nodiscard]] const std::vector<std::unique_ptr<TimerCore>>& all() const noexcept {
     return timers_;
   }
-  /// Of all timers that there ever were, but watches, in the order in which they were added.
-  /// @threads Safe; what it returns lives as long as this.
+  /// Of all past and present timers, except watches, in the order in which they were added.
+  /// @threads Safe; the result is valid as long as this.
   [[nodiscard]] std::vector<const TimerStatistics*> statistics() const;
 
  private:
-  /// Whose credits are waited for, and the timer that is due when they are there.
+  /// The publisher whose credits are awaited, and the timer that is due when they are available.
   struct CreditEvent {
     PublisherCore* publisher;
     TimerCore* timer;
@@ -128,7 +129,7 @@ class TimerSet {
   std::vector<CreditEvent> credit_events_;
   bool is_on_ = true;  ///< False once all are cancelled, until they start again.
 
-  // Taken when timers are made, and by who looks at their statistics.
+  // Locked to create timers, and to read their statistics.
   mutable base::PriorityMutex mutex_;
   std::deque<TimerStatistics> statistics_;
 };

@@ -18,7 +18,7 @@ class TurnClock {
 
   void read() noexcept { read_ns_ = base::monotonic_ns(); }
   void set(std::int64_t monotonic_ns) noexcept { read_ns_ = monotonic_ns; }
-  /// It is not before `time`, which may have come after the clock was read. Live only.
+  /// Advances it to `time` at least, which may be later than the last reading. Live only.
   void pass(Time time) noexcept { read_ns_ = std::max(read_ns_, clock_.monotonic_at(time)); }
 
   /// Until `let_go` it is `time` on the application's clock: another component's, which is

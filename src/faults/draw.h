@@ -13,8 +13,8 @@ namespace fastcycle::faults {
   return x ^ (x >> 31U);
 }
 
-/// What is drawn for one message by one fault: 64 bits that depend on these four alone. So neither
-/// workers nor processes, nor what else is injected, have a part in it.
+/// Random bits for one message and one fault: 64 bits that depend on these four only, and not on
+/// workers, processes or other faults.
 [[nodiscard]] constexpr std::uint64_t draw(std::uint64_t seed, std::string_view fault,
                                            std::uint64_t publisher,
                                            std::uint64_t sequence) noexcept {
@@ -25,7 +25,7 @@ namespace fastcycle::faults {
   return mixed(mixed(hash ^ publisher) ^ sequence);
 }
 
-/// The number in [0, 1) that `bits` stand for.
+/// Converts `bits` to a number in [0, 1).
 [[nodiscard]] constexpr double unit_of(std::uint64_t bits) noexcept {
   return static_cast<double>(bits >> 11U) * 0x1.0p-53;
 }

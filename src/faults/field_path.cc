@@ -32,7 +32,7 @@ bool is_message(const FieldDescriptor& field) {
   return field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
 }
 
-/// What keeps `field` from being corrupted so; empty if nothing does.
+/// Why `field` cannot be corrupted so; empty if it can.
 std::string objection(const FieldDescriptor& field, Corruption corruption) {
   if (field.is_map()) {
     return "it is a map";
@@ -84,7 +84,7 @@ Number flipped(Number number, std::uint64_t bits) {
   }
 }
 
-/// What is to become of a field.
+/// A change of a field.
 struct Change {
   Corruption corruption;
   double value;

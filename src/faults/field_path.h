@@ -18,14 +18,14 @@ namespace fastcycle::faults {
 /// @threads  Compatible.
 class FieldPath {
  public:
-  /// The field `text` of messages of `type`; none, and `why`, if there is no such field, or it
-  /// cannot become what `corruption` says.
+  /// The field `text` of messages of `type`; none, and `why`, if there is no such field, or
+  /// `corruption` is not applicable to it.
   static std::optional<FieldPath> find(std::string_view text,
                                        const google::protobuf::Descriptor& type,
                                        config::Corruption corruption, std::string& why);
 
-  /// Changes the field in `message`. `bits` says which bit is flipped; `before` is the message
-  /// before, or null.
+  /// Changes the field in `message`. `bits` selects the bit to flip; `before` is the previous
+  /// message, or null.
   void corrupt(google::protobuf::Message& message, config::Corruption corruption, double value,
                std::uint64_t bits, const google::protobuf::Message* before) const;
 

@@ -33,29 +33,29 @@ struct ActiveFault {
 struct GateClock {
   std::uint64_t seed = 0;
   std::atomic<std::int64_t> begin_ns{base::kNever};  ///< Of the timers.
-  std::atomic<std::int64_t> end_ns{base::kNever};    ///< From then on nothing is injected.
-  std::function<void()> held = [] {};                ///< Something is to be put in later.
+  std::atomic<std::int64_t> end_ns{base::kNever};    ///< No injection from then on.
+  std::function<void()> held = [] {};                ///< Called when a message is held for later.
 };
 
-/// Stands before the lanes of one publisher, and does to its messages what faults say.
+/// Applies faults to the messages of one publisher, before its lanes.
 ///
-/// A fault means the same messages whoever asks: what is drawn depends on the seed, the fault, the
-/// publisher and the message's sequence alone. Each message passes the faults in the order of the
-/// file. What it holds or changes is a copy of its own: the publisher's pool does not feel it.
+/// A fault affects the same messages in every run: the draw depends only on the seed, the fault,
+/// the publisher and the message's sequence. Each message passes the faults in the order of the
+/// file. Held or changed messages are copies: they do not occupy the publisher's pool.
 ///
-/// Messages keep sequence, publish time and origin. In each lane their order stays: what is
-/// published behind a delayed message waits for it.
+/// Messages keep sequence, publish time and origin. Their order in each lane is kept: later
+/// messages wait for a delayed one.
 ///
 /// @threads  As `LaneGate`; `put_due` and `next_due_ns` take the mutex.
 class Gate final : public detail::LaneGate {
  public:
-  /// A fault, and the field that it corrupts, if it does that.
+  /// A fault, and the field that it corrupts, if any.
   struct Part {
     ActiveFault* fault;
     std::optional<FieldPath> field;
   };
 
-  /// All of these live longer than what is published.
+  /// All of these outlive all publishes.
   Gate(detail::PublisherCore& publisher, std::vector<Part> parts, const GateClock& clock);
   ~Gate() override;
 
@@ -63,11 +63,11 @@ class Gate final : public detail::LaneGate {
   void pass(detail::Envelope& message, detail::Subscription& subscription) noexcept override;
   void end(detail::Envelope& message) noexcept override;
 
-  /// Puts in what is due at `now`.
+  /// Delivers messages that are due at `now`.
   void put_due(Time now) noexcept;
-  /// When the next of what it holds is due; `kNever` if there is none.
+  /// When the next held message is due; `kNever` if there is none.
   [[nodiscard]] std::int64_t next_due_ns() noexcept;
-  /// What it holds is lost: there is nobody any more who could put it in.
+  /// Drops the held messages, which cannot be delivered any more.
   void give_up() noexcept;
 
  private:
@@ -95,8 +95,8 @@ class Gate final : public detail::LaneGate {
   std::vector<Drawn> drawn_;  ///< One for each part.
   const GateClock& clock_;
   detail::Pool* const copies_;
-  bool keeps_before_ = false;                  ///< A fault needs the message before.
-  detail::Envelope* before_ = nullptr;         ///< The message before.
+  bool keeps_before_ = false;                  ///< A fault needs the previous message.
+  detail::Envelope* before_ = nullptr;         ///< The previous message.
   detail::Envelope* last_unfrozen_ = nullptr;  ///< The last one before a fault freezes.
   std::deque<Held> held_;                      ///< In the order in which they are due.
   std::map<const detail::Subscription*, Time> waits_until_;  ///< The last that is held for each.

@@ -27,7 +27,7 @@ Injector::~Injector() {
   end();
 }
 
-/// Of a topic that is there, what the fault says of its ends and fields.
+/// Checks the ends and fields of a fault whose topic exists.
 void Injector::check(const ActiveFault& fault, const detail::Topics& topics,
                      config::Problems& problems) const {
   const FaultDescription& its = fault.description;

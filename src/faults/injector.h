@@ -27,8 +27,8 @@ struct FaultCount {
   std::vector<std::uint64_t> messages = {};  ///< Sequences of those affected, the first 1000.
 };
 
-/// Injects the faults of an application: owns the gates before the lanes, and knows when something
-/// is due.
+/// Injects the faults of an application: owns the gates before the lanes, and schedules their
+/// messages.
 ///
 ///     Injector injector(description.faults, clock);
 ///     injector.attach(topics, problems);            // before anything is connected
@@ -44,25 +44,25 @@ class Injector final : public detail::Feed {
   Injector(const config::FaultsDescription& faults, const base::Clock& clock);
   ~Injector() override;
 
-  /// Puts gates before the lanes of all publishers that faults mean. A fault that means nobody, or
-  /// a field that is not there, is a mistake if `is_whole`: all topics are here.
+  /// Attaches gates to all publishers that faults select. A fault without a match, or with an
+  /// unknown field, is an error if `is_whole`: all topics are here.
   void attach(detail::Topics& topics, bool is_whole, config::Problems& problems);
 
   /// A fault of a component or a process begins, or, with `is_over`, ends. Before `begin`.
   std::function<void(const config::FaultDescription& fault, bool is_over)> strike =
       [](const config::FaultDescription&, bool) {};
 
-  /// In simulated time: what else is fed. Before `begin`.
+  /// In simulated time: sets the other feed. Before `begin`.
   void set_other(detail::Feed& other) noexcept { other_ = &other; }
 
-  /// The timers started at `start`: from now on faults act. Where that was before, since the
-  /// process was restarted, what had happened by now does not happen again.
+  /// The timers started at `start`: faults act from now on. In a restarted process, `start` is in
+  /// the past: earlier faults are not repeated.
   void begin(Time start, std::vector<base::Refusal>& refusals);
-  /// Faults act no more, and what is still delayed is lost.
+  /// Ends all faults, and drops messages that are still delayed.
   void end();
 
   [[nodiscard]] std::vector<FaultCount> counts() const;
-  /// What is injected, in a sentence: so that nobody takes the run for an ordinary one.
+  /// The injected faults in a sentence, to mark the run.
   [[nodiscard]] std::string summary() const;
 
   [[nodiscard]] std::int64_t next_due_ns() const noexcept override;
@@ -88,7 +88,7 @@ class Injector final : public detail::Feed {
   std::deque<ActiveFault> faults_;
   std::vector<std::unique_ptr<Gate>> gates_;
   std::vector<detail::PublisherCore*> gated_;
-  std::deque<Strike> strikes_;  ///< What is still to come, the next one first.
+  std::deque<Strike> strikes_;  ///< The pending ones, the next one first.
   detail::Feed* other_ = nullptr;
 
   // Live.

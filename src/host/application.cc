@@ -94,7 +94,7 @@ Application::Application(std::unique_ptr<TimeDriver> driver,
   set_up();
 }
 
-/// Tells the topics what the file says of them.
+/// Sets the topics' options from the file.
 void Application::set_up() {
   topics().set_default_options(kStatusTopic, {.latched = 1, .ages = false});
   topics().set_default_options(kLogTopic, {.ages = false});
@@ -256,7 +256,7 @@ void Application::construct(config::Problems& problems, ConstructorFault on_thro
   }
 }
 
-/// What was constructed, as a whole. Adds what has to know it.
+/// Checks the constructed components as a whole, and adds the parts that depend on it.
 void Application::check(config::Problems& problems, const std::set<std::string>& declared_params) {
   lifecycle_.set_order(config::start_order(description_));
   if (!own_topics_are_free) {
@@ -274,7 +274,7 @@ void Application::check(config::Problems& problems, const std::set<std::string>&
     services = &replay_->plan().services;
   } else if (peers_ != nullptr) {
     services = &peers_->services();
-  } else {  // Else those who use them may not run here.
+  } else {  // Else their users may not run here.
     config::check_shared(description_.shared_params, declared_params, problems);
   }
   service_names_ = connect_services(components_, topics(), services, problems);
@@ -309,7 +309,7 @@ bool Application::is_own_topic_wanted(const std::string& name) const {
          (kept && names_it(kept->topics));
 }
 
-/// For what the main process publishes, if somebody here subscribes to it.
+/// For topics of the main process with subscribers here.
 void Application::add_stand_in_for_own(const std::string& topic,
                                        config::ComponentDescription description,
                                        config::Problems& problems) {
@@ -325,7 +325,7 @@ void Application::add_stand_in_for_own(const std::string& topic,
   static_cast<void>(components_.back()->construct(problems));
 }
 
-/// Behind the others, so that their numbers do not depend on who looks on.
+/// Behind the others, so that their numbers do not depend on observers.
 void Application::add_status(config::Problems& problems) {
   if (!is_own_topic_wanted(kStatusTopic)) {
     return;
@@ -345,7 +345,7 @@ void Application::add_status(config::Problems& problems) {
   }
 }
 
-/// Behind the status, which does not tell of it.
+/// Behind the status, which does not report it.
 void Application::add_log(config::Problems& problems) {
   if (!is_own_topic_wanted(kLogTopic)) {
     return;
@@ -416,7 +416,7 @@ void Application::note_reloads(std::map<std::string, std::string>& facts) const 
   }
 }
 
-/// What a recording says of this run when it has ended.
+/// The facts of this run for a recording at its end.
 std::map<std::string, std::string> Application::end_facts() const {
   std::map<std::string, std::string> facts = {{"time_ns", std::to_string(base::to_ns(end_time_))},
                                               {"timers_ns", std::to_string(start_ns_.load())},
@@ -474,12 +474,13 @@ Time Application::begin_of_timers() {
   }
   const Time begin = replay_->begin_of_timers();
   if (begin > clock_.now()) {
-    advance_to(begin);  // What came while the components started, which took time then.
+    advance_to(begin);  // Input received while the components started, which took time in the
+                        // recorded run.
   }
   return begin;
 }
 
-/// What activations learn, by component, if somebody wants to know.
+/// The reads of activations, by component, if an observer wants them.
 std::vector<const detail::ReadRing*> Application::keep_reads() {
   std::vector<const detail::ReadRing*> rings;
   const bool is_for_peers = peers_ != nullptr && peers_->keeps_activity();
@@ -500,8 +501,8 @@ std::vector<const detail::ReadRing*> Application::keep_reads() {
       rings.push_back(component->publishing.reads);
       continue;
     }
-    // Who asks for credits does so in each activation, and there may be thousands between two
-    // looks.
+    // Credits are queried in each activation, and there may be thousands between two reads of the
+    // ring.
     const bool learns_much = component->subscriptions.has_views() ||
                              std::ranges::any_of(component->declared.publishers, has_credits);
     component->keep_reads(std::make_unique<detail::ReadRing>(
@@ -612,7 +613,7 @@ EndReason Application::run(std::optional<Duration> limit) {
     case TimeDriver::End::kInterrupted:
       if (shares_rounds() ? peers_->agreed_end() == Peers::AgreedEnd::kInputOver
                           : end_reason() == EndReason::kSourcesFinished) {
-        driver_->settle();  // What the last input leads to belongs to the run.
+        driver_->settle();  // Consequences of the last input belong to the run.
       }
       break;
   }
@@ -620,7 +621,7 @@ EndReason Application::run(std::optional<Duration> limit) {
 }
 
 void Application::request_end(EndReason reason) {
-  // A fault is what the exit code must tell; otherwise the first reason stands.
+  // The exit code must report a fault; otherwise the first reason is kept.
   EndReason now = end_reason_.load();
   while ((now == EndReason::kNone || is_failure(reason)) &&
          !end_reason_.compare_exchange_weak(now, reason)) {
@@ -652,7 +653,7 @@ void Application::stop() {
       injector_->end();
     }
     if (peers_ != nullptr) {
-      // What is under way here may become something there, and come back.
+      // Messages in progress here may cause others in another process, and return.
       peers_->reach(Peers::Step::kTimersStopped);
       lifecycle_.drain();
       peers_->reach(Peers::Step::kDrained);
@@ -690,7 +691,7 @@ void Application::destroy_components(
   }
 }
 
-// ---- What components tell ----
+// ---- Notifications from components ----
 
 bool Application::may_end_process(const ComponentCore& component) const {
   if (peers_ == nullptr || peers_->is_main()) {
@@ -703,9 +704,9 @@ bool Application::may_end_process(const ComponentCore& component) const {
 }
 
 void Application::end_process(ComponentCore& component, const std::string& what) {
-  // What is told here is read when this process is gone.
+  // Notices sent here are read after the end of this process.
   peer_news_.tell_end(component);
-  // What is printed goes past the log, which may not be written any more.
+  // Printed directly, since the log may not be written any more.
   std::fputs(fmt::format("\nfastcycle: component \"{}\": {}\n", component.name, what).c_str(),
              stderr);
   std::fflush(stderr);
@@ -714,7 +715,7 @@ void Application::end_process(ComponentCore& component, const std::string& what)
 
 void Application::component_changed(ComponentCore& component, bool is_urgent) {
   if (component.publishing.is_following) {
-    return;  // It is told by the one that does the work.
+    return;  // The followed instance reports it.
   }
   if (observers_.wants_changes()) {
     observers_.changed(news_of(component));
@@ -738,14 +739,14 @@ void Application::hang_changed(ComponentCore& component, std::string hang) {
   }
   component.set_hang(std::move(hang));
   if (!driver_->is_simulated()) {
-    status_.mode_changed();  // Simulated time cannot go on before the call returns.
+    status_.mode_changed();  // Simulated time cannot advance before the call returns.
     if (peers_ != nullptr) {
       peer_news_.hang_changed(component);
     }
   }
 }
 
-/// What a fault of a component or a process is.
+/// Executes a fault of a component or a process.
 void Application::strike(const config::FaultDescription& fault, bool is_over) {
   if (fault.kind == config::FaultKind::kKill) {
     if (peers_ != nullptr && peers_->name() == fault.process) {
@@ -794,7 +795,7 @@ void Application::fault_noted(const ComponentCore& component, std::string_view w
 
 bool Application::sources_are_finished() const {
   if (replay_ != nullptr) {
-    return false;  // It is over when the recording is.
+    return false;  // It ends with the recording.
   }
   bool has_source = false;
   for (const auto& component : components_) {

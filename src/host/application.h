@@ -51,20 +51,20 @@ class WallPace;
 /// Why a run ended.
 enum class EndReason : std::uint8_t {
   kNone,
-  kTimeOver,         ///< The time that was asked for is over.
-  kSourcesFinished,  ///< Every source said that its input is over.
-  kIdle,             ///< In simulated time nothing is left that could happen.
-  kRequested,        ///< Somebody asked for the end (Ctrl-C).
+  kTimeOver,         ///< The requested time has passed.
+  kSourcesFinished,  ///< Every source has finished.
+  kIdle,             ///< In simulated time no event is left.
+  kRequested,        ///< The end was requested (Ctrl-C).
   kFault,            ///< A component failed whose policy is to stop the application.
   kStuck,            ///< Simulated time does not advance: components answer each other without end.
-  kReplayFailed,     ///< The recording that is replayed cannot be read on.
+  kReplayFailed,     ///< The replayed recording cannot be read further.
 };
 
 [[nodiscard]] const char* to_word(EndReason reason) noexcept;
-/// The reason of which this is the word; `kFault` if it is none.
+/// The reason with this name; `kFault` if there is none.
 [[nodiscard]] EndReason end_reason_of(std::string_view word) noexcept;
 
-/// How time passes.
+/// Options of the clock.
 struct ClockOptions {
   bool is_simulated = false;
   double rate = 1.0;  ///< Live only.
@@ -77,7 +77,7 @@ struct ClockOptions {
 [[nodiscard]] bool is_failure(EndReason reason) noexcept;
 
 /// All components and topics of one process, from description to the end of the run: owns the parts
-/// and leads them through it.
+/// and runs them.
 ///
 ///     Application application(description, {.is_simulated = true});
 ///     application.build(libraries, problems, ConstructorFault::kFault);
@@ -89,68 +89,69 @@ struct ClockOptions {
 class Application final : public ApplicationHost {
  public:
   Application(config::ApplicationDescription description, const ClockOptions& clock);
-  /// With a driver of time that executes a recorded run again: this is built, and never started.
+  /// With a driver of time for a replay: this is built, and never started.
   Application(std::unique_ptr<TimeDriver> driver, config::ApplicationDescription description);
   Application(const Application&) = delete;
   Application& operator=(const Application&) = delete;
-  /// Waits, without a limit, for who is `stuck`: what a thread may still use cannot be taken away.
-  /// A program that cannot wait leaves by `std::_Exit` before this.
+  /// Waits, without a limit, for `stuck` components: memory that a thread may still use cannot be
+  /// freed. A program that cannot wait ends by `std::_Exit` before this.
   ~Application();
 
   // Before `build`, or within a constructor.
 
-  /// Records what is published, from `start` to `stop`.
+  /// Records published messages, from `start` to `stop`.
   void record(const config::RecordDescription& description) override;
-  /// Who records; null if nobody does.
+  /// The recorder; null if there is none.
   [[nodiscard]] const record::Recorder* recorder() const;
   [[nodiscard]] bool is_recorded() const override { return recorder_ != nullptr; }
-  /// Lets `observer` look on; it has to live longer than the run.
+  /// Adds `observer`, which outlives the run.
   void add(Observer& observer) { observers_.add(observer); }
 
   // Before `build`.
 
-  /// Feeds what `replay` has, from `start` to `stop`; the clock shows its times. It has to live
-  /// longer than this.
+  /// Feeds the messages of `replay`, from `start` to `stop`; the clock has its times. It outlives
+  /// this.
   void replay(Replay& replay) { replay_ = &replay; }
   [[nodiscard]] const Replay* replay() const { return replay_; }
   /// Keeps the last messages in a file that outlives the process, from `start` to `stop`; `build`
-  /// makes the file.
+  /// creates the file.
   void keep_last(const config::FlightRecorderDescription& description);
   /// Null if there is none.
   [[nodiscard]] const record::FlightRecorder* flight_recorder() const;
-  /// Asks the flight recorder to write what it kept, and what comes in the seconds after this.
-  /// False if there is none. Safe.
+  /// Requests the flight recorder to write the messages that it kept, and those of the next
+  /// seconds. False if there is none. Safe.
   bool dump(std::string_view reason, std::string_view component = {},
             std::string_view detail = {}) noexcept override;
-  /// Components may publish what is FastCycle's own otherwise: for tests.
+  /// Allows components to publish FastCycle's own topics: for tests.
   bool own_topics_are_free = false;
-  /// It is one process of several; these have to live longer than this.
+  /// Makes it one process of several; `peers` outlives this.
   void set_peers(Peers& peers) { peers_ = &peers; }
-  /// In simulated time, before the start: it begins at `time`.
+  /// In simulated time, before the start: sets the begin to `time`.
   void begin_at(Time time) { clock_.restart(time); }
   [[nodiscard]] Peers* peers() const override { return peers_; }
-  /// Declares the publishers of a component in whose place a recording is executed again.
+  /// Declares the publishers of a component that a replay replaces.
   std::function<void(detail::ComponentCore&)> declare_stand_in;
   /// Called with a component's name before its constructor.
   std::function<void(const std::string& component)> before_construct;
 
-  /// Lets simulated time go at this pace. Before `start`; it has to live longer than this.
+  /// Sets the pace of simulated time. Before `start`; it outlives this.
   void set_pace(WallPace& pace) { driver_->set_pace(pace); }
 
-  /// Constructs all components, connects all topics, and finds what does not fit together.
+  /// Constructs all components, connects all topics, and adds conflicts to `problems`.
   void build(ComponentClasses& classes, config::Problems& problems, ConstructorFault on_throw);
 
-  /// Constructs the components, and looks at nothing that concerns them as a whole: for a trial.
+  /// Constructs the components without checks of the whole: for a trial.
   void construct_only(ComponentClasses& classes, config::Problems& problems);
 
   /// Starts workers and components, in the order of the file but each after those that it names
   /// under `"after"`, then the timers. Returns what the machine refused.
   ///
-  /// Live: what has not started after `within`, on the machine's clock, ends the run as a fault. So
-  /// does `request_end`, at once: neither waits for a component that does not come back.
+  /// Live: a component that has not started after `within`, on the machine's clock, ends the run as
+  /// a fault. `request_end` ends it at once. Neither waits for a component that does not return.
   std::vector<base::Refusal> start(std::optional<Duration> within = {});
 
-  /// Lets the components work until `limit` of application time is over, or something else ends it.
+  /// Runs the components until `limit` of application time has passed, or another reason ends the
+  /// run.
   EndReason run(std::optional<Duration> limit);
 
   /// Simulated time only: serves everything up to `time`.
@@ -158,28 +159,27 @@ class Application final : public ApplicationHost {
   /// Simulated time only: serves what is left to do at the present time.
   void settle() { driver_->settle(); }
 
-  /// Sources and timers stop, what is under way is served for up to 1 s, then components stop in
-  /// the reverse order of their starts; the rest is counted as dropped. Then destroys the
-  /// components.
+  /// Stops sources and timers, serves waiting messages for up to 1 s, then stops components in the
+  /// reverse order of their starts; the rest is counted as dropped. Then destroys the components.
   ///
-  /// Live, all this takes no longer than `Lifecycle::kEndLimit`, and a second, whatever components
-  /// do. Those that have not come back by then are `stuck`: their objects are left alone.
+  /// Live, this takes no longer than `Lifecycle::kEndLimit` plus a second, regardless of the
+  /// components. Those that have not returned by then are `stuck`: their objects are not destroyed.
   void stop();
   /// After `stop`: the calls that have not returned.
   [[nodiscard]] const std::vector<StuckCall>& stuck() const { return lifecycle_.stuck(); }
 
-  /// Asks for the mode `mode`; see `Context::switch_mode`. Before the end of `start` it waits.
-  /// Safe.
+  /// Requests the mode `mode`; see `Context::switch_mode`. The request waits for the end of
+  /// `start`. Safe.
   ///
   /// @errors  std::invalid_argument if there is no such mode.
   void switch_mode(std::string_view mode, std::string_view why = {}) {
     modes_.ask(mode, why, nullptr);
   }
 
-  /// Changes parameters of components, all that are named or none, and says what is wrong. Each
-  /// component has the new values before it gets anything that is published after this returned.
-  /// In simulated time they are in place from the next round on, in all components alike, also
-  /// where another thread asks in the midst of a round. Safe; from `build` to the end of `stop`.
+  /// Changes parameters of components, all or none, and returns the errors. Each component has the
+  /// new values before it receives a message that is published after this returned. In simulated
+  /// time they apply from the next round on, in all components, also if another thread requests it
+  /// during a round. Safe; from `build` to the end of `stop`.
   ParamsResult change_params(const std::vector<ParamChange>& changes) {
     return params_.make(changes, {});
   }
@@ -190,8 +190,8 @@ class Application final : public ApplicationHost {
     life_changes_.make(component, step, std::move(done));
   }
 
-  /// Has the process of `component` give its place to its standby. Returns why not; empty if it
-  /// does. Safe.
+  /// Replaces the process of `component` by its standby. Returns why that cannot be done; empty if
+  /// it can. Safe.
   [[nodiscard]] std::string switch_to_standby(const detail::ComponentCore& component) {
     return peers_ == nullptr ? "component \"" + component.name + "\" has no standby"
                              : peers_->switch_to_standby(component.name);
@@ -209,10 +209,10 @@ class Application final : public ApplicationHost {
   void request_end(EndReason reason);
   [[nodiscard]] EndReason end_reason() const { return end_reason_.load(); }
 
-  /// What a log must say of this run.
+  /// The description of this run for a log.
   [[nodiscard]] record::Explanation explanation() const;
 
-  // What its parts and those who look on use.
+  // For its parts and observers.
   [[nodiscard]] const config::ApplicationDescription& description() const override {
     return description_;
   }
@@ -249,7 +249,7 @@ class Application final : public ApplicationHost {
   [[nodiscard]] bool is_replayed(const std::string& component) const override;
   [[nodiscard]] bool runs_elsewhere(const std::string& component) const override;
   [[nodiscard]] std::string service_name(std::uint64_t id) const override;
-  /// Who injects faults; null if nobody does.
+  /// The injector of faults; null if there is none.
   [[nodiscard]] const faults::Injector* injector() const { return injector_.get(); }
   /// None in simulated time.
   [[nodiscard]] const std::vector<std::unique_ptr<detail::Executor>>& executors() const {
@@ -261,16 +261,16 @@ class Application final : public ApplicationHost {
   }
   [[nodiscard]] const std::vector<base::Refusal>& refusals() const { return refusals_; }
 
-  /// In the main process: what processes that follow others say of themselves.
+  /// In the main process: the reports of standby processes.
   [[nodiscard]] const FollowerNews& follower_news() const { return follower_news_; }
 
-  // What components tell.
+  // Notifications from components.
   void end_by_fault() override { request_end(EndReason::kFault); }
   [[nodiscard]] bool may_end_process(const detail::ComponentCore& component) const override;
   void end_process(detail::ComponentCore& component, const std::string& what) override;
   [[nodiscard]] bool is_to_end() const override;
   void component_changed(detail::ComponentCore& component, bool is_urgent) override;
-  /// A call of `component` takes longer than it may, or, if `hang` is empty, does no more. Safe.
+  /// A call of `component` exceeds its limit, or, if `hang` is empty, has returned. Safe.
   void hang_changed(detail::ComponentCore& component, std::string hang);
   void fault_noted(const detail::ComponentCore& component, std::string_view what) override;
   void component_failed(detail::ComponentCore& component) override;
@@ -324,7 +324,7 @@ class Application final : public ApplicationHost {
   std::vector<const detail::ReadRing*> keep_reads();
   [[nodiscard]] bool sources_are_finished() const;
   [[nodiscard]] std::map<std::string, std::string> end_facts() const;
-  /// Which components a reload has made of another library than the file says.
+  /// Adds the components whose library differs from the file after a reload.
   void note_reloads(std::map<std::string, std::string>& facts) const;
   void destroy_components(const std::function<bool(const detail::ComponentCore&)>& is_left_alone);
 
@@ -354,7 +354,7 @@ class Application final : public ApplicationHost {
   Observers observers_;
   RecorderObserver* recorder_ = nullptr;        ///< One of the observers, as the next one.
   FlightObserver* flight_recorder_ = nullptr;   ///< Null if there is none.
-  std::unique_ptr<faults::Injector> injector_;  ///< Null where no faults are asked for.
+  std::unique_ptr<faults::Injector> injector_;  ///< Null if no faults are configured.
   Replay* replay_ = nullptr;
   Peers* peers_ = nullptr;
   std::vector<base::Refusal> refusals_;

@@ -72,7 +72,7 @@ void check_topics(const config::ApplicationDescription& description, const detai
         break;
       case detail::TopicConflict::Kind::kNoPublisher:
         if (conflict.topic.find(detail::kServiceMark) != std::string::npos) {
-          continue;  // A service that nobody gives, or calls: told as such.
+          continue;  // A service without a server or client, which is reported as such.
         }
         problem.message = topic + ", which component \"" + conflict.component +
                           "\" subscribes to, is published by nobody";

@@ -10,16 +10,16 @@
 
 namespace fastcycle::host {
 
-// What must fit together once all components are constructed. What does not is added to `problems`.
+// Checks after all components are constructed, which add to `problems`.
 
-/// No component publishes what is FastCycle's own.
+/// No component publishes FastCycle's own topics.
 void check_own_topics(const Components& components, config::Problems& problems);
 
-/// Types, numbers of publishers, topics that nobody publishes or uses.
+/// Types, numbers of publishers, topics without a publisher or without use.
 void check_topics(const config::ApplicationDescription& description, const detail::Topics& topics,
                   config::Problems& problems);
 
-/// What subscribers ask for and publishers do not offer: all runs, but not as it was meant.
+/// Quality of service that subscribers request and publishers do not offer: warnings.
 void check_quality(const config::ApplicationDescription& description, const Components& components,
                    config::Problems& problems);
 

@@ -7,10 +7,10 @@
 
 namespace fastcycle::host {
 
-/// The application of a bench: what `application` says, as JSON, is built of `classes`, for
-/// simulated time and one worker. It was not started.
+/// The application of a bench: built from the JSON `application` and `classes`, for simulated time
+/// and one worker. Not started.
 ///
-/// @errors  std::runtime_error with every mistake, each on a line.
+/// @errors  std::runtime_error with all errors, each on a line.
 [[nodiscard]] std::unique_ptr<Application> build_for_bench(const std::string& application,
                                                            ComponentClasses& classes);
 

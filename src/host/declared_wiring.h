@@ -6,13 +6,13 @@
 
 namespace fastcycle::host {
 
-/// Who publishes and who subscribes in an application, as its components declared it: plain values,
+/// The publishers and subscribers of an application, as its components declared them: plain values,
 /// which a trial reports and from which the lanes between processes are planned.
 struct ApplicationWiring {
   struct Publisher {
     std::string topic;
     std::string type;       ///< Of its messages, the full name.
-    std::string component;  ///< Of several on one topic the order counts.
+    std::string component;  ///< The order of several on one topic is significant.
     std::size_t latched = 0;
   };
   struct Subscription {
@@ -27,13 +27,13 @@ struct ApplicationWiring {
 
   std::vector<Publisher> publishers;
   std::vector<Subscription> subscriptions;
-  std::vector<std::string> services;   ///< That components serve.
+  std::vector<std::string> services;   ///< Served by components.
   std::vector<std::string> recorders;  ///< Components that record all topics.
 };
 
 /// A wiring as one line of JSON, and back.
 ///
-/// @errors  std::runtime_error if it is not what `to_text` gives.
+/// @errors  std::runtime_error if it has not the format of `to_text`.
 [[nodiscard]] std::string to_text(const ApplicationWiring& wiring);
 [[nodiscard]] ApplicationWiring wiring_from_text(const std::string& text);
 

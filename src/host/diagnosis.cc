@@ -15,7 +15,7 @@ using detail::ComponentCore;
 using diagnostics::RunningCall;
 using namespace std::chrono_literals;
 
-/// What a call of the life cycle may take before it is mentioned.
+/// How long a call of the life cycle may take before it is reported.
 constexpr auto kNotice = 750ms;
 /// After a component that hangs asked for the end of the run.
 constexpr auto kEndLimit = 2s;
@@ -39,7 +39,7 @@ std::vector<std::string> stack_of(const RunningCall& call) {
   return lines;
 }
 
-/// As its component asks. What is told goes past the log, which may not be written any more.
+/// Applies the component's policy. Printed directly, since the log may not be written any more.
 [[noreturn]] void end_process_of(const RunningCall& call) {
   const ComponentCore& core = core_of(call);
   std::string text = "\nfastcycle: component \"" + core.name + "\": " + call.in_words() +
@@ -136,7 +136,7 @@ diagnostics::Watchdog::Options Diagnosis::options() {
     return &core.application != &application_ || limit.count() == 0 ? std::nullopt
                                                                     : std::optional(limit);
   };
-  // What starts may take long: that it does is said before it may not any more.
+  // A start may take long: it is reported before its limit.
   options.notice = kNotice;
   options.on_slow = [this](const RunningCall& call) {
     if (call.is_lifecycle) {

@@ -14,23 +14,23 @@
 
 namespace fastcycle::host {
 
-/// The component for which the calling thread works: its place in the application file, counted
-/// from 1; 0: it works for none. Safe, also in a signal handler.
+/// The component that the calling thread serves: its index in the application file, from 1; 0:
+/// none. Safe, also in a signal handler.
 [[nodiscard]] std::uint32_t component_of_this_thread() noexcept;
 
-/// Says who is to blame in one application: owns the crash reporter, which tells of
-/// it when the process crashes, and the watchdog, when a call of a component does not return. One
-/// of the process at a time.
+/// Attributes failures of one application to components: owns the crash reporter, for crashes of
+/// the process, and the watchdog, for calls of components that do not return. One of the process at
+/// a time.
 ///
 ///     Application application(description, {});
 ///     Diagnosis diagnosis(application, folder);
 ///     application.add(diagnosis);
 ///     application.build(libraries, problems, ConstructorFault::kFault);
 ///
-/// @threads  As `Observer`; made and destroyed by the control thread.
+/// @threads  As `Observer`; constructed and destroyed by the control thread.
 class Diagnosis final : public Observer {
  public:
-  /// Reports of crashes go into `folder`, and to standard error.
+  /// Reports of crashes are written to `folder`, and to standard error.
   Diagnosis(Application& application, std::filesystem::path folder);
   ~Diagnosis() override;
 
@@ -39,7 +39,7 @@ class Diagnosis final : public Observer {
   void stop(const Application& application) override;
 
  private:
-  /// A call whose component asks for the end of the run, and when it was told.
+  /// A call of a component whose hang ends the run, and when it was reported.
   struct Ending {
     diagnostics::RunningCall call;
     std::chrono::steady_clock::time_point since;

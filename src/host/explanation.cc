@@ -32,7 +32,7 @@ record::Explanation explain(const config::ApplicationDescription& description,
   record::Explanation explanation;
   auto& facts = explanation.facts;
   facts["application"] = description.name;
-  // Whoever executes the log again finds from here what relative paths lead to.
+  // A replay resolves relative paths from here.
   std::error_code ignored;
   facts["file"] = description.file.empty()
                       ? std::string()

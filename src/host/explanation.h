@@ -7,8 +7,8 @@
 
 namespace fastcycle::host {
 
-/// What a log must say of the run that it is from, to be understood on another machine: the
-/// application with all values, the components by their numbers, the clock, and the machine.
+/// The description of a run that makes its log understandable on another machine: the application
+/// with all values, the components by their numbers, the clock, and the machine.
 [[nodiscard]] record::Explanation explain(const config::ApplicationDescription& description,
                                           const base::Clock& clock, const Components& components);
 

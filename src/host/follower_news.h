@@ -9,8 +9,8 @@
 
 namespace fastcycle::host {
 
-/// What processes that follow others say of themselves: each the last, a JSON object that the main
-/// process keeps for tools and does not look into.
+/// The last report of each standby process: a JSON object that the main process keeps for tools and
+/// does not parse.
 ///
 /// @threads  Safe.
 class FollowerNews {

@@ -26,7 +26,7 @@ std::string dumped(const json& said) {
   return said.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-/// What a tool may ask for; none if it is nothing of that.
+/// The requested step; none if it is not allowed for tools.
 std::optional<LifeStep> step_of(const json& said) {
   for (const LifeStep step : {LifeStep::kRenew, LifeStep::kToolStop, LifeStep::kToolStart,
                               LifeStep::kReload, LifeStep::kRollBack, LifeStep::kConfirm}) {
@@ -122,7 +122,7 @@ void LifeChanges::take(const Notice& notice) {
     } else {
       make_here(component, *step, tell);
     }
-  } catch (const json::exception&) {  // Who says it is broken: it counts as not said.
+  } catch (const json::exception&) {  // The sender is broken: ignored.
   }
 }
 

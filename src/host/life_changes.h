@@ -19,13 +19,12 @@ namespace fastcycle::host {
 
 class ApplicationHost;
 
-/// Restarts, stops, starts and reloads components on behalf of a tool, in whatever process they
-/// run.
+/// Restarts, stops, starts and reloads components on behalf of a tool, in any process.
 ///
 /// @threads  `make` is Safe; `take` as `Peers::on_notice`.
 class LifeChanges {
  public:
-  /// What became of it: why it was not done, or empty; and the component's state in a word.
+  /// Receives the result: why it was not done, or empty; and the component's state.
   using Done = std::function<void(const std::string& why_not, const std::string& state)>;
 
   explicit LifeChanges(ApplicationHost& application) : application_(application) {}
@@ -33,7 +32,7 @@ class LifeChanges {
   /// `step` is `kRenew`, `kToolStop`, `kToolStart`, `kRollBack` or `kConfirm`. `done` is called in
   /// an activation of the component, or on the thread that takes notices.
   void make(detail::ComponentCore& component, detail::LifeStep step, Done done);
-  /// Has the component reloaded as `order` says, which `on_reload` understands. `done` as above.
+  /// Reloads the component by `order`, in the format of `on_reload`. `done` as above.
   void reload(detail::ComponentCore& component, const nlohmann::json& order, Done done);
   /// Reloads a component that runs here. Set before the start.
   std::function<void(detail::ComponentCore& component, const nlohmann::json& order, Done done)>
@@ -46,7 +45,7 @@ class LifeChanges {
     Done done;
   };
 
-  /// Says `what` to the process of the component, which answers `done`.
+  /// Sends `what` to the process of the component, whose answer is passed to `done`.
   void ask_elsewhere(detail::ComponentCore& component, nlohmann::json what, Done done);
   void make_here(detail::ComponentCore& component, detail::LifeStep step, Done done);
   void answer(std::uint64_t number, const std::string& why_not, const std::string& state);

@@ -162,7 +162,7 @@ void LiveDriver::join() {
 
 bool LiveDriver::submit(std::size_t executor, detail::Actor&, std::function<void()> job) {
   return executors_[executor]->submit([&its = *its_[executor], job = std::move(job)] {
-    // In this order: who refuses jobs and then sees none that is done will see none begin.
+    // In this order: a thread that refuses jobs and then sees none running will see none begin.
     its.jobs.fetch_add(1);
     if (!its.refuses_jobs.load()) {
       job();

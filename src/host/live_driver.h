@@ -15,7 +15,7 @@ namespace fastcycle::host {
 /// @threads  As `TimeDriver`.
 class LiveDriver final : public TimeDriver {
  public:
-  /// `bell` is rung when something ends that the control thread waits for.
+  /// `bell` is rung when work ends that the control thread waits for.
   LiveDriver(const base::Clock& clock, const config::ApplicationDescription& application,
              Bell& bell);
 
@@ -40,10 +40,10 @@ class LiveDriver final : public TimeDriver {
                             std::function<void()> job) override;
 
  private:
-  /// What is known of one executor beside itself.
+  /// Further data of one executor.
   struct Its {
     std::vector<const detail::Actor*> actors = {};
-    std::atomic<int> jobs{0};  ///< Offloaded work that is being done.
+    std::atomic<int> jobs{0};  ///< Running offloaded jobs.
     std::atomic<bool> refuses_jobs{false};
     bool is_stopped = false;
   };

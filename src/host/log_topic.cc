@@ -87,7 +87,7 @@ void LogFeed::add(detail::LogSource::Kept line) {
   }
 }
 
-/// Before it has started it takes them when it does, and after it has stopped nobody wants them.
+/// Before its start it takes them when it starts, and after its stop they are not needed.
 void LogFeed::ask() {
   {
     const std::lock_guard lock(mutex_);
@@ -107,7 +107,7 @@ void LogFeed::ask() {
 void LogFeed::round_ended(std::uint32_t) {
   const auto gather = [this](detail::LogSource& source) {
     AllKept kept = source.take_kept();
-    // Of FastCycle's own, who came first within a round depends on the workers.
+    // The order of FastCycle's own lines within a round depends on the workers.
     std::multimap<std::string, detail::LogSource::Kept> by_component;
     for (detail::LogSource::Kept& line : kept.lines) {
       std::string component = line.component;

@@ -24,7 +24,7 @@ class LogFeed;
 /// Publishes the lines of the log on `fastcycle/log`, one a message, at most `kMostLines` in each
 /// tenth of a second of the application's time; the others are counted.
 ///
-/// It is the application's last component, made only if somebody subscribes.
+/// It is the application's last component, created only if there is a subscriber.
 ///
 /// @threads  As a component.
 class LogComponent final : public Component {
@@ -33,11 +33,11 @@ class LogComponent final : public Component {
 
   explicit LogComponent(Context& context);
 
-  /// Where its lines come from; before it starts.
+  /// Sets the source of its lines; before it starts.
   void set_feed(LogFeed& feed) noexcept { feed_ = &feed; }
-  /// Publishes what was written while the others started.
+  /// Publishes lines written while the others started.
   void start() override { publish(); }
-  /// In its activation: publishes what the feed has.
+  /// In its activation: publishes the lines of the feed.
   void publish();
 
  private:
@@ -48,19 +48,18 @@ class LogComponent final : public Component {
   std::uint64_t lost_ = 0;
 };
 
-/// Brings what was written to the log to the component that publishes it: owns the lines on the
-/// way.
+/// Passes lines of the log to the component that publishes them: owns the queued lines.
 ///
-/// Live it takes lines from the thread that prints them, so nobody who writes one waits. In
-/// simulated time it takes them when a round is over, component by component in the order of the
-/// file, so that they are the same for any number of workers; they are published in the next round.
+/// Live it takes lines from the printing thread, so writers do not wait. In simulated time it takes
+/// them at the end of a round, component by component in the order of the file, so that they are
+/// the same for any number of workers; they are published in the next round.
 ///
 /// @threads  As `Observer`.
 class LogFeed final : public Observer {
  public:
   LogFeed(ApplicationHost& application, detail::ComponentCore& core);
 
-  /// What waits for the component; in its activation.
+  /// Takes the waiting lines; in the component's activation.
   [[nodiscard]] detail::LogSource::AllKept take();
 
   void start(const ObserverView& view, std::vector<base::Refusal>& refusals) override;
@@ -69,7 +68,7 @@ class LogFeed final : public Observer {
 
  private:
   void add(detail::LogSource::Kept line);
-  /// Asks the component to take what waits, if it has started.
+  /// Requests the component to take the waiting lines, if it has started.
   void ask();
 
   ApplicationHost& application_;

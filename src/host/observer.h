@@ -16,26 +16,26 @@ namespace fastcycle::host {
 class Application;
 struct ComponentNews;
 
-/// What an observer may look at while the application runs.
+/// Data that an observer may read while the application runs.
 struct ObserverView {
   const Application& application;
-  /// One a worker: what each component does, read by `ActivationRing::read`, which counts what
-  /// was lost.
+  /// One per worker: the activations of its components, read by `ActivationRing::read`, which
+  /// counts lost ones.
   std::vector<const detail::ActivationRing*> rings;
-  /// One a component, in the order of the application file: what its activations learn, if an
-  /// observer wants to know that; else none.
+  /// One per component, in the order of the application file: the reads of its activations, if an
+  /// observer wants reads; else none.
   std::vector<const detail::ReadRing*> reads;
-  /// The same of other processes, where the application has several.
+  /// The same for other processes, if the application has several.
   std::vector<const detail::PeerActivity*> peers = {};
 };
 
-/// A tool that looks on while an application runs: a recorder, a tracer, a watchdog.
+/// A tool that observes a running application: a recorder, a tracer, a watchdog.
 ///
-/// The application knows its observers by this class only. It calls those that were added, in the
-/// order in which they were; an application without observers does nothing for them, and an
-/// observer that taps no topic and wants no overflows costs its publishers and callbacks nothing.
+/// The application uses observers through this class only, and calls them in the order in which
+/// they were added. An observer that taps no topic and wants no overflows costs publishers and
+/// callbacks nothing.
 ///
-/// @threads  As each function says.
+/// @threads  Stated for each function.
 class Observer {
  public:
   Observer() = default;
@@ -43,38 +43,38 @@ class Observer {
   Observer& operator=(const Observer&) = delete;
   virtual ~Observer() = default;
 
-  /// All components are constructed and fit together, no topic is connected yet: here an observer
-  /// taps topics. Control thread.
+  /// All components are constructed and checked, no topic is connected yet: here an observer taps
+  /// topics. Control thread.
   virtual void tap([[maybe_unused]] detail::Topics& topics) {}
-  /// The topics are connected. Control thread; what fails here keeps the application from starting.
+  /// The topics are connected. Control thread; an error here prevents the start.
   virtual void open([[maybe_unused]] config::Problems& problems) {}
 
-  /// Before the first component starts. What the machine refuses is added to `refusals`. Control
+  /// Before the first component starts. Adds what the machine refuses to `refusals`. Control
   /// thread.
   virtual void start([[maybe_unused]] const ObserverView& view,
                      [[maybe_unused]] std::vector<base::Refusal>& refusals) {}
 
-  /// Simulated time only: a round is over, `step` is its place in its moment. On the thread that
+  /// Simulated time only: a round has ended, `step` is its index in its instant. On the thread that
   /// runs the simulation.
   virtual void round_ended([[maybe_unused]] std::uint32_t step) {}
 
   /// Component `component` faulted. On the worker that served it, or the control thread.
   ///
-  /// @realtime Must not wait: what `component` and `what` point to is gone afterwards.
+  /// @realtime Must not wait. `component` and `what` are valid during the call only.
   virtual void faulted([[maybe_unused]] std::string_view component,
                        [[maybe_unused]] std::string_view what) noexcept {}
 
-  /// A component has another health, fault or state. In its activation.
+  /// A component's health, faults or state changed. In its activation.
   ///
   /// @realtime Must not wait.
   virtual void changed([[maybe_unused]] const ComponentNews& news) noexcept {}
-  /// Whether `changed` is to be called; asked once, before the topics are connected.
+  /// Whether `changed` is to be called; called once, before the topics are connected.
   [[nodiscard]] virtual bool wants_changes() const { return false; }
 
-  /// Whether components keep what their activations learn; asked once, before the start.
+  /// Whether components record the reads of their activations; called once, before the start.
   [[nodiscard]] virtual bool wants_reads() const { return false; }
 
-  /// Whether `overflowed` is to be called; asked once, before the topics are connected.
+  /// Whether `overflowed` is to be called; called once, before the topics are connected.
   [[nodiscard]] virtual bool wants_overflows() const { return false; }
   /// A queue was full: one message for `subscription` was dropped. On the publisher's thread.
   ///

@@ -14,9 +14,9 @@ namespace fastcycle::host {
 
 class TimeDriver;
 
-/// All tools that watch an application: owns the list of them, and some of them.
+/// All observers of an application: owns the list of them, and some of them.
 ///
-/// @threads  Confined to the control thread, but `faulted` and `changed`, which are called in
+/// @threads  Confined to the control thread, except `faulted` and `changed`, which are called in
 ///           activations.
 class Observers {
  public:
@@ -24,7 +24,7 @@ class Observers {
   Observers(const Observers&) = delete;
   Observers& operator=(const Observers&) = delete;
 
-  /// Before `tap`; `observer` has to live longer than the run.
+  /// Before `tap`; `observer` outlives the run.
   void add(Observer& observer) { observers_.push_back(&observer); }
   /// The same, owned from here on.
   void add(std::unique_ptr<Observer> observer);
@@ -35,19 +35,19 @@ class Observers {
   void start(const Application& application, TimeDriver& time,
              std::vector<const detail::ReadRing*> reads,
              std::vector<const detail::PeerActivity*> peers, std::vector<base::Refusal>& refusals);
-  /// Whether one of them wants what activations learn.
+  /// Whether one of them wants reads.
   [[nodiscard]] bool want_reads() const;
   void faulted(std::string_view component, std::string_view what) noexcept;
   [[nodiscard]] bool wants_changes() const noexcept { return !hearing_.empty(); }
   void changed(const ComponentNews& news) noexcept;
-  /// After this none is called any more, whatever still happens.
+  /// After this none is called any more.
   void stop(const Application& application);
 
  private:
   std::vector<std::unique_ptr<Observer>> owned_;
   std::vector<Observer*> observers_;
-  std::vector<Observer*> hearing_;  ///< Of these, who wants changes of components.
-  std::unique_ptr<detail::OverflowWatch> overflow_watch_;  ///< If one wants to know.
+  std::vector<Observer*> hearing_;  ///< Those that want changes of components.
+  std::unique_ptr<detail::OverflowWatch> overflow_watch_;  ///< Null if none wants overflows.
   std::atomic<bool> is_over_{false};
 };
 

@@ -9,8 +9,7 @@
 
 namespace fastcycle::host {
 
-/// Lets simulated time go as time on the wall does, faster or slower, and stand when it is told to:
-/// owns rate and pause.
+/// Couples simulated time to wall time, at a rate, with pauses: owns rate and pause.
 ///
 /// @threads  Safe.
 class WallPace final : public detail::Pace {
@@ -21,14 +20,14 @@ class WallPace final : public detail::Pace {
   /// Called after each change; set before the start.
   std::function<void()> on_change = [] {};
 
-  /// Simulated time shows `time` now.
+  /// Simulated time is `time` now.
   void begin(Time time);
 
   void set_paused(bool is_paused);
   [[nodiscard]] bool is_paused() const;
   void set_rate(double rate);
   [[nodiscard]] double rate() const;
-  /// Pauses, and lets time go to the next moment for which there is input.
+  /// Pauses, and advances time to the next input.
   void step();
 
   [[nodiscard]] std::int64_t may_go_at(Time next) noexcept override;
@@ -41,7 +40,7 @@ class WallPace final : public detail::Pace {
   mutable std::mutex mutex_;
   double rate_;
   bool is_paused_ = false;
-  int steps_ = 0;  ///< That are still to be made.
+  int steps_ = 0;  ///< Pending steps.
   // At `anchor_ns_` of CLOCK_MONOTONIC it was `anchor_`; while paused it is `anchor_`.
   std::int64_t anchor_ns_ = 0;
   Time anchor_{};

@@ -48,7 +48,7 @@ ComponentCore* find_component(const ApplicationHost& application, std::string_vi
   return found == all.end() ? nullptr : found->get();
 }
 
-/// What became of a change, and what became of it when this activation was recorded.
+/// The result of a change, or in a replay the recorded one.
 ParamsResult learn(const detail::PublishingComponent& component, const ParamsResult& result) {
   if (component.told != nullptr) {
     const auto* entry = component.told->take(detail::ReadKind::kResult);
@@ -133,7 +133,7 @@ ParamsResult ParamChanges::make(const std::vector<ParamChange>& changes,
   return result;
 }
 
-/// Whether this process says what is wrong where no component is meant.
+/// Whether this process reports errors that concern no component.
 bool ParamChanges::speaks_for_all() const {
   const Peers* const peers = application_.peers();
   return peers == nullptr || peers->is_main();
@@ -380,7 +380,7 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
   };
   application_.time().stage(component, [this, &component, changes = std::move(changes), answer] {
     if (application_.time().is_recorded() || component.publishing.is_following) {
-      answer({});  // What became of it is known from then, or from there.
+      answer({});  // The result is known from the recording, or from the other process.
     } else if (application_.peers() == nullptr) {
       answer(make(changes, component.name));
     } else {
@@ -417,12 +417,12 @@ std::string dumped(const Json& json) {
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-/// What another process says, which may be broken.
+/// Parses a notice of another process, which may be broken.
 template <typename Take>
 void read_notice(const std::string& text, const Take& take) {
   try {
     take(Json::parse(text));
-  } catch (const nlohmann::json::exception&) {  // It counts as not said.
+  } catch (const nlohmann::json::exception&) {  // Ignored.
   }
 }
 
@@ -517,7 +517,7 @@ std::string ParamChanges::names_of_awaited() const {
   return text;
 }
 
-/// Who asked for it does not wait any longer.
+/// The requester waits no more.
 void ParamChanges::drop(std::uint32_t process, std::uint64_t number) {
   const auto dropped = std::ranges::find_if(
       asked_, [&](const Asked& one) { return one.process == process && one.number == number; });
@@ -536,7 +536,7 @@ void ParamChanges::drop(std::uint32_t process, std::uint64_t number) {
   }
 }
 
-/// Whether its component runs in the process that says it.
+/// Whether its component runs in the sending process.
 bool ParamChanges::is_of(const Notice& notice) const {
   const auto& all = application_.components();
   return notice.component < all.size() &&
@@ -578,7 +578,7 @@ void ParamChanges::take(const Notice& notice) {
       break;
     case Notice::Kind::kCame:
       if (!application_.peers()->is_here(notice.process)) {
-        tell_all();  // It knows nothing of what was told before.
+        tell_all();  // It has not received earlier notices.
       }
       break;
     case Notice::Kind::kParamsDropped:
@@ -604,7 +604,7 @@ void ParamChanges::take(const Notice& notice) {
   }
 }
 
-/// Looks what the first of those that were asked for means here, and tells the others.
+/// Checks the first queued transaction for the components here, and sends the result to the others.
 void ParamChanges::check_next() {
   const Asked& asked = asked_.front();
   plan_.clear();
@@ -681,7 +681,7 @@ void ParamChanges::take_verdict(const Notice& notice) {
   });
 }
 
-/// All have said what they say to the first of those that were asked for.
+/// All have answered the first queued transaction.
 void ParamChanges::decide() {
   const Asked asked = std::move(asked_.front());
   asked_.pop_front();
@@ -734,7 +734,8 @@ void ParamChanges::decide() {
   }
 }
 
-/// Tells who asked for it, once no process lacks it: what they publish then comes behind it.
+/// Answers the requester, once all processes have applied it: messages published after the answer
+/// follow the change.
 void ParamChanges::answer(std::uint64_t number, const ParamsResult& result) {
   Done done;
   {

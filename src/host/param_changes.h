@@ -29,94 +29,93 @@ struct Notice;
 
 /// Changes parameters of an application's components while they run: owns the order of the changes.
 ///
-/// A transaction is checked and committed as a whole while everybody else waits, and handed to the
-/// components that it concerns in the order of the commits. Each puts it in place in an activation
-/// of its own.
+/// A transaction is checked and committed atomically, under a lock, and passed to the components
+/// concerned in the order of the commits. Each applies it in an activation of its own.
 ///
-/// Where the application has several processes, all check a transaction, each for its components,
-/// and commit it when all have found it good; one after the other.
+/// In an application of several processes, each checks a transaction for its components, and
+/// commits it when all have accepted it; transactions are processed one after the other.
 ///
 /// @threads  Safe.
 class ParamChanges {
  public:
   explicit ParamChanges(ApplicationHost& application) : application_(application) {}
 
-  /// Makes all `changes`, or none. `asked_by` is the name of a component; empty: somebody outside.
+  /// Makes all `changes`, or none. `asked_by` is the name of a component; empty: from outside.
   ParamsResult make(const std::vector<ParamChange>& changes, std::string_view asked_by);
 
-  /// As `make`, in an activation of `component`, which asks; `done` is called in another one. In
-  /// simulated time the change is made when the present round is over.
+  /// As `make`, in an activation of `component`; `done` is called in another one. In simulated time
+  /// the change is made at the end of the present round.
   void make_later(detail::ComponentCore& component, std::vector<ParamChange> changes,
                   std::function<void(const ParamsResult&)> done);
 
-  /// What others see of the params of all components: what the last transaction made of them.
+  /// Descriptions of the params of all components, with the values of the last transaction.
   [[nodiscard]] std::vector<ParamInfo> list() const;
-  /// Of a component in another process, as far as that has told. @pre The mutex is held.
+  /// Those of a component in another process, if received. @pre The mutex is held.
   [[nodiscard]] std::vector<ParamInfo> list_elsewhere(std::uint32_t component) const;
 
-  // Where the application has several processes; called as `Peers` says.
-  /// Before the start: tells the others of the params here.
+  // For several processes; called as documented in `Peers`.
+  /// Before the start: sends the params of this process to the others.
   void tell_all();
   void take(const Notice& notice);
-  /// In simulated time: who has not answered by now will not.
+  /// In simulated time: no further answers will be received.
   void all_have_answered();
   [[nodiscard]] std::string make_snapshot() const;
   void take_snapshot(const std::string& text);
 
-  /// Where a recorded run is executed again: `component` puts in place what it did then, when it is
-  /// given the control cause for it.
+  /// In a replay: `component` applies the recorded values when the control cause for them is
+  /// served.
   ///
   /// @errors  Values that do not fit go to `problems`, and are left out.
   void take_recorded(detail::ComponentCore& component, std::uint64_t transaction,
                      const std::string& text, config::Problems& problems);
-  /// The same, without that activation: the component's next object begins with it. `text` is what
-  /// `ParamTable::begun_with` said.
+  /// The same, without that activation: the component's next object begins with it. `text` is the
+  /// result of `ParamTable::begun_with`.
   void commit_recorded(detail::ComponentCore& component, const std::string& text,
                        config::Problems& problems);
 
-  /// From now on nothing is changed any more, but what is being changed. Waits for nobody.
+  /// Rejects further changes. Does not wait for running ones.
   void end() { is_ended_ = true; }
 
-  /// What was changed, for the log of the run: by key, "params.1" and so on.
+  /// The changes, for the log of the run: by key, "params.1" and so on.
   [[nodiscard]] std::map<std::string, std::string> facts() const;
 
   [[nodiscard]] ParamMutex& mutex() const { return mutex_; }
 
  private:
-  /// What a transaction means to one component.
+  /// The part of a transaction for one component.
   struct Planned {
     detail::ComponentCore* component = nullptr;
     ParamValues values = {};
-    std::vector<std::string> names = {};  ///< Of the values, as the change named them.
-    std::vector<bool> is_own = {};        ///< Of the values: not that of a shared one.
+    std::vector<std::string> names = {};  ///< Of the values, as given in the change.
+    std::vector<bool> is_own = {};        ///< Whether each value is not of a shared one.
     bool is_wrong = false;
   };
-  /// By the component's place in the application file.
+  /// By the component's index in the application file.
   using Plan = std::map<std::uint32_t, Planned>;
 
-  /// What a transaction changes, for the log of the run.
+  /// A changed value, for the log of the run.
   struct Noted {
     std::uint32_t component = 0;
     std::string name;
     std::string text;  ///< "limiter.limit_mps: 10 → 20"
     std::string json;  ///< The new value.
   };
-  /// A transaction that all processes were asked for.
+  /// A transaction that was sent to all processes.
   struct Asked {
     std::uint32_t process = 0;
-    std::uint64_t number = 0;  ///< That of this process.
+    std::uint64_t number = 0;  ///< Its number within this process.
     std::string by;
     std::vector<ParamChange> changes;
   };
-  /// What all say to it, as far as they have.
+  /// The answers received so far.
   struct Verdict {
-    std::set<std::uint32_t> awaited;                   ///< The processes that have not.
-    std::multimap<std::size_t, std::string> mistakes;  ///< By the place of the change.
-    std::set<std::size_t> found;                ///< The changes that mean something to anybody.
+    std::set<std::uint32_t> awaited;                   ///< Processes that have not answered.
+    std::multimap<std::size_t, std::string> mistakes;  ///< By the index of the change.
+    std::set<std::size_t> found;                ///< The changes with a match in some process.
     std::multimap<std::uint32_t, Noted> noted;  ///< By component.
   };
   using Done = std::function<void(const ParamsResult&)>;
-  /// One that was asked for here, and is made in some processes, but not in all.
+  /// One that was requested here, and is applied in some processes, but not in all.
   struct Settling {
     std::uint64_t number = 0;
     Done done;
@@ -155,7 +154,7 @@ class ParamChanges {
   mutable base::PriorityMutex facts_mutex_;
   std::map<std::string, std::string> facts_;
 
-  // Several processes; of the thread that takes notices.
+  // Several processes; used by the thread that handles notices.
   std::deque<Asked> asked_;  ///< The first one is being checked.
   Plan plan_;                ///< Of it, for the components here.
   Verdict verdict_;
@@ -163,7 +162,7 @@ class ParamChanges {
   // Under the mutex.
   std::map<std::uint32_t, std::vector<ParamInfo>> elsewhere_;  ///< By component.
   std::map<std::string, std::string> changed_;                 ///< JSON by name, of all processes.
-  // Whom to tell of what was asked here, by number.
+  // Callbacks for the requests of this process, by number.
   std::mutex waiting_mutex_;
   std::uint64_t numbers_ = 0;
   std::map<std::uint64_t, Done> waiting_;

@@ -30,7 +30,7 @@ std::string to_text(const LogSource::Kept& line) {
       -1, ' ', false, json::error_handler_t::replace);
 }
 
-/// None if it is no line: another process says it, which may be broken.
+/// None if it is no line: the sending process may be broken.
 std::optional<LogSource::Kept> line_from(const std::string& text) {
   try {
     const json said = json::parse(text);
@@ -100,7 +100,7 @@ void PeerLog::tell_round() {
     return;
   }
   const auto& all = application_.components();
-  // What is of no component comes last here; who publishes lines has an order of its own.
+  // Lines of no component have the last number; the publisher of lines has an order of its own.
   tell(static_cast<std::uint32_t>(all.size()), application_.own_log().take_kept());
   for (const auto& component : all) {
     tell(component->index, component->log_source.take_kept());

@@ -10,25 +10,24 @@ namespace fastcycle::host {
 
 class ApplicationHost;
 
-/// Where an application has several processes: tells the main process the lines that this one
-/// writes to its log, and gives there the lines of the others to who wants lines. Each process
-/// prints its own.
+/// For an application of several processes: sends the log lines of this one to the main process,
+/// which passes them to its listeners. Each process prints its own.
 ///
-/// Live at most `kMostLines` in each tenth of a second are told; of the others the next one says
-/// how many they were. In simulated time all that components wrote in a round are, when it is over.
+/// Live at most `kMostLines` in each tenth of a second are sent; the next one has the number of
+/// dropped ones. In simulated time all lines of components in a round are sent, at its end.
 ///
-/// @threads  Live, lines come on the thread that prints them; all else as `Peers` says.
+/// @threads  Live, lines arrive on the printing thread; all else as documented in `Peers`.
 class PeerLog {
  public:
   static constexpr std::size_t kMostLines = 50;
 
   explicit PeerLog(ApplicationHost& application) : application_(application) {}
 
-  /// Once the components are made.
+  /// Once the components are constructed.
   void begin();
   /// Before the lines of this process are printed no more.
   void end();
-  /// In simulated time, before what was told in a round is taken.
+  /// In simulated time, before the notices of a round are handled.
   void tell_round();
   void take(const Notice& notice);
 

@@ -116,8 +116,8 @@ std::string to_text(const ComponentNews& news, bool has_figures) {
   return said.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-/// None if it is no news: another process says it, which may be broken. Where there are no figures,
-/// those of `before` stand.
+/// None if it is no news: the sending process may be broken. Without figures, those of `before` are
+/// kept.
 std::optional<ComponentNews> news_from(const std::string& text, const ComponentNews& before) {
   try {
     const json said = json::parse(text);
@@ -209,7 +209,7 @@ void PeerNews::changed(ComponentCore& component, bool is_urgent) {
     its.is_new = true;
   }
   if (application_.time().is_simulated()) {
-    // When the round is over: what it says in the next one is not to be heard in it.
+    // At the end of the round: news of the next round must not be taken in that round.
     component.stage([this, &its] {
       const std::lock_guard lock(mutex_);
       tell(its);
@@ -241,7 +241,7 @@ void PeerNews::hang_changed(const ComponentCore& component) {
   application_.peers()->look();
 }
 
-/// What is new. The mutex is held.
+/// Sends what is new. The mutex is held.
 void PeerNews::tell(Its& its) {
   if (!std::exchange(its.is_new, false)) {
     return;
@@ -356,7 +356,7 @@ void PeerNews::hear(std::uint32_t component, ComponentNews news) {
   }
 }
 
-/// Its components have failed with it; those that come again begin to count anew.
+/// Its components have failed with it; restarted ones count from zero.
 void PeerNews::process_has_ended(const Notice& notice) {
   const std::uint32_t process = notice.process;
   const bool is_restarted = notice.text == Notice::kRestarts;

@@ -14,28 +14,28 @@ namespace fastcycle::host {
 class ApplicationHost;
 class Wiring;
 
-/// Where an application has several processes: tells the main process how the components of this
-/// one are, and hears there how those of the others are. A component that says much is told of at
-/// most 200 times a second, with what it said last; its figures 10 times a second, in simulated
-/// time once in each period of the status.
+/// For an application of several processes: sends the state of this one's components to the main
+/// process, and receives that of the others there. The latest state of a component is sent at most
+/// 200 times a second; its figures 10 times a second, in simulated time once in each period of the
+/// status.
 ///
-/// @threads  `changed` in an activation of the component; `hang_changed` Safe; all else as `Peers`
-///           says.
+/// @threads  `changed` in an activation of the component; `hang_changed` Safe; all else as
+///           documented in `Peers`.
 class PeerNews {
  public:
   PeerNews(ApplicationHost& application, const Wiring& wiring)
       : application_(application), wiring_(wiring) {}
 
-  /// In the main process: gets what the others say. Set before the start.
+  /// In the main process: receives the state of the others. Set before the start.
   std::function<void(const ComponentNews&)> on_news;
 
-  /// In the main process: a component is gone with its process, which nobody restarts. Set before
+  /// In the main process: a component is gone with its process, which is not restarted. Set before
   /// the start.
   std::function<void(const detail::ComponentCore& component, const std::string& why)> on_lost;
 
-  /// Once the components are made.
+  /// Once the components are constructed.
   void begin();
-  /// `component` ends this process next: tells that, and how it is, at once. In its activation.
+  /// `component` ends this process next: sends that, and its state, at once. In its activation.
   void tell_end(detail::ComponentCore& component);
   /// When they have started.
   void tell_all();
@@ -45,15 +45,15 @@ class PeerNews {
   /// The same in simulated time.
   void round_is_over();
   void take(const Notice& notice);
-  /// In the main process: whose code a component runs in another one. Safe.
+  /// In the main process: the version of a component in another one. Safe.
   [[nodiscard]] detail::VersionNews version_of(std::uint32_t component) const;
 
  private:
   /// One component.
   struct Its {
-    ComponentNews news;        ///< What it said last.
-    bool is_new = false;       ///< It has not been told.
-    bool has_figures = false;  ///< Nor have its figures.
+    ComponentNews news;        ///< Its last state.
+    bool is_new = false;       ///< It was not sent yet.
+    bool has_figures = false;  ///< Its figures were not sent yet.
     std::int64_t told_ns = 0;
     // In the main process: of processes that have ended.
     std::uint64_t faults_before = 0;
@@ -72,7 +72,7 @@ class PeerNews {
   const Wiring& wiring_;
   mutable base::PriorityMutex mutex_;
   std::vector<Its> its_;            ///< By component.
-  std::int64_t figures_at_ns_ = 0;  ///< When figures are taken next.
+  std::int64_t figures_at_ns_ = 0;  ///< When figures are sent next.
   // In simulated time.
   Time told_all_{};
   std::uint64_t round_ = 1;

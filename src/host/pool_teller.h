@@ -5,13 +5,13 @@
 
 namespace fastcycle::host {
 
-/// Says in the log who holds so many messages of a pool that it runs short, and what to do.
+/// Logs which component holds so many messages of a pool that it runs short, and the remedy.
 ///
 /// @threads  Safe.
 /// @realtime As `LogSource::write`.
 class PoolTeller final : public detail::PoolWatch {
  public:
-  /// `log` lives as long as this.
+  /// `log` outlives this.
   explicit PoolTeller(detail::LogSource& log) : log_(log) {}
 
   void ran_short(const detail::PoolShortage& shortage) noexcept override;

@@ -9,8 +9,8 @@
 
 namespace fastcycle::host {
 
-/// As `Replay::prepare`: what components subscribe to and publish they say in their constructors,
-/// so a whole application is built for it, and destroyed again.
+/// As `Replay::prepare`: components declare their topics in their constructors, so the whole
+/// application is built for it, and destroyed again.
 [[nodiscard]] std::unique_ptr<Replay> prepare_replay(
     ReplayOptions options, const config::ApplicationDescription& application,
     ComponentClasses& classes, config::Problems& problems);

@@ -153,7 +153,7 @@ void FlightObserver::stop(const Application&) {
 
 void record_for(detail::ComponentCore& component, const config::RecordDescription& description) {
   if (component.is_redeclaring) {
-    return;  // Made anew after a fault: the recording goes on.
+    return;  // Reconstructed after a fault: the recording continues.
   }
   if (component.application.is_recorded()) {
     component.problems->add(

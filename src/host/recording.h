@@ -23,32 +23,32 @@ class ComponentCore;
 
 namespace fastcycle::host {
 
-/// What `description` says, for a recorder.
+/// The options of `description` for a recorder.
 [[nodiscard]] record::RecorderOptions recorder_options(
     const config::RecordDescription& description);
 
-/// Warns of patterns that mean none of the topics.
+/// Warns of patterns that match no topic.
 void check_patterns(const config::RecordDescription& description, const detail::Topics& topics,
                     config::Problems& problems);
 
-/// What `description` says, for a flight recorder.
+/// The options of `description` for a flight recorder.
 [[nodiscard]] record::FlightOptions flight_options(
     const config::FlightRecorderDescription& description, const std::string& application);
 void check_patterns(const config::FlightRecorderDescription& description,
                     const detail::Topics& topics, config::Problems& problems);
 
-/// What a recording says of its run, asked when it begins, and when it has ended.
+/// Facts about the run for a recording, queried when it begins, and when it has ended.
 struct RunFacts {
   std::function<record::Explanation()> at_start;
   std::function<std::map<std::string, std::string>()> at_end;
 };
 
-/// Records what an application publishes: owns its recorder.
+/// Records the messages of an application: owns its recorder.
 ///
 /// @threads  As `Observer`.
 class RecorderObserver final : public Observer {
  public:
-  /// `clock` and `log` live as long as this.
+  /// `clock` and `log` outlive this.
   RecorderObserver(const config::RecordDescription& description, const base::Clock& clock,
                    detail::LogSource& log, RunFacts facts);
 
@@ -72,7 +72,7 @@ class RecorderObserver final : public Observer {
 /// @threads  As `Observer`; `dump` is Safe.
 class FlightObserver final : public Observer {
  public:
-  /// `application` is its name; `clock` and `log` live as long as this.
+  /// `application` is its name; `clock` and `log` outlive this.
   FlightObserver(const config::FlightRecorderDescription& description,
                  const std::string& application, const base::Clock& clock, detail::LogSource& log,
                  std::function<record::Explanation()> explain);
@@ -85,7 +85,7 @@ class FlightObserver final : public Observer {
   void faulted(std::string_view component, std::string_view what) noexcept override;
   void stop(const Application& application) override;
 
-  /// Asks for a dump. @realtime No lock, no allocation, no system call.
+  /// Requests a dump. @realtime No lock, no allocation, no system call.
   void dump(std::string_view reason, std::string_view component, std::string_view detail) noexcept {
     recorder_.trigger(reason, component, detail);
   }
@@ -97,7 +97,7 @@ class FlightObserver final : public Observer {
   record::FlightRecorder recorder_;
 };
 
-/// Records the application of `component`, which is being constructed; a mistake if it is recorded
+/// Records the application of `component`, which is being constructed; an error if it is recorded
 /// already.
 void record_for(detail::ComponentCore& component, const config::RecordDescription& description);
 

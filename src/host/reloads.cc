@@ -58,7 +58,7 @@ std::optional<Value> params_of(const std::string& text, config::Problems& proble
   return params;
 }
 
-/// What of the application file the trial of one component needs.
+/// The part of the application file that the trial of one component needs.
 Value part_of(const config::ApplicationDescription& application, const std::string& component,
               const ReloadRequest& request, const std::optional<Value>& params) {
   Value tree = application.effective;
@@ -89,7 +89,7 @@ Value part_of(const config::ApplicationDescription& application, const std::stri
 
 using Ends = std::multiset<std::tuple<std::string, std::string, std::string>>;
 
-/// What a running component has declared: what it is to the topic, its name, its type.
+/// The declarations of a running component: role, topic name and type.
 Ends ends_of(const ComponentCore& core) {
   Ends ends;
   for (const detail::PublisherCore* publisher : core.declared.publishers) {
@@ -324,7 +324,7 @@ void Reloads::make_here(ComponentCore& component, const nlohmann::json& asked,
   });
 }
 
-// ---- Who is on probation ----
+// ---- Components on probation ----
 
 bool Reloads::is_anyone_on_probation() const {
   return std::ranges::any_of(application_.components(), [](const auto& component) {

@@ -30,55 +30,54 @@ class ApplicationHost;
 class Chains;
 class Wiring;
 
-/// What a tool asks for: another library for a component.
+/// A tool's request for another library of a component.
 struct ReloadRequest {
   std::string library;     ///< Its name, or its file.
   std::string class_name;  ///< Empty: the library's only one.
-  std::string params;      ///< A JSON object, upon the component's params; empty: they stay.
+  std::string params;  ///< A JSON object that overrides the component's params; empty: no changes.
   Duration probation{std::chrono::seconds(10)};  ///< 0: none.
   std::uint32_t misses_forgiven = detail::ReloadOrder::kMissesForgiven;
 };
 
-/// Replaces components by those of other libraries while the application runs: owns what is loaded
-/// for that, the trial of it in a child process, and what chains and deadlines have to say of who
-/// is on probation.
+/// Replaces components by those of other libraries while the application runs: owns the loaded
+/// libraries, their trial in a child process, and the violations of chains and deadlines by
+/// components on probation.
 ///
 /// @threads  `reload`, `deadline_missed` and `chain_breached` are Safe; `end` on the control
 ///           thread.
 class Reloads {
  public:
-  /// All live as long as this.
+  /// All outlive this.
   Reloads(ApplicationHost& application, const Wiring& wiring, const Chains& chains,
           LifeChanges& life_changes);
   Reloads(const Reloads&) = delete;
   Reloads& operator=(const Reloads&) = delete;
   ~Reloads();
 
-  /// Where libraries are looked for before the places that the application names. Before the start.
+  /// Sets where libraries are searched before the application's own path. Before the start.
   void set_library_path(std::vector<std::filesystem::path> library_path) {
     library_path_ = std::move(library_path);
   }
 
-  /// Tries the library, then has the component made of it in whatever process it runs. `done` is
-  /// called as `LifeChanges::make` does, or on a thread of this.
+  /// Tries the library, then reloads the component from it in its process. `done` is called as by
+  /// `LifeChanges::make`, or on a thread of this.
   void reload(detail::ComponentCore& component, const ReloadRequest& request,
               LifeChanges::Done done);
-  /// Nothing is tried any more. What is being tried now is waited for in the destructor.
+  /// Rejects further trials. The destructor waits for the running one.
   void end();
 
-  /// Somebody noticed that a deadline was missed.
+  /// A deadline was missed.
   void deadline_missed(const QosEvent& event);
-  /// A message came too late for the chain at this place of the file.
+  /// A message was too late for the chain with this index in the file.
   void chain_breached(std::size_t chain);
 
  private:
   using Guilt = std::map<std::string, std::uint64_t>;  ///< Breaches due to a component, by chain.
 
-  /// What the process in which the component runs must know, as JSON; none after adding to
-  /// `problems`.
+  /// The order for the component's process, as JSON; none after adding to `problems`.
   std::optional<nlohmann::json> try_out(const detail::ComponentCore& component,
                                         const ReloadRequest& request, config::Problems& problems);
-  /// Loads what was tried, and replaces the component.
+  /// Loads the tried library, and replaces the component.
   void make_here(detail::ComponentCore& component, const nlohmann::json& order,
                  LifeChanges::Done done);
   [[nodiscard]] std::filesystem::path find(const std::string& library,
@@ -98,7 +97,7 @@ class Reloads {
   bool is_over_ = false;
   bool is_trying_ = false;
   std::thread trial_;
-  std::map<std::string, Guilt> guilt_;  ///< Of who is on probation, as far as it was noted.
+  std::map<std::string, Guilt> guilt_;  ///< The last counts, of components on probation.
 };
 
 }  // namespace fastcycle::host

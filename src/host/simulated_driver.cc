@@ -158,7 +158,7 @@ TimeDriver::End SimulatedDriver::run(Time limit, Time input_end) {
     pace_->begin(clock_.now());
   }
   auto end = detail::Simulation::End::kInterrupted;
-  // What it writes outlives this function, as the action may do.
+  // Outlives this function, as the action may do.
   const auto reached = std::make_shared<detail::Simulation::End>(end);
   if (perform([this, reached, until = std::min(limit, input_end)] {
         *reached = simulation_.run_until(until);

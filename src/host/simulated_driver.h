@@ -15,11 +15,11 @@
 
 namespace fastcycle::host {
 
-/// Simulated time: owns the simulation, which serves components by rounds, and the thread on which
-/// they run, beside its helpers.
+/// Simulated time: owns the simulation, which serves components by rounds, and the thread that runs
+/// it.
 ///
-/// The control thread waits for that thread. When the run is to end and no activation ends for
-/// `kHangLimit`, a component does not come back: then the control thread goes on without it, and
+/// The control thread waits for that thread. If the run is to end and no activation ends for
+/// `kHangLimit`, a component does not return: then the control thread continues without it, and
 /// nothing is served any more. `advance_to` and `settle` run on the thread that calls them.
 ///
 /// @threads  As `TimeDriver`.
@@ -77,7 +77,7 @@ class SimulatedDriver final : public TimeDriver {
  private:
   static constexpr std::chrono::seconds kHangLimit{4};
 
-  /// Does `action` on the thread of the components. False if one of them does not come back.
+  /// Executes `action` on the thread of the simulation. False if a component does not return.
   bool perform(const std::function<void()>& action);
   void work();
   [[nodiscard]] std::uint64_t activations() const;
@@ -92,7 +92,7 @@ class SimulatedDriver final : public TimeDriver {
   // Between the control thread and the other one.
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::function<void()> action_;  ///< What is to be done, or is being done; else empty.
+  std::function<void()> action_;  ///< The pending or running action; else empty.
   bool is_over_ = false;
   std::thread thread_;
 };

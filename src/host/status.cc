@@ -111,7 +111,7 @@ void StatusTeller::set_status(ComponentCore& status, std::size_t components) {
 }
 
 void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
-  // Behind the status there are only FastCycle's own, of which it does not tell.
+  // Behind the status there are only FastCycle's own components, which it does not report.
   if (status_ == nullptr || component.index >= status_->index || is_over_) {
     return;
   }
@@ -124,7 +124,7 @@ void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
     status_->post(Cause::kEvent, [this, index = component.index] { hear(pending_.take(index)); });
     return;
   }
-  // When the round is over: what the component says in the next one is not to be heard in it.
+  // At the end of the round: news of the next round must not be taken in that round.
   component.stage([this, index = component.index] {
     status_->post(Cause::kEvent, [this, its_news = pending_.take(index)] { hear(its_news); });
   });
@@ -196,8 +196,8 @@ void StatusComponent::say() {
     publish();
     return;
   }
-  // While a round runs, what others have done in it depends on the workers. When it is over, and
-  // this is the last component, all of it was handed over.
+  // During a round, the progress of others depends on the workers. At its end, as this is the last
+  // component, all of it was handed over.
   if (!std::exchange(is_due_, true)) {
     ComponentCore& core = context().core();
     core.stage([this, &core] {
@@ -288,7 +288,7 @@ void StatusComponent::fill_topic(const detail::Topic& topic) {
   }
   for (const auto& subscription : topic.subscriptions) {
     if (subscription->kind == detail::Subscription::Kind::kTap) {
-      continue;  // What it took, and what it lost, is told by its owner.
+      continue;  // Its owner reports what it received and lost.
     }
     const detail::Ledger ledger = subscription->ledger();
     status::Subscription& told = *next_.add_subscriptions();

@@ -25,34 +25,34 @@ class Chains;
 class Modes;
 class Wiring;
 
-/// What a status is made of. All live as long as the application.
+/// The sources of a status. All live as long as the application.
 struct StatusSources {
   const ApplicationHost& application;
   const Modes& modes;
   const Chains& chains;
   const Wiring& wiring;
-  const record::Recorder* recorder = nullptr;  ///< Null if nobody records.
+  const record::Recorder* recorder = nullptr;  ///< Null without a recorder.
 };
 
-/// Publishes how the application does on `fastcycle/status`: every `status_period_ms`, and at once
+/// Publishes the application's status on `fastcycle/status`: every `status_period_ms`, and at once
 /// when a component's state, health or faults change.
 ///
-/// It comes behind the application's components, made only if somebody subscribes. What it says in
-/// simulated time is how things stand when a round is over: the same for any number of workers.
+/// It follows the application's components, created only if there is a subscriber. In simulated
+/// time it publishes the state at the end of a round: the same for any number of workers.
 ///
 /// @threads  As a component.
 class StatusComponent final : public Component {
  public:
   explicit StatusComponent(Context& context);
 
-  /// What it tells of; before it starts.
+  /// Sets its sources; before it starts.
   void set_sources(const StatusSources& sources);
 
   void start() override;
 
-  /// In its activation: takes what another component said.
+  /// In its activation: takes the news of another component.
   void hear(const ComponentNews& news);
-  /// In its activation: publishes how things are; in simulated time when this round is over.
+  /// In its activation: publishes the status; in simulated time at the end of this round.
   void say();
 
  private:
@@ -67,7 +67,7 @@ class StatusComponent final : public Component {
   std::vector<ComponentNews> heard_;  ///< By component.
   status::Status next_;
   bool is_started_ = false;
-  bool is_due_ = false;  ///< In simulated time: it will be published when this round is over.
+  bool is_due_ = false;  ///< In simulated time: it will be published at the end of this round.
 };
 
 /// How `StatusComponent` is added to an application: in a pool of workers without real-time policy,

@@ -22,9 +22,9 @@ namespace fastcycle::host {
 
 class TimeDriver;
 
-/// How a component in another process is, beyond what it says of itself.
+/// Figures of a component in another process, beyond its `ComponentNews`.
 struct FiguresElsewhere {
-  /// One that has subscribed, and what became of its messages.
+  /// A subscription, with its ledger.
   struct Subscription {
     std::string topic;
     std::string kind;  ///< As `to_word` of it.
@@ -38,13 +38,13 @@ struct FiguresElsewhere {
   std::uint64_t activations = 0;
   std::uint64_t overruns = 0;
   std::string hang = {};
-  // Told once in a period; the rest with each news.
+  // Sent once in a period; the rest with each news.
   base::HistogramSummary callback = {};  ///< Nanoseconds, as the next one.
   base::HistogramSummary lateness = {};
   std::vector<Subscription> subscriptions = {};
 };
 
-/// What only a component itself knows of itself, as it hands it on.
+/// State of a component that only its activations can read, as passed on by it.
 struct ComponentNews {
   std::size_t component = 0;
   Health health = Health::kOk;
@@ -55,24 +55,24 @@ struct ComponentNews {
   detail::VersionNews version = {};
   bool ends_process = false;  ///< Its process ends for its last fault.
   bool is_urgent = false;     ///< Not only for the next period.
-  /// What others see by themselves, of one that does not run in another process.
+  /// Set for a component in another process, whose figures cannot be read directly.
   std::optional<FiguresElsewhere> elsewhere = {};
 };
 
-/// What there is to say of `core` now; in its activation, or before the start.
+/// The present news of `core`; in its activation, or before the start.
 [[nodiscard]] ComponentNews news_of(const detail::ComponentCore& core);
 
-/// What components have said and the status component has not heard yet: owns of each the newest
-/// only, so that one that says much fills no queue.
+/// News that the status component has not taken yet: owns the newest of each component only, so
+/// that frequent news fill no queue.
 ///
 /// @threads  Safe; `set_count` before the start.
 class PendingNews {
  public:
   void set_count(std::size_t components) { pending_.resize(components); }
 
-  /// True if nothing of its component was pending: then somebody has to `take` it.
+  /// True if nothing of its component was pending: then the caller must arrange a `take`.
   [[nodiscard]] bool put(ComponentNews news);
-  /// The newest of `component`; urgent if any was that it stands for.
+  /// The newest of `component`; urgent if any that it replaced was.
   [[nodiscard]] ComponentNews take(std::size_t component);
 
  private:
@@ -80,8 +80,8 @@ class PendingNews {
   std::vector<std::optional<ComponentNews>> pending_;
 };
 
-/// Tells the status component, if an application has one, what its other components say: owns what
-/// is on the way.
+/// Passes news of components to the status component, if the application has one: owns the pending
+/// ones.
 ///
 /// @threads  `changed` in an activation of the component; `mode_changed` and `changed_elsewhere`
 ///           Safe; all else before the start.
@@ -89,14 +89,14 @@ class StatusTeller {
  public:
   explicit StatusTeller(TimeDriver& time) : time_(time) {}
 
-  /// `status` is the last of `components` components so far, and lives as long as this. What comes
-  /// behind it is not told of.
+  /// `status` is the last of `components` components so far, and lives as long as this. Components
+  /// behind it are not reported.
   void set_status(detail::ComponentCore& status, std::size_t components);
   void changed(detail::ComponentCore& component, bool is_urgent);
-  /// What a component in another process says. As `Peers::on_notice`.
+  /// News of a component in another process. As `Peers::on_notice`.
   void changed_elsewhere(ComponentNews news);
   void mode_changed();
-  /// Nothing is told any more.
+  /// Stops reporting.
   void end() { is_over_ = true; }
 
  private:

@@ -47,7 +47,7 @@ inline config::ApplicationDescription describe_text(std::string_view text,
   return description;
 }
 
-/// Builds it, and fails loudly if it has mistakes.
+/// Builds it; a test failure if it has errors.
 inline std::unique_ptr<Application> make_application(std::string_view text, TestClasses& classes,
                                                      const ClockOptions& clock = {}) {
   config::Problems problems;
