@@ -64,12 +64,30 @@ Guid guid_of(dds_entity_t entity) {
   return result;
 }
 
+/// Whether the user's own configuration selects network interfaces; Cyclone DDS would add ours to
+/// them. Throws if it does not select `interface`.
+bool selects_interfaces(std::string_view configuration, const std::string& interface) {
+  if (configuration.find("<NetworkInterface") == std::string_view::npos) {
+    return false;
+  }
+  for (const char quote : {'"', '\''}) {
+    const std::string quoted = fmt::format("{}{}{}", quote, interface, quote);
+    if (configuration.find(quoted) != std::string_view::npos) {
+      return true;
+    }
+  }
+  throw EngineError(fmt::format(
+      "CYCLONEDDS_URI selects network interfaces, and \"{}\", the param \"interface\", is none of "
+      "them: leave out one of the two",
+      interface));
+}
+
 std::string configuration(const ParticipantOptions& options) {
   std::string text;
   if (const char* const users = std::getenv("CYCLONEDDS_URI")) {
     text = users;
   }
-  if (options.interface.empty()) {
+  if (options.interface.empty() || selects_interfaces(text, options.interface)) {
     return text;
   }
   const bool can_reach_many = find_interface(options.interface).is_multicast;

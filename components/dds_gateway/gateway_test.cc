@@ -1,6 +1,8 @@
 #include "dds_gateway/gateway.h"
 
+#include <algorithm>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -29,6 +31,7 @@ namespace {
 using namespace std::chrono_literals;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 constexpr const char* kString = "std_msgs/msg/String";
 constexpr const char* kStringThere = "std_msgs::msg::dds_::String_";
@@ -377,7 +380,32 @@ TEST_P(GatewayTest, IsANodeWithItsTopicsAndTheirHashes) {
   EXPECT_EQ(seen["rt/robot/out"].endpoint.user_data,
             "typehash=RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18;");
   EXPECT_TRUE(seen["rt/robot/in"].endpoint.is_reader);
+  EXPECT_EQ(seen["ros_discovery_info"].endpoint.user_data,
+            "typehash=RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e;");
   EXPECT_TRUE(seen.contains("enclave=/;"));
+}
+
+TEST(TheConfigurationOfCyclone, MaySelectTheInterfaceToo) {
+  const auto cyclone = std::ranges::find_if(
+      engines(), [](const Engine& one) { return one.name == std::string("cyclone"); });
+  if (cyclone == engines().end()) {
+    GTEST_SKIP() << "built without Cyclone DDS";
+  }
+  const char* const set = std::getenv("CYCLONEDDS_URI");
+  const std::string before = set == nullptr ? "" : set;
+  setenv("CYCLONEDDS_URI",
+         R"(<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface name="lo"/>)"
+         R"(</Interfaces><AllowMulticast>false</AllowMulticast></General></Domain></CycloneDDS>)",
+         1);
+  ParticipantOptions options{
+      .domain = domain_of_test(), .interface = "lo", .user_data = "", .security = ""};
+
+  EXPECT_NE(cyclone->create(options), nullptr);
+  options.interface = "eth7";
+  EXPECT_THAT([&] { (void)cyclone->create(options); },
+              ThrowsMessage<EngineError>(HasSubstr("CYCLONEDDS_URI selects network interfaces")));
+
+  setenv("CYCLONEDDS_URI", before.c_str(), 1);
 }
 
 TEST_P(GatewayTest, WhoComesLateGetsWhatIsKept) {

@@ -9,6 +9,9 @@ namespace fastcycle::dds_gateway {
 namespace {
 
 constexpr std::string_view kType = "rmw_dds_common/msg/ParticipantEntitiesInfo";
+// As the nodes of ROS 2 announce it, from Iron on; they warn of one that is missing.
+constexpr std::string_view kTypeHash =
+    "RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e";
 // Minimum size of a node: two texts and two counts.
 constexpr std::size_t kNodeBytes = 16;
 
@@ -50,7 +53,7 @@ std::vector<Guid> take_guids(ros2::CdrReader& in, std::string_view field) {
 Endpoint graph_endpoint(bool is_reader) {
   return {.topic = "ros_discovery_info",
           .type = ros2::dds_type(kType),
-          .user_data = "",
+          .user_data = ros2::type_user_data(kTypeHash),
           .qos = {.is_reliable = true,
                   .is_transient_local = true,
                   .depth = is_reader ? std::size_t{1000} : std::size_t{1}},

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -140,6 +143,46 @@ bool is_moved(const foxglove::Pose& pose) {
          turn.z() != 0.0;
 }
 
+/// Whether no coordinate of the number at `at` is infinite or not a number: its exponent has a
+/// zero.
+template <typename Bits>
+bool is_finite(const char* at, Bits exponent) {
+  Bits bits = 0;
+  std::memcpy(&bits, at, sizeof bits);
+  return (bits & exponent) != exponent;
+}
+
+/// What ROS calls dense: all points have finite coordinates. Messages here do not state it.
+bool is_dense(const foxglove::PointCloud& cloud) {
+  std::vector<std::size_t> singles;
+  std::vector<std::size_t> doubles;
+  for (const PackedElementField& field : cloud.fields()) {
+    const bool is_coordinate = field.name() == "x" || field.name() == "y" || field.name() == "z";
+    if (is_coordinate && field.offset() + size_of(field.type()) <= cloud.point_stride()) {
+      if (field.type() == PackedElementField::FLOAT32) {
+        singles.push_back(field.offset());
+      } else if (field.type() == PackedElementField::FLOAT64) {
+        doubles.push_back(field.offset());
+      }
+    }
+  }
+  const char* const end = cloud.data().data() + cloud.data().size();
+  for (const char* point = cloud.data().data(); point < end; point += cloud.point_stride()) {
+    const bool is_valid =
+        std::ranges::all_of(singles,
+                            [&](std::size_t offset) {
+                              return is_finite<std::uint32_t>(point + offset, 0x7F80'0000);
+                            }) &&
+        std::ranges::all_of(doubles, [&](std::size_t offset) {
+          return is_finite<std::uint64_t>(point + offset, 0x7FF0'0000'0000'0000);
+        });
+    if (!is_valid) {
+      return false;
+    }
+  }
+  return true;
+}
+
 void point_cloud_to_ros(const Message& from, CdrWriter& out) {
   const auto& in = dynamic_cast<const foxglove::PointCloud&>(from);
   if (is_moved(in.pose())) {
@@ -169,7 +212,7 @@ void point_cloud_to_ros(const Message& from, CdrWriter& out) {
   out.number(in.point_stride());
   out.number(static_cast<std::uint32_t>(size));
   out.bytes(in.data(), "data");
-  out.boolean(false);  // Whether all points are valid: unknown.
+  out.boolean(is_dense(in));
 }
 
 // ---- Pictures ----

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "foxglove/image.pb.h"
 #include "foxglove/location.pb.h"
@@ -15,6 +16,7 @@
 #include "foxglove/pose.pb.h"
 #include "motion/motion.pb.h"
 #include "ros2/error.h"
+#include "ros2/json_form.h"
 
 namespace fastcycle::ros2 {
 namespace {
@@ -114,6 +116,29 @@ TEST(KnownTypes, NumbersOfACloudBecomeLittleEndian) {
                                                    cloud(1, 1, 8, "abcdefgh", true));
 
   EXPECT_EQ(out.data(), "dcbafehg");
+}
+
+TEST(KnownTypes, ACloudIsDenseIfItsCoordinatesAreFinite) {
+  KnownTypes types;
+  const Converter& converter = types.find("sensor_msgs/msg/PointCloud2");
+  const auto is_dense = [&](const std::string& data) {
+    foxglove::PointCloud ours;
+    Buffer written;
+    converter.to_message(cloud(1, static_cast<std::uint32_t>(data.size() / 8), 0, data).bytes(),
+                         ours);
+    converter.to_ros(ours, written);
+    return to_json(types.definitions().find("sensor_msgs/msg/PointCloud2"), written.bytes())
+        .at("is_dense")
+        .get<bool>();
+  };
+  const std::string finite("\0\0\x80\x3F\xFF\xFF\xFF\xFF", 8);
+  const std::string infinite("\0\0\x80\x7F\0\0\0\0", 8);
+  const std::string not_a_number("\0\0\xC0\xFF\0\0\0\0", 8);
+
+  EXPECT_TRUE(is_dense(finite + finite));
+  EXPECT_TRUE(is_dense(""));
+  EXPECT_FALSE(is_dense(finite + infinite));
+  EXPECT_FALSE(is_dense(not_a_number + finite));
 }
 
 TEST(KnownTypes, CloudsThatLieAreMistakes) {
