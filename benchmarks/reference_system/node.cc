@@ -1,6 +1,7 @@
 #include "reference_system/node.h"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 namespace fastcycle::benchmark {
@@ -65,6 +66,11 @@ void ReferenceOutput::publish(std::span<ReferenceInput* const> inputs, std::int6
 
 std::int64_t crunch_param(Context& context, std::string_view name) {
   return context.param<std::int64_t>(name, {.fallback = 0, .min = 0, .max = 1 << 20}).get();
+}
+
+Duration phase_param(Context& context) {
+  return std::chrono::microseconds(
+      context.param<std::int64_t>("phase_us", {.fallback = 0, .min = 0, .unit = "µs"}).get());
 }
 
 }  // namespace fastcycle::benchmark

@@ -59,4 +59,7 @@ class ReferenceOutput {
 /// The parameter "crunch" of a node.
 [[nodiscard]] std::int64_t crunch_param(Context& context, std::string_view name = "crunch");
 
+/// The parameter "phase_us" of a node with a timer: when its first tick is, after the start.
+[[nodiscard]] Duration phase_param(Context& context);
+
 }  // namespace fastcycle::benchmark

@@ -25,8 +25,9 @@ class ReferenceCyclic final : public Component {
           "in_" + std::to_string(i), kNewest,
           [&input](const Sample<ReferenceSample>& sample) { input.take(sample); });
     }
-    context.create_timer({.period = std::chrono::milliseconds(period_ms.get())},
-                         [this] { out_.publish(pointers_, measure::now_ns()); });
+    context.create_timer(
+        {.period = std::chrono::milliseconds(period_ms.get()), .phase = phase_param(context)},
+        [this] { out_.publish(pointers_, measure::now_ns()); });
   }
 
  private:

@@ -12,8 +12,9 @@ class ReferenceSensor final : public Component {
   explicit ReferenceSensor(Context& context) : Component(context), out_(context, "out", 0) {
     const auto period_ms =
         context.param<std::int64_t>("period_ms", {.min = 1, .max = 10'000, .unit = "ms"});
-    context.create_timer({.period = std::chrono::milliseconds(period_ms.get())},
-                         [this] { out_.publish({}, measure::now_ns()); });
+    context.create_timer(
+        {.period = std::chrono::milliseconds(period_ms.get()), .phase = phase_param(context)},
+        [this] { out_.publish({}, measure::now_ns()); });
   }
 
  private:

@@ -7,8 +7,8 @@ to a limit for each sample (4096, as published; --crunch). Measured by the syste
 the two lidars' samples to the begin of the collision estimator; samples missed on it; the period of the behavior planner; CPU and
 memory of the process.
 
-Ways of FastCycle: `single`, one worker for all; `pool`, a worker for each CPU; `hot_path`, a worker of its own for the nodes of the
-hot path. Of ROS 2: the programs in --ros2 FOLDER whose names begin with autoware_, with the environment of this process. Rounds go
+Ways of FastCycle: `single`, one worker for all; `pool`, a worker for each CPU; `priority`, besides these, workers of higher priority
+(SCHED_FIFO, where allowed) for the nodes of the hot path, and one of still higher for the planner. Of ROS 2: the programs in --ros2 FOLDER whose names begin with autoware_, with the environment of this process. Rounds go
 through all ways, in another order each."""
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SINK = "object_collision_estimator"
 HOT_PATH = (*ROOTS, "points_transformer_front", "points_transformer_rear", "point_cloud_fusion", "ray_ground_filter",
             "euclidean_cluster_detector", SINK)  # fmt: skip
 PERIOD_NS = 100e6  # Of the behavior planner.
-WAYS = ("single", "pool", "hot_path")
+WAYS = ("single", "pool", "priority")
 
 
 class Found:
@@ -53,6 +53,9 @@ def arguments(words: list[str]) -> argparse.Namespace:
     line.add_argument("--rounds", type=int, default=5, help="5 unless given")
     line.add_argument("--seconds", type=float, default=20, help="of each run, 20 unless given")
     line.add_argument("--crunch", type=int, help="limit of the primes, instead of that of the application")
+    line.add_argument("--phase-step-us", type=int, default=1250, metavar="US",
+                      help="from the start of one node's timer to that of the next: 1250 unless given, what a node of ROS 2 takes to be "
+                           "made; 0: all timers tick at the same moments")
     line.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS), help="of FastCycle: all unless given")
     line.add_argument("--ros2", type=pathlib.Path, metavar="FOLDER", help="folder of the programs of ROS 2's own")
     options = line.parse_args(words)
@@ -61,15 +64,20 @@ def arguments(words: list[str]) -> argparse.Namespace:
     return options
 
 
-def application(way: str, samples: pathlib.Path, crunch: int | None) -> dict:
+def application(way: str, samples: pathlib.Path, crunch: int | None, phase_step_us: int) -> dict:
     content = json.loads((FOLDER / "reference_system.json").read_text())
-    workers = {"single": 1, "pool": os.cpu_count() or 1, "hot_path": 1}[way]
+    workers = 1 if way == "single" else os.cpu_count() or 1
     content["executors"] = [{"name": "others", "threads": workers}]
-    if way == "hot_path":
-        content["executors"].append({"name": "hot_path", "threads": 1})
-    for component in content["components"]:
-        component["executor"] = "hot_path" if way == "hot_path" and component["name"] in HOT_PATH else "others"
+    executors = {}
+    if way == "priority":
+        content["executors"] += [{"name": "hot_path", "threads": workers, "policy": "fifo", "priority": 20},
+                                 {"name": "planner", "threads": 1, "policy": "fifo", "priority": 30}]  # fmt: skip
+        executors = {**dict.fromkeys(HOT_PATH, "hot_path"), "behavior_planner": "planner"}
+    for number, component in enumerate(content["components"]):
+        component["executor"] = executors.get(component["name"], "others")
         params = component.setdefault("params", {})
+        if "period_ms" in params:
+            params["phase_us"] = number * phase_step_us
         if crunch is not None:
             params.update({name: crunch for name in params if name.startswith("crunch")})
         if component["name"] == "vehicle_dbw_system":
@@ -102,7 +110,7 @@ def run(command: list, seconds: float, environment: dict, output) -> tuple[float
 def of_fastcycle(options: argparse.Namespace, way: str, folder: pathlib.Path, found: Found) -> None:
     samples = folder / "samples"
     file = folder / "reference_system.json"
-    file.write_text(json.dumps(application(way, samples, options.crunch)))
+    file.write_text(json.dumps(application(way, samples, options.crunch, options.phase_step_us)))
     environment = {**os.environ, "FASTCYCLE_LIBRARY_PATH": str(options.build.resolve() / "lib" / "fastcycle")}
     cpu, memory = run([options.build / "bin" / "fastcycle", "run", file, "--quiet", "--log-level", "warning"], options.seconds,
                       environment, subprocess.DEVNULL)  # fmt: skip
@@ -138,6 +146,8 @@ def of_ros2(options: argparse.Namespace, program: pathlib.Path, folder: pathlib.
         what = re.match(r"\s*(hot path latency|hot path drops|behavior planner period):\s+([0-9.e+]+)\s*([a-z]*)", line)
         if what is None:
             continue
+        if float(what[2]) == 0 and what[1] != "hot path drops":
+            continue  # Nothing measured yet.
         if what[1] == "hot path drops":
             found.missed += int(float(what[2]))
         else:
