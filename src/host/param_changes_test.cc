@@ -339,6 +339,58 @@ TEST(Params, OfAnObjectThatIsNotKeptAreValues) {
   EXPECT_EQ(bench.result("t", "name"), ReportValue(std::string("a name that is not short at all")));
 }
 
+/// Lists the parameters of the application after it has changed one of another component.
+class Exporter final : public Component {
+ public:
+  explicit Exporter(Context& context) : Component(context), source_(context.create_source()) {}
+
+  void start() override {
+    texts_.push_back(text_of_list());
+    context().change_params({{"one.k2", "55"}}, [this](const ParamsResult& result) {
+      EXPECT_TRUE(result.has_changed());
+      texts_.push_back(text_of_list());
+      source_.finish();
+    });
+  }
+
+  void stop() override {
+    report("before", texts_.at(0));
+    report("after", texts_.at(1));
+  }
+
+ private:
+  std::string text_of_list() {
+    std::string text;
+    for (const ParamInfo& info : list_params(context())) {
+      text += info.param + " " + info.type + " " + info.json + " " + info.min_json + ".." +
+              info.max_json + (info.is_tunable ? " tunable\n" : "\n");
+    }
+    return text;
+  }
+
+  Source source_;
+  std::vector<std::string> texts_;
+};
+
+TEST(ParamChanges, AreInTheListThatAComponentAsksForAfterwards) {
+  TestClasses classes;
+  classes.with<Knobs>("knobs").with<Exporter>("exporter");
+  const auto application = make_application(
+      R"({"name": "t", "components": [{"name": "one", "library": "knobs"},
+        {"name": "exporter", "library": "exporter"}]})",
+      classes, {.is_simulated = true});
+
+  application->start();
+  application->run(Duration(100ms));
+  application->stop();
+
+  const auto before = std::get<std::string>(result(*application, 1, "before"));
+  const auto after = std::get<std::string>(result(*application, 1, "after"));
+  EXPECT_THAT(before, HasSubstr("one.fixed integer 7 ..\n"));
+  EXPECT_THAT(before, HasSubstr("one.k2 integer 10 0..100 tunable\n"));
+  EXPECT_THAT(after, HasSubstr("one.k2 integer 55 0..100 tunable\n"));
+}
+
 // ---- Shared params ----
 
 /// Reads a shared length, up to a limit of its own.
