@@ -42,6 +42,7 @@ def arguments(words: list[str]) -> argparse.Namespace:
     line.add_argument("--seconds", type=float, default=10, help="of each run, 10 unless given")
     line.add_argument("--copies", type=int, nargs="+", default=[1], help="of the whole graph: 1 unless given")
     line.add_argument("--workers", type=int, nargs="+", default=[os.cpu_count() or 1], help="of the one executor: as many as CPUs")
+    line.add_argument("--ros2", type=pathlib.Path, metavar="PROGRAM", help="load_rclcpp of benchmarks/peers: ROS 2 in the same rounds")
     line.add_argument("--json", type=pathlib.Path, metavar="FILE", help="also write the figures there")
     options = line.parse_args(words)
     if min(options.rounds, options.seconds, *options.copies, *options.workers) < 1:
@@ -125,6 +126,9 @@ def application(load: dict, copies: int, workers: int, samples: pathlib.Path) ->
     }
 
 
+ROS2_EXECUTORS = ("single", "multi", "events")
+
+
 class Found:
     def __init__(self) -> None:
         self.latencies_us: dict[int, list[float]] = collections.defaultdict(list)
@@ -141,7 +145,7 @@ def switches_of(pid: int) -> int:
     return total
 
 
-def run(options: argparse.Namespace, load: dict, copies: int, workers: int, found: Found) -> None:
+def run(options: argparse.Namespace, load: dict, contender: str, copies: int, workers: int, found: Found) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         (folder / "samples").mkdir()
@@ -149,6 +153,9 @@ def run(options: argparse.Namespace, load: dict, copies: int, workers: int, foun
         environment = {**os.environ, "FASTCYCLE_LIBRARY_PATH": str(options.build.resolve() / "lib" / "fastcycle")}
         command = [options.build / "bin" / "fastcycle", "run", folder / "load.json", "--quiet", "--log-level", "error",
                    "--report", folder / "report.json"]  # fmt: skip
+        if contender != "fastcycle":
+            command = [options.ros2, contender, folder / "load.json"]
+            environment = dict(os.environ)
         program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment)
         ticks = lambda: sum(map(int, pathlib.Path(f"/proc/{program.pid}/stat").read_text().rsplit(") ", 1)[1].split()[11:13]))  # noqa: E731
         time.sleep(1)  # The start does not count.
@@ -167,6 +174,8 @@ def run(options: argparse.Namespace, load: dict, copies: int, workers: int, foun
             for line in file.read_text().splitlines():
                 chain, latency_ns = map(int, line.split())
                 found.latencies_us[chain].append(latency_ns / 1e3)
+        if contender != "fastcycle":
+            return
         report = json.loads((folder / "report.json").read_text())
         found.dropped += sum(sum(one["dropped"].values()) for topic in report["topics"].values() for one in topic["subscribers"]
                              if one["kind"] == "callback")
@@ -184,25 +193,28 @@ def main() -> int:
         check(load)
     except (OSError, ValueError, LoadError) as error:
         sys.exit(f"load: {options.load}: {error}")
-    ways = [(copies, workers) for copies in options.copies for workers in options.workers]
+    contenders = ["fastcycle", *(ROS2_EXECUTORS if options.ros2 is not None else ())]
+    # Of ROS 2 only one executor has workers.
+    ways = [(contender, copies, workers) for copies in options.copies for contender in contenders for workers in options.workers
+            if contender in ("fastcycle", "multi") or workers == options.workers[0]]  # fmt: skip
     results: dict[tuple, Found] = collections.defaultdict(Found)
     for number in range(options.rounds):
         for way in random.Random(number).sample(ways, len(ways)):
             if sys.stderr.isatty():
-                print(f"\r\033[Kround {number + 1} of {options.rounds}: {way[0]} copies, {way[1]} workers", end="", file=sys.stderr, flush=True)
+                print(f"\r\033[Kround {number + 1} of {options.rounds}: {way[0]}, {way[1]} copies, {way[2]} workers", end="", file=sys.stderr, flush=True)
             run(options, load, *way, results[way])
     if sys.stderr.isatty():
         print("\r\033[K", end="", file=sys.stderr)
     chains = [chain.get("name", f"{chain['from']} → {chain['to']}") for chain in load.get("chains", [])]
     print(f"{options.rounds} rounds of {options.seconds:g} s, {os.cpu_count()} CPUs; chains in µs")
-    print(f"{'nodes':>6} {'workers':>7} {'CPU %':>6} {'switches/s':>10} {'MB':>6} {'lost':>5}  "
+    print(f"{'':13} {'nodes':>5} {'workers':>7} {'CPU %':>6} {'switches/s':>10} {'MB':>6} {'lost':>5}  "
           f"{'chain':32} {'n':>7} {'p50':>9} {'p99':>9} {'p99.9':>9} {'max':>9}")  # fmt: skip
     rows = []
-    for copies, workers in ways:
-        found = results[copies, workers]
-        head = {"nodes": copies * len(load["nodes"]), "workers": workers, "cpu_percent": statistics.median(found.cpu_percent),
-                "switches_per_s": statistics.median(found.switches_per_s), "memory_mb": max(found.memory_mb), "lost": found.dropped}  # fmt: skip
-        shown = f"{head['nodes']:6} {workers:7} {head['cpu_percent']:6.1f} {head['switches_per_s']:10.0f} {head['memory_mb']:6.1f} {found.dropped:5}"
+    for contender, copies, workers in ways:
+        found = results[contender, copies, workers]
+        head = {"contender": contender if contender == "fastcycle" else f"rclcpp {contender}", "nodes": copies * len(load["nodes"]), "workers": workers if contender in ("fastcycle", "multi") else 1, "cpu_percent": statistics.median(found.cpu_percent),
+                "switches_per_s": statistics.median(found.switches_per_s), "memory_mb": max(found.memory_mb), "lost": found.dropped if contender == "fastcycle" else None}  # fmt: skip
+        shown = f"{head['contender']:13} {head['nodes']:5} {head['workers']:7} {head['cpu_percent']:6.1f} {head['switches_per_s']:10.0f} {head['memory_mb']:6.1f} {found.dropped if contender == 'fastcycle' else '-':>5}"
         for number, name in enumerate(chains):
             values = found.latencies_us[number]
             if not values:
