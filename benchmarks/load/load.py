@@ -63,6 +63,7 @@ def check(load: dict) -> None:
     expect(isinstance(load, dict) and isinstance(load.get("nodes"), list) and load["nodes"], "/nodes", "a list of nodes", load)
     published = {}
     for i, node in enumerate(load["nodes"]):
+        expect(isinstance(node, dict) and isinstance(node.get("name"), str), f"/nodes/{i}", "a node with a \"name\"", node)
         expect(isinstance(node.get("callbacks"), list), f"/nodes/{i}/callbacks", "a list", node.get("callbacks"))
         for k, callback in enumerate(node["callbacks"]):
             place = f"/nodes/{i}/callbacks/{k}"
@@ -73,6 +74,7 @@ def check(load: dict) -> None:
                 expect(one["topic"] not in published, place, "a topic that nothing else publishes", one["topic"])
                 unknown = set(one) - {"topic", "bytes", "each"}
                 expect(not unknown, place, "topic, bytes, each in what it publishes", sorted(unknown))
+                expect("topic" in one and isinstance(one.get("bytes"), int), place, "a topic with its \"bytes\"", one)
                 published[one["topic"]] = node["name"]
     for i, node in enumerate(load["nodes"]):
         for topic in [callback["on"] for callback in node["callbacks"] if "on" in callback] + node.get("reads", []):
@@ -188,6 +190,10 @@ def percentile(values: list[float], share: float) -> float:
 
 def main() -> int:
     options = arguments(sys.argv[1:])
+    programs = [options.build / "bin" / "fastcycle", *([options.ros2] if options.ros2 is not None else [])]
+    for program in programs:
+        if not program.is_file():
+            sys.exit(f"load: {program}: expected a program; `./dev bench load` builds fastcycle, -DFASTCYCLE_PEERS=ON load_rclcpp")
     try:
         load = json.loads(options.load.read_text())
         check(load)

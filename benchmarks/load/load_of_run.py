@@ -15,6 +15,7 @@ import json
 import pathlib
 import re
 import subprocess
+import sys
 
 
 def main() -> int:
@@ -24,6 +25,9 @@ def main() -> int:
     line.add_argument("graph", type=pathlib.Path)
     line.add_argument("--program", default="fastcycle", help="fastcycle, unless given")
     options = line.parse_args()
+    for file in (options.report, options.log, options.graph):
+        if not file.is_file():
+            sys.exit(f"load_of_run: {file}: expected a file, found none")
     report = json.loads(options.report.read_text())
     info = json.loads(subprocess.run([options.program, "info", "--all", "--json", options.log], check=True, stdout=subprocess.PIPE).stdout)
     logged = info["files"][0]["topics"]

@@ -167,6 +167,8 @@ def main() -> int:
         if not programs:
             sys.exit(f"reference_system: {options.ros2}: expected programs autoware_*, found none")
         ways += [(file.name, lambda folder, found, file=file: of_ros2(options, file, folder, found)) for file in programs]
+    if not (options.build / "bin" / "fastcycle").is_file():
+        sys.exit(f"reference_system: {options.build}: expected a build with bin/fastcycle; `./dev bench reference` makes one")
     results: dict[str, Found] = collections.defaultdict(Found)
     for number in range(options.rounds):
         for name, measure in random.Random(number).sample(ways, len(ways)):

@@ -4,13 +4,11 @@
 //
 // reads the application that load.py made for FastCycle, with the same parameters, and runs until
 // SIGINT. Nodes have no services of their own: they would take memory and no part in the load.
-#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <exception>
 #include <fstream>
 #include <memory>
@@ -24,6 +22,7 @@
 #include <rclcpp/rclcpp.hpp>
 #include <std_msgs/msg/u_int8_multi_array.hpp>
 
+#include "load/chains.h"
 #include "measure/clock.h"
 
 namespace fastcycle::peers {
@@ -33,18 +32,13 @@ using nlohmann::json;
 using RosMessage = std_msgs::msg::UInt8MultiArray;
 using Numbers = std::vector<std::int64_t>;
 
-void compute(std::int64_t duration_ns) {
-  if (duration_ns <= 0) {
-    return;
-  }
-  const auto used_ns = [] {
-    timespec time{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return static_cast<std::int64_t>(time.tv_sec) * 1'000'000'000 + time.tv_nsec;
+/// The root of each chain in `message`.
+auto roots_of(const RosMessage& message) {
+  return [&message](std::size_t chain) {
+    std::int64_t root_ns = 0;
+    std::memcpy(&root_ns, message.data.data() + chain * sizeof root_ns, sizeof root_ns);
+    return root_ns;
   };
-  const std::int64_t end_ns = used_ns() + duration_ns;
-  while (used_ns() < end_ns) {
-  }
 }
 
 /// As `LoadNode` of benchmarks/load. The message is the roots, 8 bytes each, then the payload.
@@ -55,7 +49,9 @@ class LoadNode final : public rclcpp::Node {
                                        .use_intra_process_comms(true)
                                        .start_parameter_services(false)
                                        .start_parameter_event_publisher(false)
-                                       .enable_rosout(false)) {
+                                       .enable_rosout(false)),
+        chains_(component.at("params").at("chains"),
+                component.at("params").at("ends").get<Numbers>()) {
     const json& params = component.at("params");
     const json& topics = component.at("remap");
     const auto topic = [&](const char* kind, std::size_t number) {
@@ -63,9 +59,6 @@ class LoadNode final : public rclcpp::Node {
     };
     params.at("samples").get_to(file_);
     params.at("computes_ns").get_to(computes_ns_);
-    params.at("ends").get_to(ends_);
-    roots_ns_.resize(params.at("chains"));
-    ended_ns_.resize(roots_ns_.size());
     const auto bytes = params.at("bytes").get<Numbers>();
     for (std::size_t i = 0; i < bytes.size(); ++i) {
       outputs_.push_back({.publisher = create_publisher<RosMessage>(topic("out_", i), quality()),
@@ -89,20 +82,14 @@ class LoadNode final : public rclcpp::Node {
     const std::size_t inputs = params.at("inputs");
     for (std::size_t i = 0; i < inputs; ++i, ++cause) {
       subscriptions_.push_back(create_subscription<RosMessage>(
-          topic("in_", i), quality(),
-          [this, cause](RosMessage::ConstSharedPtr message) { take(cause, *message); }));
+          topic("in_", i), quality(), [this, cause](RosMessage::ConstSharedPtr message) {
+            chains_.arrived(cause, roots_of(*message));
+            work(cause);
+          }));
     }
   }
 
-  void write_samples() const {
-    if (file_.empty()) {
-      return;
-    }
-    std::ofstream out(file_);
-    for (const auto& [chain, latency_ns] : samples_) {
-      out << chain << ' ' << latency_ns << '\n';
-    }
-  }
+  void write_samples() const { chains_.write(file_); }
 
  private:
   struct Output {
@@ -116,39 +103,13 @@ class LoadNode final : public rclcpp::Node {
 
   static rclcpp::QoS quality() { return rclcpp::QoS(16); }  // FastCycle's depth.
 
-  std::int64_t root_of(const RosMessage& message, std::size_t chain) const {
-    std::int64_t root_ns = 0;
-    std::memcpy(&root_ns, message.data.data() + chain * sizeof root_ns, sizeof root_ns);
-    return root_ns;
-  }
-
-  void take(std::size_t cause, const RosMessage& message) {
-    const std::int64_t now_ns = measure::now_ns();
-    for (std::size_t i = 0; i + 1 < ends_.size(); i += 2) {
-      const auto chain = static_cast<std::size_t>(ends_[i + 1]);
-      const std::int64_t root_ns = root_of(message, chain);
-      if (ends_[i] == static_cast<std::int64_t>(cause) && root_ns > ended_ns_.at(chain)) {
-        ended_ns_[chain] = root_ns;
-        samples_.emplace_back(chain, now_ns - root_ns);
-      }
-    }
-    merge(message);
-    work(cause);
-  }
-
-  void merge(const RosMessage& message) {
-    for (std::size_t chain = 0; chain < roots_ns_.size(); ++chain) {
-      roots_ns_[chain] = std::max(roots_ns_[chain], root_of(message, chain));
-    }
-  }
-
   void work(std::size_t cause) {
     for (const RosMessage::ConstSharedPtr& read : reads_) {
       if (read != nullptr) {
-        merge(*read);
+        chains_.depend_on(roots_of(*read));
       }
     }
-    compute(computes_ns_.at(cause));
+    load::compute(computes_ns_.at(cause));
     for (Output& output : outputs_) {
       if (output.cause == cause && ++output.count % output.each == 0) {
         publish(output);
@@ -158,9 +119,11 @@ class LoadNode final : public rclcpp::Node {
 
   void publish(Output& output) {
     auto message = std::make_unique<RosMessage>();
-    message->data.resize(roots_ns_.size() * sizeof(std::int64_t) + output.bytes);
-    if (!roots_ns_.empty()) {
-      std::memcpy(message->data.data(), roots_ns_.data(), roots_ns_.size() * sizeof(std::int64_t));
+    const Numbers& roots_ns = chains_.roots_ns();
+    const std::size_t head = roots_ns.size() * sizeof(std::int64_t);
+    message->data.resize(head + output.bytes);
+    if (head > 0) {
+      std::memcpy(message->data.data(), roots_ns.data(), head);
     }
     if (output.begins >= 0) {
       const std::int64_t now_ns = measure::now_ns();
@@ -172,14 +135,11 @@ class LoadNode final : public rclcpp::Node {
 
   std::string file_;
   Numbers computes_ns_;
-  Numbers ends_;
+  load::Chains chains_;
   std::vector<Output> outputs_;
   std::vector<RosMessage::ConstSharedPtr> reads_;
   std::vector<rclcpp::SubscriptionBase::SharedPtr> subscriptions_;
   std::vector<rclcpp::TimerBase::SharedPtr> timers_;
-  std::vector<std::int64_t> roots_ns_;
-  std::vector<std::int64_t> ended_ns_;
-  std::vector<std::pair<std::size_t, std::int64_t>> samples_;
 };
 
 std::unique_ptr<rclcpp::Executor> executor_of(const std::string& name, std::size_t workers) {
