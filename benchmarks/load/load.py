@@ -159,19 +159,23 @@ def run(options: argparse.Namespace, load: dict, contender: str, copies: int, wo
             command = [options.ros2, contender, folder / "load.json"]
             environment = dict(os.environ)
         program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment)
-        ticks = lambda: sum(map(int, pathlib.Path(f"/proc/{program.pid}/stat").read_text().rsplit(") ", 1)[1].split()[11:13]))  # noqa: E731
-        time.sleep(1)  # The start does not count.
-        if program.poll() is not None:
-            sys.exit(f"load: {program.stderr.read().decode()}")
-        begin, begin_ticks, begin_switches = time.monotonic(), ticks(), switches_of(program.pid)
-        time.sleep(options.seconds)
-        elapsed = time.monotonic() - begin
-        found.cpu_percent.append(100 * (ticks() - begin_ticks) / os.sysconf("SC_CLK_TCK") / elapsed)
-        found.switches_per_s.append((switches_of(program.pid) - begin_switches) / elapsed)
-        status = pathlib.Path(f"/proc/{program.pid}/status").read_text()
-        found.memory_mb.append(int(re.search(r"VmHWM:\s+(\d+)", status)[1]) / 1024)
-        program.send_signal(signal.SIGINT)
-        program.communicate(timeout=60)
+        try:
+            ticks = lambda: sum(map(int, pathlib.Path(f"/proc/{program.pid}/stat").read_text().rsplit(") ", 1)[1].split()[11:13]))  # noqa: E731
+            time.sleep(1)  # The start does not count.
+            if program.poll() is not None:
+                sys.exit(f"load: {program.stderr.read().decode()}")
+            begin, begin_ticks, begin_switches = time.monotonic(), ticks(), switches_of(program.pid)
+            time.sleep(options.seconds)
+            elapsed = time.monotonic() - begin
+            found.cpu_percent.append(100 * (ticks() - begin_ticks) / os.sysconf("SC_CLK_TCK") / elapsed)
+            found.switches_per_s.append((switches_of(program.pid) - begin_switches) / elapsed)
+            status = pathlib.Path(f"/proc/{program.pid}/status").read_text()
+            found.memory_mb.append(int(re.search(r"VmHWM:\s+(\d+)", status)[1]) / 1024)
+            program.send_signal(signal.SIGINT)
+            program.communicate(timeout=60)
+        finally:
+            program.kill()  # Where it has not ended.
+            program.wait()
         for file in (folder / "samples").iterdir():
             for line in file.read_text().splitlines():
                 chain, latency_ns = map(int, line.split())
@@ -238,4 +242,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -88,22 +88,26 @@ def application(way: str, samples: pathlib.Path, crunch: int | None, phase_step_
 def run(command: list, seconds: float, environment: dict, output) -> tuple[float, float]:
     """CPU in percent of one, and the most memory in MB."""
     program = subprocess.Popen(command, stdout=output, stderr=subprocess.PIPE, env=environment)
-    begin = time.monotonic()
-    memory_kb = 0
-    while time.monotonic() - begin < seconds and program.poll() is None:
-        time.sleep(0.2)
-        status = pathlib.Path(f"/proc/{program.pid}/status").read_text()
-        memory_kb = max(memory_kb, int((re.search(r"VmHWM:\s+(\d+)", status) or [0, 0])[1]))
-    if program.poll() is not None:
-        sys.exit(f"reference_system: {command[0]} ended by itself, with {program.returncode}: {program.stderr.read().decode()}")
-    ticks = sum(int(word) for word in pathlib.Path(f"/proc/{program.pid}/stat").read_text().rsplit(") ", 1)[1].split()[11:13])
-    cpu = 100 * ticks / os.sysconf("SC_CLK_TCK") / (time.monotonic() - begin)
-    program.send_signal(signal.SIGINT)
     try:
-        program.communicate(timeout=20)
-    except subprocess.TimeoutExpired:
-        program.kill()
-        program.communicate()
+        begin = time.monotonic()
+        memory_kb = 0
+        while time.monotonic() - begin < seconds and program.poll() is None:
+            time.sleep(0.2)
+            status = pathlib.Path(f"/proc/{program.pid}/status").read_text()
+            memory_kb = max(memory_kb, int((re.search(r"VmHWM:\s+(\d+)", status) or [0, 0])[1]))
+        if program.poll() is not None:
+            sys.exit(f"reference_system: {command[0]} ended by itself, with {program.returncode}: {program.stderr.read().decode()}")
+        ticks = sum(int(word) for word in pathlib.Path(f"/proc/{program.pid}/stat").read_text().rsplit(") ", 1)[1].split()[11:13])
+        cpu = 100 * ticks / os.sysconf("SC_CLK_TCK") / (time.monotonic() - begin)
+        program.send_signal(signal.SIGINT)
+        try:
+            program.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            program.kill()
+            program.communicate()
+    finally:
+        program.kill()  # Where it has not ended.
+        program.wait()
     return cpu, memory_kb / 1024
 
 
@@ -133,8 +137,7 @@ def of_fastcycle(options: argparse.Namespace, way: str, folder: pathlib.Path, fo
 
 def of_ros2(options: argparse.Namespace, program: pathlib.Path, folder: pathlib.Path, found: Found) -> None:
     """Reads the statistics that the programs of the published system print for each sample."""
-    words = ["--crunch", str(options.crunch)] if options.crunch is not None else []
-    if words:
+    if options.crunch is not None:
         sys.exit("reference_system: the programs of ROS 2 have a limit of their own; leave out --crunch")
     text = folder / "text"
     with text.open("wb") as output:
@@ -192,4 +195,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)
