@@ -237,12 +237,15 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
     double length = 0.0;
     double scatter = 0.0;
     int count = 0;
+    float rise_m = 0.0F;
     for (int round = 0; round < 3; ++round) {
       Eigen::Vector2d sum = Eigen::Vector2d::Zero();
       double low = std::numeric_limits<double>::infinity();
       double high = -low;
       double square = 0.0;
       double product = 0.0;
+      float lowest_m = std::numeric_limits<float>::infinity();
+      float highest_m = 0.0F;
       count = 0;
       for (const ObjectPoint& point : view.points) {
         const Eigen::Vector2d apart = point.place_m - reference_m;
@@ -255,10 +258,13 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
           product += x * y;
           low = std::min(low, x);
           high = std::max(high, x);
+          lowest_m = std::min(lowest_m, point.height_m);
+          highest_m = std::max(highest_m, point.height_m);
           ++count;
         }
       }
       length = high - low;
+      rise_m = highest_m - lowest_m;
       if (count < kPoints || length < kLength_m) {
         break;
       }
@@ -267,7 +273,8 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
       slope = (product - sum.x() * sum.y() / n) / scatter;
       offset = (sum.y() - slope * sum.x()) / n;
     }
-    if (count < kPoints || length < kLength_m) {
+    // A roof is no face: what hides a part of it cuts it off at any angle.
+    if (count < kPoints || length < kLength_m || rise_m < kUpright_m) {
       continue;
     }
     const double variance = kStddev_rad * kStddev_rad + kPointStddev_m * kPointStddev_m / scatter;

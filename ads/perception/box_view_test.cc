@@ -117,6 +117,16 @@ TEST_F(BoxViewTest, HeadingIsThatOfTheFaces) {
   EXPECT_LT(heading->stddev_rad, 0.02);
 }
 
+// Seen over another car, whose outline cuts the roof off at an angle.
+TEST_F(BoxViewTest, RoofAloneHasNoHeading) {
+  for (double x = -2.0; x < 2.0; x += 0.1) {
+    add({12.0 + x, 5.6 + 0.15 * x}, 0.0, 13.0, 1.5F);
+    add({12.0 + x, 5.5 + 0.15 * x}, 0.0, 13.0, 1.4F);
+  }
+
+  EXPECT_FALSE(heading_of_faces(view(), {12.0, 5.0}, 0.0));
+}
+
 TEST_F(BoxViewTest, HeadingIsFoundWithoutAnyKnowledge) {
   look_at({.center_m = {12.0, 5.0}, .heading_rad = 0.5, .length_m = 4.6, .width_m = 1.8});
 
