@@ -625,6 +625,19 @@ void PublisherCore::publish_imported(Envelope* envelope, bool may_repeat) noexce
   }
 }
 
+void PublisherCore::publish_copied(Envelope* loan, const MessageInfo& info,
+                                   std::span<const Trail> trails) noexcept {
+  --loans_;
+  loan->payload = loan->own;
+  loan->info = info;
+  loan->info.publisher = id;
+  std::ranges::copy(trails, loan->trails);
+  if (owner.stage != nullptr) {
+    pool_->collect();  // It is between rounds.
+  }
+  publish_imported(loan, false);
+}
+
 /// Delivers a message of the followed publisher to its subscribers here.
 void PublisherCore::put_followed(Envelope* envelope) noexcept {
   envelope->references.store(

@@ -83,6 +83,10 @@ class PublisherCore {
   /// `may_repeat`: messages received before are skipped, since a standby that takes over publishes
   /// again what may be missing. Under the mutex.
   void publish_imported(Envelope* envelope, bool may_repeat) noexcept;
+  /// The same for a publisher that is not trusted: a loan of this, with a copy of its message.
+  /// Under the mutex.
+  void publish_copied(Envelope* loan, const MessageInfo& info,
+                      std::span<const Trail> trails) noexcept;
   /// `lane` is closed and receives nothing more.
   void disconnect(const Lane& lane) noexcept;
   /// Reserves room for one more lane, and the messages that it may hold: connecting it while the

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstddef>
+#include <cstring>
 #include <span>
 
 #include "fastcycle/message.h"
@@ -40,6 +42,15 @@ class Trail {
     return *this;
   }
   ~Trail() = default;
+
+  /// A copy of what a process that is not trusted writes, at any time; unknown if it is no trail.
+  [[nodiscard]] static Trail read_untrusted(const Trail& shared) noexcept {
+    Trail trail;
+    std::memcpy(static_cast<void*>(&trail), &shared, sizeof(Trail));
+    std::atomic_signal_fence(std::memory_order_seq_cst);  // It is not read a second time.
+    trail.count_ = trail.count_ <= kMaxHops ? trail.count_ : 0;
+    return trail;
+  }
 
   /// Whether it has a measurement of this root.
   [[nodiscard]] bool is_known() const noexcept { return count_ > 0; }

@@ -152,12 +152,13 @@ void ProcessPlan::add_activity(const Needs& needs) {
 }
 
 void ProcessPlan::find_problems() {
-  for (const config::ProcessDescription& process : description_.processes) {
-    if (!process.is_trusted) {
+  for (ProcessIndex process = kMain; process < count(); ++process) {
+    const auto other = other_of(process);
+    if (other && !description_of(*other).is_trusted) {
       problem_ = fmt::format(
-          "process \"{}\" is not trusted; messages are given to others as they are, which needs "
-          "trust",
-          process.name);
+          "process \"{}\" is not trusted, and \"{}\" follows it: a standby or shadow reads its "
+          "messages where they are, which needs trust; remove \"trusted\": false, or the {}",
+          name(*other), name(process), shadow_in(process) == nullptr ? "standby" : "shadow");
     }
   }
   for (const config::TopicDescription& topic : description_.topics) {
@@ -335,6 +336,7 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
       std::min(2 * queue + keep + publisher.latched + kSpare, 3 * kMaxDepth));
   link.executor = static_cast<unsigned>(place);
   link.drops_newest = drops_newest && depth > 0 && !is_followed;
+  link.is_serialized = !description_of(from).is_trusted;
   links_.push_back({.topic = publisher.topic,
                     .component = publisher.component,
                     .ordinal = ordinal,

@@ -18,7 +18,8 @@ Export::Export(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation
       trails_(wire.trails(link, incarnation)),
       bell_(wire.bell(link.from, incarnation, link.to, link.executor)),
       own_incarnation_(incarnation),
-      held_(link.capacity) {
+      held_(link.capacity),
+      buffers_(link.is_serialized ? link.capacity : 0) {
   free_.reserve(link.capacity);
   for (std::uint32_t number = link.capacity; number > 0; --number) {
     free_.push_back(static_cast<std::uint16_t>(number - 1));
@@ -38,6 +39,10 @@ ExportCounts Export::counts() const noexcept {
 }
 
 google::protobuf::Message* Export::share(google::protobuf::Message* message) noexcept {
+  if (link_.is_serialized) {
+    static_cast<void>(message->ByteSizeLong());  // Caches the sizes, for `put`.
+    return message;
+  }
   const Layout::Verdict verdict = layout_.check(*message);
   if (verdict == Layout::Verdict::kRepaired) {
     add(repaired_);
@@ -86,7 +91,9 @@ bool Export::take_back(std::uint64_t word) noexcept {
   held_[number].given = 0;
   bytes_out_ -= held_[number].bytes;
   free_.push_back(static_cast<std::uint16_t>(number));
-  detail::release(std::exchange(held_[number].envelope, nullptr));
+  if (detail::Envelope* const envelope = std::exchange(held_[number].envelope, nullptr)) {
+    detail::release(envelope);
+  }
   return true;
 }
 
@@ -137,6 +144,28 @@ bool Export::make_room(std::uint64_t tail) noexcept {
   return true;
 }
 
+/// Writes the bytes of `payload` into the buffer of `number`; false if the segment is full.
+bool Export::serialize(const google::protobuf::Message& payload, std::uint16_t number) noexcept {
+  constexpr std::size_t kAlignment = 64;
+  Buffer& buffer = buffers_[number];
+  const auto size = static_cast<std::size_t>(std::max(0, payload.GetCachedSize()));
+  if (size > buffer.capacity || buffer.bytes == nullptr) {
+    buffer.bytes.reset();
+    // Sizes vary: half as much more, so that few messages allocate.
+    buffer.capacity = size + size / 2 + kAlignment;
+    buffer.bytes.reset(
+        static_cast<char*>(base::shared_memory.allocator->allocate(buffer.capacity, kAlignment)));
+    if (buffer.bytes == nullptr) {
+      buffer.capacity = 0;
+      return false;
+    }
+  }
+  payload.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(buffer.bytes.get()));
+  messages_[number].bytes.store(buffer.bytes.get(), std::memory_order_relaxed);
+  messages_[number].byte_count.store(size, std::memory_order_relaxed);
+  return true;
+}
+
 void Export::put(detail::Envelope& envelope) noexcept {
   collect();
   out_.sequence.store(envelope.info.sequence, std::memory_order_relaxed);
@@ -144,7 +173,7 @@ void Export::put(detail::Envelope& envelope) noexcept {
     detail::release(&envelope);
     return;
   }
-  if (!base::shared_memory.is_own(envelope.payload)) {
+  if (!link_.is_serialized && !base::shared_memory.is_own(envelope.payload)) {
     add(unshared_);
     detail::release(&envelope);
     return;
@@ -161,10 +190,15 @@ void Export::put(detail::Envelope& envelope) noexcept {
     return;
   }
   const std::uint16_t number = free_.back();
+  if (link_.is_serialized && !serialize(*envelope.payload, number)) {
+    add(unshared_);
+    detail::release(&envelope);
+    return;
+  }
   free_.pop_back();
   // As `share` computed it.
   held_[number] = {
-      .envelope = &envelope,
+      .envelope = link_.is_serialized ? nullptr : &envelope,
       .given = tail + 1,
       .bytes = static_cast<std::uint64_t>(std::max(0, envelope.payload->GetCachedSize()))};
   bytes_out_ += held_[number].bytes;
@@ -174,6 +208,10 @@ void Export::put(detail::Envelope& envelope) noexcept {
   message.position.store(tail, std::memory_order_relaxed);
   for (std::size_t root = 0; root < wire_.plan().roots; ++root) {
     trails_[number * wire_.plan().roots + root] = envelope.trails[root];
+  }
+  if (link_.is_serialized) {
+    add(copied_);
+    detail::release(&envelope);
   }
   message.receiver.store(receiver_, std::memory_order_release);
   slots_[tail % Wire::slot_count(link_)].store(to_word(tail, number), std::memory_order_seq_cst);

@@ -1,9 +1,12 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
+#include "base/shared_memory.h"
 #include "broker/message_export.h"
 #include "segment/layout.h"
 #include "segment/wire.h"
@@ -25,6 +28,8 @@ struct ExportCounts {
 /// The publisher's end of a link: owns the table of messages held by the receiver, which alone
 /// decides which returns are valid. The receiver can only return messages.
 ///
+/// Over a serialized link it sends the message's bytes, and keeps no reference to the message.
+///
 /// @threads  As the publisher; `counts` is Safe.
 /// @realtime No allocation, no lock; one system call if the receiver sleeps.
 class Export final : public detail::MessageExport {
@@ -45,14 +50,24 @@ class Export final : public detail::MessageExport {
   [[nodiscard]] bool is_fresh() noexcept { return is_connected() && given_to_receiver_ == 0; }
   [[nodiscard]] ExportCounts counts() const noexcept;
   /// Why every message is copied; null if only some are, or none.
-  [[nodiscard]] const char* always_copied() const noexcept { return layout_.always_copied(); }
+  [[nodiscard]] const char* always_copied() const noexcept {
+    return link_.is_serialized ? "its process is not trusted" : layout_.always_copied();
+  }
   [[nodiscard]] const LinkPlan& link() const noexcept { return link_; }
 
  private:
   struct Held {
-    detail::Envelope* envelope = nullptr;
-    std::uint64_t given = 0;  ///< Its position + 1; 0: it is free.
+    detail::Envelope* envelope = nullptr;  ///< Null over a serialized link.
+    std::uint64_t given = 0;               ///< Its position + 1; 0: it is free.
     std::uint64_t bytes = 0;
+  };
+  /// Memory in the segment that is reused, for the bytes of a message.
+  struct Buffer {
+    struct Free {
+      void operator()(char* bytes) const noexcept { base::shared_memory.allocator->free(bytes); }
+    };
+    std::unique_ptr<char, Free> bytes;
+    std::size_t capacity = 0;
   };
   /// One writer, many readers.
   using Count = std::atomic<std::uint64_t>;
@@ -63,6 +78,7 @@ class Export final : public detail::MessageExport {
   void forget_receiver(std::uint32_t incarnation) noexcept;
   bool take_back(std::uint64_t word) noexcept;
   bool make_room(std::uint64_t tail) noexcept;
+  bool serialize(const google::protobuf::Message& payload, std::uint16_t number) noexcept;
 
   const Wire& wire_;
   const LinkPlan& link_;
@@ -76,7 +92,8 @@ class Export final : public detail::MessageExport {
 
   std::vector<Held> held_;
   std::vector<std::uint16_t> free_;
-  std::uint32_t receiver_ = 0;  ///< Its incarnation, as last seen.
+  std::vector<Buffer> buffers_;  ///< Of a serialized link, by number.
+  std::uint32_t receiver_ = 0;   ///< Its incarnation, as last seen.
   std::uint64_t returns_read_ = 0;
   std::uint64_t given_to_receiver_ = 0;
   std::uint64_t bytes_out_ = 0;  ///< Total size of `held_`.

@@ -1,6 +1,8 @@
 #include "segment/import.h"
 
 #include <algorithm>
+#include <exception>
+#include <limits>
 #include <mutex>
 
 namespace fastcycle::segment {
@@ -86,7 +88,8 @@ Import::Import(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation
       link_(link),
       incarnation_(incarnation),
       stand_in_(stand_in),
-      in_(wire.in(link, incarnation)) {}
+      in_(wire.in(link, incarnation)),
+      trails_(link.is_serialized ? wire.plan().roots : 0) {}
 
 Import::~Import() = default;
 
@@ -147,7 +150,9 @@ bool Import::find(std::uint64_t& word) noexcept {
   }
   const LinkOut& out = wire_.out(link_, publisher_);
   const std::atomic<std::uint64_t>* const slots = wire_.slots(link_, publisher_);
-  for (;;) {
+  // A publisher that is not trusted may change its words all the time; it rings for what comes.
+  constexpr int kTries = 8;
+  for (int tries = 0; tries < kTries; ++tries) {
     const std::uint64_t tail = out.tail.load(std::memory_order_seq_cst);
     if (tail <= head_) {
       return false;
@@ -163,6 +168,7 @@ bool Import::find(std::uint64_t& word) noexcept {
     }
     head_ = later - link_.depth;
   }
+  return false;
 }
 
 bool Import::has_any() noexcept {
@@ -225,6 +231,10 @@ bool Import::take_one() noexcept {
       message.position.load(std::memory_order_relaxed) != position) {
     return true;  // Sent to the previous incarnation.
   }
+  if (link_.is_serialized) {
+    refused_ += take_copy(word) ? 0 : 1;
+    return true;
+  }
   const unsigned generation = Wire::generation_of(publisher_);
   if (!wire_.segments().is_in(link_.from, generation, message.payload,
                               sizeof(google::protobuf::Message))) {
@@ -243,6 +253,54 @@ bool Import::take_one() noexcept {
   }
   const std::lock_guard lock(stand_in_.mutex());
   stand_in_.publish_imported(envelope, partner_ != nullptr || stand_in_.is_following());
+  return true;
+}
+
+/// Takes the message of `word` from a publisher that is not trusted; false if it is invalid. Each
+/// of its words is read once, and checked where it is copied to.
+bool Import::take_copy(std::uint64_t word) noexcept {
+  const std::uint64_t number = number_of(word);
+  const WireMessage& message = wire_.messages(link_, publisher_)[number];
+  const char* const bytes = message.bytes.load(std::memory_order_relaxed);
+  const std::uint64_t count = message.byte_count.load(std::memory_order_relaxed);
+  const unsigned generation = Wire::generation_of(publisher_);
+  bool is_valid = count <= std::uint64_t{std::numeric_limits<int>::max()} &&
+                  wire_.segments().is_in(link_.from, generation, bytes, count);
+  try {
+    if (is_valid) {
+      bytes_.assign(bytes, count);
+    }
+    for (std::size_t root = 0; root < trails_.size(); ++root) {
+      trails_[root] = detail::Trail::read_untrusted(
+          wire_.trails(link_, publisher_)[number * trails_.size() + root]);
+    }
+    const MessageInfo info = message.info;
+    held_.back()->send_back(word);
+    is_valid = is_valid && publish_copy(info);
+  } catch (const std::exception&) {  // No memory for it, or the receivers hold too many.
+    is_valid = false;
+  }
+  return is_valid;
+}
+
+/// Publishes the message of `bytes_`; false if it is none of the topic's type.
+bool Import::publish_copy(MessageInfo info) {
+  constexpr std::uint64_t kMaxLost = std::uint64_t{1} << 32U;
+  const std::lock_guard lock(stand_in_.mutex());
+  if (info.sequence > stand_in_.published() + kMaxLost) {
+    return false;
+  }
+  if (const base::Clock& clock = *stand_in_.owner.clock; !clock.is_simulated()) {
+    const Time now = clock.now();
+    info.publish_time = std::min(info.publish_time, now);
+    info.origin.taken = std::min(info.origin.taken, now);
+  }
+  detail::Envelope* const loan = stand_in_.loan(false);
+  if (!loan->own->ParsePartialFromString(bytes_)) {
+    stand_in_.return_loan(loan);
+    return false;
+  }
+  stand_in_.publish_copied(loan, info, trails_);
   return true;
 }
 

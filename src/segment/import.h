@@ -3,17 +3,23 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "broker/message_export.h"
 #include "broker/pool.h"
 #include "broker/publisher_core.h"
+#include "broker/trail.h"
 #include "segment/wire.h"
 
 namespace fastcycle::segment {
 
 /// The receiver's end of a link: passes incoming messages to the lanes of its process, in the name
 /// of the publisher, and returns released messages to it.
+///
+/// Over a serialized link it copies the bytes before it looks at them, and parses the copy:
+/// whatever the publisher writes, and whenever, the receivers get a valid message of their own or
+/// none.
 ///
 /// @threads  `take` and `has_any` by one thread at a time; `came_back` is Safe.
 /// @realtime No allocation after the first messages of a publisher; takes the lock of its stand-in.
@@ -47,6 +53,8 @@ class Import final {
   [[nodiscard]] const LinkPlan& link() const noexcept { return link_; }
   /// Messages that this process holds.
   [[nodiscard]] std::size_t held() const noexcept;
+  /// Messages of a serialized link that were invalid, and dropped. As `take`.
+  [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
 
  private:
   class Held;
@@ -54,6 +62,8 @@ class Import final {
   void say_oldest();
   bool find(std::uint64_t& word) noexcept;
   bool take_one() noexcept;
+  bool take_copy(std::uint64_t word) noexcept;
+  bool publish_copy(MessageInfo info);
   bool take_in_order() noexcept;
   [[nodiscard]] std::uint64_t sequence_of(std::uint64_t word) const noexcept;
 
@@ -67,6 +77,9 @@ class Import final {
   std::uint32_t publisher_ = 0;  ///< Incarnation being read; 0: none.
   std::uint32_t newest_ = 0;     ///< The last one that existed.
   std::uint64_t head_ = 0;
+  std::uint64_t refused_ = 0;
+  std::string bytes_;                        ///< Of a serialized link: the message being taken,
+  std::vector<detail::Trail> trails_;        ///< and its trails.
   std::vector<std::unique_ptr<Held>> held_;  ///< By incarnation of the publisher; last: current.
 };
 

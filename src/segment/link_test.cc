@@ -1,6 +1,7 @@
 // Messages between processes: publishers in children of the test, or in the test itself, with real
 // segments and real forks.
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -10,6 +11,7 @@
 #include <memory>
 #include <random>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -70,7 +72,9 @@ struct Processes {
 
   explicit Processes(std::uint32_t depth = 4, std::uint32_t capacity = 12,
                      bool drops_newest = false, unsigned receivers = 1,
-                     std::uint32_t depth_of_large = 16) {
+                     std::uint32_t depth_of_large = 16, bool is_serialized = false,
+                     std::size_t roots = 0) {
+    plan.roots = roots;
     plan.processes = kReceiver + receivers;
     plan.executors = 1;
     for (unsigned i = 0; i < receivers; ++i) {
@@ -79,7 +83,8 @@ struct Processes {
                             .depth = depth,
                             .capacity = capacity,
                             .depth_of_large = depth_of_large,
-                            .drops_newest = drops_newest});
+                            .drops_newest = drops_newest,
+                            .is_serialized = is_serialized});
     }
     plan.lay_out();
     const auto refused = segments.reserve({.processes = plan.processes,
@@ -179,6 +184,7 @@ class Receiving {
       : wire_(processes.wire()) {
     owner_.name = "sender";
     owner_.clock = &clock_;
+    topics_.set_chains(std::vector<std::string>(processes.plan.roots, "topic"), {});
     core_ = &topics_.add_publisher("topic", owner_, type, nullptr, true);
     core_->is_imported = true;
     auto subscription = std::make_unique<detail::Subscription>(core_->topic, inbox_, "receiver",
@@ -197,6 +203,7 @@ class Receiving {
   }
 
   Import& from() { return *import_; }
+  [[nodiscard]] PublisherId publisher() const { return core_->id; }
   /// The oldest that came, or null.
   detail::Envelope* next() {
     detail::Lane& lane = *subscription_->lanes().front();
@@ -612,6 +619,158 @@ TEST(MessagesBetweenProcesses, AreUnharmedByAReceiverThatWritesNonsenseIntoAllTh
     processes.announce(kSecondReceiver, 0);
     waitpid(publisher, &status, 0);
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  }));
+}
+
+// Over a serialized link the receiver has a copy of its own, and holds nothing of the publisher.
+TEST(MessagesBetweenProcesses, AreCopiedAndParsedWhereTheirPublisherIsNotTrusted) {
+  ASSERT_TRUE(holds_in_child([] {
+    Processes processes(4, 12, false, 1, 16, true);
+    run_both(
+        processes,
+        [&] {
+          Publishing publishing(processes, 1, SourceCodeInfo_Location::default_instance());
+          await_connection(publishing);
+          for (int i = 1; i <= 100; ++i) {
+            processes.progress.await(i - 1);
+            publishing.publish_file(long_name(i));
+          }
+          processes.progress.await(100);
+          publishing.to().collect();
+          const ExportCounts counts = publishing.to().counts();
+          EXPECT_EQ(counts.given, 100U);
+          EXPECT_EQ(counts.copied, 100U);
+          EXPECT_EQ(counts.refused, 0U);
+        },
+        [&] {
+          Receiving receiving(processes, 1, SourceCodeInfo_Location::default_instance());
+          std::vector<detail::Envelope*> kept;
+          for (int i = 1; i <= 100; ++i) {
+            detail::Envelope* const envelope = receiving.await();
+            ASSERT_NE(envelope, nullptr);
+            EXPECT_EQ(name_of(*envelope), long_name(i));
+            EXPECT_EQ(envelope->info.sequence, static_cast<std::uint64_t>(i));
+            EXPECT_FALSE(base::shared_memory.has(envelope->payload));
+            kept.push_back(envelope);
+            if (kept.size() == 4) {
+              detail::release(kept.front());
+              kept.erase(kept.begin());
+            }
+            processes.progress.reach(i);
+          }
+          EXPECT_EQ(receiving.from().refused(), 0U);
+          EXPECT_EQ(receiving.from().held(), 0U);
+          for (detail::Envelope* const envelope : kept) {
+            detail::release(envelope);
+          }
+        });
+  }));
+}
+
+/// Writes `count` words of nonsense, most of it nearly right, into all that the publisher of the
+/// link may write. `valid` are the bytes of a message there.
+void forge_messages(const Processes& processes, std::uint64_t count, std::string_view valid,
+                    std::mt19937_64& random) {
+  const Wire wire = processes.wire();
+  const LinkPlan& link = processes.link();
+  LinkOut& out = wire.out(link, 1);
+  std::atomic<std::uint64_t>* const slots = wire.slots(link, 1);
+  WireMessage* const messages = wire.messages(link, 1);
+  auto* const trails = reinterpret_cast<std::uint64_t*>(wire.trails(link, 1));
+  const std::size_t trail_words = link.capacity * sizeof(detail::Trail) / sizeof(std::uint64_t);
+  const char* const own = processes.segments.control(kPublisher, 0);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const std::uint64_t any = random();
+    const std::uint64_t tail = out.tail.load();
+    WireMessage& message = messages[any % link.capacity];
+    switch (random() % 8) {
+      case 0:
+        // With a random tail it would only lose its own messages, from then on.
+        out.tail.store(tail + any % (any % 16 == 0 ? 100'000 : 12));
+        break;
+      case 1:
+        message.bytes.store(any % 4 == 0   ? reinterpret_cast<const char*>(any)
+                            : any % 4 == 1 ? own + any % (std::uint64_t{1} << 30)
+                                           : valid.data());
+        break;
+      case 2:
+        message.byte_count.store(any % 4 == 0   ? random()
+                                 : any % 4 == 1 ? random() % 4096
+                                                : valid.size());
+        break;
+      case 3:
+        std::memcpy(static_cast<void*>(&message.info), &any, sizeof(any));
+        message.info.sequence = random() % 8 == 0 ? random() : any % 1000;
+        break;
+      case 4:
+        std::atomic_ref(trails[any % trail_words]).store(random() % 3 == 0 ? random() : any % 40);
+        break;
+      default: {
+        const std::uint64_t position = tail + any % 4;
+        const std::uint64_t number = random() % (link.capacity + 1);
+        if (number < link.capacity) {
+          messages[number].position.store(position);
+          messages[number].receiver.store(1);
+        }
+        slots[position % Wire::slot_count(link)].store(to_word(position, number));
+        out.tail.store(position + 1);
+      }
+    }
+  }
+}
+
+// Whatever a publisher that is not trusted writes, at any time: its receiver gets valid messages or
+// none, and is not held up.
+TEST(MessagesBetweenProcesses, OfAPublisherThatWritesNonsenseHarmNobodyWhereItIsNotTrusted) {
+  const char* const given = std::getenv("FASTCYCLE_FORGERIES");
+  const std::uint64_t forgeries = given == nullptr ? 200'000 : std::stoull(given);
+  ASSERT_TRUE(holds_in_child([forgeries] {
+    Processes processes(8, 16, false, 1, 16, true, 1);
+    for (const ProcessIndex process : {kPublisher, kReceiver}) {
+      processes.announce(process, 1);
+    }
+    const pid_t forger = fork();
+    if (forger == 0) {
+      if (!processes.segments.become(kPublisher, 0)) {
+        SourceCodeInfo_Location message;
+        message.set_leading_comments(long_name(1));
+        const std::string bytes = message.SerializeAsString();
+        auto* const place = static_cast<char*>(processes.segments.allocate(bytes.size(), 16));
+        std::ranges::copy(bytes, place);
+        std::mt19937_64 random(forgeries);
+        for (std::uint64_t done = 0; done < forgeries || !processes.progress.has_reached(1);
+             done += 1000) {
+          forge_messages(processes, 1000, {place, bytes.size()}, random);
+        }
+        processes.progress.reach(2);
+      }
+      _exit(0);
+    }
+    EXPECT_TRUE(holds_in_child([&] {
+      ASSERT_EQ(processes.segments.become(kReceiver, 0), std::nullopt);
+      Receiving receiving(processes, 1, SourceCodeInfo_Location::default_instance());
+      const auto until = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+      std::uint64_t valid = 0;
+      while (!processes.progress.has_reached(2) && std::chrono::steady_clock::now() < until) {
+        receiving.from().take();
+        while (detail::Envelope* const envelope = receiving.next()) {
+          ++valid;
+          EXPECT_TRUE(name_of(*envelope).empty() || name_of(*envelope) == long_name(1));
+          EXPECT_LE(envelope->trails[0].hops().size(), detail::Trail::kMaxHops);
+          EXPECT_EQ(envelope->info.publisher, receiving.publisher());
+          detail::release(envelope);
+        }
+        if (!processes.progress.has_reached(1) && valid > 100 &&
+            receiving.from().refused() > 1000) {
+          processes.progress.reach(1);
+        }
+      }
+      EXPECT_TRUE(processes.progress.has_reached(2))
+          << valid << " valid messages, " << receiving.from().refused() << " refused";
+    }));
+    kill(forger, SIGKILL);
+    int status = 0;
+    waitpid(forger, &status, 0);
   }));
 }
 

@@ -32,6 +32,8 @@ struct LinkPlan {
   std::uint32_t depth_of_large = 16;
   unsigned executor = 0;      ///< Of the receiver, whose workers take the messages.
   bool drops_newest = false;  ///< If it is full; else the oldest one not taken.
+  /// The publisher is not trusted: the receiver parses a copy of the serialized message.
+  bool is_serialized = false;
 
   // Set by `WirePlan::lay_out`.
   std::size_t out_offset = 0;  ///< Of `LinkOut` in the control area of `from`.
@@ -71,6 +73,9 @@ struct WirePlan {
 struct WireMessage {
   const google::protobuf::Message* payload;
   MessageInfo info;
+  /// Of a serialized link, instead of `payload`: its bytes.
+  std::atomic<const char*> bytes;
+  std::atomic<std::uint64_t> byte_count;
   /// Its position in the queue, and the incarnation of the receiver it was sent to; the latter is
   /// stored last. So a restarted receiver takes no message sent to its predecessor.
   std::atomic<std::uint64_t> position;

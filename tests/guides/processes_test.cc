@@ -35,12 +35,30 @@ constexpr const char* kHanging = R"(
 }
 )";
 
+constexpr const char* kUntrusted = R"(
+{
+  "components": [
+    {"name": "camera", "library": "camera"},
+    {"name": "decoder", "library": "decoder", "process": "decoding"}
+  ],
+  "processes": [
+    {"name": "decoding", "trusted": false, "sandbox": "strict", "on_exit": "restart"}
+  ]
+}
+)";
+
+struct Example {
+  const char* name;
+  const char* application;
+  const char* processes;
+};
+
 // With libraries that are there, all else of it is as it should be.
-class ProcessesGuide : public testing::TestWithParam<int> {};
+class ProcessesGuide : public testing::TestWithParam<Example> {};
 
 TEST_P(ProcessesGuide, ShowsAnApplicationThatIsRight) {
   using testing::HasSubstr;
-  auto application = nlohmann::json::parse(GetParam() == 1 ? kApplication : kHanging);
+  auto application = nlohmann::json::parse(GetParam().application);
   application["name"] = "guide";
   for (auto& component : application["components"]) {
     component["library"] =
@@ -53,9 +71,13 @@ TEST_P(ProcessesGuide, ShowsAnApplicationThatIsRight) {
       {.program = FASTCYCLE_PROGRAM, .arguments = {"check", file.string()}});
 
   EXPECT_EQ(check.wait().exit_code, 0) << check.errors();
-  EXPECT_THAT(check.output() + check.errors(), HasSubstr("main, perception"));
+  EXPECT_THAT(check.output() + check.errors(), HasSubstr(GetParam().processes));
 }
 
-INSTANTIATE_TEST_SUITE_P(Applications, ProcessesGuide, testing::Values(1, 2));
+INSTANTIATE_TEST_SUITE_P(Applications, ProcessesGuide,
+                         testing::Values(Example{"restart", kApplication, "main, perception"},
+                                         Example{"hang", kHanging, "main, perception"},
+                                         Example{"notTrusted", kUntrusted, "main, decoding"}),
+                         [](const auto& its) { return its.param.name; });
 
 }  // namespace

@@ -89,6 +89,26 @@ TEST_F(ComponentsInProcesses, GetTheMessagesOfTheOthersWhole) {
   expect_ledgers(said);
 }
 
+// The relay's messages arrive as parsed copies, and it reads those of the source in place.
+TEST_F(ComponentsInProcesses, GetCopiesOfWhatAProcessSendsThatIsNotTrusted) {
+  Process run(options(application(R"("process": "relaying")",
+                                  R"("processes": [{"name": "relaying", "trusted": false}], )")));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  EXPECT_EQ(said["results"]["whole"], 200);
+  EXPECT_GT(said["results"]["relayed"], 100);
+  EXPECT_EQ(said["topics"]["relayed"]["published"], 200);
+  const auto copied = [&](const char* process) {
+    return said["processes"][process]["links"][0]["copied"].get<int>();
+  };
+  EXPECT_EQ(copied("relaying"), 200);
+  EXPECT_EQ(copied("main"), 0);
+  EXPECT_THAT(run.output() + run.errors(), HasSubstr("its process is not trusted"));
+  expect_ledgers(said);
+}
+
 TEST_F(ComponentsInProcesses, AreRecordedInOneLog) {
   const auto log = folder_ / "log.mcap";
   Process run(options(application(R"("process": "relaying")"),
@@ -424,8 +444,17 @@ testing::AssertionResult are_equal(const std::filesystem::path& one,
          << at << " on:\n  " << messages.substr(from, 400) << "\n  " << others.substr(from, 400);
 }
 
-TEST_F(ComponentsInProcesses, ComputeTheSameInSimulatedTimeAsInOneProcess) {
-  const std::string text = application(R"("after": ["source"])", "", 300);
+/// Whether each process but the main one is not trusted.
+class ComponentsInSimulatedTime : public ComponentsInProcesses,
+                                  public testing::WithParamInterface<bool> {};
+INSTANTIATE_TEST_SUITE_P(, ComponentsInSimulatedTime, testing::Bool(),
+                         [](const auto& its) { return its.param ? "notTrusted" : "trusted"; });
+
+TEST_P(ComponentsInSimulatedTime, ComputeTheSameAsInOneProcess) {
+  constexpr const char* kUntrusted =
+      R"("processes": [{"name": "source", "trusted": false}, {"name": "relay", "trusted": false},
+                       {"name": "sink", "trusted": false}], )";
+  const std::string text = application(R"("after": ["source"])", GetParam() ? kUntrusted : "", 300);
   const auto alone = folder_ / "alone.mcap";
   Process in_one(
       options(text, {"--clock", "simulated", "--workers", "1", "--record", alone.string()}));
@@ -945,6 +974,14 @@ TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {
 
   EXPECT_EQ(run.wait().exit_code, 2);
   EXPECT_THAT(run.errors(), HasSubstr("topic \"readings\" has credits"));
+
+  Process standby(options(
+      application(R"("process": "relaying")",
+                  R"("processes": [{"name": "relaying", "trusted": false, "standby": true}], )")));
+
+  EXPECT_EQ(standby.wait().exit_code, 2);
+  EXPECT_THAT(standby.errors(),
+              HasSubstr("process \"relaying\" is not trusted, and \"relaying.standby\" follows"));
 }
 
 }  // namespace
