@@ -39,13 +39,19 @@ Finding measure_floor(const Session& session, const std::string& peer,
   return finding;
 }
 
-/// The subscriber in its own process. CPU time is that of the publisher's process.
-Finding measure_processes(Session& session, const std::string& wait, std::int64_t size) {
+/// The subscriber in its own process, or, where the publisher is not trusted, the publisher: then
+/// messages are serialized. CPU time is that of the publisher's process.
+Finding measure_processes(Session& session, const std::string& peer, const std::string& wait,
+                          std::int64_t size, bool is_trusted) {
   Json described = latency_application(session.options(), size, wait, session.folder());
-  described["components"][1]["process"] = "subscriber";
+  if (is_trusted) {
+    described["components"][1]["process"] = "subscriber";
+  } else {
+    described["components"][0]["process"] = "publisher";
+    described["processes"] = {{{"name", "publisher"}, {"trusted", false}}};
+  }
   const Json report = run_program(described, session.folder());
-  Finding finding{.row = session.row("processes-" + wait, size),
-                  .samples = session.samples_of("sink")};
+  Finding finding{.row = session.row(peer, size), .samples = session.samples_of("sink")};
   const Json& results = report["results"];
   measure::Usage usage;
   usage.cpu_us = results["cpu_us"].get<double>();
@@ -119,10 +125,16 @@ Point make_point(const Options& options, Session* session, std::int64_t size) {
               plan, is_spin ? measure::Waiting::kSpin : measure::Waiting::kFutex);
         });
       }
-      point.steps.push_back(
-          {.peer = "processes-" + wait,
-           .measure = [session, wait, size] { return measure_processes(*session, wait, size); },
-           .floor = name});
+      for (const bool is_trusted : {true, false}) {
+        const std::string peer = (is_trusted ? "processes-" : "serialized-") + wait;
+        point.steps.push_back({.peer = peer,
+                               .measure =
+                                   [session, peer, wait, size, is_trusted] {
+                                     return measure_processes(*session, peer, wait, size,
+                                                              is_trusted);
+                                   },
+                               .floor = name});
+      }
     }
   }
   for (const std::string& wait : options.waits) {
