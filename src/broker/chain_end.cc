@@ -39,11 +39,11 @@ ChainEnd::Verdict ChainEnd::judge(const Trail* trails, Time now) noexcept {
   return verdict;
 }
 
-/// Guilty of a breach is the hop that took the most beyond what it takes in time; as long as
-/// nothing was in time, the one that took the most.
+/// The largest contributor to a breach is the hop that took the most beyond what it takes in time;
+/// as long as nothing was in time, the one that took the most.
 void ChainEnd::count_hops(Chain& chain, const Trail& trail, Time now, bool is_breach) noexcept {
   constexpr double kShare = 1.0 / 8;  // Of a pass in what is usual.
-  HopStatistics* guilty = nullptr;
+  HopStatistics* largest = nullptr;
   double most_ns = 0;
   bool is_waiting = false;
   const auto count = [&](HopStatistics& hop, Duration waiting, Duration running) {
@@ -58,8 +58,8 @@ void ChainEnd::count_hops(Chain& chain, const Trail& trail, Time now, bool is_br
       hop.usual_waiting_ns += share * waiting_excess;
       hop.usual_running_ns += share * running_excess;
       hop.has_usual = true;
-    } else if (guilty == nullptr || waiting_excess + running_excess > most_ns) {
-      guilty = &hop;
+    } else if (largest == nullptr || waiting_excess + running_excess > most_ns) {
+      largest = &hop;
       most_ns = waiting_excess + running_excess;
       is_waiting = waiting_excess > running_excess;
     }
@@ -72,8 +72,8 @@ void ChainEnd::count_hops(Chain& chain, const Trail& trail, Time now, bool is_br
     before = hop.published;
   }
   count(hop_of(chain, 0, hops.size()), now - before, Duration(0));
-  if (guilty != nullptr) {
-    (is_waiting ? guilty->guilty_waiting : guilty->guilty_running).add();
+  if (largest != nullptr) {
+    (is_waiting ? largest->breaches_by_waiting : largest->breaches_by_running).add();
   }
 }
 

@@ -43,9 +43,9 @@ class ChainEnd {
     std::atomic<std::size_t> place{0};      ///< Its first observed position on the path.
     base::Histogram waiting;  ///< From the previous publish to the activation that published, ns.
     base::Histogram running;  ///< From there to its own publish, ns.
-    Counter guilty_waiting;   ///< Breaches in which it had the largest excess over its usual time,
-                              ///< by waiting,
-    Counter guilty_running;   ///< and by running.
+    Counter breaches_by_waiting;  ///< Breaches in which it had the largest excess over its usual
+                                  ///< time, by waiting,
+    Counter breaches_by_running;  ///< and by running.
     double usual_waiting_ns = 0;  ///< Moving average over passes in time.
     double usual_running_ns = 0;
     bool has_usual = false;

@@ -37,8 +37,8 @@ ChainEnd end_of(Duration deadline, bool drops = false) {
   return ChainEnd(rules);
 }
 
-std::uint64_t guilty(const ChainEnd::HopStatistics& hop) {
-  return hop.guilty_waiting.get() + hop.guilty_running.get();
+std::uint64_t breaches_by(const ChainEnd::HopStatistics& hop) {
+  return hop.breaches_by_waiting.get() + hop.breaches_by_running.get();
 }
 
 TEST(AChainEnd, DropsOnlyWhatIsOlderThanItsDeadline) {
@@ -95,9 +95,9 @@ TEST(AChainEnd, BlamesTheHopThatTookMoreThanUsualNotTheLongest) {
   static_cast<void>(end.judge(&late, at(33ms)));
 
   const auto& hops = end.chains()[0]->hops;
-  EXPECT_EQ(guilty(hops[1]), 0U);
-  EXPECT_EQ(hops[2].guilty_running.get(), 1U);
-  EXPECT_EQ(hops[2].guilty_waiting.get(), 0U);
+  EXPECT_EQ(breaches_by(hops[1]), 0U);
+  EXPECT_EQ(hops[2].breaches_by_running.get(), 1U);
+  EXPECT_EQ(hops[2].breaches_by_waiting.get(), 0U);
 }
 
 TEST(AChainEnd, BlamesTheLongestHopAsLongAsNothingWasInTime) {
@@ -106,8 +106,8 @@ TEST(AChainEnd, BlamesTheLongestHopAsLongAsNothingWasInTime) {
 
   static_cast<void>(end.judge(&late, at(33ms)));
 
-  EXPECT_EQ(end.chains()[0]->hops[1].guilty_waiting.get(), 1U);
-  EXPECT_EQ(guilty(end.chains()[0]->hops[2]), 0U);
+  EXPECT_EQ(end.chains()[0]->hops[1].breaches_by_waiting.get(), 1U);
+  EXPECT_EQ(breaches_by(end.chains()[0]->hops[2]), 0U);
 }
 
 TEST(AChainEnd, BlamesTheReceiverForItsQueue) {
@@ -117,7 +117,7 @@ TEST(AChainEnd, BlamesTheReceiverForItsQueue) {
   static_cast<void>(end.judge(&trail, at(2ms)));
   static_cast<void>(end.judge(&trail, at(9ms)));
 
-  EXPECT_EQ(end.chains()[0]->hops[2].guilty_waiting.get(), 1U);
+  EXPECT_EQ(end.chains()[0]->hops[2].breaches_by_waiting.get(), 1U);
 }
 
 TEST(AChainEnd, HasRoomForSoManyPublishersAndCountsTheRestForTheLast) {

@@ -311,9 +311,9 @@ void Reloads::make_here(ComponentCore& component, const nlohmann::json& asked,
   }
   order->told = [this, &component, done = std::move(done)](const std::string& why_not) {
     if (why_not.empty()) {
-      Guilt guilt = guilt_of(component.name);
+      BreachCounts counts = breaches_of(component.name);
       const std::lock_guard lock(mutex_);
-      guilt_[component.name] = std::move(guilt);
+      breach_counts_[component.name] = std::move(counts);
     }
     done(why_not, to_word(component.state.load()));
   };
@@ -332,16 +332,16 @@ bool Reloads::is_anyone_on_probation() const {
   });
 }
 
-Reloads::Guilt Reloads::guilt_of(const std::string& component) const {
-  Guilt guilt;
+Reloads::BreachCounts Reloads::breaches_of(const std::string& component) const {
+  BreachCounts counts;
   for (const ChainReport& chain : chains_.report()) {
     for (const HopReport& hop : chain.hops) {
       if (hop.component == component) {
-        guilt[chain.name] += hop.guilty();
+        counts[chain.name] += hop.breaches();
       }
     }
   }
-  return guilt;
+  return counts;
 }
 
 void Reloads::deadline_missed(const QosEvent& event) {
@@ -373,11 +373,11 @@ void Reloads::chain_breached(std::size_t) {
     if (!component->versions->is_on_probation()) {
       continue;
     }
-    const Guilt now = guilt_of(component->name);
-    Guilt before;
+    const BreachCounts now = breaches_of(component->name);
+    BreachCounts before;
     {
       const std::lock_guard lock(mutex_);
-      before = std::exchange(guilt_[component->name], now);
+      before = std::exchange(breach_counts_[component->name], now);
     }
     for (const auto& [chain, breaches] : now) {
       for (std::uint64_t i = before[chain]; i < breaches; ++i) {

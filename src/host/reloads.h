@@ -72,7 +72,8 @@ class Reloads {
   void chain_breached(std::size_t chain);
 
  private:
-  using Guilt = std::map<std::string, std::uint64_t>;  ///< Breaches due to a component, by chain.
+  using BreachCounts =
+      std::map<std::string, std::uint64_t>;  ///< Breaches due to a component, by chain.
 
   /// The order for the component's process, as JSON; none after adding to `problems`.
   std::optional<nlohmann::json> try_out(const detail::ComponentCore& component,
@@ -84,7 +85,7 @@ class Reloads {
                                            config::Problems& problems) const;
   [[nodiscard]] bool is_followed(const detail::ComponentCore& component) const;
   [[nodiscard]] bool is_anyone_on_probation() const;
-  [[nodiscard]] Guilt guilt_of(const std::string& component) const;
+  [[nodiscard]] BreachCounts breaches_of(const std::string& component) const;
 
   ApplicationHost& application_;
   const Wiring& wiring_;
@@ -97,7 +98,8 @@ class Reloads {
   bool is_over_ = false;
   bool is_trying_ = false;
   std::thread trial_;
-  std::map<std::string, Guilt> guilt_;  ///< The last counts, of components on probation.
+  std::map<std::string, BreachCounts>
+      breach_counts_;  ///< The last counts, of components on probation.
 };
 
 }  // namespace fastcycle::host

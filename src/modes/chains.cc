@@ -124,9 +124,9 @@ nlohmann::ordered_json topic_of(const HopReport& hop) {
 
 }  // namespace
 
-const HopReport* ChainReport::guilty() const {
-  const auto most = std::ranges::max_element(hops, {}, &HopReport::guilty);
-  return most == hops.end() || most->guilty() == 0 ? nullptr : &*most;
+const HopReport* ChainReport::largest_contributor() const {
+  const auto most = std::ranges::max_element(hops, {}, &HopReport::breaches);
+  return most == hops.end() || most->breaches() == 0 ? nullptr : &*most;
 }
 
 nlohmann::ordered_json to_json(const std::vector<ChainReport>& chains) {
@@ -140,14 +140,14 @@ nlohmann::ordered_json to_json(const std::vector<ChainReport>& chains) {
                       {"count", hop.waiting.count},
                       {"waiting_us", json_of(hop.waiting)},
                       {"running_us", is_last ? nlohmann::ordered_json() : json_of(hop.running)},
-                      {"guilty", hop.guilty()}});
+                      {"breaches", hop.breaches()}});
     }
-    nlohmann::ordered_json guilty;
-    if (const HopReport* hop = chain.guilty()) {
-      guilty = nlohmann::ordered_json{{"component", hop->component},
-                                      {"topic", topic_of(*hop)},
-                                      {"part", hop->guilty_part()},
-                                      {"breaches", hop->guilty()}};
+    nlohmann::ordered_json largest;
+    if (const HopReport* hop = chain.largest_contributor()) {
+      largest = nlohmann::ordered_json{{"component", hop->component},
+                                       {"topic", topic_of(*hop)},
+                                       {"part", hop->larger_part()},
+                                       {"breaches", hop->breaches()}};
     }
     json.push_back({{"name", chain.name},
                     {"from", chain.from},
@@ -160,7 +160,7 @@ nlohmann::ordered_json to_json(const std::vector<ChainReport>& chains) {
                     {"dropped", chain.dropped},
                     {"age_us", json_of(chain.age)},
                     {"hops", std::move(hops)},
-                    {"guilty", std::move(guilty)}});
+                    {"largest_contributor", std::move(largest)}});
   }
   return json;
 }
@@ -292,8 +292,8 @@ ChainReport Chains::report_of(const detail::Topics& topics, std::size_t chain) c
         sum.running.merge(hop.running);
         sum.report.component = std::move(named.component);
         sum.report.topic = std::move(named.topic);
-        sum.report.guilty_waiting += hop.guilty_waiting.get();
-        sum.report.guilty_running += hop.guilty_running.get();
+        sum.report.breaches_by_waiting += hop.breaches_by_waiting.get();
+        sum.report.breaches_by_running += hop.breaches_by_running.get();
       }
     }
   }

@@ -29,15 +29,17 @@ class Wiring;
 struct HopReport {
   std::string component = {};
   std::string topic = {};  ///< The topic it publishes; empty for the last one, the receiver.
-  base::HistogramSummary waiting = {};  ///< From the previous publish until its callback.
-  base::HistogramSummary running = {};  ///< From its callback until its own publish.
-  std::uint64_t guilty_waiting = 0;     ///< Breaches mostly due to its waiting,
-  std::uint64_t guilty_running = 0;     ///< and to its running.
+  base::HistogramSummary waiting = {};    ///< From the previous publish until its callback.
+  base::HistogramSummary running = {};    ///< From its callback until its own publish.
+  std::uint64_t breaches_by_waiting = 0;  ///< Breaches mostly due to its waiting,
+  std::uint64_t breaches_by_running = 0;  ///< and to its running.
 
-  [[nodiscard]] std::uint64_t guilty() const noexcept { return guilty_waiting + guilty_running; }
+  [[nodiscard]] std::uint64_t breaches() const noexcept {
+    return breaches_by_waiting + breaches_by_running;
+  }
   /// The part that caused most of its breaches.
-  [[nodiscard]] const char* guilty_part() const noexcept {
-    return guilty_waiting > guilty_running ? "waiting" : "running";
+  [[nodiscard]] const char* larger_part() const noexcept {
+    return breaches_by_waiting > breaches_by_running ? "waiting" : "running";
   }
 };
 
@@ -56,7 +58,7 @@ struct ChainReport {
   std::vector<HopReport> hops = {};  ///< In chain order; parallel branches next to each other.
 
   /// The hop that caused most breaches; null if there were none.
-  [[nodiscard]] const HopReport* guilty() const;
+  [[nodiscard]] const HopReport* largest_contributor() const;
 };
 
 /// All chains, as JSON; see docs/reference/report.md for the keys.

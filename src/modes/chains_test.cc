@@ -363,7 +363,7 @@ TEST(AChain, KnowsTheAgeOfWhatIsDelivered) {
   EXPECT_EQ(chains[0].age.max, 3e6);
   EXPECT_THAT(hops_of(chains[0]), ElementsAre("source:a", "relay:b", "sink"));
   EXPECT_EQ(chains[0].hops[1].waiting.max, 3e6) << "until its timer";
-  EXPECT_EQ(chains[0].guilty(), nullptr);
+  EXPECT_EQ(chains[0].largest_contributor(), nullptr);
 }
 
 TEST(AChain, CountsWhatIsTooOld) {
@@ -376,8 +376,8 @@ TEST(AChain, CountsWhatIsTooOld) {
   EXPECT_EQ(chains[0].breaches, 6U);
   EXPECT_EQ(chains[0].dropped, 0U);
   EXPECT_EQ(g_seen.count, 10);
-  ASSERT_NE(chains[0].guilty(), nullptr);
-  EXPECT_EQ(chains[0].guilty()->component, "relay");
+  ASSERT_NE(chains[0].largest_contributor(), nullptr);
+  EXPECT_EQ(chains[0].largest_contributor()->component, "relay");
 }
 
 TEST(AChain, MayTakeExactlyItsDeadline) {
@@ -481,8 +481,8 @@ TEST(AChain, GoesOnThroughAService) {
   EXPECT_EQ(chain.breaches, chain.count);
   EXPECT_EQ(chain.age.max, 5e6);
   ASSERT_EQ(chain.hops.size(), 5U) << "source, request, reply, answer, sink";
-  ASSERT_NE(chain.guilty(), nullptr);
-  EXPECT_EQ(chain.guilty()->component, "server");
+  ASSERT_NE(chain.largest_contributor(), nullptr);
+  EXPECT_EQ(chain.largest_contributor()->component, "server");
 }
 
 TEST(AChain, OutlivesARestartOnItsWay) {
@@ -521,7 +521,7 @@ TEST(AChain, IsOneOfSeveral) {
   EXPECT_THAT(hops_of(chains[1]), ElementsAre("first:b", "second:c", "sink"));
 }
 
-// ---- Who is guilty ----
+// ---- The largest contributor ----
 
 TEST(AChain, BlamesTheHopThatIsHeldUp) {
   for (std::size_t hop = 1; hop <= 6; ++hop) {
@@ -532,31 +532,31 @@ TEST(AChain, BlamesTheHopThatIsHeldUp) {
 
     EXPECT_EQ(chain.count, 10U);
     EXPECT_EQ(chain.breaches, 6U);
-    ASSERT_NE(chain.guilty(), nullptr);
-    EXPECT_EQ(chain.guilty()->component, fmt::format("r{}", hop));
-    EXPECT_EQ(chain.guilty()->guilty_waiting, 6U);
+    ASSERT_NE(chain.largest_contributor(), nullptr);
+    EXPECT_EQ(chain.largest_contributor()->component, fmt::format("r{}", hop));
+    EXPECT_EQ(chain.largest_contributor()->breaches_by_waiting, 6U);
   }
 }
 
-/// Runs it live until 14 messages came through, one after the other; the one that is guilty then.
-std::string guilty_live(std::size_t hop, int delay_us, double deadline_ms) {
+/// Runs it live until 14 messages came through, one after the other; the largest contributor then.
+std::string contributor_live(std::size_t hop, int delay_us, double deadline_ms) {
   const auto application = make(six_hops(hop, fmt::format("'sleep_us': {}", delay_us), deadline_ms,
                                          "'serve_period_ms': 1, 'params': {'paced': true}"));
   application->start();
   wait_until([] { return g_seen.count >= 14; });
   application->stop();
   const ChainReport chain = application->chains().report()[0];
-  return chain.guilty() == nullptr ? "nobody" : chain.guilty()->component;
+  return chain.largest_contributor() == nullptr ? "nobody" : chain.largest_contributor()->component;
 }
 
 TEST(AChain, BlamesTheHopThatSleepsLive) {
-  EXPECT_EQ(guilty_live(3, 20'000, 10), "r3");
+  EXPECT_EQ(contributor_live(3, 20'000, 10), "r3");
 }
 
 TEST(ManyChains, BlameTheHopThatSleepsFiveMilliseconds) {
   for (std::size_t i = 0; i < 100; ++i) {
     const std::size_t hop = 1 + i % 6;
-    ASSERT_EQ(guilty_live(hop, 5'000, 3), fmt::format("r{}", hop)) << "run " << i;
+    ASSERT_EQ(contributor_live(hop, 5'000, 3), fmt::format("r{}", hop)) << "run " << i;
   }
 }
 
@@ -647,8 +647,9 @@ TEST(AChain, StandsInReportTableAndStatus) {
   const auto application = run(text, 105ms);
   const RunReport report = make_report(*application, 1s);
 
-  EXPECT_THAT(to_table(report), HasSubstr("10 of 10 took longer than 2.00 ms, 10 dropped; guilty "
-                                          "of 10: relay, by waiting"));
+  EXPECT_THAT(to_table(report),
+              HasSubstr("10 of 10 took longer than 2.00 ms, 10 dropped; largest contributor "
+                        "to 10: relay, by waiting"));
   const nlohmann::ordered_json chain = to_json(report)["chains"][0];
   EXPECT_EQ(chain["name"], "c");
   EXPECT_EQ(chain["deadline_ms"], 2);
@@ -660,8 +661,8 @@ TEST(AChain, StandsInReportTableAndStatus) {
   EXPECT_EQ(chain["hops"][1]["component"], "relay");
   EXPECT_EQ(chain["hops"][1]["topic"], "b");
   EXPECT_EQ(chain["hops"][2]["topic"], nullptr);
-  EXPECT_EQ(chain["guilty"]["component"], "relay");
-  EXPECT_EQ(chain["guilty"]["part"], "waiting");
+  EXPECT_EQ(chain["largest_contributor"]["component"], "relay");
+  EXPECT_EQ(chain["largest_contributor"]["part"], "waiting");
   EXPECT_EQ(to_json(report)["results"]["chains"], "name: \"c\" count: 9 breaches: 9 dropped: 9");
 }
 

@@ -837,9 +837,9 @@ std::string breaches_text(const ChainReport& chain) {
   if (chain.dropped > 0) {
     text += fmt::format(", {} dropped", chain.dropped);
   }
-  if (const HopReport* hop = chain.guilty()) {
-    text +=
-        fmt::format("; guilty of {}: {}, by {}", hop->guilty(), hop->component, hop->guilty_part());
+  if (const HopReport* hop = chain.largest_contributor()) {
+    text += fmt::format("; largest contributor to {}: {}, by {}", hop->breaches(), hop->component,
+                        hop->larger_part());
   }
   return wrapped(text, "      ");
 }

@@ -194,7 +194,7 @@ void pass(Archive& archive, ModesReport& report) {
 template <typename Archive>
 void pass(Archive& archive, HopReport& report) {
   pass_all(archive, report.component, report.topic, report.waiting, report.running,
-           report.guilty_waiting, report.guilty_running);
+           report.breaches_by_waiting, report.breaches_by_running);
 }
 template <typename Archive>
 void pass(Archive& archive, ChainReport& report) {

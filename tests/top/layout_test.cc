@@ -70,7 +70,7 @@ TEST(Layout, OfChainsAt80Columns) {
             R"(drive  mode highway  up 0:01:23  pid 4711
 CPU 34.5 %  RSS 45.1MB  dropped 12  faults 1  2345 msg/s  of 2 CPUs  over 1.0 s
  1 Components 3  2 Topics 2  3 Chains 2
-CHAIN           DEADLN    P50    P99    MAX  COUNT BREACH▼ GUILTY
+CHAIN           DEADLN    P50    P99    MAX  COUNT BREACH▼ CONTRIBUTOR
 lidar_to_brake   100ms 48.0ms 97.0ms  131ms   1660       7 planner running
 camera_to_plan   200ms 80.0ms  120ms  150ms    800       0
 
@@ -80,7 +80,7 @@ camera_to_plan   200ms 80.0ms  120ms  150ms    800       0
 )");
 }
 
-TEST(Layout, OfAChainsDetailsHasItsHopsAndTheGuiltyOne) {
+TEST(Layout, OfAChainsDetailsHasItsHopsAndTheLargestContributor) {
   View view = view_of(Page::kChains);
   view.order().selected = "lidar_to_brake";
   view.shows_details = true;
@@ -88,7 +88,7 @@ TEST(Layout, OfAChainsDetailsHasItsHopsAndTheGuiltyOne) {
   const std::string text = text_of(drive_with_chains(), view, 80, 24);
 
   EXPECT_THAT(text, HasSubstr("planner, publishes plan"));
-  EXPECT_THAT(text, HasSubstr("of 7 breaches"));
+  EXPECT_THAT(text, HasSubstr("largest contributor to 7"));
   EXPECT_THAT(text, HasSubstr("7 of 1660, 7 dropped"));
 }
 

@@ -130,11 +130,11 @@ TEST(AModel, KnowsBandwidthWhereSizesAreKnown) {
 constexpr const char* kChains = R"([{"name": "lidar_to_brake", "from": "lidar", "to": "brake",
   "deadline_ms": 100, "on_breach": "drop", "count": 50, "breaches": 4, "dropped": 4,
   "age_us": {"p50": 20000, "p99": 110000, "max": 120000},
-  "hops": [{"component": "lidar_driver", "topic": "lidar", "count": 50, "guilty": 0,
+  "hops": [{"component": "lidar_driver", "topic": "lidar", "count": 50, "breaches": 0,
             "waiting_us": {"p50": 1, "p99": 2, "max": 3}, "running_us": null},
-           {"component": "brake", "topic": null, "count": 50, "guilty": 4,
+           {"component": "brake", "topic": null, "count": 50, "breaches": 4,
             "waiting_us": {"p50": 10, "p99": 20, "max": 30}, "running_us": null}],
-  "guilty": {"component": "brake", "topic": null, "part": "waiting", "breaches": 4}}])";
+  "largest_contributor": {"component": "brake", "topic": null, "part": "waiting", "breaches": 4}}])";
 
 TEST(AModel, HasTheApplicationsChains) {
   Snapshot before = after(2);
@@ -150,10 +150,10 @@ TEST(AModel, HasTheApplicationsChains) {
   EXPECT_DOUBLE_EQ(chain.deadline_ns, 100e6);
   EXPECT_DOUBLE_EQ(chain.age.value().p99_ns, 110e6);
   EXPECT_DOUBLE_EQ(chain.breaches_hz.value(), 1);
-  EXPECT_EQ(chain.guilty, "brake waiting");
+  EXPECT_EQ(chain.contributor, "brake waiting");
   ASSERT_EQ(chain.hops.size(), 2U);
   EXPECT_EQ(chain.hops[1].topic, "");
-  EXPECT_EQ(chain.hops[1].guilty, 4U);
+  EXPECT_EQ(chain.hops[1].breaches, 4U);
   EXPECT_DOUBLE_EQ(chain.hops[1].waiting.value().max_ns, 30e3);
 }
 
@@ -163,7 +163,7 @@ TEST(AModel, HasNoChainsWhereTheirDocumentIsNone) {
     now.chains = document;
     EXPECT_TRUE(model_of(nullptr, now).chains.empty()) << document;
   }
-  now.chains = R"([3, {"name": 4, "hops": 5, "guilty": 6, "age_us": 7}])";
+  now.chains = R"([3, {"name": 4, "hops": 5, "largest_contributor": 6, "age_us": 7}])";
   EXPECT_EQ(model_of(nullptr, now).chains.size(), 2U);
 }
 

@@ -100,13 +100,13 @@ inline Model drive_with_chains() {
                    .breaches = 7,
                    .dropped = 7,
                    .breaches_hz = 0,
-                   .guilty = "planner running",
+                   .contributor = "planner running",
                    .hops = {{.component = "lidar_driver", .topic = "lidar/points"},
                             {.component = "planner",
                              .topic = "plan",
                              .waiting = Times{1e6, 2e6, 3e6},
                              .running = Times{25e6, 31e6, 48e6},
-                             .guilty = 7}}}};
+                             .breaches = 7}}}};
   return model;
 }
 

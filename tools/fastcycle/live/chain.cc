@@ -63,20 +63,21 @@ std::string span_in(const Json& json, const char* what, const char* key) {
 }
 
 /// The component that was late, and in which part.
-std::string guilty_text(const Json& chain) {
-  const auto guilty = chain.find("guilty");
-  if (guilty == chain.end() || !guilty->is_object()) {
+std::string contributor_text(const Json& chain) {
+  const auto largest = chain.find("largest_contributor");
+  if (largest == chain.end() || !largest->is_object()) {
     return {};
   }
-  const std::string part = text_in(*guilty, "part");
-  return fmt::format("guilty: {} of {} are due to {} {}", number_in(*guilty, "breaches"),
-                     number_in(chain, "breaches"), text_in(*guilty, "component"),
+  const std::string part = text_in(*largest, "part");
+  return fmt::format("largest contributor: {} of {} are due to {} {}",
+                     number_in(*largest, "breaches"), number_in(chain, "breaches"),
+                     text_in(*largest, "component"),
                      part == "waiting" ? "waiting for its turn" : "running too long");
 }
 
 std::string hops_text(const Json& chain) {
   std::vector<std::vector<std::string>> rows{{"hop", "publishes", "messages", "waiting p50", "p99",
-                                              "max", "running p50", "p99", "max", "guilty of"}};
+                                              "max", "running p50", "p99", "max", "breaches"}};
   for (const Json& hop : chain.value("hops", Json::array())) {
     const bool has_messages = number_in(hop, "count") > 0;
     const auto span = [&](const char* what, const char* key) {
@@ -87,7 +88,7 @@ std::string hops_text(const Json& chain) {
                     fmt::format("{}", number_in(hop, "count")), span("waiting_us", "p50"),
                     span("waiting_us", "p99"), span("waiting_us", "max"), span("running_us", "p50"),
                     span("running_us", "p99"), span("running_us", "max"),
-                    fmt::format("{}", number_in(hop, "guilty"))});
+                    fmt::format("{}", number_in(hop, "breaches"))});
   }
   return rows.size() > 1 ? table_text(rows, "  ") : "";
 }
@@ -110,8 +111,8 @@ std::string text_of(const Json& chain) {
               : fmt::format("  {} too late ({:.2g} %){}\n", breaches,
                             100.0 * static_cast<double>(breaches) / static_cast<double>(count),
                             dropped > 0 ? fmt::format(", {} dropped", dropped) : "");
-  if (const std::string guilty = guilty_text(chain); !guilty.empty()) {
-    text += "  " + guilty + "\n";
+  if (const std::string contributor = contributor_text(chain); !contributor.empty()) {
+    text += "  " + contributor + "\n";
   }
   return text + hops_text(chain);
 }
@@ -147,14 +148,15 @@ int show(const ChainOptions& options) {
 
 Command add_chain(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "chain", "Show how long latency chains take, hop by hop, and which hop is guilty");
-  line->footer(
-      examples("  fastcycle chain\n"
-               "  fastcycle chain lidar_to_brake\n"
-               "  fastcycle chain --json | jq '.[] | select(.breaches > 0) | .guilty'\n"
-               "\n"
-               "Each hop waits from the publish before until its callback, and runs from there\n"
-               "until its own publish.\n"));
+      "chain",
+      "Show how long latency chains take, hop by hop, and which one contributes most to breaches");
+  line->footer(examples(
+      "  fastcycle chain\n"
+      "  fastcycle chain lidar_to_brake\n"
+      "  fastcycle chain --json | jq '.[] | select(.breaches > 0) | .largest_contributor'\n"
+      "\n"
+      "Each hop waits from the publish before until its callback, and runs from there\n"
+      "until its own publish.\n"));
   const auto options = std::make_shared<live::ChainOptions>();
   line->add_option("chain", options->chain, "Only this one")->type_name("CHAIN");
   options->target.add_to(*line);

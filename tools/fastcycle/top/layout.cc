@@ -329,8 +329,9 @@ std::vector<TextLine> chain_lines(const ChainRow& row) {
     if (hop.running) {
       lines.push_back(fact("  running", times_text(hop.running)));
     }
-    if (hop.guilty > 0) {
-      lines.push_back(fact("  guilty", fmt::format("of {} breaches", hop.guilty), Tone::kBad));
+    if (hop.breaches > 0) {
+      lines.push_back(
+          fact("  breaches", fmt::format("largest contributor to {}", hop.breaches), Tone::kBad));
     }
   }
   return lines;

@@ -185,7 +185,7 @@ HopRow hop_row(const json& hop) {
           .topic = text_at(hop, "topic"),
           .waiting = times_at(hop, "waiting_us"),
           .running = times_at(hop, "running_us"),
-          .guilty = count_at(hop, "guilty")};
+          .breaches = count_at(hop, "breaches")};
 }
 
 ChainRow chain_row(const json& chain) {
@@ -198,8 +198,9 @@ ChainRow chain_row(const json& chain) {
                .count = count_at(chain, "count"),
                .breaches = count_at(chain, "breaches"),
                .dropped = count_at(chain, "dropped")};
-  if (const auto guilty = chain.find("guilty"); guilty != chain.end() && guilty->is_object()) {
-    row.guilty = text_at(*guilty, "component") + " " + text_at(*guilty, "part");
+  if (const auto largest = chain.find("largest_contributor");
+      largest != chain.end() && largest->is_object()) {
+    row.contributor = text_at(*largest, "component") + " " + text_at(*largest, "part");
   }
   if (const auto hops = chain.find("hops"); hops != chain.end() && hops->is_array()) {
     for (const json& hop : *hops) {
@@ -301,7 +302,7 @@ ordered_json chain_json(const ChainRow& row) {
                     {"topic", hop.topic.empty() ? ordered_json(nullptr) : ordered_json(hop.topic)},
                     {"waiting_us", times_json(hop.waiting)},
                     {"running_us", times_json(hop.running)},
-                    {"guilty", hop.guilty}});
+                    {"breaches", hop.breaches}});
   }
   return {{"name", row.name},
           {"from", row.from},
@@ -313,7 +314,8 @@ ordered_json chain_json(const ChainRow& row) {
           {"breaches_hz", or_null(row.breaches_hz)},
           {"dropped", row.dropped},
           {"age_us", times_json(row.age)},
-          {"guilty", row.guilty.empty() ? ordered_json(nullptr) : ordered_json(row.guilty)},
+          {"largest_contributor",
+           row.contributor.empty() ? ordered_json(nullptr) : ordered_json(row.contributor)},
           {"hops", std::move(hops)}};
 }
 

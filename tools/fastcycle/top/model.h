@@ -74,7 +74,7 @@ struct HopRow {
   std::string topic = {};             ///< That it publishes; empty: the last hop publishes none.
   std::optional<Times> waiting = {};  ///< From the previous publish to the begin of its callback.
   std::optional<Times> running = {};  ///< From there to its own publish.
-  std::uint64_t guilty = 0;           ///< Breaches attributed to it.
+  std::uint64_t breaches = 0;         ///< To which it contributed most.
 };
 
 /// A latency chain.
@@ -89,7 +89,7 @@ struct ChainRow {
   std::uint64_t breaches = 0;
   std::uint64_t dropped = 0;
   std::optional<double> breaches_hz = {};
-  std::string guilty = {};  ///< The hop with the most breaches, in words; empty: none.
+  std::string contributor = {};  ///< The hop with the most breaches, in words; empty: none.
   std::vector<HopRow> hops = {};
 };
 

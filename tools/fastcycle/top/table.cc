@@ -167,7 +167,7 @@ Table chain_table(const Model& model) {
                     {"BRCH/s", "the same, a second", 7, 5, false},
                     {"ON", "what follows from a breach", 7, 7, true},
                     {"DROPPED", "messages that were dropped therefore", 8, 6, false},
-                    {"GUILTY", "the hop that most breaches are due to", 16, 0, true}};
+                    {"CONTRIBUTOR", "the hop that most breaches are due to", 16, 0, true}};
   for (const ChainRow& row : model.chains) {
     Field breaches_now = optional_field(row.breaches_hz, rate_text);
     breaches_now.tone = breaches_now.number > 0 ? Tone::kBad : Tone::kQuiet;
@@ -184,7 +184,7 @@ Table chain_table(const Model& model) {
           number_field(static_cast<double>(row.count), count_text(row.count)),
           alarm_field(row.breaches, Tone::kBad), std::move(breaches_now),
           text_field(row.on_breach, Tone::kQuiet), alarm_field(row.dropped, Tone::kBad),
-          text_field(row.guilty, Tone::kBad)}});
+          text_field(row.contributor, Tone::kBad)}});
   }
   return table;
 }

@@ -46,7 +46,7 @@ export class ChainList {
     element("chains").replaceChildren();
   }
 
-  #chain({ name, from, to, deadline_ms, count, breaches, dropped, age_us, hops, guilty, judged }) {
+  #chain({ name, from, to, deadline_ms, count, breaches, dropped, age_us, hops, largest_contributor: largest, judged }) {
     const times = hops.map((hop) => [hop.waiting_us?.p50 ?? 0, hop.running_us?.p50 ?? 0]);
     const sums = times.map(([waiting, running]) => waiting + running);
     const whole = sums.reduce((sum, one) => sum + one, 0) || 1;
@@ -64,7 +64,7 @@ export class ChainList {
         make("td", { textContent: hop.topic ?? "" }),
         make("td", { textContent: both(hop.waiting_us) }), make("td", { textContent: both(hop.running_us) }),
         make("td", { className: "bars", "aria-hidden": "true" }, part("waiting", waiting), part("running", running)),
-        make("td", { textContent: String(hop.guilty) }));
+        make("td", { textContent: String(hop.breaches) }));
     });
     const heads = ["component", "publishes", "waits, ms", "runs, ms", "share", "late"];
     return make("section", { className: "chain" },
@@ -72,8 +72,8 @@ export class ChainList {
       make("p", { textContent: `${from} → ${to}: at most ${deadline_ms} ms. ${judged === false ? "Not judged in this replay. " : ""}`
         + `Age: p50 ${ms(age_us?.p50)}, p99 ${ms(age_us?.p99)}, largest ${ms(age_us?.max)} of ${count}; `
         + `${breaches} too late, ${dropped} of them dropped. Below: p50 / p99, the share of the p50s, and how often it was the reason.` }),
-      ...guilty ? [make("p", { className: "bad", textContent:
-        `${guilty.breaches} breaches by the ${guilty.part} of ${guilty.component}.` })] : [],
+      ...largest ? [make("p", { className: "bad", textContent:
+        `${largest.breaches} breaches by the ${largest.part} of ${largest.component}.` })] : [],
       make("table", { className: "numbers" },
         make("thead", {}, make("tr", {}, ...heads.map((text) => make("th", { textContent: text, scope: "col" })))),
         make("tbody", {}, ...rows)));
