@@ -726,6 +726,20 @@ void Application::component_changed(ComponentCore& component, bool is_urgent) {
   }
 }
 
+void Application::chain_breached(ComponentCore& sink, std::size_t chain) {
+  chains_.breached(sink, chain);
+  reloads_.chain_breached(chain);
+  if (sink.publishing.is_following) {
+    return;
+  }
+  if (driver_->is_simulated()) {
+    status_.changed(sink, false);
+  }
+  if (peers_ != nullptr) {
+    peer_news_.changed(sink, false);
+  }
+}
+
 void Application::version_changed(ComponentCore& component) {
   component_changed(component, true);
   if (peers_ != nullptr) {

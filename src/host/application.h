@@ -276,10 +276,7 @@ class Application final : public ApplicationHost {
   void component_failed(detail::ComponentCore& component) override;
   void source_finished(detail::ComponentCore& component) override;
   void mode_changed() override { status_.mode_changed(); }
-  void chain_breached(detail::ComponentCore& sink, std::size_t chain) override {
-    chains_.breached(sink, chain);
-    reloads_.chain_breached(chain);
-  }
+  void chain_breached(detail::ComponentCore& sink, std::size_t chain) override;
   void deadline_missed(const QosEvent& event) override { reloads_.deadline_missed(event); }
   void version_changed(detail::ComponentCore& component) override;
   [[nodiscard]] std::string mode() const override { return modes_.current(); }

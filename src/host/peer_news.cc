@@ -105,6 +105,10 @@ std::string to_text(const ComponentNews& news, bool has_figures) {
       {"version", to_json(news.version)},         {"is_urgent", news.is_urgent},
       {"ends_process", news.ends_process},        {"activations", news.elsewhere->activations},
       {"overruns", news.elsewhere->overruns},     {"hang", shortened(news.elsewhere->hang)}};
+  said["chains"] = json::array();
+  for (const ChainNews& chain : news.chains) {
+    said["chains"].push_back({chain.chain, chain.count, chain.breaches, chain.dropped});
+  }
   if (has_figures) {
     said["callback"] = to_json(news.elsewhere->callback);
     said["lateness"] = to_json(news.elsewhere->lateness);
@@ -136,6 +140,12 @@ std::optional<ComponentNews> news_from(const std::string& text, const ComponentN
                        .ends_process = said.at("ends_process"),
                        .is_urgent = said.at("is_urgent"),
                        .elsewhere = before.elsewhere};
+    for (const json& chain : said.at("chains")) {
+      news.chains.push_back({.chain = chain.at(0),
+                             .count = chain.at(1),
+                             .breaches = chain.at(2),
+                             .dropped = chain.at(3)});
+    }
     FiguresElsewhere& elsewhere = news.elsewhere ? *news.elsewhere : news.elsewhere.emplace();
     elsewhere.state = static_cast<ComponentState>(state);
     elsewhere.activations = said.at("activations");
@@ -344,6 +354,12 @@ void PeerNews::hear(std::uint32_t component, ComponentNews news) {
   news.restarts += its.restarts_before;
   news.version.reloads += its.reloads_before;
   news.version.rollbacks += its.rollbacks_before;
+  // In the order of its subscriptions, also after a restart.
+  for (std::size_t i = 0; i < std::min(news.chains.size(), its.chains_before.size()); ++i) {
+    news.chains[i].count += its.chains_before[i].count;
+    news.chains[i].breaches += its.chains_before[i].breaches;
+    news.chains[i].dropped += its.chains_before[i].dropped;
+  }
   {
     const std::lock_guard lock(mutex_);  // For `version_of`.
     its.news = news;
@@ -382,6 +398,7 @@ void PeerNews::process_has_ended(const Notice& notice) {
     // It begins with the library of the application file again.
     its.reloads_before = its.news.version.reloads;
     its.rollbacks_before = its.news.version.rollbacks + (its.news.version.is_on_probation ? 1 : 0);
+    its.chains_before = its.news.chains;
     const std::string what = "its process \"" + name + "\" has ended" + why;
     ComponentNews news{
         .component = component->index,
@@ -397,6 +414,7 @@ void PeerNews::process_has_ended(const Notice& notice) {
                     .rollbacks = its.rollbacks_before,
                     .last = its.news.version.is_on_probation ? "rolled back: " + what
                                                              : its.news.version.last},
+        .chains = its.chains_before,
         .is_urgent = true,
         .elsewhere = FiguresElsewhere{.state = is_restarted ? ComponentState::kRestarting
                                                             : ComponentState::kFailed}};

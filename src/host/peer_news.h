@@ -60,6 +60,7 @@ class PeerNews {
     std::uint64_t restarts_before = 0;
     std::uint64_t reloads_before = 0;
     std::uint64_t rollbacks_before = 0;
+    std::vector<ChainNews> chains_before = {};
     std::uint64_t ended_in = 0;  ///< In simulated time: the round in which the last one did.
   };
 

@@ -81,13 +81,26 @@ std::uint64_t kept_of(const detail::Topic& topic, const detail::Subscription& su
 }  // namespace
 
 ComponentNews news_of(const ComponentCore& core) {
+  std::vector<ChainNews> chains;
+  for (const detail::CallbackSubscription* subscription : core.subscriptions.callbacks()) {
+    if (subscription->chain_end == nullptr) {
+      continue;
+    }
+    for (const auto& end : subscription->chain_end->chains()) {
+      chains.push_back({.chain = end->rule.chain,
+                        .count = end->age.count(),
+                        .breaches = end->breaches.get(),
+                        .dropped = end->dropped.get()});
+    }
+  }
   return {.component = core.index,
           .health = core.health,
           .health_reason = base::to_utf8(core.health_reason),
           .faults = core.fault_count,
           .last_fault = base::to_utf8(core.last_fault),
           .restarts = core.renewals(),
-          .version = core.versions->news()};
+          .version = core.versions->news(),
+          .chains = std::move(chains)};
 }
 
 bool PendingNews::put(ComponentNews news) {
@@ -227,13 +240,7 @@ void StatusComponent::fill() {
   for (std::size_t index = 0; index < heard_.size(); ++index) {
     fill_component(index, *next_.add_components());
   }
-  for (const ChainReport& chain : sources_->chains.report()) {
-    status::Chain& told = *next_.add_chains();
-    told.set_name(chain.name);
-    told.set_count(chain.count);
-    told.set_breaches(chain.breaches);
-    told.set_dropped(chain.dropped);
-  }
+  fill_chains();
   sources_->wiring.look([this](const detail::Topics& topics) {
     for (const auto& [name, topic] : topics.all()) {
       fill_topic(*topic);
@@ -249,6 +256,33 @@ void StatusComponent::fill() {
       told.set_component(sources_->application.components()[index]->name);
       fill_ledger(one.ledger, told);
     }
+  }
+}
+
+/// In simulated time breaches are those of the news: these arrive in the same round, whether or not
+/// the component that judges the chain is in this process.
+void StatusComponent::fill_chains() {
+  const std::vector<ChainReport> reports = sources_->chains.report();
+  for (std::size_t chain = 0; chain < reports.size(); ++chain) {
+    ChainNews sum{.count = reports[chain].count};
+    if (!time_.is_simulated()) {
+      sum.breaches = reports[chain].breaches;
+      sum.dropped = reports[chain].dropped;
+    }
+    for (const ComponentNews& news : heard_) {
+      for (const ChainNews& its : news.chains) {
+        if (its.chain == chain && (news.elsewhere || time_.is_simulated())) {
+          sum.count += news.elsewhere ? its.count : 0;
+          sum.breaches += its.breaches;
+          sum.dropped += its.dropped;
+        }
+      }
+    }
+    status::Chain& told = *next_.add_chains();
+    told.set_name(reports[chain].name);
+    told.set_count(sum.count);
+    told.set_breaches(sum.breaches);
+    told.set_dropped(sum.dropped);
   }
 }
 

@@ -59,6 +59,7 @@ class StatusComponent final : public Component {
   void publish();
   void fill();
   void fill_component(std::size_t index, status::Component& component) const;
+  void fill_chains();
   void fill_topic(const detail::Topic& topic);
 
   TimeDriver& time_;

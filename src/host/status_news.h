@@ -44,6 +44,14 @@ struct FiguresElsewhere {
   std::vector<Subscription> subscriptions = {};
 };
 
+/// Results of a latency chain at one component where it ends.
+struct ChainNews {
+  std::size_t chain = 0;  ///< Its index in the application file.
+  std::uint64_t count = 0;
+  std::uint64_t breaches = 0;
+  std::uint64_t dropped = 0;
+};
+
 /// State of a component that only its activations can read, as passed on by it.
 struct ComponentNews {
   std::size_t component = 0;
@@ -53,8 +61,10 @@ struct ComponentNews {
   std::string last_fault = {};
   std::uint64_t restarts = 0;
   detail::VersionNews version = {};
-  bool ends_process = false;  ///< Its process ends for its last fault.
-  bool is_urgent = false;     ///< Not only for the next period.
+  std::vector<ChainNews> chains = {};  ///< Passed on at each breach in simulated time, and between
+                                       ///< processes.
+  bool ends_process = false;           ///< Its process ends for its last fault.
+  bool is_urgent = false;              ///< Not only for the next period.
   /// Set for a component in another process, whose figures cannot be read directly.
   std::optional<FiguresElsewhere> elsewhere = {};
 };

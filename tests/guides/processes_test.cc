@@ -1,4 +1,5 @@
 // What docs/guides/processes.md shows.
+#include <ostream>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -52,6 +53,10 @@ struct Example {
   const char* application;
   const char* processes;
 };
+
+void PrintTo(const Example& example, std::ostream* out) {
+  *out << example.name;
+}
 
 // With libraries that are there, all else of it is as it should be.
 class ProcessesGuide : public testing::TestWithParam<Example> {};
