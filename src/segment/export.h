@@ -64,7 +64,7 @@ class Export final : public detail::MessageExport {
   /// Memory in the segment that is reused, for the bytes of a message.
   struct Buffer {
     struct Free {
-      void operator()(char* bytes) const noexcept { base::shared_memory.allocator->free(bytes); }
+      void operator()(char* memory) const noexcept { base::shared_memory.allocator->free(memory); }
     };
     std::unique_ptr<char, Free> bytes;
     std::size_t capacity = 0;
