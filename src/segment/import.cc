@@ -4,6 +4,7 @@
 #include <exception>
 #include <limits>
 #include <mutex>
+#include <new>
 
 namespace fastcycle::segment {
 
@@ -270,17 +271,20 @@ bool Import::take_copy(std::uint64_t word) noexcept {
     if (is_valid) {
       bytes_.assign(bytes, count);
     }
-    for (std::size_t root = 0; root < trails_.size(); ++root) {
-      trails_[root] = detail::Trail::read_untrusted(
-          wire_.trails(link_, publisher_)[number * trails_.size() + root]);
-    }
-    const MessageInfo info = message.info;
-    held_.back()->send_back(word);
-    is_valid = is_valid && publish_copy(info);
-  } catch (const std::exception&) {  // No memory for it, or the receivers hold too many.
+  } catch (const std::bad_alloc&) {
     is_valid = false;
   }
-  return is_valid;
+  for (std::size_t root = 0; root < trails_.size(); ++root) {
+    trails_[root] = detail::Trail::read_untrusted(
+        wire_.trails(link_, publisher_)[number * trails_.size() + root]);
+  }
+  const MessageInfo info = message.info;
+  held_.back()->send_back(word);  // Also of an invalid one: it is not used any more.
+  try {
+    return is_valid && publish_copy(info);
+  } catch (const std::exception&) {  // No memory for it, or the receivers hold too many.
+    return false;
+  }
 }
 
 /// Publishes the message of `bytes_`; false if it is none of the topic's type.
