@@ -37,6 +37,8 @@ struct TrackConfig {
 /// [m/s^2] in the map, and length and width [m]. The acceleration is a first-order Gauss-Markov
 /// process (Singer, "Estimating Optimal Tracking Filter Performance for Manned Maneuvering
 /// Targets", IEEE Transactions on Aerospace and Electronic Systems 6(4), 1970), larger along the
+/// heading than across it.
+///
 /// Each edge of the box that is seen is a separate measurement: front = centre along the heading +
 /// length / 2, and so on. So the visible sides determine the box, the size is estimated whenever
 /// two opposite sides are visible, and nothing jumps when another side comes into view. A side that

@@ -8,11 +8,27 @@
 #include <vector>
 
 #include "broker/lane.h"
+#include "broker/message_export.h"
 
 namespace fastcycle::detail {
 
 class Inbox;
 class Credits;
+
+/// Passes credits on to the publisher in another process that the one here represents.
+///
+/// @threads  Safe.
+/// @realtime No allocation; may lock.
+class CreditRelay {
+ public:
+  CreditRelay() = default;
+  CreditRelay(const CreditRelay&) = delete;
+  CreditRelay& operator=(const CreditRelay&) = delete;
+  virtual ~CreditRelay() = default;
+
+  /// A receiver here has finished a message, or ended.
+  virtual void credit_returned() noexcept = 0;
+};
 
 /// The credits of one lane: its receiver returns one for each message that it has finished.
 ///
@@ -54,7 +70,11 @@ class LaneCredit {
 /// counts, then reads the flag of the waiting publisher; the publisher first sets the flag, then
 /// reads the count again: one of them sees the other.
 ///
-/// @threads  `lane_returned` is Safe. All else belongs to the publisher: its activations, an
+/// Receivers in another process count together: what matters is the slowest one there. The process
+/// is notified by its `ForeignInputs`, which then call `take_foreign`.
+///
+/// @threads  `lane_returned`, `take_foreign` and `has_foreign` are Safe. All else belongs to the
+/// publisher: its activations, an
 ///           external one's mutex, in simulated time also the driving thread, between rounds.
 /// @realtime No lock, no allocation, except for `add`; at most one wake call.
 class Credits {
@@ -65,6 +85,10 @@ class Credits {
 
   void add(const std::shared_ptr<Lane>& lane) { receivers_.push_back({lane, lane->credit}); }
   void remove(const Lane& lane) noexcept;
+  /// Receivers in another process. Before anything is published.
+  void add(MessageExport& to) { foreign_.push_back(std::make_unique<Foreign>(to)); }
+  /// Sets where returned credits are passed on. Before anything is connected.
+  void relay_to(CreditRelay& relay) noexcept { relay_ = &relay; }
   /// The publisher is gone: it does not wait, and is not notified any more.
   void leave() noexcept {
     receivers_.clear();  // Their lanes refer to this.
@@ -94,19 +118,34 @@ class Credits {
 
   /// An awaited lane has a credit.
   void lane_returned() noexcept;
+  /// Takes awaited credits that other processes have returned; true if there were any.
+  bool take_foreign() noexcept;
+  [[nodiscard]] bool has_foreign() const noexcept;
 
   const std::size_t window;
 
  private:
+  friend class LaneCredit;
+
   struct Receiver {
     std::shared_ptr<Lane> lane;
     std::shared_ptr<LaneCredit>
         credit;  ///< On a line of its own, apart from what the receiver writes.
   };
 
+  struct Foreign {
+    explicit Foreign(MessageExport& its) : to(its) {}
+    MessageExport& to;
+    std::atomic<bool> is_awaited{false};
+  };
+
   [[nodiscard]] std::size_t left_of(const Receiver& receiver, std::uint64_t staged) const noexcept;
+  [[nodiscard]] std::size_t left_of(const Foreign& foreign, std::uint64_t staged) const noexcept;
+  bool settle(Foreign& foreign) noexcept;
 
   std::vector<Receiver> receivers_;
+  std::vector<std::unique_ptr<Foreign>> foreign_;
+  CreditRelay* relay_ = nullptr;
   Inbox* inbox_ = nullptr;
   bool is_awaiting_ = false;
   std::atomic<std::uint32_t> awaited_{

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+
 #include "fastcycle/detail/envelope.h"
 
 namespace fastcycle::detail {
@@ -26,6 +29,13 @@ class MessageExport {
       google::protobuf::Message* message) noexcept = 0;
   /// How many messages may be in transit, and held, there.
   [[nodiscard]] virtual std::size_t capacity() const noexcept = 0;
+
+  /// Whether the receivers there return credits.
+  [[nodiscard]] virtual bool returns_credits() const noexcept { return false; }
+  /// Messages that the slowest of them has not finished. Safe.
+  [[nodiscard]] virtual std::uint64_t unfinished() const noexcept { return 0; }
+  /// Whether they notify this process of each returned credit. Safe.
+  virtual void set_awaited(bool) noexcept {}
 };
 
 /// Receives the released envelopes of a pool without messages: their creator.

@@ -235,6 +235,9 @@ void PublisherCore::return_loan(Envelope* loan) noexcept {
 
 void PublisherCore::add_export(MessageExport& to) {
   exports_.push_back(&to);
+  if (credits_ != nullptr && to.returns_credits()) {
+    credits_->add(to);
+  }
   // Those that it may hold, as a lane's.
   base::enter_shared_scope();
   pool_->make_free_ones_anew();

@@ -9,10 +9,12 @@ ApplicationWiring wiring_of(const Application& application) {
   ApplicationWiring wiring;
   for (const auto& [name, topic] : application.topics().all()) {
     for (const auto& publisher : topic->publishers) {
-      wiring.publishers.push_back({.topic = name,
-                                   .type = topic->type,
-                                   .component = publisher->owner.name,
-                                   .latched = publisher->options.latched});
+      wiring.publishers.push_back(
+          {.topic = name,
+           .type = topic->type,
+           .component = publisher->owner.name,
+           .latched = publisher->options.latched,
+           .credits = publisher->credits() == nullptr ? 0 : publisher->credits()->window});
     }
     for (const auto& subscription : topic->subscriptions) {
       if (subscription->kind != detail::Subscription::Kind::kTap) {

@@ -12,7 +12,8 @@ std::string to_text(const ApplicationWiring& wiring) {
     publishers.push_back({{"topic", one.topic},
                           {"type", one.type},
                           {"component", one.component},
-                          {"latched", one.latched}});
+                          {"latched", one.latched},
+                          {"credits", one.credits}});
   }
   nlohmann::json subscriptions = nlohmann::json::array();
   for (const auto& one : wiring.subscriptions) {
@@ -39,7 +40,8 @@ ApplicationWiring wiring_from_text(const std::string& text) {
       wiring.publishers.push_back({.topic = one.at("topic"),
                                    .type = one.at("type"),
                                    .component = one.at("component"),
-                                   .latched = one.at("latched")});
+                                   .latched = one.at("latched"),
+                                   .credits = one.at("credits")});
     }
     for (const nlohmann::json& one : said.at("subscriptions")) {
       wiring.subscriptions.push_back({.topic = one.at("topic"),

@@ -133,6 +133,7 @@ void Partition::declare(detail::ComponentCore& component) {
         component, publisher.topic,
         *google::protobuf::MessageFactory::generated_factory()->GetPrototype(type), nullptr, true);
     stand_in.is_imported = true;
+    stand_in.use_credits(publisher.credits);
   }
 }
 
@@ -179,6 +180,10 @@ void Partition::connect(host::Application& application) {
                           .to = std::make_unique<segment::Export>(wire_, wire, incarnation_,
                                                                   publisher->default_instance)});
       publisher->add_export(*outlets_.back().to);
+      if (publisher->credits() != nullptr && wire.credits > 0) {
+        sets.at(is_simulated ? 0 : wire.publisher_executor)
+            ->add(*publisher->credits(), *outlets_.back().to);
+      }
     } else {
       sets.at(is_simulated ? 0 : wire.executor)->add(wire, *publisher);
     }

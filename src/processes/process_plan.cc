@@ -43,6 +43,7 @@ ProcessPlan::ProcessPlan(config::ApplicationDescription description, host::Appli
     return;
   }
   wire_.processes = count();
+  wire_.is_simulated = is_simulated_;
   // After each component's stage: the progress, when timers began (two words), heartbeat, pid.
   wire_.components = description_.components.size() + 5;
   std::set<std::string> roots;
@@ -161,10 +162,18 @@ void ProcessPlan::find_problems() {
           name(*other), name(process), shadow_in(process) == nullptr ? "standby" : "shadow");
     }
   }
-  for (const config::TopicDescription& topic : description_.topics) {
-    if (topic.credits > 0) {
-      problem_ = fmt::format(
-          "topic \"{}\" has credits, which do not go from one process to another yet", topic.name);
+  for (const auto& publisher : wiring_.publishers) {
+    for (const auto& subscription : wiring_.subscriptions) {
+      const ProcessIndex from = process_of(publisher.component);
+      const ProcessIndex to = process_of(subscription.component);
+      if (publisher.credits > 0 && subscription.topic == publisher.topic &&
+          subscription.is_called && from != to && (twin_of(from) || twin_of(to))) {
+        problem_ = fmt::format(
+            "topic \"{}\" has credits, and goes from process \"{}\" to \"{}\": a process with a "
+            "standby neither awaits nor returns credits; put both components into one process, or "
+            "remove the credits or the standby",
+            publisher.topic, name(from), name(to));
+      }
     }
   }
 }
@@ -252,6 +261,12 @@ config::ApplicationDescription ProcessPlan::description_in(ProcessIndex process)
   return part;
 }
 
+std::string ProcessPlan::executor_of(const std::string& component) const {
+  const auto described =
+      std::ranges::find(description_.components, component, &config::ComponentDescription::name);
+  return described->executor.empty() ? host::kPoolName : described->executor;
+}
+
 std::vector<std::string> ProcessPlan::executors_in(ProcessIndex process) const {
   return host::executor_names(description_in(process));
 }
@@ -291,6 +306,7 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
       twin_of(from) == to || (shadow != nullptr && shadow->of == publisher.component);
   bool is_wanted = gets_all(to, needs) || is_followed;
   bool drops_newest = true;
+  bool returns_credits = false;
   std::string component;
   for (const auto& subscription : wiring_.subscriptions) {
     if (subscription.topic != publisher.topic || !hosts(to, subscription.component)) {
@@ -303,6 +319,7 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
     if (subscription.is_called && component.empty()) {
       component = subscription.component;
     }
+    returns_credits = returns_credits || (subscription.is_called && shadow == nullptr);
   }
   if (to == from || !is_wanted) {
     return;
@@ -312,16 +329,14 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
     depth = std::max(2 * depth, kDepthOfStandby);
     keep += 2 * depth;
   }
-  if (executors[to].empty()) {
-    executors[to] = executors_in(to);
-  }
-  std::string executor = kLinkExecutor;
-  if (!component.empty()) {
-    const auto described =
-        std::ranges::find(description_.components, component, &config::ComponentDescription::name);
-    executor = described->executor.empty() ? host::kPoolName : described->executor;
-  }
-  const auto place = std::ranges::find(executors[to], executor) - executors[to].begin();
+  const auto place_in = [&](ProcessIndex process, const std::string& name) {
+    std::vector<std::string>& its = executors[process];
+    if (its.empty()) {
+      its = executors_in(process);
+    }
+    return static_cast<unsigned>(std::ranges::find(its, name) - its.begin());
+  };
+  const std::string executor = component.empty() ? kLinkExecutor : executor_of(component);
   // A burst must not be lost while a worker is busy; and a recorder must not lose anything while
   // its process waits for a CPU. In simulated time all of a round waits for its end.
   const std::size_t least_depth = needs.is_simulated || gets_all(to, needs) ? 256 : 16;
@@ -334,9 +349,14 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
   link.depth_of_large = static_cast<std::uint32_t>(queue_of_large);
   link.capacity = static_cast<std::uint32_t>(
       std::min(2 * queue + keep + publisher.latched + kSpare, 3 * kMaxDepth));
-  link.executor = static_cast<unsigned>(place);
+  link.executor = place_in(to, executor);
   link.drops_newest = drops_newest && depth > 0 && !is_followed;
   link.is_serialized = !description_of(from).is_trusted;
+  if (publisher.credits > 0 && returns_credits) {
+    link.credits = static_cast<std::uint32_t>(publisher.credits);
+    link.publisher_executor = place_in(from, executor_of(publisher.component));
+    link.depth_of_large = std::max(link.depth_of_large, link.credits);
+  }
   links_.push_back({.topic = publisher.topic,
                     .component = publisher.component,
                     .ordinal = ordinal,

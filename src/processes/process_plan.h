@@ -94,6 +94,7 @@ class ProcessPlan {
   [[nodiscard]] bool is_simulated() const { return is_simulated_; }
 
  private:
+  [[nodiscard]] std::string executor_of(const std::string& component) const;
   [[nodiscard]] std::vector<std::string> executors_in(segment::ProcessIndex process) const;
   void add_standbys();
   void add_links(const Needs& needs);

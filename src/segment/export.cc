@@ -62,11 +62,27 @@ bool Export::is_connected() noexcept {
   if (now != receiver_) {
     forget_receiver(now);
   }
-  if (now == 0) {
-    return false;
-  }
-  const std::uint64_t both = std::uint64_t{own_incarnation_} << 32 | now;
-  return wire_.in(link_, now).ready.load(std::memory_order_acquire) == both;
+  return is_reading(now);
+}
+
+bool Export::is_reading(std::uint32_t receiver) const noexcept {
+  const std::uint64_t both = std::uint64_t{own_incarnation_} << 32 | receiver;
+  return receiver != 0 && wire_.in(link_, receiver).ready.load(std::memory_order_acquire) == both;
+}
+
+/// Position up to which all receivers have finished: all, if nobody is connected.
+std::uint64_t Export::read_finished() const noexcept {
+  const std::uint32_t now = wire_.incarnation(link_.to).load(std::memory_order_acquire);
+  return is_reading(now) ? wire_.in(link_, now).finished.load(std::memory_order_seq_cst)
+                         : out_.tail.load(std::memory_order_relaxed);
+}
+
+std::uint64_t Export::unfinished() const noexcept {
+  const std::uint64_t finished =
+      wire_.plan().is_simulated ? finished_.load(std::memory_order_relaxed) : read_finished();
+  // A receiver may write any word: with a wrong one, its own queue overflows.
+  const std::uint64_t count = out_.tail.load(std::memory_order_relaxed) - finished;
+  return count > std::uint64_t{1} << 63U ? 0 : count;
 }
 
 /// Takes back all that it held, or was sent.

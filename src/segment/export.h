@@ -30,7 +30,7 @@ struct ExportCounts {
 ///
 /// Over a serialized link it sends the message's bytes, and keeps no reference to the message.
 ///
-/// @threads  As the publisher; `counts` is Safe.
+/// @threads  As the publisher; `counts`, `unfinished` and `set_awaited` are Safe.
 /// @realtime No allocation, no lock; one system call if the receiver sleeps.
 class Export final : public detail::MessageExport {
  public:
@@ -43,6 +43,13 @@ class Export final : public detail::MessageExport {
   [[nodiscard]] google::protobuf::Message* share(
       google::protobuf::Message* message) noexcept override;
   [[nodiscard]] std::size_t capacity() const noexcept override { return link_.capacity; }
+  [[nodiscard]] bool returns_credits() const noexcept override { return link_.credits > 0; }
+  [[nodiscard]] std::uint64_t unfinished() const noexcept override;
+  void set_awaited(bool is_awaited) noexcept override {
+    out_.awaits_credit.store(is_awaited ? 1 : 0, std::memory_order_seq_cst);
+  }
+  /// In simulated time: what was finished in the last round counts from now on. Between rounds.
+  void take_finished() noexcept { finished_.store(read_finished(), std::memory_order_relaxed); }
 
   /// Whether a receiver is connected.
   [[nodiscard]] bool is_connected() noexcept;
@@ -75,6 +82,8 @@ class Export final : public detail::MessageExport {
     count.store(count.load(std::memory_order_relaxed) + amount, std::memory_order_relaxed);
   }
 
+  [[nodiscard]] bool is_reading(std::uint32_t receiver) const noexcept;
+  [[nodiscard]] std::uint64_t read_finished() const noexcept;
   void forget_receiver(std::uint32_t incarnation) noexcept;
   bool take_back(std::uint64_t word) noexcept;
   bool make_room(std::uint64_t tail) noexcept;
@@ -96,7 +105,8 @@ class Export final : public detail::MessageExport {
   std::uint32_t receiver_ = 0;   ///< Its incarnation, as last seen.
   std::uint64_t returns_read_ = 0;
   std::uint64_t given_to_receiver_ = 0;
-  std::uint64_t bytes_out_ = 0;  ///< Total size of `held_`.
+  std::uint64_t bytes_out_ = 0;             ///< Total size of `held_`.
+  std::atomic<std::uint64_t> finished_{0};  ///< In simulated time.
 
   Count given_{0};
   Count copied_{0};

@@ -90,7 +90,12 @@ Import::Import(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation
       incarnation_(incarnation),
       stand_in_(stand_in),
       in_(wire.in(link, incarnation)),
-      trails_(link.is_serialized ? wire.plan().roots : 0) {}
+      trails_(link.is_serialized ? wire.plan().roots : 0) {
+  if (link.credits > 0) {
+    stand_in.use_credits(link.credits);
+    stand_in.credits()->relay_to(*this);
+  }
+}
 
 Import::~Import() = default;
 
@@ -126,6 +131,7 @@ void Import::attach() {
   publisher_ = now;
   say_oldest();
   if (now == 0) {
+    begin_credits(0);
     return;
   }
   in_.ready.store(0, std::memory_order_seq_cst);
@@ -141,7 +147,46 @@ void Import::attach() {
     stand_in_.continue_after(out.sequence.load(std::memory_order_relaxed));
   }
   in_.taking.store(head_, std::memory_order_seq_cst);
+  begin_credits(now);
   in_.ready.store(std::uint64_t{now} << 32 | incarnation_, std::memory_order_seq_cst);
+}
+
+/// The next credits are for `publisher`, from `head_` on.
+void Import::begin_credits(std::uint32_t publisher) {
+  if (link_.credits == 0) {
+    return;
+  }
+  {
+    const std::lock_guard lock(stand_in_.mutex());
+    credited_ = publisher;
+    passed_on_ = head_;
+  }
+  tell_finished();
+}
+
+void Import::credit_returned() noexcept {
+  if (!wire_.plan().is_simulated) {  // Else between rounds.
+    tell_finished();
+  }
+}
+
+void Import::tell_finished() noexcept {
+  const std::lock_guard lock(stand_in_.mutex());
+  if (link_.credits == 0 || credited_ == 0) {
+    return;
+  }
+  const detail::Credits& credits = *stand_in_.credits();
+  const std::uint64_t unfinished = credits.window - credits.left(0);
+  in_.finished.store(passed_on_ - unfinished, std::memory_order_seq_cst);
+  if (wire_.out(link_, credited_).awaits_credit.load(std::memory_order_seq_cst) == 0) {
+    return;
+  }
+  auto& bell = wire_.bell(link_.to, incarnation_, link_.from, link_.publisher_executor);
+  bell.fetch_add(1, std::memory_order_seq_cst);
+  if (wire_.sleepers(link_.from, credited_, link_.publisher_executor)
+          .load(std::memory_order_seq_cst) != 0) {
+    wake(bell, 1);
+  }
 }
 
 /// The word at `head_`, or a later one if the publisher overtook it; false if there is none yet.
@@ -181,6 +226,13 @@ bool Import::take() noexcept {
   bool has_taken = false;
   for (std::uint32_t i = 0; i < link_.depth && take_in_order(); ++i) {
     has_taken = true;
+  }
+  if (has_taken && link_.credits > 0) {
+    {
+      const std::lock_guard lock(stand_in_.mutex());
+      passed_on_ = head_;
+    }
+    credit_returned();  // Of messages that were skipped, or that no lane took.
   }
   return has_taken;
 }

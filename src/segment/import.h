@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "broker/credits.h"
 #include "broker/message_export.h"
 #include "broker/pool.h"
 #include "broker/publisher_core.h"
@@ -21,17 +22,16 @@ namespace fastcycle::segment {
 /// whatever the publisher writes, and whenever, the receivers get a valid message of their own or
 /// none.
 ///
-/// @threads  `take` and `has_any` by one thread at a time; `came_back` is Safe.
+/// @threads  `take` and `has_any` by one thread at a time; `came_back`, `credit_returned` and
+///           `tell_finished` are Safe.
 /// @realtime No allocation after the first messages of a publisher; takes the lock of its stand-in.
-class Import final {
+class Import final : public detail::CreditRelay {
  public:
   /// `stand_in` represents the publisher in this process: an external one, used only by this.
   /// `incarnation` is that of this process. All arguments must outlive this.
   Import(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation,
          detail::PublisherCore& stand_in);
-  Import(const Import&) = delete;
-  Import& operator=(const Import&) = delete;
-  ~Import();
+  ~Import() override;
 
   /// Connects to the present incarnation of the publisher, after taking what its last one left. If
   /// there is none, a later call connects.
@@ -39,6 +39,10 @@ class Import final {
   /// Takes pending messages, at most `depth`; true if there were any.
   bool take() noexcept;
   [[nodiscard]] bool has_any() noexcept;
+
+  void credit_returned() noexcept override;
+  /// Tells the publisher how many messages all receivers here have finished. Safe.
+  void tell_finished() noexcept;
 
   /// `other` leads from the other process of a standby pair: messages of both are taken in the
   /// order of their sequences.
@@ -60,6 +64,7 @@ class Import final {
   class Held;
 
   void say_oldest();
+  void begin_credits(std::uint32_t publisher);
   bool find(std::uint64_t& word) noexcept;
   bool take_one() noexcept;
   bool take_copy(std::uint64_t word) noexcept;
@@ -78,6 +83,9 @@ class Import final {
   std::uint32_t newest_ = 0;     ///< The last one that existed.
   std::uint64_t head_ = 0;
   std::uint64_t refused_ = 0;
+  // With credits; under the lock of the stand-in.
+  std::uint32_t credited_ = 0;               ///< Incarnation of the publisher that gets them.
+  std::uint64_t passed_on_ = 0;              ///< Position up to which messages are in the lanes.
   std::string bytes_;                        ///< Of a serialized link: the message being taken,
   std::vector<detail::Trail> trails_;        ///< and its trails.
   std::vector<std::unique_ptr<Held>> held_;  ///< By incarnation of the publisher; last: current.

@@ -20,10 +20,36 @@ Import& LinkSet::add(const LinkPlan& link, detail::PublisherCore& stand_in) {
       imports_.back()->pair_with(*other);
     }
   }
-  if (std::ranges::find(sources_, link.from, &Source::process) == sources_.end()) {
-    sources_.push_back({.process = link.from});
-  }
+  watch(link.from);
   return *imports_.back();
+}
+
+void LinkSet::add(detail::Credits& credits, Export& to) {
+  credited_.push_back({&credits, &to});
+  watch(to.link().to);
+}
+
+void LinkSet::watch(ProcessIndex process) {
+  if (std::ranges::find(sources_, process, &Source::process) == sources_.end()) {
+    sources_.push_back({.process = process});
+  }
+}
+
+void LinkSet::tell_finished() noexcept {
+  for (const auto& import : imports_) {
+    import->tell_finished();
+  }
+}
+
+bool LinkSet::take_credits() noexcept {
+  bool has_taken = false;
+  for (const Credited& one : credited_) {
+    if (wire_.plan().is_simulated) {
+      one.to->take_finished();
+    }
+    has_taken |= one.credits->take_foreign();
+  }
+  return has_taken;
 }
 
 void LinkSet::attach() {
@@ -53,7 +79,7 @@ bool LinkSet::take() noexcept {
   for (const auto& import : imports_) {
     has_taken |= import->take();
   }
-  return has_taken;
+  return take_credits() || has_taken;
 }
 
 std::size_t LinkSet::announce(std::span<base::WatchedWord> words) noexcept {
@@ -73,7 +99,8 @@ std::size_t LinkSet::announce(std::span<base::WatchedWord> words) noexcept {
 bool LinkSet::has_any() noexcept {
   const std::lock_guard lock(mutex_);
   return wire_.changes().load(std::memory_order_seq_cst) != changes_seen_ ||
-         std::ranges::any_of(imports_, [](const auto& import) { return import->has_any(); });
+         std::ranges::any_of(imports_, [](const auto& import) { return import->has_any(); }) ||
+         std::ranges::any_of(credited_, [](const auto& one) { return one.credits->has_foreign(); });
 }
 
 void LinkSet::withdraw() noexcept {

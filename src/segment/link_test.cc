@@ -140,6 +140,7 @@ class Publishing {
     owner_.name = "sender";
     owner_.clock = &clock_;
     core_ = &topics_.add_publisher("topic", owner_, type, nullptr, false);
+    core_->use_credits(processes.link().credits);
     for (const LinkPlan& link : processes.plan.links) {
       exports_.push_back(std::make_unique<Export>(wire_, link, incarnation, type));
       core_->add_export(*exports_.back());
@@ -161,6 +162,8 @@ class Publishing {
       static_cast<SourceCodeInfo_Location&>(message).set_leading_comments(name);
     });
   }
+
+  detail::Credits& credits() { return *core_->credits(); }
 
   Export& to(ProcessIndex receiver = kReceiver) {
     return *exports_[std::size_t{receiver} - kReceiver];
@@ -303,6 +306,9 @@ void forge(const Processes& processes, std::uint64_t count, std::mt19937_64& ran
         break;
       case 3:
         wire.sleepers(kReceiver, 1, 0).store(static_cast<std::uint32_t>(any));
+        break;
+      case 4:
+        in.finished.store(any % 2 == 0 ? near : any);
         break;
       default: {
         const std::uint64_t place = any % (return_count * 2);
@@ -548,6 +554,7 @@ TEST(MessagesBetweenProcesses, AreUnharmedByAReceiverThatWritesNonsenseIntoAllTh
   const std::uint64_t forgeries = given == nullptr ? 200'000 : std::stoull(given);
   ASSERT_TRUE(holds_in_child([forgeries] {
     Processes processes(8, 16, false, 2);
+    processes.plan.links.front().credits = 4;
     for (const ProcessIndex process : {kPublisher, kReceiver, kSecondReceiver}) {
       processes.announce(process, 1);
     }
@@ -561,6 +568,10 @@ TEST(MessagesBetweenProcesses, AreUnharmedByAReceiverThatWritesNonsenseIntoAllTh
       // Until the forger has ended.
       while (processes.wire().incarnation(kReceiver).load() == 1) {
         publishing.publish_file(long_name(++number));
+        EXPECT_LE(publishing.credits().left(0), 4U);
+        publishing.credits().await();
+        static_cast<void>(publishing.credits().take_foreign());
+        static_cast<void>(publishing.credits().take_returned());
         if (publishing.to().counts().refused > 1000) {
           processes.progress.reach(1);
         }

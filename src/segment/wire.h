@@ -34,6 +34,9 @@ struct LinkPlan {
   bool drops_newest = false;  ///< If it is full; else the oldest one not taken.
   /// The publisher is not trusted: the receiver parses a copy of the serialized message.
   bool is_serialized = false;
+  /// The publisher's credit window, if receivers there return credits; else 0.
+  std::uint32_t credits = 0;
+  unsigned publisher_executor = 0;  ///< Whose workers are notified of credits.
 
   // Set by `WirePlan::lay_out`.
   std::size_t out_offset = 0;  ///< Of `LinkOut` in the control area of `from`.
@@ -47,6 +50,8 @@ struct WirePlan {
   unsigned executors = 0;  ///< The maximum of all processes.
   std::size_t roots = 0;   ///< Of latency chains.
   std::size_t components = 0;
+  /// Credits are passed on between rounds.
+  bool is_simulated = false;
   std::vector<LinkPlan> links;
   /// If activity is recorded: the number of workers of each process. Else empty.
   std::vector<unsigned> workers = {};
@@ -85,7 +90,8 @@ struct WireMessage {
 /// The publisher's end of a link: this, then `slots`, messages, and trails.
 struct LinkOut {
   alignas(64) std::atomic<std::uint64_t> tail;
-  std::atomic<std::uint64_t> sequence;  ///< Of the last message published.
+  std::atomic<std::uint64_t> sequence;       ///< Of the last message published.
+  std::atomic<std::uint32_t> awaits_credit;  ///< Whether it is to be notified of one.
   /// Position << 16 | number of the message, or `kClosing`; `slot_count` of them follow.
   static constexpr std::uint64_t kClosing = ~std::uint64_t{0};
 };
@@ -116,6 +122,8 @@ struct LinkIn {
   std::atomic<std::uint64_t> ready;
   /// The oldest incarnation of the publisher whose messages it still holds.
   std::atomic<std::uint32_t> oldest;
+  /// Up to here the slowest receiver has finished; behind `taking`. With credits.
+  std::atomic<std::uint64_t> finished;
 };
 
 /// A futex word that is incremented to wake its sleepers.
@@ -217,7 +225,7 @@ class Wire {
                                                      unsigned executor) const noexcept {
     return at<Bell>(process, incarnation, executor * sizeof(Bell)).word;
   }
-  /// Rung by `from` when that executor of `to` has input.
+  /// Rung by `from` when that executor of `to` has input, or a credit that it awaits.
   [[nodiscard]] std::atomic<std::uint32_t>& bell(ProcessIndex from, std::uint32_t incarnation,
                                                  ProcessIndex to,
                                                  unsigned executor) const noexcept {

@@ -1,10 +1,13 @@
 // The components of the applications that run in several processes.
 
 #include <atomic>
+#include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
+#include <thread>
 
 #include <fastcycle/fastcycle.h>
 #include <fcntl.h>
@@ -325,7 +328,104 @@ class Watcher final : public fastcycle::Component {
   std::int64_t failures_ = 0;
 };
 
+/// Publishes `count` readings, as many at once as it has credits for.
+class Reader final : public fastcycle::Component {
+ public:
+  explicit Reader(fastcycle::Context& context)
+      : Component(context),
+        count_(context.param<std::int64_t>("count")),
+        readings_(context.create_publisher<Reading>(
+            "readings", {.credits = 4, .on_credits = [this] { send(); }})),
+        source_(context.create_source()) {}
+
+  // In simulated time a source that publishes only from `on_credits` does so at one moment.
+  void serve() override { send(); }
+
+ private:
+  void send() {
+    while (published_ < count_.get() && readings_.credits() > 0) {
+      auto reading = readings_.loan();
+      reading->set_value(++published_);
+      readings_.publish(std::move(reading));
+    }
+    report("published", published_);
+    if (published_ == count_.get()) {
+      source_.finish();
+    }
+  }
+
+  fastcycle::Param<std::int64_t> count_;
+  fastcycle::Publisher<Reading> readings_;
+  fastcycle::Source source_;
+  std::int64_t published_ = 0;
+};
+
+/// The same from a thread, which waits for credits.
+class ThreadReader final : public fastcycle::Component {
+ public:
+  explicit ThreadReader(fastcycle::Context& context)
+      : Component(context),
+        count_(context.param<std::int64_t>("count")),
+        readings_(context.create_external_publisher<Reading>("readings", {.credits = 4})),
+        source_(context.create_source()) {
+    context.create_thread("reader", [this](const std::stop_token& stop) {
+      for (std::int64_t i = 1; i <= count_.get() && readings_.wait_for_credit(stop); ++i) {
+        auto reading = readings_.loan();
+        reading->set_value(i);
+        readings_.publish(std::move(reading), fastcycle::kSimulatedStart);
+      }
+      source_.finish();
+    });
+  }
+
+ private:
+  fastcycle::Param<std::int64_t> count_;
+  fastcycle::ExternalPublisher<Reading> readings_;
+  fastcycle::Source source_;
+};
+
+/// Needs some time for each reading; counts those that come, and those missing between them.
+class Store final : public fastcycle::Component {
+ public:
+  explicit Store(fastcycle::Context& context)
+      : Component(context),
+        work_us_(context.param<std::int64_t>("work_us", {.fallback = 0})),
+        crash_at_(context.param<std::int64_t>("crash_at", {.fallback = 0})),
+        log_at_(context.param<std::int64_t>("log_at", {.fallback = 0})) {
+    context.create_subscriber<Reading>("readings", {.depth = 4}, [this](const Reading& reading) {
+      missing_ += last_ == 0 ? 0 : reading.value() - last_ - 1;
+      last_ = reading.value();
+      ++received_;
+      if (received_ == log_at_.get()) {
+        log().info("it has {} readings", received_);
+      }
+      if (work_us_.get() > 0) {
+        std::this_thread::sleep_for(std::chrono::microseconds(work_us_.get()));
+      }
+      if (reading.value() == crash_at_.get()) {
+        raise(SIGSEGV);
+      }
+      tell();
+    });
+  }
+
+  void start() override { tell(); }
+
+ private:
+  void tell() {
+    report("received_by_" + context().component_name(), received_);
+    report("missing_of_" + context().component_name(), missing_);
+  }
+
+  fastcycle::Param<std::int64_t> work_us_;
+  fastcycle::Param<std::int64_t> crash_at_;
+  fastcycle::Param<std::int64_t> log_at_;
+  std::int64_t received_ = 0;
+  std::int64_t last_ = 0;
+  std::int64_t missing_ = 0;
+};
+
 }  // namespace
 
 FASTCYCLE_COMPONENTS(Sensor, Relay, Accumulator, Auditor, LogReader, Sink, Steering, Observer,
-                     Watcher)
+                     Watcher, Reader, ThreadReader, Store)

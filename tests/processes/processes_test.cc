@@ -3,6 +3,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <regex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -968,12 +969,102 @@ TEST_F(ComponentsInProcesses, AreReloadedInTheirProcess) {
   EXPECT_THAT(verified.components.dump(), HasSubstr("it was reloaded in activation"));
 }
 
+/// A source that waits for the slower of two receivers, each in a process of its own.
+class CreditsInSimulatedTime : public ComponentsInProcesses {
+ protected:
+  /// `work_us`: of the slower one, which crashes at a reading.
+  [[nodiscard]] static std::string application(const char* source, bool is_trusted, int count,
+                                               int work_us, int crash_at = 0) {
+    return std::string(R"({"name": "flow", "processes": [{"name": "reading", "trusted": )") +
+           (is_trusted ? "true" : "false") +
+           R"(}, {"name": "storing", "on_exit": "restart"}, {"name": "copying"}],
+           "components": [
+             {"name": "store", "library": "processes_parts", "class": "Store",
+              "process": "storing", "params": {"work_us": )" +
+           std::to_string(work_us) + R"(, "log_at": 400, "crash_at": )" + std::to_string(crash_at) +
+           R"(}},
+             {"name": "copy", "library": "processes_parts", "class": "Store",
+              "process": "copying"},
+             {"name": "reader", "library": "processes_parts", "class": ")" +
+           source + R"(", "process": "reading", "serve_period_ms": 10, "params": {"count": )" +
+           std::to_string(count) + R"(}}]})";
+  }
+};
+
+struct Flow {
+  const char* source;
+  bool is_trusted;
+};
+
+class CreditsOfComponentsInProcesses : public CreditsInSimulatedTime,
+                                       public testing::WithParamInterface<Flow> {};
+INSTANTIATE_TEST_SUITE_P(, CreditsOfComponentsInProcesses,
+                         testing::Values(Flow{"Reader", true}, Flow{"Reader", false},
+                                         Flow{"ThreadReader", true}, Flow{"ThreadReader", false}),
+                         [](const auto& its) {
+                           return std::string("ofA") + its.param.source +
+                                  (its.param.is_trusted ? "" : "ThatIsNotTrusted");
+                         });
+
+TEST_P(CreditsOfComponentsInProcesses, LoseNothingWhereTheReceiverIsSlow) {
+  Process run(options(application(GetParam().source, GetParam().is_trusted, 1000, 200)));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  EXPECT_EQ(said["topics"]["readings"]["published"], 1000);
+  for (const char* receiver : {"store", "copy"}) {
+    EXPECT_EQ(said["results"][std::string("received_by_") + receiver], 1000);
+    EXPECT_EQ(said["results"][std::string("missing_of_") + receiver], 0);
+  }
+  expect_ledgers(said);
+}
+
+// It has messages then that it will never finish; after its restart it returns credits again.
+TEST_P(CreditsOfComponentsInProcesses, AreReturnedAllWhenTheProcessOfTheReceiverEnds) {
+  Process run(
+      options(application(GetParam().source, GetParam().is_trusted, 1'000'000'000, 100, 300)));
+  EXPECT_TRUE(run.wait_for("is restarted")) << run.errors();
+  EXPECT_TRUE(run.wait_for("store: it has 400 readings")) << run.errors();
+  run.send(SIGINT);
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  EXPECT_EQ(said["processes"]["storing"]["restarts"], 1);
+  EXPECT_EQ(said["results"]["missing_of_store"], 0);
+  EXPECT_EQ(said["results"]["missing_of_copy"], 0);
+  expect_ledgers(said);
+}
+
+// With each number of workers, and as in one process.
+TEST_F(CreditsInSimulatedTime, AreReturnedInTheSameRoundAsInOneProcess) {
+  const std::string text = application("Reader", true, 1000, 0);
+  const std::vector<std::string> topics{"readings"};
+  const auto log_of = [&](const std::string& name, const std::string& its,
+                          const std::string& workers) {
+    const auto log = folder_ / (name + ".mcap");
+    Process run(
+        options(its, {"--clock", "simulated", "--workers", workers, "--record", log.string()}));
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+    EXPECT_EQ(report()["results"]["received_by_store"], 1000);
+    return log;
+  };
+  const auto one = log_of("one", text, "1");
+
+  EXPECT_TRUE(are_equal(one, log_of("four", text, "4"), topics));
+  const std::regex place(R"("process": "\w+",)");
+  EXPECT_TRUE(are_equal(one, log_of("together", std::regex_replace(text, place, ""), "1"), topics));
+}
+
 TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {
-  Process run(options(
-      application(R"("process": "relaying")", R"("topics": {"readings": {"credits": 4}}, )")));
+  Process run(options(application(
+      R"("process": "relaying")",
+      R"("topics": {"readings": {"credits": 4}}, "processes": [{"name": "relaying", "standby": true}], )")));
 
   EXPECT_EQ(run.wait().exit_code, 2);
   EXPECT_THAT(run.errors(), HasSubstr("topic \"readings\" has credits"));
+  EXPECT_THAT(run.errors(), HasSubstr("from process \"main\" to \"relaying\""));
 
   Process standby(options(
       application(R"("process": "relaying")",
