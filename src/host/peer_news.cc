@@ -171,6 +171,7 @@ void PeerNews::begin() {
   for (const auto& component : application_.components()) {
     its_.push_back({.news = news_of(*component)});
   }
+  has_begun_.store(true, std::memory_order_release);
 }
 
 void PeerNews::tell_all() {
@@ -311,6 +312,9 @@ std::int64_t PeerNews::look() {
     return base::kNever;
   }
   const std::int64_t now_ns = base::monotonic_ns();
+  if (!has_begun_.load(std::memory_order_acquire)) {
+    return now_ns + kPeriodNs;
+  }
   if (now_ns >= figures_at_ns_) {
     take_figures();
     const std::int64_t end_ns = base::monotonic_ns();
@@ -332,7 +336,7 @@ std::int64_t PeerNews::look() {
 }
 
 void PeerNews::take(const Notice& notice) {
-  if (!application_.peers()->is_main()) {
+  if (!application_.peers()->is_main() || !has_begun_.load(std::memory_order_acquire)) {
     return;
   }
   if (notice.kind == Notice::Kind::kGone) {
@@ -430,6 +434,9 @@ void PeerNews::process_has_ended(const Notice& notice) {
 }
 
 detail::VersionNews PeerNews::version_of(std::uint32_t component) const {
+  if (!has_begun_.load(std::memory_order_acquire)) {
+    return {};
+  }
   const std::lock_guard lock(mutex_);
   return component < its_.size() ? its_[component].news.version : detail::VersionNews();
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -33,7 +34,8 @@ class PeerNews {
   /// the start.
   std::function<void(const detail::ComponentCore& component, const std::string& why)> on_lost;
 
-  /// Once the components are constructed.
+  /// Once the components are constructed. Before this, `look` and `take`, which other threads may
+  /// call already, do nothing.
   void begin();
   /// `component` ends this process next: sends that, and its state, at once. In its activation.
   void tell_end(detail::ComponentCore& component);
@@ -72,7 +74,8 @@ class PeerNews {
   ApplicationHost& application_;
   const Wiring& wiring_;
   mutable base::PriorityMutex mutex_;
-  std::vector<Its> its_;            ///< By component.
+  std::vector<Its> its_;  ///< By component; constant in size once it has begun.
+  std::atomic<bool> has_begun_{false};
   std::int64_t figures_at_ns_ = 0;  ///< When figures are sent next.
   // In simulated time.
   Time told_all_{};
