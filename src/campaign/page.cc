@@ -58,8 +58,7 @@ std::string map_of(const Summary& summary, const FaultTable& table) {
         continue;
       }
       for (const DrawnFault& fault : result.faults) {
-        const std::string name = fault.json.value("kind", "") + " " +
-                                 fault.json.value("topic", fault.json.value("component", ""));
+        const std::string name = fault.json.value("kind", "") + " " + target_of(fault.json);
         const auto row = std::ranges::find(table.rows, name, &FaultTable::Row::name);
         // Seeds of one time stand above each other, as far as there is room.
         const double shift = static_cast<double>(result.seed * 7 % 23) - 11;

@@ -33,12 +33,13 @@ class Chance {
 };
 
 const std::set<std::string>& ranged_keys() {
-  static const std::set<std::string> keys = {"from_s", "for_s", "probability", "by_ms", "value"};
+  static const std::set<std::string> keys = {"from_s", "for_s", "probability",
+                                             "by_ms",  "by_mb", "value"};
   return keys;
 }
 const std::set<std::string>& text_keys() {
-  static const std::set<std::string> keys = {"kind",      "topic", "publisher", "subscriber",
-                                             "component", "field", "as"};
+  static const std::set<std::string> keys = {"kind",      "topic",   "publisher", "subscriber",
+                                             "component", "process", "field",     "as"};
   return keys;
 }
 
@@ -80,7 +81,7 @@ class Reader {
       } else {
         say(at, "unknown key \"" + key +
                     "\"; a fault of a plan has kind, topic, publisher, subscriber, component, "
-                    "field, as, value, by_ms, probability, from_s, for_s");
+                    "process, field, as, value, by_ms, by_mb, probability, from_s, for_s");
       }
     }
     if (!fault.contains("kind")) {
@@ -163,7 +164,9 @@ std::vector<DrawnFault> Plan::draw(std::uint64_t seed) const {
       if (key == "for_s") {
         continue;
       }
-      if (ranged_keys().contains(key)) {
+      if (key == "by_mb") {
+        fault[key] = std::max<std::int64_t>(1, std::llround(drawn(value, chance)));
+      } else if (ranged_keys().contains(key)) {
         fault[key] = drawn(value, chance);
       } else {
         fault[key] = value;

@@ -24,10 +24,6 @@ ordered_json json_of(const std::vector<DrawnFault>& faults) {
   return list;
 }
 
-std::string target_of(const ordered_json& fault) {
-  return fault.value("topic", fault.value("component", ""));
-}
-
 /// Equal for failures of one kind.
 std::string signature(const Failure& failure) {
   std::vector<std::string> parts;
@@ -82,6 +78,10 @@ bool is_alike(const Failure& one, const Failure& other) {
   return signature(one) == signature(other);
 }
 
+std::string target_of(const ordered_json& fault) {
+  return fault.value("topic", fault.value("component", fault.value("process", "")));
+}
+
 std::string in_words(const ordered_json& fault) {
   std::string text = fault.value("kind", "") + " " + target_of(fault);
   if (fault.contains("subscriber")) {
@@ -95,6 +95,9 @@ std::string in_words(const ordered_json& fault) {
   }
   if (fault.contains("by_ms")) {
     text += fmt::format(" by {} ms", fault["by_ms"].get<double>());
+  }
+  if (fault.contains("by_mb")) {
+    text += fmt::format(" of {} MB", fault["by_mb"].get<std::uint64_t>());
   }
   if (fault.contains("messages")) {
     text += fault["messages"].size() == 1 ? ", message" : ", messages";

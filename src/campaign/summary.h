@@ -42,6 +42,8 @@ struct Failure {
 
 /// Short text of a fault: `drop lidar/points, messages 41 42`.
 [[nodiscard]] std::string in_words(const nlohmann::ordered_json& fault);
+/// The topic, component or process that has a fault.
+[[nodiscard]] std::string target_of(const nlohmann::ordered_json& fault);
 
 /// The results of a campaign.
 struct Summary {

@@ -423,7 +423,8 @@ FaultDescription describe_fault(const Value& value) {
                          std::array{FaultKind::kDrop, FaultKind::kDelay, FaultKind::kDuplicate,
                                     FaultKind::kFreeze, FaultKind::kCorrupt, FaultKind::kThrow,
                                     FaultKind::kSlow, FaultKind::kHang, FaultKind::kRestart,
-                                    FaultKind::kKill})
+                                    FaultKind::kCrash, FaultKind::kLeak, FaultKind::kKill,
+                                    FaultKind::kSuspend})
                    .value_or(fault.kind);
   fault.name = text_of(value, "name");
   fault.topic = without_slash(text_of(value, "topic"));
@@ -445,6 +446,8 @@ FaultDescription describe_fault(const Value& value) {
     fault.probability = number->as_double();
   }
   fault.by = find_span(value, "by_ms").value_or(fault.by);
+  read_integer(value, "by_mb", fault.by_bytes);
+  fault.by_bytes *= 1'000'000;
   fault.field = text_of(value, "field");
   fault.corruption = find_word(value, "as",
                                std::array{Corruption::kNan, Corruption::kValue,

@@ -176,8 +176,14 @@ std::string_view to_string(FaultKind kind) {
       return "hang";
     case FaultKind::kRestart:
       return "restart";
+    case FaultKind::kCrash:
+      return "crash";
+    case FaultKind::kLeak:
+      return "leak";
     case FaultKind::kKill:
       return "kill";
+    case FaultKind::kSuspend:
+      return "suspend";
   }
   return "";
 }

@@ -260,7 +260,10 @@ enum class FaultKind : std::uint8_t {
   kSlow,       ///< In simulated time: its computations take longer.
   kHang,       ///< Live: a callback does not return for a while.
   kRestart,    ///< It is restarted.
+  kCrash,      ///< A callback is ended by SIGSEGV.
+  kLeak,       ///< A callback allocates memory that is never freed.
   kKill,       ///< The process ends as by SIGKILL.
+  kSuspend,    ///< The process stands still as after SIGSTOP.
 };
 [[nodiscard]] constexpr bool is_of_topic(FaultKind kind) noexcept {
   return kind <= FaultKind::kCorrupt;
@@ -288,6 +291,7 @@ struct FaultDescription {
   std::vector<std::uint64_t> messages;         ///< Sorted sequences of a publisher; empty: all.
   double probability = 1.0;                    ///< Of a message.
   std::chrono::nanoseconds by{0};              ///< Of `kDelay`, `kSlow`, `kHang`.
+  std::uint64_t by_bytes = 0;                  ///< Of `kLeak`.
   std::string field;                           ///< Dotted, of `kCorrupt`.
   Corruption corruption = Corruption::kNan;
   double value = 0;  ///< Of `Corruption::kValue`.

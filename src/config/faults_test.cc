@@ -71,6 +71,8 @@ TEST_F(FaultsTest, ThatAreNotCompleteOrContradictThemselvesAreMistakes) {
       {"kind": "slow", "component": "planer", "by_ms": 3, "topic": "a"},
       {"kind": "corrupt", "topic": "a", "field": "b", "as": "nan", "value": 3},
       {"kind": "corrupt", "topic": "a", "field": "b", "as": "value"},
+      {"kind": "leak", "component": "planner"},
+      {"kind": "suspend", "component": "planner"},
       {"kind": "drop", "topic": "a", "from_s": 3, "to_s": 3},
       {"kind": "drop", "topic": "a", "name": "same"},
       {"kind": "drop", "topic": "a", "name": "same"}]})");
@@ -83,6 +85,8 @@ TEST_F(FaultsTest, ThatAreNotCompleteOrContradictThemselvesAreMistakes) {
   EXPECT_THAT(all, HasSubstr("a \"topic\" has no meaning with the kind \"slow\""));
   EXPECT_THAT(all, HasSubstr("a \"value\" has no meaning where \"as\" is not \"value\""));
   EXPECT_THAT(all, HasSubstr("\"as\": \"value\" needs the key \"value\""));
+  EXPECT_THAT(all, HasSubstr("\"leak\" needs the key \"by_mb\""));
+  EXPECT_THAT(all, HasSubstr("\"suspend\" needs the key \"process\""));
   EXPECT_THAT(all, HasSubstr("\"to_s\" has to be greater than \"from_s\""));
   EXPECT_THAT(all, HasSubstr("the fault \"same\" is there twice"));
 }

@@ -761,10 +761,26 @@ void Application::hang_changed(ComponentCore& component, std::string hang) {
 }
 
 /// Executes a fault of a component or a process.
+namespace {
+
+/// Allocates memory that is used, and never freed.
+void leak(std::uint64_t bytes) {
+  constexpr std::uint64_t kPiece = 1'000'000;
+  static std::mutex mutex;
+  static auto& leaked = *new std::vector<std::vector<char>>;
+  for (std::uint64_t left = bytes; left > 0; left -= std::min(left, kPiece)) {
+    std::vector<char> piece(std::min(left, kPiece), 'x');
+    const std::lock_guard lock(mutex);
+    leaked.push_back(std::move(piece));
+  }
+}
+
+}  // namespace
+
 void Application::strike(const config::FaultDescription& fault, bool is_over) {
-  if (fault.kind == config::FaultKind::kKill) {
+  if (fault.kind == config::FaultKind::kKill || fault.kind == config::FaultKind::kSuspend) {
     if (peers_ != nullptr && peers_->name() == fault.process) {
-      std::raise(SIGKILL);
+      std::raise(fault.kind == config::FaultKind::kKill ? SIGKILL : SIGSTOP);
     }
     return;
   }
@@ -787,6 +803,15 @@ void Application::strike(const config::FaultDescription& fault, bool is_over) {
       driver_->between_rounds([&component, name = fault.name] {
         component.post(detail::Cause::kEvent,
                        [name] { throw std::runtime_error("the injected fault \"" + name + "\""); });
+      });
+      break;
+    case config::FaultKind::kCrash:
+      driver_->between_rounds(
+          [&component] { component.post(detail::Cause::kEvent, [] { std::raise(SIGSEGV); }); });
+      break;
+    case config::FaultKind::kLeak:
+      driver_->between_rounds([&component, bytes = fault.by_bytes] {
+        component.post(detail::Cause::kEvent, [bytes] { leak(bytes); });
       });
       break;
     case config::FaultKind::kRestart:

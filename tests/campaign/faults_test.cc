@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "campaign/test_runs.h"
+#include "fastcycle/version.h"
 
 namespace fastcycle {
 namespace {
@@ -200,6 +201,66 @@ TEST_F(InjectedFaults, KillAProcessOnce) {
   Process wrong(program({"run", "app.json", "--isolate", "tracker", "--overlay", "overlay.json"}));
   EXPECT_EQ(wrong.wait().exit_code, 2);
   EXPECT_THAT(wrong.errors(), HasSubstr("no component runs in a process \"trackin\""));
+}
+
+/// A fault of a component or a process that ends its process, which is restarted.
+class FaultsOfAProcess : public InjectedFaults {
+ protected:
+  json report_of(const std::string& fault, const std::string& process, const std::string& clock) {
+    folder_.write("ended.json", R"({"name": "tracking",
+        "processes": [{"name": "tracking", "on_exit": "restart", )" +
+                                    process + R"(}],
+        "components": [
+        {"name": "lidar", "library": "campaign_parts", "class": "Lidar", "serve_period_ms": 50,
+         "params": {"count": 40}},
+        {"name": "tracker", "library": "campaign_parts", "class": "Tracker",
+         "process": "tracking"},
+        {"name": "planner", "library": "campaign_parts", "class": "Planner"}],
+        "faults": {"list": [)" + fault +
+                                    "]}}");
+    Process run(
+        program({"run", "ended.json", "--clock", clock, "--report", "report.json", "--quiet"}));
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+    errors_ = run.errors();
+    return json::parse(test::read_file(folder_ / "report.json"));
+  }
+};
+
+TEST_F(FaultsOfAProcess, CrashItInACallbackOfTheComponent) {
+  for (const char* clock : {"live", "simulated"}) {
+    const json report = report_of(R"({"kind": "crash", "component": "tracker", "from_s": 0.5})",
+                                  R"("trusted": true)", clock);
+
+    EXPECT_EQ(report["processes"]["tracking"]["restarts"], 1) << clock;
+    EXPECT_EQ(report["faults"][0]["count"], 1) << clock;
+    EXPECT_THAT(errors_, HasSubstr("crash of component \"tracker\"")) << clock;
+    EXPECT_EQ(report["topics"]["sweeps"]["published"], 40) << clock;
+  }
+}
+
+TEST_F(FaultsOfAProcess, SuspendItUntilItsHeartbeatIsMissed) {
+  for (const char* clock : {"live", "simulated"}) {
+    const json report = report_of(R"({"kind": "suspend", "process": "tracking", "from_s": 0.5})",
+                                  R"("heartbeat_ms": 500)", clock);
+
+    EXPECT_EQ(report["processes"]["tracking"]["restarts"], 1) << clock;
+    EXPECT_EQ(report["topics"]["sweeps"]["published"], 40) << clock;
+  }
+}
+
+TEST_F(FaultsOfAProcess, TakeMemoryUpToItsLimit) {
+  if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
+    GTEST_SKIP() << "a sanitizer reserves memory itself, and ends the process where there is none";
+  }
+  for (const char* clock : {"live", "simulated"}) {
+    const json report =
+        report_of(R"({"kind": "leak", "component": "tracker", "from_s": 0.5, "by_mb": 1000})",
+                  R"("memory_mb": 400)", clock);
+
+    EXPECT_EQ(report["components"]["tracker"]["state"], "failed") << clock;
+    EXPECT_THAT(report["components"]["tracker"]["fault_texts"].dump(), HasSubstr("bad_alloc"));
+    EXPECT_EQ(report["topics"]["sweeps"]["published"], 40) << clock;
+  }
 }
 
 TEST_F(InjectedFaults, ActInLiveRunsToo) {
