@@ -47,6 +47,12 @@ bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns,
   const timespec deadline = to_timespec(deadline_ns);
   const timespec* limit = deadline_ns != kNever ? &deadline : nullptr;
   const long result = syscall(SYS_futex_waitv, waited.data(), count, 0, limit, CLOCK_MONOTONIC);
+  if (result < 0 && errno == ENOSYS) {
+    // Linux before 5.16, or valgrind. Who sleeps here looks at the words each time.
+    constexpr std::int64_t kLookNs = 1'000'000;
+    wait_while_zero(word, std::min(deadline_ns, monotonic_ns() + kLookNs));
+    return word.load(std::memory_order_acquire) != 0;
+  }
   // EAGAIN: a word had changed before; unknown which one.
   return result == 0 || (errno == EAGAIN && word.load(std::memory_order_acquire) != 0);
 }

@@ -252,7 +252,9 @@ void PublisherCore::share(Envelope& loan) noexcept {
   if (exports_.empty()) [[likely]] {
     return;
   }
+  base::enter_shared_scope();  // Its own is over if it was lent in an earlier activation.
   loan.own = exports_.front()->share(loan.own);
+  base::leave_shared_scope();
   base::leave_shared_scope();
 }
 

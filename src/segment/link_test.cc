@@ -157,6 +157,18 @@ class Publishing {
     core_->publish(loan, {});
     owner_.leave();
   }
+  /// The same, but the loan is from an activation before.
+  void publish_later(const std::function<void(google::protobuf::Message&)>& fill) {
+    owner_.enter();
+    detail::Envelope* const loan = core_->loan(true);
+    owner_.leave();
+    owner_.enter();
+    owner_.now = clock_.now();
+    owner_.publish_count = 0;
+    fill(*loan->own);
+    core_->publish(loan, {});
+    owner_.leave();
+  }
   void publish_file(const std::string& name) {
     publish([&](auto& message) {
       static_cast<SourceCodeInfo_Location&>(message).set_leading_comments(name);
@@ -420,6 +432,36 @@ TEST(MessagesBetweenProcesses, AreCopiedWhereTheyDidNotLieInTheSegment) {
           ASSERT_NE(envelope, nullptr);
           const auto& fields = static_cast<const Struct&>(*envelope->payload).fields();
           EXPECT_DOUBLE_EQ(fields.at("speed").number_value(), 12.5);
+          detail::release(envelope);
+          processes.progress.reach(1);
+        });
+  }));
+}
+
+TEST(MessagesBetweenProcesses, AreCopiedWhereTheyWereFilledInALaterActivation) {
+  ASSERT_TRUE(holds_in_child([] {
+    Processes processes;
+    run_both(
+        processes,
+        [&] {
+          Publishing publishing(processes, 1, SourceCodeInfo_Location::default_instance());
+          await_connection(publishing);
+          publishing.publish_later([](auto& message) {
+            auto& location = static_cast<SourceCodeInfo_Location&>(message);
+            location.set_leading_comments(long_name(1));
+            for (int i = 0; i < 1000; ++i) {
+              location.add_path(i);
+            }
+          });
+          EXPECT_EQ(publishing.to().counts().copied, 1U);
+          EXPECT_EQ(publishing.to().counts().unshared, 0U);
+          processes.progress.await(1);
+        },
+        [&] {
+          Receiving receiving(processes, 1, SourceCodeInfo_Location::default_instance());
+          detail::Envelope* const envelope = receiving.await();
+          ASSERT_NE(envelope, nullptr);
+          EXPECT_EQ(name_of(*envelope), long_name(1));
           detail::release(envelope);
           processes.progress.reach(1);
         });

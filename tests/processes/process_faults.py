@@ -127,7 +127,9 @@ def judge(report, log, faults):
                 continue
             lost = subscriber["dropped"].get("process", 0)
             if lost > full[topic, subscriber["component"]]:
-                fail(f"{subscriber['component']} lost messages of {topic}: {subscriber}, {faults}\n{log}")
+                links = report["processes"][publishers[topic]]["links"]
+                link = [one for one in links if one["topic"] == topic and one["to"] == subscriber["component"]]
+                fail(f"{subscriber['component']} lost messages of {topic}: {subscriber}, {link}, {faults}\n{log}")
             overflowed += lost + subscriber["dropped"].get("overflow", 0)
     return overflowed
 
