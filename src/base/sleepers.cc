@@ -46,9 +46,14 @@ bool wait_while_zero(std::atomic<std::uint32_t>& word, std::int64_t deadline_ns,
   }
   const timespec deadline = to_timespec(deadline_ns);
   const timespec* limit = deadline_ns != kNever ? &deadline : nullptr;
-  const long result = syscall(SYS_futex_waitv, waited.data(), count, 0, limit, CLOCK_MONOTONIC);
-  if (result < 0 && errno == ENOSYS) {
-    // Linux before 5.16, or valgrind. Who sleeps here looks at the words each time.
+  static std::atomic<bool> is_missing{false};
+  long result = -1;
+  if (!is_missing.load(std::memory_order_relaxed)) {
+    result = syscall(SYS_futex_waitv, waited.data(), count, 0, limit, CLOCK_MONOTONIC);
+    is_missing.store(result < 0 && errno == ENOSYS, std::memory_order_relaxed);
+  }
+  if (is_missing.load(std::memory_order_relaxed)) {
+    // Linux before 5.16, or valgrind: the caller looks at the words again each time.
     constexpr std::int64_t kLookNs = 1'000'000;
     wait_while_zero(word, std::min(deadline_ns, monotonic_ns() + kLookNs));
     return word.load(std::memory_order_acquire) != 0;
