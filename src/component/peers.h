@@ -81,6 +81,17 @@ class Peers {
   /// Declares the publishers of a component that runs elsewhere; within its constructor.
   virtual void declare(detail::ComponentCore& component) = 0;
 
+  /// Messages that arrived here from processes that are not trusted, and were none of their topic's
+  /// type: since the last call, for each publisher; one of them is reported at most every 10 s. As
+  /// `on_look`, or in `on_quiet`.
+  struct Invalid {
+    std::string process;
+    std::string component;
+    std::string topic;
+    std::uint64_t count = 0;
+  };
+  [[nodiscard]] virtual std::vector<Invalid> take_invalid() = 0;
+
   /// `process` reads what components here publish: gives it their latched messages.
   virtual void give_latched(std::uint32_t process) = 0;
 

@@ -143,6 +143,16 @@ void Application::add_component(const config::ComponentDescription& component,
   components_.push_back(std::move(core));
 }
 
+void Application::tell_invalid() {
+  for (const Peers::Invalid& one : peers_->take_invalid()) {
+    log(LogLevel::kWarning, {},
+        fmt::format("{} {} of \"{}\" from \"{}\" in the process \"{}\", which is not trusted, "
+                    "{} not of the topic's type: dropped",
+                    one.count, one.count == 1 ? "message" : "messages", one.topic, one.component,
+                    one.process, one.count == 1 ? "was" : "were"));
+  }
+}
+
 /// Lets what concerns all processes be taken here.
 void Application::listen_to_peers() {
   peers_->on_notice = [this](const Notice& notice) {
@@ -157,7 +167,10 @@ void Application::listen_to_peers() {
     follower_news_.take(notice);
   };
   peers_->on_round_ends = [this] { peer_log_.tell_round(); };
-  peers_->on_look = [this] { return peer_news_.look(); };
+  peers_->on_look = [this] {
+    tell_invalid();
+    return peer_news_.look();
+  };
   peer_news_.on_news = [this](const ComponentNews& news) {
     if (end_reason() == EndReason::kNone) {  // Processes that end with the run have not failed.
       observers_.changed(news);
@@ -174,6 +187,7 @@ void Application::listen_to_peers() {
   peers_->on_quiet = [this] {
     params_.all_have_answered();
     peer_news_.round_is_over();
+    tell_invalid();
   };
   peers_->make_snapshot = [this] {
     return nlohmann::json{{"modes", modes_.make_snapshot()}, {"params", params_.make_snapshot()}}

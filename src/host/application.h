@@ -303,6 +303,8 @@ class Application final : public ApplicationHost {
  private:
   void set_up();
   void listen_to_peers();
+  /// Logs invalid messages of processes that are not trusted.
+  void tell_invalid();
   void strike(const config::FaultDescription& fault, bool is_over);
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);

@@ -113,6 +113,22 @@ bool Partition::is_wanted(const std::string& topic) const {
                              [&](const auto& one) { return one.topic == topic; });
 }
 
+std::vector<host::Peers::Invalid> Partition::take_invalid() {
+  constexpr std::chrono::seconds kPause{10};
+  std::vector<Invalid> all;
+  for (Untrusted& one : untrusted_) {
+    const std::uint64_t count = one.import->refused();
+    const Time now = clock_->now();
+    if (count == one.told || now < one.next) {
+      continue;
+    }
+    one.found.count = count - std::exchange(one.told, count);
+    one.next = now + kPause;
+    all.push_back(one.found);
+  }
+  return all;
+}
+
 void Partition::declare(detail::ComponentCore& component) {
   auto& topics = component.application.wiring().topics();
   for (const auto& publisher : plan_.wiring().publishers) {
@@ -185,7 +201,14 @@ void Partition::connect(host::Application& application) {
             ->add(*publisher->credits(), *outlets_.back().to);
       }
     } else {
-      sets.at(is_simulated ? 0 : wire.executor)->add(wire, *publisher);
+      const segment::Import& import =
+          sets.at(is_simulated ? 0 : wire.executor)->add(wire, *publisher);
+      if (wire.is_serialized) {
+        untrusted_.push_back({.found = {.process = plan_.name(wire.from),
+                                        .component = link.component,
+                                        .topic = link.topic},
+                              .import = &import});
+      }
     }
   }
   tell_followers();

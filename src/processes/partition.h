@@ -95,6 +95,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   [[nodiscard]] std::string switch_to_standby(const std::string& component) override;
   [[nodiscard]] std::atomic<std::uint32_t>* crashed() override;
   [[nodiscard]] bool is_wanted(const std::string& topic) const override;
+  [[nodiscard]] std::vector<Invalid> take_invalid() override;
   [[nodiscard]] bool is_here(std::uint32_t process) const override { return process == process_; }
   [[nodiscard]] const std::set<std::uint32_t>& told() const override { return notices_->told(); }
   [[nodiscard]] bool keeps_activity() const override { return !plan_.wire().workers.empty(); }
@@ -119,6 +120,14 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void stop_notices() override { notices_->stop(); }
 
  private:
+  /// A serialized link that leads here.
+  struct Untrusted {
+    Invalid found;
+    const segment::Import* import;
+    std::uint64_t told = 0;  ///< Of those that were invalid.
+    Time next{};             ///< When it may be told again.
+  };
+
   void say_progress(std::uint32_t progress);
   [[nodiscard]] std::atomic<std::uint32_t>& begin_word(std::size_t which) const;
   void say_begin(std::int64_t begin_ns);
@@ -146,6 +155,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   host::Application* application_ = nullptr;
   std::vector<Outlet> outlets_;
   std::vector<std::unique_ptr<segment::LinkSet>> link_sets_;
+  std::vector<Untrusted> untrusted_;
   std::unique_ptr<FollowerBell> bell_;  ///< Null in a process without followers.
   std::unique_ptr<Pair> pair_;          ///< Null in one that never follows.
   std::vector<std::unique_ptr<PairedInputs>> paired_inputs_;

@@ -285,7 +285,9 @@ bool Import::take_one() noexcept {
     return true;  // Sent to the previous incarnation.
   }
   if (link_.is_serialized) {
-    refused_ += take_copy(word) ? 0 : 1;
+    if (!take_copy(word)) {
+      refused_.fetch_add(1, std::memory_order_relaxed);
+    }
     return true;
   }
   const unsigned generation = Wire::generation_of(publisher_);

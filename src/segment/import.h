@@ -57,8 +57,10 @@ class Import final : public detail::CreditRelay {
   [[nodiscard]] const LinkPlan& link() const noexcept { return link_; }
   /// Messages that this process holds.
   [[nodiscard]] std::size_t held() const noexcept;
-  /// Messages of a serialized link that were invalid, and dropped. As `take`.
-  [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
+  /// Messages of a serialized link that were invalid, and dropped. Safe.
+  [[nodiscard]] std::uint64_t refused() const noexcept {
+    return refused_.load(std::memory_order_relaxed);
+  }
 
  private:
   class Held;
@@ -82,7 +84,7 @@ class Import final : public detail::CreditRelay {
   std::uint32_t publisher_ = 0;  ///< Incarnation being read; 0: none.
   std::uint32_t newest_ = 0;     ///< The last one that existed.
   std::uint64_t head_ = 0;
-  std::uint64_t refused_ = 0;
+  std::atomic<std::uint64_t> refused_{0};
   // With credits; under the lock of the stand-in.
   std::uint32_t credited_ = 0;               ///< Incarnation of the publisher that gets them.
   std::uint64_t passed_on_ = 0;              ///< Position up to which messages are in the lanes.

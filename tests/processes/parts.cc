@@ -32,6 +32,7 @@ class Sensor final : public fastcycle::Component {
   explicit Sensor(fastcycle::Context& context)
       : Component(context),
         count_(context.param<std::int64_t>("count", {.fallback = 1'000'000'000})),
+        invalid_at_(context.param<std::int64_t>("invalid_at", {.fallback = 0})),
         readings_(context.create_publisher<Reading>("readings")),
         source_(context.create_source()) {}
 
@@ -42,7 +43,7 @@ class Sensor final : public fastcycle::Component {
     }
     auto reading = readings_.loan();
     reading->set_value(++published_);
-    reading->set_text(text_of(published_));
+    reading->set_text(published_ == invalid_at_.get() ? "\xff is not UTF-8" : text_of(published_));
     reading->clear_points();
     for (int i = 0; i < 100; ++i) {
       reading->add_points(static_cast<double>(i) * static_cast<double>(published_));
@@ -53,6 +54,7 @@ class Sensor final : public fastcycle::Component {
 
  private:
   fastcycle::Param<std::int64_t> count_;
+  fastcycle::Param<std::int64_t> invalid_at_;
   fastcycle::Publisher<Reading> readings_;
   fastcycle::Source source_;
   std::int64_t published_ = 0;

@@ -110,6 +110,28 @@ TEST_F(ComponentsInProcesses, GetCopiesOfWhatAProcessSendsThatIsNotTrusted) {
   expect_ledgers(said);
 }
 
+// A text that is not UTF-8 can be serialized, but not parsed.
+TEST_F(ComponentsInProcesses, LogWhichProcessThatIsNotTrustedSentInvalidMessages) {
+  const std::string text =
+      R"({"name": "invalid", "processes": [{"name": "sensing", "trusted": false}], "components": [
+          {"name": "source", "library": "processes_parts", "class": "Sensor", "process": "sensing",
+           "serve_period_ms": 5, "params": {"count": 100, "invalid_at": 20}},
+          {"name": "sink", "library": "processes_parts", "class": "Sink"}]})";
+  for (const char* clock : {"live", "simulated"}) {
+    Process run(options(text, {"--clock", clock}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+    EXPECT_THAT(run.errors(),
+                HasSubstr("1 message of \"readings\" from \"source\" in the process \"sensing\", "
+                          "which is not trusted, was not of the topic's type: dropped"));
+    const json said = report();
+    EXPECT_EQ(said["results"]["whole"], 99) << clock;
+    EXPECT_EQ(said["topics"]["readings"]["subscribers"][0]["dropped"]["process"], 1) << clock;
+    expect_ledgers(said);
+  }
+}
+
 TEST_F(ComponentsInProcesses, AreRecordedInOneLog) {
   const auto log = folder_ / "log.mcap";
   Process run(options(application(R"("process": "relaying")"),
