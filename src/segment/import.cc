@@ -171,8 +171,11 @@ void Import::credit_returned() noexcept {
 }
 
 void Import::tell_finished() noexcept {
+  if (link_.credits == 0) {
+    return;
+  }
   const std::lock_guard lock(stand_in_.mutex());
-  if (link_.credits == 0 || credited_ == 0) {
+  if (credited_ == 0) {
     return;
   }
   const detail::Credits& credits = *stand_in_.credits();
