@@ -166,8 +166,17 @@ void ProcessPlan::find_problems() {
     for (const auto& subscription : wiring_.subscriptions) {
       const ProcessIndex from = process_of(publisher.component);
       const ProcessIndex to = process_of(subscription.component);
-      if (publisher.credits > 0 && subscription.topic == publisher.topic &&
-          subscription.is_called && from != to && (twin_of(from) || twin_of(to))) {
+      if (publisher.credits == 0 || subscription.topic != publisher.topic ||
+          !subscription.is_called || from == to) {
+        continue;
+      }
+      if (publisher.credits > kMaxDepth) {
+        problem_ = fmt::format(
+            "topic \"{}\" has {} credits, and goes from process \"{}\" to \"{}\", between which at "
+            "most {} messages may wait; put both components into one process, or use fewer credits",
+            publisher.topic, publisher.credits, name(from), name(to), kMaxDepth);
+      }
+      if (twin_of(from) || twin_of(to)) {
         problem_ = fmt::format(
             "topic \"{}\" has credits, and goes from process \"{}\" to \"{}\": a process with a "
             "standby neither awaits nor returns credits; put both components into one process, or "

@@ -32,7 +32,8 @@ using segment::ProcessIndex;
 namespace {
 
 constexpr int kFailed = 1;
-constexpr int kWrong = 2;  // Exit codes of `fastcycle run`.
+constexpr int kWrong = 2;        // Exit codes of `fastcycle run`.
+constexpr int kSignalled = 128;  // And the signal.
 constexpr int kEndedAtOnce = 130;
 /// Time for a process to end on request. The steps of its end take up to 5 s.
 constexpr std::chrono::seconds kEndLimit{15};
@@ -303,9 +304,18 @@ void Supervisor::proceed() {
 
 void Supervisor::take_signal() {
   signalfd_siginfo signal{};
-  if (read(signals_, &signal, sizeof(signal)) == sizeof(signal) &&
-      its_[ProcessPlan::kMain].pid > 0) {
-    kill(its_[ProcessPlan::kMain].pid, static_cast<int>(signal.ssi_signo));
+  if (read(signals_, &signal, sizeof(signal)) != sizeof(signal)) {
+    return;
+  }
+  const auto number = static_cast<int>(signal.ssi_signo);
+  if (its_[ProcessPlan::kMain].pid > 0) {
+    kill(its_[ProcessPlan::kMain].pid, number);  // At the second one it ends at once.
+  }
+  if (std::exchange(was_signalled_, true) && is_ending_ && kill_at_ns_ != base::kNever) {
+    constexpr std::int64_t kGraceNs = 1'000'000'000;
+    const std::int64_t soon_ns = base::monotonic_ns() + kGraceNs;
+    kill_at_ns_ = kill_at_ns_ == 0 ? soon_ns : std::min(kill_at_ns_, soon_ns);
+    interrupted_by_ = number;
   }
 }
 
@@ -623,7 +633,8 @@ Supervisor::Result Supervisor::run() {
                             plan_.name(process)));
         }
       }
-      result_.exit_code = std::max(result_.exit_code, kFailed);
+      result_.exit_code = interrupted_by_ != 0 ? kSignalled + interrupted_by_
+                                               : std::max(result_.exit_code, kFailed);
       kill_all();
     }
   }

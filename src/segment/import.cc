@@ -144,7 +144,10 @@ void Import::attach() {
   held_.push_back(std::make_unique<Held>(wire_, link_, now, incarnation_));
   head_ = out.tail.load(std::memory_order_seq_cst);
   if (is_first) {
-    stand_in_.continue_after(out.sequence.load(std::memory_order_relaxed));
+    // A publisher that was restarted as well has no sequence there before it publishes.
+    const std::uint64_t before =
+        now > 1 ? wire_.out(link_, now - 1).sequence.load(std::memory_order_relaxed) : 0;
+    stand_in_.continue_after(std::max(out.sequence.load(std::memory_order_relaxed), before));
   }
   in_.taking.store(head_, std::memory_order_seq_cst);
   begin_credits(now);

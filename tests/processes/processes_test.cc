@@ -410,6 +410,27 @@ TEST_F(ComponentsInProcesses, EndWithTheSupervisor) {
   EXPECT_EQ(test::processes_of_session(run.pid()), 0);
 }
 
+TEST_F(ComponentsInProcesses, EndAtOnceWhenAskedToAgainAlsoWhereAProcessStandsStill) {
+  Process run(options(application(
+      R"("process": "relaying")",
+      R"("faults": {"list": [{"kind": "suspend", "process": "relaying", "from_s": 0.1}]}, )",
+      1'000'000)));
+  while (test::processes_of_session(run.pid()) < 3) {
+    std::this_thread::sleep_for(10ms);
+  }
+  std::this_thread::sleep_for(1s);
+
+  run.send(SIGINT);
+  // The main process ends. Later the supervisor would end the other one, with another exit code.
+  for (int i = 0; i < 6000 && test::processes_of_session(run.pid()) > 2; ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
+  run.send(SIGINT);
+
+  EXPECT_EQ(run.wait().exit_code, 130) << run.errors();
+  EXPECT_THAT(run.errors(), HasSubstr("process \"relaying\" has not come to its end"));
+}
+
 TEST_F(ComponentsInProcesses, EndInOrderWhenAskedTo) {
   Process run(options(application(R"("process": "relaying")", "", 1'000'000)));
   while (test::processes_of_session(run.pid()) < 3) {
@@ -1059,6 +1080,31 @@ TEST_P(CreditsOfComponentsInProcesses, AreReturnedAllWhenTheProcessOfTheReceiver
   expect_ledgers(said);
 }
 
+// Neither knows then what was published before.
+TEST_F(CreditsInSimulatedTime, AreNotNeededToCountWhenBothEndsBeginAgain) {
+  const std::string faults = R"("processes": [{"name": "reading", "on_exit": "restart"},
+      {"name": "storing", "on_exit": "restart"}, {"name": "copying"}],
+      "faults": {"list": [{"kind": "slow", "component": "store", "by_ms": 1},
+                          {"kind": "crash", "component": "store", "from_s": 0.05},
+                          {"kind": "crash", "component": "reader", "from_s": 0.05}]}, )";
+  std::string text = application("Reader", true, 600, 0);
+  const std::size_t begin = text.find(R"("processes")");
+  text.replace(begin, text.find(R"("components")") - begin, faults);
+  Process run(options(text, {"--clock", "simulated"}));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json said = report();
+  EXPECT_EQ(said["processes"]["reading"]["restarts"], 1);
+  EXPECT_EQ(said["processes"]["storing"]["restarts"], 1);
+  EXPECT_EQ(said["results"]["received_by_store"], 600);
+  for (const json& subscriber : said["topics"]["readings"]["subscribers"]) {
+    EXPECT_FALSE(subscriber["component"] == "store" && subscriber["dropped"].contains("process"))
+        << subscriber;
+  }
+  expect_ledgers(said);
+}
+
 // With each number of workers, and as in one process.
 TEST_F(CreditsInSimulatedTime, AreReturnedInTheSameRoundAsInOneProcess) {
   const std::string text = application("Reader", true, 1000, 0);
@@ -1087,6 +1133,16 @@ TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {
   EXPECT_EQ(run.wait().exit_code, 2);
   EXPECT_THAT(run.errors(), HasSubstr("topic \"readings\" has credits"));
   EXPECT_THAT(run.errors(), HasSubstr("from process \"main\" to \"relaying\""));
+
+  Process many(options(
+      R"({"name": "many", "topics": {"readings": {"credits": 20000}}, "components": [
+          {"name": "store", "library": "processes_parts", "class": "Store", "process": "storing",
+           "subscribers": {"readings": {"depth": 20000}}},
+          {"name": "reader", "library": "processes_parts", "class": "Reader",
+           "params": {"count": 1}}]})"));
+
+  EXPECT_EQ(many.wait().exit_code, 2);
+  EXPECT_THAT(many.errors(), HasSubstr("topic \"readings\" has 20000 credits"));
 
   Process standby(options(
       application(R"("process": "relaying")",
