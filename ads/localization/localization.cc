@@ -1,6 +1,7 @@
 #include "localization.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <string>
 #include <string_view>
@@ -8,6 +9,9 @@
 
 namespace ads {
 namespace {
+
+/// An initial pose that is older does not replace a known position.
+constexpr std::chrono::seconds kPoseAgeMax{1};
 
 class Reader {
  public:
@@ -292,7 +296,11 @@ void Localization::on_initial_pose(const mission::InitialPose& pose) {
     ++invalid_count_;
     return;
   }
-  newest_ = std::max(newest_, time_of(pose));
+  const Time taken = time_of(pose);
+  if (pose_.has_position() && taken + kPoseAgeMax < newest_) {
+    return;  // That of the begin, again: this or its sender was restarted.
+  }
+  newest_ = std::max(newest_, taken);
   pose_.on_known_pose(newest_, known);
   heard_.good_fix = newest_;
 }

@@ -41,7 +41,9 @@ class Drive {
     pose.set_position_stddev_m(0.5);
     pose.set_heading_stddev_rad(0.02);
     poses_.publish(pose);
+    initial_ = pose;
   }
+  void give_initial_pose_again() { poses_.publish(initial_); }
 
   void go(int milliseconds) {
     for (int end = elapsed_ms_ + milliseconds; elapsed_ms_ < end; elapsed_ms_ += 10) {
@@ -129,6 +131,7 @@ class Drive {
     motions_.publish(motion);
   }
 
+  mission::InitialPose initial_;
   int elapsed_ms_ = 0;
   int fix_count_ = 0;
   Eigen::Vector2d axle_m_{100.0, 50.0};
@@ -148,6 +151,20 @@ class Drive {
   Bench::Input<vehicle::State> states_ = bench_.input<vehicle::State>("vehicle/state");
   Bench::Output<localization::Ego> egos_ = bench_.output<localization::Ego>("localization/ego");
 };
+
+// As when the sender of the mission is restarted.
+TEST(Localization, APoseOfLongAgoDoesNotMoveTheVehicleBack) {
+  Drive drive(1);
+  drive.give_initial_pose();
+  drive.go(5'000);
+
+  drive.give_initial_pose_again();
+  drive.go(200);
+
+  const localization::Ego ego = drive.last();
+  EXPECT_EQ(ego.quality(), localization::GOOD);
+  EXPECT_LT(drive.error(ego).head<2>().norm(), 1.5);
+}
 
 TEST(Localization, WithoutAnInitialPoseItIsInitializing) {
   Drive drive(1);
