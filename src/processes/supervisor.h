@@ -102,8 +102,8 @@ class Supervisor {
   bool is_ending_ = false;
   std::int64_t kill_at_ns_ = 0;  ///< 0: no deadline.
   bool was_signalled_ = false;
-  int interrupted_by_ = 0;  ///< The signal that did not wait for the end.
-  std::int64_t looked_ns_ = 0;   ///< When heartbeats were checked last.
+  int interrupted_by_ = 0;      ///< The signal that did not wait for the end.
+  std::int64_t looked_ns_ = 0;  ///< When heartbeats were checked last.
   Result result_;
 };
 
