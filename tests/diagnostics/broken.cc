@@ -222,14 +222,14 @@ class Broken final : public fastcycle::Component {
     });
     if (where_.get() == "work") {
       context.create_subscriber<blame::Count>("counts", [this](const blame::Count& count) {
-        if (count.value() == 20) {
+        if (count.value() >= 20 && !std::exchange(has_offloaded_, true)) {
           this->context().offload("side", [this] { break_in("work"); }, [] {});
         }
       });
     }
     if (where_.get() == "behind work") {
       context.create_subscriber<blame::Count>("counts", [this](const blame::Count& count) {
-        if (count.value() == 20) {
+        if (count.value() >= 20 && !std::exchange(has_offloaded_, true)) {
           this->context().offload("side", [] {}, [this] { break_in("behind work"); });
         }
       });
@@ -265,6 +265,7 @@ class Broken final : public fastcycle::Component {
 
   fastcycle::Param<std::string> how_;
   fastcycle::Param<std::string> where_;
+  bool has_offloaded_ = false;
 };
 
 }  // namespace broken
