@@ -415,9 +415,7 @@ TEST_F(ComponentsInProcesses, EndAtOnceWhenAskedToAgainAlsoWhereAProcessStandsSt
       R"("process": "relaying")",
       R"("faults": {"list": [{"kind": "suspend", "process": "relaying", "from_s": 0.1}]}, )",
       1'000'000)));
-  while (test::processes_of_session(run.pid()) < 3) {
-    std::this_thread::sleep_for(10ms);
-  }
+  EXPECT_TRUE(run.wait_for("faults are injected into this run")) << run.errors();
   std::this_thread::sleep_for(1s);
 
   run.send(SIGINT);
