@@ -50,6 +50,10 @@ class FaultSense {
 
   void check(const std::vector<std::string>& components,
              const std::vector<std::string>& processes) {
+    const Value* const kind = written_.find("kind");
+    if (kind == nullptr || !kind->is_string() || kind->as_string() != to_string(fault_.kind)) {
+      return;  // An error already; what else it needs is unknown.
+    }
     for (const Key& key : keys()) {
       const bool is_there = written_.find(key.name) != nullptr;
       if (!is_there && key.needed.contains(fault_.kind)) {

@@ -72,6 +72,7 @@ TEST_F(FaultsTest, ThatAreNotCompleteOrContradictThemselvesAreMistakes) {
       {"kind": "corrupt", "topic": "a", "field": "b", "as": "nan", "value": 3},
       {"kind": "corrupt", "topic": "a", "field": "b", "as": "value"},
       {"kind": "leak", "component": "planner"},
+      {"kind": "leek", "component": "planner", "by_mb": 3},
       {"kind": "suspend", "component": "planner"},
       {"kind": "drop", "topic": "a", "from_s": 3, "to_s": 3},
       {"kind": "drop", "topic": "a", "name": "same"},
@@ -81,6 +82,8 @@ TEST_F(FaultsTest, ThatAreNotCompleteOrContradictThemselvesAreMistakes) {
   EXPECT_THAT(all, HasSubstr("/faults/list/0: \"drop\" needs the key \"topic\""));
   EXPECT_THAT(all, HasSubstr("/faults/list/1/kind: expected one of \"drop\""));
   EXPECT_THAT(all, HasSubstr("did you mean \"drop\"?"));
+  EXPECT_THAT(all, HasSubstr("did you mean \"leak\"?"));
+  EXPECT_THAT(all, Not(HasSubstr("\"by_mb\" has no meaning")));  // With which kind is unknown.
   EXPECT_THAT(all, HasSubstr("there is no component \"planer\"; did you mean \"planner\"?"));
   EXPECT_THAT(all, HasSubstr("a \"topic\" has no meaning with the kind \"slow\""));
   EXPECT_THAT(all, HasSubstr("a \"value\" has no meaning where \"as\" is not \"value\""));

@@ -155,6 +155,8 @@ def judge(report, kills, log):
 
 
 def main():
+    if len(sys.argv) < 4:
+        sys.exit(__doc__)
     program, application = (os.path.abspath(word) for word in sys.argv[1:3])
     seconds = sys.argv[3]
     seed = int(sys.argv[4]) if len(sys.argv) > 4 else random.randrange(1 << 32)

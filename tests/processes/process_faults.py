@@ -171,6 +171,8 @@ def p99_of(report, name):
 
 
 def main():
+    if len(sys.argv) < 4:
+        sys.exit(__doc__)
     program, application = (os.path.abspath(word) for word in sys.argv[1:3])
     seed = int(sys.argv[4]) if len(sys.argv) > 4 else random.randrange(1 << 32)
     print(f"process_faults: seed {seed}", flush=True)

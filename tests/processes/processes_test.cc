@@ -416,7 +416,15 @@ TEST_F(ComponentsInProcesses, EndAtOnceWhenAskedToAgainAlsoWhereAProcessStandsSt
       R"("faults": {"list": [{"kind": "suspend", "process": "relaying", "from_s": 0.1}]}, )",
       1'000'000)));
   EXPECT_TRUE(run.wait_for("faults are injected into this run")) << run.errors();
-  std::this_thread::sleep_for(1s);
+  const auto stands_still = [&] {
+    const pid_t process = test::process_of_session(run.pid(), "relaying");
+    return process != 0 &&
+           test::read_file("/proc/" + std::to_string(process) + "/stat").find(") T ") !=
+               std::string::npos;
+  };
+  for (int i = 0; i < 6000 && !stands_still(); ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
 
   run.send(SIGINT);
   // The main process ends. Later the supervisor would end the other one, with another exit code.
