@@ -18,10 +18,10 @@
 #include <spawn.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
-#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/child.h"
 #include "loading/component_library.h"
 #include "loading/library_versions.h"
 #include "loading/protection.h"
@@ -166,7 +166,7 @@ class Child {
     if (error != 0) {
       pid_ = -1;
     } else {
-      end_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
+      end_ = base::open_child(pid_);
     }
     posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
@@ -203,9 +203,10 @@ class Child {
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(
           (is_noticed ? deadline : notice_at) - steady_clock::now());
       constexpr std::int64_t kMost = std::numeric_limits<int>::max();
-      const int ready = left.count() <= 0
-                            ? 0
-                            : poll(descriptors, 3, static_cast<int>(std::min(left.count(), kMost)));
+      const int ready =
+          left.count() <= 0
+              ? 0
+              : poll_child(descriptors, static_cast<int>(std::min(left.count(), kMost)));
       if (ready < 0 && errno == EINTR) {
         continue;
       }
@@ -217,9 +218,7 @@ class Child {
       if (ready <= 0) {
         return false;
       }
-      // Without a pidfd, the end of its output has to do.
-      has_ended = descriptors[2].revents != 0 ||
-                  (end_ < 0 && descriptors[0].fd < 0 && descriptors[1].fd < 0);
+      has_ended = descriptors[2].revents != 0;
       if (has_ended) {
         kill();
       }
@@ -259,6 +258,21 @@ class Child {
   int error = 0;
 
  private:
+  /// As `poll`, with the end of the child as the last descriptor.
+  int poll_child(pollfd (&descriptors)[3], int limit_ms) const {
+    if (end_ >= 0) {
+      return poll(descriptors, 3, limit_ms);
+    }
+    for (int left_ms = limit_ms;; left_ms -= base::kLookAgainMs) {
+      const bool has_ended = base::has_ended(pid_);
+      const int ready = poll(descriptors, 2, std::min(has_ended ? 0 : left_ms, base::kLookAgainMs));
+      descriptors[2].revents = has_ended ? POLLIN : 0;
+      if (ready != 0 || has_ended || left_ms <= base::kLookAgainMs) {
+        return has_ended ? std::max(ready, 0) + 1 : ready;
+      }
+    }
+  }
+
   /// An unnamed file that contains `text`, positioned at its beginning; -1 with `errno`.
   static int file_of(const std::string& text) {
     const int file = memfd_create("fastcycle-trial", MFD_CLOEXEC);

@@ -19,10 +19,10 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
-#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/child.h"
 #include "base/clock.h"
 
 namespace fastcycle::processes {
@@ -171,7 +171,7 @@ bool Supervisor::fork_one(ProcessIndex process) {
     work_in_child(process, std::move(channels->second));
   }
   its.pid = pid;
-  its.end = static_cast<int>(syscall(SYS_pidfd_open, pid, 0));
+  its.end = base::open_child(pid);
   its.channel = std::move(channels->first);
   return true;
 }
@@ -387,7 +387,9 @@ void Supervisor::take_end(ProcessIndex process) {
   }
   kill(-its.pid, SIGKILL);  // Processes it started in its group end with it.
   its.pid = -1;
-  close(std::exchange(its.end, -1));
+  if (its.end >= 0) {
+    close(std::exchange(its.end, -1));
+  }
   its.channel.close();
   note_join(process);
   // Before its end is announced, so that no process continues without it.
@@ -592,6 +594,7 @@ Supervisor::Result Supervisor::run() {
                                                 &config::ProcessDescription::has_standby) &&
                             !plan_.is_simulated();
   while (is_anyone_left()) {
+    bool has_unwatched = false;  // Processes whose end no descriptor tells.
     std::vector<pollfd> files = {{signals_, POLLIN, 0}};
     std::vector<std::pair<ProcessIndex, bool>> whose = {{0, false}};
     for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
@@ -601,18 +604,20 @@ Supervisor::Result Supervisor::run() {
         whose.emplace_back(process, false);
         files.push_back({its.end, POLLIN, 0});
         whose.emplace_back(process, true);
+        has_unwatched = has_unwatched || its.end < 0;
       }
     }
     const bool has_due =
-        kill_at_ns_ != 0 || has_heartbeats ||
+        kill_at_ns_ != 0 || has_heartbeats || has_unwatched ||
         std::ranges::any_of(its_, [](const Its& its) { return its.restart_at_ns != 0; });
-    const int look_ms = has_standbys ? 1 : 5;
+    const int look_ms = has_standbys ? 1 : base::kLookAgainMs;
     poll(files.data(), files.size(), has_due ? look_ms : -1);
     if (files[0].revents != 0) {
       take_signal();
     }
     for (std::size_t i = 1; i < files.size(); ++i) {
-      if (files[i].revents == 0) {
+      const bool may_have_ended = whose[i].second && files[i].fd < 0;
+      if (files[i].revents == 0 && !may_have_ended) {
         continue;
       }
       if (whose[i].second) {

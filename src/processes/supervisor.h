@@ -49,7 +49,7 @@ class Supervisor {
   /// One process and its present incarnation.
   struct Its {
     pid_t pid = -1;
-    int end = -1;  ///< A pidfd: readable when it has ended.
+    int end = -1;  ///< Readable when it has ended; −1 without pidfds.
     int report = -1;
     std::uint32_t incarnation = 0;
     Channel channel;

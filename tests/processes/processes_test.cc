@@ -876,6 +876,39 @@ TEST_F(ComponentsInProcesses, AreAllInATrace) {
   }
 }
 
+TEST_F(ComponentsInProcesses, RunUnderValgrindWithoutAnError) {
+  if (std::string_view(FASTCYCLE_SANITIZER) != "none" ||
+      !std::filesystem::exists("/usr/bin/valgrind")) {
+    GTEST_SKIP() << "this takes valgrind and a build without sanitizers";
+  }
+  test::ProcessOptions run =
+      options(application(R"("process": "relaying")",
+                          R"("callback_limit_ms": 0, "lifecycle_limit_ms": 0, )", 20),
+              {"--debuggable", "--clock", "simulated", "--load-timeout", "60s"});
+  // The dynamic linker compares names word by word, also behind their end.
+  const auto linker = folder_.write(
+      "suppressions", "{\n  words\n  Memcheck:Addr8\n  fun:strncmp\n  fun:is_dst\n}\n");
+  const std::vector<std::string> valgrind = {"-q",
+                                             "--leak-check=no",
+                                             "--error-exitcode=9",
+                                             "--soname-synonyms=somalloc=nouserintercepts",
+                                             "--suppressions=" + linker.string(),
+                                             run.program.string()};
+  run.program = "/usr/bin/valgrind";
+  run.arguments.insert(run.arguments.begin(), valgrind.begin(), valgrind.end());
+  run.environment = {"FASTCYCLE_POISON=free"};
+  Process process(run);
+
+  EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
+
+  EXPECT_EQ(report()["results"]["whole"], 20) << process.errors();
+  for (const auto& [name, its] : report()["processes"].items()) {
+    for (const json& link : its["links"]) {
+      EXPECT_EQ(link["copied"], 0) << name << ": its operator new is not that of the program";
+    }
+  }
+}
+
 TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
   Process run(
       options(application(R"("process": "relaying")"), {"--set", "sink.subscribes_late=true"}));

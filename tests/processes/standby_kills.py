@@ -46,6 +46,7 @@ class Drive:
                                         stdout=errors, stderr=subprocess.STDOUT, cwd=folder)
         self.active = {name: name for name in options.processes}
         self.runs = {}
+        self.is_awaiting = False  # Whether the process killed last has not yet been replaced.
 
     def await_standby(self, name, run):
         """Waits until the process follows the other one, in this run or a later one: one that cannot follow is made anew."""
@@ -79,7 +80,9 @@ class Drive:
         process = self.pid_of(active)
         moment = time.time()
         os.kill(process, signal.SIGSTOP if self.options.stop else signal.SIGKILL)
+        self.is_awaiting = True
         self.await_standby(active, self.runs[active] + 1)
+        self.is_awaiting = False
         self.moments.append(moment)  # Only now: before its end nothing is judged.
         self.active[name] = name if active != name else name + ".standby"
 
@@ -118,7 +121,8 @@ def main():
                 pass
             finally:
                 code = drive.end()
-            if code != 0 or not drive.moments:
+            # A process killed while the application ends is not replaced, and the run says so with exit code 1.
+            if code not in ([0, 1] if drive.is_awaiting else [0]) or not drive.moments:
                 fail(f"the run ended with {code} after {len(drive.moments)} kills:\n{drive.out.read_text()}")
             kills += len(drive.moments)
             runs += 1

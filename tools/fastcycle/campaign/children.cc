@@ -13,9 +13,10 @@
 #include <poll.h>
 #include <spawn.h>
 #include <sys/eventfd.h>
-#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+#include "base/child.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -28,7 +29,7 @@ constexpr std::chrono::seconds kEndLimit{10};
 struct Child {
   std::size_t number;
   pid_t process;
-  int descriptor;  ///< A pidfd, which can be polled.
+  int descriptor;  ///< Readable at its end; −1 without pidfds.
   SteadyClock::time_point began;
   SteadyClock::time_point deadline;
   bool is_asked = false;
@@ -74,7 +75,9 @@ ChildEnd reap(const Child& child) {
   int status = 0;
   while (waitpid(child.process, &status, 0) < 0 && errno == EINTR) {
   }
-  close(child.descriptor);
+  if (child.descriptor >= 0) {
+    close(child.descriptor);
+  }
   return {.is_late = child.is_late,
           .exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 0,
           .signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0,
@@ -119,17 +122,10 @@ void Children::run(std::size_t count, const std::function<ChildProgram(std::size
   for (;;) {
     while (!is_stopped_ && next < count && running.size() < at_once_) {
       const pid_t process = spawn(begin(next));
-      const auto descriptor = static_cast<int>(syscall(SYS_pidfd_open, process, 0));
-      if (descriptor < 0) {
-        const int error = errno;
-        kill(process, SIGKILL);
-        waitpid(process, nullptr, 0);
-        fail(error, "pidfd_open");
-      }
       const auto now = SteadyClock::now();
       running.push_back({.number = next++,
                          .process = process,
-                         .descriptor = descriptor,
+                         .descriptor = base::open_child(process),
                          .began = now,
                          .deadline = now + limit_});
     }
@@ -137,6 +133,7 @@ void Children::run(std::size_t count, const std::function<ChildProgram(std::size
       return;
     }
     std::vector<pollfd> polled;
+    bool are_watched = true;
     auto deadline = running.front().deadline;
     for (Child& child : running) {
       if (is_stopped_ && !child.is_asked) {
@@ -146,16 +143,19 @@ void Children::run(std::size_t count, const std::function<ChildProgram(std::size
       }
       deadline = std::min(deadline, child.deadline);
       polled.push_back({.fd = child.descriptor, .events = POLLIN, .revents = 0});
+      are_watched = are_watched && child.descriptor >= 0;
     }
     if (!is_stopped_) {
       polled.push_back({.fd = stop_event_, .events = POLLIN, .revents = 0});
     }
-    poll(polled.data(), polled.size(), milliseconds_until(deadline));
+    const int left_ms = milliseconds_until(deadline);
+    poll(polled.data(), polled.size(),
+         are_watched ? left_ms : std::min(left_ms, base::kLookAgainMs));
     std::vector<Child> left;
     std::vector<std::pair<Child, ChildEnd>> gone;
     for (std::size_t i = 0; i < running.size(); ++i) {
       Child& child = running[i];
-      if (polled[i].revents != 0) {
+      if (polled[i].revents != 0 || (child.descriptor < 0 && base::has_ended(child.process))) {
         gone.emplace_back(child, reap(child));
         continue;
       }
