@@ -28,14 +28,6 @@
 namespace fastcycle::measure {
 namespace {
 
-void pause_briefly() noexcept {
-#if defined(__x86_64__)
-  __builtin_ia32_pause();
-#elif defined(__aarch64__)
-  asm volatile("yield");
-#endif
-}
-
 struct Message {
   Sample stamps;
   void* data = nullptr;

@@ -12,6 +12,15 @@ namespace fastcycle::measure {
 /// Like FastCycle's own workers: a timer slack of one nanosecond, and the policy of `plan`.
 void set_up_thread(const Plan& plan) noexcept;
 
+/// Lets the other hyperthread of the core run, in a loop that waits.
+inline void pause_briefly() noexcept {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
 [[nodiscard]] inline std::int64_t total(const Plan& plan) noexcept {
   return plan.warmup + plan.count;
 }

@@ -1,6 +1,8 @@
 #include "measure/queue_floors.h"
 
 #include <algorithm>
+#include <atomic>
+#include <bit>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdlib>
@@ -116,27 +118,85 @@ Measured floor_malloc(const Plan& plan) {
   return result;
 }
 
-Flood floor_flood(const Plan& plan, std::int64_t window, std::int64_t run_in_ms) {
-  struct Item {
-    std::int64_t number = 0;
-    std::vector<unsigned char> data;
-  };
+namespace {
+
+struct Item {
+  std::int64_t number = 0;
+  std::vector<unsigned char> data;
+};
+
+/// Hands over by a locked queue; credits come back under a second lock.
+struct LockedWay {
+  explicit LockedWay(std::int64_t window) : credits(window) {}
+
+  void put(Item* item) { queue.put(item); }
+  Item* take() { return queue.take(); }
+  void give(std::int64_t count) { credits.give(count); }
+  std::int64_t take_credits() { return credits.take(); }
+
+  LockedQueue<Item*> queue;
+  Credits credits;
+};
+
+/// Hands over by a ring of pointers between two threads that spin.
+class RingWay {
+ public:
+  explicit RingWay(std::int64_t window)
+      : slots_(std::bit_ceil(static_cast<std::size_t>(window) + 1)), returned_(window) {}
+
+  void put(Item* item) {
+    slots_[written_ % slots_.size()] = item;
+    announced_.store(++written_, std::memory_order_release);
+  }
+
+  Item* take() {
+    while (read_ == seen_) {
+      pause_briefly();
+      seen_ = announced_.load(std::memory_order_acquire);
+    }
+    return slots_[read_++ % slots_.size()];
+  }
+
+  void give(std::int64_t count) { returned_.fetch_add(count, std::memory_order_release); }
+
+  std::int64_t take_credits() {
+    for (;;) {
+      const std::int64_t all = returned_.load(std::memory_order_acquire);
+      if (all > taken_) {
+        return all - std::exchange(taken_, all);
+      }
+      pause_briefly();
+    }
+  }
+
+ private:
+  static constexpr std::size_t kCacheLine = 64;
+  std::vector<Item*> slots_;
+  alignas(kCacheLine) std::atomic<std::size_t> announced_ = 0;
+  alignas(kCacheLine) std::atomic<std::int64_t> returned_;
+  alignas(kCacheLine) std::size_t written_ = 0;
+  std::int64_t taken_ = 0;
+  alignas(kCacheLine) std::size_t read_ = 0;
+  std::size_t seen_ = 0;
+};
+
+template <typename Way>
+Flood flood_by(const Plan& plan, std::int64_t window, std::int64_t run_in_ms) {
   std::vector<Item> pool(static_cast<std::size_t>(window));
   for (Item& item : pool) {
     item.data.assign(static_cast<std::size_t>(plan.size), 1);
   }
   Flood result;
-  LockedQueue<Item*> queue;
-  Credits credits(window);
+  Way way(window);
   const std::int64_t batch = std::max<std::int64_t>(window / 4, 1);
   std::thread receiver([&] {
     set_up_thread(plan);
-    for (const Item* item = queue.take(); item != nullptr; item = queue.take()) {
+    for (const Item* item = way.take(); item != nullptr; item = way.take()) {
       const bool is_whole = item->number == result.received &&
                             is_filled(item->data.data(), item->data.size(), item->number);
       result.damaged += is_whole ? 0 : 1;
       if (++result.received % batch == 0) {
-        credits.give(batch);
+        way.give(batch);
       }
     }
     result.last_received_ns = now_ns();
@@ -149,7 +209,7 @@ Flood floor_flood(const Plan& plan, std::int64_t window, std::int64_t run_in_ms)
     std::int64_t end = run_in_ms > 0 ? kNever : plan.count;
     std::int64_t number = 0;
     while (number < end && !is_stopped(plan)) {
-      std::int64_t left = credits.take();
+      std::int64_t left = way.take_credits();
       if (end == kNever && now_ns() >= counts_from_ns) {
         result.run_in = number;
         end = number + plan.count;
@@ -160,10 +220,10 @@ Flood floor_flood(const Plan& plan, std::int64_t window, std::int64_t run_in_ms)
         Item& item = pool[static_cast<std::size_t>(number % window)];
         item.number = number++;
         fill(item.data.data(), item.data.size(), item.number);
-        queue.put(&item);
+        way.put(&item);
       }
     }
-    queue.put(nullptr);
+    way.put(nullptr);
     receiver.join();
     result.sent = number - result.run_in;
     result.received -= result.run_in;
@@ -171,6 +231,16 @@ Flood floor_flood(const Plan& plan, std::int64_t window, std::int64_t run_in_ms)
   });
   sender.join();
   return result;
+}
+
+}  // namespace
+
+Flood floor_flood(const Plan& plan, std::int64_t window, std::int64_t run_in_ms) {
+  return flood_by<LockedWay>(plan, window, run_in_ms);
+}
+
+Flood floor_ring_flood(const Plan& plan, std::int64_t window, std::int64_t run_in_ms) {
+  return flood_by<RingWay>(plan, window, run_in_ms);
 }
 
 }  // namespace fastcycle::measure

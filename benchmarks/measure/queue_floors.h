@@ -32,4 +32,8 @@ struct Flood {
 [[nodiscard]] Flood floor_flood(const Plan& plan, std::int64_t window,
                                 std::int64_t run_in_ms = kRunInMs);
 
+/// The same through a bare ring between two threads that spin.
+[[nodiscard]] Flood floor_ring_flood(const Plan& plan, std::int64_t window,
+                                     std::int64_t run_in_ms = kRunInMs);
+
 }  // namespace fastcycle::measure

@@ -48,8 +48,8 @@ def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench paper", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     line.add_argument("--rounds", type=int, help="9 unless given; p99.9 needs 10 with --count 5000")
-    line.add_argument("--count", type=int, help="messages a point and round, 5000 unless given")
-    line.add_argument("--peer-count", type=int, help="the same for peers; count / rounds unless given")
+    line.add_argument("--count", type=int, help="messages a point and round, the same for all, 1500 unless given")
+    line.add_argument("--peer-count", type=int, help=argparse.SUPPRESS)  # of before
     line.add_argument("--sizes", type=sizes_of, help="such as 32K,4M; the paper's five unless given")
     line.add_argument("--only", default="", metavar="NAME,…", help="only these contenders, with their floors")
     line.add_argument("--quick", action="store_true", help="1 round, 50 messages, two sizes, nothing is installed")
@@ -63,21 +63,22 @@ def arguments(words: list[str]) -> argparse.Namespace:
     line.add_argument("--fastcycle", type=pathlib.Path, help=argparse.SUPPRESS)  # tests put programs in here
     line.add_argument("--peers", type=pathlib.Path, default=ROOT / "benchmarks" / "peers", help=argparse.SUPPRESS)
     chosen = line.parse_args(words)
-    for name in ("rounds", "count", "peer_count"):
+    for name in ("rounds", "count"):
         if getattr(chosen, name) is not None and getattr(chosen, name) < 1:
-            line.error(f"--{name.replace('_', '-')} must be at least 1")
+            line.error(f"--{name} must be at least 1")
+    if chosen.peer_count is not None:
+        print("paper: --peer-count is ignored: --count is the count of all", file=sys.stderr)
     return chosen
 
 
 def options_of(chosen: argparse.Namespace) -> Options:
     if chosen.quick:
-        small = Options(rounds=1, count=50, peer_count=50, sizes=(32 << 10, 4 << 20), warmup=20)
+        small = Options(rounds=1, count=50, sizes=(32 << 10, 4 << 20), warmup=20)
     else:
         small = Options()
     rounds = chosen.rounds or small.rounds
     count = chosen.count or small.count
-    share = 50 if chosen.quick else Options.peers_share(max(count, 5000), rounds)
-    return Options(rounds, count, chosen.peer_count or min(share, count), chosen.sizes or small.sizes, small.warmup)
+    return Options(rounds, count, chosen.sizes or small.sizes, small.warmup)
 
 
 def command_of(words: list[str]) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from contenders import FLOORS, OWN, Contender
 
@@ -14,7 +13,7 @@ PAPER_SIZES = (32 << 10, 128 << 10, 512 << 10, 1 << 20, 4 << 20)
 OWN_MODES = ("flood", "fanout", "timer", "chain", "startup", "fifo", "fifo-load", "startup-large")
 PEER_MODES = ("latency", "rtt", "flood")
 FLOOD_SIZE = 64
-FLOOD_COUNT = 100_000
+FLOOD_COUNT = 300_000
 OWN_MODE_S = {"flood": 6.0, "fanout": 18.0, "timer": 12.0, "chain": 30.0, "startup": 16.0,
               "fifo": 12.0, "fifo-load": 12.0, "startup-large": 6.0}  # fmt: skip
 # What says the same in each round, or is judged by no bound, is measured in every third.
@@ -28,17 +27,15 @@ class Options:
     """What is measured. A run that goes on after an interruption must have the same."""
 
     rounds: int = 9
-    count: int = 5000
-    peer_count: int = 556
+    count: int = 1500  # messages a point and round, the same for all
     sizes: tuple[int, ...] = PAPER_SIZES
     warmup: int = 200
     interval_us: int = 1000
     modes: tuple[str, ...] = ("latency", "rtt", *OWN_MODES)
 
-    @staticmethod
-    def peers_share(count: int, rounds: int) -> int:
-        """So that the peers' messages of all rounds together are at least one round of ours."""
-        return math.ceil(count / rounds)
+    def flood_count(self) -> int:
+        """Messages of a flood, the same for all; few in a quick run."""
+        return min(FLOOD_COUNT, 200 * self.count)
 
 
 @dataclass(frozen=True)
@@ -75,7 +72,8 @@ def _own(options: Options, mode: str, number: int, size: int, own: Sequence[str]
 
 def _of_peer(options: Options, mode: str, number: int, size: int, contender: Contender) -> Job:
     interval = contender.interval_us(size, options.interval_us)
-    return Job(mode, number, size, (contender.name,), options.peer_count, options.warmup, interval, contender)
+    count = options.flood_count() if mode == "flood" else options.count
+    return Job(mode, number, size, (contender.name,), count, options.warmup, interval, contender)
 
 
 def rotated(jobs: list[Job], steps: int) -> list[Job]:
@@ -95,18 +93,14 @@ def jobs_of_round(options: Options, number: int, own: Sequence[str], peers: Sequ
         if mode in ("latency", "rtt"):
             for place, size in enumerate(options.sizes):
                 row = _own(options, mode, number, size, own)
-                if mode == "rtt" and not is_full:
-                    row = [job for job in row if "floor-spin" not in job.names]
-                row += [_of_peer(options, mode, number, size, peer) for peer in peers
-                        if is_full or (mode == "latency" and peer.hands_over)]  # fmt: skip
+                row += [_of_peer(options, mode, number, size, peer) for peer in peers]
                 shift = max(1, len(row) // options.rounds)
                 jobs += rotated(row, (number - 1) * shift + place)
         else:
-            row = [Job(mode, number, 0, ())] if any(name.startswith("fastcycle") for name in own) else []
+            count = options.flood_count() if mode == "flood" else 0
+            row = [Job(mode, number, 0, (), count)] if any(name.startswith("fastcycle") for name in own) else []
             if mode in PEER_MODES:
-                few = options.peer_count < FLOOD_COUNT // 1000
-                flood = replace(options, peer_count=20 * options.peer_count if few else FLOOD_COUNT)
-                row += [_of_peer(flood, mode, number, FLOOD_SIZE, peer) for peer in peers]
+                row += [_of_peer(options, mode, number, FLOOD_SIZE, peer) for peer in peers]
             jobs += rotated(row, number - 1)
     return jobs
 

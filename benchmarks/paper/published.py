@@ -13,11 +13,21 @@ PAPER = (
 )
 MACHINE = "Intel i7-8700T, Linux 5.4, in a Docker container, n = 5000, a message every 1 ms"
 SIZES = ("32 KB", "128 KB", "512 KB", "1 MB", "4 MB")
+FASTCYCLE = "FastCycle, as published"
 LATENCY = {
-    "FastCycle, as published": ("159 ± 164", "91 ± 98", "218 ± 142", "205 ± 133", "289 ± 115"),
+    FASTCYCLE: ("159 ± 164", "91 ± 98", "218 ± 142", "205 ± 133", "289 ± 115"),
     "ROS 2, in one process, as published": ("146 ± 20", NOT_THERE, NOT_THERE, NOT_THERE, "796 ± 167"),
 }
-ROUND_TRIP = {"FastCycle, as published": ("133 ± 134", NOT_THERE, NOT_THERE, NOT_THERE, "537 ± 78")}
+ROUND_TRIP = {FASTCYCLE: ("133 ± 134", NOT_THERE, NOT_THERE, NOT_THERE, "537 ± 78")}
+
+
+def sd_us(figures: dict[str, tuple[str, ...]]) -> dict[str, float]:
+    """The standard deviation of the published FastCycle by the name of the size, where there is one."""
+    return {
+        size: float(cell.split("±")[1])
+        for size, cell in zip(SIZES, figures[FASTCYCLE], strict=True)
+        if cell != NOT_THERE
+    }
 
 
 def published_table(figures: dict[str, tuple[str, ...]]) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import acceptance
 import published
 import tables
-from acceptance import HELD, NOT_HELD, name_of_size
+from acceptance import HELD, NOT_HELD, UNDECIDED, name_of_size
 from contenders import OURS, PEER, PROCESSES, PUBLISHER, Contender
 from markdown import NOT_THERE, table
 from rounds import Measurements
@@ -90,7 +90,8 @@ class Report:
 
     def _head(self) -> str:
         held = sum(1 for c in self._checks if c.verdict == HELD)
-        judged = sum(1 for c in self._checks if c.verdict in (HELD, NOT_HELD))
+        judged = sum(1 for c in self._checks if c.verdict in (HELD, NOT_HELD, UNDECIDED))
+        not_held = sum(1 for c in self._checks if c.verdict == NOT_HELD)
         options = self._record.options
         done = max((row["round"] for row in self._data.rows), default=0)
         partial = f" **Only {done} of {options.rounds} rounds are there.**" if done < options.rounds else ""
@@ -99,7 +100,7 @@ class Report:
 
 {self._machine_in_words()}, {self._record.build.get("FastCycle", "")}. {self._counts()}{partial}
 {failed} points failed twice; they are listed at the end. Of {len(self._checks)} bounds {judged} could be judged,
-{held} are held, {judged - held} are not.
+{held} are held, {not_held} are not, {judged - held - not_held} are undecided.
 
 Made by `{self._record.command}`. The rows behind every figure are in [rows.csv](rows.csv);
 [how it was measured](#how-it-was-measured) says what the figures are.
@@ -116,7 +117,7 @@ Made by `{self._record.command}`. The rows behind every figure are in [rows.csv]
         options = self._record.options
         return (
             f"{options.rounds} round{'s' if options.rounds != 1 else ''}, in each {options.count:,} messages a point "
-            f"for FastCycle and the floors, {options.peer_count:,} for each peer, "
+            "for each contender, "
             f"one every {options.interval_us / 1000:g} ms."
         )
 
@@ -125,7 +126,7 @@ Made by `{self._record.command}`. The rows behind every figure are in [rows.csv]
 
 What FastCycle has to hold on any machine, beside the floors of that machine. Figure and limit are in µs unless
 another unit stands there, and medians over the rounds; *left* is the median over the rounds of what is left to
-the limit, each round against its own floor, and decides: below 0 the bound is not held.
+the limit, each round against its own floor. Three quarters of the rounds decide; fewer leave a bound undecided.
 
 {tables.acceptance_table(self._checks)}"""
 
@@ -164,6 +165,10 @@ The paper's own figures, **from another machine**:
                 "\n\n† runs the callback in the publisher's thread. Nothing is handed over there: no thread is "
                 "woken, a slow callback delays the publisher. It is shown, and not compared with those that hand over."
             )
+        words += (
+            "\n\n*saturated*: messages came faster than they were handled, or some were lost; the latency would be that "
+            "of a queue. ¶ was so in some rounds, which are left out."
+        )
         if self._intervals():
             words += (
                 "\n\n‡ copies so long at this size that a message every "
@@ -345,7 +350,7 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
             [tables.label(c), *[tables.value(data, mode, c.name, size, key) for _, mode, size, key in columns]]
             for c in self._gist(small)
         ]
-        judged = [c for c in self._checks if c.verdict in (HELD, NOT_HELD)]
+        judged = [c for c in self._checks if c.verdict in (HELD, NOT_HELD, UNDECIDED)]
         held = sum(1 for c in judged if c.verdict == HELD)
         said = f"{held} of {len(judged)} bounds are held" if judged else "no bound could be judged: n too small"
         words = (

@@ -13,6 +13,7 @@ NEEDED = {
     "p50_us": 100,
     "mean_us": 100,
     "std_us": 100,
+    "spread_us": 1000,
     "e2e_p50_us": 100,
     "interval_std_us": 100,
     "p90_us": 200,
@@ -24,6 +25,25 @@ NEEDED = {
 
 def enough(key: str, count: int) -> bool:
     return count >= NEEDED.get(key, 0)
+
+
+# In these modes a message follows each interval, and is over before the next one unless the queue fills.
+PACED_MODES = ("latency", "rtt", "fifo", "fifo-load")
+
+
+def is_saturated(row: Row) -> bool:
+    """Whether the row measured its queue: messages came faster than they were handled (by Little's law, more
+    than one was under way on average), or some were lost."""
+    if row["mode"] not in PACED_MODES or FAILED in row:
+        return False
+    return row.get("lost", 0) > 0 or 0 < row.get("interval_us", 0) <= row.get("mean_us", 0)
+
+
+def with_spread(row: Row) -> Row:
+    """The row with p99 − p50, a measure of jitter that single stalls of the machine do not decide."""
+    if row.get("p50_us") is None or row.get("p99_us") is None:
+        return row
+    return {**row, "spread_us": row["p99_us"] - row["p50_us"]}
 
 
 def median(values: Iterable[float]) -> float | None:
@@ -41,16 +61,19 @@ class Pair:
 
 
 class Measurements:
-    """The rows of a run by mode, contender, size and round. Failed points are kept apart."""
+    """The rows of a run by mode, contender, size and round. Failed and saturated points are kept apart."""
 
     def __init__(self, rows: Iterable[Row]) -> None:
         self._points: dict[tuple[str, str, int], dict[int, Row]] = {}
         self._failed: dict[tuple[str, str, int], dict[int, str]] = {}
-        self.rows = list(rows)
+        self._saturated: dict[tuple[str, str, int], set[int]] = {}
+        self.rows = [with_spread(row) for row in rows]
         for row in self.rows:
             point = (row["mode"], row["peer"], row.get("size", 0))
             if FAILED in row:
                 self._failed.setdefault(point, {})[row["round"]] = str(row[FAILED])
+            elif is_saturated(row):
+                self._saturated.setdefault(point, set()).add(row["round"])
             else:
                 self._points.setdefault(point, {})[row["round"]] = row
 
@@ -58,11 +81,11 @@ class Measurements:
         return [row for row in self.rows if row["mode"] == mode and FAILED not in row]
 
     def sizes(self, mode: str) -> list[int]:
-        return sorted({size for m, _, size in [*self._points, *self._failed] if m == mode})
+        return sorted({size for m, _, size in [*self._points, *self._failed, *self._saturated] if m == mode})
 
     def peers(self, mode: str) -> list[str]:
         """The contenders that were measured, in the order of their first row."""
-        return list(dict.fromkeys(peer for m, peer, _ in self._points if m == mode))
+        return list(dict.fromkeys(peer for m, peer, _ in [*self._points, *self._saturated] if m == mode))
 
     def rounds(self, mode: str, peer: str, size: int) -> dict[int, Row]:
         return self._points.get((mode, peer, size), {})
@@ -70,6 +93,10 @@ class Measurements:
     def failures(self) -> list[tuple[str, str, int, int, str]]:
         """mode, contender, size, round and reason of every point without a result."""
         return [(*point, number, reason) for point, rounds in self._failed.items() for number, reason in rounds.items()]
+
+    def saturated(self, mode: str, peer: str, size: int) -> int:
+        """In how many rounds the queue of the point saturated: these count nowhere else."""
+        return len(self._saturated.get((mode, peer, size), ()))
 
     def failure(self, mode: str, peer: str, size: int) -> str | None:
         return next(iter(self._failed.get((mode, peer, size), {}).values()), None)

@@ -44,6 +44,7 @@ class RunRecord:
     def read(file: pathlib.Path) -> RunRecord:
         text: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         options = text.pop("options")
+        options.pop("peer_count", None)  # of older runs
         for name in ("sizes", "modes"):
             options[name] = tuple(options[name])
         contenders = [Contender.from_json(c) for c in text.pop("contenders")]

@@ -19,7 +19,6 @@ from rows import Row
 
 # What makes the modes with counts of their own short.
 QUICK = {
-    "flood": ["--count", "1000"],
     "fanout": ["--count", "50", "--warmup", "10", "--subs", "1,4"],
     "timer": ["--count", "50", "--warmup", "10"],
     "chain": ["--count", "50", "--warmup", "10", "--hops", "1,2"],
@@ -81,7 +80,7 @@ class FastcycleBench:
             words += ["--size", str(job.size), "--count", str(job.count), "--warmup", str(job.warmup)]
             words += ["--interval-us", str(job.interval_us), "--wait", ",".join(waits)]
         else:
-            words += ["--wait", "park,spin"] if job.mode == "flood" else []
+            words += ["--wait", "park,spin", "--floors", "all", "--count", str(job.count)] if job.mode == "flood" else []
             words += (QUICK if self._is_quick else COUNTS).get(job.mode, [])
         if self.knows("--first-round"):  # who begins is another in each round
             words += ["--first-round", str(job.round)]

@@ -12,6 +12,8 @@ from rounds import Measurements, enough, median
 from rows import Row
 
 SMALL = "n too small"
+SATURATED = "saturated"
+SATURATED_PARTLY = " ¶"
 MARKS = {THREADS: "", PROCESSES: " §", PUBLISHER: " †"}
 OTHER_INTERVAL = " ‡"
 
@@ -40,6 +42,8 @@ def value(data: Measurements, mode: str, who: str, size: int, key: str) -> str:
     """The median over the rounds, or why there is none."""
     found = data.median(mode, who, size, key)
     if found is None:
+        if data.saturated(mode, who, size):
+            return SATURATED
         return "failed" if data.failure(mode, who, size) else NOT_THERE
     if not enough(key, data.total(mode, who, size)):
         return NOT_ENOUGH if key == "p999_us" else f"{number(found)} ({SMALL})"
@@ -66,6 +70,8 @@ def paper_table(data: Measurements, field: Field, mode: str) -> str:
         text = mean_and_sd(data.median(mode, who.name, size, "mean_us"), data.median(mode, who.name, size, "std_us"))
         if text == NOT_THERE:
             return value(data, mode, who.name, size, "mean_us")
+        if data.saturated(mode, who.name, size):
+            text += SATURATED_PARTLY
         if not enough("mean_us", data.total(mode, who.name, size)):
             return f"{text} ({SMALL})"
         is_usual = who.interval_us(size, field.usual_interval_us) == field.usual_interval_us
@@ -92,6 +98,7 @@ TAIL = (
     ("p99.9", "p999_us"),
     ("max", "max_us"),
     ("sd", "std_us"),
+    ("p99 − p50", "spread_us"),
     ("interval sd", "interval_std_us"),
 )
 

@@ -30,6 +30,14 @@ class Rounds(unittest.TestCase):
         self.assertIsNone(data.median("rtt", "zeromq", 1, "p50_us"))
         self.assertEqual(data.failures(), [("rtt", "zeromq", 1, 2, "late")])
 
+    def test_a_round_that_measured_its_queue_counts_nowhere(self):
+        full = ({"mean_us": 1000.0}, {"mean_us": 5000.0}, {"lost": 1})
+        rows = [support.latency_row(PARK, n, interval_us=1000, **more) for n, more in enumerate(full, 1)]
+        rows.append(support.latency_row(PARK, 4, p50=7.0, mean_us=999.0, interval_us=1000))
+        data = Measurements(rows)
+        self.assertEqual(data.median("latency", PARK, 32768, "p50_us"), 7.0)
+        self.assertEqual(data.saturated("latency", PARK, 32768), 3)
+
     def test_tails_need_messages(self):
         self.assertFalse(enough("p999_us", 45_000))
         self.assertTrue(enough("p999_us", 50_000))

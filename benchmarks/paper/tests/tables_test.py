@@ -106,8 +106,18 @@ class Plan(unittest.TestCase):
         self.assertEqual(own, ["floor-futex", "floor-spin", "fastcycle-spin"])
         self.assertEqual(([p.name for p in peers], unknown), (["b"], ["c"]))
 
-    def test_peers_have_the_papers_5000_in_all(self):
-        self.assertEqual(Options.peers_share(5000, 9), 556)
+    def test_a_saturated_point_is_marked(self):
+        rows = [support.latency_row(name, interval_us=1000, mean_us=mean) for name, mean in (("a", 2000.0), ("b", 10.0))]
+        shown = tables.paper_table(Measurements(rows), tables.Field(self.PEERS), "latency")
+        self.assertRegex(shown, r"\| a \| saturated \|")
+        self.assertRegex(shown, r"\| b \| 10.0 ± 1.00 \|")
+
+    def test_all_contenders_have_the_same_count_in_each_round(self):
+        for number in (1, 2):
+            jobs = jobs_of_round(Options(), number, ["floor-futex", "fastcycle-park"], self.PEERS)
+            for mode in ("latency", "rtt", "flood"):
+                self.assertEqual(len({job.count for job in jobs if job.mode == mode}), 1)
+                self.assertEqual({job.contender.name for job in jobs if job.mode == mode and job.contender}, {"a", "b"})
         self.assertEqual(rotated([], 3), [])
 
 

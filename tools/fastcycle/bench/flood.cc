@@ -45,9 +45,13 @@ void set_rate(measure::Row& row, std::int64_t run_in, std::int64_t sent, std::in
   row.cpu_us_per_msg = usage.cpu_us / static_cast<double>(std::max<std::int64_t>(received, 1));
 }
 
-Finding measure_floor(const Session& session, std::int64_t size) {
-  const measure::Flood flood = measure::floor_flood(session.plan(size), session.options().window);
-  Finding finding{.row = session.row("floor-mutex-deque", size)};
+constexpr const char* kDeque = "floor-mutex-deque";
+constexpr const char* kRing = "floor-ring";
+
+Finding measure_queue(const Session& session, const std::string& peer, std::int64_t size) {
+  const measure::Flood flood = (peer == kRing ? measure::floor_ring_flood : measure::floor_flood)(
+      session.plan(size), session.options().window, measure::kRunInMs);
+  Finding finding{.row = session.row(peer, size)};
   set_rate(finding.row, flood.run_in, flood.sent, flood.received, flood.first_sent_ns,
            flood.last_received_ns, flood.usage);
   finding.row.more =
@@ -129,14 +133,19 @@ Mode flood_mode(const Options& options, Session* session) {
     Point point;
     // A queue that grows without bound is no floor of anything.
     if (options.floors != "none" && !options.has_no_credits) {
-      point.steps.push_back({.peer = "floor-mutex-deque",
-                             .measure = [session, size] { return measure_floor(*session, size); }});
+      for (const char* peer : {kDeque, kRing}) {
+        if (peer == kDeque || options.floors == "all") {
+          point.steps.push_back({.peer = peer, .measure = [session, peer, size] {
+                                   return measure_queue(*session, peer, size);
+                                 }});
+        }
+      }
     }
     for (const std::string& wait : options.waits) {
       point.steps.push_back(
           {.peer = "fastcycle-" + wait,
            .measure = [session, wait, size] { return measure_flood(*session, wait, size); },
-           .floor = "floor-mutex-deque"});
+           .floor = kDeque});
     }
     mode.points.push_back(std::move(point));
   }

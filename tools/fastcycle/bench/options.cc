@@ -309,7 +309,8 @@ void add_options(CLI::App& line, Options& options) {
            "park, spin, adaptive: how workers wait (park; fanout, trace: park,spin)");
   add("--load", options.load, "N", "Keep N other processes busy meanwhile (0)");
   line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
-  add("--floors", options.floors, "WHICH", "default, all (latency: with malloc) or none");
+  add("--floors", options.floors, "WHICH",
+      "default, all (latency: with malloc; flood: with a bare ring) or none");
   line.add_flag("--json", options.is_json, "One JSON object a line for each point and round");
   add("--raw", options.raw_file, "FILE.csv", "Write the stamps of every message");
   line.add_flag("--print-application", options.prints_application,
