@@ -59,6 +59,10 @@ RecognizerConfig read_config(fastcycle::Context& context) {
        "For how long an object is kept that should be seen and is not");
   read("hidden_max_s", config.tracker.hidden_max_s, 60.0, "s",
        "For how long one that is hidden behind others");
+  read("hidden_speed_error_mps", config.tracker.hidden_speed_error_mps, 100.0, "m/s",
+       "Of one that is seen again after 0.5 s and more");
+  read("hidden_acceleration_mps2", config.tracker.hidden_acceleration_mps2, 100.0, "m/s²",
+       "The most that it may have had meanwhile");
   read("reach_m", config.tracker.reach_m, 20.0, "m",
        "So far around its box a track takes what its echoes are grouped with");
   config.are_borders_sought =

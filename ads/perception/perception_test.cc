@@ -46,7 +46,7 @@ class SweepsTest : public ::testing::Test {
     scene.add_bodies()->set_id(1);
     scene.add_bodies()->set_id(2);
     place(*scene.mutable_bodies(0), 20.0 + 13.0 * time_s, 0.0);
-    place(*scene.mutable_bodies(1), 12.0 + kEgoSpeed_mps * time_s, 3.5);
+    place(*scene.mutable_bodies(1), left_m_ + kEgoSpeed_mps * time_s, 3.5);
     if (has_cyclist_) {
       world::Body& cyclist = *scene.add_bodies();
       cyclist.set_id(3);
@@ -129,6 +129,7 @@ class SweepsTest : public ::testing::Test {
     return objects;
   }
 
+  double left_m_ = 12.0;  // Where the car to the left is.
   bool has_cyclist_ = false;
   localization::Quality quality_ = localization::GOOD;
   std::int64_t begin_ns_ = 0;
@@ -280,6 +281,25 @@ TEST_F(PerceptionTest, UnseenObjectsAreForgotten) {
   }
 
   EXPECT_EQ(objects.objects_size(), 0);
+}
+
+// The uncertainty of a car that was not seen for 1.5 s spans the one that drives behind it.
+TEST_F(PerceptionTest, CarThatWasHiddenDoesNotBecomeTheOneBehindIt) {
+  bench_.start();
+  drive(10);
+  for (int count = 0; count < 15; ++count) {
+    auto sweep = turn();
+    sweep.clear_points();
+    give(sweep);
+  }
+  left_m_ -= 18.0;
+
+  for (int count = 0; count < 4; ++count) {
+    const auto objects = give(turn());
+    for (const auto& object : objects.objects()) {
+      EXPECT_GT(object.speed_mps(), 10.0) << count << ": " << object.ShortDebugString();
+    }
+  }
 }
 
 perception::TrackerState state_of(const Recognizer& recognizer) {

@@ -325,7 +325,7 @@ void Tracker::associate() {
       Track expected = track;
       expected.predict(its.time_ns);
       const double distance2 = expected.distance2(its.view, skyline_);
-      if (distance2 < kGate) {
+      if (distance2 < kGate && can_reach(objects_[index], its)) {
         pairs.emplace_back(distance2, index, group);
       }
     }
@@ -338,6 +338,21 @@ void Tracker::associate() {
       sight(objects_[index], groups_[group]);
     }
   }
+}
+
+// The uncertainty of what was long hidden spans other vehicles: one of them must not become it.
+bool Tracker::can_reach(const TrackedObject& object, const Group& group) const {
+  const double unseen_s = static_cast<double>(group.time_ns - object.seen_ns) * 1e-9;
+  if (unseen_s < config_.hidden_short_s) {
+    return true;
+  }
+  const double most_m = config_.hidden_speed_error_mps * unseen_s +
+                        0.5 * config_.hidden_acceleration_mps2 * unseen_s * unseen_s;
+  return std::ranges::any_of(group.points, [&](const ObjectPoint& point) {
+    const Eigen::Vector2d place = box_place(object, group.time_ns, point.place_m);
+    return std::hypot(std::max(0.0, std::abs(place.x()) - 0.5 * object.track.length_m()),
+                      std::max(0.0, std::abs(place.y()) - 0.5 * object.track.width_m())) < most_m;
+  });
 }
 
 void Tracker::sight(TrackedObject& object, const Group& group) {

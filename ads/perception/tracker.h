@@ -25,6 +25,11 @@ struct TrackerConfig {
   /// How long an unseen object is kept: in open view, and occluded.
   double open_max_s = 0.35;
   double hidden_max_s = 2.0;
+  /// What a track can be that was not seen for `hidden_short_s` or longer: no farther from where it
+  /// was expected than this error of its speed and this acceleration allow.
+  double hidden_short_s = 0.5;
+  double hidden_speed_error_mps = 3.0;
+  double hidden_acceleration_mps2 = 6.0;
   /// Within this distance of its box, a track with enough echoes in a group owns the whole group.
   double reach_m = 4.0;
   /// Larger objects are discarded.
@@ -109,6 +114,7 @@ class Tracker {
   void add_point(Group& group, const SweepEchoes& sweep, std::size_t echo);
   void finish(Group& group, const SweepEchoes& sweep, const EgoMotion& ego);
   void associate();
+  [[nodiscard]] bool can_reach(const TrackedObject& object, const Group& group) const;
   void begin_tracks();
   void sight(TrackedObject& object, const Group& group);
   void look_at(TrackedObject& object, const Group& group);
