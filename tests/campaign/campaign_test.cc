@@ -1,6 +1,8 @@
 // The search for faults that matter.
 
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -13,6 +15,7 @@
 namespace fastcycle {
 namespace {
 
+namespace fs = std::filesystem;
 using nlohmann::json;
 using test::Process;
 using testing::HasSubstr;
@@ -136,6 +139,33 @@ TEST_F(Campaign, GoesOnWhereItWasEnded) {
   Process other(campaign({"--seeds", "3"}, "tracks_lost < 2"));
   EXPECT_EQ(other.wait().exit_code, 2);
   EXPECT_THAT(other.errors(), HasSubstr("found has another campaign: its judges differ"));
+}
+
+TEST_F(Campaign, DoesNotGoOnWithAnotherLibraryOrAnotherIncludedFile) {
+  const fs::path libraries = fs::path(FASTCYCLE_PROGRAM).parent_path().parent_path() / "lib";
+  fs::copy_file(libraries / "fastcycle/libcampaign_parts.so", folder_ / "libcampaign_parts.so");
+  folder_.write("more.json", R"({"name": "more", "components": []})");
+  std::string including = kApplication;
+  including.replace(including.find('{'), 1, R"({"include": [{"file": "more.json"}], )");
+  folder_.write("app.json", including);
+  test::ProcessOptions options =
+      campaign({"--seeds", "2", "--no-logs", "--library-path", "."}, "tracks_lost < 100");
+  options.environment.push_back("LD_LIBRARY_PATH=" + libraries.string());
+  Process first(options);
+  ASSERT_EQ(first.wait().exit_code, 0) << first.errors();
+  Process again(options);
+  ASSERT_EQ(again.wait().exit_code, 0) << again.errors();
+  EXPECT_THAT(again.errors(), HasSubstr("2 of 2 seeds are done already"));
+
+  std::ofstream(folder_ / "libcampaign_parts.so", std::ios::app) << "built anew";
+  Process other(options);
+  EXPECT_EQ(other.wait().exit_code, 2);
+  EXPECT_THAT(other.errors(), HasSubstr("found has another campaign: its libraries differ"));
+
+  folder_.write("more.json", R"({"name": "more", "components": [], "shared_params": {"a": 1}})");
+  Process included(options);
+  EXPECT_EQ(included.wait().exit_code, 2);
+  EXPECT_THAT(included.errors(), HasSubstr("found has another campaign: its application differs"));
 }
 
 TEST_F(Campaign, FindsCrashes) {

@@ -29,6 +29,8 @@
 #include "command.h"
 #include "configuration.h"
 #include "duration.h"
+#include "loading/component_library.h"
+#include "loading/pinned_libraries.h"
 #include "option_values.h"
 #include "print.h"
 #include "redrawn_line.h"
@@ -143,9 +145,10 @@ std::vector<std::string> words_of(const Configuration& configuration, bool is_el
 /// One campaign: runs seeds, shrinks what failed, writes what was found.
 class Campaign {
  public:
-  Campaign(const CampaignOptions& options, campaign::Plan plan, std::vector<campaign::Judge> judges,
-           std::string plan_text)
+  Campaign(const CampaignOptions& options, config::ApplicationDescription application,
+           campaign::Plan plan, std::vector<campaign::Judge> judges, std::string plan_text)
       : options_(options),
+        application_(std::move(application)),
         plan_(std::move(plan)),
         judges_(std::move(judges)),
         plan_text_(std::move(plan_text)),
@@ -165,19 +168,34 @@ class Campaign {
   }
 
  private:
+  /// The SHA-256 of each component library and of the libraries it needs: the code that runs.
+  [[nodiscard]] ordered_json libraries() const {
+    const host::LibraryLoader loader(
+        host::library_folders(application_, options_.configuration.library_path));
+    auto sums = ordered_json::object();
+    for (const config::ComponentDescription& component : application_.components) {
+      const fs::path file = loader.file_of(component.library);
+      if (file.empty() || sums.contains(component.library)) {
+        continue;
+      }
+      auto& its = sums[component.library];
+      its = {host::sha256_of(file)};
+      for (const host::NeededLibrary& needed : host::needed_libraries(file)) {
+        its.push_back(host::sha256_of(needed.file));
+      }
+    }
+    return sums;
+  }
+
   /// What identifies a campaign, besides the number of seeds.
   [[nodiscard]] ordered_json identity() const {
-    auto files = ordered_json::object();
-    for (const fs::path& file : options_.configuration.load.overlays) {
-      files[file.string()] = content_of(file).value_or("");
-    }
     auto judges = ordered_json::array();
     for (const campaign::Judge& judge : judges_) {
       judges.push_back(judge.text());
     }
-    return {{"application", content_of(options_.configuration.load.file).value_or("")},
+    return {{"application", application_.effective.to_json()},
+            {"libraries", libraries()},
             {"options", words_of(options_.configuration)},
-            {"overlays", files},
             {"plan", plan_text_},
             {"judges", judges},
             {"for", options_.limit}};
@@ -202,7 +220,7 @@ class Campaign {
           return fmt::format(
               "{} has another campaign: its {} differ{}; give another --out, or remove that folder",
               options_.out.string(), key == "for" ? "--for" : key,
-              key == "overlays" || key == "options" || key == "judges" ? "" : "s");
+              key == "libraries" || key == "options" || key == "judges" ? "" : "s");
         }
       }
     } else if (const std::string why = ReportFile(known).write(own.dump(2) + "\n"); !why.empty()) {
@@ -300,7 +318,7 @@ class Campaign {
         seeds.push_back(options_.first_seed + i);
       }
     }
-    if (!seeds.empty() && seeds.size() < options_.seeds) {
+    if (seeds.size() < options_.seeds) {
       say(fmt::format("{} of {} seeds are done already", options_.seeds - seeds.size(),
                       options_.seeds));
     }
@@ -557,6 +575,7 @@ class Campaign {
   }
 
   const CampaignOptions& options_;
+  const config::ApplicationDescription application_;
   const campaign::Plan plan_;
   const std::vector<campaign::Judge> judges_;
   const std::string plan_text_;
@@ -588,13 +607,13 @@ int run_campaign(const CampaignOptions& options) {
     return print_wrong(fmt::format("{} error{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
   }
   config::Problems problems;
-  static_cast<void>(config::load(options.configuration.load, problems));
+  auto application = config::load(options.configuration.load, problems);
   if (problems.has_errors() && !may_start(problems, options.configuration.load.file.string())) {
     return kWrong;
   }
   const sigset_t signals = block_stop_signals();
   try {
-    Campaign campaign(options, *plan, std::move(judges), *text);
+    Campaign campaign(options, std::move(application), *plan, std::move(judges), *text);
     const StopSignals stop(signals, [&campaign] { campaign.stop(); });
     return campaign.run();
   } catch (const std::exception& error) {
