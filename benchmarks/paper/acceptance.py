@@ -16,6 +16,7 @@ FUTEX, SPIN_FLOOR, RING = "floor-futex", "floor-spin", "floor-ring"
 SIZE_UNDER_LOAD = 32 << 10
 HELD, NOT_HELD, UNDECIDED = "held", "not held", "undecided"
 NOT_MEASURED, TOO_SMALL = "not measured", "n too small"
+NEAREST = "nearest: "
 # A verdict takes at least this share of the rounds: 7 of 9. By chance alone 7 of 9 agree once in five times, 5 of 9 always.
 AGREEING = 0.75
 
@@ -157,7 +158,7 @@ def _against_nearest(
     if name is None:
         return Check(what, size, NOT_MEASURED, unit=unit, note="no such peer was measured")
     rounds = [(p.value, p.other) for p in pairs_of[name]]
-    return judge(what, size, rounds, is_enough=is_enough(name), at_least=at_least, unit=unit, note=f"nearest: {name}")
+    return judge(what, size, rounds, is_enough=is_enough(name), at_least=at_least, unit=unit, note=f"{NEAREST}{name}")
 
 
 def flood_size(data: Measurements, name: str) -> int:

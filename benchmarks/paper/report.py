@@ -124,9 +124,9 @@ Made by `{self._record.command}`. The rows behind every figure are in [rows.csv]
     def _bounds(self) -> str:
         return f"""## Bounds
 
-What FastCycle has to hold on any machine, beside the floors of that machine. Figure and limit are in µs unless
-another unit stands there, and medians over the rounds; *left* is the median over the rounds of what is left to
-the limit, each round against its own floor. Three quarters of the rounds decide; fewer leave a bound undecided.
+What FastCycle has to hold on any machine, beside the floors of that machine: figure / limit, both medians over the
+rounds, and in how many rounds the bound was held, each round against its own floor. Three quarters of the rounds
+decide: **bold** is not held, *italic* is undecided.
 
 {tables.acceptance_table(self._checks)}"""
 
@@ -196,13 +196,13 @@ The paper's own figures, **from another machine**:
             "Medians over the rounds of each round's percentile; *worst of all rounds* is the single slowest message. "
             "*sd* is the jitter of the paper's tables; *interval sd* is the standard deviation of receive interval "
             "minus send interval, what the paper's words compare. p99.9 is n/a below 50,000 messages in all. "
-            "Marks are those of Table I.\n",
+            "Marks are those of Table I; rows.csv has all sizes.\n",
             self._picture("jitter.svg"),
             self._picture("histograms.svg"),
             self._picture("series.svg"),
         ]
         for mode, words in (("latency", "Latency"), ("rtt", "Round trip")):
-            for size in self._data.sizes(mode):
+            for size in _ends(self._data.sizes(mode)):
                 table_of_size = tables.tail_table(self._data, self._field, mode, size)
                 parts.append(f"### {words} at {name_of_size(size)}\n\n{table_of_size}")
         return "\n".join(part for part in parts if part)
@@ -228,9 +228,8 @@ it is `floor-spin`. Marks are those of Table I.
         sizes = self._data.sizes("latency")
         if not sizes:
             return ""
-        shown = [sizes[0], sizes[-1]] if len(sizes) > 1 else sizes
         parts = ["## What a message costs\n\nOf the whole process, publisher and filling the payload included.\n"]
-        for size in shown:
+        for size in _ends(sizes):
             parts.append(f"### At {name_of_size(size)}\n\n{tables.cost_table(self._data, self._field, size)}")
         return "\n".join(parts)
 
@@ -373,6 +372,11 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
     def _p50(self, who: Contender, size: int) -> float:
         found = self._data.median("latency", who.name, size, "p50_us")
         return math.inf if found is None else found
+
+
+def _ends(sizes: list[int]) -> list[int]:
+    """The smallest and the largest."""
+    return sizes if len(sizes) < 2 else [sizes[0], sizes[-1]]
 
 
 def _about(who: Contender) -> str:

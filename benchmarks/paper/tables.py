@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from acceptance import Check, name_of_size
+from acceptance import HELD, NEAREST, NOT_HELD, UNDECIDED, Check, name_of_size
 from contenders import FLOOR, OURS, PEER, PROCESSES, PUBLISHER, THREADS, Contender
 from markdown import NOT_ENOUGH, NOT_THERE, mean_and_sd, number, table
 from rounds import Measurements, enough, median
@@ -131,16 +131,43 @@ def cost_table(data: Measurements, field: Field, size: int) -> str:
     return table(header, lines)
 
 
+def _verdict(check: Check, text: str) -> str:
+    """The text, marked by how the bound came out."""
+    if check.verdict == HELD:
+        return text
+    if check.verdict == NOT_HELD:
+        return f"**{text}**"
+    return f"*{text}*" if check.verdict == UNDECIDED else f"{text} ({check.verdict})"
+
+
+def _figures(check: Check) -> str:
+    if check.figure is None:
+        return check.verdict
+    unit = "" if check.unit == "µs" else f" {check.unit}"
+    return _verdict(check, f"{number(check.figure)} / {number(check.limit)}{unit}, {check.rounds_held}/{check.rounds}")
+
+
 def acceptance_table(checks: Iterable[Check]) -> str:
-    lines = []
-    for c in checks:
-        unit = "" if c.unit == "µs" else f" {c.unit}"
-        size = "" if not c.size else name_of_size(c.size)
-        figures = [number(c.figure) + (unit if c.figure is not None else ""), number(c.limit), number(c.left)]
-        verdict = c.verdict if c.verdict == "held" else f"**{c.verdict}**"
-        lines.append([c.what, size, c.note, *figures, f"{c.rounds_held}/{c.rounds}", verdict])
-    header = ["bound", "size", "", "figure", "limit", "left", "rounds held", "verdict"]
-    return table(header, lines, text_columns=3, has_text_last=True)
+    """Two tables: the bounds of several sizes with a column for each, then all others."""
+    by_bound: dict[str, list[Check]] = {}
+    for check in checks:
+        by_bound.setdefault(check.what, []).append(check)
+    sizes = sorted({c.size for members in by_bound.values() if len(members) > 1 for c in members if c.size})
+    of_sizes, others = [], []
+    for what, members in by_bound.items():
+        notes = ", ".join(dict.fromkeys(c.note for c in members if c.note)).replace(f", {NEAREST}", ", ")
+        if len(members) > 1:
+            cells = {c.size: _figures(c) for c in members}
+            of_sizes.append([what, notes, *[cells.get(size, "") for size in sizes]])
+        else:
+            size = f", {name_of_size(members[0].size)}" if members[0].size else ""
+            others.append([what + size, notes, _figures(members[0])])
+    parts = []
+    if of_sizes:
+        parts.append(table(["bound, µs", "", *map(name_of_size, sizes)], of_sizes, text_columns=2))
+    if others:
+        parts.append(table(["bound", "", "figure / limit, rounds held"], others, text_columns=2))
+    return "\n".join(parts)
 
 
 def flood_table(data: Measurements, field: Field) -> str:
