@@ -23,6 +23,7 @@ constexpr double kLongestStep_s = 0.05;  // A longer gap is reckoned in parts.
 constexpr double kLongestGap_s = 10.0;   // Beyond it the last speed is meaningless.
 constexpr double kUnknownPosition_m = 1e3;
 constexpr double kStandingAfter_s = 0.5;
+constexpr double kSteeringErrorLasts_s = 1.0;
 constexpr double kCourseGate = 10.8;  // 99.9 % of one dimension.
 constexpr double kNoGate = std::numeric_limits<double>::infinity();
 
@@ -87,6 +88,15 @@ void PoseFilter::on_steered_yaw_rate(std::chrono::nanoseconds time, double radps
   update_scalar(jacobian, {.innovation = memory_.yaw_rate_radps - radps - memory_.state[kGyroBias],
                            .noise = std::hypot(stddev_radps, config_.gyro_noise_radps),
                            .gate = kCourseGate});
+}
+
+void PoseFilter::on_steering_alone(std::chrono::nanoseconds time, double radps,
+                                   double stddev_radps) {
+  const double passed_s = std::chrono::duration<double>(time - memory_.time.value_or(time)).count();
+  advance_to(time);
+  memory_.yaw_rate_radps = radps + memory_.state[kGyroBias];
+  memory_.covariance(kYaw, kYaw) +=
+      squared(stddev_radps) * kSteeringErrorLasts_s * std::max(0.0, passed_s);
 }
 
 bool PoseFilter::on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age,

@@ -152,6 +152,9 @@ class PoseFilter {
   void on_wheel_speed(std::chrono::nanoseconds time, double mps);
   /// The yaw rate from steering angle and speed, as one measurement of the gyroscope's offset.
   void on_steered_yaw_rate(std::chrono::nanoseconds time, double radps, double stddev_radps);
+  /// The same in place of a silent gyroscope: the vehicle turns at this rate until the next one.
+  /// The standard deviation is of an error that lasts for about a second.
+  void on_steering_alone(std::chrono::nanoseconds time, double radps, double stddev_radps);
   /// A fix that arrived at `arrival` with the position `age` before; an age beyond the recorded
   /// steps is extrapolated with the oldest speed. Returns false if it was rejected as an outlier.
   bool on_fix(std::chrono::nanoseconds arrival, std::chrono::nanoseconds age, const PlaneFix& fix);

@@ -15,6 +15,8 @@ namespace {
 // no later.
 constexpr double kSamePlace_m = 0.5;
 constexpr double kSameSpeed_mps = 0.5;
+// Without an estimate for longer, localization is silent; it gives one each 10 ms.
+constexpr std::int64_t kSilent_ns = 60'000'000;
 
 fastcycle::ParamOptions<double> positive(double fallback, std::string unit,
                                          std::string description) {
@@ -140,6 +142,11 @@ void Control::save(control::ControllerState& state) const {
   }
   state.set_first_ns(*first_ns_);
   write(tracker_.memory(), *state.mutable_tracker());
+  if (place_) {
+    write(*place_, *state.mutable_place());
+    state.set_place_ns(place_ns_);
+    state.set_ego_ns(ego_ns_);
+  }
   state.set_plan_sequence(plan_sequence_);
   state.set_plan_s(plan_s_);
   if (!nominal_.points.empty()) {
@@ -160,6 +167,11 @@ void Control::load(const control::ControllerState& state) {
   }
   first_ns_ = state.first_ns();
   tracker_.set_memory(read(state.tracker()));
+  if (state.has_place()) {
+    place_ = read(state.place());
+    place_ns_ = state.place_ns();
+    ego_ns_ = state.ego_ns();
+  }
   plan_sequence_ = state.plan_sequence();
   plan_s_ = state.plan_s();
   if (state.has_nominal()) {
@@ -184,22 +196,42 @@ double Control::seconds(std::int64_t ns) const {
   return 1e-9 * static_cast<double>(ns - first_ns_.value_or(0));
 }
 
+// A minimal-risk stop takes seconds, and must not leave the road because localization has failed.
+void Control::locate() {
+  const auto ego = egos_.get();
+  if (ego && ego->quality() != localization::INITIALIZING && ego->header().taken_ns() > ego_ns_ &&
+      std::isfinite(ego->x_m() + ego->y_m() + ego->heading_rad() + ego->speed_mps())) {
+    ego_ns_ = place_ns_ = ego->header().taken_ns();
+    place_ = {.x_m = ego->x_m(),
+              .y_m = ego->y_m(),
+              .heading_rad = ego->heading_rad(),
+              .speed_mps = ego->speed_mps()};
+    return;
+  }
+  const auto vehicle = vehicle_states_.get();
+  if (!place_ || !vehicle || vehicle->header().taken_ns() < ego_ns_ + kSilent_ns ||
+      vehicle->header().taken_ns() <= place_ns_ ||
+      !std::isfinite(vehicle->speed_mps() + vehicle->steering_rad())) {
+    return;
+  }
+  place_->speed_mps = vehicle->speed_mps();
+  place_->steering_rad = vehicle->steering_rad();
+  place_ = tracker_.move_on(*place_,
+                            1e-9 * static_cast<double>(vehicle->header().taken_ns() - place_ns_));
+  place_ns_ = vehicle->header().taken_ns();
+}
+
 // None while it is not known, or not a number.
 std::optional<Motion> Control::motion() const {
-  const auto ego = egos_.get();
-  const auto vehicle = vehicle_states_.get();
-  if (!ego || ego->quality() == localization::INITIALIZING) {
+  if (!place_) {
     return std::nullopt;
   }
-  Motion motion{.x_m = ego->x_m(),
-                .y_m = ego->y_m(),
-                .heading_rad = ego->heading_rad(),
-                .speed_mps = ego->speed_mps(),
-                .acceleration_mps2 = vehicle ? vehicle->acceleration_mps2() : 0.0,
-                .steering_rad = vehicle ? vehicle->steering_rad() : 0.0};
-  const double sum = motion.x_m + motion.y_m + motion.heading_rad + motion.speed_mps +
-                     motion.acceleration_mps2 + motion.steering_rad;
-  return std::isfinite(sum) ? std::optional(motion) : std::nullopt;
+  const auto vehicle = vehicle_states_.get();
+  Motion motion = *place_;
+  motion.acceleration_mps2 = vehicle ? vehicle->acceleration_mps2() : 0.0;
+  motion.steering_rad = vehicle ? vehicle->steering_rad() : 0.0;
+  return std::isfinite(motion.acceleration_mps2 + motion.steering_rad) ? std::optional(motion)
+                                                                       : std::nullopt;
 }
 
 void Control::take_plan(const Motion& motion, double now_s) {
@@ -255,6 +287,7 @@ void Control::serve() {
     first_ns_ = now_ns;
   }
   const double now_s = seconds(now_ns);
+  locate();
   const std::optional<Motion> where = motion();
   if (where) {
     take_plan(*where, now_s);
@@ -269,7 +302,7 @@ void Control::serve() {
     publish(is_autonomous(driving) ? tracker_.hold(now_s) : Actuation{}, is_autonomous(driving));
     return;
   }
-  const double motion_s = seconds(egos_.get()->header().taken_ns());
+  const double motion_s = seconds(place_ns_);
   if (!is_autonomous(driving)) {
     tracker_.forget();
     stop_.reset();

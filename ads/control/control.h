@@ -28,6 +28,7 @@ class Control final : public fastcycle::Component {
 
  private:
   [[nodiscard]] double seconds(std::int64_t ns) const;
+  void locate();
   [[nodiscard]] std::optional<Motion> motion() const;
   void take_plan(const Motion& motion, double now_s);
   [[nodiscard]] bool is_better_stop(const Motion& motion, double now_s) const;
@@ -50,6 +51,11 @@ class Control final : public fastcycle::Component {
   std::optional<std::int64_t> first_ns_;  // The begin of the controller's clock.
   std::uint64_t plan_sequence_ = 0;       // Of the last plan taken.
   double plan_s_ = 0.0;                   // When it was taken.
+  // The newest estimate of localization; once none comes any more, where speed and steering have
+  // led the vehicle since.
+  std::optional<Motion> place_;
+  std::int64_t place_ns_ = 0;
+  std::int64_t ego_ns_ = 0;  // Of the newest estimate.
   Path nominal_;
   Path minimal_risk_;
   std::optional<Path> stop_;  // The path of a minimal-risk stop, during one.

@@ -161,6 +161,69 @@ TEST_F(ControlTest, StopsAlthoughEachNewStopBeginsWithDrivingOn) {
   EXPECT_LT(last_command().acceleration_mps2(), -3.0) << "the later stop is not gone over to";
 }
 
+// A vehicle whose wheels and pedals obey at once begins a minimal-risk stop beside its line.
+class Stop : public ControlTest {
+ public:
+  void TestBody() override {}
+
+  explicit Stop(bool has_localization) {
+    SetUp();
+    send_state(supervision::ENGAGED);
+    send_ego(kLever_m, y_m, speed_mps);
+    send_plan();
+    for (int tick = 0; tick < 250; ++tick) {
+      if (tick == kStopTick) {
+        send_state(supervision::MINIMAL_RISK_STOP);
+      }
+      drive(last_command());
+      if (tick < kStopTick || has_localization) {
+        localization::Ego ego;
+        ego.mutable_header()->set_taken_ns(now_ns());
+        ego.set_x_m(x_m + kLever_m * std::cos(heading_rad));
+        ego.set_y_m(y_m + kLever_m * std::sin(heading_rad));
+        ego.set_heading_rad(heading_rad);
+        ego.set_speed_mps(speed_mps);
+        ego.set_quality(localization::GOOD);
+        egos_.publish(ego);
+      }
+    }
+  }
+
+  // Of the rear axle.
+  double x_m = 0.0;
+  double y_m = 0.8;
+  double heading_rad = 0.0;
+  double speed_mps = 10.0;
+
+ private:
+  static constexpr double kWheelbase_m = 2.58;
+  static constexpr double kLever_m = 1.29;
+  static constexpr int kStopTick = 25;
+
+  void drive(const control::Command& command) {
+    speed_mps = std::max(0.0, speed_mps + 0.02 * command.acceleration_mps2());
+    heading_rad += 0.02 * speed_mps * std::tan(command.steering_rad()) / kWheelbase_m;
+    x_m += 0.02 * speed_mps * std::cos(heading_rad);
+    y_m += 0.02 * speed_mps * std::sin(heading_rad);
+    vehicle::State vehicle;
+    vehicle.mutable_header()->set_taken_ns(now_ns());
+    vehicle.set_speed_mps(speed_mps);
+    vehicle.set_steering_rad(command.steering_rad());
+    vehicle.set_acceleration_mps2(command.acceleration_mps2());
+    vehicles_.publish(vehicle);
+  }
+};
+
+TEST(ControlWithoutLocalization, StopsWhereItWouldWithIt) {
+  const Stop with(true);
+  const Stop without(false);
+
+  EXPECT_EQ(without.speed_mps, 0.0);
+  EXPECT_NEAR(without.x_m, with.x_m, 0.1);
+  EXPECT_NEAR(without.y_m, with.y_m, 0.02);
+  EXPECT_NEAR(without.heading_rad, with.heading_rad, 0.01);
+}
+
 TEST_F(ControlTest, HoldsTheBrakeWhenStopped) {
   send_ego(0.0, 0.0, 0.0);
   send_plan();

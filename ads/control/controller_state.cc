@@ -34,6 +34,20 @@ Path read(const control::Path& message) {
   return path;
 }
 
+void write(const Motion& place, control::Place& message) {
+  message.set_x_m(place.x_m);
+  message.set_y_m(place.y_m);
+  message.set_heading_rad(place.heading_rad);
+  message.set_speed_mps(place.speed_mps);
+}
+
+Motion read(const control::Place& message) {
+  return {.x_m = message.x_m(),
+          .y_m = message.y_m(),
+          .heading_rad = message.heading_rad(),
+          .speed_mps = message.speed_mps()};
+}
+
 void write(const Tracker::Memory& memory, control::TrackerMemory& message) {
   for (const Tracker::Past& past : memory.past) {
     control::PastCommand& its = *message.add_past();

@@ -11,6 +11,10 @@ void write(const Path& path, control::Path& message);
 /// @throws std::invalid_argument  The path cannot be followed.
 Path read(const control::Path& message);
 
+/// Without acceleration and steering.
+void write(const Motion& place, control::Place& message);
+Motion read(const control::Place& message);
+
 void write(const Tracker::Memory& memory, control::TrackerMemory& message);
 Tracker::Memory read(const control::TrackerMemory& message);
 

@@ -97,12 +97,38 @@ const Actuation* Tracker::command_at(double time_s) const {
   return command;
 }
 
-// Kinematic single-track model, with the commands that are on their way.
+Motion Tracker::rear_axle(const Motion& centre) const {
+  Motion axle = centre;
+  axle.x_m -= config_.centre_to_rear_axle_m * std::cos(axle.heading_rad);
+  axle.y_m -= config_.centre_to_rear_axle_m * std::sin(axle.heading_rad);
+  return axle;
+}
+
+Motion Tracker::centre(const Motion& rear_axle) const {
+  Motion centre = rear_axle;
+  centre.x_m += config_.centre_to_rear_axle_m * std::cos(centre.heading_rad);
+  centre.y_m += config_.centre_to_rear_axle_m * std::sin(centre.heading_rad);
+  return centre;
+}
+
+// A step of the kinematic single-track model.
+void Tracker::roll(Motion& rear_axle, double step_s) const {
+  const double yaw = rear_axle.speed_mps * std::tan(rear_axle.steering_rad) / config_.wheelbase_m;
+  const double heading = rear_axle.heading_rad + 0.5 * step_s * yaw;
+  rear_axle.x_m += step_s * rear_axle.speed_mps * std::cos(heading);
+  rear_axle.y_m += step_s * rear_axle.speed_mps * std::sin(heading);
+  rear_axle.heading_rad += step_s * yaw;
+}
+
+Motion Tracker::move_on(const Motion& motion, double passed_s) const {
+  Motion axle = rear_axle(motion);
+  roll(axle, passed_s);
+  return centre(axle);
+}
+
+// With the commands that are on their way.
 Motion Tracker::predict(const Motion& motion, double from_s, double to_s) const {
-  Motion now = motion;
-  const double lever = config_.centre_to_rear_axle_m;
-  now.x_m -= lever * std::cos(now.heading_rad);
-  now.y_m -= lever * std::sin(now.heading_rad);
+  Motion now = rear_axle(motion);
   for (double time = from_s; time < to_s - 1e-9; time += kPredictionStep_s) {
     const double step = std::min(kPredictionStep_s, to_s - time);
     if (const Actuation* asked = command_at(time - config_.acceleration_delay_s)) {
@@ -114,16 +140,10 @@ Motion Tracker::predict(const Motion& motion, double from_s, double to_s) const 
       const double turn = config_.steering_rate_max_radps * step;
       now.steering_rad += std::clamp(asked->steering_rad - now.steering_rad, -turn, turn);
     }
-    const double yaw = now.speed_mps * std::tan(now.steering_rad) / config_.wheelbase_m;
-    const double heading = now.heading_rad + 0.5 * step * yaw;
-    now.x_m += step * now.speed_mps * std::cos(heading);
-    now.y_m += step * now.speed_mps * std::sin(heading);
-    now.heading_rad += step * yaw;
+    roll(now, step);
     now.speed_mps = std::max(0.0, now.speed_mps + step * now.acceleration_mps2);
   }
-  now.x_m += lever * std::cos(now.heading_rad);
-  now.y_m += lever * std::sin(now.heading_rad);
-  return now;
+  return centre(now);
 }
 
 double Tracker::steering(const Reference& reference, const Motion& motion) {

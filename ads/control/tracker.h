@@ -115,6 +115,8 @@ class Tracker {
                   double deceleration_mps2);
   /// The command that keeps the vehicle at rest.
   Actuation hold(double now_s);
+  /// Where the vehicle is after it drove on for this long, with the speed and steering of `motion`.
+  [[nodiscard]] Motion move_on(const Motion& motion, double passed_s) const;
   /// Resets the state, because a driver has taken control and the vehicle's commands are unknown.
   void forget();
 
@@ -126,6 +128,9 @@ class Tracker {
 
  private:
   [[nodiscard]] const Actuation* command_at(double time_s) const;
+  [[nodiscard]] Motion rear_axle(const Motion& centre) const;
+  [[nodiscard]] Motion centre(const Motion& rear_axle) const;
+  void roll(Motion& rear_axle, double step_s) const;
   [[nodiscard]] Motion predict(const Motion& motion, double from_s, double to_s) const;
   [[nodiscard]] double steering(const Reference& reference, const Motion& motion);
   void integrate(const Motion& motion, double passed_s);

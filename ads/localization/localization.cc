@@ -12,6 +12,8 @@ namespace {
 
 /// An initial pose that is older does not replace a known position.
 constexpr std::chrono::seconds kPoseAgeMax{1};
+// Without a motion for longer, the inertial sensor is silent; it gives one each 10 ms.
+constexpr std::chrono::milliseconds kSilent{30};
 
 class Reader {
  public:
@@ -343,13 +345,16 @@ void Localization::on_vehicle_state(const vehicle::State& state) {
   }
   newest_ = std::max(newest_, time_of(state));
   heard_.vehicle_state = newest_;
+  const double steered = state.speed_mps() * std::tan(state.steering_rad()) / wheelbase_m_.get();
+  const double noise =
+      steering_noise_radps_.get() + steering_noise_share_.get() * std::abs(steered);
+  if (heard_.motion && newest_ - *heard_.motion > kSilent) {
+    pose_.on_steering_alone(newest_, steered, noise);
+  }
   pose_.on_wheel_speed(newest_, state.speed_mps());
   speed_.on_wheel_speed(newest_, state.speed_mps());
-  const double steered = state.speed_mps() * std::tan(state.steering_rad()) / wheelbase_m_.get();
-  if (heard_.motion) {
-    pose_.on_steered_yaw_rate(
-        newest_, steered,
-        steering_noise_radps_.get() + steering_noise_share_.get() * std::abs(steered));
+  if (heard_.motion && newest_ - *heard_.motion <= kSilent) {
+    pose_.on_steered_yaw_rate(newest_, steered, noise);
   }
   // Else it is published with the next motion.
   if (std::chrono::duration<double>(newest_ - heard_.motion.value_or(newest_)).count() >

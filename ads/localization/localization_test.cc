@@ -301,6 +301,22 @@ TEST(Localization, SilentInertialSensorIsALossAndIsTold) {
   EXPECT_NE(ego.reason().find("imu/motion"), std::string::npos) << ego.reason();
 }
 
+TEST(Localization, WithoutInertialSensorAndFixesTheSteeringTurnsTheVehicle) {
+  Drive drive(8);
+  drive.give_initial_pose();
+  drive.go(6'000);  // Into a bend.
+  drive.has_motion = false;
+  drive.has_fixes = false;
+  const auto before = drive.error(drive.last());
+  drive.go(4'000);
+
+  const auto ego = drive.last();
+  const auto error = drive.error(ego);
+  EXPECT_NEAR(error(2), before(2), 0.01);
+  EXPECT_LT((error - before).head<2>().norm(), 0.5);
+  EXPECT_GT(ego.covariance(12), 1e-4) << "the heading is less certain";
+}
+
 TEST(Localization, StandingVehicleStands) {
   Drive drive(6);
   drive.speed_mps_ = 0.0;
