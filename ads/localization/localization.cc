@@ -234,6 +234,7 @@ void Localization::save(localization::FilterState& state) const {
   write_time(first_taken_, &localization::FilterState::set_first_taken_ns);
   write_time(heard_.motion, &localization::FilterState::set_heard_motion_ns);
   write_time(heard_.vehicle_state, &localization::FilterState::set_heard_vehicle_state_ns);
+  write_time(heard_.fix, &localization::FilterState::set_heard_fix_ns);
   write_time(heard_.good_fix, &localization::FilterState::set_heard_good_fix_ns);
   state.set_newest_ns(newest_.count());
   state.set_fixes(fix_count_);
@@ -256,6 +257,7 @@ void Localization::load(const localization::FilterState& state) {
   heard_.motion = read_time(state.has_heard_motion_ns(), state.heard_motion_ns());
   heard_.vehicle_state =
       read_time(state.has_heard_vehicle_state_ns(), state.heard_vehicle_state_ns());
+  heard_.fix = read_time(state.has_heard_fix_ns(), state.heard_fix_ns());
   heard_.good_fix = read_time(state.has_heard_good_fix_ns(), state.heard_good_fix_ns());
   newest_ = Time(state.newest_ns());
   fix_count_ = state.fixes();
@@ -317,6 +319,11 @@ void Localization::on_position(const gnss::Position& position) {
     return;  // It has no heading: the initial pose comes from the mission.
   }
   const Time taken = time_of(position);
+  if (heard_.fix && taken <= *heard_.fix) {
+    ++invalid_count_;  // The same again: its source is frozen.
+    return;
+  }
+  heard_.fix = taken;
   newest_ = std::max(newest_, taken);
   ++fix_count_;
   if (pose_.on_fix(newest_, newest_ - taken, fix)) {
@@ -331,8 +338,13 @@ void Localization::on_motion(const imu::Motion& motion) {
     ++invalid_count_;
     return;
   }
-  newest_ = std::max(newest_, time_of(motion));
-  heard_.motion = newest_;
+  const Time taken = time_of(motion);
+  if (heard_.motion && taken <= *heard_.motion) {
+    ++invalid_count_;  // The same again: its source is frozen.
+    return;
+  }
+  heard_.motion = taken;
+  newest_ = std::max(newest_, taken);
   pose_.on_yaw_rate(newest_, motion.yaw_rate_radps());
   speed_.on_acceleration(newest_, motion.forward_mps2());
   publish();

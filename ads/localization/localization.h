@@ -35,6 +35,7 @@ class Localization final : public fastcycle::Component {
   struct Heard {
     std::optional<Time> motion;
     std::optional<Time> vehicle_state;
+    std::optional<Time> fix;
     std::optional<Time> good_fix;
   };
 

@@ -91,6 +91,7 @@ class Drive {
 
   bool has_state = true;
   bool has_motion = true;
+  bool is_frozen = false;  // Motions and fixes are the last ones, again and again.
   int fix_dropout = 0;
   bool has_fixes = true;
   Eigen::Vector2d fix_offset_m = Eigen::Vector2d::Zero();
@@ -121,17 +122,21 @@ class Drive {
     auto position = measured<gnss::Position>();
     position.set_x_m(center().x() + east + fix_offset_m.x());
     position.set_y_m(center().y() + north + fix_offset_m.y());
-    positions_.publish(position);
+    position_ = is_frozen ? position_ : position;
+    positions_.publish(position_);
   }
 
   void give_motion() {
     auto motion = measured<imu::Motion>();
     motion.set_forward_mps2(0.04 + 0.67 * normal_(random_));
     motion.set_yaw_rate_radps(yaw_rate_radps_ + gyro_bias_radps_ + 0.0028 * normal_(random_));
-    motions_.publish(motion);
+    motion_ = is_frozen ? motion_ : motion;
+    motions_.publish(motion_);
   }
 
   mission::InitialPose initial_;
+  gnss::Position position_;
+  imu::Motion motion_;
   int elapsed_ms_ = 0;
   int fix_count_ = 0;
   Eigen::Vector2d axle_m_{100.0, 50.0};
@@ -315,6 +320,21 @@ TEST(Localization, WithoutInertialSensorAndFixesTheSteeringTurnsTheVehicle) {
   EXPECT_NEAR(error(2), before(2), 0.01);
   EXPECT_LT((error - before).head<2>().norm(), 0.5);
   EXPECT_GT(ego.covariance(12), 1e-4) << "the heading is less certain";
+}
+
+TEST(Localization, RepeatedMeasurementsAreNotUsed) {
+  Drive drive(8);
+  drive.give_initial_pose();
+  drive.go(6'000);
+  drive.is_frozen = true;
+  const auto before = drive.error(drive.last());
+  drive.go(4'000);
+
+  const auto ego = drive.last();
+  EXPECT_LT((drive.error(ego) - before).head<2>().norm(), 0.5);
+  EXPECT_EQ(ego.quality(), localization::LOST);
+  EXPECT_NE(ego.reason().find("imu/motion"), std::string::npos) << ego.reason();
+  EXPECT_EQ(drive.result("inputs_invalid"), 440);
 }
 
 TEST(Localization, StandingVehicleStands) {
