@@ -1,6 +1,7 @@
 #include "control.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <string>
 #include <string_view>
@@ -125,6 +126,9 @@ Control::Control(fastcycle::Context& context)
                                  "any more"))),
       stale_braking_mps2_(context.param<double>(
           "stale_braking_mps2", positive(3.0, "m/s^2", "How the vehicle then stops on its line"))),
+      supervision_age_s_(context.param<double>(
+          "supervision_age_s",
+          positive(0.2, "s", "When supervision is silent for longer, the vehicle stops"))),
       tracker_(read_config(context)),
       plans_(context.create_latest<planning::Plan>("planning/checked_plan")),
       egos_(context.create_latest<localization::Ego>("localization/ego")),
@@ -281,6 +285,11 @@ Actuation Control::act(supervision::DrivingState state, const Motion& motion, do
   return tracker_.follow(nominal_, motion, motion_s, now_s);
 }
 
+bool Control::is_supervision_silent() const {
+  const auto age = states_.age();
+  return age && std::chrono::duration<double>(*age).count() > supervision_age_s_.get();
+}
+
 void Control::serve() {
   const std::int64_t now_ns = now().time_since_epoch().count();
   if (!first_ns_) {
@@ -293,13 +302,18 @@ void Control::serve() {
     take_plan(*where, now_s);
   }
   const auto state = states_.get();
-  const auto driving = state ? state->state() : supervision::OFF;
+  auto driving = state ? state->state() : supervision::OFF;
+  const bool is_alone = is_autonomous(driving) && is_supervision_silent();
+  if (is_alone && driving != supervision::STOPPED) {
+    driving = supervision::MINIMAL_RISK_STOP;
+  }
   if (nominal_.points.empty()) {
     return;
   }
   if (!where) {
     // Blind: as before, and slower.
-    publish(is_autonomous(driving) ? tracker_.hold(now_s) : Actuation{}, is_autonomous(driving));
+    publish(is_autonomous(driving) ? tracker_.hold(now_s) : Actuation{}, is_autonomous(driving),
+            is_alone);
     return;
   }
   const double motion_s = seconds(place_ns_);
@@ -313,15 +327,16 @@ void Control::serve() {
   const Actuation actuation = act(driving, *where, motion_s, now_s);
   lateral_error_max_m_ = std::max(lateral_error_max_m_, std::abs(tracker_.error().lateral_m));
   along_error_max_m_ = std::max(along_error_max_m_, std::abs(tracker_.error().along_m));
-  publish(actuation, true);
+  publish(actuation, true, is_alone);
 }
 
-void Control::publish(const Actuation& actuation, bool is_autonomous) {
+void Control::publish(const Actuation& actuation, bool is_autonomous, bool is_alone) {
   auto command = commands_.loan();
   command->mutable_header()->set_taken_ns(now().time_since_epoch().count());
   command->set_steering_rad(actuation.steering_rad);
   command->set_acceleration_mps2(actuation.acceleration_mps2);
   command->set_is_autonomous(is_autonomous);
+  command->set_is_stopping_alone(is_alone);
   const TrackingError& error = tracker_.error();
   command->set_lateral_error_m(error.lateral_m);
   command->set_heading_error_rad(error.heading_rad);

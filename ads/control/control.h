@@ -34,12 +34,14 @@ class Control final : public fastcycle::Component {
   [[nodiscard]] bool is_better_stop(const Motion& motion, double now_s) const;
   [[nodiscard]] Actuation act(supervision::DrivingState state, const Motion& motion,
                               double motion_s, double now_s);
-  void publish(const Actuation& actuation, bool is_autonomous);
+  [[nodiscard]] bool is_supervision_silent() const;
+  void publish(const Actuation& actuation, bool is_autonomous, bool is_alone = false);
   void save(control::ControllerState& state) const;
   void load(const control::ControllerState& state);
 
   fastcycle::Param<double> plan_age_s_;
   fastcycle::Param<double> stale_braking_mps2_;
+  fastcycle::Param<double> supervision_age_s_;
   Tracker tracker_;
   fastcycle::Latest<planning::Plan> plans_;
   fastcycle::Latest<localization::Ego> egos_;

@@ -23,6 +23,7 @@ class ControlTest : public ::testing::Test {
   std::int64_t now_ns() { return bench_.now().time_since_epoch().count(); }
 
   void send_state(supervision::DrivingState driving) {
+    driving_ = driving;
     supervision::State state;
     state.set_state(driving);
     states_.publish(state);
@@ -66,6 +67,7 @@ class ControlTest : public ::testing::Test {
     return commands.empty() ? control::Command() : commands.back();
   }
 
+  supervision::DrivingState driving_ = supervision::OFF;
   Bench bench_;
   Bench::Input<planning::Plan> plans_ = bench_.input<planning::Plan>("planning/checked_plan");
   Bench::Input<localization::Ego> egos_ = bench_.input<localization::Ego>("localization/ego");
@@ -224,6 +226,35 @@ TEST(ControlWithoutLocalization, StopsWhereItWouldWithIt) {
   EXPECT_NEAR(without.heading_rad, with.heading_rad, 0.01);
 }
 
+TEST_F(ControlTest, StopsAloneWhenSupervisionIsSilent) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  send_state(supervision::ENGAGED);
+  EXPECT_FALSE(last_command().is_stopping_alone());
+  bench_.advance(200ms);
+  send_ego(2.2, 0.0, 10.0);
+  send_plan();
+  const control::Command silent = last_command();
+  EXPECT_TRUE(silent.is_stopping_alone());
+  EXPECT_TRUE(silent.is_autonomous());
+  bench_.advance(100ms);
+  EXPECT_LT(last_command().acceleration_mps2(), -2.0);
+
+  send_state(supervision::ENGAGED);
+  EXPECT_FALSE(last_command().is_stopping_alone());
+}
+
+TEST_F(ControlTest, AVehicleThatIsDrivenDoesNotStopWhenSupervisionIsSilent) {
+  send_ego(0.0, 0.0, 10.0);
+  send_plan();
+  send_state(supervision::AVAILABLE);
+  bench_.advance(400ms);
+  const control::Command command = last_command();
+
+  EXPECT_FALSE(command.is_autonomous());
+  EXPECT_FALSE(command.is_stopping_alone());
+}
+
 TEST_F(ControlTest, HoldsTheBrakeWhenStopped) {
   send_ego(0.0, 0.0, 0.0);
   send_plan();
@@ -236,7 +267,10 @@ TEST_F(ControlTest, BrakesWhenNoPlanComesAnyMore) {
   send_ego(0.0, 0.0, 10.0);
   send_plan();
   send_state(supervision::ENGAGED);
-  bench_.advance(700ms);
+  for (int count = 0; count < 7; ++count) {
+    bench_.advance(100ms);
+    send_state(supervision::ENGAGED);
+  }
   send_ego(7.0, 0.0, 10.0);
 
   EXPECT_NEAR(last_command().acceleration_mps2(), -3.0, 0.1);
@@ -289,7 +323,10 @@ class FaultyControlTest : public ControlTest {
 
   void fault_and_run(std::chrono::milliseconds span) {
     faults_.publish({});
-    bench_.advance(span);
+    for (; span > 0ms; span -= 100ms) {
+      send_state(driving_);
+      bench_.advance(100ms);
+    }
   }
 
   void expect_same_commands() {

@@ -56,7 +56,21 @@ Vehicle::Vehicle(fastcycle::Context& context)
            .min = 0.01,
            .max = 10.0,
            .unit = "s",
-           .description = "Commands are withheld when supervision is silent for longer"})),
+           .description = "Commands are withheld when supervision is silent for longer, but for "
+                          "those of a stop"})),
+      driver_torque_nm_(context.param<double>(
+          "driver_torque_nm",
+          {.fallback = 3.0,
+           .min = 0.1,
+           .max = 20.0,
+           .unit = "Nm",
+           .description = "By this or more at the wheel the driver ends also such a stop"})),
+      driver_brake_pedal_(context.param<double>(
+          "driver_brake_pedal", {.fallback = 0.05,
+                                 .min = 0.001,
+                                 .max = 1.0,
+                                 .unit = "1",
+                                 .description = "And by this or more of the brake pedal"})),
       states_(context.create_publisher<vehicle::State>("vehicle/state")),
       drivers_(context.create_publisher<vehicle::DriverInput>("vehicle/driver")),
       frames_(context.create_publisher<can::Frame>("can/command")),
@@ -123,6 +137,10 @@ void Vehicle::on_driver(const can::Frame& frame) {
   input->set_steering_torque_nm(bus_->driver->signal("STEERING_TORQUE").decode(payload));
   input->set_brake_pedal(0.01 * percent);
   input->set_takeover_button(bus_->driver->signal("TAKEOVER_BUTTON").decode(payload) != 0.0);
+  if (input->takeover_button() || input->brake_pedal() >= driver_brake_pedal_.get() ||
+      std::abs(input->steering_torque_nm()) >= driver_torque_nm_.get()) {
+    driver_acted_ = now();
+  }
   drivers_.publish(std::move(input));
 }
 
@@ -142,11 +160,15 @@ void Vehicle::on_command(const control::Command& command) {
     return;
   }
   const auto state = supervision_.get();
-  const bool is_engaged = state && is_driving_by_itself(state->state());
+  bool is_engaged = state && is_driving_by_itself(state->state());
   const auto age_max = std::chrono::duration<double>(supervision_age_max_s_.get());
   if (is_engaged && *supervision_.age() > age_max) {
-    ++withheld_;
-    return;
+    if (driver_acted_ && *driver_acted_ > now() - *supervision_.age()) {
+      is_engaged = false;  // The driver has taken over from a stop of control alone.
+    } else if (!command.is_stopping_alone()) {
+      ++withheld_;
+      return;
+    }
   }
   const bool is_autonomous = is_engaged && command.is_autonomous();
   std::array<std::uint8_t, 64> bytes{};

@@ -18,8 +18,8 @@ namespace ads {
 /// The interface to the vehicle's bus: encodes commands as frames, and decodes frames to its state.
 ///
 /// Commands are sent as autonomous only while supervision reports autonomous driving. If
-/// supervision stops publishing in that time, nothing more is sent: then the vehicle brakes by
-/// itself.
+/// supervision stops publishing in that time, only those of a minimal-risk stop are sent, until the
+/// driver acts; without any the vehicle brakes by itself.
 ///
 /// In:   `can/state`, `control/command`, `supervision/state`
 /// Out:  `vehicle/state`, `can/command`; `vehicle/driver`, if the bus has DRIVER_INPUT
@@ -49,12 +49,15 @@ class Vehicle final : public fastcycle::Component {
 
   fastcycle::Param<fastcycle::Path> dbc_;
   fastcycle::Param<double> supervision_age_max_s_;
+  fastcycle::Param<double> driver_torque_nm_;
+  fastcycle::Param<double> driver_brake_pedal_;
   fastcycle::Publisher<vehicle::State> states_;
   fastcycle::Publisher<vehicle::DriverInput> drivers_;
   fastcycle::Publisher<can::Frame> frames_;
   fastcycle::Latest<supervision::State> supervision_;
 
   std::optional<Bus> bus_;
+  std::optional<fastcycle::Time> driver_acted_;
   std::int64_t received_ = 0;
   std::int64_t refused_ = 0;
   std::int64_t refused_in_a_row_ = 0;

@@ -64,12 +64,31 @@ class VehicleTest : public ::testing::Test {
     return dbc_.message("ADS_COMMAND").signal(signal).decode(payload);
   }
 
+  void publish_stop() {
+    control::Command command;
+    command.set_is_autonomous(true);
+    command.set_is_stopping_alone(true);
+    commands_.publish(command);
+  }
+
+  void press_brake(double share) {
+    const DbcMessage& message = dbc_.message("DRIVER_INPUT");
+    std::array<std::uint8_t, 8> payload{};
+    message.signal("BRAKE_PEDAL").encode(100.0 * share, payload);
+    driver_guard_.seal(payload);
+    can::Frame frame;
+    frame.set_address(message.address);
+    frame.set_data(payload.data(), payload.size());
+    bus_.publish(frame);
+  }
+
   [[nodiscard]] std::int64_t result(const std::string& name) const {
     return std::get<std::int64_t>(bench_.result("vehicle", name));
   }
 
   Dbc dbc_ = Dbc::read(kDbc);
   FrameGuard state_guard_{dbc_.message("VEHICLE_STATE")};
+  FrameGuard driver_guard_{dbc_.message("DRIVER_INPUT")};
   can::Frame last_;
   Bench bench_;
   Bench::Input<can::Frame> bus_ = bench_.input<can::Frame>("can/state");
@@ -199,6 +218,25 @@ TEST_F(VehicleTest, NothingIsSentWhileSupervisionIsSilent) {
 
   EXPECT_EQ(result("commands_withheld"), 1);
   EXPECT_EQ(result("commands_sent_autonomous"), 2);
+}
+
+TEST_F(VehicleTest, AStopGoesOnWhileSupervisionIsSilentUntilTheDriverActs) {
+  publish_supervision(supervision::ENGAGED);
+  press_brake(0.0);
+  bench_.advance(600ms);
+  publish_stop();
+  EXPECT_EQ(sent("AUTONOMOUS"), 1.0);
+  press_brake(0.04);
+  publish_stop();
+  EXPECT_EQ(sent("AUTONOMOUS"), 1.0);
+  press_brake(0.5);
+  bench_.advance(100ms);
+  publish_stop();
+  EXPECT_EQ(sent("AUTONOMOUS"), 0.0);
+
+  publish_supervision(supervision::MINIMAL_RISK_STOP);
+  publish_stop();
+  EXPECT_EQ(sent("AUTONOMOUS"), 1.0) << "supervision knows better";
 }
 
 TEST_F(VehicleTest, CommandThatIsNoNumberIsNotSent) {
