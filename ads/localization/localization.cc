@@ -309,6 +309,16 @@ void Localization::on_initial_pose(const mission::InitialPose& pose) {
   heard_.good_fix = newest_;
 }
 
+// Whether it is later than the last one of its source; else that is frozen.
+bool Localization::take(std::optional<Time>& last, Time taken) {
+  if (last && taken <= *last) {
+    ++invalid_count_;
+    return false;
+  }
+  last = taken;
+  return true;
+}
+
 void Localization::on_position(const gnss::Position& position) {
   const PlaneFix fix{.position_m = {position.x_m(), position.y_m()}, .yaw_rad = std::nullopt};
   if (!fix.position_m.allFinite()) {
@@ -319,11 +329,9 @@ void Localization::on_position(const gnss::Position& position) {
     return;  // It has no heading: the initial pose comes from the mission.
   }
   const Time taken = time_of(position);
-  if (heard_.fix && taken <= *heard_.fix) {
-    ++invalid_count_;  // The same again: its source is frozen.
+  if (!take(heard_.fix, taken)) {
     return;
   }
-  heard_.fix = taken;
   newest_ = std::max(newest_, taken);
   ++fix_count_;
   if (pose_.on_fix(newest_, newest_ - taken, fix)) {
@@ -339,11 +347,9 @@ void Localization::on_motion(const imu::Motion& motion) {
     return;
   }
   const Time taken = time_of(motion);
-  if (heard_.motion && taken <= *heard_.motion) {
-    ++invalid_count_;  // The same again: its source is frozen.
+  if (!take(heard_.motion, taken)) {
     return;
   }
-  heard_.motion = taken;
   newest_ = std::max(newest_, taken);
   pose_.on_yaw_rate(newest_, motion.yaw_rate_radps());
   speed_.on_acceleration(newest_, motion.forward_mps2());

@@ -46,6 +46,7 @@ class Localization final : public fastcycle::Component {
   void save(localization::FilterState& state) const;
   void load(const localization::FilterState& state);
   void on_initial_pose(const mission::InitialPose& pose);
+  bool take(std::optional<Time>& last, Time taken);
   void on_position(const gnss::Position& position);
   void on_motion(const imu::Motion& motion);
   void on_vehicle_state(const vehicle::State& state);

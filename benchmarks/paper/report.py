@@ -115,8 +115,11 @@ Made by `{self._record.command}`. The rows behind every figure are in [rows.csv]
 
     def _counts(self) -> str:
         options = self._record.options
+        found = [row["n"] for row in self._data.of_mode("latency")] or [options.count]
+        least, most = min(found), max(found)
+        count = f"{least:,}" if least == most else f"{least:,} to {most:,}"  # Losses, or an older run.
         return (
-            f"{options.rounds} round{'s' if options.rounds != 1 else ''}, in each {options.count:,} messages a point "
+            f"{options.rounds} round{'s' if options.rounds != 1 else ''}, in each {count} messages a point "
             "for each contender, "
             f"one every {options.interval_us / 1000:g} ms."
         )
@@ -351,7 +354,12 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
         ]
         judged = [c for c in self._checks if c.verdict in (HELD, NOT_HELD, UNDECIDED)]
         held = sum(1 for c in judged if c.verdict == HELD)
-        said = f"{held} of {len(judged)} bounds are held" if judged else "no bound could be judged: n too small"
+        not_held = sum(1 for c in judged if c.verdict == NOT_HELD)
+        said = (
+            f"{held} of {len(judged)} bounds are held, {not_held} are not, the others are undecided"
+            if judged
+            else "no bound could be judged: n too small"
+        )
         words = (
             f"`{self._record.command}` repeats the paper's evaluation. {self._machine_in_words()}; {self._counts()} "
             "Latency from publish to callback beside the least that two threads need on the same machine "
