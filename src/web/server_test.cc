@@ -118,6 +118,9 @@ class Client {
     beast::get_lowest_layer(socket_).expires_after(60s);
     socket_.read(buffer, error);
     frame = beast::buffers_to_string(buffer.data());
+    if (!error && socket_.got_text() && frame.find("left out") != std::string::npos) {
+      losses.push_back(frame);
+    }
     return !error;
   }
   /// The next text whose "op" this is.
@@ -146,6 +149,7 @@ class Client {
   }
 
   std::string frame;
+  std::vector<std::string> losses;  ///< What the server said of messages that it left out.
 
  private:
   asio::io_context io_;
@@ -294,7 +298,7 @@ TEST_F(LiveServer, SaysWhatThereIs) {
   }
 }
 
-TEST_F(LiveServer, GivesMessagesInTheirOrder) {
+TEST_F(LiveServer, GivesEachMessageInItsOrderOrSaysWhichItLeftOut) {
   run();
   Client client = connect();
   const Json channel = channel_of(client.await("advertise"), "numbers");
@@ -303,6 +307,7 @@ TEST_F(LiveServer, GivesMessagesInTheirOrder) {
 
   std::int64_t last = 0;
   std::uint64_t last_ns = 0;
+  bool is_complete = true;
   for (int i = 0; i < 50; ++i) {
     const std::string frame = client.await_binary(1);
     ASSERT_GT(frame.size(), 13);
@@ -311,15 +316,21 @@ TEST_F(LiveServer, GivesMessagesInTheirOrder) {
     last_ns = number_at(frame, 5, 8);
     Int64Value number;
     ASSERT_TRUE(number.ParseFromString(frame.substr(13)));
-    if (last != 0) {
-      EXPECT_EQ(number.value(), last + 1);
-    }
+    EXPECT_GT(number.value(), last);
+    is_complete &= last == 0 || number.value() == last + 1;
     last = number.value();
+  }
+  // On a machine that is busy for 0.1 s the queues overflow.
+  while (!is_complete && client.losses.empty()) {
+    ASSERT_TRUE(client.read());
   }
   client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
   client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
-  EXPECT_THAT(client.await("status")["message"].get<std::string>(),
-              HasSubstr("no such subscription"));
+  std::string text;
+  while (text.find("no such subscription") == std::string::npos) {
+    text = client.await("status").value("message", "");
+    ASSERT_FALSE(text.empty());
+  }
 }
 
 TEST_F(LiveServer, RefusesWhoHasNoBusinessHere) {
