@@ -172,6 +172,7 @@ std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, 
   for (std::size_t index = 0; index < objects.size(); ++index) {
     if (!objects[index].ways.empty() && !objects[index].ways.front().states.empty()) {
       first[index] = follower_of(objects[index], objects[index].ways.front(), road, steps);
+      first[index].object = index;
       order.push_back(index);
     }
   }
@@ -193,7 +194,9 @@ std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, 
                                  std::abs(own.offsets_m.front() - follower.offsets_m.front()) <
                                      follower.half_width_m + own.half_width_m;
       for (const Follower& leader : ahead) {
-        if (leader.alongs_m.front() - follower.alongs_m.front() > kQueueReach_m) {
+        // No object is its own leader, whatever else it may do.
+        if (leader.object == index ||
+            leader.alongs_m.front() - follower.alongs_m.front() > kQueueReach_m) {
           continue;
         }
         const bool is_ego_between = is_behind_ego && own.alongs_m.front() < leader.alongs_m.front();

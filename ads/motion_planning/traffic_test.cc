@@ -70,6 +70,18 @@ TEST(Queues, CarInAnotherLaneDrivesOn) {
   EXPECT_NEAR(along_at_end(objects[0]), 120.0, 1e-6);
 }
 
+TEST(Queues, NoCarIsItsOwnLeader) {
+  TrafficObject object = car(0.0, 0.0, 5.0);
+  object.ways[0].probability = 0.8;
+  object.ways.push_back(object.ways[0]);
+  object.ways[1].probability = 0.2;
+  const auto objects = in_queues({object}, straight_road(), Vehicle{}, far_away(), kHorizon_s);
+
+  for (const PredictedWay& way : objects[0].ways) {
+    EXPECT_NEAR(state_at(way, kHorizon_s).x_m, 5.0 * kHorizon_s, 1e-6);
+  }
+}
+
 TEST(Queues, WhoIsBehindLeavesRoomForTheVehicle) {
   const std::vector<TrafficObject> cars = {car(0.0, 0.0, 5.0), car(40.0, 0.0, 0.0)};
   std::vector<State> ego(kSteps + 1, State{.x_m = 25.0});
