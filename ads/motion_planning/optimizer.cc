@@ -460,10 +460,12 @@ Way Optimizer::descend(Way way, int iterations_max) {
                 std::clamp(way.inputs[step].jerk_mps3 + input(0), -kJerkMax_mps3, kJerkMax_mps3),
             .steering_rate_radps =
                 std::clamp(way.inputs[step].steering_rate_radps + input(1), -rate_max, rate_max)};
+        // The wheels turn no farther than they can.
+        const double most = std::max(problem_.vehicle.steering_max_rad, std::abs(now.steering_rad));
+        double& rate = trial.inputs[step].steering_rate_radps;
+        rate = std::clamp(rate, (-most - now.steering_rad) / kStep_s,
+                          (most - now.steering_rad) / kStep_s);
         trial.states.push_back(drive(problem_.vehicle, now, trial.inputs[step], kStep_s));
-        if (std::abs(trial.states.back().steering_rad) > 1.4) {
-          trial.states.back().steering_rad = std::copysign(1.4, trial.states.back().steering_rad);
-        }
       }
       trial.cost = total_cost(trial);
       if (trial.cost < way.cost - 1e-3 * share * expected) {
