@@ -17,6 +17,11 @@ constexpr double kTurnProbability = 0.2;
 // An acceleration that is seen dies away with this time, and is not believed beyond the limit.
 constexpr double kAccelerationDecay_s = 0.05;
 constexpr double kAccelerationMax_mps2 = 3.0;
+// One that speeds up below the general limit in towns goes on with that, the less the faster it is
+// (the free road of the Intelligent Driver Model, with its comfortable acceleration).
+constexpr double kSpeedingUp_mps2 = 1.5;
+constexpr double kSpeedingUpTo_mps = 13.9;
+constexpr double kSpeedingUpDecay_s = 4.0;
 constexpr double kBraking_mps2 = 8.0;
 constexpr double kGapMin_m = 1.0;
 // A motion to the side that is no change of lane dies away.
@@ -87,9 +92,8 @@ Predictor::Track Predictor::begin(const scene::SceneObject& object) const {
   Track track{.source = &object, .along_m = object.along_m()};
   if (lanes_.has(object.lane())) {
     const double speed_mps = std::max(0.0, object.object().speed_mps());
-    const double reach_m = speed_mps * options_.horizon_s + 0.5 * kAccelerationMax_mps2 *
-                                                                square(kAccelerationDecay_s) *
-                                                                options_.horizon_s;
+    const double reach_m =
+        speed_mps * options_.horizon_s + 0.5 * kSpeedingUp_mps2 * square(options_.horizon_s);
     track.paths = lanes_.from(object.lane(), track.along_m + reach_m + kLeaderAhead_m);
   }
   return track;
@@ -145,6 +149,11 @@ double Predictor::acceleration(const Track& track, const std::vector<Track>& tra
   double free_mps2 = std::clamp(track.source->object().acceleration_mps2(), -kAccelerationMax_mps2,
                                 kAccelerationMax_mps2) *
                      std::exp(-time_s / kAccelerationDecay_s);
+  const double speeding_up_mps2 =
+      std::clamp(track.source->object().acceleration_mps2(), 0.0, kSpeedingUp_mps2);
+  free_mps2 = std::max(free_mps2, speeding_up_mps2 *
+                                      std::max(0.0, 1.0 - square(speed_mps / kSpeedingUpTo_mps)) *
+                                      std::exp(-time_s / kSpeedingUpDecay_s));
   if (track.speed_mps.front() < kStanding_mps) {
     free_mps2 = speed_mps < kStart_mps ? kStart_mps2 : 0.0;
   }

@@ -76,6 +76,17 @@ TEST_F(PredictorTest, CarKeepsItsPlaceInItsLane) {
   }
 }
 
+TEST_F(PredictorTest, CarThatDrivesOffGoesOnSpeedingUpToWhatIsUsual) {
+  add(1, 20.0, 0.0, 3.0).set_acceleration_mps2(1.2);
+  const double driven_off_mps = predict().hypotheses(0).points(30).speed_mps();
+  EXPECT_GT(driven_off_mps, 4.5);
+  EXPECT_LT(driven_off_mps, 3.0 + 1.2 * 3.0);
+
+  scene_.Clear();
+  add(1, 20.0, 0.0, 15.0).set_acceleration_mps2(1.2);
+  EXPECT_NEAR(predict().hypotheses(0).points(30).speed_mps(), 15.0, 0.2);
+}
+
 TEST_F(PredictorTest, CarSlowsDownBehindASlowerOne) {
   add(1, 20.0, 0.0, 15.0);
   add(1, 60.0, 0.0, 5.0);
