@@ -167,6 +167,19 @@ std::vector<BindingRule> binding_rules(const Problem& problem, const Trajectory&
   return binding;
 }
 
+Trajectory start_of(const Problem& problem) {
+  return {.start_s = 0.0, .step_s = kHalfStep_s, .states = {problem.start}};
+}
+
+// A collision that cannot be avoided is to be late, as predictions may be wrong, and slow.
+double harm(const Verdict& verdict) {
+  constexpr double kSlow_mps = 5.0;
+  constexpr double kSoon_s = 0.2;
+  return std::isfinite(verdict.hit_s)
+             ? (1.0 + verdict.hit_mps / kSlow_mps) / (kSoon_s + verdict.hit_s)
+             : 0.0;
+}
+
 // Positions that brake as hard as can be, and move to the side by `side_m`.
 std::vector<Pose> braking_guess(const Problem& problem, double side_m) {
   constexpr double kBraking_mps2 = 7.5;
@@ -311,17 +324,19 @@ Way Planner::evade(const Problem& problem, const Way& nominal) const {
   for (const double side : {0.0, kAside_m, -kAside_m}) {
     ways.push_back(optimizer.improve(optimizer.follow(braking_guess(problem, side))));
   }
+  // To stand where the vehicle is, whatever its goal.
+  ways.push_back(optimizer.follow(braking_guess(problem, 0.0)));
+  ways.back().cost = optimizer.cost(ways.back());
   // The area beside the road is unknown: only if every way leads over its edge, the one that does
   // so by least is chosen.
-  const Trajectory start{.start_s = 0.0, .step_s = kHalfStep_s, .states = {problem.start}};
-  const double allowed_m =
-      kOverEdge_m + over_edge_m(config_.vehicle, start, problem.road, config_.certain_s);
+  const double allowed_m = kOverEdge_m + over_edge_m(config_.vehicle, start_of(problem),
+                                                     problem.road, config_.certain_s);
   const auto price = [&](const Way& way) {
     const Trajectory trajectory = trajectory_of(config_.vehicle, way, 0.0);
-    const double hit = judge(config_.vehicle, trajectory, problem.traffic, config_.certain_s).hit_s;
+    const Verdict verdict = judge(config_.vehicle, trajectory, problem.traffic, config_.certain_s);
     const double over =
         over_edge_m(config_.vehicle, trajectory, problem.road, config_.certain_s) - allowed_m;
-    return std::tuple(std::max(0.0, over), -std::min(hit, config_.certain_s), way.cost);
+    return std::tuple(std::max(0.0, over), harm(verdict), way.cost);
   };
   std::size_t best = 0;
   auto least = price(ways.front());
@@ -404,10 +419,16 @@ Plan Planner::plan(const Situation& situation) {
   Way way = best_way(problem, start_s, situation.is_driving, plan);
   plan.nominal = trajectory_of(config_.vehicle, way, start_s);
   Verdict verdict = judge(config_.vehicle, plan.nominal, traffic, config_.certain_s);
-  if (std::isfinite(verdict.hit_s)) {
+  // To leave the road is as bad as to touch something.
+  const double left_m =
+      over_edge_m(config_.vehicle, plan.nominal, problem.road, config_.certain_s) -
+      over_edge_m(config_.vehicle, start_of(problem), problem.road, config_.certain_s);
+  if (std::isfinite(verdict.hit_s) || left_m > kOverEdge_m) {
     plan.kind = PlanKind::kEvasive;
-    plan.reason = fmt::format("{} would be touched in {:.1f} s", name_of(situation, verdict.object),
-                              verdict.hit_s);
+    plan.reason = std::isfinite(verdict.hit_s)
+                      ? fmt::format("{} would be touched in {:.1f} s",
+                                    name_of(situation, verdict.object), verdict.hit_s)
+                      : fmt::format("the road would be left by {:.1f} m", left_m);
     way = evade(problem, way);
     plan.nominal = trajectory_of(config_.vehicle, way, start_s);
     verdict = judge(config_.vehicle, plan.nominal, traffic, config_.certain_s);

@@ -1,6 +1,8 @@
 #include "planner.h"
 
+#include <algorithm>
 #include <cmath>
+#include <string>
 
 #include <gtest/gtest.h>
 
@@ -193,6 +195,29 @@ TEST_F(PlannerTest, BrakesHardForWhatAppearsRightAhead) {
 
   EXPECT_NE(made.kind, PlanKind::kNominal);
   EXPECT_LT(made.nominal.at(0.9).acceleration_mps2, -6.0);
+}
+
+TEST_F(PlannerTest, BrakesHardToStayOnTheRoad) {
+  // A bend of 12 m radius, 8 m ahead of a vehicle with 14 m/s.
+  std::vector<RoadPoint> points;
+  for (double along = -60.0; along < 80.0; along += 1.0) {
+    constexpr double kBegin_m = 8.0;
+    constexpr double kRadius_m = 12.0;
+    const double angle = std::clamp((along - kBegin_m) / kRadius_m, 0.0, 1.5);
+    const double rest_m = std::max(0.0, along - kBegin_m - 1.5 * kRadius_m);
+    points.push_back(
+        {.x_m = std::min(along, kBegin_m) + kRadius_m * std::sin(angle) + rest_m * std::cos(angle),
+         .y_m = kRadius_m * (1.0 - std::cos(angle)) + rest_m * std::sin(angle),
+         .left_edge_m = 1.75,
+         .right_edge_m = 1.75});
+  }
+  road_ = Road(points);
+  ego_.speed_mps = 14.0;
+  const Plan made = plan();
+
+  EXPECT_EQ(made.kind, PlanKind::kEvasive);
+  EXPECT_NE(made.reason.find("the road would be left"), std::string::npos) << made.reason;
+  EXPECT_LT(made.nominal.at(0.9).acceleration_mps2, -5.5);
 }
 
 TEST_F(PlannerTest, DoesNotDriveOverAClosedPlace) {

@@ -78,8 +78,12 @@ Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffi
         verdict.gap_s = time;
         verdict.object = occupant.object;
       }
-      if (gap <= 0.0) {
-        verdict.hit_s = std::min(verdict.hit_s, time);
+      if (gap <= 0.0 && time <= verdict.hit_s) {
+        const double other_mps =
+            occupant.speed_mps * std::cos(occupant.heading_rad - state.heading_rad);
+        const double hit_mps = std::abs(state.speed_mps - other_mps);
+        verdict.hit_mps = time < verdict.hit_s ? hit_mps : std::max(verdict.hit_mps, hit_mps);
+        verdict.hit_s = time;
       }
     }
   }

@@ -29,7 +29,9 @@ struct Verdict {
   double smallest_gap_m = 0.0;  ///< To any way of any object; infinite without objects.
   double gap_s = 0.0;           ///< When that is, since the start.
   double hit_s = 0.0;           ///< When it first collides; infinite if it does not.
-  std::size_t object = 0;       ///< The nearest object.
+  /// The vehicle's speed then, relative to the other's along the vehicle's heading.
+  double hit_mps = 0.0;
+  std::size_t object = 0;  ///< The nearest object.
   double acceleration_min_mps2 = 0.0;
   double acceleration_max_mps2 = 0.0;
   double lateral_max_mps2 = 0.0;
