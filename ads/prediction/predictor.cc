@@ -21,7 +21,7 @@ constexpr double kAccelerationMax_mps2 = 3.0;
 // (the free road of the Intelligent Driver Model, with its comfortable acceleration).
 constexpr double kSpeedingUp_mps2 = 1.5;
 constexpr double kSpeedingUpTo_mps = 13.9;
-constexpr double kSpeedingUpDecay_s = 4.0;
+constexpr double kSpeedingUpDecay_s = 2.0;
 constexpr double kBraking_mps2 = 8.0;
 constexpr double kGapMin_m = 1.0;
 // A motion to the side that is no change of lane dies away.
