@@ -24,6 +24,8 @@ PICTURES = {
     "series.svg": "Every message of one round",
     "jitter.svg": "Jitter: standard deviation of the latency, and of receive minus send interval",
 }
+FACTS = ("memory", "virtualization", "system", "kernel", "kernel's preemption", "clock source", "idle driver", "rights",
+         "compiler", "build")  # fmt: skip
 WIDTH = 110
 
 
@@ -117,7 +119,8 @@ intervals. Figures are medians over the rounds, in µs unless stated.
         return f"""## Bounds
 
 For any machine, most of them against its floors: verdict and figure/limit. A bound is held, or not, where three
-quarters of the rounds say so, each against its own floor; else it is undecided.
+quarters of the rounds say so, each against its own floor; else it is undecided. *Peers* hand over between threads; a
+*bare queue* under a mutex is judged apart.
 
 {tables.acceptance_table(self._checks)}"""
 
@@ -232,7 +235,8 @@ From publish to the first statement of the callback, mean ± standard deviation.
 
     def _machine(self) -> str:
         record = self._record
-        facts = "; ".join(f"{name}: {words}" for name, words in [*record.machine.items(), *record.build.items()])
+        read = {**record.machine, **record.build}
+        facts = "; ".join(f"{name}: {read[name]}" for name in FACTS if name in read)
         starts = []
         for s in record.sessions:
             cut = "" if s.ended else " (cut off)"
@@ -241,7 +245,7 @@ From publish to the first statement of the callback, mean ± standard deviation.
         header = ["begun", "ended", "load before", "after", "steal", "took"]
         return f"""## The machine
 
-{facts}. run.json has the peers' packages.
+{facts}. run.json has more, and the packages.
 
 {table(header, starts, text_columns=2)}
 On a virtual machine p99.9 and maximum contain stalls of the machine: *steal* is what the hypervisor kept."""
