@@ -130,6 +130,7 @@ def acceptance_table(checks: Iterable[Check]) -> str:
 
 
 def flood_table(data: Measurements, field: Field) -> str:
+    """Rates, and what was lost, if anything was."""
     by_peer: dict[str, list[Row]] = {}
     for row in data.of_mode("flood"):
         by_peer.setdefault(row["peer"], []).append(row)
@@ -138,10 +139,10 @@ def flood_table(data: Measurements, field: Field) -> str:
     for name in [*[n for n in known if n in by_peer], *[n for n in by_peer if n not in known]]:
         found = by_peer[name]
         rate = median(row["rate_per_s"] for row in found if "rate_per_s" in row)
-        lost = sum(row.get("sent", 0) - row.get("received", 0) for row in found)
-        lines.append([label(known[name]) if name in known else name, number(rate), f"{lost:,}"])
-    lines += [[name, "failed", ""] for m, name, *_ in data.failures() if m == "flood"]
-    return table(["contender", "received per second", "lost"], lines)
+        gone = sum(row.get("sent", 0) - row.get("received", 0) for row in found)
+        lines.append([label(known[name]) if name in known else name, number(rate) + (f", {gone:,} lost" if gone else "")])
+    lines += [[name, "failed"] for m, name, *_ in data.failures() if m == "flood"]
+    return table(["contender", "received/s"], lines)
 
 
 def lost(data: Measurements, mode: str) -> str:

@@ -58,7 +58,7 @@ class Tables(unittest.TestCase):
     def test_a_flood_that_lost_messages_says_so(self):
         found = [{"mode": "flood", "peer": "fastcycle-park", "size": 64, "round": n, "n": 20_000, "rate_per_s": 1e6,
                   "sent": 20_000, "received": 20_000 - n} for n in (1, 2)]  # fmt: skip
-        self.assertIn("| **fastcycle-park** | 1,000,000 | 3 |", tables.flood_table(Measurements(found), FIELD))
+        self.assertIn("| **fastcycle-park** | 1,000,000, 3 lost |", tables.flood_table(Measurements(found), FIELD))
 
     def test_modes_with_several_cases_have_a_line_each(self):
         found = [{"mode": "fanout", "peer": "fastcycle-park", "round": r, "n": 500, "subscribers": s, "p50_us": 2.0 * s,
