@@ -743,8 +743,8 @@ class AllDescriptorsButOne {
   std::vector<int> taken_;
 };
 
-/// What the server answers to a client for which the process has its last descriptor. A sanitizer or
-/// another thread may hold that one for a moment: then the client cannot even ask.
+/// What the server answers to a client for which the process has its last descriptor. A sanitizer
+/// or another thread may hold that one for a moment: then the client cannot even ask.
 ClientError error_of_one_more(const std::filesystem::path& socket) {
   const auto end = std::chrono::steady_clock::now() + kBound;
   for (;;) {
