@@ -622,5 +622,20 @@ TEST_F(ExactReplays, TellWhatIsNotThereToBeExecuted) {
   EXPECT_THAT(config::to_string(problems.all().back()), HasSubstr("did you mean \"asking\""));
 }
 
+TEST_F(ExactReplays, RefuseFilesOfTwoRuns) {
+  classes_.with<Asking<&chance>>("asking");
+  record(kAsking, 50ms);
+  const std::filesystem::path second = file_.parent_path() / "second.mcap";
+  std::filesystem::copy_file(file_, second);
+
+  try {
+    record::RecordedSchedule::read({file_, second});
+    FAIL() << "they were read as one";
+  } catch (const mcap::Error& error) {
+    EXPECT_THAT(error.what(),
+                HasSubstr("expected files of one run, found the end of a second run"));
+  }
+}
+
 }  // namespace
 }  // namespace fastcycle::host

@@ -54,7 +54,7 @@ struct RecordedSchedule {
 
   /// Reads all files of one recording.
   ///
-  /// @errors  `mcap::Error` if a file cannot be read, or is not valid.
+  /// @errors  `mcap::Error` if a file cannot be read, is not valid, or is of another run.
   static RecordedSchedule read(const std::vector<std::filesystem::path>& files);
 };
 
