@@ -50,7 +50,7 @@ void Recognizer::load(const perception::TrackerState& state) {
 SweepResult Recognizer::take(const SweepBytes& sweep, const EgoMotion& ego) {
   SweepResult result;
   borders_ = nullptr;
-  result.reason = mistake_of(sweep, ego);
+  result.reason = error_of(sweep, ego);
   if (result.reason.empty()) {
     last_ns_ = sweep.taken_ns;
     read(sweep, result);
@@ -80,7 +80,7 @@ SweepResult Recognizer::pass_over(std::int64_t end_ns, std::string reason) {
   return {.reason = std::move(reason)};
 }
 
-std::string Recognizer::mistake_of(const SweepBytes& sweep, const EgoMotion& ego) const {
+std::string Recognizer::error_of(const SweepBytes& sweep, const EgoMotion& ego) const {
   const std::uint64_t expected = std::uint64_t{sweep.columns} * sweep.rings * kPointBytes;
   if (sweep.points.empty()) {
     return "the sweep is empty";

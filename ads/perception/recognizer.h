@@ -75,7 +75,7 @@ class Recognizer {
   [[nodiscard]] const RoadBorders* borders() const { return borders_; }
 
  private:
-  [[nodiscard]] std::string mistake_of(const SweepBytes& sweep, const EgoMotion& ego) const;
+  [[nodiscard]] std::string error_of(const SweepBytes& sweep, const EgoMotion& ego) const;
   void read(const SweepBytes& sweep, SweepResult& result);
   void find_borders(const SweepBytes& sweep, const EgoMotion& ego);
   void find_obstacles(const SweepBytes& sweep, const EgoMotion& ego, SweepResult& result);

@@ -247,7 +247,7 @@ TEST_F(VisualizationTest, WhatIsExceptedIsNotMade) {
   EXPECT_EQ(transforms_.take().size(), 1U);
 }
 
-TEST(Visualization, UnknownOutputsAreMistakes) {
+TEST(Visualization, UnknownOutputsAreErrors) {
   Bench bench;
   bench.add<Visualization>("visualization", R"({"params": {"except": ["pionts"]}})");
 

@@ -63,8 +63,8 @@ void refuse_wrong_enclave(const ParticipantOptions& options) {
     text = fmt::format("/params/domain: expected a number from 0 to {} with security, found {}",
                        dds_security::kDomainMax, options.domain);
   }
-  for (const std::string& mistake : dds_security::mistakes_of_enclave(folder)) {
-    text += fmt::format("{}/params/security: {}", text.empty() ? "" : "\n", mistake);
+  for (const std::string& error : dds_security::enclave_errors(folder)) {
+    text += fmt::format("{}/params/security: {}", text.empty() ? "" : "\n", error);
   }
   if (!text.empty()) {
     throw std::invalid_argument(text);
@@ -187,8 +187,8 @@ Gateway::Gateway(Context& context)
   if (!settings_.participant.security.empty()) {
     refuse_wrong_enclave(settings_.participant);
   }
-  if (const auto mistake = ros2::mistake_of_ros_name(settings_.node)) {
-    throw std::invalid_argument(fmt::format("/params/node: {}", *mistake));
+  if (const auto error = ros2::ros_name_error(settings_.node)) {
+    throw std::invalid_argument(fmt::format("/params/node: {}", *error));
   }
   for (const Path& folder : folders) {
     types_.definitions().add_folder(folder);
@@ -197,19 +197,19 @@ Gateway::Gateway(Context& context)
   for (const Path& file : mappings) {
     types_.add_mappings(file);
   }
-  std::string mistakes;
+  std::string errors;
   int index = 0;
   for (TopicSettings& topic : topics_of(topics)) {
     try {
       add(std::move(topic));
     } catch (const std::runtime_error& error) {
-      mistakes +=
-          fmt::format("{}/params/topics/{}: {}", mistakes.empty() ? "" : "\n", index, error.what());
+      errors +=
+          fmt::format("{}/params/topics/{}: {}", errors.empty() ? "" : "\n", index, error.what());
     }
     ++index;
   }
-  if (!mistakes.empty()) {
-    throw std::invalid_argument(mistakes);
+  if (!errors.empty()) {
+    throw std::invalid_argument(errors);
   }
   add_services(services_of(services));
   add_params(parameters_of(params));

@@ -620,7 +620,7 @@ INSTANTIATE_TEST_SUITE_P(Engines, ServiceTest, ::testing::ValuesIn([] {
                          }()),
                          [](const auto& engine) { return std::string(engine.param); });
 
-TEST(Gateway, MistakesOfItsParamsAreToldBeforeItStarts) {
+TEST(Gateway, ErrorsOfItsParamsAreReportedBeforeItStarts) {
   testing::Bench bench;
   bench.add<Gateway>("gateway", R"({"params": {"topics": [
       {"topic": "a", "direction": "in", "ros": "/a", "type": "demo_msgs/msg/None"},

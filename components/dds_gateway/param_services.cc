@@ -69,7 +69,7 @@ void write_result(const std::string& reason, ros2::CdrWriter& out) {
 }
 
 std::string text_of(const ParamsResult& result) {
-  return fmt::format("{}", fmt::join(result.mistakes, "; "));
+  return fmt::format("{}", fmt::join(result.errors, "; "));
 }
 
 }  // namespace

@@ -97,8 +97,8 @@ void ServiceCrossing::ask_here(const Identity& request, std::span<const std::byt
                      writer_->write_reply(serialized, request);
                    }
                    ++answered;
-                 } catch (const std::runtime_error& mistake) {
-                   fail(mistake.what());
+                 } catch (const std::runtime_error& exception) {
+                   fail(exception.what());
                  }
                },
                {});
@@ -128,8 +128,8 @@ void ServiceCrossing::ask_there(const google::protobuf::Message& request,
   ros2::Buffer serialized;
   try {
     request_.to_ros(request, serialized);
-  } catch (const std::runtime_error& mistake) {
-    refuse(mistake.what());
+  } catch (const std::runtime_error& error) {
+    refuse(error.what());
     return;
   }
   // If a recorded run is executed again, the request has its recorded number.

@@ -523,7 +523,7 @@ class Params(Mapping[str, Any]):
         """Changes parameters in one transaction: all of them, or none.
 
         Needs `params`. `shared_params.NAME` changes a shared one. Raises ApplicationError with
-        every mistake, and NotFoundError if there is no such parameter.
+        every error, and NotFoundError if there is no such parameter.
         """
         known = self.describe()
         request = _protocol("Request")()
@@ -534,9 +534,9 @@ class Params(Mapping[str, Any]):
             change = request.change_params.changes.add()
             change.param = name
             change.value_json = json.dumps(value)
-        mistakes = self._session.ask(request).params_changed.mistakes
-        if mistakes:
-            text = "nothing was changed: " + "; ".join(mistakes)
+        errors = self._session.ask(request).params_changed.errors
+        if errors:
+            text = "nothing was changed: " + "; ".join(errors)
             raise ApplicationError(text, kind=ApplicationError.KINDS.index("refused"))
 
     def __getitem__(self, name: str) -> Any:

@@ -474,7 +474,7 @@ def test_draws_the_same_random_numbers_in_every_run(tmp_path: pathlib.Path) -> N
     assert drawn[0] == drawn[1] != drawn[2]
 
 
-MISTAKES = {
+ERRORS = {
     "class Echo(Component)\n        pass": r"it.py:\d+: SyntaxError: expected ':', found `class Ec",
     "import no_such_module": r"No module named 'no_such_module' \(it.py:\d+ in <module>",
     "class Echo: pass": r"no subclass of fastcycle.component.Component",
@@ -491,12 +491,12 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("code", MISTAKES)
-def test_names_the_mistake_that_keeps_it_from_being_made(
+@pytest.mark.parametrize("code", ERRORS)
+def test_names_the_error_that_prevents_construction(
     bench: Bench, add: Add, code: str
 ) -> None:
     add("    " + code)
-    with pytest.raises(AssertionError, match=MISTAKES[code]):
+    with pytest.raises(AssertionError, match=ERRORS[code]):
         raise AssertionError(raised_at_start(bench))
 
 

@@ -51,16 +51,16 @@ bool is_range(const ordered_json& value) {
 /// Reads a plan, and collects what is wrong with it.
 class Reader {
  public:
-  Reader(std::string file, std::vector<std::string>& mistakes)
-      : file_(std::move(file)), mistakes_(mistakes) {}
+  Reader(std::string file, std::vector<std::string>& errors)
+      : file_(std::move(file)), errors_(errors) {}
 
   void expect(const std::string& pointer, const std::string& expected, const ordered_json& found) {
-    mistakes_.push_back(
+    errors_.push_back(
         fmt::format("{}: {}: expected {}, found {}", file_, pointer, expected,
                     found.dump(-1, ' ', false, ordered_json::error_handler_t::replace)));
   }
   void say(const std::string& pointer, const std::string& what) {
-    mistakes_.push_back(fmt::format("{}: {}: {}", file_, pointer, what));
+    errors_.push_back(fmt::format("{}: {}: {}", file_, pointer, what));
   }
 
   void check_fault(const ordered_json& fault, const std::string& pointer) {
@@ -94,7 +94,7 @@ class Reader {
 
  private:
   const std::string file_;
-  std::vector<std::string>& mistakes_;
+  std::vector<std::string>& errors_;
 };
 
 /// Three digits behind the point: an overlay is to be read by people.
@@ -113,16 +113,16 @@ double drawn(const ordered_json& value, Chance& chance) {
 }  // namespace
 
 std::optional<Plan> Plan::read(const std::string& text, const std::string& file,
-                               std::vector<std::string>& mistakes) {
+                               std::vector<std::string>& errors) {
   ordered_json json;
   try {
     json = ordered_json::parse(text, nullptr, true, true);
   } catch (const ordered_json::exception& error) {
-    mistakes.push_back(fmt::format("{}: this is not JSON: {}", file, error.what()));
+    errors.push_back(fmt::format("{}: this is not JSON: {}", file, error.what()));
     return std::nullopt;
   }
-  const std::size_t before = mistakes.size();
-  Reader reader(file, mistakes);
+  const std::size_t before = errors.size();
+  Reader reader(file, errors);
   Plan plan;
   if (!json.is_object()) {
     reader.expect("/", "an object", json);
@@ -150,7 +150,7 @@ std::optional<Plan> Plan::read(const std::string& text, const std::string& file,
     reader.check_fault(json["faults"][i], "/faults/" + std::to_string(i));
     plan.faults_.push_back(json["faults"][i]);
   }
-  return mistakes.size() == before ? std::optional(std::move(plan)) : std::nullopt;
+  return errors.size() == before ? std::optional(std::move(plan)) : std::nullopt;
 }
 
 std::vector<DrawnFault> Plan::draw(std::uint64_t seed) const {

@@ -93,8 +93,8 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
 void ComponentCore::check_params(config::Problems& its_problems) const {
   const std::lock_guard lock(application.param_mutex());
   for (const std::string& sentence : param_table.objections({})) {
-    its_problems.add(config::mistake(description.params.place(),
-                                     std::string("component \"") + name + "\": " + sentence));
+    its_problems.add(config::make_error(description.params.place(),
+                                        std::string("component \"") + name + "\": " + sentence));
   }
 }
 
@@ -102,10 +102,10 @@ void ComponentCore::check_unused(config::Problems& its_problems) const {
   const std::vector<std::string> known(topics_in_code.begin(), topics_in_code.end());
   const auto check = [&](const std::string& topic, const config::Place& place, const char* where) {
     if (!topics_in_code.contains(topic)) {
-      its_problems.add(config::mistake(place,
-                                       std::string("component \"") + name + "\" names no topic \"" +
-                                           topic + "\" (" + where + ")",
-                                       config::did_you_mean(config::nearest(topic, known))));
+      its_problems.add(config::make_error(place,
+                                          std::string("component \"") + name +
+                                              "\" names no topic \"" + topic + "\" (" + where + ")",
+                                          config::did_you_mean(config::nearest(topic, known))));
     }
   };
   for (const auto& [topic, subscriber] : description.subscribers) {
@@ -121,7 +121,7 @@ void ComponentCore::check_unused(config::Problems& its_problems) const {
   std::ranges::transform(threads, std::back_inserter(made), &NamedThread::name);
   for (const auto& [thread, options] : description.threads) {
     if (std::ranges::find(made, thread) == made.end()) {
-      its_problems.add(config::mistake(
+      its_problems.add(config::make_error(
           options.place,
           std::string("component \"") + name + "\" makes no thread \"" + thread + "\"",
           config::did_you_mean(config::nearest(thread, made))));
@@ -140,7 +140,7 @@ std::string ComponentCore::declare_topic(std::string_view name_in_code) {
   if (problems == nullptr) {
     throw std::runtime_error(what);
   }
-  problems->add(config::mistake(description.place, what));
+  problems->add(config::make_error(description.place, what));
   return full_name;
 }
 

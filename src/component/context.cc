@@ -64,7 +64,7 @@ void check_pool(const PublisherCore& publisher, const config::PublisherDescripti
   const PublisherCore::Options& options = publisher.options;
   const std::size_t held = options.keep + options.latched;
   if (configured.keep && options.pool_max > 0 && held >= options.pool_max) {
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         configured.place,
         fmt::format("the pool of \"{}\" has at most {} messages (\"pool_max\" of the topic), and "
                     "{} are kept or latched: none is left to lend",
@@ -98,7 +98,7 @@ void set_on_change(ComponentCore& core, const ParamSlot& slot, std::function<voi
         "a component waits for changes of its own params");
   }
   if (!slot.spec.is_tunable) {
-    core.problems->add(config::mistake(
+    core.problems->add(config::make_error(
         core.description.place, "component \"" + core.name + "\" waits for changes of its param " +
                                     config::in_quotes(slot.spec.name) +
                                     ", which is not declared as tunable"));

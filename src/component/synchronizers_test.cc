@@ -427,11 +427,11 @@ TEST(ASynchronizer, IsDeclaredAgainWhenItsComponentIsRestarted) {
   EXPECT_EQ(dropped(fusion_ledger(*application, 0), DropReason::kUnmatched), 2U);
 }
 
-// ---- Mistakes ----
+// ---- Errors ----
 
-class Mistaken final : public Component {
+class Invalid final : public Component {
  public:
-  explicit Mistaken(Context& context) : Component(context) {
+  explicit Invalid(Context& context) : Component(context) {
     const auto nothing = [](const Int64Value&, const Int64Value&) {};
     context.create_synchronizer<Int64Value, Int64Value>({"a", "b#request"}, {}, nothing);
     context.create_synchronizer<Int64Value, Int64Value>({"a", "a"}, {}, nothing);
@@ -443,15 +443,15 @@ class Mistaken final : public Component {
   }
 };
 
-TEST(ASynchronizer, MistakesInItAreFoundBeforeTheStart) {
-  TestClasses mistaken;
-  mistaken.with<Mistaken>("mistaken");
+TEST(ASynchronizer, ErrorsInItAreFoundBeforeTheStart) {
+  TestClasses invalid;
+  invalid.with<Invalid>("invalid");
   config::Problems problems;
   Application application(
-      describe_text(R"({"name": "t", "components": [{"name": "m", "library": "mistaken"}]})",
+      describe_text(R"({"name": "t", "components": [{"name": "m", "library": "invalid"}]})",
                     problems),
       {.is_simulated = true});
-  application.build(mistaken, problems, ConstructorFault::kMistake);
+  application.build(invalid, problems, ConstructorFault::kError);
 
   std::string text;
   for (const config::Problem& problem : problems.all()) {

@@ -62,7 +62,7 @@ TEST_F(Keystore, AnEnclaveOfItIsRight) {
   const fs::path enclave = add("/fleet/gateway");
 
   EXPECT_EQ(enclave, keystore_ / "enclaves/fleet/gateway");
-  EXPECT_THAT(mistakes_of_enclave(enclave), IsEmpty());
+  EXPECT_THAT(enclave_errors(enclave), IsEmpty());
   EXPECT_EQ(name_of_enclave(enclave), "/fleet/gateway");
 }
 
@@ -137,7 +137,7 @@ TEST_F(Keystore, FilesThatAreMissingOrNothingOfTheKindAreTold) {
   fs::remove(enclave / "permissions.p7s");
   write(enclave / "identity_ca.cert.pem", "nonsense");
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(AllOf(HasSubstr("identity_ca.cert.pem: expected the certificate of an "
                                           "authority in PEM, found no certificate")),
                           AllOf(HasSubstr("permissions.p7s"), HasSubstr("found no such file"))));
@@ -148,7 +148,7 @@ TEST_F(Keystore, TheKeyOfAnotherIsTold) {
   const fs::path enclave = add("/gateway");
   write(enclave / "key.pem", read(add("/other") / "key.pem"));
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(HasSubstr("key.pem: expected the private key of the certificate in "
                                     "cert.pem, found another one")));
 }
@@ -160,7 +160,7 @@ TEST_F(Keystore, ACertificateOfAnotherAuthorityIsTold) {
   make_keystore(strange, kDays);
   write(enclave / "identity_ca.cert.pem", read(strange / "public/ca.cert.pem"));
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(AllOf(
                   HasSubstr("cert.pem: expected a certificate that is signed by the authority in "
                             "identity_ca.cert.pem, found that of CN=/gateway: "))));
@@ -170,11 +170,11 @@ TEST_F(Keystore, ACertificateThatHasExpiredIsTold) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add_enclave(keystore_, "/old", {}, Days(-1));
 
-  const auto mistakes = mistakes_of_enclave(enclave);
+  const auto errors = enclave_errors(enclave);
 
-  ASSERT_FALSE(mistakes.empty());
-  EXPECT_THAT(mistakes.front(), AllOf(HasSubstr("cert.pem: expected a certificate that is valid "
-                                                "now, found one that has expired on ")));
+  ASSERT_FALSE(errors.empty());
+  EXPECT_THAT(errors.front(), AllOf(HasSubstr("cert.pem: expected a certificate that is valid "
+                                              "now, found one that has expired on ")));
 }
 
 TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreTold) {
@@ -184,12 +184,12 @@ TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreTold) {
   text.replace(text.find("rt/speed"), 8, "rt/brake");
   write(enclave / "permissions.p7s", text);
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(AllOf(HasSubstr("permissions.p7s: expected a document that is signed"),
                                 HasSubstr("found one that was changed"))));
 
   write(enclave / "permissions.p7s", read(add("/other") / "permissions.p7s"));
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(HasSubstr("permissions.p7s: expected permissions of CN=/gateway, found "
                                     "those of others")));
 }
@@ -197,9 +197,9 @@ TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreTold) {
 TEST_F(Keystore, AKeystoreInThePlaceOfAnEnclaveIsTold) {
   make_keystore(keystore_, kDays);
 
-  EXPECT_THAT(mistakes_of_enclave(keystore_),
+  EXPECT_THAT(enclave_errors(keystore_),
               ElementsAre(HasSubstr("expected the folder of one enclave, found a keystore")));
-  EXPECT_THAT(mistakes_of_enclave(folder_ / "nowhere"),
+  EXPECT_THAT(enclave_errors(folder_ / "nowhere"),
               ElementsAre(HasSubstr("expected the folder of an enclave, found nothing")));
 }
 

@@ -58,7 +58,7 @@ class SystemBuilder {
       if (const auto from = place_of(chain.from), to = place_of(chain.to); from && to) {
         system_.chains.push_back({chain.name, *from, *to, chain.deadline});
       } else {
-        problems_.add(config::mistake(
+        problems_.add(config::make_error(
             chain.place, "chain " + config::in_quotes(chain.name) + ": nobody publishes or hears " +
                              config::in_quotes(from ? chain.to : chain.from)));
       }
@@ -221,8 +221,8 @@ class SystemBuilder {
           callback.publishes.push_back({*place, messages});
         } else {
           problems_.add(
-              config::mistake(said.place, "there is no topic " + config::in_quotes(topic),
-                              config::did_you_mean(config::nearest(topic, system_.topics))));
+              config::make_error(said.place, "there is no topic " + config::in_quotes(topic),
+                                 config::did_you_mean(config::nearest(topic, system_.topics))));
         }
       }
       is_said_.insert(component + "\n" + callback.name);
@@ -278,9 +278,9 @@ class SystemBuilder {
     }
     for (const auto& [name, component] : timing_.components) {
       if (std::ranges::find(components, name) == components.end()) {
-        problems_.add(config::mistake(component.place,
-                                      "there is no component " + config::in_quotes(name),
-                                      config::did_you_mean(config::nearest(name, components))));
+        problems_.add(config::make_error(component.place,
+                                         "there is no component " + config::in_quotes(name),
+                                         config::did_you_mean(config::nearest(name, components))));
         continue;
       }
       for (const auto& [key, callback] : component.callbacks) {
@@ -293,10 +293,10 @@ class SystemBuilder {
           for (const std::string& one : known) {
             all += (all.empty() ? "" : ", ") + config::in_quotes(one);
           }
-          problems_.add(config::mistake(callback.place,
-                                        config::in_quotes(name) + " has no callback " +
-                                            config::in_quotes(key) + ", only " + all,
-                                        config::did_you_mean(config::nearest(key, known))));
+          problems_.add(config::make_error(callback.place,
+                                           config::in_quotes(name) + " has no callback " +
+                                               config::in_quotes(key) + ", only " + all,
+                                           config::did_you_mean(config::nearest(key, known))));
         }
       }
     }
@@ -306,7 +306,7 @@ class SystemBuilder {
     }
     for (const auto& [topic, source] : timing_.sources) {
       if (std::ranges::find(outside, topic) == outside.end()) {
-        problems_.add(config::mistake(
+        problems_.add(config::make_error(
             source.place, "no thread of a component publishes " + config::in_quotes(topic),
             config::did_you_mean(config::nearest(topic, outside))));
       }

@@ -246,7 +246,7 @@ void Application::construct_only(ComponentClasses& classes, config::Problems& pr
     }
   }
   std::set<std::string> ignored;
-  construct(problems, ConstructorFault::kMistake, ignored);
+  construct(problems, ConstructorFault::kError, ignored);
 }
 
 void Application::construct(config::Problems& problems, ConstructorFault on_throw,
@@ -261,9 +261,9 @@ void Application::construct(config::Problems& problems, ConstructorFault on_thro
       continue;
     }
     const std::string what = "its constructor threw: " + *thrown;
-    if (on_throw == ConstructorFault::kMistake) {
-      problems.add(config::mistake(component->description.place,
-                                   "component \"" + component->name + "\": " + what));
+    if (on_throw == ConstructorFault::kError) {
+      problems.add(config::make_error(component->description.place,
+                                      "component \"" + component->name + "\": " + what));
     } else if (!problems.has_errors()) {
       component->fail(what);
     }

@@ -627,7 +627,7 @@ TEST(ThreadsOfComponents, WhatTheMachineRefusesIsSaidAndTheyRun) {
   application->stop();
 }
 
-TEST(ThreadsOfComponents, OneThatNobodyMakesIsAMistake) {
+TEST(ThreadsOfComponents, OneThatNobodyMakesIsAnError) {
   TestClasses classes;
   classes.with<Placed>("placed");
   config::Problems problems;

@@ -162,7 +162,7 @@ TEST(Observers, AreCalledInTheirOrderAndNotOfOverflowsThatTheyDoNotWant) {
 class Broken final : public Observer {
  public:
   void open(config::Problems& problems) override {
-    problems.add(config::mistake({}, "no room for the observer"));
+    problems.add(config::make_error({}, "no room for the observer"));
   }
 };
 

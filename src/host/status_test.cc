@@ -433,7 +433,7 @@ TEST(TheStatus, IsThereForARecorderThatNamesIt) {
   EXPECT_FALSE(has_status(""));
 }
 
-std::string mistakes_of(const std::string& text) {
+std::string errors_of(const std::string& text) {
   config::Problems problems;
   Application application(describe_text(text, problems), {.is_simulated = true, .workers = 1});
   if (!problems.has_errors()) {
@@ -448,16 +448,16 @@ std::string mistakes_of(const std::string& text) {
 
 TEST(WhatIsFastCyclesOwn, IsTakenByNobodyElse) {
   EXPECT_THAT(
-      mistakes_of(application_text(R"({"name": "fastcycle", "library": "supervisor"})")),
+      errors_of(application_text(R"({"name": "fastcycle", "library": "supervisor"})")),
       HasSubstr("the component \"fastcycle\" needs another name: \"fastcycle\" is the component of "
                 "FastCycle itself"));
-  EXPECT_THAT(mistakes_of(application_text(
+  EXPECT_THAT(errors_of(application_text(
                   R"({"name": "x", "namespace": "fastcycle", "library": "supervisor"})")),
               HasSubstr("needs another name"));
-  EXPECT_THAT(mistakes_of(application_text(R"({"name": "intruder", "library": "intruder"})")),
+  EXPECT_THAT(errors_of(application_text(R"({"name": "intruder", "library": "intruder"})")),
               HasSubstr("component \"intruder\" publishes on \"fastcycle/own\", but what begins "
                         "with \"fastcycle/\" only FastCycle itself publishes"));
-  EXPECT_THAT(mistakes_of(application_text(kSupervisor)), IsEmpty());
+  EXPECT_THAT(errors_of(application_text(kSupervisor)), IsEmpty());
 }
 
 TEST(ABench, MayFeedAStatusToASupervisor) {

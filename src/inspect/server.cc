@@ -113,7 +113,7 @@ void Server::open(config::Problems& problems) {
     }
     reserve_ = ::eventfd(0, EFD_CLOEXEC);
   } catch (const std::exception& error) {
-    problems.add(config::mistake(description_.place, error.what()));
+    problems.add(config::make_error(description_.place, error.what()));
     return;
   }
   taps_.provide();

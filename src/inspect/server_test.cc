@@ -398,8 +398,8 @@ TEST(AServer, ChangesParamsWhereThatIsAllowed) {
     change.set_value_json(value);
     return client.ask(std::move(request)).params_changed();
   };
-  EXPECT_TRUE(set("2.5").mistakes().empty());
-  EXPECT_THAT(set("10").mistakes(), Not(testing::IsEmpty()));
+  EXPECT_TRUE(set("2.5").errors().empty());
+  EXPECT_THAT(set("10").errors(), Not(testing::IsEmpty()));
   protocol::Request request;
   request.mutable_params();
   const protocol::Params params = client.ask(std::move(request)).params();

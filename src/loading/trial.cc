@@ -96,7 +96,7 @@ json to_json(const TrialOptions& options, const std::set<std::string>& without,
                                              {"file", options.library->file.string()},
                                              {"others", options.library->others}}
                                       : json()},
-          {"throw_is_mistake", options.on_throw == ConstructorFault::kMistake},
+          {"throw_is_error", options.on_throw == ConstructorFault::kError},
           // The child has the same secrets as the parent.
           {"refuses_tracers", is_protected()},
           {"without", without},
@@ -463,7 +463,7 @@ TrialResult try_application(const TrialOptions& options, config::Problems& probl
         problems.add(problem);
       }
       if (result.is_unreadable) {
-        problems.add(config::mistake(
+        problems.add(config::make_error(
             description.place, "the trial of the libraries reported something that cannot be read",
             "does a component write to a file descriptor that is not its own?"));
       }
@@ -471,7 +471,7 @@ TrialResult try_application(const TrialOptions& options, config::Problems& probl
     }
     if (result.last_name.empty()) {
       const std::string line = last_line(result.errors);
-      problems.add(config::mistake(
+      problems.add(config::make_error(
           description.place,
           "the trial of the libraries " + result.ending + (line.empty() ? "" : ": " + line)));
       return {};
@@ -490,7 +490,7 @@ TrialResult try_library(const TrialOptions& options, config::Problems& problems)
   }
   if (!result.is_done) {
     problems.add(result.last_name.empty()
-                     ? config::mistake(place, "the trial of the library " + result.ending)
+                     ? config::make_error(place, "the trial of the library " + result.ending)
                      : to_problem(options, place, result, {}));
   }
   return result.trial;
@@ -611,7 +611,8 @@ int run_trial_child(const BuildForTrial& build) {
   if (obstacle && options["refuses_tracers"]) {
     const config::Place place{options["file"].get<std::string>(), 0, ""};
     say({{"kind", "problem"},
-         {"problem", to_json(config::mistake(place, "the trial of the libraries: " + *obstacle))}});
+         {"problem",
+          to_json(config::make_error(place, "the trial of the libraries: " + *obstacle))}});
     say({{"kind", "done"}});
     return 0;
   }
@@ -645,7 +646,7 @@ int run_trial_child(const BuildForTrial& build) {
   ComponentClasses& classes = one_class ? static_cast<ComponentClasses&>(*one_class) : narrating;
   const BuiltForTrial built = build(
       std::move(description), classes,
-      options["throw_is_mistake"] ? ConstructorFault::kMistake : ConstructorFault::kFault,
+      options["throw_is_error"] ? ConstructorFault::kError : ConstructorFault::kFault,
       options["library"].is_object(),
       [](const std::string& component) { say({{"kind", "constructing"}, {"name", component}}); },
       problems);

@@ -197,7 +197,7 @@ void Chains::check(config::Problems& problems) {
         return;
       }
       config::Problem problem =
-          config::mistake(place_of(description, chain, key), its + what, std::move(hint));
+          config::make_error(place_of(description, chain, key), its + what, std::move(hint));
       if (is_replay) {
         // The application as a whole was checked before: the cause is components that do not run.
         problem.warning = true;

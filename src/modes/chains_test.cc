@@ -306,7 +306,7 @@ std::unique_ptr<Application> run(const std::string& text, Duration span, unsigne
 std::string problems_of(const std::string& text) {
   config::Problems problems;
   Application application(describe_text(json(text), problems), {.is_simulated = true});
-  application.build(classes(), problems, ConstructorFault::kMistake);
+  application.build(classes(), problems, ConstructorFault::kError);
   std::string all;
   for (const config::Problem& problem : problems.all()) {
     all += config::to_string(problem) + "\n";

@@ -90,7 +90,7 @@ void Modes::resolve(config::Problems& problems) {
     for (const std::string& pattern : described.components) {
       if (!add_those([&](const auto& one) { return mcap::matches(pattern, one.name); })) {
         const bool is_pattern = pattern.find_first_of("*?") != std::string::npos;
-        problems.add(config::mistake(
+        problems.add(config::make_error(
             described.place,
             is_pattern ? its + "no component by the pattern \"" + pattern + "\""
                        : its + "the component \"" + pattern + "\", which does not exist",
@@ -99,7 +99,7 @@ void Modes::resolve(config::Problems& problems) {
     }
     for (const std::string& executor : described.executors) {
       if (std::ranges::find(executors, executor) == executors.end()) {
-        problems.add(config::mistake(
+        problems.add(config::make_error(
             described.place, its + "the executor \"" + executor + "\", which does not exist",
             config::did_you_mean(config::nearest(executor, executors))));
       } else {

@@ -335,7 +335,7 @@ TEST(AMode, NamesComponentsByPatternsAndByExecutors) {
   application->stop();
 }
 
-std::vector<std::string> mistakes_of(std::string_view text, TestClasses& classes) {
+std::vector<std::string> errors_of(std::string_view text, TestClasses& classes) {
   config::Problems problems;
   Application application(describe_text(text, problems), {.is_simulated = true});
   application.build(classes, problems, ConstructorFault::kFault);
@@ -346,23 +346,23 @@ std::vector<std::string> mistakes_of(std::string_view text, TestClasses& classes
   return texts;
 }
 
-TEST(AMode, ThatNamesNobodyIsAMistake) {
+TEST(AMode, ThatNamesNobodyIsAnError) {
   TestClasses classes;
   classes.with<Witness>("w");
-  const auto mistakes = mistakes_of(R"({"name": "test",
+  const auto errors = errors_of(R"({"name": "test",
     "modes": {"one": {"components": ["plannr", "x/*"], "executors": ["fsat"]}},
     "initial_mode": "on",
     "executors": [{"name": "fast"}],
     "components": [{"name": "planner", "library": "w", "executor": "fast",
                     "fault_mode": "oen"}]})",
-                                    classes);
+                                classes);
   const std::vector<std::string> expected = {
       R"(the mode "one" names the component "plannr", which does not exist; did you mean "planner"?)",
       R"(the mode "one" names no component by the pattern "x/*")",
       R"(the mode "one" names the executor "fsat", which does not exist; did you mean "fast"?)",
       R"(there is no mode "on"; did you mean "one"?)",
       R"(there is no mode "oen"; did you mean "one"?)"};
-  EXPECT_EQ(mistakes, expected);
+  EXPECT_EQ(errors, expected);
 }
 
 TEST(AMode, HasComponentsKeepTheLastLatchedMessages) {
@@ -434,19 +434,19 @@ TEST(AStart, ComesAfterThoseThatTheFileNames) {
   }
 }
 
-TEST(AStart, ThatWaitsForItselfIsAMistakeWithItsWay) {
+TEST(AStart, ThatWaitsForItselfIsAnErrorWithItsWay) {
   TestClasses classes;
   classes.with<Witness>("w");
-  const auto mistakes = mistakes_of(R"({"name": "test",
+  const auto errors = errors_of(R"({"name": "test",
     "components": [{"name": "a", "library": "w", "after": ["c"]},
                    {"name": "b", "library": "w", "after": ["a", "loclization"]},
                    {"name": "c", "library": "w", "after": ["b"]},
                    {"name": "localization", "library": "w"}]})",
-                                    classes);
+                                classes);
   const std::vector<std::string> expected = {
       "components start after each other: \"a\" after \"c\" after \"b\" after \"a\"",
       "there is no component \"loclization\" to start after; did you mean \"localization\"?"};
-  EXPECT_EQ(mistakes, expected);
+  EXPECT_EQ(errors, expected);
 }
 
 TEST(AStart, ThatTakesTooLongIsAFaultOfItsComponent) {

@@ -330,8 +330,8 @@ void ExactReplay::choose(config::Problems& problems) {
     if (Player* player = find_player(name)) {
       player->is_wanted = true;
     } else {
-      problems.add(config::mistake({}, "there is no component \"" + name + "\"",
-                                   config::did_you_mean(config::nearest(name, known))));
+      problems.add(config::make_error({}, "there is no component \"" + name + "\"",
+                                      config::did_you_mean(config::nearest(name, known))));
     }
   }
   for (const auto& player : players_) {
@@ -366,8 +366,8 @@ void ExactReplay::choose(config::Problems& problems) {
         is_changed = true;
         if (!options_.components.empty() && !player->result.is_source) {
           problems.add(
-              config::mistake({}, "component \"" + player->core->name +
-                                      "\" cannot be executed again: " + player->result.why));
+              config::make_error({}, "component \"" + player->core->name +
+                                         "\" cannot be executed again: " + player->result.why));
         }
       }
     }
@@ -424,7 +424,7 @@ void ExactReplay::choose(config::Problems& problems) {
         break;
       }
     }
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         {.file = options_.files.front().string(), .line = 0, .pointer = {}},
         "there is nothing that can be executed again" + (why.empty() ? why : "; " + why)));
   }

@@ -818,7 +818,7 @@ TEST_F(Replays, APaceThatIsPausedLetsNothingComeButStepByStep) {
 
 // ---- What is wrong ----
 
-TEST_F(Replays, AMissingFileIsAMistakeWithTheNameOfTheUnfinishedOne) {
+TEST_F(Replays, AMissingFileIsAnErrorWithTheNameOfTheUnfinishedOne) {
   EXPECT_EQ(prepare(kListening, {.files = {folder_ / "none.mcap"}}), nullptr);
   EXPECT_THAT(said(), HasSubstr("none.mcap"));
 
@@ -827,13 +827,13 @@ TEST_F(Replays, AMissingFileIsAMistakeWithTheNameOfTheUnfinishedOne) {
   EXPECT_THAT(said(), HasSubstr("it is " + (folder_ / "drive.mcap.active").string()));
 }
 
-TEST_F(Replays, WhatIsNoRecordingIsAMistake) {
+TEST_F(Replays, WhatIsNoRecordingIsAnError) {
   std::ofstream(folder_ / "text.mcap") << "this is no recording, but long enough to look like one";
   EXPECT_EQ(prepare(kListening, {.files = {folder_ / "text.mcap"}}), nullptr);
   EXPECT_THAT(said(), HasSubstr("text.mcap"));
 }
 
-TEST_F(Replays, APartWithoutMessagesIsAMistake) {
+TEST_F(Replays, APartWithoutMessagesIsAnError) {
   const auto file = record(kListening, "a.mcap");
 
   EXPECT_EQ(prepare(kListening, {.files = {file}, .start = 5s}), nullptr);

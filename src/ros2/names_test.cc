@@ -18,11 +18,11 @@ TEST(Names, OfTopicsServicesAndTypesAreThoseOfRos) {
 }
 
 TEST(Names, OfWhatIsNoneAreTold) {
-  EXPECT_EQ(mistake_of_ros_name("/lidar/points_2"), std::nullopt);
-  EXPECT_TRUE(mistake_of_ros_name("/lidar//points"));
-  EXPECT_TRUE(mistake_of_ros_name("/2points"));
-  EXPECT_TRUE(mistake_of_ros_name("points/"));
-  EXPECT_TRUE(mistake_of_ros_name(""));
+  EXPECT_EQ(ros_name_error("/lidar/points_2"), std::nullopt);
+  EXPECT_TRUE(ros_name_error("/lidar//points"));
+  EXPECT_TRUE(ros_name_error("/2points"));
+  EXPECT_TRUE(ros_name_error("points/"));
+  EXPECT_TRUE(ros_name_error(""));
 }
 
 TEST(Names, UserDataHasItsValues) {

@@ -102,8 +102,8 @@ void Tracer::open(config::Problems& problems) {
   try {
     file_.open();
   } catch (const std::runtime_error& error) {
-    problems.add(config::mistake(description_.place,
-                                 std::string("the trace cannot be written: ") + error.what()));
+    problems.add(config::make_error(description_.place,
+                                    std::string("the trace cannot be written: ") + error.what()));
   }
 }
 

@@ -626,7 +626,7 @@ class Server::Net::Connection final : public AnyConnection {
 
 void Server::Net::open(config::Problems& problems) {
   const auto wrong = [&](const std::string& text) {
-    problems.add(config::mistake(description_.place, text));
+    problems.add(config::make_error(description_.place, text));
   };
   error_code error;
   const auto address = asio::ip::make_address(description_.address, error);

@@ -378,7 +378,7 @@ TEST_F(LiveServer, AsksTheApplicationForThem) {
   EXPECT_TRUE(overview["components"][0]["callback"]["buckets"].empty());
   const Json change = answer_to(
       R"({"change_params": {"changes": [{"param": "counter.factor", "value_json": "4"}]}})");
-  EXPECT_TRUE(change["params_changed"]["mistakes"].empty());
+  EXPECT_TRUE(change["params_changed"]["errors"].empty());
   EXPECT_EQ(answer_to(R"({"params": {}})")["params"]["params"][0]["value_json"], "4");
   const Json refused = answer_to(R"({"switch_mode": {"mode": "off"}})");
   EXPECT_EQ(refused["error"]["kind"], "KIND_NOT_ALLOWED");

@@ -479,8 +479,8 @@ void Session::set_params(const Json& json) {
              if (answer.has_error()) {
                refuse(answer.error().text());
              }
-             for (const std::string& mistake : answer.params_changed().mistakes()) {
-               refuse(mistake);
+             for (const std::string& error : answer.params_changed().errors()) {
+               refuse(error);
              }
              hub_.params_have_changed();
              if (!id.empty()) {

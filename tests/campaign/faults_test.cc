@@ -128,7 +128,7 @@ TEST_F(InjectedFaults, MakeAComponentSlowInSimulatedTime) {
   EXPECT_EQ(report["results"]["tracks"], 100);
 }
 
-TEST_F(InjectedFaults, ThatCannotBeAreMistakesOfTheConfiguration) {
+TEST_F(InjectedFaults, ThatCannotBeAreErrorsOfTheConfiguration) {
   run(R"({"list": [
       {"kind": "drop", "topic": "sweep"},
       {"kind": "corrupt", "topic": "sweeps", "field": "objects.range", "as": "nan"},

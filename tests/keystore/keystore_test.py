@@ -111,7 +111,7 @@ class Keystore(unittest.TestCase):
         self.assert_refused("--domain", "add", "keys", "gateway", "--domain", "231")
         self.assert_refused("--days", "add", "keys", "gateway", "--days", "0")
 
-    def test_mistakes_of_an_application_are_told_with_their_places(self):
+    def test_reports_errors_of_an_application_with_their_places(self):
         self.security("init", "keys")
         self.write(application(domain=232, topics=[{"topic": "a", "direction": "up", "ros": "/a", "type": "x/Y"},
                                                    {"topic": "a<b", "direction": "in", "message": "x.Y"}]))

@@ -374,7 +374,7 @@ TEST_F(Launcher, CommandLineStandsAboveTheFile) {
   EXPECT_EQ(report()["results"]["published"], 7);
 }
 
-TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
+TEST_F(Launcher, EachErrorIsNamedAndNothingIsStarted) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
            "params": {"count": -1, "brust": 2}})",
                      R"({"name": "adder", "library": "launcher_party"})",
@@ -392,7 +392,7 @@ TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
   }
 }
 
-TEST_F(Launcher, MissingLibraryIsOneMistake) {
+TEST_F(Launcher, MissingLibraryIsOneError) {
   write_application({R"({"name": "nothing"})"});
 
   EXPECT_EQ(launch({"check", application()}), 2);
@@ -401,7 +401,7 @@ TEST_F(Launcher, MissingLibraryIsOneMistake) {
   EXPECT_THAT(errors_, HasSubstr("1 error;"));
 }
 
-TEST_F(Launcher, MistakesInTheFileAndInComponentsAreFoundTogether) {
+TEST_F(Launcher, ErrorsInTheFileAndInComponentsAreFoundTogether) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
                          "serve_period_ms": "often", "params": {"count": -1}})"});
 
@@ -411,7 +411,7 @@ TEST_F(Launcher, MistakesInTheFileAndInComponentsAreFoundTogether) {
   EXPECT_THAT(errors_, HasSubstr("/components/0/params/count"));
 }
 
-TEST_F(Launcher, CheckCallsAConstructorThatThrowsAMistake) {
+TEST_F(Launcher, CheckCallsAConstructorThatThrowsAnError) {
   write_application({kCounter, trouble("constructor", "stop_component")});
 
   EXPECT_EQ(launch({"check", application()}), 2);
@@ -606,7 +606,7 @@ TEST_F(Launcher, IsolationIsAPartOfTheEffectiveConfigurationWhichMeansTheSame) {
   EXPECT_THAT(output_, HasSubstr("in 2 processes: main, counter"));
 }
 
-TEST_F(Launcher, IsolatingAComponentThatIsNotThereIsAMistake) {
+TEST_F(Launcher, IsolatingAComponentThatIsNotThereIsAnError) {
   write_application({kCounter, kAdder});
 
   EXPECT_EQ(launch({"check", application(), "--isolate", "contr", "--isolate", "counte"}), 2);
@@ -675,7 +675,7 @@ TEST_F(Launcher, ParamsAreListedAsMarkdownAndOnlyThoseThatAreWanted) {
   EXPECT_EQ(output_, "");
 }
 
-TEST_F(Launcher, ParamsThatAreWrongAreMistakesAndNothingIsListed) {
+TEST_F(Launcher, ParamsThatAreWrongAreErrorsAndNothingIsListed) {
   write_application({kCounter, kAdder});
 
   EXPECT_EQ(launch({"params", application(), "--set", "counter.burst=0", "--set", "adder.txt=a"}),
@@ -955,7 +955,7 @@ TEST_F(Launcher, TraceIsWrittenForALiveAndForASimulatedRun) {
   }
 }
 
-TEST_F(Launcher, TraceThatCannotBeWrittenIsAMistake) {
+TEST_F(Launcher, TraceThatCannotBeWrittenIsAnError) {
   write_application({kCounter, kAdder});
 
   EXPECT_EQ(run({"--trace", (folder_ / "missing/run.pftrace").string()}), 2);
@@ -983,7 +983,7 @@ TEST_F(Launcher, TraceOfTheFileGoesWhereTheFileOrTheCommandLineSays) {
   EXPECT_FALSE(report().contains("trace"));
 }
 
-TEST_F(Launcher, TraceOfTheFileThatCannotBeWrittenIsAMistakeAtItsPlace) {
+TEST_F(Launcher, TraceOfTheFileThatCannotBeWrittenIsAnErrorAtItsPlace) {
   write_application({kCounter, kAdder}, R"(, "trace": {"file": "missing/run.pftrace"})");
 
   EXPECT_EQ(run(), 2);

@@ -1,4 +1,4 @@
-// Component libraries with a mistake: whatever they do when they are loaded or when their
+// Component libraries with an error: whatever they do when they are loaded or when their
 // components are constructed, the program names them and starts nothing.
 //
 // Every folder of cases/ is one: `app.json`, `expected.txt` with the lines that have to be said
@@ -111,7 +111,7 @@ TEST_P(BrokenLibrary, IsNamedAndNothingStarts) {
   if (any_contains(said, " did not come back within ")) {
     EXPECT_TRUE(any_contains(notices, ", and may take 2 s")) << testing::PrintToString(notices);
   }
-  // One line for each mistake, and the last one.
+  // One line for each error, and the last one.
   ASSERT_EQ(said.size(), expected.size() + 1) << testing::PrintToString(said);
   for (const std::string& part : expected) {
     EXPECT_TRUE(any_contains(said, part)) << part << "\n" << testing::PrintToString(said);
@@ -209,7 +209,7 @@ ProcessOptions good_run(const Folder& folder) {
 
 constexpr const char* kThrowing = R"("library": "broken_constructors", "class": "Throws")";
 
-TEST(AConstructorThatThrows, IsAMistakeForCheck) {
+TEST(AConstructorThatThrows, IsAnErrorForCheck) {
   const Folder folder;
   folder.write("app.json", application_of(kThrowing));
 
@@ -221,7 +221,7 @@ TEST(AConstructorThatThrows, IsAMistakeForCheck) {
       << testing::PrintToString(said);
 }
 
-TEST(AConstructorThatThrows, IsAMistakeForCheckHoweverMuchItSays) {
+TEST(AConstructorThatThrows, IsAnErrorForCheckHoweverLongItsMessage) {
   const Folder folder;
   folder.write("app.json",
                application_of(R"("library": "broken_constructors", "class": "ThrowsMuch")"));

@@ -268,10 +268,10 @@ class Steering final : public fastcycle::Component {
         this->context().change_params({{"relay.gain", gain_.get()}, {"steering.own_gain", "7"}},
                                       [this](const fastcycle::ParamsResult& result) {
                                         report("has_changed", result.has_changed());
-                                        report("mistakes",
-                                               static_cast<std::int64_t>(result.mistakes.size()));
+                                        report("errors",
+                                               static_cast<std::int64_t>(result.errors.size()));
                                         if (!result.has_changed()) {
-                                          report("mistake", result.mistakes.front());
+                                          report("error", result.errors.front());
                                         }
                                       });
       }

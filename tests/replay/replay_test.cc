@@ -223,7 +223,7 @@ TEST_F(Replay, WarnsOnlyOfWhatTheRecordingHasNot) {
   EXPECT_THAT(errors_, HasSubstr("\"others\", which component \"adder\" subscribes to, is not in"));
 }
 
-TEST_F(Replay, MistakesAreSaidBeforeAnythingStarts) {
+TEST_F(Replay, ErrorsAreReportedBeforeAnythingStarts) {
   record_parts();
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{"run", path("app.json"), "--replay", "none.mcap"}, "none.mcap"},

@@ -36,7 +36,7 @@ int tell(const Rewriting& work, const rosbag::Converted& done) {
       is_all = false;
       words += fmt::format("{}: {}: missing, as they are no {}: {} of {} messages; the first: {}\n",
                            in, archive::printable(topic.name), topic.type, topic.unreadable,
-                           topic.messages, archive::printable(topic.mistake));
+                           topic.messages, archive::printable(topic.error));
     }
   }
   print_text(stderr, words);
@@ -87,7 +87,7 @@ Command add_convert(CLI::App& program) {
   return {line, [work, has_no_index, is_as_it_is] {
             work->layout.has_index = !*has_no_index;
             if (const std::string wrong = work->find_wrong(); !wrong.empty()) {
-              return print_mistake(work->command, wrong);
+              return print_error(work->command, wrong);
             }
             if (!*is_as_it_is) {
               const mcap::FileSource source(work->inputs[0]);

@@ -430,13 +430,13 @@ std::string text_of(const trace::TraceReport& trace) {
 
 /// The trial has reported the warnings.
 config::Problems without_warnings(const config::Problems& problems) {
-  config::Problems mistakes;
+  config::Problems errors;
   for (const config::Problem& problem : problems.all()) {
     if (!problem.warning) {
-      mistakes.add(problem);
+      errors.add(problem);
     }
   }
-  return mistakes;
+  return errors;
 }
 
 /// The report for people and for programs, where they are wanted; why the latter was not written.

@@ -1,4 +1,4 @@
-// A component without a mistake, that leaves the file `started` where the program works once it is
+// A component without an error, that leaves the file `started` where the program works once it is
 // started, and that computes with the smallest of numbers.
 
 #include <chrono>

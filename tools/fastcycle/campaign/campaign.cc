@@ -589,22 +589,22 @@ int run_campaign(const CampaignOptions& options) {
   if (!text) {
     return print_wrong("the plan " + options.plan.string() + " cannot be read");
   }
-  std::vector<std::string> mistakes;
-  const auto plan = campaign::Plan::read(*text, options.plan.string(), mistakes);
+  std::vector<std::string> errors;
+  const auto plan = campaign::Plan::read(*text, options.plan.string(), errors);
   std::vector<campaign::Judge> judges;
   for (const std::string& condition : options.judges) {
     std::string why;
     if (auto judge = campaign::Judge::parse(condition, why)) {
       judges.push_back(std::move(*judge));
     } else {
-      mistakes.push_back("--judge: " + why);
+      errors.push_back("--judge: " + why);
     }
   }
-  if (!mistakes.empty()) {
-    for (const std::string& mistake : mistakes) {
-      print_to(stderr, "{}\n", mistake);
+  if (!errors.empty()) {
+    for (const std::string& error : errors) {
+      print_to(stderr, "{}\n", error);
     }
-    return print_wrong(fmt::format("{} error{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
+    return print_wrong(fmt::format("{} error{}", errors.size(), errors.size() == 1 ? "" : "s"));
   }
   config::Problems problems;
   auto application = config::load(options.configuration.load, problems);
