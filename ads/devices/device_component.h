@@ -36,7 +36,7 @@ class DeviceComponent : public fastcycle::Component {
   DeviceConfig config_;
   DeviceTrouble trouble_;
   std::string other_trouble_;
-  std::string told_;
+  std::string reported_;
 };
 
 }  // namespace ads

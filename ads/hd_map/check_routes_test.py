@@ -50,7 +50,7 @@ class CheckRoutes(unittest.TestCase):
         for count, errors in self.errors_after(lambda route: route["steps"].pop(1)):
             self.assertGreaterEqual(len(errors), count)
 
-    def test_successor_that_is_told_as_a_change_is_seen(self):
+    def test_successor_that_is_given_as_a_change_is_seen(self):
         def spoil(route):
             route["steps"][1]["is_change"] = not route["steps"][1]["is_change"]
 

@@ -218,7 +218,7 @@ TEST(Lanelet2, PriorityHoldsThroughTheIntersectionUntilOthersJoin) {
   EXPECT_EQ(lanes[104].priority, 0);
 }
 
-TEST(Lanelet2, WhatIsWrongIsToldWithItsLine) {
+TEST(Lanelet2, WhatIsWrongIsReportedWithItsLine) {
   EXPECT_EQ(error_of(OsmText().way(11, {1}).way(12, {1}).road(101, 11, 12).text()),
             "x.osm:9: expected <node> 1, of which this <relation> tells, found none");
   EXPECT_EQ(error_of(OsmText().road(101, 11, 12).text()),

@@ -155,7 +155,7 @@ TEST_F(OpenDrive, OnTheLeftHandLanesAreDrivenTheOtherWay) {
   EXPECT_NEAR(lanes_of(text).begin()->second.left_m.front().x(), 100.0, 1e-9);
 }
 
-TEST_F(OpenDrive, WhatIsWrongIsToldWithItsLine) {
+TEST_F(OpenDrive, WhatIsWrongIsReportedWithItsLine) {
   EXPECT_EQ(error_of("<OpenDRIVE/>"), "x.xodr:1: expected <header> in <OpenDRIVE>, found none");
   EXPECT_EQ(error_of("<OpenDRIVE><header revMajor='2'/></OpenDRIVE>"),
             "x.xodr:1: expected revMajor 1 of <header>, found '2'");

@@ -253,7 +253,7 @@ class Evaluation {
       const bool is_visible = found != echoes.end() && found->second >= kEchoesVisible;
       int& sweeps = visible_sweeps_[truth.id];
       sweeps = is_visible ? sweeps + 1 : 0;
-      // An object is told of when it was seen three times.
+      // An object is reported when it was seen three times.
       if (sweeps <= 3 || (truth.box.center_m - ego.box.center_m).norm() > kRange_m) {
         continue;
       }

@@ -54,7 +54,7 @@ RecognizerConfig read_config(fastcycle::Context& context) {
        "The same along the line of sight, at a distance");
   count("object_echoes_min", config.tracker.echoes_min, 10'000, "Of a new object");
   count("sightings_min", config.tracker.sightings_min, 100,
-        "Sweeps in which an object is seen before it is told of");
+        "Sweeps in which an object is seen before it is reported");
   read("open_max_s", config.tracker.open_max_s, 60.0, "s",
        "For how long an object is kept that should be seen and is not");
   read("hidden_max_s", config.tracker.hidden_max_s, 60.0, "s",

@@ -262,7 +262,7 @@ TEST_F(SupervisionTest, DrawsTheDriveAtTheEnd) {
   EXPECT_THAT(svg, HasSubstr("off → engaged"));
 }
 
-/// Supervision that throws when it is told to.
+/// Supervision that throws when it is asked to.
 class FaultySupervision final : public fastcycle::Component {
  public:
   explicit FaultySupervision(fastcycle::Context& context)

@@ -31,7 +31,7 @@ constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that ar
 constexpr std::size_t kTroublesMax = 1024;
 constexpr double kDomainMax = 232;  // More have no ports.
 
-constexpr std::size_t kClocksToldMax = 1024;
+constexpr std::size_t kReportedClocksMax = 1024;
 
 constexpr std::size_t kArrivalsMax = 1024;  // Maximum of waiting requests and replies.
 
@@ -811,8 +811,8 @@ void Gateway::tell_clocks() {
   };
   for (const ClockPeer& peer : clocks_->peers()) {
     const std::string node = base::printable(peer.node);
-    const auto known = told_clocks_.find(node);
-    if (known == told_clocks_.end() && told_clocks_.size() == kClocksToldMax) {
+    const auto known = reported_clocks_.find(node);
+    if (known == reported_clocks_.end() && reported_clocks_.size() == kReportedClocksMax) {
       continue;
     }
     const std::string whose = fmt::format("the clock of {}", node);
@@ -834,14 +834,14 @@ void Gateway::tell_clocks() {
           "to hold them together, as \"clocks\": \"system\" says",
           node, ms(peer.system_apart));
     }
-    if (known == told_clocks_.end() || known->second != trouble.empty()) {
+    if (known == reported_clocks_.end() || known->second != trouble.empty()) {
       if (trouble.empty()) {
         log().info("{} is {:.3f} ms ahead of this one, ± {:.3f} ms", whose, ms(found.ahead),
                    ms(found.bound));
       } else {
         log().warning("{}", trouble);
       }
-      told_clocks_[node] = trouble.empty();
+      reported_clocks_[node] = trouble.empty();
     }
     set_trouble(whose, std::move(trouble));
   }
@@ -858,10 +858,10 @@ void Gateway::tell_health() {
       trouble += fmt::format(" (and {} more)", troubles_.size() - 1);
     }
   }
-  if (trouble != told_) {
+  if (trouble != reported_) {
     health(trouble.empty() ? Health::kOk : Health::kDegraded, trouble);
     report("trouble", trouble);
-    told_ = std::move(trouble);
+    reported_ = std::move(trouble);
   }
 }
 

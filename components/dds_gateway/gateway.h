@@ -133,8 +133,8 @@ class Gateway final : public Component {
   std::atomic<std::uint64_t> peers_{0};
   std::mutex mutex_;
   std::map<std::string, std::string> troubles_;  // By source; guarded by it.
-  std::string told_;                             // Of the component, as the next.
-  std::map<std::string, bool> told_clocks_;      // Whether a clock's present offset is acceptable.
+  std::string reported_;                         // Of the component, as the next.
+  std::map<std::string, bool> reported_clocks_;  // Whether a clock's present offset is acceptable.
   std::exception_ptr fault_;                     // Guarded by mutex_: of an engine thread.
 };
 

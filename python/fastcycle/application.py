@@ -176,7 +176,7 @@ class Application:
         return list(self._brief_overview().modes)
 
     def switch_mode(self, mode: str, why: str = "") -> None:
-        """Switches to a mode. `why` is told in the report.
+        """Switches to a mode. `why` is given in the report.
 
         Needs `lifecycle`. The switch is under way when this returns. Raises NotFoundError if there
         is no such mode.

@@ -63,7 +63,7 @@ def test_is_called_with_messages_and_publishes(bench: Bench, add: Add) -> None:
         ECHO
         + """
             self.gain = context.param("gain", 2, min=0, max=10, tunable=True,
-                                      on_change=lambda: self.report("told", self.gain.get()))
+                                      on_change=lambda: self.report("changed", self.gain.get()))
 
         def on_reading(self, reading):
             info = self.info(reading)
@@ -90,7 +90,7 @@ def test_is_called_with_messages_and_publishes(bench: Bench, add: Add) -> None:
     assert fourth.message.image == b"\x00\xff" and fourth.sequence == 4
     assert bench.results("it") == {"sequence": 1, "is_new": True}
     bench.set_params({"it.gain": 4})
-    assert bench.results("it")["told"] == 4
+    assert bench.results("it")["changed"] == 4
     with pytest.raises(BenchError, match=r"\[0, 10\].*11"):
         bench.set_params({"it.gain": 11})
     assert bench.faults("it") == []
@@ -324,7 +324,7 @@ MISUSES = {
 
 
 @pytest.mark.parametrize("code", MISUSES)
-def test_is_told_what_it_does_wrong(bench: Bench, add: Add, code: str) -> None:
+def test_reports_what_it_does_wrong(bench: Bench, add: Add, code: str) -> None:
     add(
         ECHO
         + f"""

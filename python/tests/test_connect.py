@@ -144,7 +144,7 @@ def test_calls_services(application: fastcycle.Application) -> None:
         application.call("double", {"number": 1})
 
 
-def test_is_told_what_is_not_allowed(folder: pathlib.Path) -> None:
+def test_reports_what_is_not_allowed(folder: pathlib.Path) -> None:
     with running(folder, "closed"), fastcycle.connect() as application:
         for change in (
             lambda: application.publish("orders", {"value": 7}),

@@ -31,7 +31,7 @@ class Findings {
       : file_(std::move(file)), tell_(tell) {}
 
   void error(mcap::Problem problem) {
-    if (++diagnosis.errors <= Diagnosis::kMostTold) {
+    if (++diagnosis.errors <= Diagnosis::kReportedMax) {
       tell_({.is_warning = false, .problem = std::move(problem)});
     }
   }
@@ -42,7 +42,7 @@ class Findings {
            .found = std::move(found)});
   }
   void warn(const mcap::Place& place, Opcode record, std::string expected, std::string found) {
-    if (++diagnosis.warnings <= Diagnosis::kMostTold) {
+    if (++diagnosis.warnings <= Diagnosis::kReportedMax) {
       tell_({.is_warning = true,
              .problem = {.place = place,
                          .record = name_of(record),
@@ -625,7 +625,7 @@ class Doctor {
     } else if (!is_damaged_) {
       std::visit([&](const auto& one) { take_summary(one, place); }, record);
     }
-    if (progress_ && ++told_ % kRecordsPerProgress == 0) {
+    if (progress_ && ++records_ % kRecordsPerProgress == 0) {
       progress_(reader_.next_offset());
     }
   }
@@ -647,7 +647,7 @@ class Doctor {
     summary_.has(schema);
     if (schema.encoding == "protobuf") {
       const MessageTypes::Found& found = types_.find(schema);
-      if (found.type == nullptr && told_schemas_.insert(schema.id).second) {
+      if (found.type == nullptr && reported_schemas_.insert(schema.id).second) {
         findings_.error(place, Opcode::kSchema, "all that is needed to read " + shown(schema.name),
                         found.problem);
       }
@@ -732,12 +732,12 @@ class Doctor {
   ChunkCheck chunk_;
   SummaryCheck summary_;
   MessageTypes types_;
-  std::set<std::uint16_t> told_schemas_;
+  std::set<std::uint16_t> reported_schemas_;
   std::map<std::uint16_t, const MessageType*> type_of_channel_;
   std::map<std::uint16_t, ChannelCheck> channels_;
   bool is_ours_ = false;
   bool is_damaged_ = false;
-  unsigned told_ = 0;
+  unsigned records_ = 0;
 };
 
 }  // namespace

@@ -18,7 +18,7 @@ struct Finding {
 
 struct Diagnosis {
   /// Limit of reported errors, and of warnings; all are counted.
-  static constexpr std::uint64_t kMostTold = 1000;
+  static constexpr std::uint64_t kReportedMax = 1000;
 
   std::uint64_t errors = 0;
   std::uint64_t warnings = 0;

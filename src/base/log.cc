@@ -150,13 +150,13 @@ void LogQueue::print_line() noexcept {
 /// Logs how many lines found the queue full since the last call.
 void LogQueue::tell_lost() noexcept {
   const std::uint64_t lost = lost_.load(std::memory_order_relaxed);
-  if (lost == told_lost_) {
+  if (lost == reported_lost_) {
     return;
   }
   std::array<char, 128> text{};
   const auto written = fmt::format_to_n(text.data(), text.size(),
                                         "{} lines of log were lost: the queue of {} lines was full",
-                                        lost - std::exchange(told_lost_, lost), kCapacity);
+                                        lost - std::exchange(reported_lost_, lost), kCapacity);
   print({.time = clock_.now(),
          .level = LogLevel::kWarning,
          .component = kOwnName,
@@ -168,7 +168,7 @@ void LogQueue::print_until_stopped() noexcept {
   for (;;) {
     while (has_line()) {
       print_line();
-      if (lost_.load(std::memory_order_relaxed) != told_lost_ &&
+      if (lost_.load(std::memory_order_relaxed) != reported_lost_ &&
           base::monotonic_ns() >= next_tell_ns_) {
         tell_lost();
       }

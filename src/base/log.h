@@ -96,7 +96,7 @@ class LogQueue {
 
   // Printing thread only.
   std::size_t head_ = 0;
-  std::uint64_t told_lost_ = 0;
+  std::uint64_t reported_lost_ = 0;
   std::int64_t next_tell_ns_ = 0;
 
   std::mutex listener_mutex_;

@@ -113,13 +113,13 @@ TEST_F(LogTest, KnowsWhetherAllIsPrinted) {
   EXPECT_EQ(printed(), "0.000000 info planner: one\n0.000000 info planner: two\n");
 }
 
-TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsToldAndCounted) {
+TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsReportedAndCounted) {
   constexpr std::uint64_t kLines = 1'000'000;
   std::uint64_t heard = 0;
-  std::uint64_t told = 0;
+  std::uint64_t reported = 0;
   queue_->set_listener(this, [&](const LogLine& line) {
     if (line.component == LogQueue::kOwnName) {
-      told += std::stoull(std::string(line.text));
+      reported += std::stoull(std::string(line.text));
     } else {
       ++heard;
     }
@@ -134,7 +134,7 @@ TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsToldAndCounted) {
   flood();
   other.join();
   EXPECT_THAT(printed(), HasSubstr("water"));
-  EXPECT_EQ(heard + told, kLines);
+  EXPECT_EQ(heard + reported, kLines);
 }
 
 TEST_F(LogTest, EachListenerHearsUntilItIsTakenAway) {

@@ -105,7 +105,7 @@ void PublisherCore::tell_holders_apart(std::size_t count) {
 }
 
 void PublisherCore::check_loans() const {
-  if (loans_ < shares_.limit() + kLoansBeyondPool || owner.told != nullptr) {
+  if (loans_ < shares_.limit() + kLoansBeyondPool || owner.replayed != nullptr) {
     return;
   }
   const std::string why = fmt::format(
@@ -121,8 +121,8 @@ std::string PublisherCore::loan_in_words() const {
   return fmt::format("loan {} of {}", loans_ + 1, topic.name);
 }
 
-void PublisherCore::check_told_loan() const {
-  if (const auto why = owner.told_refusal(loan_in_words())) {
+void PublisherCore::check_replayed_loan() const {
+  if (const auto why = owner.replayed_refusal(loan_in_words())) {
     throw std::length_error(*why);
   }
 }

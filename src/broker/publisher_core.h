@@ -216,7 +216,7 @@ class PublisherCore {
   }
 
   /// In a replay: refuses the next loan if it was refused in the recorded run.
-  void check_told_loan() const;
+  void check_replayed_loan() const;
 
  private:
   void check_loans() const;

@@ -126,7 +126,7 @@ TEST_F(QualityOfService, ADeadlineIsKeptByAnyPublisherAndALeaseByEachOne) {
   EXPECT_EQ(event->kind, QosKind::kLivelinessLost);
   EXPECT_EQ(event->publisher, "two");
   EXPECT_EQ(event->reason, "silent");
-  EXPECT_FALSE(quality.look(at(14ms))) << "told once";
+  EXPECT_FALSE(quality.look(at(14ms))) << "reported once";
 }
 
 TEST_F(QualityOfService, AFailedPublisherIsLostOnceAndAliveAgainOnlyByWhatCameLater) {

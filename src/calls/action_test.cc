@@ -42,7 +42,7 @@ class Walker final : public Component {
     ActionServerOptions options{.max_goals = 2};
     if (how_.get() != "default") {
       options.on_cancel = [this](std::uint64_t goal) {
-        report("told", true);
+        report("result", true);
         if (how_.get() == "at_once") {
           cancel(goal);
         }
@@ -123,7 +123,7 @@ class Sender final : public Component {
       : Component(context),
         deadline_ms_(context.param<std::int64_t>("deadline_ms", {.fallback = 0})),
         walks_(context.create_action_client<Int64Value, Int64Value, Int64Value>("walk")),
-        told_(context.create_publisher<StringValue>("told")) {
+        results_(context.create_publisher<StringValue>("results")) {
     context.create_subscriber<Int64Value>("go", [this](const Int64Value& go) {
       if (go.value() == 1'000'000) {
         walk_.cancel();
@@ -151,14 +151,14 @@ class Sender final : public Component {
   }
 
   void tell(const std::string& text) {
-    auto told = told_.loan();
-    told->set_value(text);
-    told_.publish(std::move(told));
+    auto result = results_.loan();
+    result->set_value(text);
+    results_.publish(std::move(result));
   }
 
   Param<std::int64_t> deadline_ms_;
   ActionClient<Int64Value, Int64Value, Int64Value> walks_;
-  Publisher<StringValue> told_;
+  Publisher<StringValue> results_;
   Call walk_;
 };
 
@@ -169,7 +169,7 @@ struct AGoal : ::testing::Test {
     bench.add<Walker>("walker", R"({"serve_period_ms": 10, )" + walker.substr(1));
     bench.add<Sender>("sender", sender);
     go.emplace(bench.input<Int64Value>("go"));
-    told.emplace(bench.output<StringValue>("told"));
+    results.emplace(bench.output<StringValue>("results"));
     bench.start();
   }
 
@@ -183,7 +183,7 @@ struct AGoal : ::testing::Test {
   }
   std::vector<std::string> heard() {
     std::vector<std::string> texts;
-    for (const StringValue& message : told->take()) {
+    for (const StringValue& message : results->take()) {
       texts.push_back(message.value());
     }
     return texts;
@@ -194,7 +194,7 @@ struct AGoal : ::testing::Test {
 
   testing::Bench bench;
   std::optional<testing::Bench::Input<Int64Value>> go;
-  std::optional<testing::Bench::Output<StringValue>> told;
+  std::optional<testing::Bench::Output<StringValue>> results;
 };
 
 constexpr const char* kPlain = "{\"on_fault\": \"stop_component\"}";
@@ -254,7 +254,7 @@ TEST_F(AGoal, ThatIsCancelledIsSeenInTheNextCallback) {
   EXPECT_THAT(after(25ms), ElementsAre("1", "2"));
 
   EXPECT_THAT(say(kCancel), IsEmpty());
-  EXPECT_EQ(bench.result("walker", "told"), ReportValue(true));
+  EXPECT_EQ(bench.result("walker", "result"), ReportValue(true));
   EXPECT_THAT(after(5ms), ElementsAre("\"walk\": cancelled: 2"));
   EXPECT_THAT(after(1s), IsEmpty());
   EXPECT_EQ(steps(), 2);

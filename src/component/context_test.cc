@@ -42,7 +42,7 @@ std::vector<std::int64_t> values(const std::vector<Int64Value>& messages) {
 
 // ---- Timers ----
 
-/// Publishes, for each tick of its timers, when it came, in ms since the start. What it is told on
+/// Publishes, for each tick of its timers, when it came, in ms since the start. What it receives on
 /// "orders": 0 cancels, -1 resets, anything else arms in so many ms.
 class Ticker final : public Component {
  public:
@@ -121,7 +121,7 @@ TEST(ATimer, ThatWasCancelledTicksAgainWhenItIsReset) {
 
 // ---- Its start ----
 
-/// Says at which time it started, and when it was told that the timers did. Its start takes a
+/// Says at which time it started, and when it was notified that the timers did. Its start takes a
 /// while.
 class Starter final : public Component {
  public:

@@ -96,8 +96,8 @@ std::string DeclaredStates::why_none() const {
 /// Whether a key frame is to be written now: after a period, and once nothing is in progress that
 /// the state does not contain.
 bool DeclaredStates::is_due() {
-  if (core_.publishing.told != nullptr) {
-    return core_.publishing.told->has(ReadKind::kFrameNumber);
+  if (core_.publishing.replayed != nullptr) {
+    return core_.publishing.replayed->has(ReadKind::kFrameNumber);
   }
   const std::int64_t now_ns = base::to_ns(core_.publishing.now);
   if (core_.publishing.reads == nullptr || now_ns < next_ns_ ||

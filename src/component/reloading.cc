@@ -145,20 +145,20 @@ void Reloading::end_in_order(const std::function<void()>& next) {
 void Reloading::reload(const std::shared_ptr<const ReloadOrder>& order) {
   const ComponentState state = core_.state;
   if (is_judged()) {
-    order->told("it is on probation: confirm what it runs now, or roll it back, before");
+    order->on_result("it is on probation: confirm what it runs now, or roll it back, before");
     return;
   }
   if (state != ComponentState::kActive && state != ComponentState::kStandby) {
-    order->told(std::string("it is ") + host::to_word(state));
+    order->on_result(std::string("it is ") + host::to_word(state));
     return;
   }
-  told_ = order->told;
+  on_result_ = order->on_result;
   end_in_order([this, order] { exchange(*order); });
 }
 
 void Reloading::answer(const std::string& why_not) {
-  if (const auto told = std::exchange(told_, nullptr)) {
-    told(why_not);
+  if (const auto on_result = std::exchange(on_result_, nullptr)) {
+    on_result(why_not);
   }
 }
 

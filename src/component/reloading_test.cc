@@ -122,12 +122,12 @@ class AReload : public testing::Test {
     order->version = {.component_class = class_of<T>(), .library = "new", .build_id = "ab12"};
     order->probation = probation;
     order->misses_forgiven = misses_forgiven;
-    order->told = [&result](const std::string& why_not) { result = why_not; };
+    order->on_result = [&result](const std::string& why_not) { result = why_not; };
     core().post(
         detail::Cause::kMode, [this, order] { core().versions->reload(order); }, nullptr,
         detail::to_key(detail::LifeStep::kReload));
     advance(5ms);
-    order->told = nullptr;
+    order->on_result = nullptr;
     return result;
   }
   std::string obey(detail::LifeStep step) {
@@ -345,19 +345,19 @@ TEST(AReloadOfAComponentWithThreads, LosesNothingWhileTheyEnd) {
   std::thread control([&] { application->run(std::nullopt); });
   ComponentCore& core = *application->components().at(1);
 
-  std::atomic<bool> is_told{false};
+  std::atomic<bool> is_answered{false};
   const auto order = std::make_shared<ReloadOrder>();
   order->version = {.component_class = class_of<Threaded<2>>(), .library = "new", .build_id = {}};
-  order->told = [&](const std::string& why_not) {
+  order->on_result = [&](const std::string& why_not) {
     EXPECT_EQ(why_not, "");
-    is_told = true;
+    is_answered = true;
   };
   core.post(detail::Cause::kMode, [&] { core.versions->reload(order); });
   const auto end = std::chrono::steady_clock::now() + 60s;
-  while (!is_told && std::chrono::steady_clock::now() < end) {
+  while (!is_answered && std::chrono::steady_clock::now() < end) {
     std::this_thread::sleep_for(1ms);
   }
-  ASSERT_TRUE(is_told);
+  ASSERT_TRUE(is_answered);
   application->request_end(EndReason::kRequested);
   control.join();
   application->stop();

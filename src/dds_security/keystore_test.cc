@@ -131,7 +131,7 @@ TEST_F(Keystore, WithoutOneThereIsNoEnclave) {
   EXPECT_FALSE(fs::exists(keystore_));
 }
 
-TEST_F(Keystore, FilesThatAreMissingOrNothingOfTheKindAreTold) {
+TEST_F(Keystore, FilesThatAreMissingOrNothingOfTheKindAreReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   fs::remove(enclave / "permissions.p7s");
@@ -143,7 +143,7 @@ TEST_F(Keystore, FilesThatAreMissingOrNothingOfTheKindAreTold) {
                           AllOf(HasSubstr("permissions.p7s"), HasSubstr("found no such file"))));
 }
 
-TEST_F(Keystore, TheKeyOfAnotherIsTold) {
+TEST_F(Keystore, TheKeyOfAnotherIsReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   write(enclave / "key.pem", read(add("/other") / "key.pem"));
@@ -153,7 +153,7 @@ TEST_F(Keystore, TheKeyOfAnotherIsTold) {
                                     "cert.pem, found another one")));
 }
 
-TEST_F(Keystore, ACertificateOfAnotherAuthorityIsTold) {
+TEST_F(Keystore, ACertificateOfAnotherAuthorityIsReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   const fs::path strange = folder_ / "strange";
@@ -166,7 +166,7 @@ TEST_F(Keystore, ACertificateOfAnotherAuthorityIsTold) {
                             "identity_ca.cert.pem, found that of CN=/gateway: "))));
 }
 
-TEST_F(Keystore, ACertificateThatHasExpiredIsTold) {
+TEST_F(Keystore, ACertificateThatHasExpiredIsReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add_enclave(keystore_, "/old", {}, Days(-1));
 
@@ -177,7 +177,7 @@ TEST_F(Keystore, ACertificateThatHasExpiredIsTold) {
                                               "now, found one that has expired on ")));
 }
 
-TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreTold) {
+TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   std::string text = read(enclave / "permissions.p7s");
@@ -194,7 +194,7 @@ TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreTold) {
                                     "those of others")));
 }
 
-TEST_F(Keystore, AKeystoreInThePlaceOfAnEnclaveIsTold) {
+TEST_F(Keystore, AKeystoreInThePlaceOfAnEnclaveIsReported) {
   make_keystore(keystore_, kDays);
 
   EXPECT_THAT(enclave_errors(keystore_),

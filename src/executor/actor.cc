@@ -51,8 +51,8 @@ void Actor::post_own(Cause cause, std::function<void()> body) {
   }
   const auto call = [count = ++posted_own_] { return fmt::format("own answer {}", count); };
   if (clock.is_simulated()) {
-    if (publishing.told != nullptr) {
-      if (const auto why = publishing.told_refusal(call())) {
+    if (publishing.replayed != nullptr) {
+      if (const auto why = publishing.replayed_refusal(call())) {
         throw std::runtime_error(*why);
       }
     }
@@ -346,9 +346,9 @@ void Actor::run_round(ActivationRing& ring) {
 
 // ---- A recorded run, executed again ----
 
-void Actor::repeat_next(std::uint64_t number, ToldReads& told) noexcept {
+void Actor::repeat_next(std::uint64_t number, ReplayedReads& replayed) noexcept {
   activator_.set_next(number);
-  publishing.told = &told;
+  publishing.replayed = &replayed;
   base::reset_floating_point();
   timers_.begin_turn();
   turn_.read();
@@ -431,7 +431,7 @@ void Actor::follow(Script& script) noexcept {
 void Actor::stop_following() noexcept {
   script_ = nullptr;
   subscriptions.follow(false);
-  publishing.told = nullptr;
+  publishing.replayed = nullptr;
   turn_.let_go();
   inbox.mark_all();
   inbox.mark_control();

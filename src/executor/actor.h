@@ -85,7 +85,7 @@ class Actor : public ActorBase {
   // activation at the clock's time.
 
   /// Sets the number and the reads of the next activation, which outlive it.
-  void repeat_next(std::uint64_t number, ToldReads& told) noexcept;
+  void repeat_next(std::uint64_t number, ReplayedReads& replayed) noexcept;
   /// `view` takes over a message of `lane`, and a reference to it. Before the activation.
   void repeat_view(View& view, const Lane& lane, Envelope* envelope);
   /// Takes over the reference to the message of `head`.

@@ -149,7 +149,7 @@ TEST_F(ExactReplays, OfOneComponentAloneAreEqual) {
   }
 }
 
-TEST_F(ExactReplays, GoOnWithNewMessagesIfTheyAreToldTo) {
+TEST_F(ExactReplays, GoOnWithNewMessagesIfTheyAreAskedTo) {
   everything::add_classes(classes_);
   const std::string text = everything::live_application();
   record(text, 400ms);
@@ -263,12 +263,12 @@ TEST_F(ExactReplays, GiveANewObjectTheParamsThatItBeganWith) {
   EXPECT_EQ(results.at("renewed").activations, results.at("renewed").recorded);
 }
 
-/// Runs into each limit that depends on others, and says what it was told.
+/// Runs into each limit that depends on others, and reports which limit it was.
 class Limited final : public Component {
  public:
   explicit Limited(Context& context)
       : Component(context),
-        told_(context.create_publisher<StringValue>("told")),
+        results_(context.create_publisher<StringValue>("results")),
         kept_(context.create_publisher<Int64Value>("kept")) {}
 
   void serve() override {
@@ -312,12 +312,12 @@ class Limited final : public Component {
     return "nothing";
   }
   void tell(const std::string& what) {
-    auto message = told_.loan();
+    auto message = results_.loan();
     message->set_value(what);
-    told_.publish(std::move(message));
+    results_.publish(std::move(message));
   }
 
-  Publisher<StringValue> told_;
+  Publisher<StringValue> results_;
   Publisher<Int64Value> kept_;
   int turn_ = 0;
 };
@@ -361,26 +361,26 @@ class Fragile final : public Component {
   std::atomic<bool> was_asked_{false};
 };
 
-/// Asks once, and publishes what it is told.
+/// Asks once, and publishes the reply.
 class Asks final : public Component {
  public:
   explicit Asks(Context& context)
       : Component(context),
-        told_(context.create_publisher<StringValue>("told")),
+        results_(context.create_publisher<StringValue>("results")),
         client_(context.create_client<Int64Value, Int64Value>("ask")) {}
 
   void serve() override {
     if (!std::exchange(has_asked_, true)) {
       client_.call(client_.loan(), [this](const Reply<Int64Value>& reply) {
-        auto message = told_.loan();
+        auto message = results_.loan();
         message->set_value(std::string(reply.error()));
-        told_.publish(std::move(message));
+        results_.publish(std::move(message));
       });
     }
   }
 
  private:
-  Publisher<StringValue> told_;
+  Publisher<StringValue> results_;
   Client<Int64Value, Int64Value> client_;
   bool has_asked_ = false;
 };

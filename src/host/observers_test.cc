@@ -16,7 +16,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-/// Writes down what it is told.
+/// Writes down what it receives.
 class Witness final : public Observer {
  public:
   Witness(std::vector<std::string>& lines, std::string name, bool hears)
@@ -40,7 +40,7 @@ class Witness final : public Observer {
   bool hears_;
 };
 
-TEST(Observers, AreToldInTheirOrderUntilTheEnd) {
+TEST(Observers, AreNotifiedInTheirOrderUntilTheEnd) {
   const Application application({}, {.is_simulated = true, .workers = 1});
   std::vector<std::string> lines;
   Observers observers;

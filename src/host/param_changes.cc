@@ -50,8 +50,8 @@ ComponentCore* find_component(const ApplicationHost& application, std::string_vi
 
 /// The result of a change, or in a replay the recorded one.
 ParamsResult learn(const detail::PublishingComponent& component, const ParamsResult& result) {
-  if (component.told != nullptr) {
-    const auto* entry = component.told->take(detail::ReadKind::kResult);
+  if (component.replayed != nullptr) {
+    const auto* entry = component.replayed->take(detail::ReadKind::kResult);
     const auto json = nlohmann::json::parse(entry == nullptr ? "[]" : entry->text, nullptr, false);
     ParamsResult then;
     for (const auto& error : json.is_array() ? json : nlohmann::json::array()) {
@@ -449,7 +449,7 @@ void ParamChanges::tell_all() {
     } catch (const std::length_error& error) {
       application_.log(
           LogLevel::kWarning, component->name,
-          std::string("its params are not told to the other processes: ") + error.what());
+          std::string("its params are not sent to the other processes: ") + error.what());
     }
   }
 }
@@ -607,7 +607,8 @@ void ParamChanges::take(const Notice& notice) {
 void ParamChanges::check_next() {
   const Asked& asked = asked_.front();
   plan_.clear();
-  verdict_ = {.awaited = application_.peers()->told(), .errors = {}, .found = {}, .noted = {}};
+  verdict_ = {
+      .awaited = application_.peers()->recipients(), .errors = {}, .found = {}, .noted = {}};
   Json errors = Json::array();
   Json found = Json::array();
   Json noted = Json::array();
@@ -748,7 +749,7 @@ void ParamChanges::answer(std::uint64_t number, const ParamsResult& result) {
   }
   if (result.has_changed() && !application_.time().is_simulated()) {
     settling_.push_back(
-        {.number = number, .done = std::move(done), .awaited = application_.peers()->told()});
+        {.number = number, .done = std::move(done), .awaited = application_.peers()->recipients()});
   } else {
     done(result);
   }
@@ -809,8 +810,8 @@ void ParamChanges::take_snapshot(const std::string& text) {
       component->param_table.commit(transactions_, values);
       component->post(
           detail::Cause::kParameter,
-          [&core = *component, transaction = transactions_, values, told = dumped(own)] {
-            core.take_params(transaction, values, told);
+          [&core = *component, transaction = transactions_, values, text = dumped(own)] {
+            core.take_params(transaction, values, text);
           },
           nullptr, transactions_);
     }

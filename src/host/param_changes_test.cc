@@ -515,7 +515,7 @@ class Follower final : public Component {
       changes_ += std::to_string(left) + " ";
     });
     context.create_subscriber<Int64Value>(
-        "fail", [](const Int64Value&) { throw std::runtime_error("told to"); });
+        "fail", [](const Int64Value&) { throw std::runtime_error("asked to"); });
   }
   void start() override {
     began_with_ = left_.get();
@@ -695,7 +695,7 @@ TEST(ASupervisor, ChangesParamsOfAllInTheNextRoundWithAnyNumberOfWorkers) {
   EXPECT_EQ(results[2], results[3]);
 }
 
-TEST(ASupervisor, IsToldLiveWhatBecameOfItsChange) {
+TEST(ASupervisor, IsNotifiedLiveWhatBecameOfItsChange) {
   class Asker final : public Component {
    public:
     explicit Asker(Context& context) : Component(context), source_(context.create_source()) {}

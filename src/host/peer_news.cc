@@ -199,8 +199,8 @@ void PeerNews::round_is_over() {
   }
   ++round_;
   const Time now = application_.clock().now();
-  if (now - told_all_ >= application_.description().status_period) {
-    told_all_ = now;
+  if (now - reported_all_at_ >= application_.description().status_period) {
+    reported_all_at_ = now;
     tell_all();
   }
 }
@@ -258,7 +258,7 @@ void PeerNews::tell(Its& its) {
     return;
   }
   const ComponentCore& core = *application_.components()[its.news.component];
-  its.told_ns = base::monotonic_ns();
+  its.reported_ns = base::monotonic_ns();
   if (!its.news.elsewhere) {
     its.news.elsewhere.emplace();
   }
@@ -326,10 +326,10 @@ std::int64_t PeerNews::look() {
     if (!its.is_new) {
       continue;
     }
-    if (now_ns >= its.told_ns + kGapNs) {
+    if (now_ns >= its.reported_ns + kGapNs) {
       tell(its);
     } else {
-      next_ns = std::min(next_ns, its.told_ns + kGapNs);
+      next_ns = std::min(next_ns, its.reported_ns + kGapNs);
     }
   }
   return next_ns;

@@ -56,7 +56,7 @@ class PeerNews {
     ComponentNews news;        ///< Its last state.
     bool is_new = false;       ///< It was not sent yet.
     bool has_figures = false;  ///< Its figures were not sent yet.
-    std::int64_t told_ns = 0;
+    std::int64_t reported_ns = 0;
     // In the main process: of processes that have ended.
     std::uint64_t faults_before = 0;
     std::uint64_t restarts_before = 0;
@@ -78,7 +78,7 @@ class PeerNews {
   std::atomic<bool> has_begun_{false};
   std::int64_t figures_at_ns_ = 0;  ///< When figures are sent next.
   // In simulated time.
-  Time told_all_{};
+  Time reported_all_at_{};
   std::uint64_t round_ = 1;
   std::vector<ComponentNews> next_;  ///< For the next round.
 };

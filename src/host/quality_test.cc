@@ -125,7 +125,7 @@ class Script final : public Component {
   std::size_t next_ = 0;
 };
 
-/// Writes down what it is told and given, each with its time since the start in microseconds.
+/// Writes down what it receives, each with its time since the start in microseconds.
 class Listener final : public Component {
  public:
   explicit Listener(Context& context) : Component(context) {
@@ -335,7 +335,7 @@ TEST(ADeadline, IsInTheReportAlsoWithoutACallback) {
   EXPECT_NE(to_table(report).find("3 deadlines missed"), std::string::npos) << to_table(report);
 }
 
-TEST(ADeadline, ThatAPublisherOffersIsToldToItsOwnComponent) {
+TEST(ADeadline, ThatAPublisherOffersIsReportedToItsOwnComponent) {
   TestClasses classes;
   add_scripted(classes);
   for (const unsigned workers : {1U, 2U, 4U}) {

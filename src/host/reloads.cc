@@ -309,7 +309,7 @@ void Reloads::make_here(ComponentCore& component, const nlohmann::json& asked,
     done(differs, to_word(component.state.load()));
     return;
   }
-  order->told = [this, &component, done = std::move(done)](const std::string& why_not) {
+  order->on_result = [this, &component, done = std::move(done)](const std::string& why_not) {
     if (why_not.empty()) {
       BreachCounts counts = breaches_of(component.name);
       const std::lock_guard lock(mutex_);

@@ -56,17 +56,17 @@ status::Health to_message(Health health) {
   return status::HEALTH_OK;
 }
 
-void fill_ledger(const detail::Ledger& ledger, status::Subscription& told) {
-  told.set_published(ledger.published);
-  told.set_delivered(ledger.delivered);
+void fill_ledger(const detail::Ledger& ledger, status::Subscription& reported) {
+  reported.set_published(ledger.published);
+  reported.set_delivered(ledger.delivered);
   for (std::size_t reason = 0; reason < ledger.dropped.size(); ++reason) {
     if (ledger.dropped[reason] > 0) {
-      status::Drop& drop = *told.add_drops();
+      status::Drop& drop = *reported.add_drops();
       drop.set_reason(detail::to_word(static_cast<detail::DropReason>(reason)));
       drop.set_count(ledger.dropped[reason]);
     }
   }
-  told.set_queued(ledger.queued);
+  reported.set_queued(ledger.queued);
 }
 
 /// How many messages of `topic` the component of `subscription` keeps as samples.
@@ -251,10 +251,10 @@ void StatusComponent::fill() {
       continue;
     }
     for (const auto& one : heard_[index].elsewhere->subscriptions) {
-      status::Subscription& told = *next_.add_subscriptions();
-      told.set_topic(one.topic);
-      told.set_component(sources_->application.components()[index]->name);
-      fill_ledger(one.ledger, told);
+      status::Subscription& reported = *next_.add_subscriptions();
+      reported.set_topic(one.topic);
+      reported.set_component(sources_->application.components()[index]->name);
+      fill_ledger(one.ledger, reported);
     }
   }
 }
@@ -278,11 +278,11 @@ void StatusComponent::fill_chains() {
         }
       }
     }
-    status::Chain& told = *next_.add_chains();
-    told.set_name(reports[chain].name);
-    told.set_count(sum.count);
-    told.set_breaches(sum.breaches);
-    told.set_dropped(sum.dropped);
+    status::Chain& reported = *next_.add_chains();
+    reported.set_name(reports[chain].name);
+    reported.set_count(sum.count);
+    reported.set_breaches(sum.breaches);
+    reported.set_dropped(sum.dropped);
   }
 }
 
@@ -325,14 +325,14 @@ void StatusComponent::fill_topic(const detail::Topic& topic) {
       continue;  // Its owner reports what it received and lost.
     }
     const detail::Ledger ledger = subscription->ledger();
-    status::Subscription& told = *next_.add_subscriptions();
-    told.set_topic(topic.name);
-    told.set_component(subscription->component);
-    fill_ledger(ledger, told);
-    told.set_kept(kept_of(topic, *subscription));
+    status::Subscription& reported = *next_.add_subscriptions();
+    reported.set_topic(topic.name);
+    reported.set_component(subscription->component);
+    fill_ledger(ledger, reported);
+    reported.set_kept(kept_of(topic, *subscription));
     if (newest) {
       const Duration age = std::max(Duration(0), sources_->application.clock().now() - *newest);
-      told.set_age_ms(std::chrono::duration<double, std::milli>(age).count());
+      reported.set_age_ms(std::chrono::duration<double, std::milli>(age).count());
     }
   }
 }

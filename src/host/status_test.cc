@@ -564,8 +564,8 @@ TEST(AComponentThatSaysMuch, DoesNotFloodTheStatus) {
     const detail::ComponentCore& talker = *application->components().front();
     const detail::ComponentCore& status = *application->components().back();
     EXPECT_GE(talker.statistics.activations.get(), 1U);
-    // One report for each call of `serve`, what is told of the start and the end, and in simulated
-    // time an activation of its own for each message.
+    // One report for each call of `serve`, what is reported of the start and the end, and in
+    // simulated time an activation of its own for each message.
     EXPECT_LE(status.statistics.activations.get(), 3 * talker.statistics.activations.get() + 20);
     EXPECT_EQ(talker.health_reason, "reason 999");
   }

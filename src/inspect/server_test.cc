@@ -627,7 +627,7 @@ TEST(AHostileClient, OfAnotherUserIsRefused) {
       }
       heard += static_cast<std::size_t>(count);
     }
-    ::_exit(heard > 0 ? 0 : 2);  // It is told why, and the connection closed.
+    ::_exit(heard > 0 ? 0 : 2);  // It is notified why, and the connection closed.
   }
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
@@ -637,7 +637,7 @@ TEST(AHostileClient, OfAnotherUserIsRefused) {
   EXPECT_EQ(client.ask(overview_request()).overview().clients(), 1U);
 }
 
-TEST(AHostileClient, OfAnotherVersionIsToldSo) {
+TEST(AHostileClient, OfAnotherVersionIsNotified) {
   Running run;
   protocol::Request request;
   request.set_id(1);
@@ -698,9 +698,10 @@ TEST(AHostileClient, WithoutANameIsNamedByItsProcess) {
 
   stranger.say(endless_questions());
 
-  const protocol::Answer told = await(other, [](const auto& answer) { return answer.has_log(); });
-  EXPECT_EQ(told.log().lines(0).text(), "the connection of process " + std::to_string(::getpid()) +
-                                            " was ended: it does not read");
+  const protocol::Answer answer = await(other, [](const auto& one) { return one.has_log(); });
+  EXPECT_EQ(
+      answer.log().lines(0).text(),
+      "the connection of process " + std::to_string(::getpid()) + " was ended: it does not read");
 }
 
 TEST(AHostileClient, MayRestForAWhile) {

@@ -623,11 +623,11 @@ TEST(AChain, IsTheSameWithAnyNumberOfWorkers) {
         {"name": "other", "library": "sink", "remap": {"in": "d"}}]})");
   const auto result = [&](unsigned workers) {
     const auto application = run(text, 500ms, workers);
-    std::string told = to_json(application->chains().report()).dump();
+    std::string report = to_json(application->chains().report()).dump();
     for (const ModeSwitch& made : application->modes().switches()) {
-      told += fmt::format("\n{} {} {}", made.stamp.time_since_epoch().count(), made.to, made.by);
+      report += fmt::format("\n{} {} {}", made.stamp.time_since_epoch().count(), made.to, made.by);
     }
-    return told;
+    return report;
   };
 
   const std::string one = result(1);
@@ -637,7 +637,7 @@ TEST(AChain, IsTheSameWithAnyNumberOfWorkers) {
   EXPECT_EQ(result(4), one);
 }
 
-// ---- What is told ----
+// ---- What is reported ----
 
 TEST(AChain, StandsInReportTableAndStatus) {
   std::string text = short_chain("'deadline_ms': 2, 'on_breach': 'drop'", "'hold_us': 3000",
@@ -666,7 +666,7 @@ TEST(AChain, StandsInReportTableAndStatus) {
   EXPECT_EQ(to_json(report)["results"]["chains"], "name: \"c\" count: 9 breaches: 9 dropped: 9");
 }
 
-TEST(AChain, IsToldWrongWhereNothingGetsThrough) {
+TEST(AChain, IsReportedWrongWhereNothingGetsThrough) {
   const auto with = [](const std::string& from, const std::string& to,
                        const std::string& more = "") {
     std::string text = short_chain("'deadline_ms': 2", "", more);

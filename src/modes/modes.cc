@@ -259,7 +259,7 @@ void Modes::begin_next() {
     return;
   }
   if (const Peers* const peers = application_.peers()) {
-    awaited_processes_ = peers->told();
+    awaited_processes_ = peers->recipients();
   }
   is_entering_ = false;
   step_ = Step::kLeaving;
@@ -308,7 +308,7 @@ void Modes::enter(Time stamp) {
   }
   set_mode(stamp);
   if (const Peers* const peers = application_.peers()) {
-    awaited_processes_ = peers->told();
+    awaited_processes_ = peers->recipients();
   }
   step_ = Step::kJoining;
   awaited_ = 1;

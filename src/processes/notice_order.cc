@@ -70,7 +70,7 @@ NoticeOrder::NoticeOrder(const segment::Wire& wire, ProcessIndex process, std::u
       peers_(peers),
       notices_(wire, process, incarnation) {
   for (ProcessIndex one = ProcessPlan::kMain; one < wire.plan().processes; ++one) {
-    told_.insert(one);
+    recipients_.insert(one);
     notices_.follow(one, 1, 0);
   }
 }
@@ -89,7 +89,7 @@ void NoticeOrder::stop() {
 
 void NoticeOrder::tell(Notice::Kind kind, std::uint32_t component, const std::string& text) {
   if (text.size() > kMaxText) {
-    throw std::length_error(fmt::format("{} bytes are told to other processes; at most {} can be",
+    throw std::length_error(fmt::format("{} bytes are sent to other processes; at most {} can be",
                                         text.size(), kMaxText));
   }
   const Notice notice{.kind = kind, .process = process_, .component = component, .text = text};
@@ -124,7 +124,7 @@ void NoticeOrder::take_snapshot() {
     return;  // No notices so far.
   }
   const auto json = nlohmann::json::parse(*snapshot);
-  told_ = json.at("told").get<std::set<std::uint32_t>>();
+  recipients_ = json.at("recipients").get<std::set<std::uint32_t>>();
   for (const auto& one : json.at("read")) {
     notices_.follow(one.at(0).get<ProcessIndex>(), one.at(1), one.at(2));
   }
@@ -232,14 +232,14 @@ bool NoticeOrder::look_for_changes() {
   if (wire_.incarnation(ProcessPlan::kMain).load(std::memory_order_seq_cst) == 0) {
     return false;  // Not all processes exist yet.
   }
-  bool has_told = false;
+  bool has_delivered = false;
   for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
     const std::uint32_t now = wire_.incarnation(one).load(std::memory_order_seq_cst);
     const std::uint32_t known = notices_.incarnation_of(one);
     if (now == known && !is_lost(one)) {
       continue;
     }
-    has_told = true;
+    has_delivered = true;
     if (now == known) {
       coming_.erase(one);
       put_in_order(gone(one, false));
@@ -258,7 +258,7 @@ bool NoticeOrder::look_for_changes() {
       put_in_order({.kind = Notice::Kind::kCame, .process = one});
     }
   }
-  return has_told;
+  return has_delivered;
 }
 
 void NoticeOrder::put_in_order(const Notice& notice) {
@@ -274,9 +274,9 @@ void NoticeOrder::put_in_order(const Notice& notice) {
 
 void NoticeOrder::take(const Notice& notice) {
   if (notice.kind == Notice::Kind::kGone) {
-    told_.erase(notice.process);
+    recipients_.erase(notice.process);
   } else if (notice.kind == Notice::Kind::kCame) {
-    told_.insert(notice.process);
+    recipients_.insert(notice.process);
   }
   peers_.on_notice(notice);
 }
@@ -292,8 +292,8 @@ void NoticeOrder::put_snapshot() {
     read.push_back({ProcessPlan::kMain, incarnation_, notices_.said()});
   }
   notices_.put_snapshot(
-      nlohmann::json{{"told", told_}, {"read", read}, {"state", peers_.make_snapshot()}}.dump(
-          -1, ' ', false, nlohmann::json::error_handler_t::replace));
+      nlohmann::json{{"recipients", recipients_}, {"read", read}, {"state", peers_.make_snapshot()}}
+          .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
 // ---- Simulated time ----
@@ -315,7 +315,7 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
   for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
     const bool is_there = said[one].incarnation != 0;
     const bool is_new = is_there && notices_.incarnation_of(one) != said[one].incarnation;
-    if (told_.contains(one) && (!is_there || is_new)) {
+    if (recipients_.contains(one) && (!is_there || is_new)) {
       take(gone(one, is_new));
     }
     if (is_new) {

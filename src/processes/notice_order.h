@@ -35,7 +35,7 @@ class NoticeOrder {
 
   /// @errors  As `Peers::tell`.
   void tell(host::Notice::Kind kind, std::uint32_t component, const std::string& text);
-  [[nodiscard]] const std::set<std::uint32_t>& told() const { return told_; }
+  [[nodiscard]] const std::set<std::uint32_t>& recipients() const { return recipients_; }
   /// Live: wakes the thread. Safe.
   void wake();
 
@@ -76,7 +76,7 @@ class NoticeOrder {
   const bool is_simulated_;
   host::Peers& peers_;
   Notices notices_;
-  std::set<std::uint32_t> told_;
+  std::set<std::uint32_t> recipients_;
   std::set<std::uint32_t> coming_;  ///< Of the main process, live: ended last, restart expected.
 
   base::PriorityMutex mutex_;

@@ -119,10 +119,10 @@ std::vector<host::Peers::Invalid> Partition::take_invalid() {
   for (Untrusted& one : untrusted_) {
     const std::uint64_t count = one.import->refused();
     const Time now = clock_->now();
-    if (count == one.told || now < one.next) {
+    if (count == one.reported || now < one.next) {
       continue;
     }
-    one.found.count = count - std::exchange(one.told, count);
+    one.found.count = count - std::exchange(one.reported, count);
     one.next = now + kPause;
     all.push_back(one.found);
   }

@@ -97,7 +97,9 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   [[nodiscard]] bool is_wanted(const std::string& topic) const override;
   [[nodiscard]] std::vector<Invalid> take_invalid() override;
   [[nodiscard]] bool is_here(std::uint32_t process) const override { return process == process_; }
-  [[nodiscard]] const std::set<std::uint32_t>& told() const override { return notices_->told(); }
+  [[nodiscard]] const std::set<std::uint32_t>& recipients() const override {
+    return notices_->recipients();
+  }
   [[nodiscard]] bool keeps_activity() const override { return !plan_.wire().workers.empty(); }
   [[nodiscard]] std::vector<detail::ActivationRing*> rings() const override;
   [[nodiscard]] std::unique_ptr<detail::ReadRing> reads_of(std::size_t component) const override;
@@ -124,8 +126,8 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   struct Untrusted {
     Invalid found;
     const segment::Import* import;
-    std::uint64_t told = 0;  ///< Of those that were invalid.
-    Time next{};             ///< When it may be told again.
+    std::uint64_t reported = 0;  ///< Of those that were invalid.
+    Time next{};                 ///< When it may be reported again.
   };
 
   void say_progress(std::uint32_t progress);

@@ -514,7 +514,7 @@ void Supervisor::restart_due() {
     }
     if (const auto holder = holder_of_generation(process, its.incarnation + 1)) {
       announce(process, 0);  // Has them check what they hold.
-      if (now_ns - its.restart_at_ns > kLongHeldNs && !std::exchange(its.is_wait_told, true)) {
+      if (now_ns - its.restart_at_ns > kLongHeldNs && !std::exchange(its.is_wait_reported, true)) {
         tell_(
             fmt::format("process \"{}\" is not restarted yet: process \"{}\" still keeps a message "
                         "of its run {}",
@@ -529,7 +529,7 @@ void Supervisor::restart_due() {
       }
     } else {
       its.restart_at_ns = 0;
-      its.is_wait_told = false;
+      its.is_wait_reported = false;
       ++result_.restarts[process];
       if (!fork_one(process)) {
         its.restart_at_ns = now_ns + 100'000'000;  // The kernel may have room again.

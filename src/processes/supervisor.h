@@ -59,7 +59,7 @@ class Supervisor {
     bool is_active = false;          ///< Of a pair: it was started as the active one.
     bool has_sources = false;        ///< Unfinished ones.
     std::int64_t restart_at_ns = 0;  ///< 0: no restart pending.
-    bool is_wait_told = false;       ///< That its restart has to wait was reported.
+    bool is_wait_reported = false;   ///< That its restart has to wait was reported.
     std::uint32_t restarts = 0;      ///< Since `first_restart_ns`.
     std::int64_t first_restart_ns = 0;
     /// In simulated time: how many in a row ended before they reached the time of the others.

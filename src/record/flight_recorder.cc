@@ -135,7 +135,7 @@ void FlightRecorder::look_at_ring() {
   const base::FileState state = ring_->look();
   const std::string words =
       state.words.empty() && is_cut_ ? "another program cut it off" : state.words;
-  if (words.empty() || std::exchange(told_, words) == words) {
+  if (words.empty() || std::exchange(reported_, words) == words) {
     return;
   }
   problem_ = options_.file.string() + ": " + words +

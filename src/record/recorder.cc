@@ -179,7 +179,7 @@ std::string Recorder::trouble() const {
 
 void Recorder::refuse(const Stream& stream, std::uint64_t bytes) {
   topics_[stream.topic]->too_large.fetch_add(1, std::memory_order_relaxed);
-  if (!std::exchange(states_[stream.index]->has_told, true)) {
+  if (!std::exchange(states_[stream.index]->is_reported, true)) {
     say(fmt::format(
         "a message of component \"{}\" on {} is not recorded, and neither are "
         "others like it: it has {} bytes, and {} can be written; publish it in "

@@ -152,7 +152,7 @@ class Recorder {
   struct StreamState {
     std::size_t open = 0;  ///< Index in `open_` for its small messages.
     std::atomic<std::size_t> held{0};
-    bool has_told = false;  ///< A too large message was reported.
+    bool is_reported = false;  ///< A too large message was reported.
   };
 
   /// The last messages of a publisher of a latched topic, as far as they are in a file.

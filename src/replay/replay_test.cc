@@ -431,7 +431,7 @@ TEST_F(Replays, StartsAreCountedInTheirOrderNotInThatOfTheFile) {
   EXPECT_EQ(difference(before, lines_of(folder_ / "b.mcap", "mixed")), "");
 }
 
-TEST_F(Replays, SwitchesOfModeThatNobodyAsksForAgainAreTold) {
+TEST_F(Replays, SwitchesOfModeThatNobodyAsksForAgainAreReported) {
   const auto file =
       write(folder_ / "a.mcap", "driver",
             {{.topic = "numbers", .sequence = 1, .time_ns = 1'000'000'000, .value = 1}},

@@ -17,7 +17,7 @@ TEST(Names, OfTopicsServicesAndTypesAreThoseOfRos) {
   EXPECT_EQ(ros_type("String"), std::nullopt);
 }
 
-TEST(Names, OfWhatIsNoneAreTold) {
+TEST(Names, OfWhatIsNoneAreReported) {
   EXPECT_EQ(ros_name_error("/lidar/points_2"), std::nullopt);
   EXPECT_TRUE(ros_name_error("/lidar//points"));
   EXPECT_TRUE(ros_name_error("/2points"));

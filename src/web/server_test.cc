@@ -82,7 +82,7 @@ class Counter final : public Component {
   std::int64_t offset_ = 0;
 };
 
-/// A client that waits for what it is told.
+/// A client that waits for messages.
 class Client {
  public:
   using Stream = websocket::stream<beast::tcp_stream>;

@@ -84,7 +84,7 @@ std::string to_json(std::string_view bytes, const archive::MessageType& type) {
   std::string json;
   const auto message = type.parse(mcap::bytes_of(bytes));
   if (!google::protobuf::util::MessageToJsonString(*message, &json, options).ok()) {
-    throw std::runtime_error("the answer cannot be told as JSON: it is one of protobuf only");
+    throw std::runtime_error("the answer cannot be written as JSON: it is one of protobuf only");
   }
   return json;
 }
@@ -505,7 +505,7 @@ void Session::subscribe_params(const Json& json, bool is_wanted) {
     params_.clear();
   }
   wants_params_ = is_wanted || !params_.empty();
-  told_params_.clear();
+  sent_params_.clear();
   hub_.params_have_changed();
 }
 
@@ -519,9 +519,9 @@ void Session::take_params(const protocol::Params& params) {
     if (!params_.empty() && !params_.contains(name)) {
       continue;
     }
-    std::string& told = told_params_[name];
-    if (told != param.value_json()) {
-      told = param.value_json();
+    std::string& sent = sent_params_[name];
+    if (sent != param.value_json()) {
+      sent = param.value_json();
       changed.push_back(to_json(param));
     }
   }

@@ -76,7 +76,7 @@ class Session final : public Listener {
   bool wants_graph_ = false;
   bool wants_params_ = false;
   std::set<std::string> params_;                    ///< Empty: all.
-  std::map<std::string, std::string> told_params_;  ///< Values as JSON.
+  std::map<std::string, std::string> sent_params_;  ///< Values as JSON.
   std::string problem_;                             ///< Last reported problem of the recording.
 };
 

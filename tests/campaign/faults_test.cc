@@ -33,7 +33,7 @@ TEST_F(InjectedFaults, DropTheMessagesThatAreNamed) {
   EXPECT_EQ(report["faults"][0]["messages"], json::array({41, 42}));
 }
 
-TEST_F(InjectedFaults, AreToldAtTheStart) {
+TEST_F(InjectedFaults, AreReportedAtTheStart) {
   run(R"({"seed": 7, "list": [{"kind": "drop", "topic": "sweeps"}]})");
 
   EXPECT_THAT(errors_, HasSubstr("faults are injected into this run: 1 (drop_1), seed 7"));

@@ -121,7 +121,7 @@ TEST(Executors, ThreadsHaveTheirNameTheirCpusAndATimerSlackOfOneNanosecond) {
   EXPECT_EQ(result(*application, "slack_ns"), ReportValue(std::int64_t{1}));
 }
 
-TEST(Executors, RealTimePoliciesAreAppliedOrTheRefusalIsToldAndTheRunGoesOn) {
+TEST(Executors, RealTimePoliciesAreAppliedOrTheRefusalIsReportedAndTheRunGoesOn) {
   for (const auto& [word, policy] : {std::pair{"fifo", SCHED_FIFO}, std::pair{"rr", SCHED_RR}}) {
     const auto application = play(
         std::string(R"({"name": "a", "threads": 1, "policy": ")") + word + R"(", "priority": 10})",

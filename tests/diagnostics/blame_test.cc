@@ -371,7 +371,7 @@ TEST_F(Blame, AConstructorThatHangsKeepsNoRunFromEnding) {
                                           "constructor, which stands in broken::spin+0x"));
 }
 
-TEST_F(Blame, AHangIsToldInSimulatedTimeByTheMachinesClock) {
+TEST_F(Blame, AHangIsReportedInSimulatedTimeByTheMachinesClock) {
   write_application("loop", "callback", {{"on_hang", "stop"}, {"callback_limit_ms", 100}});
   EXPECT_EQ(run({"--clock", "simulated", "--for", "10s"}), 1) << errors_;
   EXPECT_THAT(errors_, HasSubstr("error mine: its callback for \"counts\" (message 20"));

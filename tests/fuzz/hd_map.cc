@@ -1,4 +1,4 @@
-// Reads any bytes as a map, and drives over it. What is not told by a `std::runtime_error` that
+// Reads any bytes as a map, and drives over it. What is not reported by a `std::runtime_error` that
 // names the file is a bug of ours.
 
 #include <cstddef>

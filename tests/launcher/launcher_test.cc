@@ -467,7 +467,7 @@ TEST_F(Launcher, NothingIsLeftBesideTheReport) {
 
 // ---- The command line ----
 
-TEST_F(Launcher, WrongCommandLineIsToldInASentence) {
+TEST_F(Launcher, WrongCommandLineIsReportedInASentence) {
   write_application({kCounter, kAdder});
   const std::string app = application();
   struct Case {
@@ -1127,7 +1127,7 @@ TEST_F(Launcher, NothingIsStartedWhereThereCanBeNoFlightRecorder) {
   EXPECT_THAT(errors_, HasSubstr("--flight-recorder-mb wants a number from 1"));
 }
 
-TEST_F(Launcher, WhatTheMachineRefusesIsToldOnceAndFatalOnlyWhenStrict) {
+TEST_F(Launcher, WhatTheMachineRefusesIsReportedOnceAndFatalOnlyWhenStrict) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
            "serve_period_ms": 1, "executor": "far"})"},
                     R"(, "executors": [{"name": "far", "threads": 2, "cpus": [1000, 1001]}])");
@@ -1158,7 +1158,7 @@ TEST_F(Launcher, QuietRunPrintsNothingButTheLog) {
   EXPECT_EQ(report()["results"]["published"], 3);
 }
 
-TEST_F(Launcher, TableThatCannotBePrintedIsTold) {
+TEST_F(Launcher, TableThatCannotBePrintedIsReported) {
   write_application({kCounter, kAdder});
   std::string line = std::string("exec '") + FASTCYCLE_PROGRAM + "'";
   for (const std::string& word : run_words({"--set", "counter.count=3"})) {

@@ -98,7 +98,7 @@ class Relay final : public fastcycle::Component {
         throw std::runtime_error("it always throws");
       }
       if (throw_at_.get() != 0 && reading.value() == throw_at_.get()) {
-        throw std::runtime_error("it was told to");
+        throw std::runtime_error("it was asked to");
       }
       if (write_at_.get() != 0 && reading.value() == write_at_.get()) {
         const_cast<Reading&>(reading).set_value(-1);
@@ -259,7 +259,7 @@ class Steering final : public fastcycle::Component {
         gains_(context.param<std::int64_t>("own_gain", {.fallback = 1, .is_tunable = true})) {
     context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       if (reading.value() == switch_at_.get()) {
-        this->context().switch_mode("degraded", "it was told to");
+        this->context().switch_mode("degraded", "it was asked to");
       }
       if (reading.value() == back_at_.get()) {
         this->context().switch_mode("nominal");

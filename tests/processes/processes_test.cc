@@ -558,7 +558,7 @@ TEST_F(ComponentsInProcesses, SwitchModesTogether) {
   ASSERT_EQ(said["modes"]["switches"].size(), 2U) << run.errors();
   EXPECT_EQ(said["modes"]["switches"][0]["to"], "degraded");
   EXPECT_EQ(said["modes"]["switches"][0]["by"], "steering");
-  EXPECT_EQ(said["modes"]["switches"][0]["why"], "it was told to");
+  EXPECT_EQ(said["modes"]["switches"][0]["why"], "it was asked to");
   EXPECT_EQ(said["modes"]["switches"][1]["to"], "nominal");
   EXPECT_THAT(run.errors(), HasSubstr("mode \"nominal\" → \"degraded\", asked for by steering"));
   // The relay, in one process, had left before the spare, in another one, joined.

@@ -95,7 +95,7 @@ TEST_F(Verify, ALiveRunIsEqualWithTheApplicationOfTheLogOrAnother) {
   }
 }
 
-TEST_F(Verify, AnotherParamIsADifferenceAndTheFirstOneIsTold) {
+TEST_F(Verify, AnotherParamIsADifferenceAndTheFirstOneIsReported) {
   record_parts();
 
   ASSERT_EQ(fastcycle({"verify", "live.mcap", "app.json", "--set", "counter.burst=2", "--report",

@@ -131,7 +131,7 @@ std::string Following::in_json() const {
 
 void Following::tell() {
   std::string text = in_json();
-  if (text == told_) {
+  if (text == reported_) {
     return;
   }
   try {
@@ -139,7 +139,7 @@ void Following::tell() {
   } catch (const std::length_error&) {  // It has thousands of fields: the report has them.
     return;
   }
-  told_ = std::move(text);
+  reported_ = std::move(text);
 }
 
 void Following::begin() {

@@ -65,7 +65,7 @@ class Following {
   mutable std::mutex mutex_;
   Stage stage_ = Stage::kSeeks;
   std::map<PublisherId, Output> outputs_;
-  std::string told_;
+  std::string reported_;
   std::jthread thread_;
 };
 

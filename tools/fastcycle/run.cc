@@ -763,8 +763,8 @@ int run_processes(const config::ApplicationDescription& description, const host:
                         processes::Channel channel, int report) -> int {
     std::unique_ptr<host::Replay> replay;
     if (!options.replay.files.empty()) {  // Before a sandbox, which may not let it be read.
-      config::Problems told;
-      replay = prepare_replay(options, plan.description_in(process), libraries, wiring, told);
+      config::Problems ignored;
+      replay = prepare_replay(options, plan.description_in(process), libraries, wiring, ignored);
       if (replay == nullptr) {
         return kWrong;  // It has changed since it was checked.
       }

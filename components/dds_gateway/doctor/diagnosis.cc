@@ -280,7 +280,7 @@ void look_at_heard(const Observation& seen, Findings& findings) {
 }
 
 void look_at_topics(const Observation& seen, Findings& findings) {
-  std::set<std::string> told;
+  std::set<std::string> reported;
   std::size_t more = 0;
   auto begin = seen.endpoints.begin();
   while (begin != seen.endpoints.end()) {
@@ -293,10 +293,10 @@ void look_at_topics(const Observation& seen, Findings& findings) {
           continue;
         }
         auto trouble = trouble_between(*writer, *reader);
-        if (!trouble || !told.insert(trouble->found).second) {
+        if (!trouble || !reported.insert(trouble->found).second) {
           continue;
         }
-        if (told.size() <= kTroublesMax) {
+        if (reported.size() <= kTroublesMax) {
           findings.push_back(std::move(*trouble));
         } else {
           ++more;
@@ -309,7 +309,7 @@ void look_at_topics(const Observation& seen, Findings& findings) {
     findings.push_back({.name = "topics",
                         .level = Level::kAdvice,
                         .found = fmt::format("{} more of this kind", more),
-                        .why = "only the first are told",
+                        .why = "only the first are reported",
                         .remedy = "fastcycle doctor --dds --json"});
   }
 }

@@ -205,7 +205,7 @@ TEST(Diagnosis, TellsWhatTheEnvironmentDoesToNodes) {
   EXPECT_THAT(find(seen, "environment").why, HasSubstr("do not use DDS"));
 }
 
-TEST(Diagnosis, IsToldWithWhoIsThereAndNothingThatWouldSteerATerminal) {
+TEST(Diagnosis, IsReportedWithWhoIsThereAndNothingThatWouldSteerATerminal) {
   Observation seen = healthy();
   seen.endpoints[0].node = "/dri\x1b[31mver";
 
