@@ -163,12 +163,12 @@ TEST_F(OpenDrive, WhatIsWrongIsReportedWithItsLine) {
             "x.xodr:1: expected <lane> in a <road>, found none");
   EXPECT_EQ(
       error_of(road("", "<successor elementType='road' elementId='7' contactPoint='start'/>")),
-      "x.xodr:2: expected road '7', of which this <successor> tells, found none");
+      "x.xodr:2: expected road '7', to which this <successor> refers, found none");
   EXPECT_EQ(error_of(road("", "<successor elementType='road' elementId='7'/>")),
             "x.xodr:2: expected an attribute contactPoint of <successor>, found none");
   EXPECT_EQ(error_of(road("<link><successor id='-4'/></link>",
                           "<successor elementType='road' elementId='1' contactPoint='start'/>")),
-            "x.xodr:4: expected lane -4, of which this <lane> tells, found none");
+            "x.xodr:4: expected lane -4, to which this <lane> refers, found none");
   EXPECT_EQ(error_of(road("<speed max='fast'/>")),
             "x.xodr:4: expected a number of at most 1e+08 as max of <speed>, found 'fast'");
   EXPECT_EQ(error_of(road("</lane><lane id='-3' type='driving'>")),

@@ -221,8 +221,8 @@ Gateway::Gateway(Context& context)
   }
   context.create_thread("dds_gateway", [this](const std::stop_token& stop) { run(stop); });
   context.create_timer({.period = 1s, .phase = {}}, [this] {
-    tell_clocks();
-    tell_health();
+    report_clocks();
+    report_health();
   });
 }
 
@@ -461,22 +461,23 @@ void Gateway::stop() {
   for (const auto& crossing : crossings_) {
     const Counters& counters = crossing->counters;
     const std::string& name = crossing->settings.ros;
-    const auto tell = [&](const char* what, std::uint64_t count, bool is_always) {
+    const auto report_count = [&](const char* what, std::uint64_t count, bool is_always) {
       if (is_always || count > 0) {
         report(fmt::format("{} {}", name, what), static_cast<std::int64_t>(count));
       }
     };
-    tell(crossing->settings.is_in ? "received" : "taken", counters.came, true);
-    tell(crossing->settings.is_in ? "published" : "sent", counters.went, true);
-    tell("limited", counters.limited, false);
-    tell("expired", counters.expired, false);
-    tell("own", counters.own, false);
-    tell("refused", counters.refused, false);
-    tell("unsent", counters.unsent, false);
-    tell("missing", counters.missing, crossing->settings.is_as_it_is && crossing->settings.is_in);
-    tell("undated", counters.undated, false);
+    report_count(crossing->settings.is_in ? "received" : "taken", counters.came, true);
+    report_count(crossing->settings.is_in ? "published" : "sent", counters.went, true);
+    report_count("limited", counters.limited, false);
+    report_count("expired", counters.expired, false);
+    report_count("own", counters.own, false);
+    report_count("refused", counters.refused, false);
+    report_count("unsent", counters.unsent, false);
+    report_count("missing", counters.missing,
+                 crossing->settings.is_as_it_is && crossing->settings.is_in);
+    report_count("undated", counters.undated, false);
     if (crossing->reader != nullptr) {
-      tell("lost", crossing->reader->lost(), true);
+      report_count("lost", crossing->reader->lost(), true);
     }
   }
   for (const auto& service : services_) {
@@ -485,14 +486,14 @@ void Gateway::stop() {
     report(name + " answered", static_cast<std::int64_t>(service->answered));
     report(name + " failed", static_cast<std::int64_t>(service->failed));
   }
-  tell_clocks();
+  report_clocks();
   if (params_ != nullptr) {
     report("parameters asked", static_cast<std::int64_t>(params_->asked));
     report("parameters answered", static_cast<std::int64_t>(params_->answered));
     report("parameters failed", static_cast<std::int64_t>(params_->failed));
   }
   close();
-  tell_health();
+  report_health();
 }
 
 /// Destroys readers and writers before their participant; also after a fault, when `stop` is not
@@ -802,7 +803,7 @@ void Gateway::set_trouble(const std::string& whose, std::string what) {
 }
 
 /// Reports the offsets of other clocks in the results and, if they are too large, in the health.
-void Gateway::tell_clocks() {
+void Gateway::report_clocks() {
   if (clocks_ == nullptr) {
     return;
   }
@@ -847,7 +848,7 @@ void Gateway::tell_clocks() {
   }
 }
 
-void Gateway::tell_health() {
+void Gateway::report_health() {
   std::string trouble;
   {
     const std::lock_guard lock(mutex_);

@@ -99,8 +99,8 @@ class Gateway final : public Component {
             const detail::Trail* trails = nullptr);
   void refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter, const std::string& why);
   void set_trouble(const std::string& whose, std::string what);
-  void tell_health();
-  void tell_clocks();
+  void report_health();
+  void report_clocks();
   [[nodiscard]] static std::uint64_t count_missing(Crossing& crossing, const Guid& writer,
                                                    std::uint64_t number);
   [[nodiscard]] static bool may_pass(Crossing& crossing, Time now);

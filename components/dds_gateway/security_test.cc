@@ -468,7 +468,7 @@ TEST_P(SecuredGateway, TakesAnEnclaveAsRos2SecurityMakesIt) {
 // Cyclone DDS gave the second one the permissions of the first.
 TEST_P(SecuredGateway, IsTheOnlySecurityThatItsProcessHasInADomainOfCyclone) {
   if (std::string_view(GetParam()) != "cyclone") {
-    GTEST_SKIP() << "Fast DDS tells them apart";
+    GTEST_SKIP() << "Fast DDS distinguishes them";
   }
   ParticipantOptions options{
       .domain = domain_of_test(), .interface = "lo", .user_data = {}, .security = gateway_};

@@ -13,10 +13,10 @@
 
 namespace fastcycle::dds_gateway {
 ServiceCrossing::ServiceCrossing(Context& context, ServiceSettings settings,
-                                 ros2::KnownTypes& types, Tell tell)
+                                 ros2::KnownTypes& types, Report report)
     : core_(context.core()),
       settings_(std::move(settings)),
-      tell_(std::move(tell)),
+      report_(std::move(report)),
       request_(types.find(settings_.type + "_Request", settings_.request)),
       reply_(types.find(settings_.type + "_Response", settings_.reply)) {
   if (settings_.is_in) {
@@ -188,7 +188,7 @@ void ServiceCrossing::answer_here(const Identity& request, std::span<const std::
 
 void ServiceCrossing::fail(const std::string& why) {
   ++failed;
-  tell_(fmt::format("{}: {}", settings_.ros, why));
+  report_(fmt::format("{}: {}", settings_.ros, why));
 }
 
 }  // namespace fastcycle::dds_gateway

@@ -27,12 +27,12 @@ using mcap::shown;
 /// Shared by the checks: the receiver of findings, and the state of the file.
 class Findings {
  public:
-  Findings(std::string file, const std::function<void(const Finding&)>& tell)
-      : file_(std::move(file)), tell_(tell) {}
+  Findings(std::string file, const std::function<void(const Finding&)>& report)
+      : file_(std::move(file)), report_(report) {}
 
   void error(mcap::Problem problem) {
     if (++diagnosis.errors <= Diagnosis::kReportedMax) {
-      tell_({.is_warning = false, .problem = std::move(problem)});
+      report_({.is_warning = false, .problem = std::move(problem)});
     }
   }
   void error(const mcap::Place& place, Opcode record, std::string expected, std::string found) {
@@ -43,11 +43,11 @@ class Findings {
   }
   void warn(const mcap::Place& place, Opcode record, std::string expected, std::string found) {
     if (++diagnosis.warnings <= Diagnosis::kReportedMax) {
-      tell_({.is_warning = true,
-             .problem = {.place = place,
-                         .record = name_of(record),
-                         .expected = std::move(expected),
-                         .found = std::move(found)}});
+      report_({.is_warning = true,
+               .problem = {.place = place,
+                           .record = name_of(record),
+                           .expected = std::move(expected),
+                           .found = std::move(found)}});
     }
   }
   [[nodiscard]] mcap::Place at(std::uint64_t offset) const {
@@ -58,7 +58,7 @@ class Findings {
 
  private:
   const std::string file_;
-  const std::function<void(const Finding&)>& tell_;
+  const std::function<void(const Finding&)>& report_;
 };
 
 /// The first field of two records that is not the same.
@@ -75,7 +75,7 @@ class Difference {
   Difference& text(const char* name, const std::string& expected, const std::string& found) {
     return field(name, shown(expected), shown(found));
   }
-  void tell(Findings& findings, const mcap::Place& place, Opcode record, const char* why) const {
+  void report(Findings& findings, const mcap::Place& place, Opcode record, const char* why) const {
     if (expected_) {
       findings.error(place, record, fmt::format("{}, {}", *expected_, why), found_);
     }
@@ -153,7 +153,7 @@ class ChunkCheck {
                index_.message_start_time_ns)
         .field("message_end_time", count_ == 0 ? index_.message_end_time_ns : last_ns_,
                index_.message_end_time_ns)
-        .tell(findings_, place, Opcode::kChunk, "as its messages have it");
+        .report(findings_, place, Opcode::kChunk, "as its messages have it");
     if (!index_.message_index_offsets.empty()) {
       find_missing(place);
     }
@@ -293,7 +293,7 @@ class SummaryCheck {
       difference.field(fmt::format("channel_message_counts of channel {}:", channel).c_str(),
                        count_in(seen_, channel), count_in(said, channel));
     }
-    difference.tell(findings_, place, Opcode::kStatistics, kAsThere);
+    difference.report(findings_, place, Opcode::kStatistics, kAsThere);
   }
   void says(mcap::ChunkIndex said, const mcap::Place& place) {
     ++said_chunks_;
@@ -311,7 +311,7 @@ class SummaryCheck {
         .text("compression", real->compression, said.compression)
         .field("compressed_size", real->compressed_size, said.compressed_size)
         .field("uncompressed_size", real->uncompressed_size, said.uncompressed_size)
-        .tell(findings_, place, Opcode::kChunkIndex, kAsThere);
+        .report(findings_, place, Opcode::kChunkIndex, kAsThere);
   }
   void says(const mcap::AttachmentIndex& said, const mcap::Place& place) {
     ++said_attachments_;
@@ -324,7 +324,7 @@ class SummaryCheck {
           .field("data_size", real->data_size, said.data_size)
           .text("name", real->name, said.name)
           .text("media_type", real->media_type, said.media_type)
-          .tell(findings_, place, Opcode::kAttachmentIndex, kAsThere);
+          .report(findings_, place, Opcode::kAttachmentIndex, kAsThere);
     }
   }
   void says(const mcap::MetadataIndex& said, const mcap::Place& place) {
@@ -334,7 +334,7 @@ class SummaryCheck {
       Difference()
           .field("length", real->length, said.length)
           .text("name", real->name, said.name)
-          .tell(findings_, place, Opcode::kMetadataIndex, kAsThere);
+          .report(findings_, place, Opcode::kMetadataIndex, kAsThere);
     }
   }
   void says(const mcap::SummaryOffset& said, const mcap::Place& place) {
@@ -349,13 +349,13 @@ class SummaryCheck {
     } else {
       Difference()
           .field("group_length", group->end - group->begin, said.group_length)
-          .tell(findings_, place, Opcode::kSummaryOffset, kAsThere);
+          .report(findings_, place, Opcode::kSummaryOffset, kAsThere);
     }
   }
   void says(const mcap::Footer& said, const mcap::Place& place) {
     Difference()
         .field("summary_offset_start", first_offset_, said.summary_offset_start)
-        .tell(findings_, place, Opcode::kFooter, kAsThere);
+        .report(findings_, place, Opcode::kFooter, kAsThere);
     end(place);
   }
 
@@ -570,11 +570,11 @@ void check_loss(const mcap::Metadata& metadata, const mcap::Place& place, Findin
 
 class Doctor {
  public:
-  Doctor(const mcap::Source& file, const std::function<void(const Finding&)>& tell,
+  Doctor(const mcap::Source& file, const std::function<void(const Finding&)>& report,
          const mcap::ReadLimits& limits, const Progress& progress)
       : file_(file),
         progress_(progress),
-        findings_(file.name(), tell),
+        findings_(file.name(), report),
         reader_(file, {.limits = limits}),
         chunk_(findings_),
         summary_(findings_, limits.index_bytes) {}
@@ -742,9 +742,9 @@ class Doctor {
 
 }  // namespace
 
-Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& tell,
+Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& report,
                    const mcap::ReadLimits& limits, const Progress& progress) {
-  return Doctor(file, tell, limits, progress).run();
+  return Doctor(file, report, limits, progress).run();
 }
 
 }  // namespace fastcycle::archive

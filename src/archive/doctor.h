@@ -40,7 +40,7 @@ struct Diagnosis {
 /// channels, and the index of the file, up to `ReadLimits::index_bytes`.
 ///
 /// @errors  `mcap::Error` if the file cannot be read.
-Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& tell,
+Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& report,
                    const mcap::ReadLimits& limits = {}, const Progress& progress = {});
 
 }  // namespace fastcycle::archive

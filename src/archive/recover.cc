@@ -176,7 +176,7 @@ class Recoverer {
     for (;;) {
       while (const std::optional<mcap::Record> record = reader.next()) {
         take(*record, reader);
-        tell(tail.in_whole(reader.next_offset()));
+        report(tail.in_whole(reader.next_offset()));
       }
       if (reader.stop()->reason == mcap::Stop::Reason::kEnd) {
         return {};
@@ -429,7 +429,7 @@ class Recoverer {
     indexed_messages_.reset();
   }
 
-  void tell(std::uint64_t bytes) {
+  void report(std::uint64_t bytes) {
     if (progress_ && ++records_ % kRecordsPerProgress == 0) {
       progress_(bytes);
     }

@@ -419,7 +419,7 @@ class Rewriter {
   }
 
   void take(const Input& input, const mcap::StoredMessage& message) {
-    tell();
+    report_progress();
     mcap::MessageHead head = message;
     head.channel_id = input.channels.at(message.channel_id);
     const bool is_infos = message.channel->topic == kInfosTopic;
@@ -496,7 +496,7 @@ class Rewriter {
     ++result_.messages;
   }
 
-  void tell() {
+  void report_progress() {
     if (progress_ && ++given_ % kMessagesPerProgress == 0) {
       progress_(
           static_cast<std::uint64_t>(static_cast<double>(bytes_in_) * static_cast<double>(given_) /

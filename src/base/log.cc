@@ -14,7 +14,7 @@
 namespace fastcycle::detail {
 namespace {
 
-constexpr std::int64_t kTellNs = 1'000'000'000;
+constexpr std::int64_t kReportNs = 1'000'000'000;
 
 /// The escape sequences before and after a level on a terminal.
 const char* colour_of(LogLevel level) noexcept {
@@ -127,10 +127,10 @@ void LogQueue::print(const LogLine& line) noexcept {
   std::fprintf(stderr, "%s%s%s%s%s%s\n", is_terminal_ ? "\r\x1b[K" : "",
                head_of(line, start).c_str(), colour, to_word(line.level),
                *colour == '\0' ? "" : "\x1b[0m", rest_of(line).c_str());
-  tell(line);
+  notify(line);
 }
 
-void LogQueue::tell(const LogLine& line) noexcept {
+void LogQueue::notify(const LogLine& line) noexcept {
   const std::lock_guard lock(listener_mutex_);
   for (const auto& [who, listener] : listeners_) {
     listener(line);
@@ -148,7 +148,7 @@ void LogQueue::print_line() noexcept {
 }
 
 /// Logs how many lines found the queue full since the last call.
-void LogQueue::tell_lost() noexcept {
+void LogQueue::report_lost() noexcept {
   const std::uint64_t lost = lost_.load(std::memory_order_relaxed);
   if (lost == reported_lost_) {
     return;
@@ -161,7 +161,7 @@ void LogQueue::tell_lost() noexcept {
          .level = LogLevel::kWarning,
          .component = kOwnName,
          .text = {text.data(), std::min(written.size, text.size())}});
-  next_tell_ns_ = base::monotonic_ns() + kTellNs;
+  next_report_ns_ = base::monotonic_ns() + kReportNs;
 }
 
 void LogQueue::print_until_stopped() noexcept {
@@ -169,8 +169,8 @@ void LogQueue::print_until_stopped() noexcept {
     while (has_line()) {
       print_line();
       if (lost_.load(std::memory_order_relaxed) != reported_lost_ &&
-          base::monotonic_ns() >= next_tell_ns_) {
-        tell_lost();
+          base::monotonic_ns() >= next_report_ns_) {
+        report_lost();
       }
     }
     std::fflush(stderr);
@@ -179,7 +179,7 @@ void LogQueue::print_until_stopped() noexcept {
       sleepers_.withdraw(0);
     } else if (is_stopping_.load()) {
       sleepers_.withdraw(0);
-      tell_lost();
+      report_lost();
       std::fflush(stderr);
       return;
     } else {

@@ -956,7 +956,7 @@ TEST_F(Broker, ASubscriptionThatEndsWhileItsPublisherPushesLosesNothing) {
 
 // What a head says of its message is what the message says of itself, also where the publisher
 // writes over the only slot while it is read, and until the very end of a lane.
-TEST_F(Broker, AHeadTellsWhatItsMessageTells) {
+TEST_F(Broker, AHeadHasWhatItsMessageHas) {
   const auto& type = Int64Value::default_instance();
   for (const Overflow overflow : {Overflow::kDropOldest, Overflow::kDropNewest}) {
     for (const std::size_t depth : {1U, 2U, 3U}) {

@@ -96,12 +96,12 @@ std::size_t PublisherCore::count_latched_for(const Lane& lane) const noexcept {
   return count;
 }
 
-void PublisherCore::tell_holders_apart(std::size_t count) {
+void PublisherCore::distinguish_holders(std::size_t count) {
   if (published() > 0) {
     return;  // Holders are counted already, or not at all.
   }
-  pool_->tell_holders_apart(count + kLateHolders);
-  forwards_->tell_holders_apart(count + kLateHolders);
+  pool_->distinguish_holders(count + kLateHolders);
+  forwards_->distinguish_holders(count + kLateHolders);
 }
 
 void PublisherCore::check_loans() const {
@@ -193,7 +193,7 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
     pool.grow(1, prototype_.get());
     return pool.take();
   }
-  shares_.tell_dry(targets_, pool, loans_);
+  shares_.report_shortage(targets_, pool, loans_);
   if (scratch == nullptr) {
     pool.grow(1, prototype_.get());
     scratch = pool.take();

@@ -155,7 +155,7 @@ Quality::Verdict Quality::judge(const Lane& lane, const Lane::Head& head, std::i
   if (Source* source = find(lane)) {
     if (source->is_lost && head.time_ns > source->lost_ns) {
       event = gain(*source, "publishes", now_ns);
-      return Verdict::kTell;
+      return Verdict::kReport;
     }
     if (source->sequence != 0 && head.sequence > source->sequence + 1) {
       messages_lost.add(head.sequence - source->sequence - 1);
@@ -165,7 +165,7 @@ Quality::Verdict Quality::judge(const Lane& lane, const Lane::Head& head, std::i
                .publisher = source->component,
                .count = messages_lost.get(),
                .since = base::from_ns(now_ns)};
-      return Verdict::kTell;
+      return Verdict::kReport;
     }
   }
   if (!is_expired(head.time_ns, now_ns)) {

@@ -93,7 +93,7 @@ class Quality final : public Watch {
   /// What to do with the next message.
   enum class Verdict : std::uint8_t {
     kDeliver,
-    kTell,     ///< Report the event first; then judge again.
+    kReport,   ///< Report the event first; then judge again.
     kExpired,  ///< It is dropped, and the event reported.
   };
 

@@ -145,7 +145,7 @@ TEST_F(QualityOfService, AFailedPublisherIsLostOnceAndAliveAgainOnlyByWhatCameLa
   release(head.head.envelope);
   publish(0, 9ms);
   ASSERT_TRUE(inbox_.peek(head));
-  EXPECT_EQ(quality.judge(*head.lane, head.head, at(9ms), event), Quality::Verdict::kTell);
+  EXPECT_EQ(quality.judge(*head.lane, head.head, at(9ms), event), Quality::Verdict::kReport);
   EXPECT_EQ(event.kind, QosKind::kLivelinessGained);
   EXPECT_EQ(quality.judge(*head.lane, head.head, at(9ms), event), Quality::Verdict::kDeliver);
 }

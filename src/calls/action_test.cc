@@ -116,7 +116,8 @@ class Walker final : public Component {
   std::int64_t total_ = 0;
 };
 
-/// Sends a goal for each number on "go", cancels the last one for 1000000; tells what it hears.
+/// Sends a goal for each number on "go", cancels the last one for 1000000; publishes what it
+/// receives.
 class Sender final : public Component {
  public:
   explicit Sender(Context& context)
@@ -139,18 +140,18 @@ class Sender final : public Component {
     if (deadline_ms_.get() > 0) {
       options.call.deadline = std::chrono::milliseconds(deadline_ms_.get());
     }
-    options.on_accepted = [this] { tell("accepted"); };
-    options.on_feedback = [this](const Int64Value& done) { tell(std::to_string(done.value())); };
+    options.on_accepted = [this] { publish("accepted"); };
+    options.on_feedback = [this](const Int64Value& done) { publish(std::to_string(done.value())); };
     auto goal = walks_.loan();
     goal->CopyFrom(go);
     walk_ = walks_.send(std::move(goal), std::move(options), [this](const Reply<Int64Value>& end) {
       const bool has_end = end.has_value() && end.status() != CallStatus::kAborted;
-      tell((end.ok() ? "ok" : std::string(end.error())) +
-           (has_end ? ": " + std::to_string(end->value()) : ""));
+      publish((end.ok() ? "ok" : std::string(end.error())) +
+              (has_end ? ": " + std::to_string(end->value()) : ""));
     });
   }
 
-  void tell(const std::string& text) {
+  void publish(const std::string& text) {
     auto result = results_.loan();
     result->set_value(text);
     results_.publish(std::move(result));

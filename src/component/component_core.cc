@@ -272,7 +272,7 @@ void ComponentCore::call_activate() {
   if (state == State::kStandby) {
     activate_now();
     start_timers(publishing.now);
-    application.wiring().tell_liveliness(*this, true, "active");
+    application.wiring().report_liveliness(*this, true, "active");
     application.component_changed(*this, true);
   }
 }
@@ -291,7 +291,7 @@ void ComponentCore::call_deactivate() {
   if (state == State::kActive) {
     state = State::kStandby;
     suspend();
-    application.wiring().tell_liveliness(*this, false, "inactive");
+    application.wiring().report_liveliness(*this, false, "inactive");
     application.component_changed(*this, true);
     end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
     in_call_ = "its deactivate()";
@@ -311,7 +311,7 @@ void ComponentCore::call_stop() {
   if (is_suspended()) {
     drop_waiting();
   }
-  application.wiring().tell_liveliness(*this, false, "stopped");
+  application.wiring().report_liveliness(*this, false, "stopped");
   // Resources released by `stop` must not be used any more: no message and no tick is served after
   // it, not even one that it arms itself.
   close(DropReason::kShutdown);
@@ -389,7 +389,7 @@ void ComponentCore::fail(std::string_view what) {
   cancel_timers();
   close(DropReason::kFault);
   application.component_failed(*this);
-  application.wiring().tell_liveliness(*this, false, "failed");
+  application.wiring().report_liveliness(*this, false, "failed");
   application.component_changed(*this, true);
   if (!description.fault_mode.empty()) {
     application.ask_mode(description.fault_mode, what, *this);
@@ -530,7 +530,7 @@ void ComponentCore::restart(std::string_view what) {
                fmt::format(" (restarting in {} ms)",
                            std::chrono::duration<double, std::milli>(delay).count()));
   }
-  application.wiring().tell_liveliness(*this, false, "failed");
+  application.wiring().report_liveliness(*this, false, "failed");
   end_calls(what);
   end_threads([this, delay] { replace(delay); });
 }
@@ -625,7 +625,7 @@ std::string ComponentCore::renew() {
     in_call_ = "its stop()";
     component->stop();
     in_call_ = nullptr;
-    application.wiring().tell_liveliness(*this, false, "restarted");
+    application.wiring().report_liveliness(*this, false, "restarted");
     end_calls("it is made anew");
     replace(std::chrono::nanoseconds(0));
   });
@@ -680,7 +680,7 @@ std::string ComponentCore::try_anew() {
     application.threads().start_threads(*this);
     if (state == State::kActive) {
       start_timers(publishing.now);
-      application.wiring().tell_liveliness(*this, true, "restarted");
+      application.wiring().report_liveliness(*this, true, "restarted");
     }
     versions->watch();
     application.component_changed(*this, true);

@@ -31,7 +31,7 @@ void use_credits(ComponentCore& core, PublisherCore& publisher, std::size_t wind
              "a thread waits by ExternalPublisher::wait_for_credit");
   } else {
     if (!core.is_redeclaring) {
-      publisher.credits()->tell(core.inbox);
+      publisher.credits()->set_inbox(core.inbox);
     }
     core.on_credits(publisher, std::move(on_credits));
   }

@@ -140,7 +140,7 @@ std::string error_of() {
   return text;
 }
 
-TEST(DeclaredStates, TellWhatIsWrongWithADeclaration) {
+TEST(DeclaredStates, ReportWhatIsWrongWithADeclaration) {
   EXPECT_THAT(error_of<0>(), HasSubstr("state \"Not a name\" is no name: expected"));
   EXPECT_THAT(error_of<1>(), HasSubstr("component \"counter\": state \"twice\" is declared twice"));
   EXPECT_THAT(error_of<2>(), HasSubstr("is declared twice, with two types"));

@@ -77,7 +77,7 @@ class Reloading final : public Versions, private Watch {
   [[nodiscard]] States copy_of_states() const;
   void set_states(const States& states);
   /// Reports `what` in the log, on the status topic, and in `news`.
-  void tell(const std::string& what, bool is_trouble);
+  void report(const std::string& what, bool is_trouble);
 
   ComponentCore& core_;
   /// What a rollback returns to.

@@ -146,13 +146,13 @@ ComponentCore& Wiring::component_of(const detail::PublisherCore& publisher) cons
   return **found;
 }
 
-void Wiring::tell_liveliness(ComponentCore& component, bool is_alive, std::string_view reason) {
+void Wiring::report_liveliness(ComponentCore& component, bool is_alive, std::string_view reason) {
   if (!has_begun_) {
     return;
   }
   // In simulated time at the end of the round: whether a component that subscribes or unsubscribes
   // in the same round is notified must not depend on the order of workers.
-  const auto tell_all = [this, &component, is_alive, reason] {
+  const auto report_all = [this, &component, is_alive, reason] {
     const std::lock_guard lock(mutex_);
     for (const detail::PublisherCore* publisher : component.declared.publishers) {
       for (const auto& subscription : publisher->topic.subscriptions) {
@@ -178,9 +178,9 @@ void Wiring::tell_liveliness(ComponentCore& component, bool is_alive, std::strin
     }
   };
   if (time_.is_simulated()) {
-    component.stage(tell_all);
+    component.stage(report_all);
   } else {
-    tell_all();
+    report_all();
   }
 }
 

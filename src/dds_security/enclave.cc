@@ -32,14 +32,15 @@ struct FreeStack {
   void operator()(STACK_OF(X509) * stack) const { sk_X509_free(stack); }
 };
 
-void tell(Errors& errors, const fs::path& file, std::string_view expected, std::string_view found) {
+void add_error(Errors& errors, const fs::path& file, std::string_view expected,
+               std::string_view found) {
   errors.push_back(fmt::format("{}: expected {}, found {}", file.string(), expected, found));
 }
 
 /// The content of the file; none, and an error, if it cannot be read.
 std::optional<std::string> read(const fs::path& file, std::string_view expected, Errors& errors) {
   const auto fail = [&](std::string_view found) -> std::optional<std::string> {
-    tell(errors, file, expected, found);
+    add_error(errors, file, expected, found);
     return {};
   };
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -69,7 +70,7 @@ X509Ptr read_certificate(const fs::path& file, std::string_view of, Errors& erro
   }
   X509Ptr certificate = certificate_of(*text);
   if (certificate == nullptr) {
-    tell(errors, file, expected, "no certificate");
+    add_error(errors, file, expected, "no certificate");
   }
   return certificate;
 }
@@ -83,11 +84,11 @@ void check_time(X509& certificate, const fs::path& file, Errors& errors) {
   const ASN1_TIME* const begin = ::X509_get0_notBefore(&certificate);
   const ASN1_TIME* const end = ::X509_get0_notAfter(&certificate);
   if (::X509_cmp_current_time(begin) > 0) {
-    tell(errors, file, "a certificate that is valid now",
-         "one that is valid from " + time_text(begin));
+    add_error(errors, file, "a certificate that is valid now",
+              "one that is valid from " + time_text(begin));
   } else if (::X509_cmp_current_time(end) < 0) {
-    tell(errors, file, "a certificate that is valid now",
-         "one that has expired on " + time_text(end));
+    add_error(errors, file, "a certificate that is valid now",
+              "one that has expired on " + time_text(end));
   }
 }
 
@@ -106,11 +107,12 @@ void check_signer(X509& certificate, const fs::path& file, X509& authority,
   ::X509_STORE_set_flags(store.get(), X509_V_FLAG_NO_CHECK_TIME | X509_V_FLAG_PARTIAL_CHAIN);
   ::X509_STORE_CTX_init(context.get(), store.get(), &certificate, nullptr);
   if (::X509_verify_cert(context.get()) != 1) {
-    tell(errors, file,
-         fmt::format("a certificate that is signed by the authority in {}",
-                     authority_file.filename().string()),
-         fmt::format("that of {}: {}", subject_of(certificate),
-                     ::X509_verify_cert_error_string(::X509_STORE_CTX_get_error(context.get()))));
+    add_error(
+        errors, file,
+        fmt::format("a certificate that is signed by the authority in {}",
+                    authority_file.filename().string()),
+        fmt::format("that of {}: {}", subject_of(certificate),
+                    ::X509_verify_cert_error_string(::X509_STORE_CTX_get_error(context.get()))));
   }
 }
 
@@ -128,7 +130,7 @@ std::optional<std::string> read_signed(const fs::path& file, X509* authority, Er
   const Pkcs7 signature(::SMIME_read_PKCS7(in.get(), &content));
   const Bio whole(content);
   if (signature == nullptr || content == nullptr) {
-    tell(errors, file, expected, "no S/MIME");
+    add_error(errors, file, expected, "no S/MIME");
     return {};
   }
   const std::unique_ptr<STACK_OF(X509), FreeStack> signers(sk_X509_new_null());
@@ -136,7 +138,7 @@ std::optional<std::string> read_signed(const fs::path& file, X509* authority, Er
   const Bio out(::BIO_new(::BIO_s_mem()));
   if (::PKCS7_verify(signature.get(), signers.get(), nullptr, content, out.get(),
                      PKCS7_TEXT | PKCS7_NOINTERN | PKCS7_NOVERIFY) != 1) {
-    tell(errors, file, expected, "one that was changed, or that another authority has signed");
+    add_error(errors, file, expected, "one that was changed, or that another authority has signed");
     return {};
   }
   return text_of(*out);
@@ -158,13 +160,13 @@ std::vector<std::string> enclave_errors(const fs::path& folder) {
   Errors errors;
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
-    tell(errors, folder, "the folder of an enclave",
-         fs::exists(folder, error) ? "something that is no folder" : "nothing");
+    add_error(errors, folder, "the folder of an enclave",
+              fs::exists(folder, error) ? "something that is no folder" : "nothing");
     return errors;
   }
   if (fs::is_directory(folder / "enclaves", error)) {
-    tell(errors, folder, "the folder of one enclave",
-         fmt::format("a keystore; its enclaves are in {}", (folder / "enclaves").string()));
+    add_error(errors, folder, "the folder of one enclave",
+              fmt::format("a keystore; its enclaves are in {}", (folder / "enclaves").string()));
     return errors;
   }
   const Enclave files = enclave_in(folder);
@@ -177,10 +179,10 @@ std::vector<std::string> enclave_errors(const fs::path& folder) {
   if (const auto text = read(files.key, "a private key in PEM", errors)) {
     const Key key = key_of(*text);
     if (key == nullptr) {
-      tell(errors, files.key, "a private key in PEM, without a password", "none");
+      add_error(errors, files.key, "a private key in PEM, without a password", "none");
     } else if (certificate != nullptr &&
                ::X509_check_private_key(certificate.get(), key.get()) != 1) {
-      tell(errors, files.key, "the private key of the certificate in cert.pem", "another one");
+      add_error(errors, files.key, "the private key of the certificate in cert.pem", "another one");
     }
   }
   if (authority != nullptr) {
@@ -199,7 +201,8 @@ std::vector<std::string> enclave_errors(const fs::path& folder) {
     const std::string subject = subject_of(*certificate);
     if (subject.starts_with("CN=") && subject.find(',') == std::string::npos &&
         permissions->find(subject) == std::string::npos) {
-      tell(errors, files.permissions, fmt::format("permissions of {}", subject), "those of others");
+      add_error(errors, files.permissions, fmt::format("permissions of {}", subject),
+                "those of others");
     }
   }
   ::ERR_clear_error();

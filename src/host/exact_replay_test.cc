@@ -105,7 +105,7 @@ class ExactReplays : public testing::Test {
   static void expect_equal(const Results& results) {
     for (const auto& [name, result] : results) {
       if (name.starts_with("fastcycle")) {
-        EXPECT_FALSE(result.is_executed) << name;  // What it tells follows from the whole run.
+        EXPECT_FALSE(result.is_executed) << name;  // Its result follows from the whole run.
         continue;
       }
       EXPECT_TRUE(result.is_executed) << in_words(result);
@@ -276,25 +276,26 @@ class Limited final : public Component {
       return;
     }
     const int observed = observe("first try", [] { return 7; });
-    tell(std::to_string(observed) + " " + what_throws([this] {
-           static_cast<void>(observe("device", []() -> int {
-             throw std::system_error(ENODEV, std::generic_category(), std::to_string(next_line()));
-           }));
-         }));
+    publish(std::to_string(observed) + " " + what_throws([this] {
+              static_cast<void>(observe("device", []() -> int {
+                throw std::system_error(ENODEV, std::generic_category(),
+                                        std::to_string(next_line()));
+              }));
+            }));
     std::size_t jobs = 0;
-    tell(what_throws([this, &jobs] {
+    publish(what_throws([this, &jobs] {
       for (;; ++jobs) {
         context().offload("slow", [] { std::this_thread::sleep_for(1ms); }, [] {});
       }
     }));
-    tell(std::to_string(jobs) + " jobs");
+    publish(std::to_string(jobs) + " jobs");
     std::vector<Loan<Int64Value>> loans;
-    tell(what_throws([this, &loans] {
+    publish(what_throws([this, &loans] {
       for (;;) {
         loans.push_back(kept_.loan());
       }
     }));
-    tell(std::to_string(loans.size()) + " loans");
+    publish(std::to_string(loans.size()) + " loans");
   }
 
  private:
@@ -311,7 +312,7 @@ class Limited final : public Component {
     }
     return "nothing";
   }
-  void tell(const std::string& what) {
+  void publish(const std::string& what) {
     auto message = results_.loan();
     message->set_value(what);
     results_.publish(std::move(message));
@@ -605,7 +606,7 @@ TEST_F(WhatDoesNotRepeat, StateOfAllObjectsIsFound) {
   expect_found<&count_of_all>();
 }
 
-TEST_F(ExactReplays, TellWhatIsNotThereToBeExecuted) {
+TEST_F(ExactReplays, ReportWhatIsNotThereToBeExecuted) {
   classes_.with<Asking<&chance>>("asking");
   record(kAsking, 50ms);
 

@@ -95,7 +95,7 @@ class Listener final : public Component {
   }
 };
 
-/// Notes of which components the status tells.
+/// Notes of which components the status reports.
 class Supervisor final : public Component {
  public:
   static inline std::vector<std::string> received;
@@ -230,7 +230,7 @@ TEST_F(LogTopic, IsThereOnlyIfSomebodySubscribes) {
   EXPECT_THAT(application->components(), SizeIs(1));
 }
 
-TEST_F(LogTopic, IsThereBesideTheStatusWhichDoesNotTellOfIt) {
+TEST_F(LogTopic, IsThereBesideTheStatusWhichDoesNotReportIt) {
   classes_.with<Supervisor>("supervisor");
   auto application = make(std::string(kWriter) + R"(, {"name": "supervisor", "library":
                           "supervisor"})",

@@ -10,10 +10,10 @@ namespace fastcycle::host {
 
 namespace {
 
-/// Tells observers of full queues.
-class OverflowTeller final : public detail::OverflowWatch {
+/// Notifies observers of full queues.
+class OverflowNotifier final : public detail::OverflowWatch {
  public:
-  explicit OverflowTeller(std::vector<Observer*> observers) : observers_(std::move(observers)) {}
+  explicit OverflowNotifier(std::vector<Observer*> observers) : observers_(std::move(observers)) {}
 
   void overflowed(const detail::Subscription& subscription) noexcept override {
     for (Observer* observer : observers_) {
@@ -42,7 +42,7 @@ void Observers::tap(detail::Topics& topics) {
   std::ranges::copy_if(observers_, std::back_inserter(counting),
                        [](const Observer* observer) { return observer->wants_overflows(); });
   if (!counting.empty()) {
-    overflow_watch_ = std::make_unique<OverflowTeller>(std::move(counting));
+    overflow_watch_ = std::make_unique<OverflowNotifier>(std::move(counting));
     topics.set_overflow_watch(*overflow_watch_);
   }
 }

@@ -366,7 +366,7 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
       }
       return;
     }
-    const auto tell = [&component, done, object, result] {
+    const auto finish = [&component, done, object, result] {
       ++component.params_answered;
       // A restarted component is another object than the one that asked.
       const bool is_there = component.state == ComponentCore::State::kActive ||
@@ -375,8 +375,9 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
         done(learn(component.publishing, result));
       }
     };
-    application_.time().between_rounds(
-        [&component, tell, key] { component.post(detail::Cause::kParameter, tell, nullptr, key); });
+    application_.time().between_rounds([&component, finish, key] {
+      component.post(detail::Cause::kParameter, finish, nullptr, key);
+    });
   };
   application_.time().stage(component, [this, &component, changes = std::move(changes), answer] {
     if (application_.time().is_recorded() || component.publishing.is_following) {
@@ -428,7 +429,7 @@ void read_notice(const std::string& text, const Take& take) {
 
 }  // namespace
 
-void ParamChanges::tell_all() {
+void ParamChanges::send_all() {
   for (const auto& component : application_.components()) {
     if (application_.runs_elsewhere(component->name)) {
       continue;
@@ -444,7 +445,8 @@ void ParamChanges::tell_all() {
     }
     try {
       if (!infos.empty()) {
-        application_.peers()->tell(Notice::Kind::kParamsListed, component->index, to_text(infos));
+        application_.peers()->send_notice(Notice::Kind::kParamsListed, component->index,
+                                          to_text(infos));
       }
     } catch (const std::length_error& error) {
       application_.log(
@@ -473,7 +475,7 @@ std::uint64_t ParamChanges::ask_all(std::uint32_t component, std::string_view by
   }
   json["number"] = number;
   try {
-    application_.peers()->tell(Notice::Kind::kParamsAsked, component, dumped(json));
+    application_.peers()->send_notice(Notice::Kind::kParamsAsked, component, dumped(json));
   } catch (const std::length_error& error) {
     {
       const std::lock_guard lock(waiting_mutex_);
@@ -492,7 +494,8 @@ ParamsResult ParamChanges::ask_all_and_wait(const std::vector<ParamChange>& chan
               [answer](const ParamsResult& made) { answer->set_value(made); });
   if (result.wait_for(kPatience) != std::future_status::ready) {
     // It was made before this is taken, in all processes, or will be in none.
-    application_.peers()->tell(Notice::Kind::kParamsDropped, 0, dumped(Json{{"number", number}}));
+    application_.peers()->send_notice(Notice::Kind::kParamsDropped, 0,
+                                      dumped(Json{{"number", number}}));
     if (result.wait_for(kPatience) != std::future_status::ready) {
       return {.errors = {"the application hangs; it is not known whether the params are changed"}};
     }
@@ -577,7 +580,7 @@ void ParamChanges::take(const Notice& notice) {
       break;
     case Notice::Kind::kCame:
       if (!application_.peers()->is_here(notice.process)) {
-        tell_all();  // It has not received earlier notices.
+        send_all();  // It has not received earlier notices.
       }
       break;
     case Notice::Kind::kParamsDropped:
@@ -638,17 +641,17 @@ void ParamChanges::check_next() {
     }
   }
   Json said{{"process", asked.process}, {"number", asked.number}, {"found", found}};
-  const auto tell = [&] {
-    application_.peers()->tell(Notice::Kind::kParamsChecked, 0, dumped(said));
+  const auto send = [&] {
+    application_.peers()->send_notice(Notice::Kind::kParamsChecked, 0, dumped(said));
   };
   said["errors"] = errors;
   said["noted"] = noted;
   try {
-    tell();
+    send();
   } catch (const std::length_error& error) {
     said["errors"] = Json::array({Json::array({0, error.what()})});
     said["noted"] = Json::array();
-    tell();
+    send();
   }
 }
 
@@ -726,8 +729,8 @@ void ParamChanges::decide() {
     answer(asked.number, result);
   }
   if (result.has_changed() && !application_.time().is_simulated()) {
-    peers.tell(Notice::Kind::kParamsInPlace, 0,
-               dumped(Json{{"process", asked.process}, {"number", asked.number}}));
+    peers.send_notice(Notice::Kind::kParamsInPlace, 0,
+                      dumped(Json{{"process", asked.process}, {"number", asked.number}}));
   }
   if (!asked_.empty()) {
     check_next();

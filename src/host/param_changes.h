@@ -55,7 +55,7 @@ class ParamChanges {
 
   // For several processes; called as documented in `Peers`.
   /// Before the start: sends the params of this process to the others.
-  void tell_all();
+  void send_all();
   void take(const Notice& notice);
   /// In simulated time: no further answers will be received.
   void all_have_answered();

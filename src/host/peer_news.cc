@@ -174,7 +174,7 @@ void PeerNews::begin() {
   has_begun_.store(true, std::memory_order_release);
 }
 
-void PeerNews::tell_all() {
+void PeerNews::send_all() {
   if (application_.peers()->is_main()) {
     return;
   }
@@ -184,7 +184,7 @@ void PeerNews::tell_all() {
     const ComponentCore& core = *application_.components()[its.news.component];
     if (!application_.runs_elsewhere(core.name)) {
       its.is_new = true;
-      tell(its);
+      send(its);
     }
   }
 }
@@ -201,7 +201,7 @@ void PeerNews::round_is_over() {
   const Time now = application_.clock().now();
   if (now - reported_all_at_ >= application_.description().status_period) {
     reported_all_at_ = now;
-    tell_all();
+    send_all();
   }
 }
 
@@ -223,21 +223,21 @@ void PeerNews::changed(ComponentCore& component, bool is_urgent) {
     // At the end of the round: news of the next round must not be taken in that round.
     component.stage([this, &its] {
       const std::lock_guard lock(mutex_);
-      tell(its);
+      send(its);
     });
   } else {
     application_.peers()->look();
   }
 }
 
-void PeerNews::tell_end(ComponentCore& component) {
+void PeerNews::send_end(ComponentCore& component) {
   Its& its = its_[component.index];
   const std::lock_guard lock(mutex_);
   its.news = news_of(component);
   its.news.ends_process = true;
   its.news.is_urgent = true;
   its.is_new = true;
-  tell(its);
+  send(its);
 }
 
 void PeerNews::hang_changed(const ComponentCore& component) {
@@ -253,7 +253,7 @@ void PeerNews::hang_changed(const ComponentCore& component) {
 }
 
 /// Sends what is new. The mutex is held.
-void PeerNews::tell(Its& its) {
+void PeerNews::send(Its& its) {
   if (!std::exchange(its.is_new, false)) {
     return;
   }
@@ -268,9 +268,10 @@ void PeerNews::tell(Its& its) {
   its.news.elsewhere->hang = core.hang();
   const bool has_figures = std::exchange(its.has_figures, false);
   try {
-    application_.peers()->tell(Notice::Kind::kNews, core.index, to_text(its.news, has_figures));
+    application_.peers()->send_notice(Notice::Kind::kNews, core.index,
+                                      to_text(its.news, has_figures));
   } catch (const std::length_error&) {  // It has hundreds of subscriptions.
-    application_.peers()->tell(Notice::Kind::kNews, core.index, to_text(its.news, false));
+    application_.peers()->send_notice(Notice::Kind::kNews, core.index, to_text(its.news, false));
   }
   its.news.is_urgent = false;
 }
@@ -327,7 +328,7 @@ std::int64_t PeerNews::look() {
       continue;
     }
     if (now_ns >= its.reported_ns + kGapNs) {
-      tell(its);
+      send(its);
     } else {
       next_ns = std::min(next_ns, its.reported_ns + kGapNs);
     }

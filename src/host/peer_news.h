@@ -38,9 +38,9 @@ class PeerNews {
   /// call already, do nothing.
   void begin();
   /// `component` ends this process next: sends that, and its state, at once. In its activation.
-  void tell_end(detail::ComponentCore& component);
+  void send_end(detail::ComponentCore& component);
   /// When they have started.
-  void tell_all();
+  void send_all();
   void changed(detail::ComponentCore& component, bool is_urgent);
   void hang_changed(const detail::ComponentCore& component);
   [[nodiscard]] std::int64_t look();
@@ -66,7 +66,7 @@ class PeerNews {
     std::uint64_t ended_in = 0;  ///< In simulated time: the round in which the last one did.
   };
 
-  void tell(Its& its);
+  void send(Its& its);
   void take_figures();
   void hear(std::uint32_t component, ComponentNews news);
   void process_has_ended(const Notice& notice);

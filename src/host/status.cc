@@ -117,13 +117,13 @@ ComponentNews PendingNews::take(std::size_t component) {
   return *std::exchange(pending_.at(component), std::nullopt);
 }
 
-void StatusTeller::set_status(ComponentCore& status, std::size_t components) {
+void StatusSender::set_status(ComponentCore& status, std::size_t components) {
   status_ = &status;
   pending_.set_count(components);
   time_.set_watcher(status);
 }
 
-void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
+void StatusSender::changed(ComponentCore& component, bool is_urgent) {
   // Behind the status there are only FastCycle's own components, which it does not report.
   if (status_ == nullptr || component.index >= status_->index || is_over_) {
     return;
@@ -143,7 +143,7 @@ void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
   });
 }
 
-void StatusTeller::changed_elsewhere(ComponentNews news) {
+void StatusSender::changed_elsewhere(ComponentNews news) {
   const std::size_t index = news.component;
   if (status_ == nullptr || index >= status_->index || is_over_ || !pending_.put(std::move(news))) {
     return;
@@ -151,13 +151,13 @@ void StatusTeller::changed_elsewhere(ComponentNews news) {
   status_->post(Cause::kEvent, [this, index] { hear(pending_.take(index)); });
 }
 
-void StatusTeller::hear(const ComponentNews& news) const {
+void StatusSender::hear(const ComponentNews& news) const {
   if (status_->component != nullptr) {
     static_cast<StatusComponent*>(status_->component)->hear(news);
   }
 }
 
-void StatusTeller::mode_changed() {
+void StatusSender::mode_changed() {
   if (status_ == nullptr || is_over_) {
     return;
   }

@@ -164,7 +164,7 @@ class ManyHostileClients : public testing::Test {
       }
     }
   }
-  static void tell(const char* what, std::size_t count) {
+  static void print_count(const char* what, std::size_t count) {
     std::printf("%s: %zu, longest callback %.3f ms, %.1f MiB\n", what, count,
                 static_cast<double>(worst_ns.exchange(0)) / 1e6,
                 static_cast<double>(rss_kib()) / 1024);
@@ -207,7 +207,7 @@ TEST_F(ManyHostileClients, SayingRandomFramesChangeNothing) {
   }
   ::close(descriptor);
   expect_alive();
-  tell("random frames", frames);
+  print_count("random frames", frames);
   expect_grown_less(before_kib, 256 * 1024);
 }
 
@@ -233,7 +233,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBounded) {
   }
   std::this_thread::sleep_for(300ms);  // 300 messages of 10 kB for each of them.
   expect_alive();
-  tell("who never reads", descriptors.size());
+  print_count("who never reads", descriptors.size());
   expect_grown_less(before_kib, 512 * 1024);
   for (const int descriptor : descriptors) {
     ::close(descriptor);
@@ -277,7 +277,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBoundedTogether) {
     most_kib = std::max(most_kib, rss_kib());
   }
   EXPECT_TRUE(is_served);
-  tell("who never reads, of large messages", descriptors.size());
+  print_count("who never reads, of large messages", descriptors.size());
   if (std::string_view(FASTCYCLE_SANITIZER) == "none") {  // Others keep memory of their own.
     EXPECT_LT(most_kib - before_kib, 400 * 1024);
   }
@@ -298,7 +298,7 @@ TEST_F(ManyHostileClients, ThatComeAndGoLeaveNothing) {
     ::close(descriptor);
   }
   expect_alive();
-  tell("connects", connects);
+  print_count("connects", connects);
 }
 
 }  // namespace

@@ -364,7 +364,7 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
     result.ending = std::string("could not be started: ") + std::strerror(child.error);
     return result;
   }
-  const auto tell_slow = [&] {
+  const auto report_slow = [&] {
     if (!result.last_name.empty()) {
       options.on_slow((result.last_kind == "loading" ? "library \"" : "component \"") +
                       result.last_name + "\" takes longer than " + in_words(TrialOptions::kNotice) +
@@ -381,7 +381,7 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
           result.is_unreadable = true;
         }
       },
-      tell_slow, result.errors);
+      report_slow, result.errors);
   if (!is_in_time) {
     child.kill();
   }

@@ -87,7 +87,7 @@ void NoticeOrder::stop() {
   }
 }
 
-void NoticeOrder::tell(Notice::Kind kind, std::uint32_t component, const std::string& text) {
+void NoticeOrder::send_notice(Notice::Kind kind, std::uint32_t component, const std::string& text) {
   if (text.size() > kMaxText) {
     throw std::length_error(fmt::format("{} bytes are sent to other processes; at most {} can be",
                                         text.size(), kMaxText));

@@ -22,7 +22,8 @@ namespace fastcycle::processes {
 /// them from there. In simulated time each process takes the notices of a round at its end, in the
 /// order of the components they concern.
 ///
-/// @threads  `tell` is Safe. Live, a thread of its own takes notices; in simulated time, the thread
+/// @threads  `send_notice` is Safe. Live, a thread of its own takes notices; in simulated time, the
+/// thread
 ///           that runs the simulation.
 class NoticeOrder {
  public:
@@ -33,8 +34,8 @@ class NoticeOrder {
   NoticeOrder& operator=(const NoticeOrder&) = delete;
   ~NoticeOrder();
 
-  /// @errors  As `Peers::tell`.
-  void tell(host::Notice::Kind kind, std::uint32_t component, const std::string& text);
+  /// @errors  As `Peers::send_notice`.
+  void send_notice(host::Notice::Kind kind, std::uint32_t component, const std::string& text);
   [[nodiscard]] const std::set<std::uint32_t>& recipients() const { return recipients_; }
   /// Live: wakes the thread. Safe.
   void wake();

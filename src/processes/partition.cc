@@ -211,7 +211,7 @@ void Partition::connect(host::Application& application) {
       }
     }
   }
-  tell_followers();
+  notify_followers();
   if (plan_.other_of(process_)) {
     begin_pair();
   } else {
@@ -234,7 +234,7 @@ void Partition::connect(host::Application& application) {
 }
 
 /// Has the components here notify their followers at the end of activations.
-void Partition::tell_followers() {
+void Partition::notify_followers() {
   const std::vector<ProcessIndex> followers = plan_.followers_of(process_);
   if (followers.empty()) {
     return;
@@ -394,7 +394,7 @@ void Partition::attach() {
   }
   notices_->begin();
   if (incarnation_ > 1) {
-    tell(host::Notice::Kind::kReads, 0, {});
+    send_notice(host::Notice::Kind::kReads, 0, {});
   }
   if (rounds_ != nullptr && incarnation_ > 1) {
     await_readers();

@@ -85,8 +85,8 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void declare(detail::ComponentCore& component) override;
   void give_latched(std::uint32_t process) override;
   void sources_finished() override;
-  void tell(host::Notice::Kind kind, std::uint32_t component, std::string text) override {
-    notices_->tell(kind, component, text);
+  void send_notice(host::Notice::Kind kind, std::uint32_t component, std::string text) override {
+    notices_->send_notice(kind, component, text);
   }
   void look() override { notices_->wake(); }
   [[nodiscard]] std::uint32_t process_of(const std::string& component) const override;
@@ -140,7 +140,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void await_all(std::uint32_t progress, const std::function<bool()>& is_over) const;
   [[nodiscard]] std::uint32_t steps() const;
   void await_readers();
-  void tell_followers();
+  void notify_followers();
   void begin_pair();
   [[nodiscard]] std::string why_other(const detail::ComponentCore& core) const;
   [[nodiscard]] std::uint64_t last_sequence(const ProcessPlan::Link& link) const;

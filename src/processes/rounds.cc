@@ -274,7 +274,7 @@ void Rounds::agree_on_end(bool have_sources, bool are_sources_over, EndReason re
 }
 
 void Rounds::exchange() {
-  links_.tell_finished();
+  links_.report_finished();
   if (!is_joining_) {
     exchange_notices();
   }

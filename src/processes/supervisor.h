@@ -27,9 +27,9 @@ class Supervisor {
   using Work = std::function<int(segment::ProcessIndex process, std::uint32_t incarnation,
                                  Channel channel, int report)>;
   /// Called with messages for the user.
-  using Tell = std::function<void(const std::string& sentence)>;
+  using Report = std::function<void(const std::string& sentence)>;
 
-  Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Tell tell);
+  Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Report report);
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
   ~Supervisor();
@@ -94,7 +94,7 @@ class Supervisor {
   const ProcessPlan& plan_;
   const segment::Wire wire_;
   const Work work_;
-  const Tell tell_;
+  const Report report_;
   std::vector<Its> its_;  ///< By process; the first is unused.
   int signals_ = -1;
   bool is_started_ = false;

@@ -293,7 +293,7 @@ TEST_F(Ring, CountsWhatWasOverwrittenBeforeItWasRead) {
 
 // ---- Kills ----
 
-/// In a child: writes records until it is killed, and tells how many it has written.
+/// In a child: writes records until it is killed, and counts how many it has written.
 [[noreturn]] void write_until_killed(const FlightRing::Options& options,
                                      std::atomic<std::uint64_t>& written, std::uint64_t longest) {
   FlightRing ring(options, {});
@@ -327,7 +327,7 @@ TEST_F(Ring, HasEveryRecordThatWasWrittenWhenItsProcessIsKilled) {
     ASSERT_FALSE(numbers.empty());
     EXPECT_EQ(numbers, numbers_from(numbers.front(), numbers.size()));
     EXPECT_EQ(reader.missing(), 0U);
-    // One more may be there than the child could still tell.
+    // One more may be there than the child could still count.
     EXPECT_GE(numbers.back() + 1, (*written).load());
     EXPECT_LE(numbers.back() + 1, (*written).load() + 1);
   }

@@ -341,7 +341,7 @@ void Recorder::write(Batch& batch) {
       written[count.topic].bytes += count.bytes;
     }
   }
-  tell(is_written, messages);
+  report(is_written, messages);
   for (StoredMessage& message : batch.latched) {
     Latched& latched = latched_.at(message.head.channel_id);
     latched.last.push_back(std::move(message));
@@ -385,7 +385,7 @@ void Recorder::hear(bool goes_on) {
   }
 }
 
-void Recorder::tell(bool is_written, std::uint64_t messages) {
+void Recorder::report(bool is_written, std::uint64_t messages) {
   if (!is_written && !std::exchange(is_in_trouble_, true)) {
     lost_in_trouble_ = 0;
     say("nothing is recorded now: " + recording_.problem() + "; a new file is tried every second");

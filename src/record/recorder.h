@@ -188,7 +188,7 @@ class Recorder {
   void hear(bool goes_on);
   void say(const std::string& text);
   [[nodiscard]] std::uint64_t count_as_lost(const std::filesystem::path& active);
-  void tell(bool is_written, std::uint64_t messages);
+  void report(bool is_written, std::uint64_t messages);
   void explain(mcap::Writer& writer);
   void conclude(mcap::Writer& writer);
 

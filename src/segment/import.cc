@@ -164,16 +164,16 @@ void Import::begin_credits(std::uint32_t publisher) {
     credited_ = publisher;
     passed_on_ = head_;
   }
-  tell_finished();
+  report_finished();
 }
 
 void Import::credit_returned() noexcept {
   if (!wire_.plan().is_simulated) {  // Else between rounds.
-    tell_finished();
+    report_finished();
   }
 }
 
-void Import::tell_finished() noexcept {
+void Import::report_finished() noexcept {
   if (link_.credits == 0) {
     return;
   }

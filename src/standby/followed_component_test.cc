@@ -75,7 +75,7 @@ class ALateFollower : public testing::Test {
 
   void ask(LifeStep step, std::function<void()> body) {
     ++asked_;
-    core_->post_and_tell(
+    core_->post_and_notify(
         Cause::kMode, std::move(body), [this] { ++answered_; }, detail::to_key(step));
   }
   void ask_to_start() {

@@ -299,7 +299,7 @@ class Server::Net::Connection final : public AnyConnection {
       return;
     }
     if (!std::exchange(is_ending_, true)) {
-      session_->tell_losses();
+      session_->report_losses();
       want_write();  // Pending output is written first.
     }
   }

@@ -183,7 +183,7 @@ void Session::take_graph(const foxglove::Graph& graph, const foxglove::Graph& be
   say_text(foxglove::graph_update(graph, before));
 }
 
-void Session::tell_losses() {
+void Session::report_losses() {
   for (const Outbox::Loss& loss : outbox_.take_losses()) {
     lost_[loss.subscription] += loss.count;
   }

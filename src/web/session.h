@@ -40,7 +40,7 @@ class Session final : public Listener {
   [[nodiscard]] bool wants_params() const override { return wants_params_; }
   /// Sends changes of the subscribed params.
   void take_params(const inspect::protocol::Params& params) override;
-  void tell_losses() override;
+  void report_losses() override;
 
  private:
   static constexpr std::size_t kMaxSubscriptions = 4096;

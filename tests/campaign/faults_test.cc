@@ -283,7 +283,7 @@ TEST_F(InjectedFaults, ActInLiveRunsToo) {
   }
 }
 
-TEST_F(InjectedFaults, AreInTheLogAndVerifiedAsFarAsItTells) {
+TEST_F(InjectedFaults, AreInTheLogAndVerifiedAsFarAsItIsComplete) {
   run(R"({"seed": 3, "list": [
       {"kind": "drop", "topic": "sweeps", "probability": 0.1},
       {"kind": "delay", "topic": "sweeps", "probability": 0.1, "by_ms": 230},

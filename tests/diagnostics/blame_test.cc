@@ -254,7 +254,7 @@ TEST_F(Blame, AllMemoryGoneIsAFaultThatNamesWhoAskedForIt) {
   EXPECT_THAT(errors_, HasSubstr("its callback for \"counts\" threw: std::bad_alloc"));
 }
 
-// ---- What the flight recorder tells of a crash ----
+// ---- What the flight recorder reports of a crash ----
 
 TEST_F(Blame, TheFlightRecorderNamesTheCrashInTheNextRun) {
   write_application("segfault", "callback");

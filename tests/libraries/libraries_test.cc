@@ -357,7 +357,7 @@ TEST(TheTrial, IsGivenMoreOptionsThanOneArgumentHolds) {
 
   process.wait();
 
-  // The component has no such parameter, which only the trial can tell.
+  // The component has no such parameter, which only the trial can detect.
   EXPECT_TRUE(contains(process.errors(), "text…; nothing was started")) << process.errors();
   EXPECT_EQ(process.errors().find("could not be started"), std::string::npos) << process.errors();
 }

@@ -67,7 +67,7 @@ def runs_of(model):
 
 def sh(command, folder, what):
     done = subprocess.run(command, cwd=folder, text=True, capture_output=True, check=False)
-    # spin tells some errors by its output only.
+    # spin reports some errors by its output only.
     if done.returncode != 0 or "Error:" in done.stdout:
         sys.exit(f"models: {what}: {' '.join(command)}\n{done.stdout}{done.stderr}")
 

@@ -407,14 +407,14 @@ class Store final : public fastcycle::Component {
       if (reading.value() == crash_at_.get()) {
         raise(SIGSEGV);
       }
-      tell();
+      report_counts();
     });
   }
 
-  void start() override { tell(); }
+  void start() override { report_counts(); }
 
  private:
-  void tell() {
+  void report_counts() {
     report("received_by_" + context().component_name(), received_);
     report("missing_of_" + context().component_name(), missing_);
   }

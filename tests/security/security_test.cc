@@ -538,7 +538,7 @@ class SecurityOfTheTrial : public Security {
       return;
     }
     if (!fs::exists("/proc/thread-self/children")) {
-      GTEST_SKIP() << "this kernel does not tell which children a process has";
+      GTEST_SKIP() << "this kernel does not report which children a process has";
     }
     installed_.write("app.json", R"({"name": "secrets", "components": [
   {"name": "builder", "library": "security_parts", "class": "Builder", "params": {"gate": ")" +

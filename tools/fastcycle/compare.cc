@@ -279,7 +279,7 @@ int compare(CompareOptions& options) {
 Command add_compare(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
       "compare",
-      "Execute a log with changed components, and tell by how much what they publish changed");
+      "Execute a log with changed components, and report by how much what they publish changed");
   line->footer(examples(
       "  fastcycle compare drive.mcap --library-path build/new/lib\n"
       "  fastcycle compare drive.mcap app.json --set planning.margin_m=1.5 --page both.html\n"

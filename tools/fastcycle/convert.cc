@@ -17,7 +17,7 @@ namespace fastcycle::tool {
 namespace {
 
 /// Says what was not converted; the exit code.
-int tell(const Rewriting& work, const rosbag::Converted& done) {
+int print_result(const Rewriting& work, const rosbag::Converted& done) {
   const std::string in = work.inputs[0].string();
   for (const mcap::Problem& problem : done.problems) {
     print_problem(work.command, problem, "what there is was taken");
@@ -60,7 +60,7 @@ int convert_rosbag(Rewriting& work, const mcap::FileSource& source) {
         done.problems.empty() ? std::nullopt : std::optional(done.problems.front()), done.messages);
     file.commit();
   }
-  return tell(work, done);
+  return print_result(work, done);
 }
 
 }  // namespace

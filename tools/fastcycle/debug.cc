@@ -187,7 +187,7 @@ Command add_debug(CLI::App& program) {
       "component in the variable `object`. It is the same each time. See `fastcycle verify`.\n"));
   const auto options = std::make_shared<DebugOptions>();
   options->replaying.add_to(*line);
-  line->add_option("--activation", options->activation, "Its number, as verify and echo tell it")
+  line->add_option("--activation", options->activation, "Its number, as verify and echo print it")
       ->type_name("N");
   line->add_option("--at", options->at, "The first one at this time of the run, or later")
       ->type_name("TIME")

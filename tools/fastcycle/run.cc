@@ -247,9 +247,9 @@ std::optional<base::Refusal> restrict(const config::ProcessDescription& process)
 }
 
 /// Says what the sandbox of this process refused.
-void tell_refusals(const std::string& process,
-                   const std::vector<config::ComponentDescription>& components,
-                   const char* command) {
+void print_refusals(const std::string& process,
+                    const std::vector<config::ComponentDescription>& components,
+                    const char* command) {
   for (const sandbox::RefusedCall& refused : sandbox::take_refusals()) {
     const std::string to = refused.component == 0 || refused.component > components.size()
                                ? ""
@@ -440,8 +440,8 @@ config::Problems without_warnings(const config::Problems& problems) {
 }
 
 /// The report for people and for programs, where they are wanted; why the latter was not written.
-std::string tell(const nlohmann::ordered_json& json, const std::string& table,
-                 const RunOptions& options, const ReportFile& report_file) {
+std::string put_report(const nlohmann::ordered_json& json, const std::string& table,
+                       const RunOptions& options, const ReportFile& report_file) {
   const std::string obstacle = report_file.write(to_text(json));
   if (!options.is_quiet) {
     print_text(stdout, table);
@@ -630,10 +630,10 @@ int run_application(const config::ApplicationDescription& description,
   if (role != nullptr) {
     report.processes.push_back(report_process(*role, *plan, report));
     write_whole(role->report, host::to_bytes(report));
-    tell_refusals(plan->name(role->partition.process()), application.description().components,
-                  options.command);
+    print_refusals(plan->name(role->partition.process()), application.description().components,
+                   options.command);
   } else {
-    obstacle = tell(host::to_json(report), host::to_table(report), options, report_file);
+    obstacle = put_report(host::to_json(report), host::to_table(report), options, report_file);
   }
   if (options.is_quiet && tracer != nullptr && !tracer->report().problem.empty()) {
     print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
@@ -815,7 +815,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
     report.end = result.end;
   }
   const std::string obstacle =
-      tell(host::to_json(report), host::to_table(report), options, report_file);
+      put_report(host::to_json(report), host::to_table(report), options, report_file);
   return obstacle.empty() ? result.exit_code : std::max<int>(result.exit_code, kFailed);
 }
 

@@ -5,7 +5,7 @@
 
 #include <gmock/gmock.h>
 
-#include "dds_gateway/doctor/tell.h"
+#include "dds_gateway/doctor/to_text.h"
 
 namespace fastcycle::dds_gateway {
 namespace {

@@ -19,7 +19,7 @@
 
 #include "base/printable.h"
 #include "dds_gateway/doctor/observe.h"
-#include "dds_gateway/doctor/tell.h"
+#include "dds_gateway/doctor/to_text.h"
 #include "dds_security/documents.h"
 #include "dds_security/enclave.h"
 

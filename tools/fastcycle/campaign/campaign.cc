@@ -366,7 +366,7 @@ class Campaign {
             ++failed;
             clear_line();
             say(fmt::format("seed {}: {}", seeds[i], verdict.how));
-            keep_what_tells(folder_of(i));
+            keep_results(folder_of(i));
           } else {
             fs::remove_all(folder_of(i));
           }
@@ -378,7 +378,7 @@ class Campaign {
   }
 
   /// For the folder of a failed run. Its components' files may be large, and can be reproduced.
-  static void keep_what_tells(const fs::path& folder) {
+  static void keep_results(const fs::path& folder) {
     for (const auto& entry : fs::directory_iterator(folder)) {
       const std::string name = entry.path().filename().string();
       if (name != "overlay.json" && name != "report.json" && name != "output.txt") {

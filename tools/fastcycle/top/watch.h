@@ -47,7 +47,7 @@ class Watch {
 
  private:
   void run();
-  void tell(News news);
+  void post(News news);
 
   const std::unique_ptr<inspect::Client> client_;
   const std::chrono::milliseconds interval_;

@@ -1,4 +1,4 @@
-#include "dds_gateway/doctor/tell.h"
+#include "dds_gateway/doctor/to_text.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "host/pool_teller.h"
+#include "host/pool_reporter.h"
 
 #include <chrono>
 #include <condition_variable>
