@@ -67,7 +67,7 @@ def test_tells_what_components_reported() -> None:
             numbers.publish({"value": value})
         bench.stop()
         results = bench.results("adder")
-    assert (results["sum"], results["heard"], results["text"]) == (10, 4, "hello")
+    assert (results["sum"], results["received"], results["text"]) == (10, 4, "hello")
 
 
 def test_names_every_error(bench: Bench) -> None:

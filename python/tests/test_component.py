@@ -166,7 +166,7 @@ def test_gets_no_more_messages_than_its_share_when_it_keeps_all(bench: Bench, ad
 
         def on_reading(self, reading):
             self.images.append(reading.image)
-            self.report("heard", len(self.images))
+            self.report("received", len(self.images))
 """,
     )
     bench.configure(topics={"in": {"pool_max": 40}})
@@ -175,13 +175,13 @@ def test_gets_no_more_messages_than_its_share_when_it_keeps_all(bench: Bench, ad
     bench.start()
     for value in range(200):
         readings.publish({"value": value, "image": b"x"})
-    heard = bench.results("it")["heard"]
-    assert heard < 200
+    received = bench.results("it")["received"]
+    assert received < 200
     assert len(others.take()) == 200
     bench.advance(1.0)  # It lets go of all of them.
     for value in range(5):
         readings.publish({"value": value, "image": b"x"})
-    assert bench.results("it")["heard"] == 5
+    assert bench.results("it")["received"] == 5
 
 
 def test_reads_what_is_empty(bench: Bench, add: Add) -> None:
@@ -206,7 +206,7 @@ def test_lets_messages_go_when_its_callback_ends(bench: Bench, add: Add) -> None
 
         def on_reading(self, reading):
             self.count += 1
-            self.report("heard", self.count)
+            self.report("received", self.count)
             sum(reading.ranges), bytes(reading.image), reading.text
 """,
     )
@@ -215,7 +215,7 @@ def test_lets_messages_go_when_its_callback_ends(bench: Bench, add: Add) -> None
     bench.start()
     for value in range(500):
         readings.publish({"value": value, "image": b"x", "ranges": [value]})
-    assert bench.results("it")["heard"] == 500
+    assert bench.results("it")["received"] == 500
 
 
 def test_has_parts_enumerations_and_repeated_messages(bench: Bench, add: Add) -> None:
@@ -601,19 +601,19 @@ def test_serves_several_components_at_once(tmp_path: pathlib.Path) -> None:
             context.subscribe("sensor/readings", "live.Reading", self.on_reading, keep=4)
             for other in ("one", "two", "three"):
                 context.subscribe(f"{other}/out", "live.Reading", self.on_other)
-            self.kept, self.heard = [], 0
+            self.kept, self.received = [], 0
 
         def on_reading(self, reading):
             self.kept = self.kept[-3:] + [reading.ranges]
             loan = self.out.loan()
             loan.ranges = numpy.sin(sum(self.kept))
             self.out.publish(loan)
-            if self.heard > 20 and self.context.component_name == "two":
+            if self.received > 20 and self.context.component_name == "two":
                 raise RuntimeError("to be made anew")
 
         def on_other(self, other):
-            self.heard += len(other.ranges) == 100
-            self.report("heard", self.heard)
+            self.received += len(other.ranges) == 100
+            self.report("received", self.received)
     """,
     )
     parts: list[dict[str, Any]] = [

@@ -115,13 +115,13 @@ TEST_F(LogTest, KnowsWhetherAllIsPrinted) {
 
 TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsReportedAndCounted) {
   constexpr std::uint64_t kLines = 1'000'000;
-  std::uint64_t heard = 0;
+  std::uint64_t received = 0;
   std::uint64_t reported = 0;
   queue_->set_listener(this, [&](const LogLine& line) {
     if (line.component == LogQueue::kOwnName) {
       reported += std::stoull(std::string(line.text));
     } else {
-      ++heard;
+      ++received;
     }
   });
   LogSource source(*queue_, "flood", clock_, LogLevel::kInfo);
@@ -134,10 +134,10 @@ TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsReportedAndCounted) {
   flood();
   other.join();
   EXPECT_THAT(printed(), HasSubstr("water"));
-  EXPECT_EQ(heard + reported, kLines);
+  EXPECT_EQ(received + reported, kLines);
 }
 
-TEST_F(LogTest, EachListenerHearsUntilItIsTakenAway) {
+TEST_F(LogTest, EachListenerIsCalledUntilItIsTakenAway) {
   std::vector<std::string> first;
   std::vector<std::string> second;
   queue_->set_listener(&first, [&](const LogLine& line) { first.emplace_back(line.text); });

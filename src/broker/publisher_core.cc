@@ -761,7 +761,7 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   }
 }
 
-/// Who only looks on is given what was published. Another process has a gate of its own.
+/// Observers are given what was published. Another process has a gate of its own.
 void PublisherCore::put_through_gate(Envelope* envelope) noexcept {
   const std::lock_guard lock(gate_->mutex);
   const Pool& pool = *envelope->pool;

@@ -133,8 +133,8 @@ TEST_F(QualityOfService, AFailedPublisherIsLostOnceAndAliveAgainOnlyByWhatCameLa
   Quality& quality = subscribe({.on_event = [](const QosEvent&) {}});
   publish(0, 5ms);
 
-  EXPECT_TRUE(quality.hear(publishers_[0]->id, false, "failed", at(6ms)));
-  EXPECT_FALSE(quality.hear(publishers_[0]->id, false, "stopped", at(7ms)));
+  EXPECT_TRUE(quality.on_liveliness(publishers_[0]->id, false, "failed", at(6ms)));
+  EXPECT_FALSE(quality.on_liveliness(publishers_[0]->id, false, "stopped", at(7ms)));
   Inbox::Head head;
   ASSERT_TRUE(inbox_.peek(head));
   QosEvent event;

@@ -176,13 +176,13 @@ struct AGoal : ::testing::Test {
 
   std::vector<std::string> say(std::int64_t value) {
     go->publish(number(value));
-    return heard();
+    return received();
   }
   std::vector<std::string> after(Duration span) {
     bench.advance(span);
-    return heard();
+    return received();
   }
-  std::vector<std::string> heard() {
+  std::vector<std::string> received() {
     std::vector<std::string> texts;
     for (const StringValue& message : results->take()) {
       texts.push_back(message.value());

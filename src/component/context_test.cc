@@ -267,7 +267,7 @@ class Visitor final : public Component {
   std::optional<Subscriber> visit_;
 };
 
-/// Hears "counts", and looks at the last one too.
+/// Receives "counts", and looks at the last one too.
 class Reader final : public Component {
  public:
   explicit Reader(Context& context)
@@ -294,7 +294,7 @@ TEST(APublisher, KnowsHowManySubscribeTheSameInEveryRun) {
           {"name": "visitor", "library": "visitor", "serve_period_ms": 1}]})",
                                           problems),
                             {.is_simulated = true, .workers = workers});
-    config::RecordDescription record;  // Who looks on does not count.
+    config::RecordDescription record;  // Observers do not count.
     record.file = folder / "a.mcap";
     application.record(record);
     application.build(classes, problems, ConstructorFault::kFault);

@@ -162,18 +162,18 @@ void Wiring::report_liveliness(ComponentCore& component, bool is_alive, std::str
         }
         auto& to = static_cast<detail::CallbackSubscription&>(*subscription);
         auto& receiver = static_cast<ComponentCore&>(to.actor);
-        const auto hear = [&to, &receiver, id = publisher->id, is_alive, reason] {
+        const auto report = [&to, &receiver, id = publisher->id, is_alive, reason] {
           if (receiver.state != ComponentCore::State::kActive || to.is_ended) {
             return;
           }
           const std::int64_t now_ns = base::to_ns(receiver.publishing.now);
-          const auto event = to.quality->hear(id, is_alive, reason, now_ns);
+          const auto event = to.quality->on_liveliness(id, is_alive, reason, now_ns);
           if (const auto callback = to.quality->callback(); event && callback != nullptr) {
             to.quality->keep(receiver.publishing, *event);
             (*callback)(*event);
           }
         };
-        receiver.post(Cause::kEvent, hear, nullptr, detail::Control::kNoTimer);
+        receiver.post(Cause::kEvent, report, nullptr, detail::Control::kNoTimer);
       }
     }
   };

@@ -58,9 +58,10 @@ class SystemBuilder {
       if (const auto from = place_of(chain.from), to = place_of(chain.to); from && to) {
         system_.chains.push_back({chain.name, *from, *to, chain.deadline});
       } else {
-        problems_.add(config::make_error(
-            chain.place, "chain " + config::in_quotes(chain.name) + ": nobody publishes or hears " +
-                             config::in_quotes(from ? chain.to : chain.from)));
+        problems_.add(
+            config::make_error(chain.place, "chain " + config::in_quotes(chain.name) +
+                                                ": nobody publishes or subscribes to " +
+                                                config::in_quotes(from ? chain.to : chain.from)));
       }
     }
     return std::move(system_);

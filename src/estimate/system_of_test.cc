@@ -30,7 +30,7 @@ class Lidar final : public fastcycle::Component {
   ExternalPublisher<Int64Value> points_;
 };
 
-/// Hears points, publishes objects; its Serve Timer only counts.
+/// Subscribes to points, publishes objects; its Serve Timer only counts.
 class Filter final : public fastcycle::Component {
  public:
   explicit Filter(Context& context)

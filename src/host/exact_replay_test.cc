@@ -402,7 +402,7 @@ TEST_F(ExactReplays, KnowWhatAThreadThrew) {
 
 // ---- From the middle ----
 
-/// Adds up what it hears, and the last numbers that its view has; saves it when it is asked.
+/// Adds up what it receives, and the last numbers that its view has; saves it when it is asked.
 class Sums final : public Component {
  public:
   explicit Sums(Context& context)

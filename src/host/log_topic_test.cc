@@ -120,7 +120,7 @@ class LogTopic : public testing::Test {
           {"name": "listener", "library": "listener"}]})",
                             classes_, clock);
   }
-  /// What is heard in 25 ms of simulated time.
+  /// What is received in 25 ms of simulated time.
   std::vector<std::string> simulated(const std::string& writers, unsigned workers = 1) {
     auto application = make(writers, {.is_simulated = true, .workers = workers});
     application->start();

@@ -33,7 +33,7 @@ void Observers::add(std::unique_ptr<Observer> observer) {
 }
 
 void Observers::tap(detail::Topics& topics) {
-  std::ranges::copy_if(observers_, std::back_inserter(hearing_),
+  std::ranges::copy_if(observers_, std::back_inserter(change_observers_),
                        [](const Observer* observer) { return observer->wants_changes(); });
   for (Observer* observer : observers_) {
     observer->tap(topics);
@@ -95,7 +95,7 @@ void Observers::changed(const ComponentNews& news) noexcept {
   if (is_over_) {
     return;
   }
-  for (Observer* observer : hearing_) {
+  for (Observer* observer : change_observers_) {
     observer->changed(news);
   }
 }

@@ -346,13 +346,13 @@ void PeerNews::take(const Notice& notice) {
     const std::string& name = application_.components()[notice.component]->name;
     if (application_.peers()->process_of(name) == notice.process) {
       if (auto news = news_from(notice.text, its_[notice.component].news)) {
-        hear(notice.component, std::move(*news));
+        receive(notice.component, std::move(*news));
       }
     }
   }
 }
 
-void PeerNews::hear(std::uint32_t component, ComponentNews news) {
+void PeerNews::receive(std::uint32_t component, ComponentNews news) {
   Its& its = its_[component];
   news.component = component;
   news.faults += its.faults_before;

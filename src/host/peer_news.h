@@ -68,7 +68,7 @@ class PeerNews {
 
   void send(Its& its);
   void take_figures();
-  void hear(std::uint32_t component, ComponentNews news);
+  void receive(std::uint32_t component, ComponentNews news);
   void process_has_ended(const Notice& notice);
 
   ApplicationHost& application_;

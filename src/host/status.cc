@@ -134,12 +134,13 @@ void StatusSender::changed(ComponentCore& component, bool is_urgent) {
     return;
   }
   if (!time_.is_simulated()) {
-    status_->post(Cause::kEvent, [this, index = component.index] { hear(pending_.take(index)); });
+    status_->post(Cause::kEvent,
+                  [this, index = component.index] { deliver(pending_.take(index)); });
     return;
   }
   // At the end of the round: news of the next round must not be taken in that round.
   component.stage([this, index = component.index] {
-    status_->post(Cause::kEvent, [this, its_news = pending_.take(index)] { hear(its_news); });
+    status_->post(Cause::kEvent, [this, its_news = pending_.take(index)] { deliver(its_news); });
   });
 }
 
@@ -148,12 +149,12 @@ void StatusSender::changed_elsewhere(ComponentNews news) {
   if (status_ == nullptr || index >= status_->index || is_over_ || !pending_.put(std::move(news))) {
     return;
   }
-  status_->post(Cause::kEvent, [this, index] { hear(pending_.take(index)); });
+  status_->post(Cause::kEvent, [this, index] { deliver(pending_.take(index)); });
 }
 
-void StatusSender::hear(const ComponentNews& news) const {
+void StatusSender::deliver(const ComponentNews& news) const {
   if (status_->component != nullptr) {
-    static_cast<StatusComponent*>(status_->component)->hear(news);
+    static_cast<StatusComponent*>(status_->component)->update(news);
   }
 }
 
@@ -178,10 +179,10 @@ StatusComponent::StatusComponent(Context& context)
 
 void StatusComponent::set_sources(const StatusSources& sources) {
   sources_.emplace(sources);
-  heard_.clear();
+  component_news_.clear();
   for (const auto& core : sources.application.components()) {
     if (core.get() != &context().core()) {
-      heard_.push_back(news_of(*core));
+      component_news_.push_back(news_of(*core));
     }
   }
 }
@@ -191,9 +192,9 @@ void StatusComponent::start() {
   say();
 }
 
-void StatusComponent::hear(const ComponentNews& news) {
-  if (news.component < heard_.size()) {
-    heard_[news.component] = news;
+void StatusComponent::update(const ComponentNews& news) {
+  if (news.component < component_news_.size()) {
+    component_news_[news.component] = news;
     if (news.is_urgent) {
       say();
     }
@@ -237,7 +238,7 @@ void StatusComponent::fill() {
   if (const record::Recorder* recorder = sources_->recorder) {
     next_.set_recording_trouble(base::to_utf8(recorder->trouble()));
   }
-  for (std::size_t index = 0; index < heard_.size(); ++index) {
+  for (std::size_t index = 0; index < component_news_.size(); ++index) {
     fill_component(index, *next_.add_components());
   }
   fill_chains();
@@ -246,11 +247,11 @@ void StatusComponent::fill() {
       fill_topic(*topic);
     }
   });
-  for (std::size_t index = 0; index < heard_.size(); ++index) {
-    if (!heard_[index].elsewhere) {
+  for (std::size_t index = 0; index < component_news_.size(); ++index) {
+    if (!component_news_[index].elsewhere) {
       continue;
     }
-    for (const auto& one : heard_[index].elsewhere->subscriptions) {
+    for (const auto& one : component_news_[index].elsewhere->subscriptions) {
       status::Subscription& reported = *next_.add_subscriptions();
       reported.set_topic(one.topic);
       reported.set_component(sources_->application.components()[index]->name);
@@ -269,7 +270,7 @@ void StatusComponent::fill_chains() {
       sum.breaches = reports[chain].breaches;
       sum.dropped = reports[chain].dropped;
     }
-    for (const ComponentNews& news : heard_) {
+    for (const ComponentNews& news : component_news_) {
       for (const ChainNews& its : news.chains) {
         if (its.chain == chain && (news.elsewhere || time_.is_simulated())) {
           sum.count += news.elsewhere ? its.count : 0;
@@ -288,7 +289,7 @@ void StatusComponent::fill_chains() {
 
 void StatusComponent::fill_component(std::size_t index, status::Component& component) const {
   const ComponentCore& core = *sources_->application.components()[index];
-  const ComponentNews& news = heard_[index];
+  const ComponentNews& news = component_news_[index];
   component.set_name(core.name);
   const ApplicationHost& application = sources_->application;
   component.set_state(news.elsewhere                          ? to_message(news.elsewhere->state)

@@ -110,7 +110,7 @@ class StatusSender {
   void end() { is_over_ = true; }
 
  private:
-  void hear(const ComponentNews& news) const;
+  void deliver(const ComponentNews& news) const;
 
   TimeDriver& time_;
   detail::ComponentCore* status_ = nullptr;

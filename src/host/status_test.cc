@@ -119,17 +119,17 @@ class Latecomer final : public Component {
           this->context().create_subscriber<status::Status>(
               kStatusTopic, [this](const status::Status& status) {
                 const Time taken{Duration(status.header().taken_ns())};
-                heard_ += std::to_string((now() - start_time()) / 1ms) + ":" +
-                          std::to_string((taken - start_time()) / 1ms) + " ";
+                received_ += std::to_string((now() - start_time()) / 1ms) + ":" +
+                             std::to_string((taken - start_time()) / 1ms) + " ";
               });
         })) {}
 
   void start() override { timer_.arm_at(now() + 1500ms); }
-  void stop() override { report("heard", heard_); }
+  void stop() override { report("received", received_); }
 
  private:
   Timer timer_;
-  std::string heard_;
+  std::string received_;
 };
 
 class Intruder final : public Component {
@@ -393,7 +393,7 @@ TEST(TheStatus, GivesALateJoinerTheLastOne) {
               2500ms);
   drive.application->stop();
 
-  EXPECT_EQ(std::get<std::string>(drive.find("latecomer")->results.at("heard")),
+  EXPECT_EQ(std::get<std::string>(drive.find("latecomer")->results.at("received")),
             "1500:1000 2000:2000 ");
 }
 
@@ -474,9 +474,9 @@ TEST(ABench, MayFeedAStatusToASupervisor) {
             "0 application: \"another\"\n");
 }
 
-std::atomic<int> g_live_step{0};  // What the supervisor has heard.
+std::atomic<int> g_live_step{0};  // What the supervisor has received.
 
-/// Is degraded, well and broken, each until the supervisor has heard of it.
+/// Is degraded, well and broken, each until the supervisor was notified of it.
 class LiveWorker final : public Component {
  public:
   explicit LiveWorker(Context& context) : Component(context) {}
@@ -492,7 +492,7 @@ class LiveWorker final : public Component {
   }
 };
 
-/// Ends a live run once it has heard that its neighbour was degraded, well again, and failed.
+/// Ends a live run once it was notified that its neighbour was degraded, well again, and failed.
 class LiveSupervisor final : public Component {
  public:
   explicit LiveSupervisor(Context& context) : Component(context), source_(context.create_source()) {

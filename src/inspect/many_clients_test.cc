@@ -141,7 +141,7 @@ class ManyHostileClients : public testing::Test {
     return frame_of(request.SerializeAsString());
   }
   /// Empties what was said to `descriptor`.
-  static void hear(int descriptor) {
+  static void drain(int descriptor) {
     std::string piece(65536, '\0');
     while (::recv(descriptor, piece.data(), piece.size(), MSG_DONTWAIT) > 0) {
     }
@@ -202,7 +202,7 @@ TEST_F(ManyHostileClients, SayingRandomFramesChangeNothing) {
       ::close(descriptor);  // As it should be.
       descriptor = -1;
     } else {
-      hear(descriptor);
+      drain(descriptor);
     }
   }
   ::close(descriptor);

@@ -232,7 +232,8 @@ void Chains::check(config::Problems& problems) {
         names += (names.empty() ? "" : ", ") + name;
       }
       add("to", "ends at \"" + chain.to + "\", which nothing of \"" + chain.from + "\" reaches",
-          names.empty() ? "no component that hears it publishes anything" : "it reaches " + names);
+          names.empty() ? "no component that subscribes to it publishes anything"
+                        : "it reaches " + names);
     }
   }
 }

@@ -121,8 +121,8 @@ class Relay final : public Component {
   std::int64_t held_ = 0;
 };
 
-/// Hears "in". With `resets` it goes back to the mode "nominal" after each message, and counts
-/// those before which nobody had asked for "degraded".
+/// Subscribes to "in". With `resets` it goes back to the mode "nominal" after each message, and
+/// counts those before which nobody had asked for "degraded".
 class Sink final : public Component {
  public:
   explicit Sink(Context& context)
@@ -158,7 +158,7 @@ class Viewer final : public Component {
   Latest<Int64Value> in_;
 };
 
-/// Publishes the last number that it heard on "in" at each Serve period.
+/// Publishes the last number that it received on "in" at each Serve period.
 class Ticker final : public Component {
  public:
   explicit Ticker(Context& context)
@@ -682,9 +682,10 @@ TEST(AChain, IsReportedWrongWhereNothingGetsThrough) {
   EXPECT_THAT(
       problems_of(with("a", "bb")),
       HasSubstr("/chains/0/to: the chain \"c\" ends at \"bb\", to which nobody subscribes"));
-  EXPECT_THAT(problems_of(with("b", "a")),
-              HasSubstr("ends at \"a\", which nothing of \"b\" reaches; no component that hears it "
-                        "publishes anything"));
+  EXPECT_THAT(
+      problems_of(with("b", "a")),
+      HasSubstr("ends at \"a\", which nothing of \"b\" reaches; no component that subscribes to it "
+                "publishes anything"));
   EXPECT_THAT(problems_of(with("a", "b", "'topics': {'a': {'latched': 1}},")),
               HasSubstr("begins at \"a\", whose messages do not grow old"));
 }

@@ -69,9 +69,9 @@ Diary g_diary;
 std::atomic<bool> g_may_go{false};
 
 /// Writes its life down.
-class Witness final : public Component {
+class Probe final : public Component {
  public:
-  explicit Witness(Context& its_context)
+  explicit Probe(Context& its_context)
       : Component(its_context),
         waits_(its_context.param<bool>("waits", {.fallback = false})),
         fault_ms_(its_context.param<std::int64_t>("fault_ms", {.fallback = 0})) {
@@ -265,7 +265,7 @@ TEST(AMode, SaysWhoIsActiveInIt) {
     EXPECT_EQ(fallback.delivered, 2U);
     EXPECT_EQ(dropped(fallback, DropReason::kInactive), 6U);
     EXPECT_TRUE(fallback.adds_up());
-    // What it published in `stop` nobody heard, since it was not active then.
+    // What it published in `stop` nobody received, since it was not active then.
     EXPECT_EQ(core_of(*application, "fallback").declared.publishers.at(0)->muted(), 1U);
 
     const RunReport report = make_report(*application, 1s);
@@ -306,7 +306,7 @@ TEST(AMode, IsAskedForFromOutsideToo) {
 
 TEST(AMode, NamesComponentsByPatternsAndByExecutors) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   g_diary.clear();
   const auto application = make_application(R"({"name": "test",
     "executors": [{"name": "fast"}],
@@ -348,7 +348,7 @@ std::vector<std::string> errors_of(std::string_view text, TestClasses& classes) 
 
 TEST(AMode, ThatNamesNobodyIsAnError) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   const auto errors = errors_of(R"({"name": "test",
     "modes": {"one": {"components": ["plannr", "x/*"], "executors": ["fsat"]}},
     "initial_mode": "on",
@@ -410,7 +410,7 @@ TEST(AMode, HasComponentsKeepTheLastLatchedMessages) {
 TEST(AStart, ComesAfterThoseThatTheFileNames) {
   for (const bool is_simulated : {true, false}) {
     TestClasses classes;
-    classes.with<Witness>("w");
+    classes.with<Probe>("w");
     g_diary.clear();
     const auto application = make_application(R"({"name": "test",
       "components": [{"name": "a", "library": "w", "after": ["x/c"]},
@@ -436,7 +436,7 @@ TEST(AStart, ComesAfterThoseThatTheFileNames) {
 
 TEST(AStart, ThatWaitsForItselfIsAnErrorWithItsWay) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   const auto errors = errors_of(R"({"name": "test",
     "components": [{"name": "a", "library": "w", "after": ["c"]},
                    {"name": "b", "library": "w", "after": ["a", "loclization"]},
@@ -451,7 +451,7 @@ TEST(AStart, ThatWaitsForItselfIsAnErrorWithItsWay) {
 
 TEST(AStart, ThatTakesTooLongIsAFaultOfItsComponent) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   g_diary.clear();
   g_may_go = false;
   const auto application = make_application(R"({"name": "test", "start_timeout_ms": 60000,
@@ -473,7 +473,7 @@ TEST(AStart, ThatTakesTooLongIsAFaultOfItsComponent) {
 
 TEST(AStart, ThatTakesTooLongEndsARunWhosePolicySaysSo) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   g_diary.clear();
   g_may_go = false;
   const auto application = make_application(R"({"name": "test", "on_fault": "stop",
@@ -493,7 +493,7 @@ TEST(AStart, ThatTakesTooLongEndsARunWhosePolicySaysSo) {
 TEST(ARestart, BacksOffExactlyAndEndsAtItsLimit) {
   for (const unsigned workers : {1U, 2U, 4U}) {
     TestClasses classes;
-    classes.with<Witness>("w");
+    classes.with<Probe>("w");
     g_diary.clear();
     const auto application = make_application(R"({"name": "test", "on_fault": "restart",
       "restart": {"limit": 4, "back_off_ms": 50},

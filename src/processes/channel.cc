@@ -46,7 +46,7 @@ void Channel::say(Word word, std::string_view text) const noexcept {
   }
 }
 
-std::optional<Channel::Message> Channel::hear() const {
+std::optional<Channel::Message> Channel::receive() const {
   std::array<char, 256> message{};
   ssize_t size = 0;
   do {

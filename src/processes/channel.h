@@ -22,7 +22,7 @@ inline constexpr const char* kHasSources = "sources";
 
 /// One end of the channel: ordered messages of a word and a text.
 ///
-/// @threads  `say` is Safe; `hear` is confined to one thread.
+/// @threads  `say` is Safe; `receive` is confined to one thread.
 class Channel {
  public:
   struct Message {
@@ -42,7 +42,7 @@ class Channel {
   /// Does nothing if the other end is closed. @pre SIGPIPE is ignored.
   void say(Word word, std::string_view text = {}) const noexcept;
   /// Waits for the next message. None if the other end is closed.
-  [[nodiscard]] std::optional<Message> hear() const;
+  [[nodiscard]] std::optional<Message> receive() const;
 
   [[nodiscard]] int socket() const noexcept { return socket_; }
   void close() noexcept;

@@ -219,9 +219,9 @@ void Supervisor::announce(ProcessIndex process, std::uint32_t incarnation) {
 }
 
 /// A worker sent a word, or closed its end of the channel.
-void Supervisor::hear(ProcessIndex process) {
+void Supervisor::receive(ProcessIndex process) {
   Its& its = its_[process];
-  const auto message = its.channel.hear();
+  const auto message = its.channel.receive();
   if (!message) {
     its.channel.close();
     return;
@@ -625,7 +625,7 @@ Supervisor::Result Supervisor::run() {
       if (whose[i].second) {
         take_end(whose[i].first);
       } else {
-        hear(whose[i].first);
+        receive(whose[i].first);
       }
     }
     restart_due();

@@ -72,7 +72,7 @@ class Supervisor {
   [[nodiscard]] bool may_be_followed(segment::ProcessIndex process) const;
   [[noreturn]] void work_in_child(segment::ProcessIndex process, Channel channel);
   void announce(segment::ProcessIndex process, std::uint32_t incarnation);
-  void hear(segment::ProcessIndex process);
+  void receive(segment::ProcessIndex process);
   void end_for_standby(const std::string& name);
   void proceed();
   void take_signal();

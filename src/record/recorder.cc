@@ -332,7 +332,7 @@ void Recorder::write(Batch& batch) {
     messages += count.messages;
   }
   has_failed_ = has_failed_ || !is_written;
-  hear(is_written);
+  take_file_news(is_written);
   if (is_written) {
     auto& written = written_[recording_.active()];
     written.resize(topics_.size());
@@ -365,7 +365,7 @@ std::uint64_t Recorder::count_as_lost(const std::filesystem::path& active) {
 }
 
 /// Handles changes of files. `goes_on`: a file is being written.
-void Recorder::hear(bool goes_on) {
+void Recorder::take_file_news(bool goes_on) {
   for (const Recording::News& news : recording_.take_news()) {
     std::string text = news.text;
     if (news.is_lost) {
@@ -476,7 +476,7 @@ void Recorder::stop(std::map<std::string, std::string> end) {
   writing_.join();
   end_ = std::move(end);
   has_failed_ = !recording_.close() || has_failed_;
-  hear(false);
+  take_file_news(false);
 }
 
 }  // namespace fastcycle::record

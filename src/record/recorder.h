@@ -185,7 +185,7 @@ class Recorder {
   void set(bool& flag);
   void write_batches();
   void write(Batch& batch);
-  void hear(bool goes_on);
+  void take_file_news(bool goes_on);
   void say(const std::string& text);
   [[nodiscard]] std::uint64_t count_as_lost(const std::filesystem::path& active);
   void report(bool is_written, std::uint64_t messages);

@@ -30,7 +30,7 @@ RecordedStream stream(const std::string& topic, const std::string& publisher) {
           .schema = record::descriptor_set_of(*Int64Value::descriptor())};
 }
 
-/// camera and radar bring in, fusion joins them, control hears fusion.
+/// camera and radar publish, fusion joins them, control subscribes to fusion.
 class Plans : public testing::Test {
  protected:
   ReplayPlan plan(const ReplayOptions& options) {

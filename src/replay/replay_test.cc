@@ -133,7 +133,7 @@ class Listener final : public Component {
  public:
   explicit Listener(Context& context) : Component(context) {
     context.create_subscriber<Int64Value>("numbers", [this](const Sample<Int64Value>& number) {
-      ++heard_;
+      ++received_;
       sum_ += number->value();
       is_rising_ =
           is_rising_ && number.info().sequence > last_ && number.info().publish_time >= last_time_;
@@ -148,21 +148,21 @@ class Listener final : public Component {
   }
   void stop() override {
     report("start_ns", (start_time() - Time{}).count());
-    report("heard", heard_);
+    report("received", received_);
     report("sum", sum_);
     report("rising", is_rising_);
   }
 
  private:
   std::int64_t ticks_ = 0;
-  std::int64_t heard_ = 0;
+  std::int64_t received_ = 0;
   std::int64_t sum_ = 0;
   std::uint64_t last_ = 0;
   Time last_time_{};
   bool is_rising_ = true;
 };
 
-/// Hears what the mixer says.
+/// Receives what the mixer publishes.
 class MixedListener final : public Component {
  public:
   explicit MixedListener(Context& context) : Component(context) {
@@ -617,7 +617,7 @@ TEST_F(Replays, ALoopGoesOnWhereItEnded) {
   EXPECT_EQ(replay(kListening, {.files = {file}, .is_looped = true}, simulated(), {}, 50ms),
             EndReason::kTimeOver);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{100}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{100}));
   EXPECT_EQ(result("rising"), ReportValue(true));
 }
 
@@ -630,7 +630,7 @@ TEST_F(Replays, SeveralFilesAreOneRecordingAndWhatIsRepeatedComesOnce) {
 
   replay(kListening, {.files = {first, second}}, simulated());
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{3}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{3}));
   EXPECT_EQ(result("sum"), ReportValue(std::int64_t{60}));
   EXPECT_EQ(result("rising"), ReportValue(true));
 }
@@ -648,7 +648,7 @@ TEST_F(Replays, TimersStartWhenTheyDidThen) {
 
   EXPECT_EQ(result("start_ns"), ReportValue(std::int64_t{3'000'000}));
   EXPECT_EQ(result("first_tick_ns"), ReportValue(std::int64_t{13'000'000}));
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{2}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{2}));
 }
 
 TEST_F(Replays, ALiveRecordingSaysWhenItsTimersStarted) {
@@ -659,7 +659,7 @@ TEST_F(Replays, ALiveRecordingSaysWhenItsTimersStarted) {
   replay(kListening, {.files = {file}}, simulated());
 
   EXPECT_EQ(result("start_ns"), ReportValue(std::int64_t{base::to_ns(started)}));
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
 }
 
 // Losses of a live recording.
@@ -686,7 +686,7 @@ TEST_F(Replays, AFileOfOthersGoesWhereARemapSays) {
   EXPECT_EQ(replay(kListening, {.files = {file}, .remap = {{"/data", "numbers"}}}, simulated()),
             EndReason::kSourcesFinished);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{3}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{3}));
   EXPECT_EQ(result("sum"), ReportValue(std::int64_t{6}));
   EXPECT_EQ(result("rising"), ReportValue(true));
   EXPECT_EQ(replay_->plan().streams.front().component, "driver");
@@ -699,7 +699,7 @@ TEST_F(Replays, WhoPublishedAndIsNotThereGetsAPlace) {
 
   replay(alone, {.files = {file}}, simulated());
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
   ASSERT_EQ(report_.components.size(), 2U);
   EXPECT_EQ(report_.components[1].name, "driver");
 }
@@ -713,7 +713,7 @@ TEST_F(Replays, WhatAToolPublishedThenIsPublishedBesideItsDriver) {
   EXPECT_EQ(replay(kListening, {.files = {driver, tool}}, simulated()),
             EndReason::kSourcesFinished);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{3}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{3}));
   EXPECT_EQ(result("sum"), ReportValue(std::int64_t{103}));
 }
 
@@ -746,7 +746,7 @@ TEST_F(Replays, LiveEveryMessageComesAtItsTimeOfThen) {
 
   EXPECT_EQ(replay(kListening, {.files = {file}}, {}, "b.mcap"), EndReason::kSourcesFinished);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
   EXPECT_EQ(result("rising"), ReportValue(true));
   ASSERT_TRUE(report_.replay->worst_lateness_us);
   EXPECT_GE(*report_.replay->worst_lateness_us, 0.0);
@@ -794,13 +794,13 @@ TEST_F(Replays, APaceThatIsPausedLetsNothingComeButStepByStep) {
   pace.set_paused(true);
   application.start();
   std::thread control([&] {
-    const auto heard = [&] { return ledger_of(application, "numbers", "listener").delivered; };
+    const auto received = [&] { return ledger_of(application, "numbers", "listener").delivered; };
     const auto wait_for = [&](std::uint64_t count) {
       const auto limit = std::chrono::steady_clock::now() + 60s;
-      while (heard() < count && std::chrono::steady_clock::now() < limit) {
+      while (received() < count && std::chrono::steady_clock::now() < limit) {
         std::this_thread::yield();
       }
-      EXPECT_EQ(heard(), count);
+      EXPECT_EQ(received(), count);
     };
     pace.step();
     wait_for(2);
@@ -847,7 +847,7 @@ TEST_F(Replays, AFileThatEndsInTheMiddleIsReadUpToThere) {
   EXPECT_EQ(replay(kListening, {.files = {file}}, simulated()), EndReason::kSourcesFinished);
 
   EXPECT_THAT(said(), HasSubstr("what is before that is read"));
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
 }
 
 TEST_F(Replays, DamageInTheMiddleEndsTheRunAndCountsAsFailure) {
@@ -861,7 +861,7 @@ TEST_F(Replays, DamageInTheMiddleEndsTheRunAndCountsAsFailure) {
 
     EXPECT_EQ(reason, EndReason::kReplayFailed);
     EXPECT_TRUE(is_failure(reason));
-    EXPECT_EQ(result("heard"), ReportValue(std::int64_t{1}));
+    EXPECT_EQ(result("received"), ReportValue(std::int64_t{1}));
   }
 }
 

@@ -208,7 +208,7 @@ TEST_F(ALateFollower, ChangesModesAlsoWhereItWasAskedBeforeItsKeyFrame) {
 
   add(LifeStep::kActivate, {});
   serve();
-  ask_to_activate();  // It hears of this switch last.
+  ask_to_activate();  // It is notified of this switch last.
   serve();
 
   EXPECT_EQ(answered_, asked_);

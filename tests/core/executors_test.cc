@@ -187,7 +187,7 @@ TEST(Simulation, TimeStandsWhileAForeignThreadHoldsIt) {
   EXPECT_LE(std::get<std::int64_t>(result(*application, "ticks")), 1);
 }
 
-/// Its thread waits for a device, and hears of the end only when `stop` closes that.
+/// Its thread waits for a device, and is notified of the end only when `stop` closes that.
 class BlockingDriver final : public Component {
  public:
   explicit BlockingDriver(Context& context) : Component(context) {

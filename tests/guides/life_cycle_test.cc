@@ -176,7 +176,7 @@ TEST(TheGuideToTheLifeCycle, HasConfigurationsThatLoad) {
 }  // namespace
 
 // [snippet state]
-/// The mean of what it heard lately.
+/// The mean of what it received lately.
 class Smoother final : public fastcycle::Component {
  public:
   explicit Smoother(fastcycle::Context& context)
@@ -245,10 +245,10 @@ TEST(TheGuideToTheLifeCycle, KeepsDeclaredStateOverARestart) {
   say(-1.0);  // A fault: the object is made anew.
   say(4.0);
 
-  const auto heard = means.take();
-  ASSERT_EQ(heard.size(), 2U);
-  EXPECT_EQ(heard[0].mps(), 4.0);
-  EXPECT_EQ(heard[1].mps(), 4.0);  // Without the state it would be 2.
+  const auto received = means.take();
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[0].mps(), 4.0);
+  EXPECT_EQ(received[1].mps(), 4.0);  // Without the state it would be 2.
 }
 
 TEST(TheGuideToTheLifeCycle, WorksOnDeclaredState) {
@@ -264,7 +264,7 @@ TEST(TheGuideToTheLifeCycle, WorksOnDeclaredState) {
   speeds.publish(speed);
   bench.advance(10ms);
 
-  const auto heard = means.take();
-  ASSERT_EQ(heard.size(), 2U);
-  EXPECT_EQ(heard[1].mps(), 6.0);
+  const auto received = means.take();
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[1].mps(), 6.0);
 }

@@ -39,7 +39,7 @@ const std::vector<std::string> kEnvironment = {};
 /// A good library, changed by `change`, as another library beside the application.
 template <typename Change>
 void make_library(const Folder& folder, const std::string& name, Change change) {
-  std::string bytes = read_file(kLibraries / "libbroken_witness.so");
+  std::string bytes = read_file(kLibraries / "libbroken_start_marker.so");
   change(bytes);
   folder.write("lib" + name + ".so", bytes);
 }
@@ -51,7 +51,7 @@ void overwrite(std::string& bytes, std::size_t offset, T value) {
 
 /// What is no library at all, or none for this machine.
 void make_files(const Folder& folder) {
-  folder.write("libmade_text.so", "INPUT(libbroken_witness.so)\n");
+  folder.write("libmade_text.so", "INPUT(libbroken_start_marker.so)\n");
   make_library(folder, "made_truncated", [](std::string& bytes) { bytes.resize(4096); });
   make_library(folder, "made_32_bits", [](auto& bytes) { bytes[EI_CLASS] = ELFCLASS32; });
   make_library(folder, "made_object", [](auto& bytes) {
@@ -132,7 +132,7 @@ std::string all_cases(std::vector<std::string>& expected) {
   for (const std::string& name : folders_in(kCases)) {
     const json application = json::parse(read_file(kCases / name / "app.json"));
     for (json component : application["components"]) {
-      if (component["name"] != "witness") {
+      if (component["name"] != "start_marker") {
         component["name"] = name + "_" + component["name"].get<std::string>();
         components.push_back(std::move(component));
       }
@@ -147,7 +147,7 @@ std::string all_cases(std::vector<std::string>& expected) {
       expected.push_back(part);
     }
   }
-  components.push_back({{"name", "witness"}, {"library", "broken_witness"}});
+  components.push_back({{"name", "start_marker"}, {"library", "broken_start_marker"}});
   return json{{"name", "all"}, {"components", components}}.dump(1);
 }
 
@@ -190,12 +190,12 @@ TEST(BrokenLibraries, OneWithoutPermissionIsNamed) {
       << process.errors();
 }
 
-/// The application of a library, or class, that may be loaded, with the witness.
+/// The application of a library, or class, that may be loaded, with the marker of the start.
 std::string application_of(const std::string& suspect) {
   return R"({"name": "good", "components": [
   {"name": "suspect", )" +
          suspect + R"(},
-  {"name": "witness", "library": "broken_witness", "serve_period_ms": 5}
+  {"name": "start_marker", "library": "broken_start_marker", "serve_period_ms": 5}
 ]})";
 }
 
@@ -263,9 +263,9 @@ TEST(AServeOfItsOwn, IsWarnedOfWhereNothingCallsIt) {
 TEST(ASourceFile, FindsTheLibrariesInTheBuildFolderBesideItAndSaysWhichFileEachIs) {
   const Folder folder;
   fs::create_directory(folder / "build");
-  fs::copy(kLibraries / "libbroken_witness.so", folder / "build");
+  fs::copy(kLibraries / "libbroken_start_marker.so", folder / "build");
   folder.write("app.json", R"({"name": "a", "components": [
-  {"name": "a", "library": "broken_witness"}, {"name": "b", "library": "broken_witness"}]})");
+  {"name": "a", "library": "broken_start_marker"}, {"name": "b", "library": "broken_start_marker"}]})");
   for (const std::string option : {"-v", "--verbose"}) {
     Process process({.program = FASTCYCLE_PROGRAM,
                      .arguments = {"run", "app.json", "--for", "50ms", "--quiet", option},
@@ -274,9 +274,10 @@ TEST(ASourceFile, FindsTheLibrariesInTheBuildFolderBesideItAndSaysWhichFileEachI
 
     EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
     const std::string line =
-        "library \"broken_witness\": " + fs::canonical(folder.path()).string() +
-        "/build/libbroken_witness.so\n";
-    EXPECT_EQ(process.errors().find(line), process.errors().rfind("library \"broken_witness\""))
+        "library \"broken_start_marker\": " + fs::canonical(folder.path()).string() +
+        "/build/libbroken_start_marker.so\n";
+    EXPECT_EQ(process.errors().find(line),
+              process.errors().rfind("library \"broken_start_marker\""))
         << process.errors();
   }
 }
@@ -364,7 +365,7 @@ TEST(TheTrial, IsGivenMoreOptionsThanOneArgumentHolds) {
 
 TEST(LoadTimeout, MustBeATime) {
   const Folder folder;
-  folder.write("app.json", application_of(R"("library": "broken_witness")"));
+  folder.write("app.json", application_of(R"("library": "broken_start_marker")"));
   for (const char* text : {"2", "soon", "-1s", "0s"}) {
     Process process({.program = FASTCYCLE_PROGRAM,
                      .arguments = {"check", "app.json", "--load-timeout", text},

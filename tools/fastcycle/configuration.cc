@@ -85,7 +85,7 @@ config::ApplicationDescription Configuration::read(host::ConstructorFault on_thr
       *tried = std::move(result);
     }
     for (config::Problem& problem : found.all()) {
-      if (!problem.warning || warnings == TrialWarnings::kHeard) {
+      if (!problem.warning || warnings == TrialWarnings::kReported) {
         problems.add(std::move(problem));
       }
     }
@@ -98,7 +98,7 @@ std::unique_ptr<host::Application> Configuration::make_unstarted() const {
   config::Problems problems;
   host::TrialResult tried;
   const config::ApplicationDescription description =
-      read(host::ConstructorFault::kError, problems, TrialWarnings::kHeard, &tried);
+      read(host::ConstructorFault::kError, problems, TrialWarnings::kReported, &tried);
   if (!may_start(problems, file)) {
     return nullptr;
   }

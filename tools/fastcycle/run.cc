@@ -269,7 +269,7 @@ bool wait_for_others(const ProcessRole& role, const host::Application& applicati
   const bool has_sources = std::ranges::any_of(
       application.components(), [](const auto& component) { return component->is_source.load(); });
   role.channel.say(Word::kBuilt, has_sources ? processes::kHasSources : "");
-  for (auto message = role.channel.hear(); message; message = role.channel.hear()) {
+  for (auto message = role.channel.receive(); message; message = role.channel.receive()) {
     if (message->word == Word::kConnect) {
       role.partition.attach();
       role.channel.say(Word::kConnected);
@@ -285,13 +285,13 @@ bool wait_for_others(const ProcessRole& role, const host::Application& applicati
 class EndListener {
  public:
   EndListener(const ProcessRole& role, host::Application& application)
-      : heard_(std::make_shared<Heard>()) {
-    heard_->application = &application;
-    std::thread([&channel = role.channel, heard = heard_] {
-      while (const auto message = channel.hear()) {
-        const std::lock_guard lock(heard->mutex);
-        if (message->word == processes::Word::kEnd && heard->application != nullptr) {
-          heard->application->request_end(host::end_reason_of(message->text));
+      : shared_(std::make_shared<Shared>()) {
+    shared_->application = &application;
+    std::thread([&channel = role.channel, shared = shared_] {
+      while (const auto message = channel.receive()) {
+        const std::lock_guard lock(shared->mutex);
+        if (message->word == processes::Word::kEnd && shared->application != nullptr) {
+          shared->application->request_end(host::end_reason_of(message->text));
         }
       }
     }).detach();
@@ -299,17 +299,17 @@ class EndListener {
   EndListener(const EndListener&) = delete;
   EndListener& operator=(const EndListener&) = delete;
   ~EndListener() {
-    const std::lock_guard lock(heard_->mutex);
-    heard_->application = nullptr;
+    const std::lock_guard lock(shared_->mutex);
+    shared_->application = nullptr;
   }
 
  private:
-  struct Heard {
+  struct Shared {
     std::mutex mutex;
     host::Application* application = nullptr;
   };
 
-  const std::shared_ptr<Heard> heard_;
+  const std::shared_ptr<Shared> shared_;
 };
 
 /// Of this process alone.
@@ -840,7 +840,7 @@ int run(const RunOptions& options) {
   host::TrialResult tried;
   config::ApplicationDescription description = options.configuration.read(
       host::ConstructorFault::kFault, problems,
-      options.replay.files.empty() ? Configuration::TrialWarnings::kHeard
+      options.replay.files.empty() ? Configuration::TrialWarnings::kReported
                                    : Configuration::TrialWarnings::kLeftOut,
       &tried);
   if (!may_start(problems, options.configuration.load.file.string())) {

@@ -67,9 +67,9 @@ Watch::News Watch::take() {
   return std::exchange(untaken_, {});
 }
 
-Watch::Clock::time_point Watch::heard() const {
+Watch::Clock::time_point Watch::last_update() const {
   const std::lock_guard lock(mutex_);
-  return heard_;
+  return last_update_;
 }
 
 void Watch::post(News news) {
@@ -77,7 +77,7 @@ void Watch::post(News news) {
     const std::lock_guard lock(mutex_);
     if (news.snapshot) {
       untaken_.snapshot = std::move(news.snapshot);
-      heard_ = Clock::now();
+      last_update_ = Clock::now();
     }
     if (news.end) {
       untaken_.end = std::move(news.end);

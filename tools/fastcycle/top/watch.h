@@ -43,7 +43,7 @@ class Watch {
   [[nodiscard]] News take();
 
   /// When the last answer arrived.
-  [[nodiscard]] Clock::time_point heard() const;
+  [[nodiscard]] Clock::time_point last_update() const;
 
  private:
   void run();
@@ -57,7 +57,7 @@ class Watch {
   std::condition_variable changed_;
   bool is_over_ = false;
   News untaken_;
-  Clock::time_point heard_ = Clock::now();
+  Clock::time_point last_update_ = Clock::now();
 
   std::thread thread_;
 };

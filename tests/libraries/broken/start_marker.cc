@@ -15,9 +15,9 @@ bool keeps_small_numbers() {
   return half > 0;
 }
 
-class Witness final : public fastcycle::Component {
+class StartMarker final : public fastcycle::Component {
  public:
-  explicit Witness(fastcycle::Context& context)
+  explicit StartMarker(fastcycle::Context& context)
       : Component(context),
         kept_in_constructor_(keeps_small_numbers()),
         timer_(context.create_timer({.period = std::chrono::milliseconds(5)}, [this] {
@@ -46,4 +46,4 @@ class Witness final : public fastcycle::Component {
 
 }  // namespace
 
-FASTCYCLE_COMPONENT(Witness)
+FASTCYCLE_COMPONENT(StartMarker)
