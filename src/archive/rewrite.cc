@@ -324,7 +324,7 @@ class Rewriter {
 
   void choose_explanation() {
     Once once_attached;
-    Once once_said;
+    Once once_listed;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
       const mcap::Reader& reader = inputs_[i]->reader;
       for (std::size_t k = 0; k < reader.attachments().size(); ++k) {
@@ -333,7 +333,7 @@ class Rewriter {
         }
       }
       for (std::size_t k = 0; k < reader.metadata().size(); ++k) {
-        if (is_wanted_metadata({i, k}, once_said)) {
+        if (is_wanted_metadata({i, k}, once_listed)) {
           metadata_.push_back({i, k});
         }
       }

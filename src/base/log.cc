@@ -220,12 +220,12 @@ void LogSource::write(LogLevel level, std::string_view component, std::string_vi
     return;
   }
   const Time time = now();
-  const std::string_view said_by = component.empty() ? LogQueue::kOwnName : component;
-  queue_.write({.time = time, .level = level, .component = said_by, .text = text});
+  const std::string_view source = component.empty() ? LogQueue::kOwnName : component;
+  queue_.write({.time = time, .level = level, .component = source, .text = text});
   if (is_kept_.load(std::memory_order_relaxed)) {
     keep_line({.time = time,
                .level = level,
-               .component = std::string(said_by),
+               .component = std::string(source),
                .text = std::string(text.substr(0, LogQueue::kTextBytes))});
   }
 }

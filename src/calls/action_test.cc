@@ -174,7 +174,7 @@ struct AGoal : ::testing::Test {
     bench.start();
   }
 
-  std::vector<std::string> say(std::int64_t value) {
+  std::vector<std::string> send_goal(std::int64_t value) {
     go->publish(number(value));
     return received();
   }
@@ -203,7 +203,7 @@ constexpr const char* kPlain = "{\"on_fault\": \"stop_component\"}";
 TEST_F(AGoal, IsAcceptedTellsHowFarItIsAndIsReached) {
   run(kPlain);
 
-  EXPECT_THAT(say(3), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(3), ElementsAre("accepted"));
   EXPECT_THAT(after(10ms), ElementsAre("1"));
   EXPECT_THAT(after(20ms), ElementsAre("2", "ok: 3"));
   EXPECT_THAT(after(1s), IsEmpty());
@@ -212,49 +212,49 @@ TEST_F(AGoal, IsAcceptedTellsHowFarItIsAndIsReached) {
 TEST_F(AGoal, IsRejectedWithAReason) {
   run(kPlain);
 
-  EXPECT_THAT(say(-1), ElementsAre("\"walk\": rejected, backwards"));
+  EXPECT_THAT(send_goal(-1), ElementsAre("\"walk\": rejected, backwards"));
 }
 
 TEST_F(AGoal, ThatItsServerLetsGoOfIsUnanswered) {
   run(kPlain);
 
-  EXPECT_THAT(say(0), ElementsAre(HasSubstr("\"walk\": unanswered")));
+  EXPECT_THAT(send_goal(0), ElementsAre(HasSubstr("\"walk\": unanswered")));
 }
 
 TEST_F(AGoal, IsAbortedWithAReason) {
   run(kPlain);
 
-  EXPECT_THAT(say(12), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(12), ElementsAre("accepted"));
   EXPECT_THAT(after(1s), ElementsAre("1", HasSubstr("\"walk\": aborted, tired")));
 }
 
 TEST_F(AGoal, ThatIsCancelledStopsWithinOneCallback) {
   run(kPlain);
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(25ms), ElementsAre("1", "2"));
 
-  EXPECT_THAT(say(kCancel), ElementsAre("\"walk\": cancelled: 0"));
-  EXPECT_THAT(say(kCancel), IsEmpty()) << "once";
+  EXPECT_THAT(send_goal(kCancel), ElementsAre("\"walk\": cancelled: 0"));
+  EXPECT_THAT(send_goal(kCancel), IsEmpty()) << "once";
   EXPECT_THAT(after(1s), IsEmpty());
   EXPECT_EQ(steps(), 2) << "not one more";
 }
 
 TEST_F(AGoal, ThatIsCancelledIsAnActivationOfItsServerWhichSaysWhatWasReached) {
   run(R"({"params": {"how": "at_once"}})");
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(25ms), ElementsAre("1", "2"));
 
-  EXPECT_THAT(say(kCancel), ElementsAre("\"walk\": cancelled: 2"));
+  EXPECT_THAT(send_goal(kCancel), ElementsAre("\"walk\": cancelled: 2"));
   EXPECT_THAT(after(1s), IsEmpty());
   EXPECT_EQ(steps(), 2);
 }
 
 TEST_F(AGoal, ThatIsCancelledIsSeenInTheNextCallback) {
   run(R"({"params": {"how": "when_asked"}})");
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(25ms), ElementsAre("1", "2"));
 
-  EXPECT_THAT(say(kCancel), IsEmpty());
+  EXPECT_THAT(send_goal(kCancel), IsEmpty());
   EXPECT_EQ(bench.result("walker", "result"), ReportValue(true));
   EXPECT_THAT(after(5ms), ElementsAre("\"walk\": cancelled: 2"));
   EXPECT_THAT(after(1s), IsEmpty());
@@ -263,16 +263,16 @@ TEST_F(AGoal, ThatIsCancelledIsSeenInTheNextCallback) {
 
 TEST_F(AGoal, MayBeReachedAllTheSameWhenItIsCancelled) {
   run(R"({"params": {"how": "never"}})");
-  EXPECT_THAT(say(3), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(3), ElementsAre("accepted"));
 
-  EXPECT_THAT(say(kCancel), IsEmpty());
+  EXPECT_THAT(send_goal(kCancel), IsEmpty());
   EXPECT_THAT(after(30ms), ElementsAre("1", "2", "ok: 3"));
-  EXPECT_THAT(say(kCancel), IsEmpty());
+  EXPECT_THAT(send_goal(kCancel), IsEmpty());
 }
 
 TEST_F(AGoal, IsLateAtItsDeadlineAndItsServerStops) {
   run(kPlain, R"({"params": {"deadline_ms": 15}})");
-  EXPECT_THAT(say(5), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(5), ElementsAre("accepted"));
 
   EXPECT_THAT(after(1s), ElementsAre("1", "\"walk\": late, 15 ms are over"));
   EXPECT_EQ(steps(), 1);
@@ -280,30 +280,30 @@ TEST_F(AGoal, IsLateAtItsDeadlineAndItsServerStops) {
 
 TEST_F(AGoal, AboveTheLimitIsBusy) {
   run(kPlain);
-  EXPECT_THAT(say(5), ElementsAre("accepted"));
-  EXPECT_THAT(say(6), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(5), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(6), ElementsAre("accepted"));
 
-  EXPECT_THAT(say(7), ElementsAre(HasSubstr("\"walk\": busy")));
+  EXPECT_THAT(send_goal(7), ElementsAre(HasSubstr("\"walk\": busy")));
   EXPECT_THAT(after(1s),
               UnorderedElementsAre("1", "1", "2", "2", "3", "3", "4", "4", "ok: 5", "5", "ok: 6"));
 }
 
 TEST_F(AGoal, OfAServerThatFailsIsFaultedOnceAndThenAbsent) {
   run(kPlain);
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
 
   EXPECT_THAT(after(1s).back(), HasSubstr("\"walk\": faulted, component \"walker\": its serve() "
                                           "threw: stumbled"));
   EXPECT_THAT(after(1s), IsEmpty());
-  EXPECT_THAT(say(5), ElementsAre(HasSubstr("\"walk\": absent")));
+  EXPECT_THAT(send_goal(5), ElementsAre(HasSubstr("\"walk\": absent")));
 }
 
 TEST_F(AGoal, OfAServerThatIsRestartedIsFaultedAndTheNextIsReached) {
   run(R"({"on_fault": "restart"})");
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(1s).back(), HasSubstr("\"walk\": faulted"));
 
-  EXPECT_THAT(say(1), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(1), ElementsAre("accepted"));
   EXPECT_THAT(after(10ms), ElementsAre("ok: 1"));
 }
 

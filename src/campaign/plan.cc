@@ -59,7 +59,7 @@ class Reader {
         fmt::format("{}: {}: expected {}, found {}", file_, pointer, expected,
                     found.dump(-1, ' ', false, ordered_json::error_handler_t::replace)));
   }
-  void say(const std::string& pointer, const std::string& what) {
+  void add_error(const std::string& pointer, const std::string& what) {
     errors_.push_back(fmt::format("{}: {}: {}", file_, pointer, what));
   }
 
@@ -79,16 +79,18 @@ class Reader {
           expect(at, "a string", value);
         }
       } else {
-        say(at, "unknown key \"" + key +
-                    "\"; a fault of a plan has kind, topic, publisher, subscriber, component, "
-                    "process, field, as, value, by_ms, by_mb, probability, from_s, for_s");
+        add_error(at,
+                  "unknown key \"" + key +
+                      "\"; a fault of a plan has kind, topic, publisher, subscriber, component, "
+                      "process, field, as, value, by_ms, by_mb, probability, from_s, for_s");
       }
     }
     if (!fault.contains("kind")) {
-      say(pointer, "the key \"kind\" is missing");
+      add_error(pointer, "the key \"kind\" is missing");
     }
     if (!fault.contains("from_s")) {
-      say(pointer, "the key \"from_s\" is missing: between which times it begins, as [0, 10]");
+      add_error(pointer,
+                "the key \"from_s\" is missing: between which times it begins, as [0, 10]");
     }
   }
 
@@ -139,11 +141,11 @@ std::optional<Plan> Plan::read(const std::string& text, const std::string& file,
         plan.at_most_ = range[1];
       }
     } else if (key != "faults") {
-      reader.say("/" + key, "unknown key \"" + key + "\"; a plan has at_once, faults");
+      reader.add_error("/" + key, "unknown key \"" + key + "\"; a plan has at_once, faults");
     }
   }
   if (!json.contains("faults") || !json["faults"].is_array() || json["faults"].empty()) {
-    reader.say("/faults", "expected a list of at least one fault");
+    reader.add_error("/faults", "expected a list of at least one fault");
     return std::nullopt;
   }
   for (std::size_t i = 0; i < json["faults"].size(); ++i) {

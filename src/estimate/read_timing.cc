@@ -121,7 +121,7 @@ class TimingReader {
 
   void read_component(const Value& value, ComponentTiming& component) {
     check_keys(value, {"run_ms", "callbacks"});
-    component.is_said = true;
+    component.is_given = true;
     component.place = value.place();
     if (const auto run_time = span(value, "run_ms", 0)) {
       component.run_time = run_time;
@@ -133,7 +133,7 @@ class TimingReader {
 
   void read_callback(const Value& value, CallbackTiming& callback) {
     check_keys(value, {"run_ms", "publishes", "may_publish", "period_ms", "jitter_ms", "burst"});
-    callback.is_said = true;
+    callback.is_given = true;
     callback.place = value.place();
     if (const auto run_time = span(value, "run_ms", 0)) {
       callback.run_time = run_time;

@@ -226,7 +226,7 @@ class SystemBuilder {
                                  config::did_you_mean(config::nearest(topic, system_.topics))));
         }
       }
-      is_said_.insert(component + "\n" + callback.name);
+      given_.insert(component + "\n" + callback.name);
     }
   }
 
@@ -245,7 +245,7 @@ class SystemBuilder {
     const std::size_t count = system_.callbacks.size() - first;
     for (std::size_t i = first; i < system_.callbacks.size(); ++i) {
       Callback& callback = system_.callbacks[i];
-      if (!is_said_.contains(core.name + "\n" + callback.name)) {
+      if (!given_.contains(core.name + "\n" + callback.name)) {
         callback.publishes = all;
         callback.always_publishes = count == 1;
       }
@@ -287,7 +287,7 @@ class SystemBuilder {
       for (const auto& [key, callback] : component.callbacks) {
         const std::vector<std::string>& known = keys_[name];
         if (std::ranges::find(known, key) == known.end()) {
-          if (!callback.is_said) {
+          if (!callback.is_given) {
             continue;  // From a recording in which this component was another, or had other inputs.
           }
           std::string all;
@@ -323,7 +323,7 @@ class SystemBuilder {
   std::map<std::pair<std::string, std::size_t>, std::size_t> executors_in_processes_;
   std::map<std::string, std::size_t> topics_;
   std::map<std::string, std::vector<std::string>> keys_;  ///< Of callbacks, by component.
-  std::set<std::string> is_said_;  ///< Component and callback, whose publishes are given.
+  std::set<std::string> given_;  ///< Component and callback, whose publishes are given.
 };
 
 }  // namespace

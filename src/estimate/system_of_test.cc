@@ -221,8 +221,8 @@ TEST_F(ASystem, TakesRunTimesFromARecording) {
 
 TEST_F(ASystem, HasNoneThatTimingNamesAndNobodyIs) {
   Timing timing;
-  timing.components["fliter"].is_said = true;
-  timing.components["filter"].callbacks["point"].is_said = true;
+  timing.components["fliter"].is_given = true;
+  timing.components["filter"].callbacks["point"].is_given = true;
   timing.components["control"].callbacks["timer 0"].publishes = {{"comand", 1}};
   timing.sources["objects"].arrivals = {milliseconds(1)};
   make(timing);

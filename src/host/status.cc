@@ -164,7 +164,7 @@ void StatusSender::mode_changed() {
   }
   status_->post(Cause::kEvent, [status = status_] {
     if (status->component != nullptr) {
-      static_cast<StatusComponent*>(status->component)->say();
+      static_cast<StatusComponent*>(status->component)->publish_status();
     }
   });
 }
@@ -174,7 +174,7 @@ StatusComponent::StatusComponent(Context& context)
       time_(context.core().application.time()),
       statuses_(context.create_publisher<status::Status>(std::string("/") + kStatusTopic)) {
   context.create_timer({.period = context.core().application.description().status_period},
-                       [this] { say(); });
+                       [this] { publish_status(); });
 }
 
 void StatusComponent::set_sources(const StatusSources& sources) {
@@ -189,19 +189,19 @@ void StatusComponent::set_sources(const StatusSources& sources) {
 
 void StatusComponent::start() {
   is_started_ = true;
-  say();
+  publish_status();
 }
 
 void StatusComponent::update(const ComponentNews& news) {
   if (news.component < component_news_.size()) {
     component_news_[news.component] = news;
     if (news.is_urgent) {
-      say();
+      publish_status();
     }
   }
 }
 
-void StatusComponent::say() {
+void StatusComponent::publish_status() {
   if (!is_started_) {
     return;
   }

@@ -53,7 +53,7 @@ class StatusComponent final : public Component {
   /// In its activation: takes the news of another component.
   void update(const ComponentNews& news);
   /// In its activation: publishes the status; in simulated time at the end of this round.
-  void say();
+  void publish_status();
 
  private:
   void publish();

@@ -125,7 +125,7 @@ class ManyHostileClients : public testing::Test {
               0);
     return descriptor;
   }
-  static bool say(int descriptor, const std::string& bytes) {
+  static bool send(int descriptor, const std::string& bytes) {
     return ::send(descriptor, bytes.data(), bytes.size(), MSG_NOSIGNAL) ==
            static_cast<ssize_t>(bytes.size());
   }
@@ -188,7 +188,7 @@ TEST_F(ManyHostileClients, SayingRandomFramesChangeNothing) {
   for (std::size_t i = 0; i < frames; ++i) {
     if (descriptor < 0) {
       descriptor = connect();
-      say(descriptor, hello());
+      send(descriptor, hello());
     }
     std::string body;
     if (i % 2 == 0) {  // Nearly a request.
@@ -198,7 +198,7 @@ TEST_F(ManyHostileClients, SayingRandomFramesChangeNothing) {
       body.resize(random() % 64);
       std::ranges::generate(body, [&] { return static_cast<char>(random()); });
     }
-    if (!say(descriptor, frame_of(body))) {
+    if (!send(descriptor, frame_of(body))) {
       ::close(descriptor);  // As it should be.
       descriptor = -1;
     } else {
@@ -227,7 +227,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBounded) {
   }
   for (int i = 0; i < 8; ++i) {
     descriptors.push_back(connect());
-    say(descriptors.back(), hello() + frame_of(stream.SerializeAsString()));
+    send(descriptors.back(), hello() + frame_of(stream.SerializeAsString()));
     static_cast<void>(
         !::send(descriptors.back(), asked.data(), asked.size(), MSG_NOSIGNAL | MSG_DONTWAIT));
   }
@@ -253,7 +253,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBoundedTogether) {
   }
   for (int i = 0; i < 30; ++i) {
     descriptors.push_back(connect());
-    say(descriptors.back(), asked);
+    send(descriptors.back(), asked);
   }
   // Who reads goes on being served: the slowest make room.
   std::int64_t most_kib = 0;
@@ -291,9 +291,9 @@ TEST_F(ManyHostileClients, ThatComeAndGoLeaveNothing) {
   for (std::size_t i = 0; i < connects; ++i) {
     const int descriptor = connect();
     if (i % 3 == 0) {
-      say(descriptor, hello());
+      send(descriptor, hello());
     } else if (i % 3 == 1) {
-      say(descriptor, std::string("\x10\0\0\0half", 8));
+      send(descriptor, std::string("\x10\0\0\0half", 8));
     }
     ::close(descriptor);
   }

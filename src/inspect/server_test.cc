@@ -221,7 +221,7 @@ class Stranger {
   Stranger& operator=(const Stranger&) = delete;
   ~Stranger() { ::close(descriptor_); }
 
-  void say(const std::string& bytes) const {
+  void send(const std::string& bytes) const {
     static_cast<void>(!::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL));
   }
   /// Whether the other one closes before long; nothing is read until then.
@@ -439,7 +439,7 @@ TEST(AServer, PublishesWhereThatIsAllowed) {
 // Messages and calls of tools are in the recording, under the name that they would have now too.
 TEST(AServer, PublishesBesideWhatToolsPublishedInARecording) {
   const config::TestFolder folder;
-  const auto say = [](Client& client, std::int64_t value) {
+  const auto send = [](Client& client, std::int64_t value) {
     protocol::Request request;
     request.mutable_publish()->set_topic("numbers");
     request.mutable_publish()->set_message(serialized(value));
@@ -453,13 +453,13 @@ TEST(AServer, PublishesBesideWhatToolsPublishedInARecording) {
   {
     Running run(all_allowed(), {}, Server::kPatience, folder / "a.mcap");
     Client client(run.socket(), "test");
-    say(client, 1'000'001);
+    send(client, 1'000'001);
     run.application->stop();
   }
 
   Running run(all_allowed(), {}, Server::kPatience, {}, folder / "a.mcap");
   Client client(run.socket(), "test");
-  say(client, 1'000'002);
+  send(client, 1'000'002);
 
   const auto& publishers = run.application->topics().find("numbers")->publishers;
   const auto names = [&] {
@@ -595,7 +595,7 @@ TEST(AHostileClient, IsTurnedAwayIfItSaysNothingMeaningful) {
        {std::string("\xff\xff\xff\xff what is this"), std::string("\x05\0\0\0hello", 9),
         std::string("\0\0\0\0", 4), frame_of(overview_request())}) {
     const Stranger stranger(run.socket());
-    stranger.say(said);
+    stranger.send(said);
     EXPECT_THAT(stranger.receive().size(), testing::Gt(0U));  // Why not; then it is closed.
   }
   Client client(run.socket(), "test");
@@ -643,7 +643,7 @@ TEST(AHostileClient, OfAnotherVersionIsNotified) {
   request.set_id(1);
   request.mutable_hello()->set_version(99);
   const Stranger stranger(run.socket());
-  stranger.say(frame_of(request));
+  stranger.send(frame_of(request));
   EXPECT_THAT(stranger.receive(), HasSubstr("version 1"));
 }
 
@@ -666,7 +666,7 @@ TEST(AHostileClient, ThatDoesNotReadIsDroppedAndCounted) {
   Client other(run.socket(), "test");
   const Stranger stranger(run.socket());
 
-  stranger.say(endless_questions());
+  stranger.send(endless_questions());
 
   EXPECT_TRUE(stranger.is_closed());
   const protocol::Overview overview = other.ask(overview_request()).overview();
@@ -677,9 +677,9 @@ TEST(AHostileClient, ThatDoesNotReadIsDroppedAndCounted) {
 TEST(AClientOfTheSameProcess, IsKeptWhenItDoesNotRead) {
   Running run({}, {}, 50ms);
   const Stranger within(run.server->connect());
-  within.say(endless_questions());
+  within.send(endless_questions());
   const Stranger without(run.socket());
-  without.say(endless_questions());
+  without.send(endless_questions());
   ASSERT_TRUE(without.is_closed());  // Who came later has been stuck for too long by now.
 
   Client other(run.socket(), "test");
@@ -696,7 +696,7 @@ TEST(AHostileClient, WithoutANameIsNamedByItsProcess) {
   other.begin(std::move(log));
   const Stranger stranger(run.socket());
 
-  stranger.say(endless_questions());
+  stranger.send(endless_questions());
 
   const protocol::Answer answer = await(other, [](const auto& one) { return one.has_log(); });
   EXPECT_EQ(
@@ -708,7 +708,7 @@ TEST(AHostileClient, MayRestForAWhile) {
   Running run({}, {}, 1h);
   const Stranger stranger(run.socket());
 
-  stranger.say(endless_questions());
+  stranger.send(endless_questions());
 
   Client other(run.socket(), "test");
   const protocol::Overview overview = other.ask(overview_request()).overview();

@@ -82,17 +82,17 @@ class Probe final : public Component {
   }
 
   void start() override {
-    say("start");
+    note("start");
     while (waits_.get() && !g_may_go) {
       std::this_thread::yield();
     }
   }
-  void activate() override { say("activate"); }
-  void deactivate() override { say("deactivate"); }
-  void stop() override { say("stop"); }
+  void activate() override { note("activate"); }
+  void deactivate() override { note("deactivate"); }
+  void stop() override { note("stop"); }
 
  private:
-  void say(const std::string& what) { g_diary.write(context().component_name() + " " + what); }
+  void note(const std::string& what) { g_diary.write(context().component_name() + " " + what); }
   void fault() {
     const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(now() - start_time());
     g_diary.write(fmt::format("{} faults at {}", context().component_name(), ms.count()));

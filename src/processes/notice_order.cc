@@ -54,7 +54,7 @@ std::optional<Notice> from_record(std::string_view record) {
 }
 
 /// Whether any process may send this; the others only the main one sends.
-bool is_for_all_to_say(Notice::Kind kind) {
+bool is_sent_by_all(Notice::Kind kind) {
   return kind != Notice::Kind::kGone && kind != Notice::Kind::kCame &&
          kind != Notice::Kind::kModesBegun && kind != Notice::Kind::kModeEntered;
 }
@@ -94,7 +94,7 @@ void NoticeOrder::send_notice(Notice::Kind kind, std::uint32_t component, const 
   }
   const Notice notice{.kind = kind, .process = process_, .component = component, .text = text};
   if (!is_simulated_ && process_ != ProcessPlan::kMain) {
-    notices_.say(to_record(notice));
+    notices_.send(to_record(notice));
     return;
   }
   {
@@ -200,7 +200,7 @@ bool NoticeOrder::look_as_main() {
       }
       has_taken = true;
       auto notice = from_record(*record);
-      if (notice && is_for_all_to_say(notice->kind)) {
+      if (notice && is_sent_by_all(notice->kind)) {
         notice->process = one;  // Overrides the sender's claim.
         put_in_order(*notice);
       }
@@ -267,7 +267,7 @@ void NoticeOrder::put_in_order(const Notice& notice) {
     take(notice);  // Only the main process uses it.
     return;
   }
-  notices_.say(to_record(notice));
+  notices_.send(to_record(notice));
   take(notice);
   put_snapshot();
 }
@@ -289,7 +289,7 @@ void NoticeOrder::put_snapshot() {
       read.push_back({one, notices_.incarnation_of(one), notices_.position_of(one)});
     }
   } else {
-    read.push_back({ProcessPlan::kMain, incarnation_, notices_.said()});
+    read.push_back({ProcessPlan::kMain, incarnation_, notices_.sent()});
   }
   notices_.put_snapshot(
       nlohmann::json{{"recipients", recipients_}, {"read", read}, {"state", peers_.make_snapshot()}}
@@ -298,28 +298,28 @@ void NoticeOrder::put_snapshot() {
 
 // ---- Simulated time ----
 
-NoticeOrder::Said NoticeOrder::say() {
+NoticeOrder::Sent NoticeOrder::send() {
   std::vector<Notice> own;
   {
     const std::lock_guard lock(mutex_);
     own.swap(own_);
   }
   for (const Notice& notice : own) {
-    notices_.say(to_record(notice));
+    notices_.send(to_record(notice));
   }
-  return {.words = notices_.said(), .incarnation = incarnation_};
+  return {.words = notices_.sent(), .incarnation = incarnation_};
 }
 
-bool NoticeOrder::take(const std::vector<Said>& said) {
+bool NoticeOrder::take(const std::vector<Sent>& sent) {
   std::multimap<std::uint32_t, Notice> all;  // By component; of one, in order of arrival.
   for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
-    const bool is_there = said[one].incarnation != 0;
-    const bool is_new = is_there && notices_.incarnation_of(one) != said[one].incarnation;
+    const bool is_there = sent[one].incarnation != 0;
+    const bool is_new = is_there && notices_.incarnation_of(one) != sent[one].incarnation;
     if (recipients_.contains(one) && (!is_there || is_new)) {
       take(gone(one, is_new));
     }
     if (is_new) {
-      notices_.follow(one, said[one].incarnation, 0);
+      notices_.follow(one, sent[one].incarnation, 0);
       take({.kind = Notice::Kind::kCame, .process = one});
     }
     if (!is_there) {
@@ -327,12 +327,12 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
     }
     // A ring holds fewer; that of a faulty process may never end.
     for (std::size_t i = 0; i < segment::NoticeWords::kWords; ++i) {
-      const auto record = notices_.next(one, said[one].words);
+      const auto record = notices_.next(one, sent[one].words);
       if (!record) {
         break;
       }
       auto notice = from_record(*record);
-      if (notice && is_for_all_to_say(notice->kind)) {
+      if (notice && is_sent_by_all(notice->kind)) {
         notice->process = one;
         all.emplace(notice->component, std::move(*notice));
       }

@@ -49,14 +49,14 @@ class NoticeOrder {
   // In simulated time, at a point where all processes wait for each other.
 
   /// A process's notices up to this point, and its incarnation.
-  struct Said {
+  struct Sent {
     std::uint64_t words = 0;
     std::uint32_t incarnation = 0;  ///< 0: the process is absent.
   };
   /// Publishes this process's pending notices; others may read them from the point on.
-  [[nodiscard]] Said say();
+  [[nodiscard]] Sent send();
   /// Takes the notices of all, by process. False if there were none.
-  bool take(const std::vector<Said>& said);
+  bool take(const std::vector<Sent>& sent);
 
  private:
   void serve(const std::stop_token& stop);

@@ -130,10 +130,10 @@ class Partition final : public host::Peers, public host::ComponentClasses {
     Time next{};                 ///< When it may be reported again.
   };
 
-  void say_progress(std::uint32_t progress);
+  void publish_progress(std::uint32_t progress);
   [[nodiscard]] std::atomic<std::uint32_t>& begin_word(std::size_t which) const;
-  void say_begin(std::int64_t begin_ns);
-  [[nodiscard]] std::int64_t begin_said() const;
+  void publish_begin(std::int64_t begin_ns);
+  [[nodiscard]] std::int64_t published_begin_ns() const;
   [[nodiscard]] std::uint32_t progress_of(segment::ProcessIndex process) const;
   void await_progress(segment::ProcessIndex process, std::uint32_t progress,
                       const std::function<bool()>& is_over) const;

@@ -277,14 +277,14 @@ void Supervisor::proceed() {
         announce(process, its_[process].incarnation);
       }
       for (const Its& its : its_) {
-        its.channel.say(Word::kConnect);
+        its.channel.send(Word::kConnect);
       }
     }
     if (all(&Its::is_connected)) {
       is_started_ = true;
       for (Its& its : its_) {
         its.is_running = its.pid > 0;
-        its.channel.say(Word::kRun);
+        its.channel.send(Word::kRun);
       }
     }
     return;
@@ -294,11 +294,11 @@ void Supervisor::proceed() {
     if (its.pid > 0 && its.is_built && wire_.incarnation(process).load() != its.incarnation) {
       announce(process, its.incarnation);
       wire_.restarting(process).store(0, std::memory_order_seq_cst);
-      its.channel.say(Word::kConnect);
+      its.channel.send(Word::kConnect);
     }
     if (its.pid > 0 && its.is_connected && !its.is_running) {
       its.is_running = true;
-      its.channel.say(is_ending_ ? Word::kEnd : Word::kRun, "requested");
+      its.channel.send(is_ending_ ? Word::kEnd : Word::kRun, "requested");
     }
   }
 }
@@ -330,7 +330,7 @@ void Supervisor::end_all(const std::string& reason) {
   kill_at_ns_ = base::monotonic_ns() + std::chrono::nanoseconds(kEndLimit).count();
   for (Its& its : its_) {
     its.restart_at_ns = 0;
-    its.channel.say(Word::kEnd, reason);
+    its.channel.send(Word::kEnd, reason);
   }
 }
 

@@ -322,7 +322,7 @@ void FlightRecorder::add_trigger(FlightTrigger trigger) {
   }
   if (dump_count_ == kDumpsMax) {
     triggers_refused_.fetch_add(1, std::memory_order_relaxed);
-    if (!std::exchange(has_said_enough_, true)) {
+    if (!std::exchange(is_limit_reported_, true)) {
       on_news(true,
               fmt::format("{} dumps were asked for in this run: no more are written", kDumpsMax));
     }

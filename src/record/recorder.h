@@ -186,7 +186,7 @@ class Recorder {
   void write_batches();
   void write(Batch& batch);
   void take_file_news(bool goes_on);
-  void say(const std::string& text);
+  void report_trouble(const std::string& text);
   [[nodiscard]] std::uint64_t count_as_lost(const std::filesystem::path& active);
   void report(bool is_written, std::uint64_t messages);
   void explain(mcap::Writer& writer);
@@ -210,8 +210,8 @@ class Recorder {
   std::atomic<std::uint64_t> activations_lost_{0};
 
   // Past messages; under `mutex_`, except the last one. Never erased.
-  static constexpr std::size_t kSaidMax = 256;
-  std::deque<std::string> said_;
+  static constexpr std::size_t kTroublesMax = 256;
+  std::deque<std::string> troubles_;
   std::atomic<const std::string*> trouble_{nullptr};
 
   // Shared by both threads.

@@ -363,8 +363,8 @@ class Replays : public testing::Test {
     }
     config::Problems problems;
     application.build(*replay_, problems, ConstructorFault::kFault);
-    build_said_ = config::text_of(problems);
-    EXPECT_FALSE(problems.has_errors()) << build_said_;
+    build_problems_ = config::text_of(problems);
+    EXPECT_FALSE(problems.has_errors()) << build_problems_;
     application.start();
     const EndReason reason = application.run(limit);
     application.stop();
@@ -392,7 +392,7 @@ class Replays : public testing::Test {
   config::TestFolder folder_;
   TestClasses classes_;
   config::Problems problems_;
-  std::string build_said_;  ///< Of the replay's application.
+  std::string build_problems_;  ///< Of the replay's application.
   std::unique_ptr<Replay> replay_;
   RunReport report_;
 };
@@ -734,8 +734,9 @@ TEST_F(Replays, OfOneComponentDoNotJudgeChainsThatOthersWouldEnd) {
   EXPECT_FALSE(report_.chains[0].is_judged);
   EXPECT_TRUE(report_.chains[1].is_judged);
   EXPECT_GT(report_.chains[1].count, 0U);
-  EXPECT_THAT(build_said_, HasSubstr("the chain \"all\" is not judged in this replay: it ends at "
-                                     "\"doubled\", which nothing of \"numbers\" reaches"));
+  EXPECT_THAT(build_problems_,
+              HasSubstr("the chain \"all\" is not judged in this replay: it ends at "
+                        "\"doubled\", which nothing of \"numbers\" reaches"));
   EXPECT_THAT(to_table(report_), HasSubstr("not judged: this replay runs too little of its way"));
 }
 

@@ -65,7 +65,7 @@ class Import final : public detail::CreditRelay {
  private:
   class Held;
 
-  void say_oldest();
+  void report_oldest();
   void begin_credits(std::uint32_t publisher);
   bool find(std::uint64_t& word) noexcept;
   bool take_one() noexcept;

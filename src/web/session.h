@@ -48,9 +48,9 @@ class Session final : public Listener {
   static constexpr std::size_t kMaxParams = 4096;
 
   void greet();
-  void say_text(std::string text);
-  void say_binary(std::string bytes);
-  void say_status(foxglove::StatusLevel level, std::string_view text, std::string_view id = {});
+  void send_text(std::string text);
+  void send_binary(std::string bytes);
+  void send_status(foxglove::StatusLevel level, std::string_view text, std::string_view id = {});
   void subscribe(const foxglove::Json& json);
   void unsubscribe(const foxglove::Json& json);
   void advertise(const foxglove::Json& json);
@@ -61,7 +61,7 @@ class Session final : public Listener {
   void publish(const foxglove::ClientMessage& message);
   void call(const foxglove::ClientCall& call);
   void control(const foxglove::ClientPlayback& playback);
-  void refuse(std::string_view text) { say_status(foxglove::StatusLevel::kError, text); }
+  void refuse(std::string_view text) { send_status(foxglove::StatusLevel::kError, text); }
 
   Hub& hub_;
   const std::function<void()> wake_;

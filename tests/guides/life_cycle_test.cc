@@ -234,16 +234,16 @@ TEST(TheGuideToTheLifeCycle, KeepsDeclaredStateOverARestart) {
   auto speeds = bench.input<demo::Speed>("radar/speed");
   auto means = bench.output<demo::Speed>("mean/speed");
   bench.start();
-  const auto say = [&](double mps) {
+  const auto publish_speed = [&](double mps) {
     demo::Speed speed;
     speed.set_mps(mps);
     speeds.publish(speed);
     bench.advance(10ms);
   };
 
-  say(8.0);
-  say(-1.0);  // A fault: the object is made anew.
-  say(4.0);
+  publish_speed(8.0);
+  publish_speed(-1.0);  // A fault: the object is made anew.
+  publish_speed(4.0);
 
   const auto received = means.take();
   ASSERT_EQ(received.size(), 2U);

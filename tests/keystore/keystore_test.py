@@ -83,7 +83,7 @@ class Keystore(unittest.TestCase):
             ["ros_discovery_info", *(f"rr/car/gate/{name}Reply" for name in services)],
             ["ros_discovery_info", *(f"rq/car/gate/{name}Request" for name in services)]])
 
-    def test_others_may_do_what_is_said(self):
+    def test_others_may_do_what_is_permitted(self):
         self.security("init", "keys")
         self.security("add", "keys", "car/driver", "--domain", "7", "--publish", "/points", "--subscribe", "speed",
                       "--serve", "reset", "--call", "/release", "--node", "/car/driver")

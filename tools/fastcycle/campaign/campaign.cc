@@ -319,8 +319,8 @@ class Campaign {
       }
     }
     if (seeds.size() < options_.seeds) {
-      say(fmt::format("{} of {} seeds are done already", options_.seeds - seeds.size(),
-                      options_.seeds));
+      print_line(fmt::format("{} of {} seeds are done already", options_.seeds - seeds.size(),
+                             options_.seeds));
     }
     bool is_wrong = false;
     std::ofstream lines(options_.out / "results.jsonl", std::ios::app);
@@ -365,7 +365,7 @@ class Campaign {
           if (verdict.has_failed()) {
             ++failed;
             clear_line();
-            say(fmt::format("seed {}: {}", seeds[i], verdict.how));
+            print_line(fmt::format("seed {}: {}", seeds[i], verdict.how));
             keep_results(folder_of(i));
           } else {
             fs::remove_all(folder_of(i));
@@ -437,7 +437,7 @@ class Campaign {
       if (children_.is_stopped() || failures_.size() >= options_.most_failures) {
         break;
       }
-      say(fmt::format("shrinking seed {}: {}", result->seed, result->how));
+      print_line(fmt::format("shrinking seed {}: {}", result->seed, result->how));
       const campaign::TryAll try_them = [&](const std::vector<Faults>& lists) {
         return try_all(lists, result->seed);
       };
@@ -447,8 +447,8 @@ class Campaign {
         break;
       }
       if (first.front().way != result->way) {
-        say(fmt::format("seed {} did not fail in the same way again: {}", result->seed,
-                        first.front().has_failed() ? first.front().how : "it passed"));
+        print_line(fmt::format("seed {} did not fail in the same way again: {}", result->seed,
+                               first.front().has_failed() ? first.front().how : "it passed"));
         continue;
       }
       campaign::Shrunk shrunk =
@@ -550,7 +550,7 @@ class Campaign {
     return summary.failed() > 0 || !is_complete || !problems.empty() ? kFailed : flushed;
   }
 
-  void say(const std::string& line) const {
+  void print_line(const std::string& line) const {
     if (!options_.is_quiet) {
       print_to(stderr, "{}\n", line);
     }
