@@ -16,7 +16,7 @@ namespace fastcycle::processes {
 /// Broadcasts application-wide notices between processes: each writes records into a ring in its
 /// own memory, which all others read.
 ///
-/// @threads  `say` and `put_snapshot` are Safe; all else is confined to the reading thread.
+/// @threads  `send` and `put_snapshot` are Safe; all else is confined to the reading thread.
 class Notices {
  public:
   /// Maximum size of a record, in bytes.
