@@ -93,7 +93,7 @@ class Acceptance(unittest.TestCase):
         found = checks([support.latency_row(FUTEX, n=50), support.latency_row(PARK, n=50, p50=99.0)])[self.P50]
         self.assertEqual(found.verdict, "n too small (not held by these few)")
 
-    def test_what_was_not_measured_is_said(self):
+    def test_what_was_not_measured_is_reported(self):
         found = checks([support.latency_row(PARK)])
         self.assertEqual(found[self.P50].verdict, NOT_MEASURED)
         self.assertEqual(found["flood ≥ 15 M/s, or 0.9 × a bare ring of two threads where that is less", None].verdict, NOT_MEASURED)

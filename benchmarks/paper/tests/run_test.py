@@ -89,7 +89,7 @@ class Run(support.InAFolder):
         (self.folder / "out" / "rows.jsonl").unlink()
         self.assertEqual(self.run_paper().returncode, 2)
 
-    def test_a_wrong_size_or_place_is_told(self):
+    def test_a_wrong_size_or_place_is_reported(self):
         for sizes in ("5X", "0", "-4", "32K,", ""):
             done = self.run_paper(f"--sizes={sizes}")
             self.assertEqual(done.returncode, 2)
@@ -99,7 +99,7 @@ class Run(support.InAFolder):
         self.assertIn("--out /dev/null cannot be used", done.stderr)
         self.assertNotIn("Traceback", done.stderr)
 
-    def test_a_name_that_nobody_has_is_told(self):
+    def test_a_name_that_nobody_has_is_reported(self):
         done = self.run_paper("--only", "zeromqq")
         self.assertEqual(done.returncode, 2)
         self.assertIn("zeromq-inproc", done.stderr)
