@@ -107,7 +107,7 @@ class Goals(unittest.TestCase):
     def test_all_conditions_hold_at_one_step(self):
         self.expect(None, [goal(box(10, 0, 2, 2), first=13)])
 
-    def test_what_is_missed_by_least_is_told(self):
+    def test_what_is_missed_by_least_is_reported(self):
         found = judge(scene(goals=[goal(box(100, 0, 2, 2), span("velocity", 11, 12)), goal(box(100, 0, 2, 2))]), way())
         self.assertEqual(found["goal_missed_by"], ["place"])
 
@@ -161,7 +161,7 @@ class Contacts(unittest.TestCase):
 
 
 class Road(unittest.TestCase):
-    def test_body_over_the_edge_is_told_though_the_centre_is_on_the_road(self):
+    def test_body_over_the_edge_is_reported_though_the_centre_is_on_the_road(self):
         found = judge(scene(), way(y=-1.2))
         self.assertEqual((found["rows_off_road"], found["over_edge_m"]), (0, 0.255))
 
@@ -190,7 +190,7 @@ class Classes(unittest.TestCase):
         self.assertEqual(self.class_of(scene(car(7, [(15, 0)] * 21)), way(y=-1.7)), "collision, own fault")
         self.assertEqual(self.class_of(scene(car(7, [(-10 + 2.0 * step, 0) for step in range(21)])), way()), "hit by replayed traffic")
 
-    def test_what_was_so_at_the_start_is_not_told_of_the_drive(self):
+    def test_what_was_so_at_the_start_is_not_reported_of_the_drive(self):
         self.assertEqual(self.class_of(scene(), way(y=-1.2, heading=0.05)), "solved")
         self.assertEqual(self.class_of(scene(car(7, [(1.0 * step, 2.1) for step in range(21)])), way()), "solved")
 
@@ -252,7 +252,7 @@ class Evaluation(unittest.TestCase):
         self.evaluate("--", "--set", "a.b=1")
         self.assertEqual(self.runs(), 4)
 
-    def test_run_that_does_not_end_is_ended_and_told(self):
+    def test_run_that_does_not_end_is_ended_and_reported(self):
         (self.scenes / "slow.xml").write_bytes(ElementTree.tostring(scene()))
         _, found = self.evaluate("--limit-s", "0.5")
         self.assertEqual(found["slow"]["class"], "timeout")

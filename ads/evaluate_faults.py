@@ -15,7 +15,7 @@ Each drive is simulated, and has one fault, which begins AT seconds after the st
 
 Prints a table in Markdown; DIR/faults.json has the same, and DIR an overlay for each drive, which repeats it:
 fastcycle run APP.json --overlay DIR/NAME.json --clock simulated. WORDs go to each run. What is noticed is the first change of
-the state of supervision after the fault that the drive without a fault does not have at that time, as the log tells it.
+the state of supervision after the fault that the drive without a fault does not have at that time, as the log has it.
 Exit code: 0 if nothing was touched in any drive, 1 if something was, 2 for wrong input.
 """
 

@@ -345,7 +345,7 @@ def read_options(words):
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="drives beside each other: as many as there are CPUs")
     parser.add_argument("--traffic", choices=list(HIT), default="replay", help="what others do: replay")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("scenes"), help="folder of what is found: scenes")
-    parser.add_argument("--compare", type=pathlib.Path, metavar="EARLIER.json", help="tell what was won and lost")
+    parser.add_argument("--compare", type=pathlib.Path, metavar="EARLIER.json", help="report what was won and lost")
     parser.add_argument("--expect", type=pathlib.Path, metavar="KNOWN.json", help="fail if a scene ends in a worse class than in this file")
     parser.add_argument("--shuffle", type=int, metavar="SEED", help="drive the scenes in an order of chance, which the seed gives again")
     parser.add_argument("--seconds", type=float, metavar="S", help="begin no drive after so many seconds")

@@ -25,7 +25,7 @@ class Worse(unittest.TestCase):
 
 
 class Compare(unittest.TestCase):
-    def test_won_lost_and_changed_scenes_are_told_apart(self):
+    def test_won_lost_and_changed_scenes_are_distinguished(self):
         earlier = [entry("A", "no goal"), entry("B", "solved"), entry("C", "off road"), entry("D", "solved")]
         now = [entry("A", "solved"), entry("B", "no goal", "missed by place"), entry("C", "no goal"), entry("E", "solved")]
         self.assertEqual(

@@ -12,7 +12,7 @@
 
 Usage: check_includes.py [--headers] [--self-test] [root]
   --headers    also compiles each public header alone, so that none needs another one before it
-  --self-test  tries the checks on a small tree of mistakes, and on one without
+  --self-test  tries the checks on a small tree of errors, and on one without
 """
 
 import argparse
@@ -112,7 +112,7 @@ def files_of(root):
                 yield path
 
 
-def mistake(root, depends, test_depends, path, included):
+def error(root, depends, test_depends, path, included):
     """What is wrong with this include, or None."""
     part = path.relative_to(root).parts
     target = included.split("/")[0]
@@ -146,7 +146,7 @@ def check(root):
         for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
             place = f"{path.relative_to(root)}:{number}"
             include = INCLUDE.match(line)
-            wrong = include and mistake(root, depends, test_depends, path, include.group(1))
+            wrong = include and error(root, depends, test_depends, path, include.group(1))
             if wrong:
                 found.append(f"{place}: {wrong}")
             if path.relative_to(root).parts[:2] == PRINTERS and PRINTS.search(line):
@@ -172,7 +172,7 @@ def check_headers(root):
 
 
 def self_test():
-    """Plants one mistake of each kind and expects to find exactly these."""
+    """Plants one error of each kind and expects to find exactly these."""
     clean = {
         "include/fastcycle/a.h": '#include "fastcycle/version.h"\n',
         "include/fastcycle/version.h": "",
@@ -189,7 +189,7 @@ def self_test():
         "transforms/include/fastcycle/beside.h": '#include "fastcycle/a.h"\n',
         "ads/x/x.cc": '#include "fastcycle/a.h"\n#include "fastcycle/beside.h"\n#include "x/own.h"\n#include "demo/speed.pb.h"\n',
     }
-    mistakes = {
+    errors = {
         "src/low/up.cc": '#include "mid/mid.h"\n',
         "tools/fastcycle/run.cc": 'print_to(stderr, "a");\n  std::fprintf(stderr, "b");\n',
         "src/mid/up.cc": '#include "top/top.h"\n',
@@ -218,7 +218,7 @@ def self_test():
 
         plant(clean)
         assert check(root) == [], check(root)
-        plant(mistakes)
+        plant(errors)
         places = [line.split(" ")[0] for line in check(root)]
         assert places == expected, places
     print("check_includes: finds what it should")

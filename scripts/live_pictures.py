@@ -48,7 +48,7 @@ def top(environment):
 
 
 def tunnel(environment):
-    """A log in one terminal, the commands that it tells of in another, below each other."""
+    """A log in one terminal, the commands that it lists in another, below each other."""
     with Terminal(["fastcycle", "log"], COLUMNS, ROWS, environment) as log:
         log.pause(1)
         said = shown(["fastcycle param get supervision.gnss.age_max_s", "fastcycle mode", "fastcycle mode tunnel", 2,

@@ -168,11 +168,11 @@ class Terminal:
         subprocess.run(self.tmux + ["kill-server"], check=False)
         self.folder.cleanup()
 
-    def tell(self, *words):
+    def run(self, *words):
         return subprocess.run(self.tmux + list(words), check=True, capture_output=True, text=True).stdout
 
     def key(self, name):
-        self.tell("send-keys", name)
+        self.run("send-keys", name)
 
     def pause(self, seconds):
         time.sleep(float(seconds))
@@ -183,8 +183,8 @@ class Terminal:
     def type(self, line):
         """To `SHELL`, and waits until it asks for more."""
         asked = self.plain().count(PROMPT)
-        self.tell("send-keys", "-l", line)
-        self.tell("send-keys", "Enter")
+        self.run("send-keys", "-l", line)
+        self.run("send-keys", "Enter")
         self.wait_until(lambda screen: screen.count(PROMPT) > asked and screen.endswith(PROMPT), f"the end of {line}")
 
     def wait_until(self, is_there, what):
@@ -195,11 +195,11 @@ class Terminal:
             time.sleep(0.05)
 
     def plain(self):
-        return "\n" + self.tell("capture-pane", "-p").rstrip()
+        return "\n" + self.run("capture-pane", "-p").rstrip()
 
     def text(self):
         """What it shows, colours included, without the prompt that waits at the end."""
-        lines = self.tell("capture-pane", "-e", "-p", "-N").strip("\n").split("\n")
+        lines = self.run("capture-pane", "-e", "-p", "-N").strip("\n").split("\n")
         if self.plain().endswith(PROMPT):
             lines.pop()
         return "\n".join(lines).rstrip("\n")

@@ -133,10 +133,10 @@ void Tree::rebuild() {
   for (const auto& moving : moving_) {
     connect(moving->frame.parent, moving->frame.child, moving->frame.topic, moving.get(), {});
   }
-  std::set<PublisherId> heard;
+  std::set<PublisherId> publishers;
   for (std::size_t index = static_ ? static_->size() : 0; index > 0; --index) {
     const auto message = (*static_)[index - 1];
-    if (!heard.insert(message.info().publisher).second) {
+    if (!publishers.insert(message.info().publisher).second) {
       continue;  // A newer message of it replaces this one.
     }
     for (const transform::Transform& one : message->transforms()) {

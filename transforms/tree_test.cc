@@ -187,7 +187,7 @@ TEST(ALookUp, SaysWhichPoseIsTooOld) {
             "ms are allowed (max_hold)");
 }
 
-TEST(ALookUp, GuessesNothingUnlessToldTo) {
+TEST(ALookUp, GuessesNothingUnlessAskedTo) {
   Questions questions(kDriving);
   questions.poses.at(kPose).publish(pose("map", "base_link", 1000, at(1.0)));
 

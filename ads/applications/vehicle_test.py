@@ -30,7 +30,7 @@ def drive(fastcycle, folder, seconds, *options):
     return json.loads((folder / "report.json").read_text()), done.stdout + done.stderr
 
 
-def every_device_is_heard(fastcycle, folder):
+def every_device_is_received(fastcycle, folder):
     """Sweeps, positions and frames pass through the protocols of the devices, and commands go back to the vehicle."""
     report, output = drive(fastcycle, folder, 8)
     results = report["results"]
@@ -54,7 +54,7 @@ def the_driver_takes_over(fastcycle, folder):
 
 def main():
     fastcycle, case = pathlib.Path(sys.argv[1]).resolve(), sys.argv[2]
-    cases = {test.__name__: test for test in (every_device_is_heard, the_driver_takes_over)}
+    cases = {test.__name__: test for test in (every_device_is_received, the_driver_takes_over)}
     with tempfile.TemporaryDirectory() as folder:
         cases[case](fastcycle, pathlib.Path(folder))
 

@@ -96,7 +96,7 @@ void CanBusComponent::on_command(const can::Frame& command) {
   frame.can_dlc = static_cast<__u8>(command.data().size());
   std::ranges::copy(command.data(), frame.data);
   const std::string why_not = observe("sent", [&] { return bus_->send(frame); });
-  tell(why_not);
+  set_trouble(why_not);
   ++(why_not.empty() ? sent_ : unsent_);
 }
 

@@ -146,7 +146,7 @@ TEST_F(CanBusTest, OldAndImpossibleCommandsAreNotSent) {
   EXPECT_EQ(result("commands_sent"), 1);
 }
 
-TEST_F(CanBusTest, CommandsThatNobodyTakesAreCountedAndTold) {
+TEST_F(CanBusTest, CommandsThatNobodyTakesAreCountedAndReported) {
   bench_.start();
 
   commands_.publish(command(257, "1"));
@@ -157,7 +157,7 @@ TEST_F(CanBusTest, CommandsThatNobodyTakesAreCountedAndTold) {
   EXPECT_EQ(result("commands_sent"), 0);
 }
 
-TEST_F(CanBusTest, BusOffIsToldUntilFramesComeAgain) {
+TEST_F(CanBusTest, BusOffIsReportedUntilFramesComeAgain) {
   vehicle_.open();
   bench_.start();
   ASSERT_TRUE(send(frame_of(513, "")));

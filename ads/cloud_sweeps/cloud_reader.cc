@@ -18,7 +18,7 @@ namespace {
 
 using foxglove::PackedElementField;
 
-constexpr std::size_t kEchoBytes = 16;
+constexpr std::size_t kReturnBytes = 16;
 constexpr double kSpanMax_s = 1.0;
 // Larger times are not relative to the cloud but since 1970; still larger ones are nanoseconds.
 constexpr double kAbsolute_s = 1e6;
@@ -243,8 +243,8 @@ void read_cloud(const foxglove::PointCloud& cloud, const CloudConfig& config, li
   sweep.set_duration_ns(duration_ns);
 
   std::string& points = *sweep.mutable_points();
-  points.resize(data.size() / stride * kEchoBytes);
-  std::size_t echoes = 0;
+  points.resize(data.size() / stride * kReturnBytes);
+  std::size_t returns = 0;
   std::uint32_t rings = ring ? 1 : config.rings;
   for (std::size_t at = 0; at < data.size(); at += stride) {
     const char* const point = data.data() + at;
@@ -272,16 +272,16 @@ void read_cloud(const foxglove::PointCloud& cloud, const CloudConfig& config, li
     const double brightness = intensity ? intensity->of(point) / config.intensity_max * 255.0 : 0.0;
     const auto its_intensity = static_cast<std::uint8_t>(
         std::isfinite(brightness) ? std::clamp(brightness, 0.0, 255.0) : 0.0);
-    char* const echo = points.data() + kEchoBytes * echoes++;
-    std::memcpy(echo, place_m.data(), 12);
-    std::memcpy(echo + 12, &its_time, 2);
-    std::memcpy(echo + 14, &its_ring, 1);
-    std::memcpy(echo + 15, &its_intensity, 1);
+    char* const beam_return = points.data() + kReturnBytes * returns++;
+    std::memcpy(beam_return, place_m.data(), 12);
+    std::memcpy(beam_return + 12, &its_time, 2);
+    std::memcpy(beam_return + 14, &its_ring, 1);
+    std::memcpy(beam_return + 15, &its_intensity, 1);
   }
-  // The last column is filled up with what is no echo.
-  const std::size_t columns = (echoes + rings - 1) / rings;
-  points.resize(echoes * kEchoBytes);
-  points.resize(columns * rings * kEchoBytes, '\0');
+  // The last column is filled up with what is no return.
+  const std::size_t columns = (returns + rings - 1) / rings;
+  points.resize(returns * kReturnBytes);
+  points.resize(columns * rings * kReturnBytes, '\0');
   sweep.set_columns(static_cast<std::uint32_t>(columns));
   sweep.set_rings(rings);
 }

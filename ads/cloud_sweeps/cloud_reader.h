@@ -40,7 +40,7 @@ struct CloudConfig {
 /// time, t, timestamp, offset_time, time_stamp; of ring, channel, line, laser_id; of intensity,
 /// reflectivity, i. Times are integer nanoseconds or floating-point seconds since the cloud's
 /// timestamp, or UTC in FLOAT64, in seconds or nanoseconds. A point that is not finite, or at the
-/// origin, is not an echo.
+/// origin, is not a return.
 ///
 /// The sweep's points keep the order of the cloud, and its columns and rings are those of the
 /// sensor. The caller fills in where the sensor is mounted.

@@ -24,13 +24,13 @@ using std::chrono_literals::operator""ms;
 
 constexpr std::int64_t kStamp_ns = 1'700'000'000'250'000'000;
 
-struct Echo {
+struct LidarReturn {
   std::array<float, 3> place_m{};
   std::uint16_t time = 0;
   std::uint8_t ring = 0;
   std::uint8_t intensity = 0;
 };
-static_assert(sizeof(Echo) == 16);
+static_assert(sizeof(LidarReturn) == 16);
 
 // Clouds field by field, as drivers have them.
 class CloudMaker {
@@ -71,12 +71,15 @@ class CloudMaker {
   foxglove::PointCloud cloud_;
 };
 
-std::vector<Echo> echoes_of(const lidar::Sweep& sweep) {
-  EXPECT_EQ(sweep.points().size(), std::size_t{sweep.columns()} * sweep.rings() * sizeof(Echo));
-  std::vector<Echo> echoes(sweep.points().size() / sizeof(Echo));
-  std::memcpy(echoes.data(), sweep.points().data(), sweep.points().size());
-  std::erase_if(echoes, [](const Echo& echo) { return echo.place_m == Echo().place_m; });
-  return echoes;
+std::vector<LidarReturn> returns_of(const lidar::Sweep& sweep) {
+  EXPECT_EQ(sweep.points().size(),
+            std::size_t{sweep.columns()} * sweep.rings() * sizeof(LidarReturn));
+  std::vector<LidarReturn> returns(sweep.points().size() / sizeof(LidarReturn));
+  std::memcpy(returns.data(), sweep.points().data(), sweep.points().size());
+  std::erase_if(returns, [](const LidarReturn& beam_return) {
+    return beam_return.place_m == LidarReturn().place_m;
+  });
+  return returns;
 }
 
 lidar::Sweep read(const foxglove::PointCloud& cloud, const CloudConfig& config = {}) {
@@ -101,17 +104,17 @@ TEST(CloudReader, PointsWithSecondsBeforeTheStampAreASweepThatEndsWithIt) {
   EXPECT_NEAR(static_cast<double>(sweep.header().taken_ns() - kStamp_ns), -1e8, 10.0);
   EXPECT_NEAR(static_cast<double>(sweep.duration_ns()), 1e8, 10.0);
   EXPECT_EQ(sweep.header().frame(), "velodyne");
-  const auto echoes = echoes_of(sweep);
-  ASSERT_EQ(echoes.size(), 3U);
-  EXPECT_EQ(echoes[1].place_m, (std::array{4.0F, 5.0F, 6.0F}));
-  EXPECT_EQ(echoes[0].time, 0);
-  EXPECT_NEAR(echoes[1].time, 32768, 2);
-  EXPECT_EQ(echoes[2].time, 65535);
-  EXPECT_EQ(echoes[0].ring, 5);
-  EXPECT_EQ(echoes[2].ring, 255);
-  EXPECT_EQ(echoes[0].intensity, 100);
-  EXPECT_EQ(echoes[1].intensity, 255);
-  EXPECT_EQ(echoes[2].intensity, 0);
+  const auto returns = returns_of(sweep);
+  ASSERT_EQ(returns.size(), 3U);
+  EXPECT_EQ(returns[1].place_m, (std::array{4.0F, 5.0F, 6.0F}));
+  EXPECT_EQ(returns[0].time, 0);
+  EXPECT_NEAR(returns[1].time, 32768, 2);
+  EXPECT_EQ(returns[2].time, 65535);
+  EXPECT_EQ(returns[0].ring, 5);
+  EXPECT_EQ(returns[2].ring, 255);
+  EXPECT_EQ(returns[0].intensity, 100);
+  EXPECT_EQ(returns[1].intensity, 255);
+  EXPECT_EQ(returns[2].intensity, 0);
 }
 
 TEST(CloudReader, TimesAreUnderstoodAsDriversWriteThem) {
@@ -150,12 +153,12 @@ TEST(CloudReader, SweepHasAsManyRingsAsTheSensor) {
   const lidar::Sweep sweep = read(with_rings.done());
   EXPECT_EQ(sweep.rings(), 16U);
   EXPECT_EQ(sweep.columns(), 3U);
-  EXPECT_EQ(echoes_of(sweep).size(), 40U);
+  EXPECT_EQ(returns_of(sweep).size(), 40U);
 
   EXPECT_EQ(read(CloudMaker().places().point(1.0F, 0.0F, 0.0F).done()).rings(), 64U);
 }
 
-TEST(CloudReader, WhatIsNoEchoIsLeftOut) {
+TEST(CloudReader, WhatIsNoReturnIsLeftOut) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto cloud = CloudMaker()
                          .places()
@@ -164,7 +167,7 @@ TEST(CloudReader, WhatIsNoEchoIsLeftOut) {
                          .point(1.0F, 0.0F, 0.0F)
                          .done();
 
-  EXPECT_EQ(echoes_of(read(cloud)).size(), 1U);
+  EXPECT_EQ(returns_of(read(cloud)).size(), 1U);
 }
 
 TEST(CloudReader, PointsWithoutTimesAreOfOneMomentOrOfATurn) {
@@ -183,7 +186,7 @@ TEST(CloudReader, PointsWithoutTimesAreOfOneMomentOrOfATurn) {
   CloudConfig config;
   config.turn = Turn::kCounterClockwise;
   config.begin_rad = std::numbers::pi;
-  const auto left = echoes_of(read(cloud, config));
+  const auto left = returns_of(read(cloud, config));
   EXPECT_NEAR(left[0].time, 0, 1);
   EXPECT_NEAR(left[1].time, 16384, 1);
   EXPECT_NEAR(left[2].time, 32768, 1);
@@ -193,7 +196,7 @@ TEST(CloudReader, PointsWithoutTimesAreOfOneMomentOrOfATurn) {
   config.is_stamp_at_end = true;
   const lidar::Sweep turned = read(cloud, config);
   EXPECT_EQ(turned.header().taken_ns() + turned.duration_ns(), kStamp_ns);
-  EXPECT_NEAR(echoes_of(turned)[1].time, 49152, 1);
+  EXPECT_NEAR(returns_of(turned)[1].time, 49152, 1);
 }
 
 TEST(CloudReader, CloudsThatAreNotWhatTheySayAreErrors) {
@@ -245,11 +248,11 @@ TEST(CloudSweeps, CloudsOfASensorThatIsMountedTurnedAreSweepsOfTheVehicle) {
   ASSERT_EQ(made.size(), 1U);
   EXPECT_EQ(made[0].mount_height_m(), 1.7);
   EXPECT_EQ(made[0].mount_forward_m(), 0.5);
-  const auto echoes = echoes_of(made[0]);
-  ASSERT_EQ(echoes.size(), 1U);
-  EXPECT_NEAR(echoes[0].place_m[0], 0.0, 1e-6);
-  EXPECT_NEAR(echoes[0].place_m[1], 1.0, 1e-6);
-  EXPECT_NEAR(echoes[0].place_m[2], 3.0, 1e-6);
+  const auto returns = returns_of(made[0]);
+  ASSERT_EQ(returns.size(), 1U);
+  EXPECT_NEAR(returns[0].place_m[0], 0.0, 1e-6);
+  EXPECT_NEAR(returns[0].place_m[1], 1.0, 1e-6);
+  EXPECT_NEAR(returns[0].place_m[2], 3.0, 1e-6);
 }
 
 TEST(CloudSweeps, ACloudThatCannotBeReadIsSaidAndTheNextOneIsRead) {

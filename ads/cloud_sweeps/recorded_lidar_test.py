@@ -85,12 +85,12 @@ def clouds_become_sweeps(tool):
         assert int(sweep["duration_ns"]) == round(63 / 1024 * 1e9), sweep["duration_ns"]
         assert sweep["mount_height_m"] == MOUNT["mount_height_m"]
         assert (sweep["columns"], sweep["rings"]) == (1, 64), sweep["rings"]
-        echoes = list(struct.iter_unpack("<fffHBB", base64.b64decode(sweep["points"])))
-        assert len(echoes) == 64
-        for (x, y, z, intensity, ring, time_s), echo in zip(points, echoes):
-            assert echo[:3] == (x, y, z), echo
-            assert abs(echo[3] - min(65535, time_s / (63 / 1024) * 65536)) <= 1, echo
-            assert echo[4:] == (ring, int(intensity)), echo
+        returns = list(struct.iter_unpack("<fffHBB", base64.b64decode(sweep["points"])))
+        assert len(returns) == 64
+        for (x, y, z, intensity, ring, time_s), beam_return in zip(points, returns):
+            assert beam_return[:3] == (x, y, z), beam_return
+            assert abs(beam_return[3] - min(65535, time_s / (63 / 1024) * 65536)) <= 1, beam_return
+            assert beam_return[4:] == (ring, int(intensity)), beam_return
 
 
 def kitti_cloud(number, file):

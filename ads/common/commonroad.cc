@@ -479,7 +479,7 @@ void leave_out_unknown(Scenario& scenario) {
   }
 }
 
-// Tells each lanelet the lowest limit of its signs.
+// Gives each lanelet the lowest limit of its signs.
 void apply_speed_limits(Scenario& scenario) {
   for (auto& [id, lanelet] : scenario.lanelets) {
     for (const std::int64_t sign : lanelet.signs) {

@@ -309,7 +309,7 @@ TEST(CommonRoad, GoalMayBeOneOfSeveral) {
   EXPECT_FALSE(goals[2].heading_rad);
 }
 
-TEST(CommonRoad, MistakesAreToldWithTheirLine) {
+TEST(CommonRoad, ErrorsAreReportedWithTheirLine) {
   EXPECT_EQ(refusal_of_text("<commonRoad>\n<lanelet id='3'>\n</commonRoad>"),
             "x.xml:3: expected XML, found Start-end tags mismatch");
   EXPECT_EQ(refusal_of_text("<html/>"), "x.xml:1: expected <commonRoad>, found <html>");

@@ -164,7 +164,7 @@ TEST(Dbc, MissingNamesAreNamed) {
   EXPECT_THROW((void)dbc.message("STEER").signal("WHEEL"), std::runtime_error);
 }
 
-TEST(Dbc, MistakesAreToldWithTheirLine) {
+TEST(Dbc, ErrorsAreReportedWithTheirLine) {
   EXPECT_EQ(refusal("\nBO_ x M: 8 X\n"),
             "x.dbc:2: expected a message's identifier, found 'x M: 8 X'");
   EXPECT_EQ(refusal(" SG_ S : 0|1@1+ (1,0) [0|1] \"\" X"),

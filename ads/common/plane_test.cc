@@ -114,7 +114,7 @@ TEST(Plane, PolygonContainsItsInsideAndItsEdge) {
   EXPECT_FALSE(contains({}, {0.0, 0.0}));
 }
 
-TEST(Polyline, PointsAreToldByTheirArclengthAndOffset) {
+TEST(Polyline, PointsAreGivenByTheirArclengthAndOffset) {
   const Polyline line(Points{{0.0, 0.0}, {10.0, 0.0}, {10.0, 0.0}, {10.0, 10.0}});
 
   EXPECT_EQ(line.points_m().size(), 3U);

@@ -28,7 +28,7 @@ fastcycle::ParamOptions<double> stddev(double fallback, std::string unit, std::s
 
 }  // namespace
 
-std::string mistake_in(const connectivity::Hazard& hazard, fastcycle::Time now) {
+std::string error_in(const connectivity::Hazard& hazard, fastcycle::Time now) {
   const std::string& frame = hazard.header().frame();
   if (!frame.empty() && frame != "map") {
     return fmt::format("frame: expected \"map\", found \"{}\"", frame);
@@ -126,10 +126,10 @@ void Connectivity::publish(const Mission& mission) {
 }
 
 void Connectivity::take(const connectivity::Hazard& hazard) {
-  const std::string mistake = mistake_in(hazard, now());
-  if (!mistake.empty()) {
+  const std::string error = error_in(hazard, now());
+  if (!error.empty()) {
     ++hazards_refused_;
-    log().warning("hazard {} is refused: {}", hazard.id(), mistake);
+    log().warning("hazard {} is refused: {}", hazard.id(), error);
     return;
   }
   ++hazards_passed_on_;

@@ -15,7 +15,7 @@
 namespace ads {
 
 /// Why a hazard is rejected; empty if it is valid.
-std::string mistake_in(const connectivity::Hazard& hazard, fastcycle::Time now);
+std::string error_in(const connectivity::Hazard& hazard, fastcycle::Time now);
 
 /// The vehicle's connection to the outside world: forwards the mission and validated hazards, and
 /// reports the vehicle's position.

@@ -112,24 +112,24 @@ TEST_F(ConnectivityTest, HazardsFromOutsideAreCheckedAndPassedOn) {
   EXPECT_EQ(std::get<std::int64_t>(bench_.result("connectivity", "hazards_passed_on")), 1);
 }
 
-TEST(Hazard, MistakesAreNamed) {
+TEST(Hazard, ErrorsAreNamed) {
   const fastcycle::Time now{10s};
-  EXPECT_EQ(mistake_in(hazard(1), now), "");
+  EXPECT_EQ(error_in(hazard(1), now), "");
   auto wrong = hazard(1);
   wrong.set_radius_m(0.0);
-  EXPECT_THAT(mistake_in(wrong, now), HasSubstr("radius_m"));
+  EXPECT_THAT(error_in(wrong, now), HasSubstr("radius_m"));
   wrong = hazard(1);
   wrong.set_speed_limit_mps(-1.0);
-  EXPECT_THAT(mistake_in(wrong, now), HasSubstr("speed_limit_mps"));
+  EXPECT_THAT(error_in(wrong, now), HasSubstr("speed_limit_mps"));
   wrong = hazard(1);
   wrong.set_valid_until_ns(5);
-  EXPECT_THAT(mistake_in(wrong, now), HasSubstr("over"));
+  EXPECT_THAT(error_in(wrong, now), HasSubstr("over"));
   wrong = hazard(1);
   wrong.mutable_header()->set_frame("lidar");
-  EXPECT_THAT(mistake_in(wrong, now), HasSubstr("frame"));
+  EXPECT_THAT(error_in(wrong, now), HasSubstr("frame"));
   wrong = hazard(1);
   wrong.set_kind(static_cast<connectivity::Hazard::Kind>(77));
-  EXPECT_THAT(mistake_in(wrong, now), HasSubstr("kind"));
+  EXPECT_THAT(error_in(wrong, now), HasSubstr("kind"));
 }
 
 TEST(Hazard, CancellationNeedsNoPlace) {
@@ -137,7 +137,7 @@ TEST(Hazard, CancellationNeedsNoPlace) {
   cancelled.set_id(1);
   cancelled.set_is_cancelled(true);
 
-  EXPECT_EQ(mistake_in(cancelled, fastcycle::Time{10s}), "");
+  EXPECT_EQ(error_in(cancelled, fastcycle::Time{10s}), "");
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ TEST(ScenarioLink, GoalHasItsWindowOnTheApplicationsClock) {
   EXPECT_EQ(goal.speed_mps().high(), 19.5903);
 }
 
-TEST(ScenarioLink, RoundGoalIsToldByASquareInsideOfIt) {
+TEST(ScenarioLink, RoundGoalIsDescribedByASquareInsideOfIt) {
   Scenario scenario = highway();
   GoalState& goal = scenario.problems.front().goals.front();
   goal.boxes.clear();

@@ -122,7 +122,7 @@ TEST_F(ControlTest, SteersBackToThePlan) {
   EXPECT_NEAR(command.lateral_error_m(), 0.5, 1e-6);
 }
 
-TEST_F(ControlTest, TakesTheMinimalRiskTrajectoryWhenItIsTold) {
+TEST_F(ControlTest, TakesTheMinimalRiskTrajectoryWhenItIsRequested) {
   send_ego(0.0, 0.0, 10.0);
   send_plan();
   send_state(supervision::MINIMAL_RISK_STOP);
@@ -299,7 +299,7 @@ TEST_F(ControlTest, NumbersThatAreNoneNeverComeOut) {
   }
 }
 
-/// Control that throws when it is told to.
+/// Control that throws when it is asked to.
 class FaultyControl final : public fastcycle::Component {
  public:
   explicit FaultyControl(fastcycle::Context& context) : Component(context), control_(context) {

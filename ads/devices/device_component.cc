@@ -29,17 +29,17 @@ void DeviceComponent::look() {
   if (trouble.empty()) {
     trouble = other_trouble_;
   }
-  if (trouble == told_) {
+  if (trouble == reported_) {
     return;
   }
   if (trouble.empty()) {
-    log().info("the device is there again, after: {}", told_);
+    log().info("the device is there again, after: {}", reported_);
     health(fastcycle::Health::kOk);
   } else {
     log().warning("{}", trouble);
     health(fastcycle::Health::kDegraded, trouble);
   }
-  told_ = std::move(trouble);
+  reported_ = std::move(trouble);
 }
 
 }  // namespace ads

@@ -25,7 +25,7 @@ class DeviceComponent : public fastcycle::Component {
                             std::function<Device&()> device);
 
   /// Call in an activation: reports a fault other than the device's own; empty if there is none.
-  void tell(std::string text) { other_trouble_ = std::move(text); }
+  void set_trouble(std::string text) { other_trouble_ = std::move(text); }
 
   /// The device's fault as reported by the thread.
   [[nodiscard]] DeviceTrouble& trouble() { return trouble_; }
@@ -36,7 +36,7 @@ class DeviceComponent : public fastcycle::Component {
   DeviceConfig config_;
   DeviceTrouble trouble_;
   std::string other_trouble_;
-  std::string told_;
+  std::string reported_;
 };
 
 }  // namespace ads

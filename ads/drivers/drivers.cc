@@ -67,13 +67,13 @@ LidarConfig read_lidar(fastcycle::Context& context) {
   lidar.first_azimuth_deg =
       angle("lidar.first_azimuth_deg", lidar.first_azimuth_deg, "Where a turn begins");
   lidar.range_max_m = number(context, "lidar.range_max_m", lidar.range_max_m, 1000.0, "m",
-                             "Farther things give no echo")
+                             "Farther things give no return")
                           .get();
   lidar.range_stddev_m = number(context, "lidar.range_stddev_m", lidar.range_stddev_m, 10.0, "m",
                                 "Error of each range, 1 sigma")
                              .get();
   lidar.beam_dropout = number(context, "lidar.beam_dropout", lidar.beam_dropout, 1.0, "1",
-                              "Share of the beams that give no echo")
+                              "Share of the beams that give no return")
                            .get();
   lidar.mount_height_m = number(context, "lidar.mount_height_m", lidar.mount_height_m, 10.0, "m",
                                 "Of the sensor above the ground")

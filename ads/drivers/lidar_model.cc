@@ -80,19 +80,19 @@ void LidarModel::cast(const world::Scene& before, const world::Scene& after,
     point.time = static_cast<std::uint16_t>(65536LL * column / config_.columns);
 
     for (std::size_t ring = 0; ring < rings_.size(); ++ring) {
-      const Echo echo = meet(rings_[ring]);
+      const LidarReturn beam_return = meet(rings_[ring]);
       const auto bits = random_();
-      const double range = echo.distance_m / rings_[ring].cosine;
-      const bool has_echo = range <= config_.range_max_m && (bits >> 32) >= dropout;
+      const double range = beam_return.distance_m / rings_[ring].cosine;
+      const bool has_return = range <= config_.range_max_m && (bits >> 32) >= dropout;
       point.x_m = point.y_m = point.z_m = 0.0F;
       point.intensity = 0;
-      if (has_echo) {
+      if (has_return) {
         const double flat =
-            echo.distance_m + config_.range_stddev_m * normal_(bits) * rings_[ring].cosine;
+            beam_return.distance_m + config_.range_stddev_m * normal_(bits) * rings_[ring].cosine;
         point.x_m = static_cast<float>(flat * seen.x());
         point.y_m = static_cast<float>(flat * seen.y());
         point.z_m = static_cast<float>(flat * rings_[ring].slope);
-        point.intensity = echo.is_body ? kBodyIntensity : kGroundIntensity;
+        point.intensity = beam_return.is_body ? kBodyIntensity : kGroundIntensity;
       }
       point.ring = static_cast<std::uint8_t>(ring);
       std::memcpy(next, &point, sizeof point);
@@ -154,8 +154,8 @@ void LidarModel::cross(const Eigen::Vector2d& sensor_m, const Eigen::Vector2d& c
   }
 }
 
-LidarModel::Echo LidarModel::meet(const Ring& ring) const {
-  Echo echo{.distance_m = ring.ground_m, .is_body = false};
+LidarModel::LidarReturn LidarModel::meet(const Ring& ring) const {
+  LidarReturn beam_return{.distance_m = ring.ground_m, .is_body = false};
   for (const Crossing& body : crossings_) {
     const double height = config_.mount_height_m + body.enter_m * ring.slope;
     if (height < 0.0) {
@@ -169,11 +169,11 @@ LidarModel::Echo LidarModel::meet(const Ring& ring) const {
         continue;
       }
     }
-    if (distance < echo.distance_m) {
-      echo = {.distance_m = distance, .is_body = true};
+    if (distance < beam_return.distance_m) {
+      beam_return = {.distance_m = distance, .is_body = true};
     }
   }
-  return echo;
+  return beam_return;
 }
 
 void spoil(std::string& points) {

@@ -29,7 +29,7 @@ struct LidarConfig {
   std::int64_t turn_ns = 100'000'000;
   double range_max_m = 120.0;
   double range_stddev_m = 0.02;
-  /// Fraction of beams that give no echo.
+  /// Fraction of beams that give no return.
   double beam_dropout = 0.01;
   double mount_forward_m = 0.0;
   double mount_height_m = 1.8;
@@ -92,14 +92,14 @@ class LidarModel {
     double cosine;  // And its cosine.
     double ground_m;
   };
-  struct Echo {
+  struct LidarReturn {
     double distance_m;  // Along the ground.
     bool is_body;
   };
 
   void prepare(const world::Scene& before, const world::Scene& after);
   void cross(const Eigen::Vector2d& sensor_m, const Eigen::Vector2d& column, double share);
-  [[nodiscard]] Echo meet(const Ring& ring) const;
+  [[nodiscard]] LidarReturn meet(const Ring& ring) const;
 
   const LidarConfig config_;
   const NormalTable normal_;

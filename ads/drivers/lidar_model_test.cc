@@ -48,7 +48,7 @@ class LidarModelTest : public ::testing::Test {
     return points_[static_cast<std::size_t>(column % config_.columns * config_.rings + ring)];
   }
 
-  std::size_t echoes() const {
+  std::size_t returns() const {
     return static_cast<std::size_t>(std::ranges::count_if(
         points_, [](const SweepPoint& point) { return point.x_m != 0.0F || point.y_m != 0.0F; }));
   }
@@ -72,7 +72,7 @@ TEST_F(LidarModelTest, BeamsThatPointDownMeetTheGround) {
   EXPECT_EQ(beam(0.0, 2.0).x_m, 0.0F);
 }
 
-TEST_F(LidarModelTest, FarGroundGivesNoEcho) {
+TEST_F(LidarModelTest, FarGroundGivesNoReturn) {
   cast();
 
   for (const SweepPoint& point : points_) {
@@ -173,13 +173,13 @@ TEST_F(LidarModelTest, NoiseIsAlongTheBeamAndOfItsSize) {
   EXPECT_NEAR(std::sqrt(square / count), 0.02, 0.002);
 }
 
-TEST_F(LidarModelTest, SomeBeamsGiveNoEcho) {
+TEST_F(LidarModelTest, SomeBeamsGiveNoReturn) {
   cast();
-  const auto all = static_cast<double>(echoes());
+  const auto all = static_cast<double>(returns());
   config_.beam_dropout = 0.1;
   cast();
 
-  EXPECT_NEAR(static_cast<double>(echoes()) / all, 0.9, 0.005);
+  EXPECT_NEAR(static_cast<double>(returns()) / all, 0.9, 0.005);
 }
 
 TEST_F(LidarModelTest, SpoiledPointsAreNoNumbers) {

@@ -76,7 +76,7 @@ GnssReceiver::GnssReceiver(fastcycle::Context& context)
                                                               "to UTC; latency_s does not count"})
                  .get()),
       reader_(read_number(context, "range_error_m", 3.0, 0.01, 100.0, "m",
-                          "Error where the receiver tells none, times the HDOP")),
+                          "Error where the receiver sends none, times the HDOP")),
       positions_(context.create_external_publisher<gnss::Position>("gnss/position")) {
   context.create_subscriber<localization::Ego>(
       "localization/ego", [this](const localization::Ego& ego) {

@@ -14,7 +14,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-struct Heard {
+struct Received {
   std::vector<std::string> sentences;
   std::vector<std::string> frames;
   StreamParser parser{[this](std::string_view body) { sentences.emplace_back(body); },
@@ -31,13 +31,13 @@ TEST(Streams, MixedWithGarbageAndCutAnywhereAreReadTheSame) {
   const std::string bytes = "\x01\xb5garbage$GPGGA,12" + kSentence + frame + "\xb5\x62\x01\x07" +
                             kSentence + frame + kSentence + std::string(3000, 'x') + kSentence;
   for (std::size_t step : {std::size_t{1}, std::size_t{7}, bytes.size()}) {
-    Heard heard;
+    Received received;
     for (std::size_t at = 0; at < bytes.size(); at += step) {
-      heard.parser.take(std::string_view(bytes).substr(at, step));
+      received.parser.take(std::string_view(bytes).substr(at, step));
     }
 
-    EXPECT_EQ(heard.sentences.size(), 4U);
-    EXPECT_THAT(heard.frames, ElementsAre("ab$c\xb5\x62", "ab$c\xb5\x62"));
+    EXPECT_EQ(received.sentences.size(), 4U);
+    EXPECT_THAT(received.frames, ElementsAre("ab$c\xb5\x62", "ab$c\xb5\x62"));
   }
 }
 
@@ -46,23 +46,23 @@ TEST(Streams, WithWrongChecksumsAreLeftOutAndCounted) {
   sentence[10] = '9';
   std::string frame = encode_frame(1, 7, "content");
   frame[8] = 'X';
-  Heard heard;
+  Received received;
 
-  heard.parser.take(sentence + frame + encode_frame(1, 7, "right"));
+  received.parser.take(sentence + frame + encode_frame(1, 7, "right"));
 
-  EXPECT_TRUE(heard.sentences.empty());
-  EXPECT_THAT(heard.frames, ElementsAre("right"));
-  EXPECT_EQ(heard.parser.counts().wrong_checksums, 2);
-  EXPECT_GT(heard.parser.counts().bytes_left_out, 0);
+  EXPECT_TRUE(received.sentences.empty());
+  EXPECT_THAT(received.frames, ElementsAre("right"));
+  EXPECT_EQ(received.parser.counts().wrong_checksums, 2);
+  EXPECT_GT(received.parser.counts().bytes_left_out, 0);
 }
 
 TEST(Streams, OfASentenceWithoutAnEndDoNotGrow) {
-  Heard heard;
+  Received received;
 
-  heard.parser.take("$" + std::string(10'000, 'A'));
-  heard.parser.take(kSentence);
+  received.parser.take("$" + std::string(10'000, 'A'));
+  received.parser.take(kSentence);
 
-  EXPECT_EQ(heard.sentences.size(), 1U);
+  EXPECT_EQ(received.sentences.size(), 1U);
 }
 
 TEST(Fixes, OfNmeaHaveThePlaceTheTimeAndTheAccuracy) {

@@ -7,7 +7,7 @@ With --data, MAP is in the folder $FASTCYCLE_DATA; without it the check is skipp
 
 Each step of a route must lead to a lane that follows in the file, or be a change of lane that the line between
 allows; start and goal must lie on the first and last lane; a lane must begin and end where the file has it. Where
-the file has a way and the program found none, that is a mistake too.
+the file has a way and the program found none, that is an error too.
 """
 
 import argparse
@@ -352,7 +352,7 @@ def is_reachable(lanes, start, goal):
     return False
 
 
-def mistakes_of(route, lanes, name_of):
+def errors_of(route, lanes, name_of):
     start, goal = name_of(route["start"]["lane"]), name_of(route["goal"]["lane"])
     if "steps" not in route:
         if is_reachable(lanes, start, goal):
@@ -375,18 +375,18 @@ def mistakes_of(route, lanes, name_of):
 
 
 def check(result, lanes, name_of):
-    mistakes = []
+    errors = []
     drivable = {name_of(key): lane for key, lane in result["lanes"].items() if lane["is_drivable"]}
     for name in sorted(set(drivable) ^ set(lanes)):
-        mistakes.append(f"lane {name} is only in {'the program' if name in drivable else 'the file'}")
+        errors.append(f"lane {name} is only in {'the program' if name in drivable else 'the file'}")
     for name in set(drivable) & set(lanes):
         corners = drivable[name]["left"] + drivable[name]["right"]
         worst = max(math.dist(a, b) for a, b in zip(corners, lanes[name].corners()))
         if worst > PLACE_M:
-            mistakes.append(f"lane {name} begins or ends {worst:.2f} m from where the file has it")
+            errors.append(f"lane {name} begins or ends {worst:.2f} m from where the file has it")
     for number, route in enumerate(result["routes"]):
-        mistakes += [f"route {number}: {mistake}" for mistake in mistakes_of(route, lanes, name_of)]
-    return mistakes
+        errors += [f"route {number}: {error}" for error in errors_of(route, lanes, name_of)]
+    return errors
 
 
 def main():
@@ -413,7 +413,7 @@ def main():
 
         def name_of(lane):
             return result["lanes"][str(lane)]["name"]
-    mistakes = check(result, lanes, name_of)
+    errors = check(result, lanes, name_of)
     found = [route for route in result["routes"] if "steps" in route]
     changes = sum(step["is_change"] for route in found for step in route["steps"])
     steps = sum(len(route["steps"]) for route in found)
@@ -421,10 +421,10 @@ def main():
     print(f"{len(lanes)} lanes, loaded in {result['load_ms']:.1f} ms; {len(result['routes'])} pairs, "
           f"{len(found)} with a way, {steps} steps, {changes} changes of lane; a route took "
           f"{times[len(times) // 2] if times else 0:.2f} ms (median), {times[-1] if times else 0:.2f} ms (longest)")
-    for mistake in mistakes[:20]:
-        print(mistake)
-    if mistakes or not found:
-        print(f"{len(mistakes)} errors")
+    for error in errors[:20]:
+        print(error)
+    if errors or not found:
+        print(f"{len(errors)} errors")
         return 1
     return 0
 

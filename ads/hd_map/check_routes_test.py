@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whether check_routes.py sees a mistake: routes of hd_map_routes are spoilt, one by one.
+"""Whether check_routes.py sees an error: routes of hd_map_routes are spoilt, one by one.
 
     check_routes_test.py PROGRAM MAP...
 """
@@ -30,7 +30,7 @@ class CheckRoutes(unittest.TestCase):
     def setUpClass(cls):
         cls.maps = [read(path) for path in MAPS]
 
-    def mistakes_after(self, spoil):
+    def errors_after(self, spoil):
         """What is found in each map when `spoil(route)` has changed the routes with at least three steps."""
         for result, lanes, name_of in self.maps:
             spoilt = copy.deepcopy(result)
@@ -43,34 +43,34 @@ class CheckRoutes(unittest.TestCase):
             yield count, check_routes.check(spoilt, lanes, name_of)
 
     def test_nothing_is_wrong_with_what_was_found(self):
-        for _, mistakes in self.mistakes_after(lambda route: None):
-            self.assertEqual(mistakes, [])
+        for _, errors in self.errors_after(lambda route: None):
+            self.assertEqual(errors, [])
 
     def test_step_left_out_is_seen(self):
-        for count, mistakes in self.mistakes_after(lambda route: route["steps"].pop(1)):
-            self.assertGreaterEqual(len(mistakes), count)
+        for count, errors in self.errors_after(lambda route: route["steps"].pop(1)):
+            self.assertGreaterEqual(len(errors), count)
 
-    def test_successor_that_is_told_as_a_change_is_seen(self):
+    def test_successor_that_is_given_as_a_change_is_seen(self):
         def spoil(route):
             route["steps"][1]["is_change"] = not route["steps"][1]["is_change"]
 
-        for count, mistakes in self.mistakes_after(spoil):
-            self.assertGreaterEqual(len(mistakes), count)
+        for count, errors in self.errors_after(spoil):
+            self.assertGreaterEqual(len(errors), count)
 
     def test_way_that_is_not_found_is_seen(self):
         def spoil(route):
             del route["steps"]
             route["reason"] = "spoilt"
 
-        for _, mistakes in self.mistakes_after(spoil):
-            self.assertTrue(any("found none: spoilt" in mistake for mistake in mistakes))
+        for _, errors in self.errors_after(spoil):
+            self.assertTrue(any("found none: spoilt" in error for error in errors))
 
     def test_goal_elsewhere_is_seen(self):
         def spoil(route):
             route["goal"]["position_m"][1] += 5000.0
 
-        for count, mistakes in self.mistakes_after(spoil):
-            self.assertEqual(len(mistakes), count)
+        for count, errors in self.errors_after(spoil):
+            self.assertEqual(len(errors), count)
 
     def test_lane_elsewhere_is_seen(self):
         for result, lanes, name_of in self.maps:

@@ -130,7 +130,7 @@ TEST_F(HdMapTest, RouteLeadsFromBeforeTheSceneToItsGoal) {
   }
 }
 
-TEST_F(HdMapTest, GoalOffTheMapIsToldWithTheReason) {
+TEST_F(HdMapTest, GoalOffTheMapIsReportedWithTheReason) {
   start_at(scenario_.problem().initial.position_m.x(), scenario_.problem().initial.position_m.y(),
            scenario_.problem().initial.heading_rad);
   mission::Goal goal;

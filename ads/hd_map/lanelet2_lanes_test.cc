@@ -218,11 +218,11 @@ TEST(Lanelet2, PriorityHoldsThroughTheIntersectionUntilOthersJoin) {
   EXPECT_EQ(lanes[104].priority, 0);
 }
 
-TEST(Lanelet2, WhatIsWrongIsToldWithItsLine) {
+TEST(Lanelet2, WhatIsWrongIsReportedWithItsLine) {
   EXPECT_EQ(error_of(OsmText().way(11, {1}).way(12, {1}).road(101, 11, 12).text()),
-            "x.osm:9: expected <node> 1, of which this <relation> tells, found none");
+            "x.osm:9: expected <node> 1, to which this <relation> refers, found none");
   EXPECT_EQ(error_of(OsmText().road(101, 11, 12).text()),
-            "x.osm:4: expected <way> 11, of which this <member> tells, found none");
+            "x.osm:4: expected <way> 11, to which this <member> refers, found none");
   EXPECT_THAT(error_of(two_lanes().road(101, 11, 21).road(101, 12, 22).text()),
               HasSubstr("expected no second <relation> 101, found one"));
   EXPECT_THAT(error_of(two_lanes().node(1, 0.0, 0.0).text()),

@@ -376,7 +376,7 @@ class Reader {
   [[nodiscard]] const Road& road(std::string_view id, const XmlElement& user) const {
     const auto found = roads_.find(id);
     if (found == roads_.end()) {
-      user.fail(fmt::format("road '{}', of which this <{}> tells", id.substr(0, 40), user.name()),
+      user.fail(fmt::format("road '{}', to which this <{}> refers", id.substr(0, 40), user.name()),
                 "none");
     }
     return roads_list_[found->second];
@@ -385,7 +385,7 @@ class Reader {
   static const Lane& lane(const Section& section, int number, const XmlElement& user) {
     const auto found = section.lanes.find(number);
     if (found == section.lanes.end() || number == 0) {
-      user.fail(fmt::format("lane {}, of which this <{}> tells", number, user.name()), "none");
+      user.fail(fmt::format("lane {}, to which this <{}> refers", number, user.name()), "none");
     }
     return found->second;
   }

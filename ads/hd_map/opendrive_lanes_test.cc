@@ -155,7 +155,7 @@ TEST_F(OpenDrive, OnTheLeftHandLanesAreDrivenTheOtherWay) {
   EXPECT_NEAR(lanes_of(text).begin()->second.left_m.front().x(), 100.0, 1e-9);
 }
 
-TEST_F(OpenDrive, WhatIsWrongIsToldWithItsLine) {
+TEST_F(OpenDrive, WhatIsWrongIsReportedWithItsLine) {
   EXPECT_EQ(error_of("<OpenDRIVE/>"), "x.xodr:1: expected <header> in <OpenDRIVE>, found none");
   EXPECT_EQ(error_of("<OpenDRIVE><header revMajor='2'/></OpenDRIVE>"),
             "x.xodr:1: expected revMajor 1 of <header>, found '2'");
@@ -163,12 +163,12 @@ TEST_F(OpenDrive, WhatIsWrongIsToldWithItsLine) {
             "x.xodr:1: expected <lane> in a <road>, found none");
   EXPECT_EQ(
       error_of(road("", "<successor elementType='road' elementId='7' contactPoint='start'/>")),
-      "x.xodr:2: expected road '7', of which this <successor> tells, found none");
+      "x.xodr:2: expected road '7', to which this <successor> refers, found none");
   EXPECT_EQ(error_of(road("", "<successor elementType='road' elementId='7'/>")),
             "x.xodr:2: expected an attribute contactPoint of <successor>, found none");
   EXPECT_EQ(error_of(road("<link><successor id='-4'/></link>",
                           "<successor elementType='road' elementId='1' contactPoint='start'/>")),
-            "x.xodr:4: expected lane -4, of which this <lane> tells, found none");
+            "x.xodr:4: expected lane -4, to which this <lane> refers, found none");
   EXPECT_EQ(error_of(road("<speed max='fast'/>")),
             "x.xodr:4: expected a number of at most 1e+08 as max of <speed>, found 'fast'");
   EXPECT_EQ(error_of(road("</lane><lane id='-3' type='driving'>")),

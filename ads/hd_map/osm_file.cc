@@ -14,7 +14,7 @@ const Map::mapped_type& find(const Map& map, std::string_view what, std::int64_t
                              const XmlElement& user) {
   const auto found = map.find(id);
   if (found == map.end()) {
-    user.fail(fmt::format("<{}> {}, of which this <{}> tells", what, id, user.name()), "none");
+    user.fail(fmt::format("<{}> {}, to which this <{}> refers", what, id, user.name()), "none");
   }
   return found->second;
 }

@@ -69,7 +69,7 @@ TEST(PlanView, ParametricCubicGoesByArcLengthOrByItsPart) {
   EXPECT_NEAR(by_part.at(5.0).position_m.x(), 0.5, 1e-12);
 }
 
-TEST(PlanView, WhatIsWrongIsTold) {
+TEST(PlanView, WhatIsWrongIsReported) {
   EXPECT_THAT(error_of(""), HasSubstr("expected <geometry> in <planView>, found none"));
   EXPECT_THAT(error_of("<geometry s='0' x='0' y='0' hdg='0' length='-1'><line/></geometry>"),
               HasSubstr("expected a length of 0 or more of <geometry>, found -1"));

@@ -121,7 +121,7 @@ TEST(Router, GoalBehindTheStartNeedsAWayRound) {
               ElementsAre(1, 11, 21, 1));
 }
 
-TEST(Router, WhatIsOffTheMapIsTold) {
+TEST(Router, WhatIsOffTheMapIsReported) {
   const LaneGraph graph(straight_road(2, 1));
 
   EXPECT_EQ(reason(find_path(graph, {50.0, 30.0}, 0.0, {}, {})),

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Shows how far the figures of a labelled drive hold where its echoes fall in another way.
+"""Shows how far the figures of a labelled drive hold where its returns fall in another way.
 
 Writes variations of the drive with their labels into FOLDER (thinned, noisy, turned, lifted, mirrored, begun later,
 with frames missing, played backwards), runs the application on each, and prints a table. Chance is the same in every run.
@@ -47,7 +47,7 @@ VARIATIONS = {
     "backwards from frame 123": {"is_backwards": True, "last": 123},
     "every second frame only": {"every": 2},
     "every fifth frame only": {"every": 5},
-    "a tenth of the echoes missing": {"change": thinned(0.1)},
+    "a tenth of the returns missing": {"change": thinned(0.1)},
     "a fifth missing": {"change": thinned(0.2)},
     "a quarter missing": {"change": thinned(0.25)},
     "2 cm of noise in range": {"change": noisy(0.02)},

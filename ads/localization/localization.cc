@@ -232,10 +232,10 @@ void Localization::save(localization::FilterState& state) const {
     }
   };
   write_time(first_taken_, &localization::FilterState::set_first_taken_ns);
-  write_time(heard_.motion, &localization::FilterState::set_heard_motion_ns);
-  write_time(heard_.vehicle_state, &localization::FilterState::set_heard_vehicle_state_ns);
-  write_time(heard_.fix, &localization::FilterState::set_heard_fix_ns);
-  write_time(heard_.good_fix, &localization::FilterState::set_heard_good_fix_ns);
+  write_time(received_.motion, &localization::FilterState::set_received_motion_ns);
+  write_time(received_.vehicle_state, &localization::FilterState::set_received_vehicle_state_ns);
+  write_time(received_.fix, &localization::FilterState::set_received_fix_ns);
+  write_time(received_.good_fix, &localization::FilterState::set_received_good_fix_ns);
   state.set_newest_ns(newest_.count());
   state.set_fixes(fix_count_);
   state.set_fixes_rejected(rejected_count_);
@@ -254,11 +254,11 @@ void Localization::load(const localization::FilterState& state) {
     return is_there ? std::optional(Time(ns)) : std::nullopt;
   };
   first_taken_ = read_time(state.has_first_taken_ns(), state.first_taken_ns());
-  heard_.motion = read_time(state.has_heard_motion_ns(), state.heard_motion_ns());
-  heard_.vehicle_state =
-      read_time(state.has_heard_vehicle_state_ns(), state.heard_vehicle_state_ns());
-  heard_.fix = read_time(state.has_heard_fix_ns(), state.heard_fix_ns());
-  heard_.good_fix = read_time(state.has_heard_good_fix_ns(), state.heard_good_fix_ns());
+  received_.motion = read_time(state.has_received_motion_ns(), state.received_motion_ns());
+  received_.vehicle_state =
+      read_time(state.has_received_vehicle_state_ns(), state.received_vehicle_state_ns());
+  received_.fix = read_time(state.has_received_fix_ns(), state.received_fix_ns());
+  received_.good_fix = read_time(state.has_received_good_fix_ns(), state.received_good_fix_ns());
   newest_ = Time(state.newest_ns());
   fix_count_ = state.fixes();
   rejected_count_ = state.fixes_rejected();
@@ -306,7 +306,7 @@ void Localization::on_initial_pose(const mission::InitialPose& pose) {
   }
   newest_ = std::max(newest_, taken);
   pose_.on_known_pose(newest_, known);
-  heard_.good_fix = newest_;
+  received_.good_fix = newest_;
 }
 
 // Whether it is later than the last one of its source; else that is frozen.
@@ -329,13 +329,13 @@ void Localization::on_position(const gnss::Position& position) {
     return;  // It has no heading: the initial pose comes from the mission.
   }
   const Time taken = time_of(position);
-  if (!take(heard_.fix, taken)) {
+  if (!take(received_.fix, taken)) {
     return;
   }
   newest_ = std::max(newest_, taken);
   ++fix_count_;
   if (pose_.on_fix(newest_, newest_ - taken, fix)) {
-    heard_.good_fix = newest_;
+    received_.good_fix = newest_;
   } else {
     ++rejected_count_;
   }
@@ -347,7 +347,7 @@ void Localization::on_motion(const imu::Motion& motion) {
     return;
   }
   const Time taken = time_of(motion);
-  if (!take(heard_.motion, taken)) {
+  if (!take(received_.motion, taken)) {
     return;
   }
   newest_ = std::max(newest_, taken);
@@ -362,20 +362,20 @@ void Localization::on_vehicle_state(const vehicle::State& state) {
     return;
   }
   newest_ = std::max(newest_, time_of(state));
-  heard_.vehicle_state = newest_;
+  received_.vehicle_state = newest_;
   const double steered = state.speed_mps() * std::tan(state.steering_rad()) / wheelbase_m_.get();
   const double noise =
       steering_noise_radps_.get() + steering_noise_share_.get() * std::abs(steered);
-  if (heard_.motion && newest_ - *heard_.motion > kSilent) {
+  if (received_.motion && newest_ - *received_.motion > kSilent) {
     pose_.on_steering_alone(newest_, steered, noise);
   }
   pose_.on_wheel_speed(newest_, state.speed_mps());
   speed_.on_wheel_speed(newest_, state.speed_mps());
-  if (heard_.motion && newest_ - *heard_.motion <= kSilent) {
+  if (received_.motion && newest_ - *received_.motion <= kSilent) {
     pose_.on_steered_yaw_rate(newest_, steered, noise);
   }
   // Else it is published with the next motion.
-  if (std::chrono::duration<double>(newest_ - heard_.motion.value_or(newest_)).count() >
+  if (std::chrono::duration<double>(newest_ - received_.motion.value_or(newest_)).count() >
       limits_.input_lost_s) {
     publish();
   }
@@ -396,7 +396,7 @@ void Localization::publish() {
   ego->set_x_m(estimate.position_m.x());
   ego->set_y_m(estimate.position_m.y());
   ego->set_heading_rad(estimate.yaw_rad);
-  const bool has_speed = heard_.vehicle_state.has_value();
+  const bool has_speed = received_.vehicle_state.has_value();
   ego->set_speed_mps(has_speed ? estimate.wheel_scale * speed_.speed_mps() : estimate.speed_mps);
   ego->set_acceleration_mps2(has_speed ? speed_.acceleration_mps2() : 0.0);
   ego->set_yaw_rate_radps(estimate.yaw_rate_radps);
@@ -414,16 +414,16 @@ void Localization::publish() {
 }
 
 Judgement Localization::judge_estimate(const PoseEstimate& estimate) const {
-  const auto since = [this](const std::optional<Time>& heard) {
-    return std::chrono::duration<double>(newest_ - heard.value_or(Time(0))).count();
+  const auto since = [this](const std::optional<Time>& received) {
+    return std::chrono::duration<double>(newest_ - received.value_or(Time(0))).count();
   };
-  return judge(limits_, {.since_fix_s = since(heard_.good_fix),
+  return judge(limits_, {.since_fix_s = since(received_.good_fix),
                          .position_stddev_m = std::sqrt(
                              std::max(estimate.covariance(0, 0), estimate.covariance(1, 1))),
                          .heading_stddev_rad = std::sqrt(estimate.covariance(2, 2)),
                          .rejected = pose_.outliers_in_a_row(),
-                         .since_vehicle_state_s = since(heard_.vehicle_state),
-                         .since_motion_s = since(heard_.motion)});
+                         .since_vehicle_state_s = since(received_.vehicle_state),
+                         .since_motion_s = since(received_.motion)});
 }
 
 }  // namespace ads

@@ -32,7 +32,7 @@ class Localization final : public fastcycle::Component {
   using Time = std::chrono::nanoseconds;
 
   // When each input was last received.
-  struct Heard {
+  struct Received {
     std::optional<Time> motion;
     std::optional<Time> vehicle_state;
     std::optional<Time> fix;
@@ -64,7 +64,7 @@ class Localization final : public fastcycle::Component {
 
   std::optional<Time> first_taken_;
   Time newest_{};
-  Heard heard_;
+  Received received_;
   std::int64_t fix_count_ = 0;
   std::int64_t rejected_count_ = 0;
   std::int64_t invalid_count_ = 0;

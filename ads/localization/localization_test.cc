@@ -293,7 +293,7 @@ TEST(Localization, SilentBusIsALoss) {
   EXPECT_NE(ego.reason().find("vehicle/state"), std::string::npos) << ego.reason();
 }
 
-TEST(Localization, SilentInertialSensorIsALossAndIsTold) {
+TEST(Localization, SilentInertialSensorIsALossAndIsReported) {
   Drive drive(5);
   drive.give_initial_pose();
   drive.go(2'000);

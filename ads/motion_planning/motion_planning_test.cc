@@ -146,7 +146,7 @@ TEST_F(MotionPlanningTest, TellsWhatItDid) {
   EXPECT_EQ(std::get<std::int64_t>(bench_.result("motion_planning", "plans_evasive")), 0);
 }
 
-/// Motion planning that throws when it is told to.
+/// Motion planning that throws when it is asked to.
 class FaultyMotionPlanning final : public fastcycle::Component {
  public:
   explicit FaultyMotionPlanning(fastcycle::Context& context)

@@ -67,7 +67,7 @@ Miss miss_of(const Goal& goal, const Road& road, const State& state) {
 }
 
 // When the trajectory reaches the goal, or what it misses it by at best.
-void tell_of_goal(const Goal& goal, const Road& road, Plan& plan) {
+void set_goal_miss(const Goal& goal, const Road& road, Plan& plan) {
   constexpr double kLook_s = 0.02;
   Miss best;
   double best_size = kInfinity;
@@ -451,7 +451,7 @@ Plan Planner::plan(const Situation& situation) {
   prepend(committed_states, plan.minimal_risk);
   plan.binding_rules = binding_rules(problem, plan.nominal);
   if (situation.goal) {
-    tell_of_goal(*situation.goal, *situation.road, plan);
+    set_goal_miss(*situation.goal, *situation.road, plan);
   }
   last_ = std::move(way);
   last_s_ = start_s;

@@ -12,7 +12,7 @@ namespace ads {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-// Echoes of one face scatter by less than this.
+// Returns of one face scatter by less than this.
 constexpr double kFace_m = 0.12;
 // A face is seen as such over this width.
 constexpr double kFaceWidth_m = 0.5;

@@ -51,17 +51,17 @@ class BoxViewTest : public ::testing::Test {
   [[nodiscard]] ObjectView view() const { return {.points = points_, .spread_rad = kSpread_rad}; }
 
   BoxView edges(double heading_rad) {
-    auto echoes = obstacles_;
+    auto returns = obstacles_;
     for (const ObjectPoint& point : points_) {
-      echoes.push_back({.azimuth_rad = point.azimuth_rad, .range_m = point.range_m});
+      returns.push_back({.azimuth_rad = point.azimuth_rad, .range_m = point.range_m});
     }
-    skyline_.fill(echoes, 1.7);
+    skyline_.fill(returns, 1.7);
     return view_box(view(), skyline_, box_.center_m, heading_rad);
   }
 
   Box box_;
   std::vector<ObjectPoint> points_;
-  std::vector<Echo> obstacles_;
+  std::vector<LidarReturn> obstacles_;
   Skyline skyline_;
 };
 
@@ -97,7 +97,7 @@ TEST_F(BoxViewTest, EndThatIsHiddenIsOnlyABound) {
   EXPECT_TRUE(box.rear.is_end);
 }
 
-TEST_F(BoxViewTest, EchoesOfARoofAreNoEdge) {
+TEST_F(BoxViewTest, ReturnsOfARoofAreNoEdge) {
   look_at({.center_m = {20.0, 0.0}, .heading_rad = 0.0, .length_m = 4.6, .width_m = 1.8});
   for (double y = -0.8; y < 0.85; y += 0.07) {
     add({19.0, y}, std::atan2(y, 19.0), 19.0, 1.2F);

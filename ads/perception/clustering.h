@@ -10,7 +10,7 @@ namespace ads {
 
 struct ClusteringConfig {
   double range_max_m = 80.0;
-  /// Echoes closer than this are connected. Along the line of sight the echoes of one beam are
+  /// Returns closer than this are connected. Along the line of sight the returns of one beam are
   /// farther apart, increasingly with distance: up to `along_max_m`.
   double across_m = 0.45;
   double along_max_m = 1.6;
@@ -20,7 +20,7 @@ struct ClusteringConfig {
 /// around the sensor.
 ///
 /// Two occupied cells are joined if one lies in an ellipse around the other, which is longer along
-/// the line of sight: there a surface seen at a grazing angle gives few echoes.
+/// the line of sight: there a surface seen at a grazing angle gives few returns.
 ///
 /// @threads  Confined.
 /// @realtime Allocates only while the number of points grows.

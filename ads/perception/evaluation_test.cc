@@ -23,7 +23,7 @@ namespace ads {
 namespace {
 
 constexpr double kRange_m = 40.0;
-constexpr int kEchoesVisible = 20;
+constexpr int kReturnsVisible = 20;
 constexpr double kMatch_m = 2.5;
 constexpr double kTrackedLong_s = 1.0;
 constexpr double kSweep_s = 0.1;
@@ -169,8 +169,8 @@ class Evaluation {
     judge(begin_s + kSweep_s);
   }
 
-  // How many echoes of the sweep are on each body.
-  std::map<std::int64_t, int> count_echoes(double end_s) const {
+  // How many returns of the sweep are on each body.
+  std::map<std::int64_t, int> count_returns(double end_s) const {
     std::map<std::int64_t, int> counts;
     std::array<std::vector<Truth>, 2 * kParts> truths;
     std::array<Truth, 2 * kParts> egos;
@@ -212,7 +212,7 @@ class Evaluation {
   }
 
   void judge(double end_s) {
-    const auto echoes = count_echoes(end_s);
+    const auto returns = count_returns(end_s);
     const Truth ego = *truth_at(*ego_, end_s / scenario_.step_s);
     std::vector<Truth> truths;
     for (const Obstacle& obstacle : scenario_.obstacles) {
@@ -249,11 +249,11 @@ class Evaluation {
     }
     for (std::size_t index = 0; index < truths.size(); ++index) {
       const Truth& truth = truths[index];
-      const auto found = echoes.find(truth.id);
-      const bool is_visible = found != echoes.end() && found->second >= kEchoesVisible;
+      const auto found = returns.find(truth.id);
+      const bool is_visible = found != returns.end() && found->second >= kReturnsVisible;
       int& sweeps = visible_sweeps_[truth.id];
       sweeps = is_visible ? sweeps + 1 : 0;
-      // An object is told of when it was seen three times.
+      // An object is reported when it was seen three times.
       if (sweeps <= 3 || (truth.box.center_m - ego.box.center_m).norm() > kRange_m) {
         continue;
       }

@@ -19,12 +19,12 @@ Ground::Ground(const GroundConfig& config)
       bins_(kSectors * bins_per_sector_),
       ground_z_m_(bins_.size()) {}
 
-void Ground::fit(std::span<const RawEcho> echoes, double mount_height_m) {
+void Ground::fit(std::span<const RawReturn> returns, double mount_height_m) {
   std::fill(bins_.begin(), bins_.end(), Bin{.lowest_z_m = kNothing, .range_m = 0.0F});
-  for (const RawEcho& echo : echoes) {
-    Bin& bin = bins_[sector_of(echo) * bins_per_sector_ + bin_of(echo.range_m)];
-    if (echo.z_m < bin.lowest_z_m) {
-      bin = {.lowest_z_m = echo.z_m, .range_m = echo.range_m};
+  for (const RawReturn& beam_return : returns) {
+    Bin& bin = bins_[sector_of(beam_return) * bins_per_sector_ + bin_of(beam_return.range_m)];
+    if (beam_return.z_m < bin.lowest_z_m) {
+      bin = {.lowest_z_m = beam_return.z_m, .range_m = beam_return.range_m};
     }
   }
   for (std::size_t sector = 0; sector < kSectors; ++sector) {
@@ -32,15 +32,16 @@ void Ground::fit(std::span<const RawEcho> echoes, double mount_height_m) {
   }
 }
 
-float Ground::height_m(const RawEcho& echo) const {
-  return echo.z_m - ground_z_m_[sector_of(echo) * bins_per_sector_ + bin_of(echo.range_m)];
+float Ground::height_m(const RawReturn& beam_return) const {
+  return beam_return.z_m -
+         ground_z_m_[sector_of(beam_return) * bins_per_sector_ + bin_of(beam_return.range_m)];
 }
 
 // Sectors need not be of one size: a pseudo-angle spares the arc tangent.
-std::size_t Ground::sector_of(const RawEcho& echo) const {
-  const float sum = std::abs(echo.x_m) + std::abs(echo.y_m) + 1e-6F;
-  const float quarter = echo.y_m / sum;
-  const float turn = echo.x_m >= 0.0F ? quarter : 2.0F - quarter;  // In [-1, 3].
+std::size_t Ground::sector_of(const RawReturn& beam_return) const {
+  const float sum = std::abs(beam_return.x_m) + std::abs(beam_return.y_m) + 1e-6F;
+  const float quarter = beam_return.y_m / sum;
+  const float turn = beam_return.x_m >= 0.0F ? quarter : 2.0F - quarter;  // In [-1, 3].
   const auto sector = static_cast<std::size_t>((turn + 1.0F) * (0.25F * kSectors));
   return std::min(sector, kSectors - 1);
 }

@@ -13,8 +13,8 @@ struct GroundConfig {
   double range_max_m = 80.0;
 };
 
-/// An echo in the sensor's frame.
-struct RawEcho {
+/// A return in the sensor's frame.
+struct RawReturn {
   float x_m = 0.0F;
   float y_m = 0.0F;
   float z_m = 0.0F;
@@ -26,8 +26,8 @@ struct RawEcho {
 /// The height of the ground around the sensor.
 ///
 /// The plane around the sensor is divided into sectors and these into bins. From the sensor
-/// outwards in each sector, the lowest echo of a bin belongs to the ground if it continues the
-/// ground before it, neither too steep nor over a step; between such echoes the ground is a
+/// outwards in each sector, the lowest return of a bin belongs to the ground if it continues the
+/// ground before it, neither too steep nor over a step; between such returns the ground is a
 /// straight line. This is the scheme of Himmelsbach, von Hundelshausen and Wuensche, "Fast
 /// Segmentation of 3D Point Clouds for Ground Vehicles" (IV 2010), with a chain in place of the
 /// fitted lines.
@@ -39,10 +39,10 @@ class Ground {
   explicit Ground(const GroundConfig& config);
 
   /// @param mount_height_m  Of the sensor, above the ground below it.
-  void fit(std::span<const RawEcho> echoes, double mount_height_m);
+  void fit(std::span<const RawReturn> returns, double mount_height_m);
 
   /// The height above the ground; beyond the range, above its last bin.
-  [[nodiscard]] float height_m(const RawEcho& echo) const;
+  [[nodiscard]] float height_m(const RawReturn& beam_return) const;
 
  private:
   struct Bin {
@@ -50,7 +50,7 @@ class Ground {
     float range_m;  // Of the lowest.
   };
 
-  [[nodiscard]] std::size_t sector_of(const RawEcho& echo) const;
+  [[nodiscard]] std::size_t sector_of(const RawReturn& beam_return) const;
   [[nodiscard]] std::size_t bin_of(float range_m) const;
   void walk(std::size_t sector, float begin_z_m);
 

@@ -28,7 +28,7 @@ TEST(ObjectClass, OfANarrowObjectIsTwoWheeler) {
   EXPECT_EQ(class_of(object_of(1.8, 0.6), kAny), perception::TWO_WHEELER);
 }
 
-// A person is as small, and so is a post; nothing here tells them apart.
+// A person is as small, and so is a post; nothing here distinguishes them.
 TEST(ObjectClass, OfAnObjectAsSmallAsAPersonIsUnknown) {
   EXPECT_EQ(class_of(object_of(0.6, 0.6, 1.8), kAny), perception::UNKNOWN);
   EXPECT_EQ(class_of(object_of(1.1, 1.1, 1.0), kAny), perception::UNKNOWN);

@@ -37,24 +37,24 @@ RecognizerConfig read_config(fastcycle::Context& context) {
             .get();
   };
   read("range_max_m", config.tracker.clustering.range_max_m, 200.0, "m",
-       "Farther echoes are not looked at");
+       "Farther returns are not looked at");
   config.ground.range_max_m = config.tracker.clustering.range_max_m;
   read("ground_slope_max", config.ground.slope_max, 1.0, "1", "How steep the ground may be");
   read("ground_step_max_m", config.ground.step_max_m, 1.0, "m", "And what steps it may have");
-  read("height_min_m", config.height_min_m, 2.0, "m", "Lower echoes belong to the ground");
+  read("height_min_m", config.height_min_m, 2.0, "m", "Lower returns belong to the ground");
   read("height_max_m", config.height_max_m, 20.0, "m", "Higher ones are passed under");
-  read("own_length_m", config.own_length_m, 50.0, "m", "Echoes within are the vehicle's own");
+  read("own_length_m", config.own_length_m, 50.0, "m", "Returns within are the vehicle's own");
   read("own_width_m", config.own_width_m, 10.0, "m", "The same across");
   read("invalid_share_max", config.invalid_share_max, 1.0, "1",
-       "A sweep with more echoes that are not finite is not used");
-  count("echoes_min", config.echoes_min, 1'000'000, "Nor one with fewer echoes");
+       "A sweep with more returns that are not finite is not used");
+  count("returns_min", config.returns_min, 1'000'000, "Nor one with fewer returns");
   read("across_m", config.tracker.clustering.across_m, 5.0, "m",
-       "Echoes that are closer belong together");
+       "Returns that are closer belong together");
   read("along_max_m", config.tracker.clustering.along_max_m, 10.0, "m",
        "The same along the line of sight, at a distance");
-  count("object_echoes_min", config.tracker.echoes_min, 10'000, "Of a new object");
+  count("object_returns_min", config.tracker.returns_min, 10'000, "Of a new object");
   count("sightings_min", config.tracker.sightings_min, 100,
-        "Sweeps in which an object is seen before it is told of");
+        "Sweeps in which an object is seen before it is reported");
   read("open_max_s", config.tracker.open_max_s, 60.0, "s",
        "For how long an object is kept that should be seen and is not");
   read("hidden_max_s", config.tracker.hidden_max_s, 60.0, "s",
@@ -64,7 +64,7 @@ RecognizerConfig read_config(fastcycle::Context& context) {
   read("hidden_acceleration_mps2", config.tracker.hidden_acceleration_mps2, 100.0, "m/s²",
        "The most that it may have had meanwhile");
   read("reach_m", config.tracker.reach_m, 20.0, "m",
-       "So far around its box a track takes what its echoes are grouped with");
+       "So far around its box a track takes what its returns are grouped with");
   config.are_borders_sought =
       context
           .param<bool>("borders", {.fallback = config.are_borders_sought,
@@ -247,9 +247,9 @@ void Perception::publish(std::int64_t time_ns, const SweepResult& result) {
   objects->mutable_header()->set_frame("map");
   objects->set_is_sweep_valid(result.reason.empty());
   objects->set_reason(result.reason);
-  objects->set_echoes(result.echoes);
-  objects->set_invalid_echoes(result.invalid_echoes);
-  objects->set_ground_echoes(result.ground_echoes);
+  objects->set_returns(result.returns);
+  objects->set_invalid_returns(result.invalid_returns);
+  objects->set_ground_returns(result.ground_returns);
   for (const TrackedObject& object : recognizer_.objects()) {
     if (object.is_confirmed) {
       fill(*objects->add_objects(), object, time_ns, likeness_min_.get());

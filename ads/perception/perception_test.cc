@@ -144,7 +144,7 @@ class SweepsTest : public ::testing::Test {
 
 class PerceptionTest : public SweepsTest {
  protected:
-  PerceptionTest() { bench_.add<Perception>("perception", R"({"params": {"echoes_min": 100}})"); }
+  PerceptionTest() { bench_.add<Perception>("perception", R"({"params": {"returns_min": 100}})"); }
 };
 
 TEST_F(PerceptionTest, BothCarsAreFoundWithTheirSpeed) {
@@ -154,7 +154,7 @@ TEST_F(PerceptionTest, BothCarsAreFoundWithTheirSpeed) {
   EXPECT_TRUE(objects.is_sweep_valid());
   EXPECT_EQ(objects.reason(), "");
   EXPECT_EQ(objects.header().frame(), "map");
-  EXPECT_GT(objects.ground_echoes(), 10'000U);
+  EXPECT_GT(objects.ground_returns(), 10'000U);
   ASSERT_EQ(objects.objects_size(), 2);
   for (const auto& object : objects.objects()) {
     const bool is_ahead = std::abs(object.y_m()) < 1.0;
@@ -211,7 +211,7 @@ TEST_F(PerceptionTest, SweepThatIsNoNumberIsRefusedAndTheObjectsGoOn) {
 
   EXPECT_FALSE(objects.is_sweep_valid());
   EXPECT_NE(objects.reason().find("not finite"), std::string::npos) << objects.reason();
-  EXPECT_GT(objects.invalid_echoes(), 10'000U);
+  EXPECT_GT(objects.invalid_returns(), 10'000U);
   ASSERT_EQ(objects.objects_size(), before.objects_size());
   EXPECT_NEAR(objects.objects(0).x_m() - before.objects(0).x_m(),
               0.1 * before.objects(0).speed_mps(), 0.1);
@@ -231,7 +231,7 @@ TEST_F(PerceptionTest, BadSweepsAreRefusedWithTheirReason) {
 
   auto silent = turn();
   std::fill(silent.mutable_points()->begin(), silent.mutable_points()->end(), '\0');
-  EXPECT_NE(give(silent).reason().find("echoes"), std::string::npos);
+  EXPECT_NE(give(silent).reason().find("returns"), std::string::npos);
 
   const auto late = turn();
   drive(5);
@@ -246,7 +246,7 @@ TEST_F(PerceptionTest, BadSweepsAreRefusedWithTheirReason) {
   EXPECT_EQ(std::get<std::int64_t>(bench_.result("perception", "sweeps_invalid")), 5);
 }
 
-TEST_F(PerceptionTest, FewEchoesThatAreNoNumberAreLeftOut) {
+TEST_F(PerceptionTest, FewReturnsThatAreNoNumberAreLeftOut) {
   bench_.start();
   drive(5);
   auto sweep = turn();
@@ -257,7 +257,7 @@ TEST_F(PerceptionTest, FewEchoesThatAreNoNumberAreLeftOut) {
   const auto objects = give(sweep);
 
   EXPECT_TRUE(objects.is_sweep_valid());
-  EXPECT_GT(objects.invalid_echoes(), 100U);
+  EXPECT_GT(objects.invalid_returns(), 100U);
   EXPECT_EQ(objects.objects_size(), 2);
 }
 
@@ -317,7 +317,7 @@ TEST_F(SweepsTest, RecognizerThatTakesOverAStateGoesOnBitForBit) {
   has_cyclist_ = true;
   bench_.start();
   RecognizerConfig config;
-  config.echoes_min = 100;
+  config.returns_min = 100;
   Recognizer recognizer(config);
   std::string before;
   for (int count = 0; count < 12; ++count) {
@@ -370,7 +370,7 @@ TEST(PerceptionRuns, ObjectThatIsMadeAnewGivesTheSameBytes) {
     void TestBody() override {}
     std::string bytes(bool fails) {
       bench_.add<FailingPerception>("perception",
-                                    R"({"on_fault": "restart", "params": {"echoes_min": 100}})");
+                                    R"({"on_fault": "restart", "params": {"returns_min": 100}})");
       auto faults = bench_.input<localization::Ego>("fault");
       bench_.start();
       drive(6);

@@ -50,16 +50,16 @@ void Recognizer::load(const perception::TrackerState& state) {
 SweepResult Recognizer::take(const SweepBytes& sweep, const EgoMotion& ego) {
   SweepResult result;
   borders_ = nullptr;
-  result.reason = mistake_of(sweep, ego);
+  result.reason = error_of(sweep, ego);
   if (result.reason.empty()) {
     last_ns_ = sweep.taken_ns;
     read(sweep, result);
-    const auto total = result.echoes + result.invalid_echoes;
-    if (result.invalid_echoes > config_.invalid_share_max * total) {
-      result.reason = fmt::format("{} of {} echoes are not finite", result.invalid_echoes, total);
-    } else if (result.echoes < static_cast<std::uint32_t>(config_.echoes_min)) {
-      result.reason =
-          fmt::format("expected at least {} echoes, found {}", config_.echoes_min, result.echoes);
+    const auto total = result.returns + result.invalid_returns;
+    if (result.invalid_returns > config_.invalid_share_max * total) {
+      result.reason = fmt::format("{} of {} returns are not finite", result.invalid_returns, total);
+    } else if (result.returns < static_cast<std::uint32_t>(config_.returns_min)) {
+      result.reason = fmt::format("expected at least {} returns, found {}", config_.returns_min,
+                                  result.returns);
     }
   }
   if (result.reason.empty()) {
@@ -80,7 +80,7 @@ SweepResult Recognizer::pass_over(std::int64_t end_ns, std::string reason) {
   return {.reason = std::move(reason)};
 }
 
-std::string Recognizer::mistake_of(const SweepBytes& sweep, const EgoMotion& ego) const {
+std::string Recognizer::error_of(const SweepBytes& sweep, const EgoMotion& ego) const {
   const std::uint64_t expected = std::uint64_t{sweep.columns} * sweep.rings * kPointBytes;
   if (sweep.points.empty()) {
     return "the sweep is empty";
@@ -116,10 +116,10 @@ void Recognizer::read(const SweepBytes& sweep, SweepResult& result) {
     // Finite only if all are; a place beyond any lidar's reach is no place.
     const float size = std::abs(point.x_m) + std::abs(point.y_m) + std::abs(point.z_m);
     if (!(size < 1e4F)) {
-      ++result.invalid_echoes;
+      ++result.invalid_returns;
       continue;
     }
-    ++result.echoes;
+    ++result.returns;
     if (std::abs(point.x_m + forward) < half_length && std::abs(point.y_m) < half_width) {
       continue;
     }
@@ -166,7 +166,7 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
   sweep_.mount_height_m = sweep.mount_height_m;
   sweep_.spread_rad =
       sweep.columns >= kColumnsMin ? 2.0 * std::numbers::pi / sweep.columns : kSpread_rad;
-  sweep_.echoes.clear();
+  sweep_.returns.clear();
   sweep_.sight_lines.clear();
 
   struct Place {
@@ -187,32 +187,33 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
   const auto range_max = static_cast<float>(config_.tracker.clustering.range_max_m);
   const auto lowest = static_cast<float>(config_.height_min_m);
   const auto highest = static_cast<float>(config_.height_max_m);
-  for (const RawEcho& echo : raw_) {
-    const float height = ground_.height_m(echo);
-    result.ground_echoes += height < lowest ? 1 : 0;
-    if (echo.z_m < 0.0F) {
-      sweep_.sight_lines.push_back({.azimuth_rad = std::atan2(echo.y_m, echo.x_m),
-                                    .range_m = echo.range_m,
-                                    .z_m = echo.z_m});
+  for (const RawReturn& beam_return : raw_) {
+    const float height = ground_.height_m(beam_return);
+    result.ground_returns += height < lowest ? 1 : 0;
+    if (beam_return.z_m < 0.0F) {
+      sweep_.sight_lines.push_back({.azimuth_rad = std::atan2(beam_return.y_m, beam_return.x_m),
+                                    .range_m = beam_return.range_m,
+                                    .z_m = beam_return.z_m});
     }
-    if (height < lowest || height > highest || echo.range_m > range_max) {
+    if (height < lowest || height > highest || beam_return.range_m > range_max) {
       continue;
     }
-    const float slot = std::min(echo.time_s * slots_per_s, static_cast<float>(kSlots) - 0.001F);
+    const float slot =
+        std::min(beam_return.time_s * slots_per_s, static_cast<float>(kSlots) - 0.001F);
     const auto first = static_cast<std::size_t>(slot);
     const float share = slot - static_cast<float>(first);
     const Eigen::Vector2f sensor_m =
         (1.0F - share) * places[first].sensor_m + share * places[first + 1].sensor_m;
     const Eigen::Vector2f ahead =
         (1.0F - share) * places[first].ahead + share * places[first + 1].ahead;
-    sweep_.echoes.push_back(
-        {.place_m = sensor_m + echo.x_m * ahead + echo.y_m * Eigen::Vector2f(-ahead.y(), ahead.x()),
-         .height_m = height,
-         .time_s = echo.time_s,
-         .azimuth_rad = std::atan2(echo.y_m, echo.x_m),
-         .range_m = echo.range_m,
-         .ground_m = echo.z_m - height,
-         .is_of_top = echo.is_of_top});
+    sweep_.returns.push_back({.place_m = sensor_m + beam_return.x_m * ahead +
+                                         beam_return.y_m * Eigen::Vector2f(-ahead.y(), ahead.x()),
+                              .height_m = height,
+                              .time_s = beam_return.time_s,
+                              .azimuth_rad = std::atan2(beam_return.y_m, beam_return.x_m),
+                              .range_m = beam_return.range_m,
+                              .ground_m = beam_return.z_m - height,
+                              .is_of_top = beam_return.is_of_top});
   }
 }
 

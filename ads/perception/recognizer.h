@@ -19,12 +19,12 @@ struct RecognizerConfig {
   /// What is lower belongs to the ground, and what is higher can be passed under.
   double height_min_m = 0.2;
   double height_max_m = 4.5;
-  /// Echoes within this box around the vehicle's centre are from the vehicle itself.
+  /// Returns within this box around the vehicle's centre are from the vehicle itself.
   double own_length_m = 4.8;
   double own_width_m = 2.0;
-  /// A sweep with a larger share of non-finite echoes, or with fewer echoes, is rejected.
+  /// A sweep with a larger share of non-finite returns, or with fewer returns, is rejected.
   double invalid_share_max = 0.2;
-  int echoes_min = 500;
+  int returns_min = 500;
   bool are_borders_sought = false;
 };
 
@@ -42,9 +42,9 @@ struct SweepBytes {
 /// The outcome of one sweep.
 struct SweepResult {
   std::string reason;  ///< Why it was rejected; empty if it was used.
-  std::uint32_t echoes = 0;
-  std::uint32_t invalid_echoes = 0;
-  std::uint32_t ground_echoes = 0;
+  std::uint32_t returns = 0;
+  std::uint32_t invalid_returns = 0;
+  std::uint32_t ground_returns = 0;
 };
 
 /// Computes tracked objects from the bytes of sweeps.
@@ -52,7 +52,7 @@ struct SweepResult {
 /// Uses only properties of the sensor that a sweep contains; the order of points is irrelevant.
 ///
 /// @threads  Confined.
-/// @realtime Allocates only while the number of echoes or objects grows.
+/// @realtime Allocates only while the number of returns or objects grows.
 class Recognizer {
  public:
   explicit Recognizer(const RecognizerConfig& config);
@@ -75,7 +75,7 @@ class Recognizer {
   [[nodiscard]] const RoadBorders* borders() const { return borders_; }
 
  private:
-  [[nodiscard]] std::string mistake_of(const SweepBytes& sweep, const EgoMotion& ego) const;
+  [[nodiscard]] std::string error_of(const SweepBytes& sweep, const EgoMotion& ego) const;
   void read(const SweepBytes& sweep, SweepResult& result);
   void find_borders(const SweepBytes& sweep, const EgoMotion& ego);
   void find_obstacles(const SweepBytes& sweep, const EgoMotion& ego, SweepResult& result);
@@ -86,8 +86,8 @@ class Recognizer {
   BorderFinder border_finder_;
   const RoadBorders* borders_ = nullptr;
   std::int64_t last_ns_ = 0;
-  std::vector<RawEcho> raw_;
-  SweepEchoes sweep_;
+  std::vector<RawReturn> raw_;
+  SweepReturns sweep_;
 };
 
 }  // namespace ads

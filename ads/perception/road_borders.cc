@@ -18,9 +18,9 @@ constexpr std::size_t kCells = 2 * kCellsPerSide;
 // Of the road: how far it rises across, and what steps are still its own.
 constexpr float kSlope = 0.06F;
 constexpr float kStep_m = 0.07F;
-constexpr float kHigh_m = 1.0F;    // Higher echoes hang over the road.
+constexpr float kHigh_m = 1.0F;    // Higher returns hang over the road.
 constexpr float kMiddle_m = 1.0F;  // So far to each side the vehicle itself drives.
-constexpr float kGap_m = 2.5F;     // Farther than that the road is not followed without an echo.
+constexpr float kGap_m = 2.5F;     // Farther than that the road is not followed without a return.
 constexpr double kAround_m = 0.4;  // Boxes are known so well.
 // Neighbours along the road, to each side, and how many of them have to agree.
 constexpr std::size_t kNeighbours = 4;
@@ -47,9 +47,9 @@ double median_of(std::vector<double>& values) {
 
 BorderFinder::BorderFinder() : cells_(kSlices * kCells), level_m_(kSlices) {}
 
-const RoadBorders& BorderFinder::find(std::span<const RawEcho> echoes, double mount_height_m,
+const RoadBorders& BorderFinder::find(std::span<const RawReturn> returns, double mount_height_m,
                                       std::span<const Standing> standing) {
-  fill(echoes, mount_height_m, standing);
+  fill(returns, mount_height_m, standing);
   std::vector<BorderPlace> left;
   std::vector<BorderPlace> right;
   for (std::size_t slice = 0; slice < kSlices; ++slice) {
@@ -61,19 +61,19 @@ const RoadBorders& BorderFinder::find(std::span<const RawEcho> echoes, double mo
   return borders_;
 }
 
-void BorderFinder::fill(std::span<const RawEcho> echoes, double mount_height_m,
+void BorderFinder::fill(std::span<const RawReturn> returns, double mount_height_m,
                         std::span<const Standing> standing) {
   std::fill(cells_.begin(), cells_.end(), Cell{.lowest_m = kNothing, .highest_m = -kNothing});
   std::fill(level_m_.begin(), level_m_.end(), kNothing);
-  for (const RawEcho& echo : echoes) {
-    const float along = (echo.x_m - kBehind_m) / kSlice_m;
-    const float across = echo.y_m / kCell_m + static_cast<float>(kCellsPerSide);
-    const float height = echo.z_m + static_cast<float>(mount_height_m);
+  for (const RawReturn& beam_return : returns) {
+    const float along = (beam_return.x_m - kBehind_m) / kSlice_m;
+    const float across = beam_return.y_m / kCell_m + static_cast<float>(kCellsPerSide);
+    const float height = beam_return.z_m + static_cast<float>(mount_height_m);
     if (!(along >= 0.0F && along < static_cast<float>(kSlices)) ||
         !(across >= 0.0F && across < static_cast<float>(kCells)) || height > kHigh_m) {
       continue;
     }
-    const Eigen::Vector2d place_m(echo.x_m, echo.y_m);
+    const Eigen::Vector2d place_m(beam_return.x_m, beam_return.y_m);
     if (height > kStep_m &&
         std::ranges::any_of(standing, [&](const Standing& box) { return is_in(box, place_m); })) {
       continue;
@@ -82,7 +82,7 @@ void BorderFinder::fill(std::span<const RawEcho> echoes, double mount_height_m,
     Cell& cell = cells_[slice * kCells + static_cast<std::size_t>(across)];
     cell.lowest_m = std::min(cell.lowest_m, height);
     cell.highest_m = std::max(cell.highest_m, height);
-    if (std::abs(echo.y_m) < kMiddle_m) {
+    if (std::abs(beam_return.y_m) < kMiddle_m) {
       level_m_[slice] = std::min(level_m_[slice], height);
     }
   }

@@ -33,7 +33,7 @@ struct Standing {
 /// Finds the road's edges beside the vehicle: kerbs, walls, hedges.
 ///
 /// The plane is divided across the vehicle's axis into slices, and these into cells. From the
-/// middle of each slice outwards, the road continues as long as its lowest echoes rise and fall no
+/// middle of each slice outwards, the road continues as long as its lowest returns rise and fall no
 /// more than a road does, and nothing in a cell is higher than a step; there it ends. Points away
 /// from the median of their neighbours along the road are discarded.
 ///
@@ -43,8 +43,8 @@ class BorderFinder {
  public:
   BorderFinder();
 
-  /// @param standing  Echoes in these boxes are ignored.
-  const RoadBorders& find(std::span<const RawEcho> echoes, double mount_height_m,
+  /// @param standing  Returns in these boxes are ignored.
+  const RoadBorders& find(std::span<const RawReturn> returns, double mount_height_m,
                           std::span<const Standing> standing);
 
  private:
@@ -53,7 +53,7 @@ class BorderFinder {
     float highest_m;
   };
 
-  void fill(std::span<const RawEcho> echoes, double mount_height_m,
+  void fill(std::span<const RawReturn> returns, double mount_height_m,
             std::span<const Standing> standing);
   void walk(std::size_t slice, int side, std::vector<BorderPlace>& found) const;
   static std::vector<BorderPlace> smooth(const std::vector<BorderPlace>& found);

@@ -20,7 +20,7 @@ struct Road {
 };
 
 // Where one beam meets the road, the face of a kerb, or the pavement behind it.
-RawEcho echo_of(const Road& road, double azimuth, double elevation) {
+RawReturn return_of(const Road& road, double azimuth, double elevation) {
   const double ahead = std::cos(elevation) * std::cos(azimuth);
   const double left = std::cos(elevation) * std::sin(azimuth);
   const double down = -std::sin(elevation) + road.crossfall * left;
@@ -39,15 +39,15 @@ RawEcho echo_of(const Road& road, double azimuth, double elevation) {
           .range_m = static_cast<float>(std::hypot(x, y))};
 }
 
-std::vector<RawEcho> sweep_of(const Road& road) {
-  std::vector<RawEcho> echoes;
+std::vector<RawReturn> sweep_of(const Road& road) {
+  std::vector<RawReturn> returns;
   for (double elevation = -24.0; elevation < -2.0; elevation += 0.4) {
     for (double azimuth = -180.0; azimuth < 180.0; azimuth += 0.2) {
-      echoes.push_back(
-          echo_of(road, azimuth * std::numbers::pi / 180.0, elevation * std::numbers::pi / 180.0));
+      returns.push_back(return_of(road, azimuth * std::numbers::pi / 180.0,
+                                  elevation * std::numbers::pi / 180.0));
     }
   }
-  return echoes;
+  return returns;
 }
 
 void expect_at(const std::vector<BorderPlace>& border, double y_m) {
@@ -86,18 +86,18 @@ TEST(RoadBorders, OpenPlaneHasNone) {
 }
 
 TEST(RoadBorders, VehicleThatStandsOnTheRoadIsNone) {
-  auto echoes = sweep_of({});
+  auto returns = sweep_of({});
   for (double x = 5.0; x < 9.0; x += 0.1) {
     for (double z = 0.2; z < 1.0; z += 0.1) {
-      echoes.push_back({.x_m = static_cast<float>(x),
-                        .y_m = 2.0F,
-                        .z_m = static_cast<float>(z - kSensor_m),
-                        .range_m = static_cast<float>(std::hypot(x, 2.0))});
+      returns.push_back({.x_m = static_cast<float>(x),
+                         .y_m = 2.0F,
+                         .z_m = static_cast<float>(z - kSensor_m),
+                         .range_m = static_cast<float>(std::hypot(x, 2.0))});
     }
   }
   BorderFinder finder;
   const std::vector<Standing> standing{{.center_m = {7.0, 2.9}, .length_m = 4.2, .width_m = 1.8}};
-  expect_at(finder.find(echoes, kSensor_m, standing).left, 4.0);
+  expect_at(finder.find(returns, kSensor_m, standing).left, 4.0);
   EXPECT_TRUE(finder.find({}, kSensor_m, standing).left.empty());
 }
 

@@ -65,14 +65,14 @@ bool is_of_wall(const HighPlaces& high_places, const Eigen::Vector2d& middle_m,
 
 HighPlaces::HighPlaces() : is_high_(static_cast<std::size_t>(kHighSide) * kHighSide) {}
 
-void HighPlaces::fill(std::span<const Echo> echoes, const Eigen::Vector2d& origin_m) {
+void HighPlaces::fill(std::span<const LidarReturn> returns, const Eigen::Vector2d& origin_m) {
   origin_m_ = origin_m;
   for (const int cell : filled_) {
     is_high_[static_cast<std::size_t>(cell)] = false;
   }
   filled_.clear();
-  for (const Echo& echo : echoes) {
-    const int cell = echo.height_m > kWall_m ? cell_of(echo.place_m) : -1;
+  for (const LidarReturn& beam_return : returns) {
+    const int cell = beam_return.height_m > kWall_m ? cell_of(beam_return.place_m) : -1;
     if (cell >= 0 && !is_high_[static_cast<std::size_t>(cell)]) {
       is_high_[static_cast<std::size_t>(cell)] = true;
       filled_.push_back(cell);
@@ -156,7 +156,7 @@ Likeness likeness_of(const Shape& shape) {
   }
   const bool is_larger = longer > 8.0 || shorter > 3.5;
   const bool is_higher = shape.top_m > 2.5 && shape.high_share > 0.35;
-  // Far away echoes are far apart, and windows give none.
+  // Far away returns are far apart, and windows give none.
   const double top_min = std::clamp(1.1 - 0.03 * (shape.range_m - 20.0), 0.8, 1.1);
   const bool is_small = shape.top_m < top_min || (shape.width_m < 0.3 && !shape.is_cut);
   if (shape.is_of_wall || is_larger || is_higher || is_small || !stands) {

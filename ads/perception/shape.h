@@ -23,16 +23,16 @@ struct Shape {
   /// It may be partly occluded on the right or on the left.
   bool is_cut = false;
   double top_m = 0.0;
-  double range_m = 0.0;  ///< Of its nearest echo.
+  double range_m = 0.0;  ///< Of its nearest return.
   /// It is flat, and continued beyond its ends by something higher than a car.
   bool is_of_wall = false;
   /// It reaches the topmost beam: it may be higher than seen.
   bool is_top_open = false;
-  /// The share of its echoes that are higher than a car.
+  /// The share of its returns that are higher than a car.
   double high_share = 0.0;
 };
 
-/// A map of places with echoes higher than a car.
+/// A map of places with returns higher than a car.
 ///
 /// @threads  Confined.
 /// @realtime Allocates in its constructor only.
@@ -40,8 +40,8 @@ class HighPlaces {
  public:
   HighPlaces();
 
-  /// @param origin_m  The origin of the echoes' positions.
-  void fill(std::span<const Echo> echoes, const Eigen::Vector2d& origin_m);
+  /// @param origin_m  The origin of the returns' positions.
+  void fill(std::span<const LidarReturn> returns, const Eigen::Vector2d& origin_m);
   [[nodiscard]] bool at(const Eigen::Vector2d& place_m) const;
 
  private:

@@ -28,7 +28,7 @@ std::vector<ObjectPoint> points_of(double width_m, double bottom_m, double top_m
 }
 
 Shape face(double width_m, double bottom_m, double top_m, double depth_m = 0.0,
-           const std::vector<Echo>& others = {}) {
+           const std::vector<LidarReturn>& others = {}) {
   const auto points = points_of(width_m, bottom_m, top_m, depth_m);
   Skyline skyline;
   skyline.fill(others, kSensor_m);
@@ -37,7 +37,7 @@ Shape face(double width_m, double bottom_m, double top_m, double depth_m = 0.0,
   return shape_of({.points = points}, skyline, high_places, 0.0);
 }
 
-Echo echo_at(double x_m, double y_m, double height_m) {
+LidarReturn return_at(double x_m, double y_m, double height_m) {
   return {.place_m = {static_cast<float>(x_m), static_cast<float>(y_m)},
           .height_m = static_cast<float>(height_m),
           .azimuth_rad = static_cast<float>(std::atan2(y_m, x_m)),
@@ -45,12 +45,12 @@ Echo echo_at(double x_m, double y_m, double height_m) {
 }
 
 // Across the way at `x_m`, so high.
-std::vector<Echo> row(double x_m, double height_m, double from_m, double to_m) {
-  std::vector<Echo> echoes;
+std::vector<LidarReturn> row(double x_m, double height_m, double from_m, double to_m) {
+  std::vector<LidarReturn> returns;
   for (double y_m = from_m; y_m < to_m; y_m += 0.02) {
-    echoes.push_back(echo_at(x_m, y_m, height_m));
+    returns.push_back(return_at(x_m, y_m, height_m));
   }
-  return echoes;
+  return returns;
 }
 
 TEST(Shape, IsMeasuredAlongItsBoxAndAcrossTheLineOfSight) {

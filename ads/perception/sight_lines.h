@@ -42,7 +42,7 @@ class SightLines {
   /// @param view  Of the object in the box.
   [[nodiscard]] double share_through(const ObjectView& view, const GroundBox& box) const;
   /// Whether beams pass through the box, and through every other box of a likely size that contains
-  /// the echoes: along or across its heading, with any position of its other end.
+  /// the returns: along or across its heading, with any position of its other end.
   [[nodiscard]] bool is_seen_through(const ObjectView& view, const GroundBox& box,
                                      const Eigen::Vector2d& likely_size_m) const;
 

@@ -21,21 +21,21 @@ constexpr double kBefore_m = 1.5;
 
 Skyline::Skyline() : nearest_m_(kBins), begin_(kBins + 1) {}
 
-void Skyline::fill(std::span<const Echo> echoes, double sensor_height_m) {
+void Skyline::fill(std::span<const LidarReturn> returns, double sensor_height_m) {
   sensor_height_m_ = static_cast<float>(sensor_height_m);
   std::fill(nearest_m_.begin(), nearest_m_.end(), std::numeric_limits<float>::infinity());
   std::fill(begin_.begin(), begin_.end(), 0U);
-  for (const Echo& echo : echoes) {
-    const std::size_t bin = bin_of(echo.azimuth_rad);
-    nearest_m_[bin] = std::min(nearest_m_[bin], echo.range_m);
+  for (const LidarReturn& beam_return : returns) {
+    const std::size_t bin = bin_of(beam_return.azimuth_rad);
+    nearest_m_[bin] = std::min(nearest_m_[bin], beam_return.range_m);
     ++begin_[bin + 1];
   }
   std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
-  sights_.resize(echoes.size());
-  for (const Echo& echo : echoes) {
-    sights_[begin_[bin_of(echo.azimuth_rad)]++] = {
-        .range_m = echo.range_m,
-        .slope = (echo.height_m - sensor_height_m_) / std::max(echo.range_m, 0.1F)};
+  sights_.resize(returns.size());
+  for (const LidarReturn& beam_return : returns) {
+    sights_[begin_[bin_of(beam_return.azimuth_rad)]++] = {
+        .range_m = beam_return.range_m,
+        .slope = (beam_return.height_m - sensor_height_m_) / std::max(beam_return.range_m, 0.1F)};
   }
   // Each begin has moved to its end.
   std::shift_right(begin_.begin(), begin_.end(), 1);

@@ -8,8 +8,8 @@
 
 namespace ads {
 
-/// An echo that is not from the ground.
-struct Echo {
+/// A return that is not from the ground.
+struct LidarReturn {
   /// In the map, relative to the tracker's origin, compensated for the sensor's own motion.
   Eigen::Vector2f place_m{0.0F, 0.0F};
   float height_m = 0.0F;     ///< Above the ground.
@@ -20,17 +20,17 @@ struct Echo {
   bool is_of_top = false;    ///< From the topmost beam.
 };
 
-/// The free range in each direction: determines whether an object ends where its echoes end, or is
+/// The free range in each direction: determines whether an object ends where its returns end, or is
 /// occluded from there on.
 ///
 /// @threads  Confined.
-/// @realtime Allocates only while the number of echoes grows.
+/// @realtime Allocates only while the number of returns grows.
 class Skyline {
  public:
   Skyline();
 
   /// @param sensor_height_m  Above the ground.
-  void fill(std::span<const Echo> echoes, double sensor_height_m);
+  void fill(std::span<const LidarReturn> returns, double sensor_height_m);
 
   /// Whether something nearer than `range_m` lies next to the direction `azimuth_rad`, on the side
   /// of increasing azimuths (`side` = 1) or of decreasing ones (-1).

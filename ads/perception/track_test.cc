@@ -18,7 +18,7 @@ class TrackTest : public ::testing::Test {
  protected:
   void sight() {
     std::vector<ObjectPoint> points;
-    std::vector<Echo> echoes;
+    std::vector<LidarReturn> returns;
     const double middle = std::atan2(box_.center_m.y(), box_.center_m.x());
     for (double off = -1.0; off < 1.0; off += kSpread_rad) {
       const double azimuth = middle + off;
@@ -27,7 +27,7 @@ class TrackTest : public ::testing::Test {
         range += 0.01;
       }
       if (range < 60.0) {
-        echoes.push_back(
+        returns.push_back(
             {.azimuth_rad = static_cast<float>(azimuth), .range_m = static_cast<float>(range)});
         for (const float height : {0.3F, 0.7F, 1.1F}) {
           points.push_back({.place_m = range * direction(azimuth),
@@ -37,7 +37,7 @@ class TrackTest : public ::testing::Test {
         }
       }
     }
-    skyline_.fill(echoes, 1.7);
+    skyline_.fill(returns, 1.7);
     track_.predict(time_ns_);
     track_.update({.points = points, .spread_rad = kSpread_rad}, skyline_);
   }

@@ -15,18 +15,19 @@ namespace ads {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kGate = 13.8;           // 99.9 % of two dimensions.
-constexpr double kNearby_m = 12.0;       // Farther groups are not considered for a track.
-constexpr double kKnownSpeed_mps = 4.0;  // 1 sigma: from then on echoes are moved with their track.
-constexpr double kMargin_m = 0.4;        // Around the box in which echoes are a track's.
+constexpr double kGate = 13.8;      // 99.9 % of two dimensions.
+constexpr double kNearby_m = 12.0;  // Farther groups are not considered for a track.
+constexpr double kKnownSpeed_mps =
+    4.0;                           // 1 sigma: from then on returns are moved with their track.
+constexpr double kMargin_m = 0.4;  // Around the box in which returns are a track's.
 constexpr double kMarginMax_m = 1.0;
 constexpr double kOwnedShare = 0.3;  // Of a group, for its rest to be the track's as well.
-constexpr std::size_t kEchoesSeen = 3;
+constexpr std::size_t kReturnsSeen = 3;
 constexpr float kTop_m = 0.4F;        // Lower things do not begin a track.
 constexpr float kUpright_m = 0.25F;   // A flatter one is not a wall.
 constexpr double kSideFrom_m = 2.7;   // No car is wider.
 constexpr double kFrontFrom_m = 1.2;  // Nor narrower.
-constexpr std::size_t kEchoesTwoWheeler = 12;
+constexpr std::size_t kReturnsTwoWheeler = 12;
 constexpr double kTwoWheelerLength_m = 1.8;
 constexpr double kTwoWheelerWidth_m = 0.7;
 constexpr double kStructureReach_m = 4.0;
@@ -89,15 +90,15 @@ void Tracker::load(const perception::TrackerState& state) {
   }
 }
 
-void Tracker::update(const SweepEchoes& sweep, const EgoMotion& ego) {
-  skyline_.fill(sweep.echoes, sweep.mount_height_m);
-  high_places_.fill(sweep.echoes, sweep.origin_m);
+void Tracker::update(const SweepReturns& sweep, const EgoMotion& ego) {
+  skyline_.fill(sweep.returns, sweep.mount_height_m);
+  high_places_.fill(sweep.returns, sweep.origin_m);
   sight_lines_.fill(sweep.sight_lines);
   is_seen_.assign(objects_.size(), false);
   label(sweep);
   gather(sweep, ego);
   for (const Group& group : groups_) {
-    if (group.owner != kNobody && group.points.size() >= kEchoesSeen) {
+    if (group.owner != kNobody && group.points.size() >= kReturnsSeen) {
       sight(objects_[static_cast<std::size_t>(group.owner)], group);
       is_seen_[static_cast<std::size_t>(group.owner)] = true;
     }
@@ -128,9 +129,9 @@ Eigen::Vector2d Tracker::box_place(const TrackedObject& object, std::int64_t tim
   return {apart.dot(ahead), apart.dot(left_of(ahead))};
 }
 
-// Step 1: whose echoes.
-void Tracker::label(const SweepEchoes& sweep) {
-  const std::size_t count = sweep.echoes.size();
+// Step 1: whose returns.
+void Tracker::label(const SweepReturns& sweep) {
+  const std::size_t count = sweep.returns.size();
   labels_.assign(count, kNobody);
   places_m_.resize(count);
   outside_m_.assign(count, std::numeric_limits<float>::infinity());
@@ -141,7 +142,7 @@ void Tracker::label(const SweepEchoes& sweep) {
     }
     const double before_s = static_cast<double>(sweep.begin_ns - track.time_ns()) * 1e-9;
     const double middle_s = before_s + 0.5e-9 * static_cast<double>(sweep.duration_ns);
-    // An object that is not a vehicle stands: it leaves echoes not well within it to others.
+    // An object that is not a vehicle stands: it leaves returns not well within it to others.
     const bool stands = is_structure(objects_[index]);
     const double margin = stands
                               ? 0.0
@@ -159,9 +160,9 @@ void Tracker::label(const SweepEchoes& sweep) {
         stands ? 0.0F : static_cast<float>(kMargin_m + std::min(1.0, track.length_stddev_m()));
     const float behind = stands ? kBehind_m : 0.0F;
     const float reach = half_length + half_width + rest + static_cast<float>(margin);
-    for (std::size_t echo = 0; echo < count; ++echo) {
-      const Eigen::Vector2f apart =
-          sweep.echoes[echo].place_m - begin_m - sweep.echoes[echo].time_s * velocity;
+    for (std::size_t beam_return = 0; beam_return < count; ++beam_return) {
+      const Eigen::Vector2f apart = sweep.returns[beam_return].place_m - begin_m -
+                                    sweep.returns[beam_return].time_s * velocity;
       if (std::abs(apart.x()) > reach || std::abs(apart.y()) > reach) {
         continue;
       }
@@ -170,9 +171,9 @@ void Tracker::label(const SweepEchoes& sweep) {
       const float its_outside = std::max(along - half_length, across - half_width);
       const bool is_in_rest = along < half_length + rest && across < half_width;
       if ((its_outside < static_cast<float>(margin) || is_in_rest) &&
-          its_outside + behind < outside_m_[echo]) {
-        outside_m_[echo] = its_outside + behind;
-        labels_[echo] = static_cast<int>(index);
+          its_outside + behind < outside_m_[beam_return]) {
+        outside_m_[beam_return] = its_outside + behind;
+        labels_[beam_return] = static_cast<int>(index);
       }
     }
   }
@@ -186,49 +187,51 @@ bool Tracker::is_structure(const TrackedObject& object) const {
          object.two_wheeler_likeness < config_.structure_likeness;
 }
 
-// Step 2: groups of echoes.
-void Tracker::gather(const SweepEchoes& sweep, const EgoMotion& ego) {
+// Step 2: groups of returns.
+void Tracker::gather(const SweepReturns& sweep, const EgoMotion& ego) {
   const auto middle_s = static_cast<float>(0.5e-9 * static_cast<double>(sweep.duration_ns));
   const auto pose = ego.at(sweep.begin_ns + sweep.duration_ns / 2);
   const Eigen::Vector2f sensor_m = (pose->position_m - sweep.origin_m).cast<float>();
-  for (std::size_t echo = 0; echo < sweep.echoes.size(); ++echo) {
-    places_m_[echo] = sweep.echoes[echo].place_m - sensor_m;
-    if (labels_[echo] != kNobody) {
-      const Track& track = objects_[static_cast<std::size_t>(labels_[echo])].track;
-      places_m_[echo] +=
-          (middle_s - sweep.echoes[echo].time_s) * track.velocity_mps().cast<float>();
+  for (std::size_t beam_return = 0; beam_return < sweep.returns.size(); ++beam_return) {
+    places_m_[beam_return] = sweep.returns[beam_return].place_m - sensor_m;
+    if (labels_[beam_return] != kNobody) {
+      const Track& track = objects_[static_cast<std::size_t>(labels_[beam_return])].track;
+      places_m_[beam_return] +=
+          (middle_s - sweep.returns[beam_return].time_s) * track.velocity_mps().cast<float>();
     }
   }
   const std::vector<int>& clusters = clustering_.group(places_m_, sweep.spread_rad);
 
   struct Owners {
-    int echoes = 0;
+    int returns = 0;
     int owned = 0;
     int rest_group = kNobody;
     std::vector<int> who;
   };
   std::vector<Owners> owners(static_cast<std::size_t>(clustering_.groups()));
-  for (std::size_t echo = 0; echo < clusters.size(); ++echo) {
-    if (clusters[echo] < 0) {
+  for (std::size_t beam_return = 0; beam_return < clusters.size(); ++beam_return) {
+    if (clusters[beam_return] < 0) {
       continue;
     }
-    Owners& its = owners[static_cast<std::size_t>(clusters[echo])];
-    ++its.echoes;
-    if (labels_[echo] != kNobody) {
+    Owners& its = owners[static_cast<std::size_t>(clusters[beam_return])];
+    ++its.returns;
+    if (labels_[beam_return] != kNobody) {
       ++its.owned;
-      if (outside_m_[echo] < kMargin_m &&
-          std::ranges::find(its.who, labels_[echo]) == its.who.end()) {
-        its.who.push_back(labels_[echo]);
+      if (outside_m_[beam_return] < kMargin_m &&
+          std::ranges::find(its.who, labels_[beam_return]) == its.who.end()) {
+        its.who.push_back(labels_[beam_return]);
       }
     }
   }
-  // Beyond the end of a box echoes are the track's only if they hang together with it, or if they
+  // Beyond the end of a box returns are the track's only if they hang together with it, or if they
   // are a group that lies there altogether.
-  for (std::size_t echo = 0; echo < clusters.size(); ++echo) {
-    if (clusters[echo] >= 0 && labels_[echo] != kNobody && outside_m_[echo] >= kMargin_m) {
-      const Owners& its = owners[static_cast<std::size_t>(clusters[echo])];
-      if (its.owned < its.echoes && std::ranges::find(its.who, labels_[echo]) == its.who.end()) {
-        labels_[echo] = kNobody;
+  for (std::size_t beam_return = 0; beam_return < clusters.size(); ++beam_return) {
+    if (clusters[beam_return] >= 0 && labels_[beam_return] != kNobody &&
+        outside_m_[beam_return] >= kMargin_m) {
+      const Owners& its = owners[static_cast<std::size_t>(clusters[beam_return])];
+      if (its.owned < its.returns &&
+          std::ranges::find(its.who, labels_[beam_return]) == its.who.end()) {
+        labels_[beam_return] = kNobody;
       }
     }
   }
@@ -238,16 +241,17 @@ void Tracker::gather(const SweepEchoes& sweep, const EgoMotion& ego) {
   for (std::size_t index = 0; index < objects_.size(); ++index) {
     groups_[index].owner = static_cast<int>(index);
   }
-  for (std::size_t echo = 0; echo < clusters.size(); ++echo) {
-    if (clusters[echo] < 0) {
+  for (std::size_t beam_return = 0; beam_return < clusters.size(); ++beam_return) {
+    if (clusters[beam_return] < 0) {
       continue;
     }
-    Owners& its = owners[static_cast<std::size_t>(clusters[echo])];
-    int owner = labels_[echo];
-    if (owner == kNobody && its.owned > kOwnedShare * its.echoes) {
+    Owners& its = owners[static_cast<std::size_t>(clusters[beam_return])];
+    int owner = labels_[beam_return];
+    if (owner == kNobody && its.owned > kOwnedShare * its.returns) {
       const auto time_ns =
-          sweep.begin_ns + static_cast<std::int64_t>(1e9F * sweep.echoes[echo].time_s);
-      const Eigen::Vector2d place_m = sweep.origin_m + sweep.echoes[echo].place_m.cast<double>();
+          sweep.begin_ns + static_cast<std::int64_t>(1e9F * sweep.returns[beam_return].time_s);
+      const Eigen::Vector2d place_m =
+          sweep.origin_m + sweep.returns[beam_return].place_m.cast<double>();
       double nearest = std::numeric_limits<double>::infinity();
       for (const int candidate : its.who) {
         const TrackedObject& object = objects_[static_cast<std::size_t>(candidate)];
@@ -268,15 +272,15 @@ void Tracker::gather(const SweepEchoes& sweep, const EgoMotion& ego) {
       }
       owner = its.rest_group;  // The groups of tracks come first, in their order.
     }
-    add_point(groups_[static_cast<std::size_t>(owner)], sweep, echo);
+    add_point(groups_[static_cast<std::size_t>(owner)], sweep, beam_return);
   }
   for (Group& group : groups_) {
     finish(group, sweep, ego);
   }
 }
 
-void Tracker::add_point(Group& group, const SweepEchoes& sweep, std::size_t echo) {
-  const Echo& its = sweep.echoes[echo];
+void Tracker::add_point(Group& group, const SweepReturns& sweep, std::size_t beam_return) {
+  const LidarReturn& its = sweep.returns[beam_return];
   group.time_ns += static_cast<std::int64_t>(1e9F * its.time_s);  // Their sum, until `finish`.
   group.points.push_back({.place_m = sweep.origin_m + its.place_m.cast<double>(),
                           .time_s = its.time_s,
@@ -288,7 +292,7 @@ void Tracker::add_point(Group& group, const SweepEchoes& sweep, std::size_t echo
 }
 
 // All its points at one time: the mean of theirs.
-void Tracker::finish(Group& group, const SweepEchoes& sweep, const EgoMotion& ego) {
+void Tracker::finish(Group& group, const SweepReturns& sweep, const EgoMotion& ego) {
   if (group.points.empty()) {
     return;
   }
@@ -314,7 +318,7 @@ void Tracker::associate() {
   std::vector<std::tuple<double, std::size_t, std::size_t>> pairs;
   for (std::size_t group = 0; group < groups_.size(); ++group) {
     const Group& its = groups_[group];
-    if (its.owner != kNobody || its.points.size() < kEchoesSeen) {
+    if (its.owner != kNobody || its.points.size() < kReturnsSeen) {
       continue;
     }
     for (std::size_t index = 0; index < objects_.size(); ++index) {
@@ -419,7 +423,7 @@ void Tracker::begin_tracks() {
   for (std::size_t index = 0; index < groups_.size(); ++index) {
     const Group& group = groups_[index];
     if (group.owner == kNobody &&
-        group.points.size() >= static_cast<std::size_t>(config_.echoes_min)) {
+        group.points.size() >= static_cast<std::size_t>(config_.returns_min)) {
       rest.emplace_back(index, &group);
     }
   }
@@ -468,7 +472,7 @@ void Tracker::begin_tracks() {
 
 // It looks like one, and nothing hides more of it.
 bool Tracker::is_two_wheeler(const Group& group, double heading_rad) const {
-  if (group.points.size() < kEchoesTwoWheeler ||
+  if (group.points.size() < kReturnsTwoWheeler ||
       likeness_of(shape_of(group.view, skyline_, high_places_, heading_rad)) !=
           Likeness::kTwoWheeler) {
     return false;
@@ -483,7 +487,7 @@ bool Tracker::is_two_wheeler(const Group& group, double heading_rad) const {
          !skyline_.is_hidden_beside(left->azimuth_rad, left->range_m, 1);
 }
 
-void Tracker::forget(std::int64_t time_ns, const SweepEchoes* sweep, const EgoMotion* ego) {
+void Tracker::forget(std::int64_t time_ns, const SweepReturns* sweep, const EgoMotion* ego) {
   std::erase_if(objects_, [&](const TrackedObject& object) {
     const double unseen_s = static_cast<double>(time_ns - object.seen_ns) * 1e-9;
     if (object.track.length_m() > config_.length_max_m ||

@@ -19,8 +19,8 @@ namespace ads {
 struct TrackerConfig {
   ClusteringConfig clustering;
   TrackConfig track;
-  /// The number of echoes for a new object, and of sweeps until it is confirmed.
-  int echoes_min = 6;
+  /// The number of returns for a new object, and of sweeps until it is confirmed.
+  int returns_min = 6;
   int sightings_min = 3;
   /// How long an unseen object is kept: in open view, and occluded.
   double open_max_s = 0.35;
@@ -30,24 +30,24 @@ struct TrackerConfig {
   double hidden_short_s = 0.5;
   double hidden_speed_error_mps = 3.0;
   double hidden_acceleration_mps2 = 6.0;
-  /// Within this distance of its box, a track with enough echoes in a group owns the whole group.
+  /// Within this distance of its box, a track with enough returns in a group owns the whole group.
   double reach_m = 4.0;
   /// Larger objects are discarded.
   double length_max_m = 25.0;
   double width_max_m = 3.2;
   /// An object lower than 2.2 m and longer than this is split: it is restarted at its near end.
   double low_length_max_m = 25.0;
-  /// Below this likeness an object is a structure: it yields echoes to other objects.
+  /// Below this likeness an object is a structure: it yields returns to other objects.
   double structure_likeness = -1e3;
 };
 
-/// The echoes of one sweep, and the sensor's geometry.
-struct SweepEchoes {
+/// The returns of one sweep, and the sensor's geometry.
+struct SweepReturns {
   std::int64_t begin_ns = 0;
   std::int64_t duration_ns = 0;
   Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();
-  std::vector<Echo> echoes;
-  std::vector<SightLine> sight_lines;  ///< Of all echoes below the sensor, including the ground.
+  std::vector<LidarReturn> returns;
+  std::vector<SightLine> sight_lines;  ///< Of all returns below the sensor, including the ground.
   double spread_rad = 0.0;             ///< Angle between neighbouring beams.
   double mount_forward_m = 0.0;
   double mount_height_m = 0.0;
@@ -70,9 +70,10 @@ struct TrackedObject {
 
 /// Tracks objects from sweep to sweep.
 ///
-/// 1. An echo inside a track's predicted box at the echo's time belongs to the track, and is moved
+/// 1. A return inside a track's predicted box at the return's time belongs to the track, and is
+/// moved
 ///    with it to the middle of the sweep.
-/// 2. Echoes close to each other form groups. Those of a track form one view of it, with the rest
+/// 2. Returns close to each other form groups. Those of a track form one view of it, with the rest
 ///    of their groups; a group of several tracks is divided among them by distance.
 /// 3. The other groups are assigned to the remaining tracks: greedy global nearest neighbour, by
 ///    increasing Mahalanobis distance (Blackman, Popoli, "Design and Analysis of Modern Tracking
@@ -91,8 +92,8 @@ class Tracker {
   /// @errors  As `Track`.
   void load(const perception::TrackerState& state);
 
-  void update(const SweepEchoes& sweep, const EgoMotion& ego);
-  /// Without usable echoes: removes tracks that have not been seen for too long at `time_ns`.
+  void update(const SweepReturns& sweep, const EgoMotion& ego);
+  /// Without usable returns: removes tracks that have not been seen for too long at `time_ns`.
   void coast(std::int64_t time_ns);
 
   [[nodiscard]] const std::vector<TrackedObject>& objects() const { return objects_; }
@@ -100,7 +101,7 @@ class Tracker {
  private:
   static constexpr int kNobody = -1;
 
-  // Echoes that belong together.
+  // Returns that belong together.
   struct Group {
     int owner = kNobody;  // An index in `objects_`.
     std::int64_t time_ns = 0;
@@ -109,17 +110,17 @@ class Tracker {
   };
 
   [[nodiscard]] bool is_structure(const TrackedObject& object) const;
-  void label(const SweepEchoes& sweep);
-  void gather(const SweepEchoes& sweep, const EgoMotion& ego);
-  void add_point(Group& group, const SweepEchoes& sweep, std::size_t echo);
-  void finish(Group& group, const SweepEchoes& sweep, const EgoMotion& ego);
+  void label(const SweepReturns& sweep);
+  void gather(const SweepReturns& sweep, const EgoMotion& ego);
+  void add_point(Group& group, const SweepReturns& sweep, std::size_t beam_return);
+  void finish(Group& group, const SweepReturns& sweep, const EgoMotion& ego);
   void associate();
   [[nodiscard]] bool can_reach(const TrackedObject& object, const Group& group) const;
   void begin_tracks();
   void sight(TrackedObject& object, const Group& group);
   void look_at(TrackedObject& object, const Group& group);
   [[nodiscard]] bool is_two_wheeler(const Group& group, double heading_rad) const;
-  void forget(std::int64_t time_ns, const SweepEchoes* sweep, const EgoMotion* ego);
+  void forget(std::int64_t time_ns, const SweepReturns* sweep, const EgoMotion* ego);
   void remove_doubles();
   [[nodiscard]] Eigen::Vector2d box_place(const TrackedObject& object, std::int64_t time_ns,
                                           const Eigen::Vector2d& place_m) const;
@@ -133,7 +134,7 @@ class Tracker {
   std::vector<TrackedObject> objects_;
 
   // Of one sweep.
-  std::vector<int> labels_;       // Of each echo: an index in `objects_`.
+  std::vector<int> labels_;       // Of each return: an index in `objects_`.
   std::vector<float> outside_m_;  // Its distance from that object's box.
   std::vector<Eigen::Vector2f> places_m_;
   std::vector<Group> groups_;

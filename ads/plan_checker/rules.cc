@@ -450,7 +450,7 @@ class TrajectoryCheck {
     if (around_.predictions == nullptr) {
       return;
     }
-    const auto tell = [this](const Rules::Touch& touch, bool is_hard, double limit_m) {
+    const auto add_breach = [this](const Rules::Touch& touch, bool is_hard, double limit_m) {
       breaches_.add(
           planning::COLLISION, is_hard, touch.point_s, touch.gap_m, limit_m,
           fmt::format("the gap to object {}, at {:.1f} m/s, is {:.2f} m at {:.1f} s, at least "
@@ -466,7 +466,7 @@ class TrajectoryCheck {
         rules_.first_touch(trajectory_, around_, limits_.gap_min_m, limits_.collision_certain_s);
     // The minimal-risk trajectory is driven when all else has failed: it does what it can.
     const bool is_hard = std::isfinite(touch.time_s) && !is_minimal_risk_;
-    tell(is_hard ? touch : close, is_hard, is_hard ? limits_.gap_min_m : limits_.gap_noted_m);
+    add_breach(is_hard ? touch : close, is_hard, is_hard ? limits_.gap_min_m : limits_.gap_noted_m);
   }
 
   const Limits& limits_;

@@ -94,7 +94,7 @@ TEST_F(SceneUnderstandingTest, WithoutAPositionEverythingIsRelevant) {
   EXPECT_EQ(scene.objects(0).relation(), scene::ELSEWHERE);
 }
 
-TEST_F(SceneUnderstandingTest, HazardIsToldUntilItIsOverOrCancelled) {
+TEST_F(SceneUnderstandingTest, HazardIsReportedUntilItIsOverOrCancelled) {
   routes_.publish(testing::small_route());
   connectivity::Hazard hazard;
   hazard.set_id(3);

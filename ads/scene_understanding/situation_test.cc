@@ -82,7 +82,7 @@ TEST_F(SituationTest, TrafficThatCrossesHasItsRightOfWay) {
   EXPECT_EQ(result.right_of_way(), scene::EGO_FIRST);
 }
 
-TEST_F(SituationTest, OncomingTrafficIsToldFromItsDirection) {
+TEST_F(SituationTest, OncomingTrafficIsReportedFromItsDirection) {
   const auto oncoming = judged(90.0, 7.0, std::numbers::pi);
   EXPECT_EQ(oncoming.relation(), scene::ONCOMING);
   EXPECT_TRUE(oncoming.is_relevant());
@@ -102,7 +102,7 @@ TEST_F(SituationTest, WhatIsFarOffTheRoadDoesNotMatter) {
   EXPECT_TRUE(std::isnan(far.gap_m()));
 }
 
-TEST_F(SituationTest, HazardsAheadAreTold) {
+TEST_F(SituationTest, HazardsAheadAreReported) {
   connectivity::Hazard hazard;
   hazard.set_radius_m(5.0);
   hazard.set_x_m(120.0);

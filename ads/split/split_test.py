@@ -103,18 +103,18 @@ class Drive:
                     if pulled_after_s is not None:
                         time.sleep(pulled_after_s)
                         computers.pull(1.0)
-                    self.vehicle_said = vehicle.communicate(timeout=120)[0]
+                    self.vehicle_output = vehicle.communicate(timeout=120)[0]
                 finally:
                     vehicle.kill()
             finally:
                 # The signal would only reach `ip` if it were sent to the process: it has become fastcycle by exec.
                 compute.send_signal(signal.SIGINT)
                 try:
-                    self.compute_said = compute.communicate(timeout=30)[0]
+                    self.compute_output = compute.communicate(timeout=30)[0]
                 finally:
                     compute.kill()
-        assert vehicle.returncode == 0, self.vehicle_said[-3000:]
-        assert compute.returncode == 0, self.compute_said[-3000:]
+        assert vehicle.returncode == 0, self.vehicle_output[-3000:]
+        assert compute.returncode == 0, self.compute_output[-3000:]
         self.vehicle = json.loads((folder / "vehicle.json").read_text())
         self.compute = json.loads((folder / "compute.json").read_text())
         self.rows = evaluate_drive.read_rows(folder / "out.csv")

@@ -342,7 +342,7 @@ void Supervision::on_driver(const vehicle::DriverInput& input) {
   taken_over_ = now();
   ++takeovers_;
   count_time(before);
-  tell_change(before);
+  report_change(before);
   publish();
 }
 
@@ -439,7 +439,7 @@ void Supervision::serve() {
   const DrivingState before = driving_.state();
   count_time(before);
   if (driving_.look_at(observation)) {
-    tell_change(before);
+    report_change(before);
   }
   publish();
 }
@@ -452,7 +452,7 @@ void Supervision::count_time(DrivingState before) {
   last_look_ = now();
 }
 
-void Supervision::tell_change(DrivingState before) {
+void Supervision::report_change(DrivingState before) {
   const std::string text =
       fmt::format("{} → {}{}{}", to_string(before), to_string(driving_.state()),
                   driving_.reason().empty() ? "" : ": ", driving_.reason());

@@ -73,7 +73,7 @@ class Supervision final : public fastcycle::Component {
   void add_lane(const hd_map::Lane& lane);
   void remember(const perception::Objects& objects);
   void publish();
-  void tell_change(DrivingState before);
+  void report_change(DrivingState before);
   void count_time(DrivingState before);
   void add_event(std::string text);
   void draw();

@@ -200,7 +200,7 @@ TEST_F(SupervisionTest, StopsWhenThreePlansInARowAreRejectedAndSaysWhy) {
 TEST_F(SupervisionTest, StopsWhenSweepsStayUnusableAndOnlyCaresAtFirst) {
   run(200ms);
   objects_.set_is_sweep_valid(false);
-  objects_.set_reason("no echoes");
+  objects_.set_reason("no returns");
 
   run(100ms);
   EXPECT_EQ(last_state().state(), supervision::ENGAGED_DEGRADED);
@@ -208,7 +208,7 @@ TEST_F(SupervisionTest, StopsWhenSweepsStayUnusableAndOnlyCaresAtFirst) {
 
   const supervision::State state = last_state();
   EXPECT_EQ(state.state(), supervision::MINIMAL_RISK_STOP);
-  EXPECT_THAT(state.reason(), HasSubstr("no echoes"));
+  EXPECT_THAT(state.reason(), HasSubstr("no returns"));
 }
 
 TEST_F(SupervisionTest, StopsWhenAnEssentialComponentHasFailed) {
@@ -262,7 +262,7 @@ TEST_F(SupervisionTest, DrawsTheDriveAtTheEnd) {
   EXPECT_THAT(svg, HasSubstr("off → engaged"));
 }
 
-/// Supervision that throws when it is told to.
+/// Supervision that throws when it is asked to.
 class FaultySupervision final : public fastcycle::Component {
  public:
   explicit FaultySupervision(fastcycle::Context& context)
@@ -334,7 +334,7 @@ TEST_F(FaultySupervisionTest, AnObjectThatIsMadeAnewGoesOnAsTheOldOneWouldHave) 
   fault_and_run(600ms);
   fault_and_run(700ms);
   objects_.set_is_sweep_valid(false);
-  objects_.set_reason("no echoes");
+  objects_.set_reason("no returns");
   run(100ms);
   has_sweeps_ = false;
   fault_and_run(100ms);

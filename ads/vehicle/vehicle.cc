@@ -94,6 +94,7 @@ void Vehicle::stop() {
   report("commands_sent_autonomous", sent_autonomous_);
   report("commands_withheld", withheld_);
   report("commands_invalid", invalid_);
+  report("commands_repeated", repeated_);
 }
 
 void Vehicle::on_frame(const can::Frame& frame) {
@@ -159,6 +160,12 @@ void Vehicle::on_command(const control::Command& command) {
     ++invalid_;
     return;
   }
+  // One that repeats would go on for ever: a curve's steering, long after the curve.
+  if (command_ns_ && command.header().taken_ns() <= *command_ns_) {
+    ++repeated_;
+    return;
+  }
+  command_ns_ = command.header().taken_ns();
   const auto state = supervision_.get();
   bool is_engaged = state && is_driving_by_itself(state->state());
   const auto age_max = std::chrono::duration<double>(supervision_age_max_s_.get());

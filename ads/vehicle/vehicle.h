@@ -58,6 +58,7 @@ class Vehicle final : public fastcycle::Component {
 
   std::optional<Bus> bus_;
   std::optional<fastcycle::Time> driver_acted_;
+  std::optional<std::int64_t> command_ns_;  // Of the newest command.
   std::int64_t received_ = 0;
   std::int64_t refused_ = 0;
   std::int64_t refused_in_a_row_ = 0;
@@ -66,6 +67,7 @@ class Vehicle final : public fastcycle::Component {
   std::int64_t sent_autonomous_ = 0;
   std::int64_t withheld_ = 0;
   std::int64_t invalid_ = 0;
+  std::int64_t repeated_ = 0;
 };
 
 }  // namespace ads

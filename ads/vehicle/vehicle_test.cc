@@ -32,7 +32,7 @@ class VehicleTest : public ::testing::Test {
 
   void publish_command(double steering_rad, double acceleration_mps2, bool is_autonomous = true) {
     control::Command command;
-    command.mutable_header()->set_taken_ns(77);
+    command.mutable_header()->set_taken_ns(++command_ns_);
     command.set_steering_rad(steering_rad);
     command.set_acceleration_mps2(acceleration_mps2);
     command.set_is_autonomous(is_autonomous);
@@ -66,6 +66,7 @@ class VehicleTest : public ::testing::Test {
 
   void publish_stop() {
     control::Command command;
+    command.mutable_header()->set_taken_ns(++command_ns_);
     command.set_is_autonomous(true);
     command.set_is_stopping_alone(true);
     commands_.publish(command);
@@ -89,6 +90,7 @@ class VehicleTest : public ::testing::Test {
   Dbc dbc_ = Dbc::read(kDbc);
   FrameGuard state_guard_{dbc_.message("VEHICLE_STATE")};
   FrameGuard driver_guard_{dbc_.message("DRIVER_INPUT")};
+  std::int64_t command_ns_ = 0;  // Stamp of the last command.
   can::Frame last_;
   Bench bench_;
   Bench::Input<can::Frame> bus_ = bench_.input<can::Frame>("can/state");
@@ -171,7 +173,7 @@ TEST_F(VehicleTest, CommandsBecomeFrames) {
   EXPECT_NEAR(sent("ACCELERATION"), -2.5, 5e-4);
   EXPECT_EQ(sent("AUTONOMOUS"), 1.0);
   EXPECT_EQ(last_.address(), 257U);
-  EXPECT_EQ(last_.header().taken_ns(), 77);
+  EXPECT_EQ(last_.header().taken_ns(), command_ns_);
 }
 
 TEST_F(VehicleTest, FramesCarryACounterAndAChecksum) {
@@ -247,6 +249,23 @@ TEST_F(VehicleTest, CommandThatIsNoNumberIsNotSent) {
   EXPECT_TRUE(frames_.take().empty());
   bench_.stop();
   EXPECT_EQ(result("commands_invalid"), 2);
+}
+
+TEST_F(VehicleTest, CommandIsSentOnceOnly) {
+  publish_supervision(supervision::ENGAGED);
+  publish_command(0.1, 0.0);
+  const std::int64_t newest_ns = command_ns_;
+  for (const std::int64_t taken_ns : {newest_ns, newest_ns - 5}) {
+    command_ns_ = taken_ns - 1;
+    publish_command(0.1, 0.0);
+  }
+  EXPECT_EQ(frames_.take().size(), 1U);
+  command_ns_ = newest_ns;
+  publish_command(0.1, 0.0);
+  EXPECT_EQ(frames_.take().size(), 1U);
+
+  bench_.stop();
+  EXPECT_EQ(result("commands_repeated"), 2);
 }
 
 TEST_F(VehicleTest, CommandBeyondTheBitsIsTheMostThatTheyHold) {

@@ -15,25 +15,25 @@ constexpr std::size_t kPointBytes = 16;
 constexpr std::int64_t kHour_us = 3'600'000'000;
 constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
-struct Echo {
+struct LidarReturn {
   Eigen::Vector3f place_m;
   std::uint8_t intensity;
 };
 
-Echo echo_at(const lidar::Sweep& sweep, std::size_t index) {
-  Echo echo{.place_m = {}, .intensity = 0};
+LidarReturn return_at(const lidar::Sweep& sweep, std::size_t index) {
+  LidarReturn beam_return{.place_m = {}, .intensity = 0};
   const char* const at = sweep.points().data() + kPointBytes * index;
-  std::memcpy(echo.place_m.data(), at, 12);
-  std::memcpy(&echo.intensity, at + 15, 1);
-  return echo;
+  std::memcpy(beam_return.place_m.data(), at, 12);
+  std::memcpy(&beam_return.intensity, at + 15, 1);
+  return beam_return;
 }
 
-// Where the first column looks, clockwise from ahead: the mean over all echoes.
+// Where the first column looks, clockwise from ahead: the mean over all returns.
 double first_azimuth_rad(const lidar::Sweep& sweep) {
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   const std::size_t rings = sweep.rings();
   for (std::size_t index = 0; index < sweep.columns() * rings; ++index) {
-    const Eigen::Vector3f place_m = echo_at(sweep, index).place_m;
+    const Eigen::Vector3f place_m = return_at(sweep, index).place_m;
     if (!place_m.isZero(0.0F) && place_m.allFinite()) {
       const double turned =
           2.0 * std::numbers::pi * static_cast<double>(index / rings) / sweep.columns();
@@ -96,15 +96,15 @@ void PacketEncoder::add(const lidar::Sweep& sweep, std::int64_t time_us) {
   for (std::size_t column = 0; column < sweep.columns(); ++column) {
     for (std::size_t index = 0; index < rings; ++index) {
       const Laser& laser = model_.lasers[index];
-      const Echo echo = echo_at(sweep, column * rings + laser.ring);
+      const LidarReturn beam_return = return_at(sweep, column * rings + laser.ring);
       returns[index] = {};
-      if (!echo.place_m.isZero(0.0F) && echo.place_m.allFinite()) {
+      if (!beam_return.place_m.isZero(0.0F) && beam_return.place_m.allFinite()) {
         const Eigen::Vector3d from_laser_m =
-            echo.place_m.cast<double>() - Eigen::Vector3d(0.0, 0.0, laser.height_m);
+            beam_return.place_m.cast<double>() - Eigen::Vector3d(0.0, 0.0, laser.height_m);
         const double units = (from_laser_m.norm() - laser.distance_m) / kMetresPerUnit;
         returns[index] = {
             .distance = static_cast<std::uint16_t>(std::clamp(std::round(units), 0.0, 65'535.0)),
-            .intensity = echo.intensity};
+            .intensity = beam_return.intensity};
       }
     }
     const double share = static_cast<double>(column) / sweep.columns();

@@ -34,7 +34,7 @@ velodyne::RevolutionConfig read_config(fastcycle::Context& context) {
       read_number(context, "cut_azimuth_deg", config.cut_azimuth_deg, 0.0, 360.0, "deg",
                   "Where a sweep begins, clockwise from the sensor's zero");
   config.range_min_m = read_number(context, "range_min_m", config.range_min_m, 0.0, 300.0, "m",
-                                   "Nearer is no echo: the vehicle itself");
+                                   "Nearer is no return: the vehicle itself");
   config.range_max_m =
       read_number(context, "range_max_m", config.range_max_m, 0.0, 300.0, "m", "Farther is none");
   config.dual_return =

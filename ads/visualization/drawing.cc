@@ -170,13 +170,13 @@ void draw_sweep(const lidar::Sweep& sweep, const PlaneMotion& motion, int every,
   double forward_m = 0.0;
   double left_m = 0.0;
   int known_time = -1;
-  std::int64_t echoes = 0;
+  std::int64_t returns = 0;
   for (std::size_t at = 0; at + kPointBytes <= points.size(); at += kPointBytes) {
     std::array<float, 3> place;
     std::memcpy(place.data(), points.data() + at, sizeof place);
-    const bool is_echo = place[0] != 0.0F || place[1] != 0.0F || place[2] != 0.0F;
-    if (!is_echo || !std::isfinite(place[0]) || !std::isfinite(place[1]) ||
-        !std::isfinite(place[2]) || echoes++ % every != 0) {
+    const bool is_return = place[0] != 0.0F || place[1] != 0.0F || place[2] != 0.0F;
+    if (!is_return || !std::isfinite(place[0]) || !std::isfinite(place[1]) ||
+        !std::isfinite(place[2]) || returns++ % every != 0) {
       continue;
     }
     std::uint16_t time = 0;

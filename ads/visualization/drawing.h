@@ -46,7 +46,7 @@ void set_pose(double x_m, double y_m, double z_m, double heading_rad, foxglove::
 void set_transform(std::string_view parent, std::string_view child, std::int64_t time_ns,
                    const foxglove::Pose& pose, foxglove::FrameTransform& transform);
 
-/// Every `every`-th finite echo of a sweep, relative to the sensor's pose at the end of the turn,
+/// Every `every`-th finite return of a sweep, relative to the sensor's pose at the end of the turn,
 /// compensated for the motion during it. x, y, z, intensity and ring.
 void draw_sweep(const lidar::Sweep& sweep, const PlaneMotion& motion, int every,
                 foxglove::PointCloud& cloud);

@@ -35,7 +35,7 @@ Visualization::Visualization(fastcycle::Context& context)
           {.fallback = "vehicle", .description = "The name of the vehicle's own frame"})),
       points_every_(context.param<int>(
           "points_every",
-          {.fallback = 1, .min = 1, .max = 1000, .description = "One of so many echoes"})),
+          {.fallback = 1, .min = 1, .max = 1000, .description = "One of so many returns"})),
       length_m_(metres(context, "length_m", 4.5, "Of the vehicle")),
       width_m_(metres(context, "width_m", 1.8, "Of the vehicle")),
       height_m_(metres(context, "height_m", 1.5, "Of the vehicle")),

@@ -16,23 +16,23 @@ namespace {
 using fastcycle::testing::Bench;
 using std::chrono_literals::operator""ms;
 
-struct Echo {
+struct LidarReturn {
   std::array<float, 3> place_m{};
   std::uint16_t time = 0;
   std::uint8_t ring = 0;
   std::uint8_t intensity = 0;
 };
-static_assert(sizeof(Echo) == 16);
+static_assert(sizeof(LidarReturn) == 16);
 
-lidar::Sweep sweep(const std::vector<Echo>& echoes) {
+lidar::Sweep sweep(const std::vector<LidarReturn>& returns) {
   lidar::Sweep sweep;
   sweep.mutable_header()->set_taken_ns(1'000'000'000);
   sweep.mutable_header()->set_frame("lidar");
   sweep.set_duration_ns(100'000'000);
   sweep.set_mount_forward_m(1.0);
   sweep.set_mount_height_m(1.8);
-  sweep.set_points(
-      std::string(reinterpret_cast<const char*>(echoes.data()), echoes.size() * sizeof(Echo)));
+  sweep.set_points(std::string(reinterpret_cast<const char*>(returns.data()),
+                               returns.size() * sizeof(LidarReturn)));
   return sweep;
 }
 
@@ -51,7 +51,7 @@ TEST(Drawing, TimesBefore1970CountOn) {
   EXPECT_EQ(timestamp.nanos(), 999'999'999);
 }
 
-TEST(Drawing, SweepHasItsEchoesAndNothingElse) {
+TEST(Drawing, SweepHasItsReturnsAndNothingElse) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   foxglove::PointCloud cloud;
 
@@ -89,7 +89,7 @@ TEST(Drawing, SweepOfMotionStandsWhereTheSensorIsAtItsEnd) {
 TEST(Drawing, SweepIsThinned) {
   foxglove::PointCloud cloud;
 
-  draw_sweep(sweep(std::vector<Echo>(10, {.place_m = {1.0F, 0.0F, 0.0F}})), {}, 3, cloud);
+  draw_sweep(sweep(std::vector<LidarReturn>(10, {.place_m = {1.0F, 0.0F, 0.0F}})), {}, 3, cloud);
 
   EXPECT_EQ(cloud.data().size(), 4U * cloud.point_stride());
 }
@@ -247,7 +247,7 @@ TEST_F(VisualizationTest, WhatIsExceptedIsNotMade) {
   EXPECT_EQ(transforms_.take().size(), 1U);
 }
 
-TEST(Visualization, UnknownOutputsAreMistakes) {
+TEST(Visualization, UnknownOutputsAreErrors) {
   Bench bench;
   bench.add<Visualization>("visualization", R"({"params": {"except": ["pionts"]}})");
 

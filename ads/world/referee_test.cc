@@ -112,7 +112,7 @@ TEST(Referee, HeadingsCountAroundTheTurn) {
   EXPECT_TRUE(is_reached(6.2, 6.4, 0.05));
 }
 
-TEST(Referee, EveryBodyThatIsTouchedIsToldOnce) {
+TEST(Referee, EveryBodyThatIsTouchedIsReportedOnce) {
   const Scenario scenario = SmallScenario().goal(50.0, 40, 50).scenario();
   Referee referee(scenario);
 

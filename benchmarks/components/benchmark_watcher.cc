@@ -33,7 +33,7 @@ class BenchmarkWatcher final : public fastcycle::Component {
         "stalled",
         {.deadline = deadline_,
          .on_event = [this](const fastcycle::QosEvent& event) { take(event); }},
-        [this](const Payload&) { told_before_ = told_; });
+        [this](const Payload&) { reported_before_ = reported_; });
   }
 
   void stop() override {
@@ -52,8 +52,8 @@ class BenchmarkWatcher final : public fastcycle::Component {
       at_begin_ = fastcycle::measure::Usage::now();
     }
     // The first period since the last message without an event.
-    const auto period = static_cast<std::int64_t>(told_ - told_before_) + 1;
-    told_ = event.count;
+    const auto period = static_cast<std::int64_t>(reported_ - reported_before_) + 1;
+    reported_ = event.count;
     if (!samples_file_.get().empty()) {
       const std::int64_t due_ns = (event.since + period * deadline_).time_since_epoch().count();
       samples_.push_back({number_, due_ns, due_ns, arrived_ns});
@@ -70,8 +70,8 @@ class BenchmarkWatcher final : public fastcycle::Component {
   fastcycle::Param<fastcycle::Path> samples_file_;
   fastcycle::Source source_;
   std::int64_t number_ = 0;
-  std::uint64_t told_ = 0;         ///< Periods.
-  std::uint64_t told_before_ = 0;  ///< When the last message came.
+  std::uint64_t reported_ = 0;         ///< Periods.
+  std::uint64_t reported_before_ = 0;  ///< When the last message came.
   fastcycle::measure::Usage at_begin_;
   fastcycle::measure::Usage usage_;
   fastcycle::measure::Samples samples_;

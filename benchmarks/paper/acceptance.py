@@ -134,8 +134,8 @@ def _below_peers(data: Measurements, peers: Sequence[Contender]) -> Iterable[Che
     """Below every peer that hands over between threads; those that spin are compared with us spinning. A bare
     queue, which is no framework, is judged apart."""
     for ours, spins, is_bare, kind in (
-        (PARK, False, False, "every peer that hands over"),
-        (PARK, False, True, "a bare queue under a mutex"),
+        (PARK, False, False, "every peer"),
+        (PARK, False, True, "a bare queue"),
         (SPIN, True, False, "every peer that spins"),
     ):
         rivals = [p.name for p in peers if p.hands_over and p.spins == spins and p.is_bare == is_bare]

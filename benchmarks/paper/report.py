@@ -24,16 +24,8 @@ PICTURES = {
     "series.svg": "Every message of one round",
     "jitter.svg": "Jitter: standard deviation of the latency, and of receive minus send interval",
 }
-WHAT_MODES_ARE = {
-    "fanout": "One publisher of 64 bytes, several subscribers on one thread: the call of publish(), and the time from "
-    "there until the last subscriber has the message.",
-    "timer": "From the time at which a tick of 1 ms is due to the callback. The floor is a loop of clock_nanosleep.",
-    "chain": "Several components in a row, each publishing what it received: from the first publish to the last "
-    "callback. The floor is one hand-over between two threads.",
-    "startup": "An application from nothing to its first messages, its memory, and what it costs when idle.",
-}
-
-
+FACTS = ("memory", "virtualization", "system", "kernel", "kernel's preemption", "clock source", "idle driver", "rights",
+         "compiler", "build")  # fmt: skip
 WIDTH = 110
 
 
@@ -73,8 +65,6 @@ class Report:
             self._bounds(),
             self._paper_tables(),
             self._tails(),
-            self._ratios(),
-            self._costs(),
             self._flood(),
             self._under_load(),
             self._own_modes(),
@@ -96,14 +86,15 @@ class Report:
         done = max((row["round"] for row in self._data.rows), default=0)
         partial = f" **Only {done} of {options.rounds} rounds are there.**" if done < options.rounds else ""
         failed = len(self._data.failures())
+        listed = f" {failed} points failed twice; they are listed at the end." if failed else ""
         return f"""# The paper's evaluation, measured here
 
-{self._machine_in_words()}, {self._record.build.get("FastCycle", "")}. {self._counts()}{partial}
-{failed} points failed twice; they are listed at the end. Of {len(self._checks)} bounds {judged} could be judged,
-{held} are held, {not_held} are not, {judged - held - not_held} are undecided.
+{self._machine_in_words()}, FastCycle {self._record.build.get("FastCycle", "of unknown version")}. {self._counts()}{partial}{listed}
+Of {len(self._checks)} bounds {judged} could be judged, {held} are held, {not_held} are not, {judged - held - not_held}
+are undecided.
 
-Made by `{self._record.command}`. The rows behind every figure are in [rows.csv](rows.csv);
-[how it was measured](#how-it-was-measured) says what the figures are.
+Made by `{self._record.command}`. [rows.csv](rows.csv) has every point and round, with further percentiles, costs and
+intervals. Figures are medians over the rounds, in µs unless stated.
 
 {self._picture("latency.svg")}"""
 
@@ -127,9 +118,9 @@ Made by `{self._record.command}`. The rows behind every figure are in [rows.csv]
     def _bounds(self) -> str:
         return f"""## Bounds
 
-What FastCycle has to hold on any machine, beside the floors of that machine: figure / limit, both medians over the
-rounds, and in how many rounds the bound was held, each round against its own floor. Three quarters of the rounds
-decide: **bold** is not held, *italic* is undecided.
+For any machine, most of them against its floors: verdict and figure/limit. A bound is held, or not, where three
+quarters of the rounds say so, each against its own floor; else it is undecided. *Peers* hand over between threads; a
+*bare queue* under a mutex is judged apart.
 
 {tables.acceptance_table(self._checks)}"""
 
@@ -137,55 +128,38 @@ decide: **bold** is not held, *italic* is undecided.
         data, field = self._data, self._field
         return f"""## Table I: latency
 
-Mean ± standard deviation of *l = T_S − T_P*, from publish to the first statement of the callback; of both the
-median over the rounds.{self._legend()}
+From publish to the first statement of the callback, mean ± standard deviation. *As published* is the paper's,
+**from another machine** ({published.MACHINE}).
 
-{tables.paper_table(data, field, "latency")}
-The paper's own figures, **from another machine** ({published.MACHINE}) and not comparable with the above line by
-line:
+{tables.paper_table(data, field, "latency", data.sizes("latency"), published.by_size(published.LATENCY))}
+{self._legend()}
 
-{published.published_table(published.LATENCY)}
 ## Table II: round trip
 
-Mean ± standard deviation of *r = T_P1 − T_P0*, there and back.
-
-{tables.paper_table(data, field, "rtt")}
-The paper's own figures, **from another machine**:
-
-{published.published_table(published.ROUND_TRIP)}
+{tables.paper_table(data, field, "rtt", _ends(data.sizes("rtt")), published.by_size(published.ROUND_TRIP))}
 {self._picture("rtt.svg")}"""
 
     def _legend(self) -> str:
-        words = ""
+        words = []
         ways = {c.delivery for c in self._record.contenders}
         if PROCESSES in ways:
-            words += (
-                "\n\n§ goes from one process to another: more than a hand-over between threads, and not compared "
-                "with it."
-            )
+            words.append("- § Between processes: not compared with the others.")
         if PUBLISHER in ways:
-            words += (
-                "\n\n† runs the callback in the publisher's thread. Nothing is handed over there: no thread is "
-                "woken, a slow callback delays the publisher. It is shown, and not compared with those that hand over."
-            )
-        words += (
-            "\n\n*saturated*: messages came faster than they were handled, or some were lost; the latency would be that "
-            "of a queue. ¶ was so in some rounds, which are left out."
-        )
+            words.append("- † The callback runs in the publisher's thread, without a hand-over: not compared.")
+        words.append("- *saturated*: the messages queued up, or some were lost; ¶ in some rounds, which are left out.")
         if self._intervals():
-            words += (
-                "\n\n‡ copies so long at this size that a message every "
-                f"{self._record.options.interval_us / 1000:g} ms would measure its queue: measured at a longer "
-                "interval: " + "; ".join(self._intervals()) + "."
+            words.append(
+                "- ‡ Too slow for a message every "
+                f"{self._record.options.interval_us / 1000:g} ms; measured with " + "; ".join(self._intervals()) + "."
             )
-        return words
+        return "\n".join(words)
 
     def _intervals(self) -> list[str]:
         found = []
         usual = self._record.options.interval_us
         for c in self._record.contenders:
             longer = [
-                f"{name_of_size(size)} every {c.interval_us(size, usual) / 1000:g} ms"
+                f"{c.interval_us(size, usual) / 1000:g} ms at {name_of_size(size)}"
                 for size in self._record.options.sizes
                 if c.interval_us(size, usual) > usual
             ]
@@ -194,132 +168,98 @@ The paper's own figures, **from another machine**:
         return found
 
     def _tails(self) -> str:
+        columns = [("p50", "latency", "p50_us"), ("p99", "latency", "p99_us"), ("p99.9", "latency", "p999_us"),
+                   ("round trip p50", "rtt", "p50_us"), ("CPU", "latency", "cpu_us_per_msg")]  # fmt: skip
         parts = [
-            "## Tails and jitter\n\n"
-            "Medians over the rounds of each round's percentile; *worst of all rounds* is the single slowest message. "
-            "*sd* is the jitter of the paper's tables; *interval sd* is the standard deviation of receive interval "
-            "minus send interval, what the paper's words compare. p99.9 is n/a below 50,000 messages in all. "
-            "Marks are those of Table I; rows.csv has all sizes.\n",
+            "## Tails, jitter and cost\n\n*CPU*: of the whole process for a message, filling the payload included.\n",
             self._picture("jitter.svg"),
             self._picture("histograms.svg"),
             self._picture("series.svg"),
         ]
-        for mode, words in (("latency", "Latency"), ("rtt", "Round trip")):
-            for size in _ends(self._data.sizes(mode)):
-                table_of_size = tables.tail_table(self._data, self._field, mode, size)
-                parts.append(f"### {words} at {name_of_size(size)}\n\n{table_of_size}")
+        for size in _ends(self._data.sizes("latency")):
+            parts.append(
+                f"### At {name_of_size(size)}\n\n{tables.columns_table(self._data, self._field, size, columns)}"
+            )
         return "\n".join(part for part in parts if part)
-
-    def _ratios(self) -> str:
-        data, field = self._data, self._field
-        return f"""## Ratios to the floor
-
-How many times the floor of the same round, median of the ratios. The floor is `floor-futex`; for those that spin
-it is `floor-spin`. Marks are those of Table I.
-
-### Latency, p50
-
-{tables.ratio_table(data, field, "latency", "p50_us")}
-### Latency, p99
-
-{tables.ratio_table(data, field, "latency", "p99_us")}
-### Round trip, p50
-
-{tables.ratio_table(data, field, "rtt", "p50_us")}"""
-
-    def _costs(self) -> str:
-        sizes = self._data.sizes("latency")
-        if not sizes:
-            return ""
-        parts = ["## What a message costs\n\nOf the whole process, publisher and filling the payload included.\n"]
-        for size in _ends(sizes):
-            parts.append(f"### At {name_of_size(size)}\n\n{tables.cost_table(self._data, self._field, size)}")
-        return "\n".join(parts)
 
     def _flood(self) -> str:
         if not self._data.of_mode("flood"):
             return ""
-        return (
-            "## Flood\n\nA publisher as fast as it can. Medians over the rounds.\n\n"
-            f"{tables.flood_table(self._data, self._field)}"
-        )
+        size = name_of_size(self._data.of_mode("flood")[0].get("size", 0))
+        return f"## Flood\n\nMessages of {size} as fast as possible; nothing was lost unless shown.\n\n{tables.flood_table(self._data, self._field)}"
 
     def _under_load(self) -> str:
-        parts = []
-        for mode, words in (("fifo", "Nothing beside them"), ("fifo-load", "Every CPU busy with other processes")):
-            for size in self._data.sizes(mode):
-                parts.append(f"### {words}\n\n{tables.tail_table(self._data, self._field, mode, size)}")
+        columns = [
+            (f"{words}{name}", mode, key)
+            for mode, words in (("fifo", ""), ("fifo-load", "busy "))
+            for name, key in (("p50", "p50_us"), ("p99", "p99_us"), ("p99.9", "p999_us"))
+        ]
+        sizes = sorted({size for _, mode, _ in columns for size in self._data.sizes(mode)})
+        parts = [tables.columns_table(self._data, self._field, size, columns) for size in sizes]
         if not parts:
             return ""
         return (
-            "## Under load\n\nLatency at 32 KB, workers and floor as SCHED_FIFO if the machine allows it "
-            "(`policy` in rows.csv), and the same with as many busy processes beside them as there are CPUs.\n\n"
-            + "\n".join(parts)
+            f"## Under load\n\nLatency at {name_of_size(sizes[0])} with SCHED_FIFO where the machine grants it (`policy` in "
+            "rows.csv); *busy*: beside as many busy processes as there are CPUs.\n\n" + "\n".join(parts)
         )
 
     def _own_modes(self) -> str:
         data = self._data
         shown = {
-            "fanout": (tables.mode_table, tables.slope_table),
-            "timer": (tables.mode_table,),
-            "chain": (tables.mode_table, tables.hop_table),
-            "startup": (lambda data: tables.startup_table(data, "startup", "startup-large"),),
+            "fanout": (
+                "One publisher of 64 bytes, its subscribers on one thread: the call of publish(), and from there until "
+                "the last one has the message.",
+                lambda: tables.fanout_table(data),
+            ),
+            "timer": ("From when a tick of 1 ms is due to the callback.", lambda: tables.timer_table(data)),
+            "chain": (
+                "From the first publish to the last callback of components in a row.",
+                lambda: tables.chain_table(data),
+            ),
+            "startup": (
+                "Memory of topics and subscriptions is beside their messages.",
+                lambda: tables.startup_table(data, "startup", "startup-large"),
+            ),
         }
         parts = []
-        for mode, makers in shown.items():
+        for mode, (words, made) in shown.items():
             if data.of_mode(mode):
-                made = [make(data, mode) if make is tables.mode_table else make(data) for make in makers]
-                parts.append(f"## {mode.capitalize()}\n\n{WHAT_MODES_ARE[mode]}\n\n" + "\n".join(made))
+                parts.append(f"## {mode.capitalize()}\n\n{words}{tables.lost(data, mode)}\n\n{made()}")
         return "\n".join(parts)
 
     def _table_three(self) -> str:
         return f"""## Table III: modularity, performance, security, reliability
 
-The paper's third table gives marks. Here each line of ours names the command that shows it:
-
-{published.shown_table()}
-What others say of themselves. **By their documentation only; nothing of it was tried here:**
-
-{published.says_table()}"""
+{published.shown_table()}"""
 
     def _machine(self) -> str:
         record = self._record
-        lines = [*record.machine.items(), *record.build.items()]
-        lines += [(f"package {name}", version) for name, version in record.packages.items()]
+        read = {**record.machine, **record.build}
+        facts = "; ".join(f"{name}: {read[name]}" for name in FACTS if name in read)
         starts = []
         for s in record.sessions:
             cut = "" if s.ended else " (cut off)"
             starts.append([s.begun + cut, s.ended or NOT_THERE, _loads(s.load_before), _loads(s.load_after),
                            f"{s.steal_s:.2f} s", f"{s.seconds / 60:.1f} min"])  # fmt: skip
-        header = ["begun", "ended", "load average before", "after", "steal during the run", "took"]
+        header = ["begun", "ended", "load before", "after", "steal", "took"]
         return f"""## The machine
 
-Read by code when the run was started.
+{facts}. run.json has more, and the packages.
 
-{table(["", ""], [[a, b] for a, b in lines], text_columns=2)}
 {table(header, starts, text_columns=2)}
-*Steal* is what the hypervisor kept from all cores together; `steal_ms` in rows.csv has it for every point. On a
-virtual machine p99.9 and max contain stalls of the machine, not of the programs."""
+On a virtual machine p99.9 and maximum contain stalls of the machine: *steal* is what the hypervisor kept."""
 
     def _method(self) -> str:
-        options = self._record.options
-        lines = "\n".join(f"- `{c.name}`: {_about(c)}" for c in self._field.ordered() if c.says)
+        versions: dict[str, str] = {c.peer: c.version for c in self._field.of_kind(PEER)}
         return f"""## How it was measured
 
-- Each round measures every size with every contender. FastCycle and the floors run right after each other; peers
-  come before or after them in an order that moves on with every round, so that drift of the machine hits all.
-- Every point is a process started anew, with {options.warmup} messages before the first one that counts. FastCycle
-  and its floors are measured one after the other in one process of `fastcycle bench`; FastCycle is two components,
-  loaded as shared libraries from JSON by the ordinary host. Each peer is a program of its own
-  (`benchmarks/peers`), alone on a loopback network where the rights suffice.
-- All stamps are of CLOCK_MONOTONIC: before the payload is borrowed and filled, right before the publish call, and
-  in the first statement of the callback. Latency is from the second to the third; figures with filling are called
-  so (`e2e` in rows.csv) and are from the first to the third.
-- No message is left out of a round's figures. A point that fails is tried once more, then marked.
-- Statistics are taken within a round, and their median over the rounds is shown. *{tables.SMALL}* marks a figure
-  from fewer messages than its percentile needs: {_needed()}.
-
-{lines}
+- Each round measures every size with every contender; their order moves on with each round. FastCycle and the floors
+  run right after each other, as processes of `fastcycle bench`; each peer is a program of its own.
+- {self._record.options.warmup} messages of warm-up at each point are left out, and nothing else. A point that fails is
+  tried once more, then marked.
+- *{tables.SMALL}*, or n/a, marks a figure from fewer messages than it needs: {_needed()}.
+- docs/reference/benchmarks.md describes stamps and floors, benchmarks/peers/README.md the peers:
+  {", ".join(f"{name} {version}".rstrip() for name, version in versions.items()) or "none"}.
 """
 
     def _not_measured(self) -> str:
@@ -385,13 +325,6 @@ virtual machine p99.9 and max contain stalls of the machine, not of the programs
 def _ends(sizes: list[int]) -> list[int]:
     """The smallest and the largest."""
     return sizes if len(sizes) < 2 else [sizes[0], sizes[-1]]
-
-
-def _about(who: Contender) -> str:
-    more = [f"version {who.version}"] if who.version else []
-    if who.kind == PEER:
-        more += [who.delivery, "typed" if who.typed else "bytes", f"copies: {who.copies or 'unknown'}"]
-    return who.says.rstrip(".") + (f"; {', '.join(more)}" if more else "")
 
 
 def _loads(loads: Sequence[float]) -> str:

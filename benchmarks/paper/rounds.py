@@ -107,9 +107,6 @@ class Measurements:
     def median(self, mode: str, peer: str, size: int, key: str) -> float | None:
         return median(self.values(mode, peer, size, key))
 
-    def worst(self, mode: str, peer: str, size: int, key: str) -> float | None:
-        return max(self.values(mode, peer, size, key), default=None)
-
     def total(self, mode: str, peer: str, size: int, key: str = "n") -> int:
         """Messages of all rounds together."""
         return int(sum(self.values(mode, peer, size, key)))
@@ -122,7 +119,3 @@ class Measurements:
             for number in sorted(mine)
             if number in theirs and mine[number].get(key) is not None and theirs[number].get(key) is not None
         ]
-
-    def ratio(self, mode: str, peer: str, other: str, size: int, key: str) -> float | None:
-        """Median over the rounds of the ratio within a round."""
-        return median(p.value / p.other for p in self.pairs(mode, peer, other, size, key) if p.other > 0)

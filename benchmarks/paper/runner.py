@@ -77,9 +77,9 @@ class Runner:
         try:
             for place, job in enumerate(waiting, 1):
                 begin = time.monotonic()
-                told = self._measure(job)
+                result = self._measure(job)
                 clock.passed(job, time.monotonic() - begin)
-                self._progress(place, len(waiting), job, told, clock.left_s())
+                self._progress(place, len(waiting), job, result, clock.left_s())
         except KeyboardInterrupt:
             self.is_interrupted = True
             print("\ninterrupted: the report is made of what is there; the same command goes on", file=sys.stderr)
@@ -103,7 +103,7 @@ class Runner:
             if not job.names:
                 missing.clear()
             if not missing:
-                return told(got)
+                return shown(got)
             reason = "the program gave no row for it"
         for mode, peer, size, number in sorted(missing):
             rows.append(self._file, {"mode": mode, "peer": peer, "size": size, "round": number, rows.FAILED: reason})
@@ -134,7 +134,7 @@ class Runner:
         print(f"{line} {left_s / 60:.0f} min left", file=sys.stderr, flush=True)
 
 
-def told(found: list[Row]) -> str:
+def shown(found: list[Row]) -> str:
     """The figure of a progress line."""
     for row in reversed(found):
         if row["peer"].startswith("floor"):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from acceptance import HELD, NEAREST, NOT_HELD, UNDECIDED, Check, name_of_size
+from acceptance import NEAREST, NOT_HELD, Check, name_of_size
 from contenders import FLOOR, OURS, PEER, PROCESSES, PUBLISHER, THREADS, Contender
 from markdown import NOT_ENOUGH, NOT_THERE, mean_and_sd, number, table
 from rounds import Measurements, enough, median
@@ -28,9 +29,11 @@ class Field:
     def of(self, kind: str, delivery: str = THREADS) -> list[Contender]:
         return [c for c in self.contenders if c.kind == kind and c.delivery == delivery]
 
+    def of_kind(self, kind: str) -> list[Contender]:
+        return [c for delivery in MARKS for c in self.of(kind, delivery)]
+
     def ordered(self) -> list[Contender]:
-        peers = [c for delivery in MARKS for c in self.of(PEER, delivery)]
-        return [*self.of(FLOOR), *self.of(OURS), *peers]
+        return [*self.of(FLOOR), *self.of(OURS), *self.of_kind(PEER)]
 
 
 def label(contender: Contender) -> str:
@@ -55,16 +58,14 @@ def _measured(data: Measurements, field: Field, mode: str) -> list[Contender]:
     return [c for c in field.ordered() if c.name in known]
 
 
-def _per_size(
-    data: Measurements, field: Field, mode: str, unit: str, cell: Callable[[Contender, int], str]
+def paper_table(
+    data: Measurements,
+    field: Field,
+    mode: str,
+    sizes: Sequence[int],
+    published: Mapping[str, Mapping[str, str]] | None = None,
 ) -> str:
-    sizes = data.sizes(mode)
-    lines = [[label(c), *[cell(c, size) for size in sizes]] for c in _measured(data, field, mode)]
-    return table([unit, *map(name_of_size, sizes)], lines)
-
-
-def paper_table(data: Measurements, field: Field, mode: str) -> str:
-    """Mean ± standard deviation at every size: Table I and II."""
+    """Mean ± standard deviation: Table I and II. Below them what was published, by name and size."""
 
     def cell(who: Contender, size: int) -> str:
         text = mean_and_sd(data.median(mode, who.name, size, "mean_us"), data.median(mode, who.name, size, "std_us"))
@@ -77,74 +78,31 @@ def paper_table(data: Measurements, field: Field, mode: str) -> str:
         is_usual = who.interval_us(size, field.usual_interval_us) == field.usual_interval_us
         return text if is_usual else text + OTHER_INTERVAL
 
-    return _per_size(data, field, mode, "µs", cell)
+    lines = [[label(c), *[cell(c, size) for size in sizes]] for c in _measured(data, field, mode)]
+    for name, figures in (published or {}).items():
+        lines.append([name, *[figures.get(name_of_size(size), NOT_THERE) for size in sizes]])
+    return table(["µs", *map(name_of_size, sizes)], lines)
 
 
-def ratio_table(data: Measurements, field: Field, mode: str, key: str) -> str:
-    """How many times the floor of the same round, median of the ratios."""
-
-    def cell(who: Contender, size: int) -> str:
-        found = data.ratio(mode, who.name, who.floor, size, key)
-        return NOT_THERE if found is None else f"{found:,.2f}"
-
-    others = Field(tuple(c for c in field.contenders if c.kind != FLOOR), field.usual_interval_us)
-    return _per_size(data, others, mode, "times the floor", cell)
-
-
-TAIL = (
-    ("p50", "p50_us"),
-    ("p90", "p90_us"),
-    ("p99", "p99_us"),
-    ("p99.9", "p999_us"),
-    ("max", "max_us"),
-    ("sd", "std_us"),
-    ("p99 − p50", "spread_us"),
-    ("interval sd", "interval_std_us"),
-)
-
-
-def tail_table(data: Measurements, field: Field, mode: str, size: int) -> str:
-    """Percentiles and jitter of one size."""
-    lines = []
-    for who in _measured(data, field, mode):
-        worst = data.worst(mode, who.name, size, "max_us")
-        cells = [value(data, mode, who.name, size, key) for _, key in TAIL]
-        lost = data.total(mode, who.name, size, "lost")
-        lines.append([label(who), f"{data.total(mode, who.name, size):,}", *cells, number(worst), str(lost)])
-    return table(["µs", "n", *[name for name, _ in TAIL], "worst of all rounds", "lost"], lines)
-
-
-def cost_table(data: Measurements, field: Field, size: int) -> str:
-    """What the process used for a message."""
-
-    def per_message(who: Contender, key: str) -> str:
-        rounds = data.rounds("latency", who.name, size).values()
-        found = median(row[key] / row["n"] for row in rounds if row.get("n") and row.get(key) is not None)
-        return NOT_THERE if found is None else f"{found:,.2f}"
-
-    keys = ("minor_faults", "major_faults", "voluntary_switches", "involuntary_switches")
+def columns_table(data: Measurements, field: Field, size: int, columns: Sequence[tuple[str, str, str]]) -> str:
+    """A line a contender. A column is (heading, mode, key)."""
+    modes = list(dict.fromkeys(mode for _, mode, _ in columns))
+    there = {who.name for mode in modes for who in _measured(data, field, mode)}
     lines = [
-        [label(who), value(data, "latency", who.name, size, "cpu_us_per_msg"), *[per_message(who, k) for k in keys]]
-        for who in _measured(data, field, "latency")
+        [label(who), *[value(data, mode, who.name, size, key) for _, mode, key in columns]]
+        for who in field.ordered()
+        if who.name in there
     ]
-    header = ["per message", "CPU µs", "minor faults", "major faults", "voluntary switches", "involuntary switches"]
-    return table(header, lines)
-
-
-def _verdict(check: Check, text: str) -> str:
-    """The text, marked by how the bound came out."""
-    if check.verdict == HELD:
-        return text
-    if check.verdict == NOT_HELD:
-        return f"**{text}**"
-    return f"*{text}*" if check.verdict == UNDECIDED else f"{text} ({check.verdict})"
+    return table(["µs", *[heading for heading, *_ in columns]], lines)
 
 
 def _figures(check: Check) -> str:
+    """The verdict, figure and limit."""
     if check.figure is None:
         return check.verdict
     unit = "" if check.unit == "µs" else f" {check.unit}"
-    return _verdict(check, f"{number(check.figure)} / {number(check.limit)}{unit}, {check.rounds_held}/{check.rounds}")
+    text = f"{check.verdict} {number(check.figure)}/{number(check.limit)}{unit}"
+    return f"**{text}**" if check.verdict == NOT_HELD else text
 
 
 def acceptance_table(checks: Iterable[Check]) -> str:
@@ -156,21 +114,23 @@ def acceptance_table(checks: Iterable[Check]) -> str:
     of_sizes, others = [], []
     for what, members in by_bound.items():
         notes = ", ".join(dict.fromkeys(c.note for c in members if c.note)).replace(f", {NEAREST}", ", ")
+        note = f" ({notes})" if notes else ""
         if len(members) > 1:
             cells = {c.size: _figures(c) for c in members}
-            of_sizes.append([what, notes, *[cells.get(size, "") for size in sizes]])
+            of_sizes.append([what + note, *[cells.get(size, "") for size in sizes]])
         else:
             size = f", {name_of_size(members[0].size)}" if members[0].size else ""
-            others.append([what + size, notes, _figures(members[0])])
+            others.append([what + size + note, _figures(members[0])])
     parts = []
     if of_sizes:
-        parts.append(table(["bound, µs", "", *map(name_of_size, sizes)], of_sizes, text_columns=2))
+        parts.append(table(["µs", *map(name_of_size, sizes)], of_sizes))
     if others:
-        parts.append(table(["bound", "", "figure / limit, rounds held"], others, text_columns=2))
+        parts.append(table(["bound", "figure/limit"], others))
     return "\n".join(parts)
 
 
 def flood_table(data: Measurements, field: Field) -> str:
+    """Rates, and what was lost, if anything was."""
     by_peer: dict[str, list[Row]] = {}
     for row in data.of_mode("flood"):
         by_peer.setdefault(row["peer"], []).append(row)
@@ -178,91 +138,68 @@ def flood_table(data: Measurements, field: Field) -> str:
     lines = []
     for name in [*[n for n in known if n in by_peer], *[n for n in by_peer if n not in known]]:
         found = by_peer[name]
-        who = known.get(name)
         rate = median(row["rate_per_s"] for row in found if "rate_per_s" in row)
-        sent = sum(row.get("sent", 0) for row in found)
-        received = sum(row.get("received", 0) for row in found)
-        kind = "typed" if who and who.typed else ("floor" if name.startswith("floor") else "bytes")
-        size = name_of_size(found[0].get("size", 0))
-        lines.append([label(who) if who else name, kind, size, number(rate), f"{sent:,}", f"{received:,}"])
-    lines += [[name, "", "", "failed", "", ""] for m, name, *_ in data.failures() if m == "flood"]
-    header = ["contender", "messages are", "size", "received per second", "sent, all rounds", "received"]
-    return table(header, lines, text_columns=2)
+        gone = sum(row.get("sent", 0) - row.get("received", 0) for row in found)
+        lines.append([label(known[name]) if name in known else name, number(rate) + (f", {gone:,} lost" if gone else "")])
+    lines += [[name, "failed"] for m, name, *_ in data.failures() if m == "flood"]
+    return table(["contender", "received/s"], lines)
 
 
-@dataclass(frozen=True)
-class ModeTable:
-    """What the table of a mode of `fastcycle bench` shows."""
-
-    cases: tuple[str, ...]  # keys that tell rows of one contender apart
-    columns: tuple[tuple[str, str], ...]  # heading, key
+def lost(data: Measurements, mode: str) -> str:
+    """A sentence, if messages were lost."""
+    count = sum(row.get("lost", 0) for row in data.of_mode(mode))
+    return f" **{count:,} messages were lost.**" if count else ""
 
 
-_COST = ("CPU µs a message", "cpu_us_per_msg")
-_LOST = ("lost", "lost")
-MODES = {
-    "fanout": ModeTable(
-        ("subscribers",),
-        (("publish p50 µs", "p50_us"), ("publish p99 µs", "p99_us"), ("last p50 µs", "last_p50_us"),
-         ("last p99 µs", "last_p99_us"), _COST, _LOST),
-    ),
-    "timer": ModeTable(
-        (),
-        (("p50 µs", "p50_us"), ("p90 µs", "p90_us"), ("p99 µs", "p99_us"), ("p99.9 µs", "p999_us"),
-         ("max µs", "max_us"), ("CPU µs a tick", "cpu_us_per_msg"), ("drift µs", "drift_us"),
-         ("overruns", "overruns")),
-    ),
-    "chain": ModeTable(
-        ("hops", "executors"),
-        (("p50 µs", "p50_us"), ("p90 µs", "p90_us"), ("p99 µs", "p99_us"), ("max µs", "max_us"), _COST, _LOST),
-    ),
-}  # fmt: skip
-_COUNTS = ("n", "lost", "overruns")
-
-
-def _cases(found: Iterable[Row], keys: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
+def _cases(found: Iterable[Row], keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
     """Rows by contender and case, such as the number of subscribers."""
-    cases: dict[tuple[object, ...], list[Row]] = {}
+    cases: dict[tuple[Any, ...], list[Row]] = {}
     for row in found:
         cases.setdefault((row["peer"], *[row.get(key) for key in keys]), []).append(row)
     return cases
-
-
-def mode_table(data: Measurements, mode: str) -> str:
-    """One line a case: counts of all rounds, and medians over the rounds of what the mode measures."""
-    shape = MODES[mode]
-    cases = _cases(data.of_mode(mode), shape.cases)
-    lines = [
-        [str(name), *[NOT_THERE if part is None else str(part) for part in case],
-         f"{sum(row.get('n', 0) for row in members):,}", *[_figure(members, key) for _, key in shape.columns]]
-        for (name, *case), members in cases.items()
-    ]  # fmt: skip
-    return table([mode, *shape.cases, "n", *[heading for heading, _ in shape.columns]], lines)
 
 
 def _figure(members: Sequence[Row], key: str) -> str:
     values = [row[key] for row in members if isinstance(row.get(key), int | float)]
     if not values:
         return NOT_THERE
-    if key in _COUNTS:
+    if key == "overruns":
         return f"{sum(values):,}"
     if not enough(key, sum(row.get("n", 0) for row in members)):
         return NOT_ENOUGH if key == "p999_us" else f"{number(median(values))} ({SMALL})"
     return number(median(values))
 
 
-def slope_table(data: Measurements) -> str:
-    """What one more subscriber costs a publish: the slope of each round, median over the rounds."""
-    lines = []
-    for name in data.peers("fanout"):
-        slopes = {row["round"]: row.get("publish_ns_per_subscriber") for row in data.of_mode("fanout")
-                  if row["peer"] == name}  # fmt: skip
-        lines.append([name, number(median(slope for slope in slopes.values() if slope is not None))])
-    return table(["publish, ns for one more subscriber", "slope"], lines)
+def fanout_table(data: Measurements) -> str:
+    """A line for each number of subscribers; the last one is what one more subscriber costs publish()."""
+    names, cases = data.peers("fanout"), _cases(data.of_mode("fanout"), ("subscribers",))
+    keys = ("p50_us", "last_p50_us")
+    lines = [
+        [str(count), *[_figure(cases.get((name, count), ()), key) for name in names for key in keys]]
+        for count in dict.fromkeys(row.get("subscribers", NOT_THERE) for row in data.of_mode("fanout"))
+    ]
+    slopes = []
+    for name in names:
+        of_rounds = {row["round"]: row.get("publish_ns_per_subscriber") for row in data.of_mode("fanout")
+                     if row["peer"] == name}  # fmt: skip
+        slope = median(slope for slope in of_rounds.values() if slope is not None)
+        slopes += [NOT_THERE if slope is None else f"{number(slope)} ns", ""]
+    header = [f"{name} {what}" for name in names for what in ("publish", "last")]
+    return table(["subscribers", *header], [*lines, ["one more (slope)", *slopes]])
 
 
-def hop_table(data: Measurements) -> str:
-    """What one hop of a chain takes, and how many times the floor of the same round it is."""
+TIMER = (("p50", "p50_us"), ("p99", "p99_us"), ("p99.9", "p999_us"), ("CPU", "cpu_us_per_msg"), ("drift", "drift_us"),
+         ("overruns", "overruns"))  # fmt: skip
+
+
+def timer_table(data: Measurements) -> str:
+    lines = [[name, *[_figure(members, key) for _, key in TIMER]]
+             for (name,), members in _cases(data.of_mode("timer"), ()).items()]  # fmt: skip
+    return table(["µs", *[heading for heading, _ in TIMER]], lines)
+
+
+def chain_table(data: Measurements) -> str:
+    """Medians over the rounds, and how many times the floor of the same round a hop is."""
     rows = [row for row in data.of_mode("chain") if "p50_us" in row]
     floors = {
         number_of_round: median(
@@ -271,45 +208,38 @@ def hop_table(data: Measurements) -> str:
         for number_of_round in {row["round"] for row in rows}
     }
     lines = []
-    ours = [row for row in rows if not row["peer"].startswith("floor")]
-    for (name, hops, executors), members in _cases(ours, ("hops", "executors")).items():
-        a_hop = median(row["p50_us"] / row["hops"] for row in members)
-        ratio = median(
-            row["p50_us"] / row["hops"] / floor for row in members if (floor := floors[row["round"]]) is not None
-        )
-        lines.append([str(name), str(hops), str(executors), number(a_hop), number(ratio)])
-    return table(["chain", "hops", "executors", "p50 µs a hop", "times the floor"], lines)
+    for (name, hops, executors), members in _cases(rows, ("hops", "executors")).items():
+        a_hop, ratio = NOT_THERE, NOT_THERE
+        if not name.startswith("floor"):
+            a_hop = number(median(row["p50_us"] / row["hops"] for row in members))
+            ratio = number(median(
+                row["p50_us"] / row["hops"] / floor for row in members if (floor := floors[row["round"]]) is not None
+            ))  # fmt: skip
+        cells = [NOT_THERE if part is None else str(part) for part in (hops, executors)]
+        lines.append([name, *cells, _figure(members, "p50_us"), _figure(members, "p99_us"), a_hop, ratio])
+    return table(["µs", "hops", "executors", "p50", "p99", "p50 a hop", "times the floor"], lines)
 
 
 STARTUP = (
     ("from nothing to all first messages, ms", "startup_ms"),
-    ("the JSON file read and checked, ms", "read_ms"),
-    ("libraries loaded, all constructed and connected, ms", "build_ms"),
-    ("components started, ms", "start_ms"),
-    ("resident before, KiB", "rss_before_kib"),
-    ("resident after, KiB", "rss_after_kib"),
+    ("resident, KiB", "rss_after_kib"),
     ("heap a component, bytes", "bytes_per_component"),
-    ("heap a topic, beside its messages, bytes", "bytes_per_topic"),
-    ("heap a subscription, beside its messages, bytes", "bytes_per_subscription"),
-    ("publish() beside them, p50, µs", "publish_us"),
-    ("publish() in an application of its own, p50, µs", "publish_alone_us"),
+    ("heap a topic, bytes", "bytes_per_topic"),
+    ("heap a subscription, bytes", "bytes_per_subscription"),
+    ("publish() p50, µs", "publish_us"),
+    ("publish() p50 in an application of its own, µs", "publish_alone_us"),
     ("idle: resident, KiB", "idle_rss_kib"),
-    ("idle: percent of one CPU", "idle_cpu_percent"),
+    ("idle: % of one CPU", "idle_cpu_percent"),
     ("idle: context switches a second", "idle_switches_per_s"),
 )
 
 
 def startup_table(data: Measurements, *modes: str) -> str:
-    """Medians over the rounds, and the range; a table for each application."""
-    tables = []
-    for mode in modes:
-        lines = []
-        for words, key in STARTUP:
-            values = [row[key] for row in data.of_mode(mode) if row.get(key) is not None]
-            if values:
-                lines.append([words, *map(number, (median(values), min(values), max(values)))])
-        if lines:
-            shape = data.of_mode(mode)[0]
-            heading = f"{shape.get('components', '?')} components, {shape.get('topics', '?')} topics"
-            tables.append(table([heading, "median", "least", "most"], lines))
-    return "\n".join(tables)
+    """Medians over the rounds; a column for each application."""
+    found = [data.of_mode(mode) for mode in modes if data.of_mode(mode)]
+    header = [f"{rows[0].get('components', '?')} components, {rows[0].get('topics', '?')} topics" for rows in found]
+    lines = [
+        [words, *[number(median(row[key] for row in rows if row.get(key) is not None)) for rows in found]]
+        for words, key in STARTUP
+    ]
+    return table(["", *header], [line for line in lines if set(line[1:]) != {NOT_THERE}])

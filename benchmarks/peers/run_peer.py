@@ -63,18 +63,18 @@ class Network:
     def _make():
         """Opens the namespace of a child that only makes it; the open file keeps it alive."""
         child_says, says = os.pipe()
-        hears, tell_child = os.pipe()
+        release_read, release_write = os.pipe()
         child = os.fork()
         if child == 0:
             made = b"n"
             try:
-                os.close(tell_child)
+                os.close(release_write)
                 if LIBC.unshare(CLONE_NEWNET) == 0:
                     bring_loopback_up()
                     made = b"y"
             finally:
                 os.write(says, made)
-                os.read(hears, 1)   # Ends when the parent closes its end.
+                os.read(release_read, 1)   # Ends when the parent closes its end.
                 os._exit(0)
         try:
             os.close(says)
@@ -83,7 +83,7 @@ class Network:
             print("run_peer: no network of its own here; using the one that is there", file=sys.stderr)
             return None
         finally:
-            for descriptor in (child_says, tell_child, hears):
+            for descriptor in (child_says, release_write, release_read):
                 os.close(descriptor)
             os.waitpid(child, 0)
 

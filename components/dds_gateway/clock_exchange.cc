@@ -113,7 +113,8 @@ void ClockExchange::learn(const Message& answer, Time back) {
     return;  // It answers no pending request.
   }
   const std::lock_guard lock(mutex_);
-  std::erase_if(peers_, [&](const auto& peer) { return back - peer.second.heard > kForgotten; });
+  std::erase_if(peers_,
+                [&](const auto& peer) { return back - peer.second.last_received > kForgotten; });
   if (peers_.size() >= kPeersMax && !peers_.contains(answer.answerer)) {
     return;
   }
@@ -122,7 +123,7 @@ void ClockExchange::learn(const Message& answer, Time back) {
       {.asked = answer.asked, .came = answer.came, .answered = answer.answered, .back = back});
   peer.node = answer.node;
   peer.to_system = answer.to_system;
-  peer.heard = back;
+  peer.last_received = back;
 }
 
 void ClockExchange::send(const Message& message) {
@@ -172,7 +173,7 @@ std::vector<ClockPeer> ClockExchange::peers() const {
   std::vector<ClockPeer> all;
   const std::lock_guard lock(mutex_);
   for (const auto& [id, peer] : peers_) {
-    if (now - peer.heard < kForgotten && peer.difference.at(now)) {
+    if (now - peer.last_received < kForgotten && peer.difference.at(now)) {
       all.push_back(look_at(peer, now));
     }
   }

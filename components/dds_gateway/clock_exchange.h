@@ -71,7 +71,7 @@ class ClockExchange {
     ClockDifference difference;
     std::string node;
     Duration to_system{};
-    Time heard{};
+    Time last_received{};
   };
   struct Message;
 

@@ -76,7 +76,7 @@ TEST_P(ClockExchangeTest, FindsHowFarTheOtherClockIsAhead) {
             other[0].estimate.bound + 1ns);
 }
 
-TEST_P(ClockExchangeTest, OfSeveralEachIsToldApart) {
+TEST_P(ClockExchangeTest, OfSeveralEachIsDistinguished) {
   End here(GetParam(), "/here", 0s, ClockSource::kRoundTrips);
   End second(GetParam(), "/second", 2s, ClockSource::kRoundTrips);
   End third(GetParam(), "/third", -3s, ClockSource::kRoundTrips);

@@ -31,7 +31,7 @@ constexpr std::size_t kSeenMax = 65'536;          // Endpoints of others that ar
 constexpr std::size_t kTroublesMax = 1024;
 constexpr double kDomainMax = 232;  // More have no ports.
 
-constexpr std::size_t kClocksToldMax = 1024;
+constexpr std::size_t kReportedClocksMax = 1024;
 
 constexpr std::size_t kArrivalsMax = 1024;  // Maximum of waiting requests and replies.
 
@@ -63,8 +63,8 @@ void refuse_wrong_enclave(const ParticipantOptions& options) {
     text = fmt::format("/params/domain: expected a number from 0 to {} with security, found {}",
                        dds_security::kDomainMax, options.domain);
   }
-  for (const std::string& mistake : dds_security::mistakes_of_enclave(folder)) {
-    text += fmt::format("{}/params/security: {}", text.empty() ? "" : "\n", mistake);
+  for (const std::string& error : dds_security::enclave_errors(folder)) {
+    text += fmt::format("{}/params/security: {}", text.empty() ? "" : "\n", error);
   }
   if (!text.empty()) {
     throw std::invalid_argument(text);
@@ -187,8 +187,8 @@ Gateway::Gateway(Context& context)
   if (!settings_.participant.security.empty()) {
     refuse_wrong_enclave(settings_.participant);
   }
-  if (const auto mistake = ros2::mistake_of_ros_name(settings_.node)) {
-    throw std::invalid_argument(fmt::format("/params/node: {}", *mistake));
+  if (const auto error = ros2::ros_name_error(settings_.node)) {
+    throw std::invalid_argument(fmt::format("/params/node: {}", *error));
   }
   for (const Path& folder : folders) {
     types_.definitions().add_folder(folder);
@@ -197,19 +197,19 @@ Gateway::Gateway(Context& context)
   for (const Path& file : mappings) {
     types_.add_mappings(file);
   }
-  std::string mistakes;
+  std::string errors;
   int index = 0;
   for (TopicSettings& topic : topics_of(topics)) {
     try {
       add(std::move(topic));
     } catch (const std::runtime_error& error) {
-      mistakes +=
-          fmt::format("{}/params/topics/{}: {}", mistakes.empty() ? "" : "\n", index, error.what());
+      errors +=
+          fmt::format("{}/params/topics/{}: {}", errors.empty() ? "" : "\n", index, error.what());
     }
     ++index;
   }
-  if (!mistakes.empty()) {
-    throw std::invalid_argument(mistakes);
+  if (!errors.empty()) {
+    throw std::invalid_argument(errors);
   }
   add_services(services_of(services));
   add_params(parameters_of(params));
@@ -221,8 +221,8 @@ Gateway::Gateway(Context& context)
   }
   context.create_thread("dds_gateway", [this](const std::stop_token& stop) { run(stop); });
   context.create_timer({.period = 1s, .phase = {}}, [this] {
-    tell_clocks();
-    tell_health();
+    report_clocks();
+    report_health();
   });
 }
 
@@ -461,22 +461,23 @@ void Gateway::stop() {
   for (const auto& crossing : crossings_) {
     const Counters& counters = crossing->counters;
     const std::string& name = crossing->settings.ros;
-    const auto tell = [&](const char* what, std::uint64_t count, bool is_always) {
+    const auto report_count = [&](const char* what, std::uint64_t count, bool is_always) {
       if (is_always || count > 0) {
         report(fmt::format("{} {}", name, what), static_cast<std::int64_t>(count));
       }
     };
-    tell(crossing->settings.is_in ? "received" : "taken", counters.came, true);
-    tell(crossing->settings.is_in ? "published" : "sent", counters.went, true);
-    tell("limited", counters.limited, false);
-    tell("expired", counters.expired, false);
-    tell("own", counters.own, false);
-    tell("refused", counters.refused, false);
-    tell("unsent", counters.unsent, false);
-    tell("missing", counters.missing, crossing->settings.is_as_it_is && crossing->settings.is_in);
-    tell("undated", counters.undated, false);
+    report_count(crossing->settings.is_in ? "received" : "taken", counters.came, true);
+    report_count(crossing->settings.is_in ? "published" : "sent", counters.went, true);
+    report_count("limited", counters.limited, false);
+    report_count("expired", counters.expired, false);
+    report_count("own", counters.own, false);
+    report_count("refused", counters.refused, false);
+    report_count("unsent", counters.unsent, false);
+    report_count("missing", counters.missing,
+                 crossing->settings.is_as_it_is && crossing->settings.is_in);
+    report_count("undated", counters.undated, false);
     if (crossing->reader != nullptr) {
-      tell("lost", crossing->reader->lost(), true);
+      report_count("lost", crossing->reader->lost(), true);
     }
   }
   for (const auto& service : services_) {
@@ -485,14 +486,14 @@ void Gateway::stop() {
     report(name + " answered", static_cast<std::int64_t>(service->answered));
     report(name + " failed", static_cast<std::int64_t>(service->failed));
   }
-  tell_clocks();
+  report_clocks();
   if (params_ != nullptr) {
     report("parameters asked", static_cast<std::int64_t>(params_->asked));
     report("parameters answered", static_cast<std::int64_t>(params_->answered));
     report("parameters failed", static_cast<std::int64_t>(params_->failed));
   }
   close();
-  tell_health();
+  report_health();
 }
 
 /// Destroys readers and writers before their participant; also after a fault, when `stop` is not
@@ -802,7 +803,7 @@ void Gateway::set_trouble(const std::string& whose, std::string what) {
 }
 
 /// Reports the offsets of other clocks in the results and, if they are too large, in the health.
-void Gateway::tell_clocks() {
+void Gateway::report_clocks() {
   if (clocks_ == nullptr) {
     return;
   }
@@ -811,8 +812,8 @@ void Gateway::tell_clocks() {
   };
   for (const ClockPeer& peer : clocks_->peers()) {
     const std::string node = base::printable(peer.node);
-    const auto known = told_clocks_.find(node);
-    if (known == told_clocks_.end() && told_clocks_.size() == kClocksToldMax) {
+    const auto known = reported_clocks_.find(node);
+    if (known == reported_clocks_.end() && reported_clocks_.size() == kReportedClocksMax) {
       continue;
     }
     const std::string whose = fmt::format("the clock of {}", node);
@@ -834,20 +835,20 @@ void Gateway::tell_clocks() {
           "to hold them together, as \"clocks\": \"system\" says",
           node, ms(peer.system_apart));
     }
-    if (known == told_clocks_.end() || known->second != trouble.empty()) {
+    if (known == reported_clocks_.end() || known->second != trouble.empty()) {
       if (trouble.empty()) {
         log().info("{} is {:.3f} ms ahead of this one, ± {:.3f} ms", whose, ms(found.ahead),
                    ms(found.bound));
       } else {
         log().warning("{}", trouble);
       }
-      told_clocks_[node] = trouble.empty();
+      reported_clocks_[node] = trouble.empty();
     }
     set_trouble(whose, std::move(trouble));
   }
 }
 
-void Gateway::tell_health() {
+void Gateway::report_health() {
   std::string trouble;
   {
     const std::lock_guard lock(mutex_);
@@ -858,10 +859,10 @@ void Gateway::tell_health() {
       trouble += fmt::format(" (and {} more)", troubles_.size() - 1);
     }
   }
-  if (trouble != told_) {
+  if (trouble != reported_) {
     health(trouble.empty() ? Health::kOk : Health::kDegraded, trouble);
     report("trouble", trouble);
-    told_ = std::move(trouble);
+    reported_ = std::move(trouble);
   }
 }
 

@@ -99,8 +99,8 @@ class Gateway final : public Component {
             const detail::Trail* trails = nullptr);
   void refuse(Crossing& crossing, std::atomic<std::uint64_t>& counter, const std::string& why);
   void set_trouble(const std::string& whose, std::string what);
-  void tell_health();
-  void tell_clocks();
+  void report_health();
+  void report_clocks();
   [[nodiscard]] static std::uint64_t count_missing(Crossing& crossing, const Guid& writer,
                                                    std::uint64_t number);
   [[nodiscard]] static bool may_pass(Crossing& crossing, Time now);
@@ -133,8 +133,8 @@ class Gateway final : public Component {
   std::atomic<std::uint64_t> peers_{0};
   std::mutex mutex_;
   std::map<std::string, std::string> troubles_;  // By source; guarded by it.
-  std::string told_;                             // Of the component, as the next.
-  std::map<std::string, bool> told_clocks_;      // Whether a clock's present offset is acceptable.
+  std::string reported_;                         // Of the component, as the next.
+  std::map<std::string, bool> reported_clocks_;  // Whether a clock's present offset is acceptable.
   std::exception_ptr fault_;                     // Guarded by mutex_: of an engine thread.
 };
 

@@ -70,7 +70,7 @@ class GatewayTest : public ::testing::TestWithParam<Engines> {
     }
   }
   /// What the gateway says of its health.
-  std::string told() { return std::get<std::string>(bench_.result("gateway", "trouble")); }
+  std::string trouble() { return std::get<std::string>(bench_.result("gateway", "trouble")); }
   std::int64_t count(const std::string& name) {
     return std::get<std::int64_t>(bench_.result("gateway", name));
   }
@@ -239,7 +239,7 @@ TEST_P(GatewayTest, TransformsGoToDdsAndBack) {
   send_and_get_back(transforms, "tf2_msgs/msg/TFMessage", 1000, 50);
 }
 
-TEST_P(GatewayTest, QualitiesThatDoNotMatchAreToldWithBothValues) {
+TEST_P(GatewayTest, QualitiesThatDoNotMatchAreReportedWithBothValues) {
   const Peer peer(other_engine(),
                   {"echo", "rt/unused", "rt/speed", kStringThere, "best_effort", "volatile"});
   add_gateway(fmt::format("[{}]", topic("speed", "in", "/speed", kString)));
@@ -248,7 +248,7 @@ TEST_P(GatewayTest, QualitiesThatDoNotMatchAreToldWithBothValues) {
   bench_.start();
 
   wait_until([&] {
-    trouble = told();
+    trouble = this->trouble();
     return !trouble.empty();
   });
 
@@ -258,20 +258,20 @@ TEST_P(GatewayTest, QualitiesThatDoNotMatchAreToldWithBothValues) {
                     HasSubstr("(here reliable, volatile, there best effort, volatile)")));
 }
 
-TEST_P(GatewayTest, TypesThatDifferAreTold) {
+TEST_P(GatewayTest, TypesThatDifferAreReported) {
   const Peer peer(other_engine(), {"echo", "rt/unused", "rt/speed", "std_msgs::msg::dds_::Int8_",
                                    "reliable", "volatile"});
   add_gateway(fmt::format("[{}]", topic("speed", "in", "/speed", kString)));
   auto in = bench_.output<basic::Text>("speed");
   bench_.start();
 
-  wait_until([&] { return !told().empty(); });
+  wait_until([&] { return !trouble().empty(); });
 
-  EXPECT_THAT(told(), AllOf(HasSubstr("has it with type std_msgs/msg/Int8"),
-                            HasSubstr("here it is std_msgs/msg/String")));
+  EXPECT_THAT(trouble(), AllOf(HasSubstr("has it with type std_msgs/msg/Int8"),
+                               HasSubstr("here it is std_msgs/msg/String")));
 }
 
-TEST_P(GatewayTest, BytesThatAreNoMessageAreCountedAndTold) {
+TEST_P(GatewayTest, BytesThatAreNoMessageAreCountedAndReported) {
   const std::filesystem::path file =
       std::filesystem::path(::testing::TempDir()) / fmt::format("gateway_{}.cdr", getpid());
   std::ofstream(file, std::ios::binary) << std::string(
@@ -285,12 +285,12 @@ TEST_P(GatewayTest, BytesThatAreNoMessageAreCountedAndTold) {
   const Peer peer(other_engine(),
                   {"send", "rt/text", kStringThere, "reliable", "volatile", "100", file.string()});
 
-  wait_until([&] { return !told().empty(); });
+  wait_until([&] { return !trouble().empty(); });
   EXPECT_TRUE(in.take().empty());
   bench_.stop();
 
-  EXPECT_THAT(told(), HasSubstr("/text: std_msgs/msg/String: byte 8: data: expected 2147483647 "
-                                "elements of 1 bytes, found 4 bytes"));
+  EXPECT_THAT(trouble(), HasSubstr("/text: std_msgs/msg/String: byte 8: data: expected 2147483647 "
+                                   "elements of 1 bytes, found 4 bytes"));
   EXPECT_GE(count("/text refused"), 1);
   EXPECT_EQ(count("/text published"), 0);
   std::filesystem::remove(file);
@@ -620,7 +620,7 @@ INSTANTIATE_TEST_SUITE_P(Engines, ServiceTest, ::testing::ValuesIn([] {
                          }()),
                          [](const auto& engine) { return std::string(engine.param); });
 
-TEST(Gateway, MistakesOfItsParamsAreToldBeforeItStarts) {
+TEST(Gateway, ErrorsOfItsParamsAreReportedBeforeItStarts) {
   testing::Bench bench;
   bench.add<Gateway>("gateway", R"({"params": {"topics": [
       {"topic": "a", "direction": "in", "ros": "/a", "type": "demo_msgs/msg/None"},

@@ -69,7 +69,7 @@ void write_result(const std::string& reason, ros2::CdrWriter& out) {
 }
 
 std::string text_of(const ParamsResult& result) {
-  return fmt::format("{}", fmt::join(result.mistakes, "; "));
+  return fmt::format("{}", fmt::join(result.errors, "; "));
 }
 
 }  // namespace
@@ -101,8 +101,8 @@ std::vector<std::string> listed_names(const std::vector<std::string>& names,
 
 ParamServices::ParamServices(Context& context, const std::string& node,
                              std::vector<ParamSettings> settings, ros2::Definitions& definitions,
-                             Tell tell)
-    : context_(context), settings_(std::move(settings)), tell_(std::move(tell)) {
+                             Report report)
+    : context_(context), settings_(std::move(settings)), report_(std::move(report)) {
   for (std::size_t i = 0; i < ends_.size(); ++i) {
     End& end = ends_[i];
     end.name = fmt::format("{}/{}", node, kKnown[i].name);
@@ -351,7 +351,7 @@ void ParamServices::send(Service service, const Identity& request, ros2::Buffer&
 
 void ParamServices::fail(Service service, const std::string& why) {
   ++failed;
-  tell_(fmt::format("{}: {}", ends_[service].name, why));
+  report_(fmt::format("{}: {}", ends_[service].name, why));
 }
 
 }  // namespace fastcycle::dds_gateway

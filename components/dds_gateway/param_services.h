@@ -32,13 +32,13 @@ class ParamServices {
   using Arrival =
       std::function<void(std::size_t service, const Identity&, std::span<const std::byte>)>;
   /// Called with messages for the user.
-  using Tell = std::function<void(const std::string&)>;
+  using Report = std::function<void(const std::string&)>;
 
   /// `node` includes its slash; the definitions provide the hashes.
   ///
   /// @errors  `ros2::DefinitionError`
   ParamServices(Context& context, const std::string& node, std::vector<ParamSettings> settings,
-                ros2::Definitions& definitions, Tell tell);
+                ros2::Definitions& definitions, Report report);
 
   void open(Participant& participant, const Arrival& arrival);
   void close();
@@ -87,7 +87,7 @@ class ParamServices {
 
   Context& context_;
   const std::vector<ParamSettings> settings_;
-  const Tell tell_;
+  const Report report_;
   std::array<End, kServices> ends_;
 };
 

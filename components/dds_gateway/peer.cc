@@ -87,7 +87,7 @@ void announce(Participant& participant, Writer& graph, const Reader* reader, con
   graph.write(message);
 }
 
-void tell_ready() {
+void print_ready() {
   fmt::print("ready\n");
   std::fflush(stdout);
 }
@@ -129,7 +129,7 @@ void echo(const Peer& peer) {
         ++count;
       });
   announce(peer.participant, peer.graph, reader.get(), writer.get());
-  tell_ready();
+  print_ready();
   serve(peer.participant);
   fmt::print("{} came, {} lost, {} writers and {} readers found\n", count, reader->lost(),
              reader->matched(), writer->matched());
@@ -139,7 +139,7 @@ void echo(const Peer& peer) {
 std::unique_ptr<Writer> open_writer(const Peer& peer) {
   std::unique_ptr<Writer> writer = peer.participant.create_writer(endpoint_of(peer, 1, false));
   announce(peer.participant, peer.graph, nullptr, writer.get());
-  tell_ready();
+  print_ready();
   while (writer->matched() == 0) {
     peer.participant.serve(10ms);
   }
@@ -189,7 +189,7 @@ void keep(const Peer& peer) {
                    static_cast<std::streamsize>(message.size()));
       });
   announce(peer.participant, peer.graph, reader.get(), nullptr);
-  tell_ready();
+  print_ready();
   serve(peer.participant);
 }
 
@@ -224,7 +224,7 @@ void serve_bool(const Peer& peer) {
         writer->write_reply(reply, info.request);
       });
   announce(peer.participant, peer.graph, reader.get(), writer.get());
-  tell_ready();
+  print_ready();
   serve(peer.participant);
 }
 
@@ -246,7 +246,7 @@ void ask_bool(const Peer& peer) {
         }
       });
   announce(peer.participant, peer.graph, reader.get(), writer.get());
-  tell_ready();
+  print_ready();
   while (writer->matched() == 0 || reader->matched() == 0) {
     peer.participant.serve(10ms);
   }
@@ -291,7 +291,7 @@ int run(std::vector<std::string> args) {
   args.erase(args.begin(), args.begin() + 3);
   const std::string mode = args.at(0);
   if (mode == "come_and_go") {
-    tell_ready();
+    print_ready();
     for (unsigned long count = std::stoul(args.at(3)); count > 0; --count) {
       const auto participant = engine->create(options);
       const std::unique_ptr<Writer> writer = participant->create_writer(

@@ -132,7 +132,7 @@ TEST_P(AmongProcesses, AClientInAnotherProcessIsAnswered) {
       [](const basic::Flag& flag, basic::Outcome& outcome) { outcome.set_success(flag.data()); });
   bench_.start();
 
-  wait_until([&] { return peer.has_said("100 answers were right\n"); });
+  wait_until([&] { return peer.has_printed("100 answers were right\n"); });
 }
 
 // What a flood does not get through is counted, and others get through.

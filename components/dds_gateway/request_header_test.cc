@@ -50,7 +50,7 @@ TEST(RequestHeader, IsTakenOffRealRequestsAndRepliesAndPutBack) {
   }
 }
 
-TEST(RequestHeader, ThatIsCutOffIsAMistake) {
+TEST(RequestHeader, ThatIsCutOffIsAnError) {
   const auto bytes = from_hex("00010000010203040506070801000000");
   Identity request;
 

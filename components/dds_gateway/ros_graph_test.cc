@@ -53,7 +53,7 @@ TEST_P(RealNode, IsReadAndWrittenAsItIs) {
 INSTANTIATE_TEST_SUITE_P(Middlewares, RealNode,
                          ::testing::Values("rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"));
 
-TEST(RosGraph, LengthsThatLieAreMistakes) {
+TEST(RosGraph, LengthsThatLieAreErrors) {
   ros2::Buffer message;
   write_graph({}, {{.name_space = "/", .name = "a", .readers = {}, .writers = {}}}, message);
   const std::size_t count_at = 4 + 16;

@@ -43,7 +43,7 @@ constexpr const char* kStringThere = "std_msgs::msg::dds_::String_";
 constexpr const char* kSecret = "the-secret-that-nobody-else-may-read";
 constexpr int kEnough = 50;
 
-/// Hears all that goes over loopback, on a thread of its own.
+/// Receives all that goes over loopback, on a thread of its own.
 class Eavesdropper {
  public:
   Eavesdropper() : socket_(::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETH_P_ALL))) {
@@ -67,7 +67,7 @@ class Eavesdropper {
     close(socket_);
   }
 
-  [[nodiscard]] bool can_hear() const { return thread_.joinable(); }
+  [[nodiscard]] bool can_receive() const { return thread_.joinable(); }
   /// After this the numbers stay.
   void end() {
     if (thread_.joinable()) {
@@ -295,7 +295,7 @@ TEST_P(SecuredGateway, IsFoundByAnybodyWithoutSecurity) {
 
 TEST_P(SecuredGateway, IsReadByNobodyOnTheWay) {
   Eavesdropper eavesdropper;
-  if (!eavesdropper.can_hear()) {
+  if (!eavesdropper.can_receive()) {
     GTEST_SKIP() << "needs a network of its own";
   }
   const Peer peer(GetParam(), echo(peer_, "rt/from_peer"));
@@ -312,7 +312,7 @@ TEST_P(SecuredGateway, IsReadByNobodyOnTheWay) {
 
 TEST_P(SecuredGateway, IsReadOnTheWayWithoutSecurity) {
   Eavesdropper eavesdropper;
-  if (!eavesdropper.can_hear()) {
+  if (!eavesdropper.can_receive()) {
     GTEST_SKIP() << "needs a network of its own";
   }
   const Peer peer(GetParam(), echo("", "rt/from_peer"));
@@ -468,7 +468,7 @@ TEST_P(SecuredGateway, TakesAnEnclaveAsRos2SecurityMakesIt) {
 // Cyclone DDS gave the second one the permissions of the first.
 TEST_P(SecuredGateway, IsTheOnlySecurityThatItsProcessHasInADomainOfCyclone) {
   if (std::string_view(GetParam()) != "cyclone") {
-    GTEST_SKIP() << "Fast DDS tells them apart";
+    GTEST_SKIP() << "Fast DDS distinguishes them";
   }
   ParticipantOptions options{
       .domain = domain_of_test(), .interface = "lo", .user_data = {}, .security = gateway_};

@@ -13,10 +13,10 @@
 
 namespace fastcycle::dds_gateway {
 ServiceCrossing::ServiceCrossing(Context& context, ServiceSettings settings,
-                                 ros2::KnownTypes& types, Tell tell)
+                                 ros2::KnownTypes& types, Report report)
     : core_(context.core()),
       settings_(std::move(settings)),
-      tell_(std::move(tell)),
+      report_(std::move(report)),
       request_(types.find(settings_.type + "_Request", settings_.request)),
       reply_(types.find(settings_.type + "_Response", settings_.reply)) {
   if (settings_.is_in) {
@@ -97,8 +97,8 @@ void ServiceCrossing::ask_here(const Identity& request, std::span<const std::byt
                      writer_->write_reply(serialized, request);
                    }
                    ++answered;
-                 } catch (const std::runtime_error& mistake) {
-                   fail(mistake.what());
+                 } catch (const std::runtime_error& exception) {
+                   fail(exception.what());
                  }
                },
                {});
@@ -128,8 +128,8 @@ void ServiceCrossing::ask_there(const google::protobuf::Message& request,
   ros2::Buffer serialized;
   try {
     request_.to_ros(request, serialized);
-  } catch (const std::runtime_error& mistake) {
-    refuse(mistake.what());
+  } catch (const std::runtime_error& error) {
+    refuse(error.what());
     return;
   }
   // If a recorded run is executed again, the request has its recorded number.
@@ -188,7 +188,7 @@ void ServiceCrossing::answer_here(const Identity& request, std::span<const std::
 
 void ServiceCrossing::fail(const std::string& why) {
   ++failed;
-  tell_(fmt::format("{}: {}", settings_.ros, why));
+  report_(fmt::format("{}: {}", settings_.ros, why));
 }
 
 }  // namespace fastcycle::dds_gateway

@@ -26,12 +26,13 @@ class ServiceCrossing {
   /// activation.
   using Arrival = std::function<void(const Identity&, std::span<const std::byte>)>;
   /// Called with messages for the user.
-  using Tell = std::function<void(const std::string&)>;
+  using Report = std::function<void(const std::string&)>;
 
   /// Declares its client or its server.
   ///
   /// @errors  As `KnownTypes::find`.
-  ServiceCrossing(Context& context, ServiceSettings settings, ros2::KnownTypes& types, Tell tell);
+  ServiceCrossing(Context& context, ServiceSettings settings, ros2::KnownTypes& types,
+                  Report report);
 
   void open(Participant& participant, Arrival arrival);
   void close();
@@ -62,7 +63,7 @@ class ServiceCrossing {
 
   detail::ComponentCore& core_;
   const ServiceSettings settings_;
-  const Tell tell_;
+  const Report report_;
   const ros2::Converter& request_;
   const ros2::Converter& reply_;
 

@@ -34,8 +34,8 @@ constexpr std::array<std::string_view, 11> kTopicKeys = {
 class Entry {
  public:
   Entry(const Value& value, std::string place, std::span<const std::string_view> keys,
-        std::vector<std::string>& mistakes)
-      : place_(std::move(place)), mistakes_(mistakes) {
+        std::vector<std::string>& errors)
+      : place_(std::move(place)), errors_(errors) {
     if (!value.has_struct_value()) {
       fail("", "an object", shown(&value));
       return;
@@ -43,8 +43,8 @@ class Entry {
     entry_ = &value.struct_value();
     for (const auto& [key, unused] : entry_->fields()) {
       if (std::ranges::find(keys, key) == keys.end()) {
-        mistakes_.push_back(fmt::format("{}/{}: there is no such key; there are {}", place_, key,
-                                        fmt::join(keys, ", ")));
+        errors_.push_back(fmt::format("{}/{}: there is no such key; there are {}", place_, key,
+                                      fmt::join(keys, ", ")));
       }
     }
   }
@@ -96,7 +96,7 @@ class Entry {
     if (name.empty()) {
       return name;
     }
-    if (ros2::mistake_of_ros_name(name)) {
+    if (ros2::ros_name_error(name)) {
       fail("ros",
            "parts of letters, digits and _ with / between them, none of which begins with a digit",
            fmt::format("\"{}\"", name));
@@ -106,8 +106,8 @@ class Entry {
   }
 
   void fail(std::string_view key, std::string_view expected, std::string_view found) {
-    mistakes_.push_back(fmt::format("{}{}{}: expected {}, found {}", place_, key.empty() ? "" : "/",
-                                    key, expected, found));
+    errors_.push_back(fmt::format("{}{}{}: expected {}, found {}", place_, key.empty() ? "" : "/",
+                                  key, expected, found));
   }
 
  private:
@@ -128,7 +128,7 @@ class Entry {
   }
 
   std::string place_;
-  std::vector<std::string>& mistakes_;
+  std::vector<std::string>& errors_;
   const Struct* entry_ = nullptr;
 };
 
@@ -162,10 +162,10 @@ TopicSettings read(Entry& entry) {
 
 std::vector<ServiceSettings> services_of(const google::protobuf::ListValue& services) {
   std::vector<ServiceSettings> all;
-  std::vector<std::string> mistakes;
+  std::vector<std::string> errors;
   std::set<std::string> seen;
   for (int i = 0; i < services.values_size(); ++i) {
-    Entry entry(services.values(i), fmt::format("/params/services/{}", i), kServiceKeys, mistakes);
+    Entry entry(services.values(i), fmt::format("/params/services/{}", i), kServiceKeys, errors);
     ServiceSettings service;
     service.service = entry.text("service", true);
     service.is_in = entry.choice("direction", {"in", "out"}, {}) == 0;
@@ -179,19 +179,18 @@ std::vector<ServiceSettings> services_of(const google::protobuf::ListValue& serv
     }
     all.push_back(std::move(service));
   }
-  if (!mistakes.empty()) {
-    throw std::invalid_argument(fmt::format("{}", fmt::join(mistakes, "\n")));
+  if (!errors.empty()) {
+    throw std::invalid_argument(fmt::format("{}", fmt::join(errors, "\n")));
   }
   return all;
 }
 
 std::vector<ParamSettings> parameters_of(const google::protobuf::ListValue& parameters) {
   std::vector<ParamSettings> all;
-  std::vector<std::string> mistakes;
+  std::vector<std::string> errors;
   std::set<std::string> seen;
   for (int i = 0; i < parameters.values_size(); ++i) {
-    Entry entry(parameters.values(i), fmt::format("/params/parameters/{}", i), kParamKeys,
-                mistakes);
+    Entry entry(parameters.values(i), fmt::format("/params/parameters/{}", i), kParamKeys, errors);
     ParamSettings settings;
     settings.param = entry.text("param", true);
     settings.may_change = entry.choice("access", {"read", "change"}, 0) == 1;
@@ -204,18 +203,18 @@ std::vector<ParamSettings> parameters_of(const google::protobuf::ListValue& para
     }
     all.push_back(std::move(settings));
   }
-  if (!mistakes.empty()) {
-    throw std::invalid_argument(fmt::format("{}", fmt::join(mistakes, "\n")));
+  if (!errors.empty()) {
+    throw std::invalid_argument(fmt::format("{}", fmt::join(errors, "\n")));
   }
   return all;
 }
 
 std::vector<TopicSettings> topics_of(const google::protobuf::ListValue& topics) {
   std::vector<TopicSettings> all;
-  std::vector<std::string> mistakes;
+  std::vector<std::string> errors;
   std::set<std::pair<std::string, bool>> seen;
   for (int i = 0; i < topics.values_size(); ++i) {
-    Entry entry(topics.values(i), fmt::format("/params/topics/{}", i), kTopicKeys, mistakes);
+    Entry entry(topics.values(i), fmt::format("/params/topics/{}", i), kTopicKeys, errors);
     TopicSettings topic = read(entry);
     if (!topic.ros.empty() && !seen.emplace(topic.ros, topic.is_in).second) {
       entry.fail("ros", "a topic that no other entry has in this direction",
@@ -223,8 +222,8 @@ std::vector<TopicSettings> topics_of(const google::protobuf::ListValue& topics) 
     }
     all.push_back(std::move(topic));
   }
-  if (!mistakes.empty()) {
-    throw std::invalid_argument(fmt::format("{}", fmt::join(mistakes, "\n")));
+  if (!errors.empty()) {
+    throw std::invalid_argument(fmt::format("{}", fmt::join(errors, "\n")));
   }
   return all;
 }

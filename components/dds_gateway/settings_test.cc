@@ -33,7 +33,7 @@ TEST(Settings, HaveWhatIsSaidAndDefaults) {
   EXPECT_EQ(topics[1].qos, (Qos{.is_reliable = true, .is_transient_local = false, .depth = 10}));
 }
 
-TEST(Settings, AllMistakesAreToldAtOnce) {
+TEST(Settings, AllErrorsAreReportedAtOnce) {
   EXPECT_THAT(
       [] {
         read(R"([{"topic": "a", "direction": "up", "ros": "/2", "depth": 0, "qos": 1}, 7,
@@ -66,7 +66,7 @@ TEST(Settings, ParametersAreReadAloneUnlessMoreIsSaid) {
   EXPECT_TRUE(params[1].may_change);
 }
 
-TEST(Settings, MistakesInParametersAreToldAtOnce) {
+TEST(Settings, ErrorsInParametersAreReportedAtOnce) {
   EXPECT_THAT(
       [] {
         (void)read_params_of(R"([{"param": "limiter", "access": "write"}, {"param": ".x"},

@@ -89,29 +89,29 @@ Peer::~Peer() {
   (void)end();
 }
 
-bool Peer::has_said(const std::string& text) {
+bool Peer::has_printed(const std::string& text) {
   pollfd waiting{.fd = output_, .events = POLLIN, .revents = 0};
   char byte = 0;
   while (poll(&waiting, 1, 0) == 1 && read(output_, &byte, 1) == 1) {
-    said_ += byte;
+    printed_ += byte;
   }
-  return said_.find(text) != std::string::npos;
+  return printed_.find(text) != std::string::npos;
 }
 
 std::string Peer::end() {
   if (process_ <= 0) {
-    return said_;
+    return printed_;
   }
   close(input_);
   char byte = 0;
   while (read(output_, &byte, 1) == 1) {
-    said_ += byte;
+    printed_ += byte;
   }
   close(output_);
   int status = 0;
   waitpid(std::exchange(process_, 0), &status, 0);
   EXPECT_EQ(status, 0) << "the peer failed";
-  return said_;
+  return printed_;
 }
 
 }  // namespace fastcycle::dds_gateway

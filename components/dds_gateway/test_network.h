@@ -24,7 +24,7 @@ class Peer {
   ~Peer();
 
   /// Whether it has printed `text` since it was ready. Does not wait.
-  [[nodiscard]] bool has_said(const std::string& text);
+  [[nodiscard]] bool has_printed(const std::string& text);
   /// Ends it, and returns its output since it was ready.
   std::string end();
 
@@ -32,7 +32,7 @@ class Peer {
   pid_t process_ = 0;
   int input_ = -1;
   int output_ = -1;
-  std::string said_;
+  std::string printed_;
 };
 
 }  // namespace fastcycle::dds_gateway

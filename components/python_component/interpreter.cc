@@ -202,7 +202,7 @@ std::string take_exception() {
   try {
     return describe(its_type, its_value, its_traceback);
   } catch (const std::exception& exception) {
-    return std::string("a Python exception that cannot be told: ") + exception.what();
+    return std::string("a Python exception that cannot be described: ") + exception.what();
   }
 }
 

@@ -130,7 +130,7 @@ void PythonComponent::refuse(std::string_view name, std::string expected, std::s
 
 void PythonComponent::warn(const std::string& what, const std::string& hint) {
   detail::ComponentCore& core = context().core();
-  config::Problem problem = config::mistake(
+  config::Problem problem = config::make_error(
       core.description.place, fmt::format("component \"{}\": {}", core.name, what), hint);
   problem.warning = true;
   core.problems->add(std::move(problem));

@@ -141,7 +141,7 @@ TEST(KnownTypes, ACloudIsDenseIfItsCoordinatesAreFinite) {
   EXPECT_FALSE(is_dense(not_a_number + finite));
 }
 
-TEST(KnownTypes, CloudsThatLieAreMistakes) {
+TEST(KnownTypes, CloudsThatLieAreErrors) {
   const auto convert = [](const Cdr& message) {
     return [message] { converted<foxglove::PointCloud>("sensor_msgs/msg/PointCloud2", message); };
   };
@@ -259,7 +259,7 @@ TEST(KnownTypes, OdometryPosesTwistsAndTransformsKeepTheirFrames) {
   EXPECT_EQ(frames.transforms(0).translation().z(), 1.8);
 }
 
-TEST(KnownTypes, EveryMessageThatIsCutOffIsAMistake) {
+TEST(KnownTypes, EveryMessageThatIsCutOffIsAnError) {
   KnownTypes types;
   for (const Mapping& mapping : types.mappings().all()) {
     const Converter& type = types.find(mapping.ros, mapping.message);
@@ -279,7 +279,7 @@ TEST(KnownTypes, ATypeWithoutAMappingBecomesNothingUnlessOneSaysWhat) {
             &motion::Vector::default_instance());
 }
 
-TEST(KnownTypes, MistakesOfAMappingAreTold) {
+TEST(KnownTypes, ErrorsOfAMappingAreReported) {
   KnownTypes types;
   const auto add = [&](const std::string& mapping) {
     return [&types, mapping] {

@@ -99,7 +99,7 @@ TEST(Samples, AreWrittenByteByByte) {
   });
 }
 
-TEST(Samples, ThatAreCutOffAnywhereAreMistakes) {
+TEST(Samples, ThatAreCutOffAnywhereAreErrors) {
   KnownTypes types;
 
   for_each_file([&](const Json& sample, const Json& file, const std::vector<std::byte>& bytes) {

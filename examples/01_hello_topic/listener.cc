@@ -9,12 +9,12 @@ class Listener final : public fastcycle::Component {
   explicit Listener(fastcycle::Context& context) : Component(context) {
     context.create_subscriber<example::Text>("hello", [this](const example::Text& message) {
       log().info("I hear: {}", message.text());
-      report("heard", ++heard_);
+      report("received", ++received_);
     });
   }
 
  private:
-  std::int64_t heard_ = 0;
+  std::int64_t received_ = 0;
 };
 
 }  // namespace

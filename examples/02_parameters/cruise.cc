@@ -59,7 +59,7 @@ class Town final : public fastcycle::Component {
     context().change_params(
         {{"cruise.target_mps", "80"}}, [this](const fastcycle::ParamsResult& result) {
           log().info("80 m/s: {}",
-                     result.has_changed() ? std::string("done") : result.mistakes.front());
+                     result.has_changed() ? std::string("done") : result.errors.front());
         });
   }
 

@@ -45,7 +45,7 @@ class Scanner final : public fastcycle::Component {
   fastcycle::Publisher<example::Scan> scans_;
 };
 
-// Drives as fast as the speed that it is told.
+// Drives as fast as the speed that it receives.
 class Vehicle final : public fastcycle::Component {
  public:
   explicit Vehicle(fastcycle::Context& context) : Component(context) {

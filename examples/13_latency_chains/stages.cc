@@ -73,7 +73,7 @@ class Planner final : public fastcycle::Component {
   std::optional<fastcycle::Latest<example::Scan>> newest_;
 };
 
-// Drives as fast as it is told.
+// Drives as fast as it is commanded.
 class Brake final : public fastcycle::Component {
  public:
   explicit Brake(fastcycle::Context& context) : Component(context) {

@@ -1,4 +1,4 @@
-"""Says loudly what it hears."""
+"""Publishes what it receives in upper case."""
 
 from fastcycle.component import Component
 
@@ -8,11 +8,11 @@ class Crier(Component):
         self.mark = context.param("mark", "!", description="Behind each cry")
         self.cries = context.publisher("cry", "example.Text")
         context.subscribe("hello", "example.Text", self.on_hello)
-        self.heard = 0
+        self.received = 0
 
     def on_hello(self, message):
-        self.heard += 1
+        self.received += 1
         self.cries.publish(text=message.text.upper() + self.mark.get())
 
     def stop(self):
-        self.report("cried", self.heard)
+        self.report("cried", self.received)

@@ -282,10 +282,10 @@ struct ParamChange {
 /// The result of a transaction: all of its changes were made, or none and there are errors.
 struct ParamsResult {
   /// Each on one line: `limiter.limit_mps: expected a number in [0, 60], found "fast"`.
-  std::vector<std::string> mistakes = {};
+  std::vector<std::string> errors = {};
 
   /// Whether all changes were made.
-  [[nodiscard]] bool has_changed() const noexcept { return mistakes.empty(); }
+  [[nodiscard]] bool has_changed() const noexcept { return errors.empty(); }
 };
 
 /// The values that a component's parameters would have after a transaction.

@@ -176,7 +176,7 @@ class Application:
         return list(self._brief_overview().modes)
 
     def switch_mode(self, mode: str, why: str = "") -> None:
-        """Switches to a mode. `why` is told in the report.
+        """Switches to a mode. `why` is given in the report.
 
         Needs `lifecycle`. The switch is under way when this returns. Raises NotFoundError if there
         is no such mode.
@@ -523,7 +523,7 @@ class Params(Mapping[str, Any]):
         """Changes parameters in one transaction: all of them, or none.
 
         Needs `params`. `shared_params.NAME` changes a shared one. Raises ApplicationError with
-        every mistake, and NotFoundError if there is no such parameter.
+        every error, and NotFoundError if there is no such parameter.
         """
         known = self.describe()
         request = _protocol("Request")()
@@ -534,9 +534,9 @@ class Params(Mapping[str, Any]):
             change = request.change_params.changes.add()
             change.param = name
             change.value_json = json.dumps(value)
-        mistakes = self._session.ask(request).params_changed.mistakes
-        if mistakes:
-            text = "nothing was changed: " + "; ".join(mistakes)
+        errors = self._session.ask(request).params_changed.errors
+        if errors:
+            text = "nothing was changed: " + "; ".join(errors)
             raise ApplicationError(text, kind=ApplicationError.KINDS.index("refused"))
 
     def __getitem__(self, name: str) -> Any:

@@ -35,7 +35,7 @@ class Received:
 
 
 class BenchError(Error):
-    """Components that do not fit together, or a wrong configuration: each mistake is a line."""
+    """Components that do not fit together, or a wrong configuration: each error is a line."""
 
 
 class Bench:
@@ -130,7 +130,7 @@ class Bench:
         return Service(self._bench, name, request, reply)
 
     def start(self) -> None:
-        """Constructs, connects and starts everything. Raises BenchError with every mistake."""
+        """Constructs, connects and starts everything. Raises BenchError with every error."""
         _guarded(self._bench.start)
 
     def advance(self, seconds: float) -> None:
@@ -151,12 +151,12 @@ class Bench:
     def set_params(self, changes: Mapping[str, Any]) -> None:
         """Changes parameters, `COMPONENT.PARAM`, in one transaction: all of them, or none.
 
-        Raises BenchError with every mistake.
+        Raises BenchError with every error.
         """
         pairs = [(name, json.dumps(value)) for name, value in changes.items()]
-        mistakes = _guarded(self._bench.change_params, pairs)
-        if mistakes:
-            raise BenchError("\n".join(mistakes))
+        errors = _guarded(self._bench.change_params, pairs)
+        if errors:
+            raise BenchError("\n".join(errors))
 
     @property
     def mode(self) -> str:

@@ -86,7 +86,7 @@ class Input final : public Component {
   detail::PublisherCore& publisher_;
 };
 
-/// Keeps what it hears until the test takes it.
+/// Keeps what it receives until the test takes it.
 class Output final : public Component {
  public:
   explicit Output(Context& context) : Component(context) {

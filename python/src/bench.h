@@ -19,7 +19,7 @@ namespace fastcycle::python {
 /// bytes of types that are known by name.
 ///
 /// @threads  Confined.
-/// @errors   `std::runtime_error` with every mistake when the components do not fit together.
+/// @errors   `std::runtime_error` with every error when the components do not fit together.
 class Bench {
  public:
   struct Received {

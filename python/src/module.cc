@@ -366,7 +366,7 @@ void bind_bench(py::module_& module) {
              for (const auto& [param, json] : pairs) {
                changes.push_back({.param = param, .json = json});
              }
-             return bench.change_params(changes).mistakes;
+             return bench.change_params(changes).errors;
            })
       .def("switch_mode", &Bench::switch_mode, Release())
       .def("mode", &Bench::mode)

@@ -67,10 +67,10 @@ def test_tells_what_components_reported() -> None:
             numbers.publish({"value": value})
         bench.stop()
         results = bench.results("adder")
-    assert (results["sum"], results["heard"], results["text"]) == (10, 4, "hello")
+    assert (results["sum"], results["received"], results["text"]) == (10, 4, "hello")
 
 
-def test_names_every_mistake(bench: Bench) -> None:
+def test_names_every_error(bench: Bench) -> None:
     bench.add("filter", "live_parts", "Filter", params={"gian": 3})
     bench.add("other", "no_such_parts")
     with pytest.raises(BenchError, match="gian") as raised:

@@ -63,7 +63,7 @@ def test_is_called_with_messages_and_publishes(bench: Bench, add: Add) -> None:
         ECHO
         + """
             self.gain = context.param("gain", 2, min=0, max=10, tunable=True,
-                                      on_change=lambda: self.report("told", self.gain.get()))
+                                      on_change=lambda: self.report("changed", self.gain.get()))
 
         def on_reading(self, reading):
             info = self.info(reading)
@@ -90,7 +90,7 @@ def test_is_called_with_messages_and_publishes(bench: Bench, add: Add) -> None:
     assert fourth.message.image == b"\x00\xff" and fourth.sequence == 4
     assert bench.results("it") == {"sequence": 1, "is_new": True}
     bench.set_params({"it.gain": 4})
-    assert bench.results("it")["told"] == 4
+    assert bench.results("it")["changed"] == 4
     with pytest.raises(BenchError, match=r"\[0, 10\].*11"):
         bench.set_params({"it.gain": 11})
     assert bench.faults("it") == []
@@ -166,7 +166,7 @@ def test_gets_no_more_messages_than_its_share_when_it_keeps_all(bench: Bench, ad
 
         def on_reading(self, reading):
             self.images.append(reading.image)
-            self.report("heard", len(self.images))
+            self.report("received", len(self.images))
 """,
     )
     bench.configure(topics={"in": {"pool_max": 40}})
@@ -175,13 +175,13 @@ def test_gets_no_more_messages_than_its_share_when_it_keeps_all(bench: Bench, ad
     bench.start()
     for value in range(200):
         readings.publish({"value": value, "image": b"x"})
-    heard = bench.results("it")["heard"]
-    assert heard < 200
+    received = bench.results("it")["received"]
+    assert received < 200
     assert len(others.take()) == 200
     bench.advance(1.0)  # It lets go of all of them.
     for value in range(5):
         readings.publish({"value": value, "image": b"x"})
-    assert bench.results("it")["heard"] == 5
+    assert bench.results("it")["received"] == 5
 
 
 def test_reads_what_is_empty(bench: Bench, add: Add) -> None:
@@ -206,7 +206,7 @@ def test_lets_messages_go_when_its_callback_ends(bench: Bench, add: Add) -> None
 
         def on_reading(self, reading):
             self.count += 1
-            self.report("heard", self.count)
+            self.report("received", self.count)
             sum(reading.ranges), bytes(reading.image), reading.text
 """,
     )
@@ -215,7 +215,7 @@ def test_lets_messages_go_when_its_callback_ends(bench: Bench, add: Add) -> None
     bench.start()
     for value in range(500):
         readings.publish({"value": value, "image": b"x", "ranges": [value]})
-    assert bench.results("it")["heard"] == 500
+    assert bench.results("it")["received"] == 500
 
 
 def test_has_parts_enumerations_and_repeated_messages(bench: Bench, add: Add) -> None:
@@ -324,7 +324,7 @@ MISUSES = {
 
 
 @pytest.mark.parametrize("code", MISUSES)
-def test_is_told_what_it_does_wrong(bench: Bench, add: Add, code: str) -> None:
+def test_reports_what_it_does_wrong(bench: Bench, add: Add, code: str) -> None:
     add(
         ECHO
         + f"""
@@ -474,7 +474,7 @@ def test_draws_the_same_random_numbers_in_every_run(tmp_path: pathlib.Path) -> N
     assert drawn[0] == drawn[1] != drawn[2]
 
 
-MISTAKES = {
+ERRORS = {
     "class Echo(Component)\n        pass": r"it.py:\d+: SyntaxError: expected ':', found `class Ec",
     "import no_such_module": r"No module named 'no_such_module' \(it.py:\d+ in <module>",
     "class Echo: pass": r"no subclass of fastcycle.component.Component",
@@ -491,12 +491,12 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("code", MISTAKES)
-def test_names_the_mistake_that_keeps_it_from_being_made(
+@pytest.mark.parametrize("code", ERRORS)
+def test_names_the_error_that_prevents_construction(
     bench: Bench, add: Add, code: str
 ) -> None:
     add("    " + code)
-    with pytest.raises(AssertionError, match=MISTAKES[code]):
+    with pytest.raises(AssertionError, match=ERRORS[code]):
         raise AssertionError(raised_at_start(bench))
 
 
@@ -601,19 +601,19 @@ def test_serves_several_components_at_once(tmp_path: pathlib.Path) -> None:
             context.subscribe("sensor/readings", "live.Reading", self.on_reading, keep=4)
             for other in ("one", "two", "three"):
                 context.subscribe(f"{other}/out", "live.Reading", self.on_other)
-            self.kept, self.heard = [], 0
+            self.kept, self.received = [], 0
 
         def on_reading(self, reading):
             self.kept = self.kept[-3:] + [reading.ranges]
             loan = self.out.loan()
             loan.ranges = numpy.sin(sum(self.kept))
             self.out.publish(loan)
-            if self.heard > 20 and self.context.component_name == "two":
+            if self.received > 20 and self.context.component_name == "two":
                 raise RuntimeError("to be made anew")
 
         def on_other(self, other):
-            self.heard += len(other.ranges) == 100
-            self.report("heard", self.heard)
+            self.received += len(other.ranges) == 100
+            self.report("received", self.received)
     """,
     )
     parts: list[dict[str, Any]] = [

@@ -144,7 +144,7 @@ def test_calls_services(application: fastcycle.Application) -> None:
         application.call("double", {"number": 1})
 
 
-def test_is_told_what_is_not_allowed(folder: pathlib.Path) -> None:
+def test_reports_what_is_not_allowed(folder: pathlib.Path) -> None:
     with running(folder, "closed"), fastcycle.connect() as application:
         for change in (
             lambda: application.publish("orders", {"value": 7}),
@@ -171,17 +171,17 @@ def test_ends_with_the_application(folder: pathlib.Path) -> None:
 
 
 def test_lets_other_threads_run_while_it_waits(application: fastcycle.Application) -> None:
-    heard = threading.Event()
+    received = threading.Event()
 
     def wait_for_order(orders: fastcycle.application.Subscription) -> None:
         next(orders)
-        heard.set()
+        received.set()
 
     with application.subscribe("orders", timeout=LIMIT_S) as orders:
         thread = threading.Thread(target=wait_for_order, args=(orders,))
         thread.start()
         application.publish("orders", {"value": 1})
-        assert heard.wait(LIMIT_S)
+        assert received.wait(LIMIT_S)
         thread.join()
 
 

@@ -27,12 +27,12 @@ using mcap::shown;
 /// Shared by the checks: the receiver of findings, and the state of the file.
 class Findings {
  public:
-  Findings(std::string file, const std::function<void(const Finding&)>& tell)
-      : file_(std::move(file)), tell_(tell) {}
+  Findings(std::string file, const std::function<void(const Finding&)>& report)
+      : file_(std::move(file)), report_(report) {}
 
   void error(mcap::Problem problem) {
-    if (++diagnosis.errors <= Diagnosis::kMostTold) {
-      tell_({.is_warning = false, .problem = std::move(problem)});
+    if (++diagnosis.errors <= Diagnosis::kReportedMax) {
+      report_({.is_warning = false, .problem = std::move(problem)});
     }
   }
   void error(const mcap::Place& place, Opcode record, std::string expected, std::string found) {
@@ -42,12 +42,12 @@ class Findings {
            .found = std::move(found)});
   }
   void warn(const mcap::Place& place, Opcode record, std::string expected, std::string found) {
-    if (++diagnosis.warnings <= Diagnosis::kMostTold) {
-      tell_({.is_warning = true,
-             .problem = {.place = place,
-                         .record = name_of(record),
-                         .expected = std::move(expected),
-                         .found = std::move(found)}});
+    if (++diagnosis.warnings <= Diagnosis::kReportedMax) {
+      report_({.is_warning = true,
+               .problem = {.place = place,
+                           .record = name_of(record),
+                           .expected = std::move(expected),
+                           .found = std::move(found)}});
     }
   }
   [[nodiscard]] mcap::Place at(std::uint64_t offset) const {
@@ -58,7 +58,7 @@ class Findings {
 
  private:
   const std::string file_;
-  const std::function<void(const Finding&)>& tell_;
+  const std::function<void(const Finding&)>& report_;
 };
 
 /// The first field of two records that is not the same.
@@ -75,7 +75,7 @@ class Difference {
   Difference& text(const char* name, const std::string& expected, const std::string& found) {
     return field(name, shown(expected), shown(found));
   }
-  void tell(Findings& findings, const mcap::Place& place, Opcode record, const char* why) const {
+  void report(Findings& findings, const mcap::Place& place, Opcode record, const char* why) const {
     if (expected_) {
       findings.error(place, record, fmt::format("{}, {}", *expected_, why), found_);
     }
@@ -153,7 +153,7 @@ class ChunkCheck {
                index_.message_start_time_ns)
         .field("message_end_time", count_ == 0 ? index_.message_end_time_ns : last_ns_,
                index_.message_end_time_ns)
-        .tell(findings_, place, Opcode::kChunk, "as its messages have it");
+        .report(findings_, place, Opcode::kChunk, "as its messages have it");
     if (!index_.message_index_offsets.empty()) {
       find_missing(place);
     }
@@ -260,102 +260,102 @@ class SummaryCheck {
   }
 
   // The contents of the summary.
-  void says(const mcap::Schema& schema, const mcap::Place& place) {
-    ++said_schemas_;
+  void check(const mcap::Schema& schema, const mcap::Place& place) {
+    ++listed_schemas_;
     if (!schemas_.contains(schema.id)) {
       findings_.error(place, Opcode::kSchema, "a schema that the data section has too",
                       fmt::format("id {}, which is only here", schema.id));
     }
   }
-  void says(const mcap::Channel& channel, const mcap::Place& place) {
-    ++said_channels_;
+  void check(const mcap::Channel& channel, const mcap::Place& place) {
+    ++listed_channels_;
     if (!channels_.contains(channel.id)) {
       findings_.error(place, Opcode::kChannel, "a channel that the data section has too",
                       fmt::format("id {}, which is only here", channel.id));
     }
   }
-  void says(const mcap::Statistics& said, const mcap::Place& place) {
+  void check(const mcap::Statistics& listed, const mcap::Place& place) {
     if (std::exchange(has_statistics_, true)) {
       findings_.error(place, Opcode::kStatistics, "one Statistics", "a second one");
     }
     seen_.schema_count = static_cast<std::uint16_t>(schemas_.size());
     seen_.channel_count = static_cast<std::uint32_t>(channels_.size());
     Difference difference;
-    difference.field("message_count", seen_.message_count, said.message_count)
-        .field("schema_count", seen_.schema_count, said.schema_count)
-        .field("channel_count", seen_.channel_count, said.channel_count)
-        .field("attachment_count", seen_.attachment_count, said.attachment_count)
-        .field("metadata_count", seen_.metadata_count, said.metadata_count)
-        .field("chunk_count", seen_.chunk_count, said.chunk_count)
-        .field("message_start_time", seen_.message_start_time_ns, said.message_start_time_ns)
-        .field("message_end_time", seen_.message_end_time_ns, said.message_end_time_ns);
+    difference.field("message_count", seen_.message_count, listed.message_count)
+        .field("schema_count", seen_.schema_count, listed.schema_count)
+        .field("channel_count", seen_.channel_count, listed.channel_count)
+        .field("attachment_count", seen_.attachment_count, listed.attachment_count)
+        .field("metadata_count", seen_.metadata_count, listed.metadata_count)
+        .field("chunk_count", seen_.chunk_count, listed.chunk_count)
+        .field("message_start_time", seen_.message_start_time_ns, listed.message_start_time_ns)
+        .field("message_end_time", seen_.message_end_time_ns, listed.message_end_time_ns);
     for (const std::uint16_t channel : channels_) {
       difference.field(fmt::format("channel_message_counts of channel {}:", channel).c_str(),
-                       count_in(seen_, channel), count_in(said, channel));
+                       count_in(seen_, channel), count_in(listed, channel));
     }
-    difference.tell(findings_, place, Opcode::kStatistics, kAsThere);
+    difference.report(findings_, place, Opcode::kStatistics, kAsThere);
   }
-  void says(mcap::ChunkIndex said, const mcap::Place& place) {
-    ++said_chunks_;
+  void check(mcap::ChunkIndex listed, const mcap::Place& place) {
+    ++listed_chunks_;
     const mcap::ChunkIndex* const real =
-        find(chunks_, said.chunk_start_offset, place, Opcode::kChunkIndex);
+        find(chunks_, listed.chunk_start_offset, place, Opcode::kChunkIndex);
     if (real == nullptr) {
       return;
     }
     Difference()
-        .field("message_start_time", real->message_start_time_ns, said.message_start_time_ns)
-        .field("message_end_time", real->message_end_time_ns, said.message_end_time_ns)
-        .field("chunk_length", real->chunk_length, said.chunk_length)
-        .field("message_index_offsets", text_of(*real), text_of(said))
-        .field("message_index_length", real->message_index_length, said.message_index_length)
-        .text("compression", real->compression, said.compression)
-        .field("compressed_size", real->compressed_size, said.compressed_size)
-        .field("uncompressed_size", real->uncompressed_size, said.uncompressed_size)
-        .tell(findings_, place, Opcode::kChunkIndex, kAsThere);
+        .field("message_start_time", real->message_start_time_ns, listed.message_start_time_ns)
+        .field("message_end_time", real->message_end_time_ns, listed.message_end_time_ns)
+        .field("chunk_length", real->chunk_length, listed.chunk_length)
+        .field("message_index_offsets", text_of(*real), text_of(listed))
+        .field("message_index_length", real->message_index_length, listed.message_index_length)
+        .text("compression", real->compression, listed.compression)
+        .field("compressed_size", real->compressed_size, listed.compressed_size)
+        .field("uncompressed_size", real->uncompressed_size, listed.uncompressed_size)
+        .report(findings_, place, Opcode::kChunkIndex, kAsThere);
   }
-  void says(const mcap::AttachmentIndex& said, const mcap::Place& place) {
-    ++said_attachments_;
-    const auto* const real = find(attachments_, said.offset, place, Opcode::kAttachmentIndex);
+  void check(const mcap::AttachmentIndex& listed, const mcap::Place& place) {
+    ++listed_attachments_;
+    const auto* const real = find(attachments_, listed.offset, place, Opcode::kAttachmentIndex);
     if (real != nullptr) {
       Difference()
-          .field("length", real->length, said.length)
-          .field("log_time", real->log_time_ns, said.log_time_ns)
-          .field("create_time", real->create_time_ns, said.create_time_ns)
-          .field("data_size", real->data_size, said.data_size)
-          .text("name", real->name, said.name)
-          .text("media_type", real->media_type, said.media_type)
-          .tell(findings_, place, Opcode::kAttachmentIndex, kAsThere);
+          .field("length", real->length, listed.length)
+          .field("log_time", real->log_time_ns, listed.log_time_ns)
+          .field("create_time", real->create_time_ns, listed.create_time_ns)
+          .field("data_size", real->data_size, listed.data_size)
+          .text("name", real->name, listed.name)
+          .text("media_type", real->media_type, listed.media_type)
+          .report(findings_, place, Opcode::kAttachmentIndex, kAsThere);
     }
   }
-  void says(const mcap::MetadataIndex& said, const mcap::Place& place) {
-    ++said_metadata_;
-    const auto* const real = find(metadata_, said.offset, place, Opcode::kMetadataIndex);
+  void check(const mcap::MetadataIndex& listed, const mcap::Place& place) {
+    ++listed_metadata_;
+    const auto* const real = find(metadata_, listed.offset, place, Opcode::kMetadataIndex);
     if (real != nullptr) {
       Difference()
-          .field("length", real->length, said.length)
-          .text("name", real->name, said.name)
-          .tell(findings_, place, Opcode::kMetadataIndex, kAsThere);
+          .field("length", real->length, listed.length)
+          .text("name", real->name, listed.name)
+          .report(findings_, place, Opcode::kMetadataIndex, kAsThere);
     }
   }
-  void says(const mcap::SummaryOffset& said, const mcap::Place& place) {
+  void check(const mcap::SummaryOffset& listed, const mcap::Place& place) {
     first_offset_ = first_offset_ == 0 ? place.offset : first_offset_;
     const auto group = std::ranges::find_if(groups_, [&](const Group& one) {
-      return one.opcode == said.group_opcode && one.begin == said.group_start;
+      return one.opcode == listed.group_opcode && one.begin == listed.group_start;
     });
     if (group == groups_.end()) {
       findings_.error(place, Opcode::kSummaryOffset,
-                      fmt::format("the beginning of the records {}", name_of(said.group_opcode)),
-                      fmt::format("byte {}, where they do not begin", said.group_start));
+                      fmt::format("the beginning of the records {}", name_of(listed.group_opcode)),
+                      fmt::format("byte {}, where they do not begin", listed.group_start));
     } else {
       Difference()
-          .field("group_length", group->end - group->begin, said.group_length)
-          .tell(findings_, place, Opcode::kSummaryOffset, kAsThere);
+          .field("group_length", group->end - group->begin, listed.group_length)
+          .report(findings_, place, Opcode::kSummaryOffset, kAsThere);
     }
   }
-  void says(const mcap::Footer& said, const mcap::Place& place) {
+  void check(const mcap::Footer& listed, const mcap::Place& place) {
     Difference()
-        .field("summary_offset_start", first_offset_, said.summary_offset_start)
-        .tell(findings_, place, Opcode::kFooter, kAsThere);
+        .field("summary_offset_start", first_offset_, listed.summary_offset_start)
+        .report(findings_, place, Opcode::kFooter, kAsThere);
     end(place);
   }
 
@@ -436,12 +436,12 @@ class SummaryCheck {
                         fmt::format("{}", said));
       }
     };
-    compare(Opcode::kSchema, schemas_.size(), said_schemas_);
-    compare(Opcode::kChannel, channels_.size(), said_channels_);
-    compare(Opcode::kChunkIndex, seen_.chunk_count, said_chunks_);
-    compare(Opcode::kAttachmentIndex, seen_.attachment_count, said_attachments_);
-    compare(Opcode::kMetadataIndex, seen_.metadata_count, said_metadata_);
-    if (said_chunks_ > 0 && outside_count_ > 0) {
+    compare(Opcode::kSchema, schemas_.size(), listed_schemas_);
+    compare(Opcode::kChannel, channels_.size(), listed_channels_);
+    compare(Opcode::kChunkIndex, seen_.chunk_count, listed_chunks_);
+    compare(Opcode::kAttachmentIndex, seen_.attachment_count, listed_attachments_);
+    compare(Opcode::kMetadataIndex, seen_.metadata_count, listed_metadata_);
+    if (listed_chunks_ > 0 && outside_count_ > 0) {
       findings_.error(findings_.at(first_outside_), Opcode::kMessage,
                       "messages in chunks, since there is a chunk index",
                       fmt::format("{} outside of chunks", outside_count_));
@@ -465,11 +465,11 @@ class SummaryCheck {
   std::vector<Group> groups_;
   std::uint64_t first_offset_ = 0;  // Of a SummaryOffset; 0: there is none.
   bool has_statistics_ = false;
-  std::uint64_t said_schemas_ = 0;
-  std::uint64_t said_channels_ = 0;
-  std::uint64_t said_chunks_ = 0;
-  std::uint64_t said_attachments_ = 0;
-  std::uint64_t said_metadata_ = 0;
+  std::uint64_t listed_schemas_ = 0;
+  std::uint64_t listed_channels_ = 0;
+  std::uint64_t listed_chunks_ = 0;
+  std::uint64_t listed_attachments_ = 0;
+  std::uint64_t listed_metadata_ = 0;
 };
 
 // ---- Messages ----
@@ -570,11 +570,11 @@ void check_loss(const mcap::Metadata& metadata, const mcap::Place& place, Findin
 
 class Doctor {
  public:
-  Doctor(const mcap::Source& file, const std::function<void(const Finding&)>& tell,
+  Doctor(const mcap::Source& file, const std::function<void(const Finding&)>& report,
          const mcap::ReadLimits& limits, const Progress& progress)
       : file_(file),
         progress_(progress),
-        findings_(file.name(), tell),
+        findings_(file.name(), report),
         reader_(file, {.limits = limits}),
         chunk_(findings_),
         summary_(findings_, limits.index_bytes) {}
@@ -625,7 +625,7 @@ class Doctor {
     } else if (!is_damaged_) {
       std::visit([&](const auto& one) { take_summary(one, place); }, record);
     }
-    if (progress_ && ++told_ % kRecordsPerProgress == 0) {
+    if (progress_ && ++records_ % kRecordsPerProgress == 0) {
       progress_(reader_.next_offset());
     }
   }
@@ -647,7 +647,7 @@ class Doctor {
     summary_.has(schema);
     if (schema.encoding == "protobuf") {
       const MessageTypes::Found& found = types_.find(schema);
-      if (found.type == nullptr && told_schemas_.insert(schema.id).second) {
+      if (found.type == nullptr && reported_schemas_.insert(schema.id).second) {
         findings_.error(place, Opcode::kSchema, "all that is needed to read " + shown(schema.name),
                         found.problem);
       }
@@ -710,9 +710,9 @@ class Doctor {
 
   template <typename Kind>
   void take_summary(const Kind& record, const mcap::Place& place) {
-    if constexpr (requires { summary_.says(record, place); }) {
+    if constexpr (requires { summary_.check(record, place); }) {
       summary_.note_group(opcode_of(record), place.offset, reader_.next_offset());
-      summary_.says(record, place);
+      summary_.check(record, place);
     }
   }
 
@@ -732,19 +732,19 @@ class Doctor {
   ChunkCheck chunk_;
   SummaryCheck summary_;
   MessageTypes types_;
-  std::set<std::uint16_t> told_schemas_;
+  std::set<std::uint16_t> reported_schemas_;
   std::map<std::uint16_t, const MessageType*> type_of_channel_;
   std::map<std::uint16_t, ChannelCheck> channels_;
   bool is_ours_ = false;
   bool is_damaged_ = false;
-  unsigned told_ = 0;
+  unsigned records_ = 0;
 };
 
 }  // namespace
 
-Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& tell,
+Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& report,
                    const mcap::ReadLimits& limits, const Progress& progress) {
-  return Doctor(file, tell, limits, progress).run();
+  return Doctor(file, report, limits, progress).run();
 }
 
 }  // namespace fastcycle::archive

@@ -18,7 +18,7 @@ struct Finding {
 
 struct Diagnosis {
   /// Limit of reported errors, and of warnings; all are counted.
-  static constexpr std::uint64_t kMostTold = 1000;
+  static constexpr std::uint64_t kReportedMax = 1000;
 
   std::uint64_t errors = 0;
   std::uint64_t warnings = 0;
@@ -40,7 +40,7 @@ struct Diagnosis {
 /// channels, and the index of the file, up to `ReadLimits::index_bytes`.
 ///
 /// @errors  `mcap::Error` if the file cannot be read.
-Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& tell,
+Diagnosis diagnose(const mcap::Source& file, const std::function<void(const Finding&)>& report,
                    const mcap::ReadLimits& limits = {}, const Progress& progress = {});
 
 }  // namespace fastcycle::archive

@@ -83,14 +83,14 @@ void add_chunk(Overview& result, const std::string& compression, std::uint64_t c
 void read_whole(const mcap::Source& file, Overview& result, const Progress& progress) {
   mcap::RecordReader reader(file);
   std::map<std::uint16_t, std::uint64_t> bytes;
-  unsigned told = 0;
+  unsigned records = 0;
   while (const std::optional<mcap::Record> record = reader.next()) {
     if (const auto* message = std::get_if<mcap::Message>(&*record)) {
       bytes[message->channel_id] += message->data.size();
     } else if (const auto* chunk = std::get_if<mcap::Chunk>(&*record)) {
       add_chunk(result, chunk->compression, chunk->records.size(), chunk->uncompressed_size);
     }
-    if (progress && ++told % kRecordsPerProgress == 0) {
+    if (progress && ++records % kRecordsPerProgress == 0) {
       progress(reader.next_offset());
     }
   }

@@ -176,7 +176,7 @@ class Recoverer {
     for (;;) {
       while (const std::optional<mcap::Record> record = reader.next()) {
         take(*record, reader);
-        tell(tail.in_whole(reader.next_offset()));
+        report(tail.in_whole(reader.next_offset()));
       }
       if (reader.stop()->reason == mcap::Stop::Reason::kEnd) {
         return {};
@@ -429,8 +429,8 @@ class Recoverer {
     indexed_messages_.reset();
   }
 
-  void tell(std::uint64_t bytes) {
-    if (progress_ && ++told_ % kRecordsPerProgress == 0) {
+  void report(std::uint64_t bytes) {
+    if (progress_ && ++records_ % kRecordsPerProgress == 0) {
       progress_(bytes);
     }
   }
@@ -449,7 +449,7 @@ class Recoverer {
   Summer sum_;
   Recovery result_;
   std::uint64_t restart_bytes_ = 0;
-  unsigned told_ = 0;
+  unsigned records_ = 0;
 
   // Of the chunk that is being read, and the message indexes behind it.
   bool chunk_lost_ = false;
@@ -474,7 +474,7 @@ Recovery recover(const mcap::Source& in, mcap::Sink& out, const RecoverOptions& 
 void verify(const mcap::Source& file, const ContentSum& written, const Progress& progress) {
   mcap::RecordReader reader(file);
   Summer sum;
-  unsigned told = 0;
+  unsigned records = 0;
   while (const std::optional<mcap::Record> record = reader.next()) {
     std::visit(
         [&](const auto& one) {
@@ -483,7 +483,7 @@ void verify(const mcap::Source& file, const ContentSum& written, const Progress&
           }
         },
         *record);
-    if (progress && ++told % kRecordsPerProgress == 0) {
+    if (progress && ++records % kRecordsPerProgress == 0) {
       progress(reader.next_offset());
     }
   }

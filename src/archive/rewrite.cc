@@ -324,7 +324,7 @@ class Rewriter {
 
   void choose_explanation() {
     Once once_attached;
-    Once once_said;
+    Once once_listed;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
       const mcap::Reader& reader = inputs_[i]->reader;
       for (std::size_t k = 0; k < reader.attachments().size(); ++k) {
@@ -333,7 +333,7 @@ class Rewriter {
         }
       }
       for (std::size_t k = 0; k < reader.metadata().size(); ++k) {
-        if (is_wanted_metadata({i, k}, once_said)) {
+        if (is_wanted_metadata({i, k}, once_listed)) {
           metadata_.push_back({i, k});
         }
       }
@@ -419,7 +419,7 @@ class Rewriter {
   }
 
   void take(const Input& input, const mcap::StoredMessage& message) {
-    tell();
+    report_progress();
     mcap::MessageHead head = message;
     head.channel_id = input.channels.at(message.channel_id);
     const bool is_infos = message.channel->topic == kInfosTopic;
@@ -496,7 +496,7 @@ class Rewriter {
     ++result_.messages;
   }
 
-  void tell() {
+  void report_progress() {
     if (progress_ && ++given_ % kMessagesPerProgress == 0) {
       progress_(
           static_cast<std::uint64_t>(static_cast<double>(bytes_in_) * static_cast<double>(given_) /

@@ -19,7 +19,7 @@ struct Part {
   std::string place;
 
   [[noreturn]] void fail(const std::string& expected) const {
-    throw ViewMistake(
+    throw ViewError(
         fmt::format("{}: expected {}, found {}", place.empty() ? "/" : place, expected,
                     json.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 60)));
   }
@@ -38,7 +38,7 @@ struct Part {
     }
     for (const auto& [key, value] : json.items()) {
       if (std::ranges::find(keys, key) == keys.end()) {
-        throw ViewMistake(fmt::format("{}/{}: there is no such key", place, key));
+        throw ViewError(fmt::format("{}/{}: there is no such key", place, key));
       }
     }
   }
@@ -156,7 +156,7 @@ View parse_view(std::string_view text) {
   try {
     json = Json::parse(text, nullptr, true, true);
   } catch (const Json::parse_error& error) {
-    throw ViewMistake(fmt::format("expected JSON, found a syntax error at byte {}", error.byte));
+    throw ViewError(fmt::format("expected JSON, found a syntax error at byte {}", error.byte));
   }
   const Part part{json, ""};
   part.expect_only({"constants", "layers"});

@@ -13,7 +13,7 @@
 namespace fastcycle::archive {
 
 /// An error in a view, with its place.
-class ViewMistake final : public std::runtime_error {
+class ViewError final : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
@@ -54,7 +54,7 @@ struct View {
 
 /// Parses a view: JSON, with comments. docs/reference/page.md has the format.
 ///
-/// @errors  `ViewMistake` with the place in it.
+/// @errors  `ViewError` with the place in it.
 View parse_view(std::string_view text);
 
 }  // namespace fastcycle::archive

@@ -40,7 +40,7 @@ struct ViewData {
 ///
 /// `progress` receives the part of `bytes` in proportion to the processed time of the log.
 ///
-/// @errors  `ViewMistake`. `std::runtime_error` if no layer has messages and one must, or more than
+/// @errors  `ViewError`. `std::runtime_error` if no layer has messages and one must, or more than
 /// `most_bytes`
 ///          would be needed. `mcap::Error` of the log.
 ViewData view_data(const mcap::Reader& reader, std::string_view view, const ViewOptions& options,

@@ -42,11 +42,11 @@ json messages(const Viewed& viewed) {
   return viewed.page.at("layers").at("it").at("messages");
 }
 
-std::string mistake(const std::string& view) {
+std::string error_of(const std::string& view) {
   try {
     (void)viewed(scenes({"name: 'a'"}), view);
-  } catch (const ViewMistake& mistake) {
-    return mistake.what();
+  } catch (const ViewError& error) {
+    return error.what();
   }
   return "";
 }
@@ -200,15 +200,16 @@ TEST(ViewData, ATimeBehindTheLogIsAnError) {
 }
 
 TEST(ViewData, WhatIsWrongWithAViewIsSaidWithItsPlace) {
-  EXPECT_EQ(mistake("{"), "expected JSON, found a syntax error at byte 2");
-  EXPECT_EQ(mistake("7"), "/: expected an object, found 7");
-  EXPECT_EQ(mistake("{}"), "/: expected an object with \"layers\", found {}");
-  EXPECT_EQ(mistake(R"({"layers": {}})"), "/layers: expected an object of layers, found {}");
-  EXPECT_EQ(mistake(R"({"layers": {"a": {"topik": 1}}})"), "/layers/a/topik: there is no such key");
-  EXPECT_EQ(mistake(R"({"layers": {"a": {"topic": "t", "fields": {"x": 3}}}})"),
+  EXPECT_EQ(error_of("{"), "expected JSON, found a syntax error at byte 2");
+  EXPECT_EQ(error_of("7"), "/: expected an object, found 7");
+  EXPECT_EQ(error_of("{}"), "/: expected an object with \"layers\", found {}");
+  EXPECT_EQ(error_of(R"({"layers": {}})"), "/layers: expected an object of layers, found {}");
+  EXPECT_EQ(error_of(R"({"layers": {"a": {"topik": 1}}})"),
+            "/layers/a/topik: there is no such key");
+  EXPECT_EQ(error_of(R"({"layers": {"a": {"topic": "t", "fields": {"x": 3}}}})"),
             "/layers/a/fields/x: expected an object, found 3");
   EXPECT_EQ(
-      mistake(R"({"layers": {"a": {"topic": "t", "fields": {"x": {"from": "f", "every": 0}}}}})"),
+      error_of(R"({"layers": {"a": {"topic": "t", "fields": {"x": {"from": "f", "every": 0}}}}})"),
       "/layers/a/fields/x/every: expected a whole number in [1, 1000000], found 0");
 }
 

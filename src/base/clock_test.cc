@@ -57,7 +57,7 @@ TEST(Clock, RestartedItGoesOnFromThere) {
   EXPECT_EQ(simulated.now(), begin);
 }
 
-TEST(Clock, ALiveClockStandsUntilItIsToldToGoOn) {
+TEST(Clock, ALiveClockStandsUntilItIsResumed) {
   const Time begin{5s};
   Clock clock = Clock::live(2.0);
   clock.stand_at(begin);

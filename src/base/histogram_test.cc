@@ -60,7 +60,7 @@ TYPED_TEST(Histograms, MeanAndDeviationAreExact) {
   EXPECT_DOUBLE_EQ(histogram.summary().standard_deviation, 1000.0);
 }
 
-TYPED_TEST(Histograms, ShortTimesAreToldApartByFourNanoseconds) {
+TYPED_TEST(Histograms, ShortTimesAreDistinguishedByFourNanoseconds) {
   TypeParam histogram;
   histogram.record(0);
   histogram.record(41);

@@ -14,7 +14,7 @@
 namespace fastcycle::detail {
 namespace {
 
-constexpr std::int64_t kTellNs = 1'000'000'000;
+constexpr std::int64_t kReportNs = 1'000'000'000;
 
 /// The escape sequences before and after a level on a terminal.
 const char* colour_of(LogLevel level) noexcept {
@@ -127,10 +127,10 @@ void LogQueue::print(const LogLine& line) noexcept {
   std::fprintf(stderr, "%s%s%s%s%s%s\n", is_terminal_ ? "\r\x1b[K" : "",
                head_of(line, start).c_str(), colour, to_word(line.level),
                *colour == '\0' ? "" : "\x1b[0m", rest_of(line).c_str());
-  tell(line);
+  notify(line);
 }
 
-void LogQueue::tell(const LogLine& line) noexcept {
+void LogQueue::notify(const LogLine& line) noexcept {
   const std::lock_guard lock(listener_mutex_);
   for (const auto& [who, listener] : listeners_) {
     listener(line);
@@ -148,29 +148,29 @@ void LogQueue::print_line() noexcept {
 }
 
 /// Logs how many lines found the queue full since the last call.
-void LogQueue::tell_lost() noexcept {
+void LogQueue::report_lost() noexcept {
   const std::uint64_t lost = lost_.load(std::memory_order_relaxed);
-  if (lost == told_lost_) {
+  if (lost == reported_lost_) {
     return;
   }
   std::array<char, 128> text{};
   const auto written = fmt::format_to_n(text.data(), text.size(),
                                         "{} lines of log were lost: the queue of {} lines was full",
-                                        lost - std::exchange(told_lost_, lost), kCapacity);
+                                        lost - std::exchange(reported_lost_, lost), kCapacity);
   print({.time = clock_.now(),
          .level = LogLevel::kWarning,
          .component = kOwnName,
          .text = {text.data(), std::min(written.size, text.size())}});
-  next_tell_ns_ = base::monotonic_ns() + kTellNs;
+  next_report_ns_ = base::monotonic_ns() + kReportNs;
 }
 
 void LogQueue::print_until_stopped() noexcept {
   for (;;) {
     while (has_line()) {
       print_line();
-      if (lost_.load(std::memory_order_relaxed) != told_lost_ &&
-          base::monotonic_ns() >= next_tell_ns_) {
-        tell_lost();
+      if (lost_.load(std::memory_order_relaxed) != reported_lost_ &&
+          base::monotonic_ns() >= next_report_ns_) {
+        report_lost();
       }
     }
     std::fflush(stderr);
@@ -179,7 +179,7 @@ void LogQueue::print_until_stopped() noexcept {
       sleepers_.withdraw(0);
     } else if (is_stopping_.load()) {
       sleepers_.withdraw(0);
-      tell_lost();
+      report_lost();
       std::fflush(stderr);
       return;
     } else {
@@ -220,12 +220,12 @@ void LogSource::write(LogLevel level, std::string_view component, std::string_vi
     return;
   }
   const Time time = now();
-  const std::string_view said_by = component.empty() ? LogQueue::kOwnName : component;
-  queue_.write({.time = time, .level = level, .component = said_by, .text = text});
+  const std::string_view source = component.empty() ? LogQueue::kOwnName : component;
+  queue_.write({.time = time, .level = level, .component = source, .text = text});
   if (is_kept_.load(std::memory_order_relaxed)) {
     keep_line({.time = time,
                .level = level,
-               .component = std::string(said_by),
+               .component = std::string(source),
                .text = std::string(text.substr(0, LogQueue::kTextBytes))});
   }
 }

@@ -64,7 +64,7 @@ class LogQueue {
   /// `who`, which is not called any more once this has returned.
   void set_listener(const void* who, Listener listener);
   /// Passes a line that another process of the application printed to the listeners. Safe.
-  void tell(const LogLine& line) noexcept;
+  void notify(const LogLine& line) noexcept;
 
  private:
   struct Slot {
@@ -80,7 +80,7 @@ class LogQueue {
   [[nodiscard]] bool has_line() const noexcept;
   void print_line() noexcept;
   void print(const LogLine& line) noexcept;
-  void tell_lost() noexcept;
+  void report_lost() noexcept;
   void print_until_stopped() noexcept;
 
   const base::Clock& clock_;
@@ -96,8 +96,8 @@ class LogQueue {
 
   // Printing thread only.
   std::size_t head_ = 0;
-  std::uint64_t told_lost_ = 0;
-  std::int64_t next_tell_ns_ = 0;
+  std::uint64_t reported_lost_ = 0;
+  std::int64_t next_report_ns_ = 0;
 
   std::mutex listener_mutex_;
   std::vector<std::pair<const void*, Listener>> listeners_;

@@ -113,15 +113,15 @@ TEST_F(LogTest, KnowsWhetherAllIsPrinted) {
   EXPECT_EQ(printed(), "0.000000 info planner: one\n0.000000 info planner: two\n");
 }
 
-TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsToldAndCounted) {
+TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsReportedAndCounted) {
   constexpr std::uint64_t kLines = 1'000'000;
-  std::uint64_t heard = 0;
-  std::uint64_t told = 0;
+  std::uint64_t received = 0;
+  std::uint64_t reported = 0;
   queue_->set_listener(this, [&](const LogLine& line) {
     if (line.component == LogQueue::kOwnName) {
-      told += std::stoull(std::string(line.text));
+      reported += std::stoull(std::string(line.text));
     } else {
-      ++heard;
+      ++received;
     }
   });
   LogSource source(*queue_, "flood", clock_, LogLevel::kInfo);
@@ -134,10 +134,10 @@ TEST_F(LogTest, AFloodIsBoundedAndWhatIsLostIsToldAndCounted) {
   flood();
   other.join();
   EXPECT_THAT(printed(), HasSubstr("water"));
-  EXPECT_EQ(heard + told, kLines);
+  EXPECT_EQ(received + reported, kLines);
 }
 
-TEST_F(LogTest, EachListenerHearsUntilItIsTakenAway) {
+TEST_F(LogTest, EachListenerIsCalledUntilItIsTakenAway) {
   std::vector<std::string> first;
   std::vector<std::string> second;
   queue_->set_listener(&first, [&](const LogLine& line) { first.emplace_back(line.text); });

@@ -438,11 +438,11 @@ TEST_F(Broker, ADryPoolLendsAllTheSameAndCountsTheLossForEverySubscriber) {
   EXPECT_EQ(reader.take(), 200) << "once messages came back, all is as before";
 }
 
-/// Remembers what it is told.
+/// Stores the reported shortages.
 class NotingPoolWatch final : public PoolWatch {
  public:
-  void ran_short(const PoolShortage& shortage) noexcept override { told.push_back(shortage); }
-  std::vector<PoolShortage> told;
+  void ran_short(const PoolShortage& shortage) noexcept override { reported.push_back(shortage); }
+  std::vector<PoolShortage> reported;
 };
 
 TEST_F(Broker, WhoKeepsTooMuchRunsOutOfItsOwnShareAndNobodyElseLosesAnything) {
@@ -468,11 +468,11 @@ TEST_F(Broker, WhoKeepsTooMuchRunsOutOfItsOwnShareAndNobodyElseLosesAnything) {
   EXPECT_TRUE(hoarder.subscription->ledger().adds_up());
   EXPECT_EQ(speed.kept_by(hoarder.subscription->holder), kept.size());
   EXPECT_LE(speed.allocated(), 2U * (2 + 17 + 17) + 64);
-  ASSERT_EQ(watch.told.size(), 3U) << "of the 1st, the 10th and the 100th that is dropped";
-  EXPECT_EQ(watch.told[0].kind, PoolShortage::Kind::kKept);
-  EXPECT_EQ(watch.told[0].publisher, "planner");
-  EXPECT_EQ(watch.told[0].held, kept.size());
-  EXPECT_GE(watch.told[0].share, kept.size());
+  ASSERT_EQ(watch.reported.size(), 3U) << "of the 1st, the 10th and the 100th that is dropped";
+  EXPECT_EQ(watch.reported[0].kind, PoolShortage::Kind::kKept);
+  EXPECT_EQ(watch.reported[0].publisher, "planner");
+  EXPECT_EQ(watch.reported[0].held, kept.size());
+  EXPECT_GE(watch.reported[0].share, kept.size());
   kept.clear();
   EXPECT_EQ(speed.kept_by(hoarder.subscription->holder), 0U);
   publish(speed, 1'000);
@@ -649,9 +649,9 @@ TEST_F(Broker, AComponentThatHoardsLoansIsNamedAndThenRefused) {
   EXPECT_LT(loans.size(), 100U);
   EXPECT_NE(refusal.find("component \"planner\" holds 74 loans of \"t\""), std::string::npos)
       << refusal;
-  ASSERT_FALSE(watch.told.empty());
-  EXPECT_EQ(watch.told.front().kind, PoolShortage::Kind::kLoans);
-  EXPECT_EQ(watch.told.front().component, "planner");
+  ASSERT_FALSE(watch.reported.empty());
+  EXPECT_EQ(watch.reported.front().kind, PoolShortage::Kind::kLoans);
+  EXPECT_EQ(watch.reported.front().component, "planner");
   for (Envelope* loan : loans) {
     speed.return_loan(loan);
   }
@@ -816,7 +816,7 @@ TEST_F(Broker, LanesThatShareABitAreServedInTheOrderOfTheirPushes) {
   EXPECT_EQ(swapped, 0);
 }
 
-TEST_F(Broker, TwoPublishersOfOneComponentOnOneTopicAreToldApart) {
+TEST_F(Broker, TwoPublishersOfOneComponentOnOneTopicAreDistinguished) {
   const TopicOptions options{.multiple_publishers = true};
   PublisherCore& first = publisher("planner", options);
   PublisherCore& second = publisher("planner", options);
@@ -956,7 +956,7 @@ TEST_F(Broker, ASubscriptionThatEndsWhileItsPublisherPushesLosesNothing) {
 
 // What a head says of its message is what the message says of itself, also where the publisher
 // writes over the only slot while it is read, and until the very end of a lane.
-TEST_F(Broker, AHeadTellsWhatItsMessageTells) {
+TEST_F(Broker, AHeadHasWhatItsMessageHas) {
   const auto& type = Int64Value::default_instance();
   for (const Overflow overflow : {Overflow::kDropOldest, Overflow::kDropNewest}) {
     for (const std::size_t depth : {1U, 2U, 3U}) {

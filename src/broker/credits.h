@@ -105,7 +105,7 @@ class Credits {
   [[nodiscard]] bool take_returned() noexcept;
 
   /// Sets the inbox that is marked, by its timer bit, when credits were returned.
-  void tell(Inbox& inbox) noexcept { inbox_ = &inbox; }
+  void set_inbox(Inbox& inbox) noexcept { inbox_ = &inbox; }
 
   /// For foreign threads: changes when credits were returned, or a thread was woken.
   [[nodiscard]] std::uint32_t epoch() const noexcept {

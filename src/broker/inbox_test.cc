@@ -98,7 +98,7 @@ class ManyLanes : public ::testing::Test {
     return topics_[topic]->subscription->lanes().back();
   }
 
-  /// The subscription of `topic` ends, and its publisher hears of it later.
+  /// The subscription of `topic` ends, and its publisher is notified of it later.
   std::shared_ptr<Lane> end(std::size_t topic) {
     auto its_lane = lane(topic);
     topics_[topic]->subscription->close(DropReason::kUnsubscribed);

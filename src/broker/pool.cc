@@ -83,7 +83,7 @@ void Pool::add_counts(Slab& slab) const {
   }
 }
 
-void Pool::tell_holders_apart(std::size_t count) {
+void Pool::distinguish_holders(std::size_t count) {
   holder_count_ = count;
   kept_ = std::make_unique<Kept[]>(count);
   for (Slab& slab : slabs_) {

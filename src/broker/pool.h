@@ -54,7 +54,7 @@ class Pool {
 
   /// Enables counting of the samples that each of `count` holders keeps; before anything is
   /// published.
-  void tell_holders_apart(std::size_t count);
+  void distinguish_holders(std::size_t count);
   /// How many messages `holder` keeps beyond its callbacks. Safe.
   [[nodiscard]] std::size_t kept_by(Holder holder) const noexcept {
     return holder < holder_count_ ? kept_[holder].count() : 0;

@@ -86,8 +86,8 @@ void PoolShares::hold_back(Lane& lane, const Pool& pool) const noexcept {
   }
 }
 
-void PoolShares::tell_dry(std::span<const Target> targets, const Pool& pool,
-                          std::size_t loans) noexcept {
+void PoolShares::report_shortage(std::span<const Target> targets, const Pool& pool,
+                                 std::size_t loans) noexcept {
   if (topic_.pool_watch == nullptr || !is_power_of_ten(++dry_count_)) {
     return;
   }

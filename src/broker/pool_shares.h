@@ -54,7 +54,8 @@ class PoolShares {
   /// Counts a message that `lane` does not receive, and reports the component that keeps too many.
   void hold_back(Lane& lane, const Pool& pool) const noexcept;
   /// The pool is empty, and the owner holds `loans`: reports the holder of most messages.
-  void tell_dry(std::span<const Target> targets, const Pool& pool, std::size_t loans) noexcept;
+  void report_shortage(std::span<const Target> targets, const Pool& pool,
+                       std::size_t loans) noexcept;
 
  private:
   [[nodiscard]] std::size_t share_of(const Lane& lane) const noexcept;

@@ -26,8 +26,8 @@ Envelope* take_loan(PublisherCore& publisher, bool cleared) {
   if (!is_in_activation_of(publisher.owner)) [[unlikely]] {
     called_outside(publisher.owner, "loan() for", publisher.topic.name, kPublishFromThreads);
   }
-  if (publisher.owner.told != nullptr) [[unlikely]] {
-    publisher.check_told_loan();
+  if (publisher.owner.replayed != nullptr) [[unlikely]] {
+    publisher.check_replayed_loan();
   }
   return publisher.loan(cleared);
 }

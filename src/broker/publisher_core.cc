@@ -96,16 +96,16 @@ std::size_t PublisherCore::count_latched_for(const Lane& lane) const noexcept {
   return count;
 }
 
-void PublisherCore::tell_holders_apart(std::size_t count) {
+void PublisherCore::distinguish_holders(std::size_t count) {
   if (published() > 0) {
     return;  // Holders are counted already, or not at all.
   }
-  pool_->tell_holders_apart(count + kLateHolders);
-  forwards_->tell_holders_apart(count + kLateHolders);
+  pool_->distinguish_holders(count + kLateHolders);
+  forwards_->distinguish_holders(count + kLateHolders);
 }
 
 void PublisherCore::check_loans() const {
-  if (loans_ < shares_.limit() + kLoansBeyondPool || owner.told != nullptr) {
+  if (loans_ < shares_.limit() + kLoansBeyondPool || owner.replayed != nullptr) {
     return;
   }
   const std::string why = fmt::format(
@@ -121,8 +121,8 @@ std::string PublisherCore::loan_in_words() const {
   return fmt::format("loan {} of {}", loans_ + 1, topic.name);
 }
 
-void PublisherCore::check_told_loan() const {
-  if (const auto why = owner.told_refusal(loan_in_words())) {
+void PublisherCore::check_replayed_loan() const {
+  if (const auto why = owner.replayed_refusal(loan_in_words())) {
     throw std::length_error(*why);
   }
 }
@@ -193,7 +193,7 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
     pool.grow(1, prototype_.get());
     return pool.take();
   }
-  shares_.tell_dry(targets_, pool, loans_);
+  shares_.report_shortage(targets_, pool, loans_);
   if (scratch == nullptr) {
     pool.grow(1, prototype_.get());
     scratch = pool.take();
@@ -761,7 +761,7 @@ void PublisherCore::put_into_lanes(Envelope* envelope) noexcept {
   }
 }
 
-/// Who only looks on is given what was published. Another process has a gate of its own.
+/// Observers are given what was published. Another process has a gate of its own.
 void PublisherCore::put_through_gate(Envelope* envelope) noexcept {
   const std::lock_guard lock(gate_->mutex);
   const Pool& pool = *envelope->pool;

@@ -65,7 +65,7 @@ class PublisherCore {
 
   /// Enables counting of the samples that each of `count` subscriptions of the topic keeps, and a
   /// few more that may be added while it runs. Before anything is published.
-  void tell_holders_apart(std::size_t count);
+  void distinguish_holders(std::size_t count);
   /// How many of its messages the component of a subscription keeps beyond its callbacks. Safe.
   [[nodiscard]] std::size_t kept_by(Holder holder) const noexcept {
     return pool_->kept_by(holder) + forwards_->kept_by(holder);
@@ -216,7 +216,7 @@ class PublisherCore {
   }
 
   /// In a replay: refuses the next loan if it was refused in the recorded run.
-  void check_told_loan() const;
+  void check_replayed_loan() const;
 
  private:
   void check_loans() const;

@@ -92,7 +92,7 @@ struct PublishingComponent {
   /// Records the reads of its activations; null if they are not recorded.
   ReadRing* reads = nullptr;
   /// In a replay: the recorded reads of its activations. Else null.
-  ToldReads* told = nullptr;
+  ReplayedReads* replayed = nullptr;
   /// Its process is a standby: its activations were executed in the followed one before.
   bool is_following = false;
   ActivationBell* follower = nullptr;  ///< Rung after each activation; null: no process follows it.
@@ -111,8 +111,8 @@ struct PublishingComponent {
   /// The result of `find()`, or in a replay the recorded one.
   template <typename Find>
   std::uint64_t learn(ReadKind kind, PublisherId about, const Find& find) const {
-    if (told != nullptr) [[unlikely]] {
-      if (const ToldReads::Entry* entry = told->take(kind, about)) {
+    if (replayed != nullptr) [[unlikely]] {
+      if (const ReplayedReads::Entry* entry = replayed->take(kind, about)) {
         return entry->read.value;
       }
     }
@@ -128,8 +128,8 @@ struct PublishingComponent {
     }
   }
   /// In a replay: why `call` was refused in the recorded activation; none if it was not.
-  [[nodiscard]] std::optional<std::string> told_refusal(std::string_view call) const {
-    return told == nullptr ? std::nullopt : told->take_text(ReadKind::kRefused, call);
+  [[nodiscard]] std::optional<std::string> replayed_refusal(std::string_view call) const {
+    return replayed == nullptr ? std::nullopt : replayed->take_text(ReadKind::kRefused, call);
   }
 
   /// An activation begins on the calling thread.

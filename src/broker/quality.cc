@@ -92,7 +92,7 @@ void Quality::begin(std::int64_t now_ns) noexcept {
   deadline_.begin(now_ns);
 }
 
-std::int64_t Quality::heard_ns(const Source& source) const noexcept {
+std::int64_t Quality::last_alive_ns(const Source& source) const noexcept {
   return std::max({begin_ns_, source.alive_ns, source.lane->newest_ns()});
 }
 
@@ -121,9 +121,9 @@ std::optional<QosEvent> Quality::look(std::int64_t now_ns) noexcept {
   }
   if (lease_) {
     for (Source& source : sources_) {
-      const std::int64_t heard = heard_ns(source);
-      if (!source.is_lost && now_ns - heard > lease_->count()) {
-        return lose(source, "silent", heard, heard);
+      const std::int64_t last_alive = last_alive_ns(source);
+      if (!source.is_lost && now_ns - last_alive > lease_->count()) {
+        return lose(source, "silent", last_alive, last_alive);
       }
     }
   }
@@ -134,7 +134,7 @@ std::int64_t Quality::next_look_ns() const noexcept {
   std::int64_t next_ns = deadline_.next_look_ns();
   for (const Source& source : sources_) {
     if (lease_ && !source.is_lost) {
-      next_ns = std::min(next_ns, heard_ns(source) + lease_->count() + 1);
+      next_ns = std::min(next_ns, last_alive_ns(source) + lease_->count() + 1);
     }
   }
   return next_ns;
@@ -155,7 +155,7 @@ Quality::Verdict Quality::judge(const Lane& lane, const Lane::Head& head, std::i
   if (Source* source = find(lane)) {
     if (source->is_lost && head.time_ns > source->lost_ns) {
       event = gain(*source, "publishes", now_ns);
-      return Verdict::kTell;
+      return Verdict::kReport;
     }
     if (source->sequence != 0 && head.sequence > source->sequence + 1) {
       messages_lost.add(head.sequence - source->sequence - 1);
@@ -165,7 +165,7 @@ Quality::Verdict Quality::judge(const Lane& lane, const Lane::Head& head, std::i
                .publisher = source->component,
                .count = messages_lost.get(),
                .since = base::from_ns(now_ns)};
-      return Verdict::kTell;
+      return Verdict::kReport;
     }
   }
   if (!is_expired(head.time_ns, now_ns)) {
@@ -215,8 +215,9 @@ QosEvent Quality::gain(Source& source, std::string_view reason, std::int64_t sin
           .since = base::from_ns(since_ns)};
 }
 
-std::optional<QosEvent> Quality::hear(PublisherId publisher, bool is_alive, std::string_view reason,
-                                      std::int64_t now_ns) noexcept {
+std::optional<QosEvent> Quality::on_liveliness(PublisherId publisher, bool is_alive,
+                                               std::string_view reason,
+                                               std::int64_t now_ns) noexcept {
   for (Source& source : sources_) {
     if (source.lane->publisher == publisher && source.is_lost == is_alive) {
       return is_alive ? gain(source, reason, now_ns) : lose(source, reason, now_ns, now_ns);

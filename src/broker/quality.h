@@ -93,7 +93,7 @@ class Quality final : public Watch {
   /// What to do with the next message.
   enum class Verdict : std::uint8_t {
     kDeliver,
-    kTell,     ///< Report the event first; then judge again.
+    kReport,   ///< Report the event first; then judge again.
     kExpired,  ///< It is dropped, and the event reported.
   };
 
@@ -132,8 +132,9 @@ class Quality final : public Watch {
   [[nodiscard]] bool is_expired(std::int64_t published_ns, std::int64_t now_ns) const noexcept;
 
   /// The component of `publisher` has ended, or is back; returns the event to report.
-  [[nodiscard]] std::optional<QosEvent> hear(PublisherId publisher, bool is_alive,
-                                             std::string_view reason, std::int64_t now_ns) noexcept;
+  [[nodiscard]] std::optional<QosEvent> on_liveliness(PublisherId publisher, bool is_alive,
+                                                      std::string_view reason,
+                                                      std::int64_t now_ns) noexcept;
 
   [[nodiscard]] std::optional<Duration> deadline() const noexcept { return deadline_.period(); }
   [[nodiscard]] std::optional<Duration> lifespan() const noexcept { return lifespan_; }
@@ -160,7 +161,7 @@ class Quality final : public Watch {
 
   [[nodiscard]] Source* find(const Lane& lane) noexcept;
   [[nodiscard]] std::int64_t newest_ns(std::int64_t now_ns) noexcept;
-  [[nodiscard]] std::int64_t heard_ns(const Source& source) const noexcept;
+  [[nodiscard]] std::int64_t last_alive_ns(const Source& source) const noexcept;
   [[nodiscard]] QosEvent lose(Source& source, std::string_view reason, std::int64_t lost_ns,
                               std::int64_t since_ns) noexcept;
   [[nodiscard]] QosEvent gain(Source& source, std::string_view reason,

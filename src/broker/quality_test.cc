@@ -126,15 +126,15 @@ TEST_F(QualityOfService, ADeadlineIsKeptByAnyPublisherAndALeaseByEachOne) {
   EXPECT_EQ(event->kind, QosKind::kLivelinessLost);
   EXPECT_EQ(event->publisher, "two");
   EXPECT_EQ(event->reason, "silent");
-  EXPECT_FALSE(quality.look(at(14ms))) << "told once";
+  EXPECT_FALSE(quality.look(at(14ms))) << "reported once";
 }
 
 TEST_F(QualityOfService, AFailedPublisherIsLostOnceAndAliveAgainOnlyByWhatCameLater) {
   Quality& quality = subscribe({.on_event = [](const QosEvent&) {}});
   publish(0, 5ms);
 
-  EXPECT_TRUE(quality.hear(publishers_[0]->id, false, "failed", at(6ms)));
-  EXPECT_FALSE(quality.hear(publishers_[0]->id, false, "stopped", at(7ms)));
+  EXPECT_TRUE(quality.on_liveliness(publishers_[0]->id, false, "failed", at(6ms)));
+  EXPECT_FALSE(quality.on_liveliness(publishers_[0]->id, false, "stopped", at(7ms)));
   Inbox::Head head;
   ASSERT_TRUE(inbox_.peek(head));
   QosEvent event;
@@ -145,7 +145,7 @@ TEST_F(QualityOfService, AFailedPublisherIsLostOnceAndAliveAgainOnlyByWhatCameLa
   release(head.head.envelope);
   publish(0, 9ms);
   ASSERT_TRUE(inbox_.peek(head));
-  EXPECT_EQ(quality.judge(*head.lane, head.head, at(9ms), event), Quality::Verdict::kTell);
+  EXPECT_EQ(quality.judge(*head.lane, head.head, at(9ms), event), Quality::Verdict::kReport);
   EXPECT_EQ(event.kind, QosKind::kLivelinessGained);
   EXPECT_EQ(quality.judge(*head.lane, head.head, at(9ms), event), Quality::Verdict::kDeliver);
 }

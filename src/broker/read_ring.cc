@@ -77,13 +77,14 @@ std::uint64_t ReadRing::read(std::uint64_t& next, std::vector<Read>& reads) cons
   return lost;
 }
 
-void ToldReads::begin(std::span<const Entry> entries) {
+void ReplayedReads::begin(std::span<const Entry> entries) {
   entries_ = entries;
   is_taken_.assign(entries.size(), false);
   has_missed_ = false;
 }
 
-const ToldReads::Entry* ToldReads::take(ReadKind kind, PublisherId about, std::uint32_t place) {
+const ReplayedReads::Entry* ReplayedReads::take(ReadKind kind, PublisherId about,
+                                                std::uint32_t place) {
   for (std::size_t i = 0; i < entries_.size(); ++i) {
     const Read& read = entries_[i].read;
     if (!is_taken_[i] && read.kind == kind && read.publisher == about && read.place == place) {
@@ -95,7 +96,7 @@ const ToldReads::Entry* ToldReads::take(ReadKind kind, PublisherId about, std::u
   return nullptr;
 }
 
-std::optional<std::string> ToldReads::take_text(ReadKind kind, std::string_view name) {
+std::optional<std::string> ReplayedReads::take_text(ReadKind kind, std::string_view name) {
   for (std::size_t i = 0; i < entries_.size(); ++i) {
     const Entry& entry = entries_[i];
     if (!is_taken_[i] && entry.read.kind == kind && entry.text.size() > name.size() &&
@@ -107,7 +108,7 @@ std::optional<std::string> ToldReads::take_text(ReadKind kind, std::string_view 
   return std::nullopt;
 }
 
-bool ToldReads::has(ReadKind kind) const noexcept {
+bool ReplayedReads::has(ReadKind kind) const noexcept {
   return std::ranges::any_of(entries_,
                              [kind](const Entry& entry) { return entry.read.kind == kind; });
 }

@@ -110,7 +110,7 @@ class ReadRing {
 ///
 /// @threads  Confined to the component's activations, and between them to the thread that executes
 ///           them.
-class ToldReads {
+class ReplayedReads {
  public:
   /// One read; of a text, all of it.
   struct Entry {

@@ -151,7 +151,7 @@ void Topics::connect(PublisherCore& publisher, Subscription& subscription) {
 void Topics::connect_all() {
   for (const auto& [name, topic] : topics_) {
     for (const auto& publisher : topic->publishers) {
-      publisher->tell_holders_apart(topic->holder_count);
+      publisher->distinguish_holders(topic->holder_count);
       for (const auto& subscription : topic->subscriptions) {
         connect(*publisher, *subscription);
       }

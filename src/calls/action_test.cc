@@ -42,7 +42,7 @@ class Walker final : public Component {
     ActionServerOptions options{.max_goals = 2};
     if (how_.get() != "default") {
       options.on_cancel = [this](std::uint64_t goal) {
-        report("told", true);
+        report("result", true);
         if (how_.get() == "at_once") {
           cancel(goal);
         }
@@ -116,14 +116,15 @@ class Walker final : public Component {
   std::int64_t total_ = 0;
 };
 
-/// Sends a goal for each number on "go", cancels the last one for 1000000; tells what it hears.
+/// Sends a goal for each number on "go", cancels the last one for 1000000; publishes what it
+/// receives.
 class Sender final : public Component {
  public:
   explicit Sender(Context& context)
       : Component(context),
         deadline_ms_(context.param<std::int64_t>("deadline_ms", {.fallback = 0})),
         walks_(context.create_action_client<Int64Value, Int64Value, Int64Value>("walk")),
-        told_(context.create_publisher<StringValue>("told")) {
+        results_(context.create_publisher<StringValue>("results")) {
     context.create_subscriber<Int64Value>("go", [this](const Int64Value& go) {
       if (go.value() == 1'000'000) {
         walk_.cancel();
@@ -139,26 +140,26 @@ class Sender final : public Component {
     if (deadline_ms_.get() > 0) {
       options.call.deadline = std::chrono::milliseconds(deadline_ms_.get());
     }
-    options.on_accepted = [this] { tell("accepted"); };
-    options.on_feedback = [this](const Int64Value& done) { tell(std::to_string(done.value())); };
+    options.on_accepted = [this] { publish("accepted"); };
+    options.on_feedback = [this](const Int64Value& done) { publish(std::to_string(done.value())); };
     auto goal = walks_.loan();
     goal->CopyFrom(go);
     walk_ = walks_.send(std::move(goal), std::move(options), [this](const Reply<Int64Value>& end) {
       const bool has_end = end.has_value() && end.status() != CallStatus::kAborted;
-      tell((end.ok() ? "ok" : std::string(end.error())) +
-           (has_end ? ": " + std::to_string(end->value()) : ""));
+      publish((end.ok() ? "ok" : std::string(end.error())) +
+              (has_end ? ": " + std::to_string(end->value()) : ""));
     });
   }
 
-  void tell(const std::string& text) {
-    auto told = told_.loan();
-    told->set_value(text);
-    told_.publish(std::move(told));
+  void publish(const std::string& text) {
+    auto result = results_.loan();
+    result->set_value(text);
+    results_.publish(std::move(result));
   }
 
   Param<std::int64_t> deadline_ms_;
   ActionClient<Int64Value, Int64Value, Int64Value> walks_;
-  Publisher<StringValue> told_;
+  Publisher<StringValue> results_;
   Call walk_;
 };
 
@@ -169,21 +170,21 @@ struct AGoal : ::testing::Test {
     bench.add<Walker>("walker", R"({"serve_period_ms": 10, )" + walker.substr(1));
     bench.add<Sender>("sender", sender);
     go.emplace(bench.input<Int64Value>("go"));
-    told.emplace(bench.output<StringValue>("told"));
+    results.emplace(bench.output<StringValue>("results"));
     bench.start();
   }
 
-  std::vector<std::string> say(std::int64_t value) {
+  std::vector<std::string> send_goal(std::int64_t value) {
     go->publish(number(value));
-    return heard();
+    return received();
   }
   std::vector<std::string> after(Duration span) {
     bench.advance(span);
-    return heard();
+    return received();
   }
-  std::vector<std::string> heard() {
+  std::vector<std::string> received() {
     std::vector<std::string> texts;
-    for (const StringValue& message : told->take()) {
+    for (const StringValue& message : results->take()) {
       texts.push_back(message.value());
     }
     return texts;
@@ -194,7 +195,7 @@ struct AGoal : ::testing::Test {
 
   testing::Bench bench;
   std::optional<testing::Bench::Input<Int64Value>> go;
-  std::optional<testing::Bench::Output<StringValue>> told;
+  std::optional<testing::Bench::Output<StringValue>> results;
 };
 
 constexpr const char* kPlain = "{\"on_fault\": \"stop_component\"}";
@@ -202,7 +203,7 @@ constexpr const char* kPlain = "{\"on_fault\": \"stop_component\"}";
 TEST_F(AGoal, IsAcceptedTellsHowFarItIsAndIsReached) {
   run(kPlain);
 
-  EXPECT_THAT(say(3), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(3), ElementsAre("accepted"));
   EXPECT_THAT(after(10ms), ElementsAre("1"));
   EXPECT_THAT(after(20ms), ElementsAre("2", "ok: 3"));
   EXPECT_THAT(after(1s), IsEmpty());
@@ -211,50 +212,50 @@ TEST_F(AGoal, IsAcceptedTellsHowFarItIsAndIsReached) {
 TEST_F(AGoal, IsRejectedWithAReason) {
   run(kPlain);
 
-  EXPECT_THAT(say(-1), ElementsAre("\"walk\": rejected, backwards"));
+  EXPECT_THAT(send_goal(-1), ElementsAre("\"walk\": rejected, backwards"));
 }
 
 TEST_F(AGoal, ThatItsServerLetsGoOfIsUnanswered) {
   run(kPlain);
 
-  EXPECT_THAT(say(0), ElementsAre(HasSubstr("\"walk\": unanswered")));
+  EXPECT_THAT(send_goal(0), ElementsAre(HasSubstr("\"walk\": unanswered")));
 }
 
 TEST_F(AGoal, IsAbortedWithAReason) {
   run(kPlain);
 
-  EXPECT_THAT(say(12), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(12), ElementsAre("accepted"));
   EXPECT_THAT(after(1s), ElementsAre("1", HasSubstr("\"walk\": aborted, tired")));
 }
 
 TEST_F(AGoal, ThatIsCancelledStopsWithinOneCallback) {
   run(kPlain);
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(25ms), ElementsAre("1", "2"));
 
-  EXPECT_THAT(say(kCancel), ElementsAre("\"walk\": cancelled: 0"));
-  EXPECT_THAT(say(kCancel), IsEmpty()) << "once";
+  EXPECT_THAT(send_goal(kCancel), ElementsAre("\"walk\": cancelled: 0"));
+  EXPECT_THAT(send_goal(kCancel), IsEmpty()) << "once";
   EXPECT_THAT(after(1s), IsEmpty());
   EXPECT_EQ(steps(), 2) << "not one more";
 }
 
 TEST_F(AGoal, ThatIsCancelledIsAnActivationOfItsServerWhichSaysWhatWasReached) {
   run(R"({"params": {"how": "at_once"}})");
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(25ms), ElementsAre("1", "2"));
 
-  EXPECT_THAT(say(kCancel), ElementsAre("\"walk\": cancelled: 2"));
+  EXPECT_THAT(send_goal(kCancel), ElementsAre("\"walk\": cancelled: 2"));
   EXPECT_THAT(after(1s), IsEmpty());
   EXPECT_EQ(steps(), 2);
 }
 
 TEST_F(AGoal, ThatIsCancelledIsSeenInTheNextCallback) {
   run(R"({"params": {"how": "when_asked"}})");
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(25ms), ElementsAre("1", "2"));
 
-  EXPECT_THAT(say(kCancel), IsEmpty());
-  EXPECT_EQ(bench.result("walker", "told"), ReportValue(true));
+  EXPECT_THAT(send_goal(kCancel), IsEmpty());
+  EXPECT_EQ(bench.result("walker", "result"), ReportValue(true));
   EXPECT_THAT(after(5ms), ElementsAre("\"walk\": cancelled: 2"));
   EXPECT_THAT(after(1s), IsEmpty());
   EXPECT_EQ(steps(), 2);
@@ -262,16 +263,16 @@ TEST_F(AGoal, ThatIsCancelledIsSeenInTheNextCallback) {
 
 TEST_F(AGoal, MayBeReachedAllTheSameWhenItIsCancelled) {
   run(R"({"params": {"how": "never"}})");
-  EXPECT_THAT(say(3), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(3), ElementsAre("accepted"));
 
-  EXPECT_THAT(say(kCancel), IsEmpty());
+  EXPECT_THAT(send_goal(kCancel), IsEmpty());
   EXPECT_THAT(after(30ms), ElementsAre("1", "2", "ok: 3"));
-  EXPECT_THAT(say(kCancel), IsEmpty());
+  EXPECT_THAT(send_goal(kCancel), IsEmpty());
 }
 
 TEST_F(AGoal, IsLateAtItsDeadlineAndItsServerStops) {
   run(kPlain, R"({"params": {"deadline_ms": 15}})");
-  EXPECT_THAT(say(5), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(5), ElementsAre("accepted"));
 
   EXPECT_THAT(after(1s), ElementsAre("1", "\"walk\": late, 15 ms are over"));
   EXPECT_EQ(steps(), 1);
@@ -279,30 +280,30 @@ TEST_F(AGoal, IsLateAtItsDeadlineAndItsServerStops) {
 
 TEST_F(AGoal, AboveTheLimitIsBusy) {
   run(kPlain);
-  EXPECT_THAT(say(5), ElementsAre("accepted"));
-  EXPECT_THAT(say(6), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(5), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(6), ElementsAre("accepted"));
 
-  EXPECT_THAT(say(7), ElementsAre(HasSubstr("\"walk\": busy")));
+  EXPECT_THAT(send_goal(7), ElementsAre(HasSubstr("\"walk\": busy")));
   EXPECT_THAT(after(1s),
               UnorderedElementsAre("1", "1", "2", "2", "3", "3", "4", "4", "ok: 5", "5", "ok: 6"));
 }
 
 TEST_F(AGoal, OfAServerThatFailsIsFaultedOnceAndThenAbsent) {
   run(kPlain);
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
 
   EXPECT_THAT(after(1s).back(), HasSubstr("\"walk\": faulted, component \"walker\": its serve() "
                                           "threw: stumbled"));
   EXPECT_THAT(after(1s), IsEmpty());
-  EXPECT_THAT(say(5), ElementsAre(HasSubstr("\"walk\": absent")));
+  EXPECT_THAT(send_goal(5), ElementsAre(HasSubstr("\"walk\": absent")));
 }
 
 TEST_F(AGoal, OfAServerThatIsRestartedIsFaultedAndTheNextIsReached) {
   run(R"({"on_fault": "restart"})");
-  EXPECT_THAT(say(50), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(50), ElementsAre("accepted"));
   EXPECT_THAT(after(1s).back(), HasSubstr("\"walk\": faulted"));
 
-  EXPECT_THAT(say(1), ElementsAre("accepted"));
+  EXPECT_THAT(send_goal(1), ElementsAre("accepted"));
   EXPECT_THAT(after(10ms), ElementsAre("ok: 1"));
 }
 

@@ -362,12 +362,12 @@ TEST(ACall, ShowsItsCausesInTheRing) {
 
 // ---- Start-up ----
 
-/// The mistakes and warnings of an application of these components.
+/// The errors and warnings of an application of these components.
 std::vector<std::string> problems_of(const std::string& components, TestClasses& classes) {
   config::Problems problems;
   Application application(
       describe_text(R"({"name": "test", "components": [)" + components + "]}", problems), {});
-  application.build(classes, problems, ConstructorFault::kMistake);
+  application.build(classes, problems, ConstructorFault::kError);
   std::vector<std::string> texts;
   for (const config::Problem& problem : problems.all()) {
     texts.push_back((problem.warning ? "warning: " : "") + problem.message);

@@ -83,9 +83,9 @@ void ClientCore::check_types(config::Problems& problems, const google::protobuf:
   };
   if (descriptor(&requests_->default_instance) != descriptor(&request) ||
       descriptor(reply_) != descriptor(&reply) || descriptor(feedback_) != descriptor(feedback)) {
-    problems.add(config::mistake(core_.description.place, "component \"" + core_.name +
-                                                              "\" calls the service \"" + service +
-                                                              "\" with two sets of types"));
+    problems.add(config::make_error(
+        core_.description.place, "component \"" + core_.name + "\" calls the service \"" + service +
+                                     "\" with two sets of types"));
   }
 }
 

@@ -25,7 +25,7 @@ void check_call_type(ComponentCore& core, const std::string& service,
   }
   for (int number = kFirstHeadField; number <= kLastHeadField; ++number) {
     if (type->GetDescriptor()->FindFieldByNumber(number) != nullptr) {
-      core.problems->add(config::mistake(
+      core.problems->add(config::make_error(
           core.description.place, "service \"" + service + "\" of component \"" + core.name +
                                       "\": the message " + type->GetTypeName() + " has a field " +
                                       std::to_string(number) + "; calls use the numbers " +

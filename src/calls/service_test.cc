@@ -88,14 +88,14 @@ class Doubler final : public Component {
   std::vector<Responder<Int64Value>> never_;
 };
 
-/// Asks "double" for each number that it gets on "ask", and publishes on "told" what came of it.
+/// Asks "double" for each number that it gets on "ask", and publishes on "results" what came of it.
 class Asker final : public Component {
  public:
   explicit Asker(Context& context)
       : Component(context),
         deadline_ms_(context.param<std::int64_t>("deadline_ms", {.fallback = 100})),
         doubler_(context.create_client<Int64Value, Int64Value>("double", {.max_open = 8})),
-        told_(context.create_publisher<StringValue>("told")) {
+        results_(context.create_publisher<StringValue>("results")) {
     context.create_subscriber<Int64Value>("ask",
                                           [this](const Int64Value& value) { ask(value.value()); });
   }
@@ -111,15 +111,15 @@ class Asker final : public Component {
     call_ = doubler_.call(
         std::move(request), {.deadline = std::chrono::milliseconds(deadline_ms_.get())},
         [this](const Reply<Int64Value>& reply) {
-          auto told = told_.loan();
-          told->set_value(reply.ok() ? in_words(reply) : std::string(reply.error()));
-          told_.publish(std::move(told));
+          auto result = results_.loan();
+          result->set_value(reply.ok() ? in_words(reply) : std::string(reply.error()));
+          results_.publish(std::move(result));
         });
   }
 
   Param<std::int64_t> deadline_ms_;
   Client<Int64Value, Int64Value> doubler_;
-  Publisher<StringValue> told_;
+  Publisher<StringValue> results_;
   Call call_;
 };
 
@@ -145,23 +145,23 @@ struct AskedTest : ::testing::Test {
     }
     bench.add<Asker>("asker");
     ask.emplace(bench.input<Int64Value>("ask"));
-    told.emplace(bench.output<StringValue>("told"));
+    results.emplace(bench.output<StringValue>("results"));
     bench.start();
   }
 
   std::vector<std::string> asked(std::int64_t value) {
     ask->publish(number(value));
-    return texts(told->take());
+    return texts(results->take());
   }
   std::vector<std::string> after(Duration span) {
     bench.advance(span);
-    return texts(told->take());
+    return texts(results->take());
   }
 
   bool has_server = true;
   fastcycle::testing::Bench bench;
   std::optional<fastcycle::testing::Bench::Input<Int64Value>> ask;
-  std::optional<fastcycle::testing::Bench::Output<StringValue>> told;
+  std::optional<fastcycle::testing::Bench::Output<StringValue>> results;
 };
 
 using AService = AskedTest;
@@ -248,7 +248,7 @@ TEST_F(AService, OfAComponentThatIsNotActiveIsAbsent) {
   EXPECT_THAT(asked(Doubler::kNever), IsEmpty());
 
   bench.deactivate("doubler");
-  EXPECT_THAT(texts(told->take()),
+  EXPECT_THAT(texts(results->take()),
               ElementsAre("\"double\": absent, component \"doubler\" is not active"));
   EXPECT_THAT(asked(4), ElementsAre("\"double\": absent, component \"doubler\", which serves it, "
                                     "is not active"));
@@ -263,12 +263,12 @@ TEST_F(AService, OwesNothingToAComponentThatIsNotActiveAnyMore) {
   }
 
   bench.deactivate("asker");
-  EXPECT_THAT(texts(told->take()), SizeIs(4)) << "they are cancelled";
+  EXPECT_THAT(texts(results->take()), SizeIs(4)) << "they are cancelled";
   bench.activate("asker");
   EXPECT_THAT(asked(4), ElementsAre("8"));
 }
 
-/// What `Asker` is told of one call in a live application.
+/// The result of one call of `Asker` in a live application.
 class LiveAsker final : public Component {
  public:
   explicit LiveAsker(Context& context)
@@ -281,7 +281,7 @@ class LiveAsker final : public Component {
     auto request = doubler_.loan();
     request->set_value(order_.get());
     doubler_.call(std::move(request), {.deadline = 5ms}, [this](const Reply<Int64Value>& reply) {
-      report("told", in_words(reply));
+      report("result", in_words(reply));
       source_.finish();
     });
   }
@@ -292,7 +292,7 @@ class LiveAsker final : public Component {
   Source source_;
 };
 
-std::string told_live(std::int64_t order, bool has_server = true) {
+std::string live_result(std::int64_t order, bool has_server = true) {
   TestClasses classes;
   classes.with<LiveAsker>("asker").with<Doubler>("doubler");
   const auto application = make_application(
@@ -306,14 +306,14 @@ std::string told_live(std::int64_t order, bool has_server = true) {
   application->start();
   EXPECT_EQ(application->run(60s), EndReason::kSourcesFinished);
   application->stop();
-  return std::get<std::string>(application->components().back()->results.at("told"));
+  return std::get<std::string>(application->components().back()->results.at("result"));
 }
 
 TEST(ALiveService, AnswersOrSaysWhyNot) {
-  EXPECT_THAT(told_live(4), ::testing::AnyOf("8", "late"));
-  EXPECT_EQ(told_live(Doubler::kNever), "late");
-  EXPECT_EQ(told_live(4, false), "absent");
-  EXPECT_THAT(told_live(Doubler::kThrow), ::testing::AnyOf("faulted", "late"));
+  EXPECT_THAT(live_result(4), ::testing::AnyOf("8", "late"));
+  EXPECT_EQ(live_result(Doubler::kNever), "late");
+  EXPECT_EQ(live_result(4, false), "absent");
+  EXPECT_THAT(live_result(Doubler::kThrow), ::testing::AnyOf("faulted", "late"));
 }
 
 }  // namespace

@@ -77,10 +77,10 @@ class Connector {
       known.push_back(name);
     }
     config::Problem problem =
-        config::mistake(component.description.place,
-                        "service \"" + client.service + "\", which component \"" + component.name +
-                            "\" calls, is served by nobody",
-                        config::did_you_mean(config::nearest(client.service, known)));
+        config::make_error(component.description.place,
+                           "service \"" + client.service + "\", which component \"" +
+                               component.name + "\" calls, is served by nobody",
+                           config::did_you_mean(config::nearest(client.service, known)));
     problem.warning = true;
     problems_.add(std::move(problem));
   }

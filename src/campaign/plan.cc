@@ -51,16 +51,16 @@ bool is_range(const ordered_json& value) {
 /// Reads a plan, and collects what is wrong with it.
 class Reader {
  public:
-  Reader(std::string file, std::vector<std::string>& mistakes)
-      : file_(std::move(file)), mistakes_(mistakes) {}
+  Reader(std::string file, std::vector<std::string>& errors)
+      : file_(std::move(file)), errors_(errors) {}
 
   void expect(const std::string& pointer, const std::string& expected, const ordered_json& found) {
-    mistakes_.push_back(
+    errors_.push_back(
         fmt::format("{}: {}: expected {}, found {}", file_, pointer, expected,
                     found.dump(-1, ' ', false, ordered_json::error_handler_t::replace)));
   }
-  void say(const std::string& pointer, const std::string& what) {
-    mistakes_.push_back(fmt::format("{}: {}: {}", file_, pointer, what));
+  void add_error(const std::string& pointer, const std::string& what) {
+    errors_.push_back(fmt::format("{}: {}: {}", file_, pointer, what));
   }
 
   void check_fault(const ordered_json& fault, const std::string& pointer) {
@@ -79,22 +79,24 @@ class Reader {
           expect(at, "a string", value);
         }
       } else {
-        say(at, "unknown key \"" + key +
-                    "\"; a fault of a plan has kind, topic, publisher, subscriber, component, "
-                    "process, field, as, value, by_ms, by_mb, probability, from_s, for_s");
+        add_error(at,
+                  "unknown key \"" + key +
+                      "\"; a fault of a plan has kind, topic, publisher, subscriber, component, "
+                      "process, field, as, value, by_ms, by_mb, probability, from_s, for_s");
       }
     }
     if (!fault.contains("kind")) {
-      say(pointer, "the key \"kind\" is missing");
+      add_error(pointer, "the key \"kind\" is missing");
     }
     if (!fault.contains("from_s")) {
-      say(pointer, "the key \"from_s\" is missing: between which times it begins, as [0, 10]");
+      add_error(pointer,
+                "the key \"from_s\" is missing: between which times it begins, as [0, 10]");
     }
   }
 
  private:
   const std::string file_;
-  std::vector<std::string>& mistakes_;
+  std::vector<std::string>& errors_;
 };
 
 /// Three digits behind the point: an overlay is to be read by people.
@@ -113,16 +115,16 @@ double drawn(const ordered_json& value, Chance& chance) {
 }  // namespace
 
 std::optional<Plan> Plan::read(const std::string& text, const std::string& file,
-                               std::vector<std::string>& mistakes) {
+                               std::vector<std::string>& errors) {
   ordered_json json;
   try {
     json = ordered_json::parse(text, nullptr, true, true);
   } catch (const ordered_json::exception& error) {
-    mistakes.push_back(fmt::format("{}: this is not JSON: {}", file, error.what()));
+    errors.push_back(fmt::format("{}: this is not JSON: {}", file, error.what()));
     return std::nullopt;
   }
-  const std::size_t before = mistakes.size();
-  Reader reader(file, mistakes);
+  const std::size_t before = errors.size();
+  Reader reader(file, errors);
   Plan plan;
   if (!json.is_object()) {
     reader.expect("/", "an object", json);
@@ -139,18 +141,18 @@ std::optional<Plan> Plan::read(const std::string& text, const std::string& file,
         plan.at_most_ = range[1];
       }
     } else if (key != "faults") {
-      reader.say("/" + key, "unknown key \"" + key + "\"; a plan has at_once, faults");
+      reader.add_error("/" + key, "unknown key \"" + key + "\"; a plan has at_once, faults");
     }
   }
   if (!json.contains("faults") || !json["faults"].is_array() || json["faults"].empty()) {
-    reader.say("/faults", "expected a list of at least one fault");
+    reader.add_error("/faults", "expected a list of at least one fault");
     return std::nullopt;
   }
   for (std::size_t i = 0; i < json["faults"].size(); ++i) {
     reader.check_fault(json["faults"][i], "/faults/" + std::to_string(i));
     plan.faults_.push_back(json["faults"][i]);
   }
-  return mistakes.size() == before ? std::optional(std::move(plan)) : std::nullopt;
+  return errors.size() == before ? std::optional(std::move(plan)) : std::nullopt;
 }
 
 std::vector<DrawnFault> Plan::draw(std::uint64_t seed) const {

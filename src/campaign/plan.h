@@ -22,7 +22,7 @@ class Plan {
  public:
   /// Parses `text` of `file`. None, with one message for each error, if it is not a plan.
   static std::optional<Plan> read(const std::string& text, const std::string& file,
-                                  std::vector<std::string>& mistakes);
+                                  std::vector<std::string>& errors);
 
   /// The faults of `seed`: always the same.
   [[nodiscard]] std::vector<DrawnFault> draw(std::uint64_t seed) const;

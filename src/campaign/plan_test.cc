@@ -10,9 +10,9 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 Plan plan_of(const std::string& text) {
-  std::vector<std::string> mistakes;
-  const auto plan = Plan::read(text, "plan.json", mistakes);
-  EXPECT_THAT(mistakes, ElementsAre());
+  std::vector<std::string> errors;
+  const auto plan = Plan::read(text, "plan.json", errors);
+  EXPECT_THAT(errors, ElementsAre());
   return plan.value();
 }
 
@@ -60,21 +60,21 @@ TEST(Plan, DrawsWithinTheRanges) {
   EXPECT_GT(restarts, 200U);
 }
 
-TEST(Plan, SaysEachMistakeWithItsPlace) {
-  std::vector<std::string> mistakes;
+TEST(Plan, ReportsEachErrorWithItsPlace) {
+  std::vector<std::string> errors;
   EXPECT_FALSE(Plan::read(R"({"at_once": [3, 1], "fault": 1, "faults": [
       3, {"kind": "drop", "from_s": "x", "topc": "a"}, {"from_s": [1, 2]}]})",
-                          "plan.json", mistakes));
+                          "plan.json", errors));
 
-  EXPECT_THAT(mistakes, ElementsAre(HasSubstr("plan.json: /at_once: expected a number of faults"),
-                                    HasSubstr("/fault: unknown key \"fault\""),
-                                    HasSubstr("/faults/0: expected an object, found 3"),
-                                    HasSubstr("/faults/1/from_s: expected a number, or a range"),
-                                    HasSubstr("/faults/1/topc: unknown key \"topc\""),
-                                    HasSubstr("/faults/2: the key \"kind\" is missing")));
-  mistakes.clear();
-  EXPECT_FALSE(Plan::read("{", "plan.json", mistakes));
-  EXPECT_THAT(mistakes, ElementsAre(HasSubstr("plan.json: this is not JSON")));
+  EXPECT_THAT(errors, ElementsAre(HasSubstr("plan.json: /at_once: expected a number of faults"),
+                                  HasSubstr("/fault: unknown key \"fault\""),
+                                  HasSubstr("/faults/0: expected an object, found 3"),
+                                  HasSubstr("/faults/1/from_s: expected a number, or a range"),
+                                  HasSubstr("/faults/1/topc: unknown key \"topc\""),
+                                  HasSubstr("/faults/2: the key \"kind\" is missing")));
+  errors.clear();
+  EXPECT_FALSE(Plan::read("{", "plan.json", errors));
+  EXPECT_THAT(errors, ElementsAre(HasSubstr("plan.json: this is not JSON")));
 }
 
 }  // namespace

@@ -34,10 +34,10 @@ TryAll runs_that_fail(const std::function<bool(const Messages&)>& fails, bool re
     for (const Faults& faults : lists) {
       Verdict verdict;
       Messages lost;
-      auto told = ordered_json::array();
+      auto listed = ordered_json::array();
       for (const DrawnFault& fault : faults) {
         const Messages taken = taken_by(fault.json);
-        told.push_back(
+        listed.push_back(
             {{"name", fault.json["name"]}, {"count", taken.size()}, {"messages", taken}});
         if (fault.json["topic"] == "a") {
           lost.insert(taken.begin(), taken.end());
@@ -45,7 +45,7 @@ TryAll runs_that_fail(const std::function<bool(const Messages&)>& fails, bool re
       }
       verdict.way = fails(lost) ? "lost" : "";
       if (reports) {
-        verdict.report = {{"time_s", 10.0}, {"faults", told}};
+        verdict.report = {{"time_s", 10.0}, {"faults", listed}};
       }
       verdicts.push_back(std::move(verdict));
     }

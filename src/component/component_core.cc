@@ -93,8 +93,8 @@ std::optional<std::string> ComponentCore::construct(config::Problems& its_proble
 void ComponentCore::check_params(config::Problems& its_problems) const {
   const std::lock_guard lock(application.param_mutex());
   for (const std::string& sentence : param_table.objections({})) {
-    its_problems.add(config::mistake(description.params.place(),
-                                     std::string("component \"") + name + "\": " + sentence));
+    its_problems.add(config::make_error(description.params.place(),
+                                        std::string("component \"") + name + "\": " + sentence));
   }
 }
 
@@ -102,10 +102,10 @@ void ComponentCore::check_unused(config::Problems& its_problems) const {
   const std::vector<std::string> known(topics_in_code.begin(), topics_in_code.end());
   const auto check = [&](const std::string& topic, const config::Place& place, const char* where) {
     if (!topics_in_code.contains(topic)) {
-      its_problems.add(config::mistake(place,
-                                       std::string("component \"") + name + "\" names no topic \"" +
-                                           topic + "\" (" + where + ")",
-                                       config::did_you_mean(config::nearest(topic, known))));
+      its_problems.add(config::make_error(place,
+                                          std::string("component \"") + name +
+                                              "\" names no topic \"" + topic + "\" (" + where + ")",
+                                          config::did_you_mean(config::nearest(topic, known))));
     }
   };
   for (const auto& [topic, subscriber] : description.subscribers) {
@@ -121,7 +121,7 @@ void ComponentCore::check_unused(config::Problems& its_problems) const {
   std::ranges::transform(threads, std::back_inserter(made), &NamedThread::name);
   for (const auto& [thread, options] : description.threads) {
     if (std::ranges::find(made, thread) == made.end()) {
-      its_problems.add(config::mistake(
+      its_problems.add(config::make_error(
           options.place,
           std::string("component \"") + name + "\" makes no thread \"" + thread + "\"",
           config::did_you_mean(config::nearest(thread, made))));
@@ -140,7 +140,7 @@ std::string ComponentCore::declare_topic(std::string_view name_in_code) {
   if (problems == nullptr) {
     throw std::runtime_error(what);
   }
-  problems->add(config::mistake(description.place, what));
+  problems->add(config::make_error(description.place, what));
   return full_name;
 }
 
@@ -272,7 +272,7 @@ void ComponentCore::call_activate() {
   if (state == State::kStandby) {
     activate_now();
     start_timers(publishing.now);
-    application.wiring().tell_liveliness(*this, true, "active");
+    application.wiring().report_liveliness(*this, true, "active");
     application.component_changed(*this, true);
   }
 }
@@ -291,7 +291,7 @@ void ComponentCore::call_deactivate() {
   if (state == State::kActive) {
     state = State::kStandby;
     suspend();
-    application.wiring().tell_liveliness(*this, false, "inactive");
+    application.wiring().report_liveliness(*this, false, "inactive");
     application.component_changed(*this, true);
     end_services(CallStatus::kAbsent, CallStatus::kCancelled, inactive());
     in_call_ = "its deactivate()";
@@ -311,7 +311,7 @@ void ComponentCore::call_stop() {
   if (is_suspended()) {
     drop_waiting();
   }
-  application.wiring().tell_liveliness(*this, false, "stopped");
+  application.wiring().report_liveliness(*this, false, "stopped");
   // Resources released by `stop` must not be used any more: no message and no tick is served after
   // it, not even one that it arms itself.
   close(DropReason::kShutdown);
@@ -389,7 +389,7 @@ void ComponentCore::fail(std::string_view what) {
   cancel_timers();
   close(DropReason::kFault);
   application.component_failed(*this);
-  application.wiring().tell_liveliness(*this, false, "failed");
+  application.wiring().report_liveliness(*this, false, "failed");
   application.component_changed(*this, true);
   if (!description.fault_mode.empty()) {
     application.ask_mode(description.fault_mode, what, *this);
@@ -530,7 +530,7 @@ void ComponentCore::restart(std::string_view what) {
                fmt::format(" (restarting in {} ms)",
                            std::chrono::duration<double, std::milli>(delay).count()));
   }
-  application.wiring().tell_liveliness(*this, false, "failed");
+  application.wiring().report_liveliness(*this, false, "failed");
   end_calls(what);
   end_threads([this, delay] { replace(delay); });
 }
@@ -625,7 +625,7 @@ std::string ComponentCore::renew() {
     in_call_ = "its stop()";
     component->stop();
     in_call_ = nullptr;
-    application.wiring().tell_liveliness(*this, false, "restarted");
+    application.wiring().report_liveliness(*this, false, "restarted");
     end_calls("it is made anew");
     replace(std::chrono::nanoseconds(0));
   });
@@ -680,7 +680,7 @@ std::string ComponentCore::try_anew() {
     application.threads().start_threads(*this);
     if (state == State::kActive) {
       start_timers(publishing.now);
-      application.wiring().tell_liveliness(*this, true, "restarted");
+      application.wiring().report_liveliness(*this, true, "restarted");
     }
     versions->watch();
     application.component_changed(*this, true);

@@ -53,8 +53,8 @@ class TopicHost {
   virtual void reopen_subscription(detail::ComponentCore& component,
                                    detail::CallbackSubscription& subscription) = 0;
   /// Notifies the subscribers of all topics of `component` that it has ended, or is back.
-  virtual void tell_liveliness(detail::ComponentCore& component, bool is_alive,
-                               std::string_view reason) = 0;
+  virtual void report_liveliness(detail::ComponentCore& component, bool is_alive,
+                                 std::string_view reason) = 0;
 
  protected:
   ~TopicHost() = default;

@@ -64,7 +64,7 @@ void check_pool(const PublisherCore& publisher, const config::PublisherDescripti
   const PublisherCore::Options& options = publisher.options;
   const std::size_t held = options.keep + options.latched;
   if (configured.keep && options.pool_max > 0 && held >= options.pool_max) {
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         configured.place,
         fmt::format("the pool of \"{}\" has at most {} messages (\"pool_max\" of the topic), and "
                     "{} are kept or latched: none is left to lend",
@@ -98,7 +98,7 @@ void set_on_change(ComponentCore& core, const ParamSlot& slot, std::function<voi
         "a component waits for changes of its own params");
   }
   if (!slot.spec.is_tunable) {
-    core.problems->add(config::mistake(
+    core.problems->add(config::make_error(
         core.description.place, "component \"" + core.name + "\" waits for changes of its param " +
                                     config::in_quotes(slot.spec.name) +
                                     ", which is not declared as tunable"));
@@ -155,7 +155,7 @@ Subscription& create_subscription(ComponentCore& core, std::string_view topic,
   assert_in_activation(core, "create_subscriber() for", topic,
                        "subscribe in the constructor or in a callback");
   const std::string call = "subscribe " + name;
-  if (const auto why = core.publishing.told_refusal(call)) {
+  if (const auto why = core.publishing.replayed_refusal(call)) {
     throw std::runtime_error(*why);
   }
   try {
@@ -263,10 +263,10 @@ std::optional<std::string> take_observed(ComponentCore& core, std::string_view n
     broke_contract(core.publishing, fmt::format("observe() of \"{}\" in the constructor", name),
                    "observe in start(), which a recorded run has, and its constructor it has not");
   }
-  if (core.publishing.told == nullptr || !is_in_activation_of(core.publishing)) {
+  if (core.publishing.replayed == nullptr || !is_in_activation_of(core.publishing)) {
     return std::nullopt;
   }
-  const ToldReads::Entry* entry = core.publishing.told->take(ReadKind::kObserved);
+  const ReplayedReads::Entry* entry = core.publishing.replayed->take(ReadKind::kObserved);
   if (entry == nullptr || entry->text.size() <= name.size() || !entry->text.starts_with(name)) {
     return std::nullopt;
   }
@@ -325,7 +325,7 @@ void submit(ComponentCore& core, std::string_view executor, std::uint64_t number
                              "\" to offload work to" + (hint.empty() ? "" : "; " + hint));
   }
   const std::string call = "offload " + std::to_string(number);
-  if (const auto why = core.publishing.told_refusal(call)) {
+  if (const auto why = core.publishing.replayed_refusal(call)) {
     throw std::runtime_error(*why);
   }
   if (!core.application.time().submit(static_cast<std::size_t>(found - known.begin()), core,
@@ -458,7 +458,7 @@ void Context::switch_mode(std::string_view mode, std::string_view why) {
 
 std::string Context::mode() const {
   const detail::PublishingComponent& publishing = core_.publishing;
-  const bool is_kept = publishing.reads != nullptr || publishing.told != nullptr;
+  const bool is_kept = publishing.reads != nullptr || publishing.replayed != nullptr;
   if (!is_kept || !publishing.is_active_here()) {
     return core_.application.mode();
   }

@@ -42,7 +42,7 @@ std::vector<std::int64_t> values(const std::vector<Int64Value>& messages) {
 
 // ---- Timers ----
 
-/// Publishes, for each tick of its timers, when it came, in ms since the start. What it is told on
+/// Publishes, for each tick of its timers, when it came, in ms since the start. What it receives on
 /// "orders": 0 cancels, -1 resets, anything else arms in so many ms.
 class Ticker final : public Component {
  public:
@@ -121,7 +121,7 @@ TEST(ATimer, ThatWasCancelledTicksAgainWhenItIsReset) {
 
 // ---- Its start ----
 
-/// Says at which time it started, and when it was told that the timers did. Its start takes a
+/// Says at which time it started, and when it was notified that the timers did. Its start takes a
 /// while.
 class Starter final : public Component {
  public:
@@ -267,7 +267,7 @@ class Visitor final : public Component {
   std::optional<Subscriber> visit_;
 };
 
-/// Hears "counts", and looks at the last one too.
+/// Receives "counts", and looks at the last one too.
 class Reader final : public Component {
  public:
   explicit Reader(Context& context)
@@ -294,7 +294,7 @@ TEST(APublisher, KnowsHowManySubscribeTheSameInEveryRun) {
           {"name": "visitor", "library": "visitor", "serve_period_ms": 1}]})",
                                           problems),
                             {.is_simulated = true, .workers = workers});
-    config::RecordDescription record;  // Who looks on does not count.
+    config::RecordDescription record;  // Observers do not count.
     record.file = folder / "a.mcap";
     application.record(record);
     application.build(classes, problems, ConstructorFault::kFault);

@@ -18,10 +18,10 @@ void use_credits(ComponentCore& core, PublisherCore& publisher, std::size_t wind
     return;
   }
   const auto complain = [&](const std::string& what, const std::string& hint) {
-    core.problems->add(config::mistake(core.description.place,
-                                       "component \"" + core.name + "\": its publisher on \"" +
-                                           publisher.topic.name + "\" " + what,
-                                       hint));
+    core.problems->add(config::make_error(core.description.place,
+                                          "component \"" + core.name + "\": its publisher on \"" +
+                                              publisher.topic.name + "\" " + what,
+                                          hint));
   };
   if (publisher.credits() == nullptr) {
     complain("has on_credits, but no credits", "say PublisherOptions::credits, or \"topics\": {\"" +
@@ -31,7 +31,7 @@ void use_credits(ComponentCore& core, PublisherCore& publisher, std::size_t wind
              "a thread waits by ExternalPublisher::wait_for_credit");
   } else {
     if (!core.is_redeclaring) {
-      publisher.credits()->tell(core.inbox);
+      publisher.credits()->set_inbox(core.inbox);
     }
     core.on_credits(publisher, std::move(on_credits));
   }
@@ -48,7 +48,7 @@ void check_credits(const Components& components, const detail::Topics& topics,
       if (component->name == subscription.component) {
         const std::string depth = std::to_string(subscription.depth);
         const std::string credits = std::to_string(window);
-        config::Problem problem = config::mistake(
+        config::Problem problem = config::make_error(
             component->description.place,
             "component \"" + component->name + "\" lets " + depth + " messages of topic \"" +
                 subscription.topic.name + "\" wait, fewer than its " + credits + " credits",

@@ -422,7 +422,7 @@ TEST(Credits, AThreadThatWaitsForThemEndsWithTheRun) {
   EXPECT_EQ(ledger_of(*application, "numbers", "s").published, 4U);
 }
 
-// ---- Mistakes ----
+// ---- Errors ----
 
 class Windowless final : public Component {
  public:
@@ -434,7 +434,7 @@ class Windowless final : public Component {
 std::string problems_of(const std::string& text, TestClasses& its_classes) {
   config::Problems problems;
   Application application(describe_text(text, problems), {.is_simulated = true});
-  application.build(its_classes, problems, ConstructorFault::kMistake);
+  application.build(its_classes, problems, ConstructorFault::kError);
   std::string all;
   for (const config::Problem& problem : problems.all()) {
     all += config::to_string(problem) + "\n";
@@ -442,7 +442,7 @@ std::string problems_of(const std::string& text, TestClasses& its_classes) {
   return all;
 }
 
-TEST(Credits, MoreThanAQueueHoldsAreAMistake) {
+TEST(Credits, MoreThanAQueueHoldsAreAnError) {
   std::string text = pump_and({""}, R"("params": {"count": 100})");
   text.insert(text.size() - 1, R"(, "topics": {"numbers": {"credits": 5}})");
   EXPECT_NE(problems_of(text, classes())
@@ -451,11 +451,11 @@ TEST(Credits, MoreThanAQueueHoldsAreAMistake) {
             std::string::npos);
 }
 
-TEST(Credits, AnEventWithoutAWindowIsAMistake) {
-  TestClasses mistaken;
-  mistaken.with<Windowless>("windowless");
+TEST(Credits, AnEventWithoutAWindowIsAnError) {
+  TestClasses invalid;
+  invalid.with<Windowless>("windowless");
   EXPECT_NE(problems_of(R"({"name": "t", "components": [{"name": "w", "library": "windowless"}]})",
-                        mistaken)
+                        invalid)
                 .find(R"(its publisher on "numbers" has on_credits, but no credits)"),
             std::string::npos);
 }

@@ -41,10 +41,10 @@ DeclaredStates::~DeclaredStates() {
 google::protobuf::Message& DeclaredStates::declare(
     std::string_view name, const google::protobuf::Message& default_instance,
     std::function<void(google::protobuf::Message&)> save) {
-  const auto mistake = [&](const std::string& what) {
-    core_.problems->add(
-        config::mistake(core_.description.place,
-                        fmt::format("component \"{}\": state \"{}\" {}", core_.name, name, what)));
+  const auto add_error = [&](const std::string& what) {
+    core_.problems->add(config::make_error(
+        core_.description.place,
+        fmt::format("component \"{}\": state \"{}\" {}", core_.name, name, what)));
   };
   const auto found = std::ranges::find(all_, name, [](const auto& one) { return one->name; });
   if (found != all_.end()) {
@@ -56,9 +56,9 @@ google::protobuf::Message& DeclaredStates::declare(
       if (core_.is_redeclaring) {
         throw std::logic_error(what);
       }
-      mistake("is declared twice, with two types");
+      add_error("is declared twice, with two types");
     } else if (!core_.is_redeclaring) {
-      mistake("is declared twice");
+      add_error("is declared twice");
     } else {
       static_cast<void>(
           declare_publisher(core_, one.publisher->topic.name, default_instance, nullptr, false));
@@ -67,7 +67,7 @@ google::protobuf::Message& DeclaredStates::declare(
     return *one.value;
   }
   if (!is_name(name)) {
-    mistake("is no name: expected 1 to 64 of a-z, 0-9 and _");
+    add_error("is no name: expected 1 to 64 of a-z, 0-9 and _");
   }
   PublisherCore& publisher =
       declare_publisher(core_, state_topic(core_.name, name), default_instance, nullptr, false);
@@ -96,8 +96,8 @@ std::string DeclaredStates::why_none() const {
 /// Whether a key frame is to be written now: after a period, and once nothing is in progress that
 /// the state does not contain.
 bool DeclaredStates::is_due() {
-  if (core_.publishing.told != nullptr) {
-    return core_.publishing.told->has(ReadKind::kFrameNumber);
+  if (core_.publishing.replayed != nullptr) {
+    return core_.publishing.replayed->has(ReadKind::kFrameNumber);
   }
   const std::int64_t now_ns = base::to_ns(core_.publishing.now);
   if (core_.publishing.reads == nullptr || now_ns < next_ns_ ||

@@ -110,9 +110,9 @@ TYPED_TEST(AState, HasATopicOfItsOwnThatStaysEmptyWhereNobodyRecords) {
 }
 
 template <int which>
-class Mistaken final : public Component {
+class Invalid final : public Component {
  public:
-  explicit Mistaken(Context& context) : Component(context) {
+  explicit Invalid(Context& context) : Component(context) {
     if (which == 0) {
       static_cast<void>(context.state<Int64Value>("Not a name"));
     } else {
@@ -127,9 +127,9 @@ class Mistaken final : public Component {
 };
 
 template <int which>
-std::string mistake() {
+std::string error_of() {
   TestClasses classes;
-  classes.with<Mistaken<which>>("counter");
+  classes.with<Invalid<which>>("counter");
   config::Problems problems;
   Application application(describe_text(kText, problems), {.is_simulated = true});
   application.build(classes, problems, ConstructorFault::kFault);
@@ -140,10 +140,10 @@ std::string mistake() {
   return text;
 }
 
-TEST(DeclaredStates, TellWhatIsWrongWithADeclaration) {
-  EXPECT_THAT(mistake<0>(), HasSubstr("state \"Not a name\" is no name: expected"));
-  EXPECT_THAT(mistake<1>(), HasSubstr("component \"counter\": state \"twice\" is declared twice"));
-  EXPECT_THAT(mistake<2>(), HasSubstr("is declared twice, with two types"));
+TEST(DeclaredStates, ReportWhatIsWrongWithADeclaration) {
+  EXPECT_THAT(error_of<0>(), HasSubstr("state \"Not a name\" is no name: expected"));
+  EXPECT_THAT(error_of<1>(), HasSubstr("component \"counter\": state \"twice\" is declared twice"));
+  EXPECT_THAT(error_of<2>(), HasSubstr("is declared twice, with two types"));
 }
 
 }  // namespace

@@ -62,7 +62,7 @@ class Counter final : public Component {
   std::int64_t count_ = 0;
 };
 
-/// Throws when it is told that a message is missing; says which of its objects are called.
+/// Throws when it is notified that a message is missing; says which of its objects are called.
 class Touchy final : public Component {
  public:
   explicit Touchy(Context& context) : Component(context) {

@@ -17,7 +17,7 @@ namespace {
 using Number = DeclaredStates::FrameNumber;
 
 std::optional<std::uint64_t> find_number(const KeyFrame& frame, Number place) {
-  for (const ToldReads::Entry& entry : frame.reads) {
+  for (const ReplayedReads::Entry& entry : frame.reads) {
     if (entry.read.kind == ReadKind::kFrameNumber && entry.read.place == place) {
       return entry.read.value;
     }
@@ -30,7 +30,7 @@ void copy_states(ComponentCore& core, const KeyFrame& frame) {
     return;
   }
   const auto& states = static_cast<DeclaredStates&>(*core.states).all();
-  for (const ToldReads::Entry& entry : frame.reads) {
+  for (const ReplayedReads::Entry& entry : frame.reads) {
     if (entry.read.kind != ReadKind::kKeyFrame || entry.read.place >= states.size()) {
       continue;
     }
@@ -42,13 +42,13 @@ void copy_states(ComponentCore& core, const KeyFrame& frame) {
 }
 
 void take_params(host::ApplicationHost& application, ComponentCore& core, ActivationRing& ring,
-                 ToldReads& told, const KeyFrame& frame) {
-  for (const ToldReads::Entry& entry : frame.reads) {
+                 ReplayedReads& replayed, const KeyFrame& frame) {
+  for (const ReplayedReads::Entry& entry : frame.reads) {
     if (entry.read.kind == ReadKind::kFrameParams) {
       const std::uint64_t transaction = find_number(frame, Number::kTransaction).value_or(0);
       config::Problems problems;
       application.put_recorded_params(core, transaction, entry.text, problems);
-      core.repeat_next(frame.activation, told);
+      core.repeat_next(frame.activation, replayed);
       static_cast<void>(core.repeat_posted(ring, Cause::kParameter, transaction));
     }
   }
@@ -57,19 +57,19 @@ void take_params(host::ApplicationHost& application, ComponentCore& core, Activa
 }  // namespace
 
 void begin_at_key_frame(host::ApplicationHost& application, ComponentCore& core,
-                        ActivationRing& ring, ToldReads& told, const KeyFrame& frame) {
+                        ActivationRing& ring, ReplayedReads& replayed, const KeyFrame& frame) {
   const auto number = [&frame](Number place) { return find_number(frame, place).value_or(0); };
-  told.begin({});
+  replayed.begin({});
   copy_states(core, frame);
   core.is_wanted = true;
   if (const std::uint64_t began = number(Number::kTimersBegan); began > 0) {
     core.timers_began = base::from_ns(static_cast<std::int64_t>(began));
   }
-  core.repeat_next(frame.activation, told);
+  core.repeat_next(frame.activation, replayed);
   core.repeat(ring, {.cause = Cause::kMode,
                      .body = [&core] { core.begin_anew(); },
                      .key = to_key(LifeStep::kStart)});
-  take_params(application, core, ring, told, frame);
+  take_params(application, core, ring, replayed, frame);
   core.hand_over_stage();
   core.restarts = static_cast<std::uint32_t>(number(Number::kRestarts));
   core.first_restart_ns = static_cast<std::int64_t>(number(Number::kFirstRestart));

@@ -20,7 +20,7 @@ class ComponentCore;
 /// all that FastCycle keeps for a component (see `DeclaredStates`).
 struct KeyFrame {
   std::uint64_t activation = 0;
-  std::span<const ToldReads::Entry> reads;
+  std::span<const ReplayedReads::Entry> reads;
   /// The message of a state, by a read of the kind `kKeyFrame`.
   std::function<const google::protobuf::Message&(const Read& read)> state;
 };
@@ -29,6 +29,6 @@ struct KeyFrame {
 /// the params of the frame. What it publishes meanwhile must not be delivered; the messages in its
 /// views, and the sequences of its publishers, are left to the caller. Between its activations.
 void begin_at_key_frame(host::ApplicationHost& application, ComponentCore& core,
-                        ActivationRing& ring, ToldReads& told, const KeyFrame& frame);
+                        ActivationRing& ring, ReplayedReads& replayed, const KeyFrame& frame);
 
 }  // namespace fastcycle::detail

@@ -101,12 +101,12 @@ class Peers {
   /// Sends a notice to all processes. Safe; live, from any thread.
   ///
   /// @errors  std::length_error if `text` has more than 60,000 bytes.
-  virtual void tell(Notice::Kind kind, std::uint32_t component, std::string text) = 0;
+  virtual void send_notice(Notice::Kind kind, std::uint32_t component, std::string text) = 0;
   /// Whether `process`, as `Notice` names it, is this one.
   [[nodiscard]] virtual bool is_here(std::uint32_t process) const = 0;
   /// The receivers of notices, this process included, as of the last `kGone` or `kCame`; in
   /// `on_notice`.
-  [[nodiscard]] virtual const std::set<std::uint32_t>& told() const = 0;
+  [[nodiscard]] virtual const std::set<std::uint32_t>& recipients() const = 0;
   /// Receives notices; set before the start. Live on a thread of its own, which must not wait for
   /// components; in simulated time at the end of a round.
   std::function<void(const Notice&)> on_notice;

@@ -50,7 +50,7 @@ VersionNews Reloading::news() const {
   return news;
 }
 
-void Reloading::tell(const std::string& what, bool is_trouble) {
+void Reloading::report(const std::string& what, bool is_trouble) {
   {
     const std::lock_guard lock(mutex_);
     news_.last = what;
@@ -97,7 +97,7 @@ std::string Reloading::confirm(const std::string& why) {
   }
   const ComponentVersion present{.library = news().library, .build_id = news().build_id};
   before_.reset();
-  tell(fmt::format("{} stays: {}", in_words(present), why), false);
+  report(fmt::format("{} stays: {}", in_words(present), why), false);
   return {};
 }
 
@@ -145,20 +145,20 @@ void Reloading::end_in_order(const std::function<void()>& next) {
 void Reloading::reload(const std::shared_ptr<const ReloadOrder>& order) {
   const ComponentState state = core_.state;
   if (is_judged()) {
-    order->told("it is on probation: confirm what it runs now, or roll it back, before");
+    order->on_result("it is on probation: confirm what it runs now, or roll it back, before");
     return;
   }
   if (state != ComponentState::kActive && state != ComponentState::kStandby) {
-    order->told(std::string("it is ") + host::to_word(state));
+    order->on_result(std::string("it is ") + host::to_word(state));
     return;
   }
-  told_ = order->told;
+  on_result_ = order->on_result;
   end_in_order([this, order] { exchange(*order); });
 }
 
 void Reloading::answer(const std::string& why_not) {
-  if (const auto told = std::exchange(told_, nullptr)) {
-    told(why_not);
+  if (const auto on_result = std::exchange(on_result_, nullptr)) {
+    on_result(why_not);
   }
 }
 
@@ -209,10 +209,10 @@ void Reloading::exchange(const ReloadOrder& order) {
   ends_ns_ = base::to_ns(core_.publishing.now + order.probation);
   is_on_probation_ = order.probation > Duration(0);
   watch();
-  tell(fmt::format(
-           "reloaded: {} in place of {}{}", in_words(order.version), in_words(before_->version),
-           is_on_probation() ? fmt::format(", {} s on probation", seconds(order.probation)) : ""),
-       false);
+  report(fmt::format(
+             "reloaded: {} in place of {}{}", in_words(order.version), in_words(before_->version),
+             is_on_probation() ? fmt::format(", {} s on probation", seconds(order.probation)) : ""),
+         false);
   if (!is_on_probation()) {
     before_.reset();
   }
@@ -249,7 +249,7 @@ void Reloading::return_to_previous(bool keeps_state, const std::string& why) {
                                        keeps_state ? "of now" : "that it had handed over", why);
   before_.reset();
   core_.make_anew();
-  tell(text, true);
+  report(text, true);
 }
 
 // ---- Rollback ----

@@ -77,7 +77,7 @@ class Reloading final : public Versions, private Watch {
   [[nodiscard]] States copy_of_states() const;
   void set_states(const States& states);
   /// Reports `what` in the log, on the status topic, and in `news`.
-  void tell(const std::string& what, bool is_trouble);
+  void report(const std::string& what, bool is_trouble);
 
   ComponentCore& core_;
   /// What a rollback returns to.
@@ -90,7 +90,7 @@ class Reloading final : public Versions, private Watch {
   };
   std::optional<Before> before_;
   std::function<void(const std::string& why_not)>
-      told_;  ///< Answers the request for a reload; or null.
+      on_result_;  ///< Answers the request for a reload; or null.
   std::optional<config::Value> params_;
   const config::Value* ordered_params_ = nullptr;
   std::int64_t ends_ns_ = 0;  ///< When the probation does, on the application's clock.

@@ -50,7 +50,7 @@ class Numbers final : public Component {
   std::int64_t count_ = 0;
 };
 
-/// Adds up what it hears, in its state, and says which version it is.
+/// Adds up what it receives, in its state, and says which version it is.
 template <int version, Failure failure>
 class Sum final : public Component {
  public:
@@ -66,7 +66,7 @@ class Sum final : public Component {
       auto out = out_.loan();
       out->set_value(version);
       out_.publish(std::move(out));
-      if (failure == Failure::kCallback && ++heard_ == 15) {
+      if (failure == Failure::kCallback && ++received_ == 15) {
         sum_->set_value(-1);
         throw std::runtime_error("called on purpose");
       }
@@ -85,7 +85,7 @@ class Sum final : public Component {
  private:
   State<Int64Value> sum_;
   Publisher<Int64Value> out_;
-  int heard_ = 0;
+  int received_ = 0;
 };
 
 constexpr const char* kText = R"({"name": "t", "components": [
@@ -122,12 +122,12 @@ class AReload : public testing::Test {
     order->version = {.component_class = class_of<T>(), .library = "new", .build_id = "ab12"};
     order->probation = probation;
     order->misses_forgiven = misses_forgiven;
-    order->told = [&result](const std::string& why_not) { result = why_not; };
+    order->on_result = [&result](const std::string& why_not) { result = why_not; };
     core().post(
         detail::Cause::kMode, [this, order] { core().versions->reload(order); }, nullptr,
         detail::to_key(detail::LifeStep::kReload));
     advance(5ms);
-    order->told = nullptr;
+    order->on_result = nullptr;
     return result;
   }
   std::string obey(detail::LifeStep step) {
@@ -142,7 +142,7 @@ class AReload : public testing::Test {
     application_->stop();
   }
 
-  /// What was heard, in all, and that nothing was lost.
+  /// What was received, in all, and that nothing was lost.
   void expect_nothing_lost() {
     const detail::Ledger ledger = ledger_of(*application_, "numbers", "sum");
     EXPECT_TRUE(ledger.adds_up());
@@ -204,7 +204,7 @@ TEST_F(AReload, IsRolledBackAfterAFaultWithTheStateThatWasHandedOver) {
   stop();
 
   EXPECT_EQ(result("version"), 1);
-  // Without the fifteen messages that the new version heard.
+  // Without the fifteen messages that the new version received.
   EXPECT_GT(result("sum"), 0);
   EXPECT_LT(result("sum"), sum_of_all());
   expect_nothing_lost();
@@ -345,19 +345,19 @@ TEST(AReloadOfAComponentWithThreads, LosesNothingWhileTheyEnd) {
   std::thread control([&] { application->run(std::nullopt); });
   ComponentCore& core = *application->components().at(1);
 
-  std::atomic<bool> is_told{false};
+  std::atomic<bool> is_answered{false};
   const auto order = std::make_shared<ReloadOrder>();
   order->version = {.component_class = class_of<Threaded<2>>(), .library = "new", .build_id = {}};
-  order->told = [&](const std::string& why_not) {
+  order->on_result = [&](const std::string& why_not) {
     EXPECT_EQ(why_not, "");
-    is_told = true;
+    is_answered = true;
   };
   core.post(detail::Cause::kMode, [&] { core.versions->reload(order); });
   const auto end = std::chrono::steady_clock::now() + 60s;
-  while (!is_told && std::chrono::steady_clock::now() < end) {
+  while (!is_answered && std::chrono::steady_clock::now() < end) {
     std::this_thread::sleep_for(1ms);
   }
-  ASSERT_TRUE(is_told);
+  ASSERT_TRUE(is_answered);
   application->request_end(EndReason::kRequested);
   control.join();
   application->stop();

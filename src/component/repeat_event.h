@@ -13,7 +13,7 @@ class ComponentCore;
 /// Executes an activation by cause event again: of the watch in `reads`, or else of the timer
 /// `key`. As `Actor::repeat`.
 void repeat_event(ComponentCore& core, ActivationRing& ring,
-                  std::span<const ToldReads::Entry> reads, std::uint64_t key, std::int64_t time_ns,
-                  std::uint64_t skipped);
+                  std::span<const ReplayedReads::Entry> reads, std::uint64_t key,
+                  std::int64_t time_ns, std::uint64_t skipped);
 
 }  // namespace fastcycle::detail

@@ -26,7 +26,7 @@ SynchronizerOptions checked(ComponentCore& core, const std::vector<std::string>&
     head += (&name == &names.front() ? " \"" : ", \"") + name + "\"";
   }
   const auto complain = [&](const std::string& what, const std::string& hint = {}) {
-    core.problems->add(config::mistake(core.description.place, head + " " + what, hint));
+    core.problems->add(config::make_error(core.description.place, head + " " + what, hint));
   };
   if (std::set<std::string>(names.begin(), names.end()).size() < names.size()) {
     complain("names one topic twice");

@@ -91,9 +91,9 @@ struct Arrived {
 constexpr std::array kTopics{"t0", "t1", "t2", "t3"};
 
 /// Notes what arrives on the topics, in its order.
-class Witness final : public Component {
+class ArrivalProbe final : public Component {
  public:
-  explicit Witness(Context& context) : Component(context) {
+  explicit ArrivalProbe(Context& context) : Component(context) {
     const auto topics = context.param<std::int64_t>("topics", {.fallback = 2});
     for (std::size_t topic = 0; topic < static_cast<std::size_t>(topics.get()); ++topic) {
       context.create_subscriber<Int64Value>(
@@ -184,7 +184,7 @@ class Origins final : public Component {
 
 TestClasses& classes() {
   static TestClasses all;
-  all.with<Sensor>("sensor").with<Witness>("witness").with<Fusion>("fusion").with<Origins>(
+  all.with<Sensor>("sensor").with<ArrivalProbe>("probe").with<Fusion>("fusion").with<Origins>(
       "origins");
   return all;
 }
@@ -217,7 +217,7 @@ std::string fusion_of(const std::vector<Stream>& streams, const std::string& par
     {"name": "fusion", "library": "fusion", "params": {)" +
                      topics + ", " + params + "}" + more + R"(},
     {"name": "origins", "library": "origins"},
-    {"name": "witness", "library": "witness", "params": {)" +
+    {"name": "probe", "library": "probe", "params": {)" +
                      topics + "}}";
   for (std::size_t i = 0; i < streams.size(); ++i) {
     text += R"(, {"name": "s)" + std::to_string(i) +
@@ -427,11 +427,11 @@ TEST(ASynchronizer, IsDeclaredAgainWhenItsComponentIsRestarted) {
   EXPECT_EQ(dropped(fusion_ledger(*application, 0), DropReason::kUnmatched), 2U);
 }
 
-// ---- Mistakes ----
+// ---- Errors ----
 
-class Mistaken final : public Component {
+class Invalid final : public Component {
  public:
-  explicit Mistaken(Context& context) : Component(context) {
+  explicit Invalid(Context& context) : Component(context) {
     const auto nothing = [](const Int64Value&, const Int64Value&) {};
     context.create_synchronizer<Int64Value, Int64Value>({"a", "b#request"}, {}, nothing);
     context.create_synchronizer<Int64Value, Int64Value>({"a", "a"}, {}, nothing);
@@ -443,15 +443,15 @@ class Mistaken final : public Component {
   }
 };
 
-TEST(ASynchronizer, MistakesInItAreFoundBeforeTheStart) {
-  TestClasses mistaken;
-  mistaken.with<Mistaken>("mistaken");
+TEST(ASynchronizer, ErrorsInItAreFoundBeforeTheStart) {
+  TestClasses invalid;
+  invalid.with<Invalid>("invalid");
   config::Problems problems;
   Application application(
-      describe_text(R"({"name": "t", "components": [{"name": "m", "library": "mistaken"}]})",
+      describe_text(R"({"name": "t", "components": [{"name": "m", "library": "invalid"}]})",
                     problems),
       {.is_simulated = true});
-  application.build(mistaken, problems, ConstructorFault::kMistake);
+  application.build(invalid, problems, ConstructorFault::kError);
 
   std::string text;
   for (const config::Problem& problem : problems.all()) {
@@ -536,7 +536,7 @@ Outcome run(const std::string& text, std::size_t topics, unsigned workers) {
   application->advance_to(kSimulatedStart + 10ms);
   Outcome outcome{.sets = component<Fusion>(*application, 0).sets,
                   .ledgers = {},
-                  .arrived = component<Witness>(*application, 2).arrived};
+                  .arrived = component<ArrivalProbe>(*application, 2).arrived};
   for (std::size_t topic = 0; topic < topics; ++topic) {
     const Ledger running = fusion_ledger(*application, topic);
     EXPECT_TRUE(running.adds_up());

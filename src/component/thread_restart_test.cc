@@ -40,7 +40,7 @@ bool await(const std::function<bool()>& condition) {
 }
 
 /// What the drivers of one test did.
-struct Witness {
+struct Counters {
   std::atomic<int> made{0};
   std::atomic<int> threads{0};       ///< That run now.
   std::atomic<int> most_threads{0};  ///< That ever ran at once.
@@ -51,42 +51,42 @@ struct Witness {
   std::atomic<bool> is_thread_to_throw{false};
 };
 
-Witness* witness = nullptr;
+Counters* counters = nullptr;
 
 /// Its thread says "numbers" which of the objects it belongs to.
 class Driver final : public Component {
  public:
   explicit Driver(Context& context)
       : Component(context),
-        number_(++witness->made),
+        number_(++counters->made),
         numbers_(context.create_external_publisher<Int64Value>("numbers")) {
     context.create_thread("device", [this](const std::stop_token& stop) { run(stop); });
     context.create_subscriber<Int64Value>(
         "orders", [](const Int64Value&) { throw std::runtime_error("on purpose"); });
   }
-  ~Driver() override { witness->destroyed_under_a_thread += witness->threads.load(); }
+  ~Driver() override { counters->destroyed_under_a_thread += counters->threads.load(); }
   void serve() override {
-    if (witness->is_throwing.exchange(false)) {
+    if (counters->is_throwing.exchange(false)) {
       throw std::runtime_error("on purpose");
     }
   }
-  void stop() override { ++witness->stops; }
+  void stop() override { ++counters->stops; }
 
  private:
   void run(const std::stop_token& stop) {
-    const int running = ++witness->threads;
-    witness->most_threads = std::max(witness->most_threads.load(), running);
+    const int running = ++counters->threads;
+    counters->most_threads = std::max(counters->most_threads.load(), running);
     auto number = numbers_.loan();
     number->set_value(number_);
     numbers_.publish(std::move(number));
-    while (!stop.stop_requested() || witness->is_deaf) {
-      if (witness->is_thread_to_throw.exchange(false)) {
-        --witness->threads;
+    while (!stop.stop_requested() || counters->is_deaf) {
+      if (counters->is_thread_to_throw.exchange(false)) {
+        --counters->threads;
         throw std::runtime_error("the device is gone");
       }
       std::this_thread::sleep_for(1ms);
     }
-    --witness->threads;
+    --counters->threads;
   }
 
   const int number_;
@@ -114,10 +114,10 @@ constexpr const char* kText = R"({"name": "t", "on_fault": "restart",
 class ThreadsOfARestart : public ::testing::Test {
  protected:
   ThreadsOfARestart() {
-    witness = &witness_;
+    counters = &counters_;
     classes_.with<Driver>("driver").with<Neighbour>("neighbour");
   }
-  ~ThreadsOfARestart() override { witness = nullptr; }
+  ~ThreadsOfARestart() override { counters = nullptr; }
 
   void start() {
     application_ = make_application(kText, classes_);
@@ -129,31 +129,31 @@ class ThreadsOfARestart : public ::testing::Test {
     return static_cast<Neighbour&>(*application_->components()[1]->component);
   }
 
-  Witness witness_;
+  Counters counters_;
   TestClasses classes_;
   std::unique_ptr<Application> application_;
 };
 
 TEST_F(ThreadsOfARestart, EndBeforeTheObjectGoesAndBeginAgainWithTheNextOne) {
   start();
-  witness_.is_throwing = true;
+  counters_.is_throwing = true;
 
   EXPECT_TRUE(await([&] { return neighbour().newest == 2; }));
-  witness_.is_throwing = true;
+  counters_.is_throwing = true;
   EXPECT_TRUE(await([&] { return neighbour().newest == 3; }));
   application_->stop();
 
-  EXPECT_EQ(witness_.made, 3);
-  EXPECT_EQ(witness_.most_threads, 1);
-  EXPECT_EQ(witness_.threads, 0);
-  EXPECT_EQ(witness_.destroyed_under_a_thread, 0);
+  EXPECT_EQ(counters_.made, 3);
+  EXPECT_EQ(counters_.most_threads, 1);
+  EXPECT_EQ(counters_.threads, 0);
+  EXPECT_EQ(counters_.destroyed_under_a_thread, 0);
   EXPECT_EQ(driver().restart_count, 2U);
   EXPECT_EQ(driver().fault_count, 2U);
 }
 
 TEST_F(ThreadsOfARestart, MayBeWhatFailed) {
   start();
-  witness_.is_thread_to_throw = true;
+  counters_.is_thread_to_throw = true;
 
   EXPECT_TRUE(await([&] { return neighbour().newest == 2; }));
   application_->stop();
@@ -164,19 +164,19 @@ TEST_F(ThreadsOfARestart, MayBeWhatFailed) {
 
 TEST_F(ThreadsOfARestart, ThatDoNotEndKeepItStoppedAndAreNamedWhileOthersGoOn) {
   start();
-  witness_.is_deaf = true;
-  witness_.is_throwing = true;
+  counters_.is_deaf = true;
+  counters_.is_throwing = true;
 
   ASSERT_TRUE(await([&] { return driver().state == ComponentCore::State::kRestarting; }));
   const int before = neighbour().ticks;
   EXPECT_TRUE(await([&] { return neighbour().ticks > before + 3; }));
   EXPECT_EQ(driver().state, ComponentCore::State::kRestarting) << "others waited with it";
   EXPECT_TRUE(await([&] { return driver().state == ComponentCore::State::kFailed; }));
-  witness_.is_deaf = false;
+  counters_.is_deaf = false;
   application_->stop();
 
-  EXPECT_EQ(witness_.made, 1);
-  EXPECT_EQ(witness_.destroyed_under_a_thread, 0);
+  EXPECT_EQ(counters_.made, 1);
+  EXPECT_EQ(counters_.destroyed_under_a_thread, 0);
   EXPECT_THAT(driver().last_fault,
               HasSubstr("its thread \"device\" has not ended within 1 s after its stop_token asked "
                         "for it: it stays stopped"));
@@ -184,8 +184,8 @@ TEST_F(ThreadsOfARestart, ThatDoNotEndKeepItStoppedAndAreNamedWhileOthersGoOn) {
 
 TEST_F(ThreadsOfARestart, ThatDoNotEndBeforeTheRunDoesAreNamedAndKeepTheirObject) {
   start();
-  witness_.is_deaf = true;
-  witness_.is_throwing = true;
+  counters_.is_deaf = true;
+  counters_.is_throwing = true;
   ASSERT_TRUE(await([&] { return driver().state == ComponentCore::State::kRestarting; }));
 
   application_->stop();  // Returns, although the thread does not end.
@@ -193,11 +193,11 @@ TEST_F(ThreadsOfARestart, ThatDoNotEndBeforeTheRunDoesAreNamedAndKeepTheirObject
   ASSERT_EQ(application_->stuck().size(), 1U);
   EXPECT_EQ(application_->stuck()[0].component, "driver");
   EXPECT_EQ(application_->stuck()[0].call, "its thread \"device\"");
-  witness_.is_deaf = false;
+  counters_.is_deaf = false;
   application_.reset();
-  EXPECT_EQ(witness_.made, 1);
-  EXPECT_EQ(witness_.threads, 0);
-  EXPECT_EQ(witness_.destroyed_under_a_thread, 0);
+  EXPECT_EQ(counters_.made, 1);
+  EXPECT_EQ(counters_.threads, 0);
+  EXPECT_EQ(counters_.destroyed_under_a_thread, 0);
 }
 
 TEST_F(ThreadsOfARestart, EndBeforeStopWhenItIsMadeAnewInOrder) {
@@ -209,8 +209,8 @@ TEST_F(ThreadsOfARestart, EndBeforeStopWhenItIsMadeAnewInOrder) {
   application_->stop();
 
   EXPECT_EQ(why_not, "");
-  EXPECT_EQ(witness_.stops, 2);
-  EXPECT_EQ(witness_.most_threads, 1);
+  EXPECT_EQ(counters_.stops, 2);
+  EXPECT_EQ(counters_.most_threads, 1);
   EXPECT_EQ(driver().fault_count, 0U);
 }
 
@@ -232,8 +232,8 @@ TEST_F(ThreadsOfARestart, EndAtOnceInSimulatedTime) {
   }));
   bench.stop();
 
-  EXPECT_EQ(witness_.most_threads, 1);
-  EXPECT_EQ(witness_.destroyed_under_a_thread, 0);
+  EXPECT_EQ(counters_.most_threads, 1);
+  EXPECT_EQ(counters_.destroyed_under_a_thread, 0);
 }
 
 }  // namespace

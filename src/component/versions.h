@@ -33,7 +33,7 @@ struct ReloadOrder {
   std::uint32_t misses_forgiven = kMissesForgiven;
   /// Receives the result: why it was not done, or empty. Called once, in an activation of the
   /// component.
-  std::function<void(const std::string& why_not)> told;
+  std::function<void(const std::string& why_not)> on_result;
 };
 
 /// A summary of a component's code.
@@ -61,7 +61,7 @@ class Versions {
   virtual ~Versions() = default;
 
   /// Replaces the object. Messages wait meanwhile. If the new version cannot be started, the old
-  /// one continues, with its state. `order.told` receives the result.
+  /// one continues, with its state. `order.on_result` receives the result.
   virtual void reload(const std::shared_ptr<const ReloadOrder>& order) = 0;
   /// Returns to the version before, with the present state. Returns why that cannot be done; empty
   /// if it was, or will be, once the threads of the object have ended.

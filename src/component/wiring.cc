@@ -146,13 +146,13 @@ ComponentCore& Wiring::component_of(const detail::PublisherCore& publisher) cons
   return **found;
 }
 
-void Wiring::tell_liveliness(ComponentCore& component, bool is_alive, std::string_view reason) {
+void Wiring::report_liveliness(ComponentCore& component, bool is_alive, std::string_view reason) {
   if (!has_begun_) {
     return;
   }
   // In simulated time at the end of the round: whether a component that subscribes or unsubscribes
   // in the same round is notified must not depend on the order of workers.
-  const auto tell_all = [this, &component, is_alive, reason] {
+  const auto report_all = [this, &component, is_alive, reason] {
     const std::lock_guard lock(mutex_);
     for (const detail::PublisherCore* publisher : component.declared.publishers) {
       for (const auto& subscription : publisher->topic.subscriptions) {
@@ -162,25 +162,25 @@ void Wiring::tell_liveliness(ComponentCore& component, bool is_alive, std::strin
         }
         auto& to = static_cast<detail::CallbackSubscription&>(*subscription);
         auto& receiver = static_cast<ComponentCore&>(to.actor);
-        const auto hear = [&to, &receiver, id = publisher->id, is_alive, reason] {
+        const auto report = [&to, &receiver, id = publisher->id, is_alive, reason] {
           if (receiver.state != ComponentCore::State::kActive || to.is_ended) {
             return;
           }
           const std::int64_t now_ns = base::to_ns(receiver.publishing.now);
-          const auto event = to.quality->hear(id, is_alive, reason, now_ns);
+          const auto event = to.quality->on_liveliness(id, is_alive, reason, now_ns);
           if (const auto callback = to.quality->callback(); event && callback != nullptr) {
             to.quality->keep(receiver.publishing, *event);
             (*callback)(*event);
           }
         };
-        receiver.post(Cause::kEvent, hear, nullptr, detail::Control::kNoTimer);
+        receiver.post(Cause::kEvent, report, nullptr, detail::Control::kNoTimer);
       }
     }
   };
   if (time_.is_simulated()) {
-    component.stage(tell_all);
+    component.stage(report_all);
   } else {
-    tell_all();
+    report_all();
   }
 }
 

@@ -54,8 +54,8 @@ class Wiring final : public TopicHost {
                         detail::DropReason reason) noexcept override;
   void reopen_subscription(detail::ComponentCore& component,
                            detail::CallbackSubscription& subscription) override;
-  void tell_liveliness(detail::ComponentCore& component, bool is_alive,
-                       std::string_view reason) override;
+  void report_liveliness(detail::ComponentCore& component, bool is_alive,
+                         std::string_view reason) override;
 
   /// Executes `action` while `publisher` does not publish, now or soon: in an activation of its
   /// component, for an external one under its lock, in simulated time between two rounds. For

@@ -33,12 +33,12 @@ class Restless final : public Component {
   void serve() override {
     subscription_.reset();
     subscription_ = context().create_subscriber<Int64Value>(
-        "numbers", [this](const Int64Value&) { report("heard", ++heard_); });
+        "numbers", [this](const Int64Value&) { report("received", ++received_); });
   }
 
  private:
   std::optional<Subscriber> subscription_;
-  std::int64_t heard_ = 0;
+  std::int64_t received_ = 0;
 };
 
 TEST(AWiring, ShowsItsTopicsWhileSubscriptionsComeAndGo) {

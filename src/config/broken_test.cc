@@ -1,4 +1,4 @@
-// Every folder of tests/config/broken is an application with a mistake, and what has to be said of
+// Every folder of tests/config/broken is an application with an error, and what has to be said of
 // it.
 
 #include <algorithm>
@@ -62,7 +62,7 @@ std::string without_folder(std::string text, const std::string& folder) {
 
 class BrokenConfiguration : public testing::TestWithParam<std::string> {};
 
-TEST_P(BrokenConfiguration, HasTheExpectedMistakesAndNoOthers) {
+TEST_P(BrokenConfiguration, HasTheExpectedErrorsAndNoOthers) {
   const std::filesystem::path folder = kCases / GetParam();
   const std::vector<std::string> expected = lines_of(folder / "expected.txt");
   Problems problems;

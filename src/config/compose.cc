@@ -109,7 +109,7 @@ std::optional<Value> Composer::compose(const LoadOptions& options) {
 std::optional<Value> Composer::read(const std::filesystem::path& file, const Place& asked_at) {
   if (++file_count_ > kMaxFiles) {
     if (file_count_ == kMaxFiles + 1) {
-      problems_.add(mistake(asked_at, "the application has more than 1000 files"));
+      problems_.add(make_error(asked_at, "the application has more than 1000 files"));
     }
     return std::nullopt;
   }
@@ -181,11 +181,11 @@ bool Composer::may_include(const Value& name, const std::vector<std::string>& st
       circle += std::filesystem::path(file).filename().string() + " → ";
     });
     circle += std::filesystem::path(identity).filename().string();
-    problems_.add(mistake(name.place(), "the file includes itself: " + circle));
+    problems_.add(make_error(name.place(), "the file includes itself: " + circle));
     return false;
   }
   if (stack.size() > kMaxIncludeDepth) {
-    problems_.add(mistake(name.place(), "files include each other deeper than 16"));
+    problems_.add(make_error(name.place(), "files include each other deeper than 16"));
     return false;
   }
   return true;
@@ -225,57 +225,59 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
   for (const std::string_view key : {"record", "flight_recorder"}) {
     if (const Value* record = part.find(key)) {
       problems_.add(
-          mistake(record->place(),
-                  "an included file cannot say what is recorded, only the one that is run"));
+          make_error(record->place(),
+                     "an included file cannot say what is recorded, only the one that is run"));
     }
   }
   if (const Value* trace = part.find("trace")) {
     problems_.add(
-        mistake(trace->place(),
-                "an included file cannot say where a trace goes, only the one that is run"));
+        make_error(trace->place(),
+                   "an included file cannot say where a trace goes, only the one that is run"));
   }
   if (const Value* inspect = part.find("inspect")) {
-    problems_.add(
-        mistake(inspect->place(),
-                "an included file cannot say who may look at the run, only the one that is run"));
+    problems_.add(make_error(
+        inspect->place(),
+        "an included file cannot say who may look at the run, only the one that is run"));
   }
   if (const Value* live = part.find("live")) {
     problems_.add(
-        mistake(live->place(),
-                "an included file cannot say who is shown the run, only the one that is run"));
+        make_error(live->place(),
+                   "an included file cannot say who is shown the run, only the one that is run"));
   }
   if (const Value* faults = part.find("faults")) {
-    problems_.add(
-        mistake(faults->place(),
-                "an included file cannot say what faults are injected, only the one that is run"));
+    problems_.add(make_error(
+        faults->place(),
+        "an included file cannot say what faults are injected, only the one that is run"));
   }
   if (const Value* shadow = part.find("shadow")) {
     problems_.add(
-        mistake(shadow->place(),
-                "an included file cannot say what has a shadow, only the one that is run"));
+        make_error(shadow->place(),
+                   "an included file cannot say what has a shadow, only the one that is run"));
   }
   if (const Value* libraries = part.find("libraries")) {
     problems_.add(
-        mistake(libraries->place(),
-                "an included file cannot say what may be loaded, only the one that is run"));
+        make_error(libraries->place(),
+                   "an included file cannot say what may be loaded, only the one that is run"));
   }
   if (const Value& modes = part["modes"]; modes.size() > 0) {
-    problems_.add(
-        mistake(modes.place(), "an included file cannot describe modes, only the one that is run"));
+    problems_.add(make_error(modes.place(),
+                             "an included file cannot describe modes, only the one that is run"));
   }
   if (const Value& chains = part["chains"]; chains.size() > 0) {
-    problems_.add(mistake(chains[0].place(),
-                          "an included file cannot describe chains, only the one that is run"));
+    problems_.add(make_error(chains[0].place(),
+                             "an included file cannot describe chains, only the one that is run"));
   }
   if (const Value* period = part.find("state_period_s")) {
-    problems_.add(mistake(period->place(),
-                          "an included file cannot say how often key frames are written, only the "
-                          "one that is run"));
+    problems_.add(
+        make_error(period->place(),
+                   "an included file cannot say how often key frames are written, only the "
+                   "one that is run"));
   }
   if (const Value* period = part.find("status_period_ms")) {
-    problems_.add(mistake(period->place(),
-                          "an included file cannot say how often the status is published, only the "
-                          "one that is run"));
+    problems_.add(
+        make_error(period->place(),
+                   "an included file cannot say how often the status is published, only the "
+                   "one that is run"));
   }
 }
 
@@ -286,9 +288,9 @@ void Composer::add_shared_params(Value& tree, const Value& part) {
   for (const auto& [key, value] : part["shared_params"].members()) {
     const Value* other = shared->find(key);
     if (other != nullptr && !other->same_content(value)) {
-      problems_.add(mistake(value.place(), "the shared param " + in_quotes(key) +
-                                               " has another value in " +
-                                               to_string(other->place())));
+      problems_.add(make_error(value.place(), "the shared param " + in_quotes(key) +
+                                                  " has another value in " +
+                                                  to_string(other->place())));
     } else {
       shared->set(key, value);
     }
@@ -298,9 +300,9 @@ void Composer::add_shared_params(Value& tree, const Value& part) {
 void Composer::add_topic(Value& tree, const std::string& name, const Value& topic) {
   Value* topics = tree.find("topics");
   if (const Value* other = topics->find(name)) {
-    problems_.add(mistake(topic.place(), "the topic " + in_quotes(name) +
-                                             " is described twice, first in " +
-                                             to_string(other->place())));
+    problems_.add(make_error(topic.place(), "the topic " + in_quotes(name) +
+                                                " is described twice, first in " +
+                                                to_string(other->place())));
     return;
   }
   topics->set(name, topic);
@@ -370,7 +372,7 @@ Value* Composer::find_component(Value& tree, const std::string& name) {
 
 std::string Composer::nearest_component(const Value& tree, const std::string& name) const {
   std::vector<std::string> names;
-  if (problems_.keeps_mistakes()) {  // Else it would not be reported.
+  if (problems_.keeps_errors()) {  // Else it would not be reported.
     for (const Value& component : tree["components"].items()) {
       names.push_back(full_name(component));
     }
@@ -401,7 +403,7 @@ void Composer::apply_overlay(Value& tree, const Value& overlay, Variables& varia
   const Value empty = empty_tree(overlay);
   for (const auto& [key, value] : overlay.members()) {
     if (key == "include") {
-      problems_.add(mistake(value.place(), "an overlay cannot include files"));
+      problems_.add(make_error(value.place(), "an overlay cannot include files"));
       continue;
     }
     const Value* section = empty.find(key);
@@ -456,7 +458,7 @@ void Composer::apply_overlay_component(Value& tree, const Value& over, Variables
   Value* component = find_component(tree, name);
   if (component == nullptr) {
     if (find_string(over, "library") == nullptr && find_string(over, "file") == nullptr) {
-      problems_.add(mistake(
+      problems_.add(make_error(
           over.place(),
           "there is no component " + in_quotes(name) + ", and a new one needs a \"library\"",
           nearest_component(tree, name)));
@@ -513,24 +515,24 @@ void Composer::apply_set(Value& tree, const std::string& set) {
   const std::size_t equals = set.find('=');
   const std::size_t dot = set.find('.');
   if (equals == std::string::npos || dot == 0 || dot >= equals || dot + 1 == equals) {
-    problems_.add(mistake(place, "expected component.param=value, found " + in_quotes(set)));
+    problems_.add(make_error(place, "expected component.param=value, found " + in_quotes(set)));
     return;
   }
   // The depth of files is bounded too: whatever walks the tree needs stack by the level.
   if (std::count(set.begin(), set.begin() + static_cast<std::ptrdiff_t>(equals), '.') >
       static_cast<std::ptrdiff_t>(kMaxDepth)) {
-    problems_.add(mistake(place, "the name has more than 64 parts"));
+    problems_.add(make_error(place, "the name has more than 64 parts"));
     return;
   }
   if (!base::is_utf8(set)) {
-    problems_.add(mistake(place, "the option is not UTF-8"));
+    problems_.add(make_error(place, "the option is not UTF-8"));
     return;
   }
   const std::string name = set.substr(0, dot);
   Value* component = find_component(tree, name);
   if (component == nullptr) {
-    problems_.add(
-        mistake(place, "there is no component " + in_quotes(name), nearest_component(tree, name)));
+    problems_.add(make_error(place, "there is no component " + in_quotes(name),
+                             nearest_component(tree, name)));
     return;
   }
   // Made into {"params": {"limits": {"jerk": value}}}, and merged like an overlay.
@@ -565,24 +567,24 @@ void Composer::isolate(Value& tree, const std::string& pattern) {
     if (const Value* process = component.find("process")) {
       if (name == pattern && text_of(component, "process") != name) {
         Problem problem =
-            mistake(place, "the component " + in_quotes(name) +
-                               " stays in the process that it names, " + shown(*process));
+            make_error(place, "the component " + in_quotes(name) +
+                                  " stays in the process that it names, " + shown(*process));
         problem.warning = true;
         problems_.add(std::move(problem));
       }
     } else if (taken.contains(name)) {
-      problems_.add(
-          mistake(place,
-                  "the component " + in_quotes(name) +
-                      " cannot have a process of its own name: there is one, with other components",
-                  "name another by its key \"process\""));
+      problems_.add(make_error(
+          place,
+          "the component " + in_quotes(name) +
+              " cannot have a process of its own name: there is one, with other components",
+          "name another by its key \"process\""));
     } else {
       component.set("process", Value(name, {source, 0, ""}));
     }
   }
   if (!is_anyone) {
-    problems_.add(mistake(place, "there is no component " + in_quotes(pattern),
-                          nearest_component(tree, pattern)));
+    problems_.add(make_error(place, "there is no component " + in_quotes(pattern),
+                             nearest_component(tree, pattern)));
   }
 }
 

@@ -85,8 +85,8 @@ class FaultSense {
  private:
   void add(std::string_view key, std::string message, std::string hint = {}) {
     const Value* value = key.empty() ? nullptr : written_.find(key);
-    problems_.add(mistake(value == nullptr ? written_.place() : value->place(), std::move(message),
-                          std::move(hint)));
+    problems_.add(make_error(value == nullptr ? written_.place() : value->place(),
+                             std::move(message), std::move(hint)));
   }
 
   void check_value() {
@@ -130,8 +130,8 @@ void check_faults(const ApplicationDescription& application, Problems& problems)
     const Value& written = (*list)[i];
     FaultSense(fault, written, problems).check(components, processes);
     if (!names.insert(fault.name).second) {
-      problems.add(mistake(written.place(), "the fault " + in_quotes(fault.name) +
-                                                " is there twice; give each a \"name\""));
+      problems.add(make_error(written.place(), "the fault " + in_quotes(fault.name) +
+                                                   " is there twice; give each a \"name\""));
     }
   }
 }

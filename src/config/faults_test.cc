@@ -64,7 +64,7 @@ TEST_F(FaultsTest, OfAnOverlayTakeThePlaceOfTheList) {
   EXPECT_EQ(application.faults.list[0].kind, FaultKind::kThrow);
 }
 
-TEST_F(FaultsTest, ThatAreNotCompleteOrContradictThemselvesAreMistakes) {
+TEST_F(FaultsTest, ThatAreNotCompleteOrContradictThemselvesAreErrors) {
   load(R"({"list": [
       {"kind": "drop"},
       {"kind": "dop", "topic": "a"},

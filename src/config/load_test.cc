@@ -265,21 +265,21 @@ TEST_F(LoadTest, PriorityOfAThreadNeedsAPolicyAndAPolicyAPriority) {
             std::string::npos);
 }
 
-TEST_F(LoadTest, MissingFileIsOneMistake) {
+TEST_F(LoadTest, MissingFileIsOneError) {
   const ApplicationDescription app = load({.file = folder / "nothing.json"}, problems);
 
   EXPECT_TRUE(app.components.empty());
   EXPECT_EQ(problems.all().size(), 1U);
 }
 
-TEST_F(LoadTest, FolderAndFifoAreMistakes) {
+TEST_F(LoadTest, FolderAndFifoAreErrors) {
   (void)load({.file = folder.path(), .overlays = {"/dev/null"}}, problems);
 
   EXPECT_NE(text_of(problems).find("it is a folder"), std::string::npos);
   EXPECT_NE(text_of(problems).find("it is not a regular file"), std::string::npos);
 }
 
-TEST_F(LoadTest, SchemaThatIsNoneIsAMistake) {
+TEST_F(LoadTest, SchemaThatIsNoneIsAnError) {
   const auto file = folder.write("app.json", kApplication);
 
   (void)load({.file = file, .schema_file = folder.write("schema.json", "[]")}, problems);
@@ -291,10 +291,10 @@ TEST_F(LoadTest, SchemaThatIsNoneIsAMistake) {
 
 TEST(Problems, AreSortedAndEachIsThereOnce) {
   Problems problems;
-  problems.add(mistake({"b.json", 2, "/x"}, "second"));
-  problems.add(mistake({"b.json", 1, "/y"}, "first"));
-  problems.add(mistake({"b.json", 2, "/x"}, "second"));
-  problems.add(mistake({"a.json", 9, ""}, "zeroth", "look there"));
+  problems.add(make_error({"b.json", 2, "/x"}, "second"));
+  problems.add(make_error({"b.json", 1, "/y"}, "first"));
+  problems.add(make_error({"b.json", 2, "/x"}, "second"));
+  problems.add(make_error({"a.json", 9, ""}, "zeroth", "look there"));
 
   EXPECT_EQ(text_of(problems),
             "a.json:9: zeroth; look there\nb.json:1: /y: first\nb.json:2: /x: second\n");
@@ -303,7 +303,7 @@ TEST(Problems, AreSortedAndEachIsThereOnce) {
 TEST(Problems, OnlySoManyAreKeptButAllAreCounted) {
   Problems problems;
   for (std::size_t i = 0; i < Problems::kMaxKept + 10; ++i) {
-    problems.add(mistake({"a.json", static_cast<int>(i), ""}, "wrong"));
+    problems.add(make_error({"a.json", static_cast<int>(i), ""}, "wrong"));
   }
 
   EXPECT_EQ(problems.all().size(), Problems::kMaxKept);

@@ -17,7 +17,7 @@ namespace fastcycle::config {
 namespace {
 
 void warn(const Value& at, std::string message, Problems& problems) {
-  Problem problem = mistake(at.place(), std::move(message));
+  Problem problem = make_error(at.place(), std::move(message));
   problem.warning = true;
   problems.add(std::move(problem));
 }

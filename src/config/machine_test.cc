@@ -37,7 +37,7 @@ struct Machine : testing::Test {
   Problems problems;
 };
 
-TEST_F(Machine, UsersThatAreNotThereAreMistakesAndCpusAndPathsWarnings) {
+TEST_F(Machine, UsersThatAreNotThereAreErrorsAndCpusAndPathsWarnings) {
   (void)load({.file = folder.write("app.json", kApplication)}, problems);
 
   EXPECT_EQ(problems.error_count(), 1U) << said();

@@ -20,9 +20,9 @@ void merge(Value& base, const Value& over, Problems& problems) {
     Value* old = base.find(key);
     if (value.is_null()) {
       if (!base.erase(key)) {
-        problems.add(mistake(value.place(),
-                             "null deletes " + in_quotes(key) + ", but there is no such key",
-                             did_you_mean(nearest(key, keys_of(base)))));
+        problems.add(make_error(value.place(),
+                                "null deletes " + in_quotes(key) + ", but there is no such key",
+                                did_you_mean(nearest(key, keys_of(base)))));
       }
     } else if (!value.is_object()) {
       base.set(key, value);

@@ -93,7 +93,7 @@ void check_members(const Value& object, const std::string& prefix,
       check_members(value, name + '.', declared, problems);
       continue;
     }
-    Problem problem = mistake(value.place(), "there is no param " + in_quotes(name));
+    Problem problem = make_error(value.place(), "there is no param " + in_quotes(name));
     problem.found = in_quotes(name);
     problem.hint = name_hint(name, {declared.begin(), declared.end()});
     problems.add(std::move(problem));
@@ -204,7 +204,7 @@ const Value* ParamReader::find(std::string_view name) {
 const Value* ParamReader::require(std::string_view name) {
   const Value* value = find(name);
   if (value == nullptr) {
-    problems_.add(mistake(params_.place(), "the param " + in_quotes(name) + " is missing"));
+    problems_.add(make_error(params_.place(), "the param " + in_quotes(name) + " is missing"));
   }
   return value;
 }

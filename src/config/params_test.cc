@@ -49,7 +49,7 @@ TEST_F(ParamsTest, HaveTheirFallbackWhenNoOneGivesThem) {
   EXPECT_EQ(text_of(problems), "");
 }
 
-TEST_F(ParamsTest, OfTheWrongKindAreMistakesAndFallBack) {
+TEST_F(ParamsTest, OfTheWrongKindAreErrorsAndFallBack) {
   EXPECT_EQ(reader.read_double("mode", 13.9, {.min = 0.0, .max = 60.0}), 13.9);
   EXPECT_EQ(reader.read_int64("limit_mps", 5, {.min = 1}), 5);
   EXPECT_TRUE(reader.read_bool("count", true));
@@ -103,7 +103,7 @@ TEST_F(ParamsTest, EachWrongItemOfAListIsReported) {
             "app.json:1: expected a list with a number of items in [2, 2], found [\"a\"]\n");
 }
 
-TEST_F(ParamsTest, ThatNoOneDeclaredAreMistakes) {
+TEST_F(ParamsTest, ThatNoOneDeclaredAreErrors) {
   (void)reader.read_double("limits.jerk", 0);
   (void)reader.read_double("limit_mps", 0);
   (void)reader.read_int64("coutn", 0);

@@ -85,21 +85,21 @@ int line_at(std::string_view text, std::size_t position) {
 }
 
 /// Checks the encoding before parsing.
-std::optional<Problem> encoding_mistake(std::string_view text, const std::string& name) {
+std::optional<Problem> encoding_error(std::string_view text, const std::string& name) {
   if (text.starts_with("\xEF\xBB\xBF")) {
-    return mistake({name, 1, ""}, "the file begins with a byte order mark",
-                   "save it as UTF-8 without one");
+    return make_error({name, 1, ""}, "the file begins with a byte order mark",
+                      "save it as UTF-8 without one");
   }
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
-    return mistake({name, 1, ""}, "the file is UTF-16", "save it as UTF-8");
+    return make_error({name, 1, ""}, "the file is UTF-16", "save it as UTF-8");
   }
   for (std::size_t position = 0; position < text.size();) {
     if (text[position] == '\0') {
-      return mistake({name, line_at(text, position), ""}, "the file has a NUL byte");
+      return make_error({name, line_at(text, position), ""}, "the file has a NUL byte");
     }
     const std::size_t length = base::utf8_length(text.substr(position));
     if (length == 0) {
-      return mistake({name, line_at(text, position), ""}, "the file is not UTF-8");
+      return make_error({name, line_at(text, position), ""}, "the file is not UTF-8");
     }
     position += length;
   }
@@ -183,9 +183,10 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
     const auto [first, is_new] = object.lines.emplace(object.key, line());
     object.is_duplicate = !is_new;
     if (!is_new) {
-      problems_.add(mistake({source_->name, line(), next_pointer()},
-                            "the key " + in_quotes(object.key) + " is given twice, first in line " +
-                                std::to_string(first->second)));
+      problems_.add(make_error({source_->name, line(), next_pointer()},
+                               "the key " + in_quotes(object.key) +
+                                   " is given twice, first in line " +
+                                   std::to_string(first->second)));
     }
     return true;
   }
@@ -195,9 +196,9 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
     const Place place{source_->name, line_at(text_, position == 0 ? 0 : position - 1),
                       next_pointer()};
     if (error.id == 406) {
-      problems_.add(mistake(place, "the number " + cut_token(last_token) + " is out of range"));
+      problems_.add(make_error(place, "the number " + cut_token(last_token) + " is out of range"));
     } else {
-      problems_.add(mistake(place, "this is not JSON: " + reason_of(error), hint_for(position)));
+      problems_.add(make_error(place, "this is not JSON: " + reason_of(error), hint_for(position)));
     }
     return false;
   }
@@ -244,7 +245,7 @@ class TreeBuilder final : public nlohmann::json_sax<nlohmann::json> {
   }
 
   bool refuse(std::string message) {
-    problems_.add(mistake({source_->name, line(), next_pointer()}, std::move(message)));
+    problems_.add(make_error({source_->name, line(), next_pointer()}, std::move(message)));
     return false;
   }
 
@@ -338,7 +339,8 @@ std::optional<std::string> read_file(const std::filesystem::path& file, const Pl
                                      Problems& problems) {
   const Place place = asked_at.file.empty() ? Place{file.string(), 0, ""} : asked_at;
   const auto fail = [&](const std::string& reason) {
-    problems.add(mistake(place, "cannot read " + in_quotes(file.string(), 4096) + ": " + reason));
+    problems.add(
+        make_error(place, "cannot read " + in_quotes(file.string(), 4096) + ": " + reason));
     return std::nullopt;
   };
   // O_NONBLOCK: opening a FIFO without a writer returns at once instead of waiting for one.
@@ -358,7 +360,7 @@ std::optional<std::string> read_file(const std::filesystem::path& file, const Pl
 
 std::optional<Value> parse(std::string_view text, const std::shared_ptr<const Source>& source,
                            Problems& problems) {
-  if (auto problem = encoding_mistake(text, source->name)) {
+  if (auto problem = encoding_error(text, source->name)) {
     problems.add(std::move(*problem));
     return std::nullopt;
   }

@@ -37,7 +37,7 @@ Problem unexpected(const Value& at, std::string expected) {
   return unexpected(at, std::move(expected), shown(at));
 }
 
-Problem mistake(Place place, std::string message, std::string hint) {
+Problem make_error(Place place, std::string message, std::string hint) {
   Problem problem;
   problem.place = std::move(place);
   problem.message = std::move(message);

@@ -28,7 +28,7 @@ struct Problem {
 /// The same, with the value itself as `found`.
 [[nodiscard]] Problem unexpected(const Value& at, std::string expected);
 /// An error that is one sentence.
-[[nodiscard]] Problem mistake(Place place, std::string message, std::string hint = {});
+[[nodiscard]] Problem make_error(Place place, std::string message, std::string hint = {});
 
 /// `did you mean "name"?`, or nothing if `name` is empty.
 [[nodiscard]] std::string did_you_mean(std::string_view name);
@@ -48,7 +48,7 @@ class Problems {
   [[nodiscard]] bool has_errors() const { return error_count_ > 0; }
   [[nodiscard]] std::size_t error_count() const { return error_count_; }
   /// Whether one more will be kept; if not, its text need not be composed.
-  [[nodiscard]] bool keeps_mistakes() const { return error_count_ < kMaxKept; }
+  [[nodiscard]] bool keeps_errors() const { return error_count_ < kMaxKept; }
   [[nodiscard]] bool keeps_warnings() const { return warning_count_ < kMaxKept; }
   [[nodiscard]] bool is_empty() const { return problems_.empty(); }
 

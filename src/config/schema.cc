@@ -212,7 +212,7 @@ std::vector<std::string> keys_of(const json& properties) {
 
 Problem unknown_key(const std::string& key, const Value& value,
                     const std::vector<std::string>& known) {
-  Problem problem = mistake(value.place(), "unknown key " + in_quotes(key));
+  Problem problem = make_error(value.place(), "unknown key " + in_quotes(key));
   for (const std::string& name : known) {
     problem.expected += (problem.expected.empty() ? "one of " : ", ") + name;
   }
@@ -225,7 +225,7 @@ void explain_object(const Spot& spot, Problems& problems) {
   const json& schema = *spot.schema;
   for (const json& key : schema.value("required", json::array())) {
     if (spot.value->find(key.get<std::string>()) == nullptr) {
-      problems.add(mistake(spot.value->place(), "the key " + key.dump() + " is missing"));
+      problems.add(make_error(spot.value->place(), "the key " + key.dump() + " is missing"));
     }
   }
   if (!schema.contains("additionalProperties") || schema["additionalProperties"] != false) {
@@ -308,8 +308,9 @@ Schema::Schema(const std::filesystem::path& schema_file, Problems& problems) {
     application_ = make_rules(std::move(application));
     component_file_ = make_rules(component_file);
   } catch (const std::exception& error) {
-    problems.add(mistake({schema_file.string(), 0, ""},
-                         std::string("this is not the schema of applications: ") + error.what()));
+    problems.add(
+        make_error({schema_file.string(), 0, ""},
+                   std::string("this is not the schema of applications: ") + error.what()));
   }
 }
 

@@ -72,7 +72,7 @@ class Sense {
     if (!key.empty()) {
       place = place_of(at, key);
     }
-    problems_.add(mistake(std::move(place), std::move(message), std::move(hint)));
+    problems_.add(make_error(std::move(place), std::move(message), std::move(hint)));
   }
 
   // The place of a key of the executor, topic or component at `at`: it may come from another file.
@@ -108,7 +108,7 @@ class Sense {
   // No search if the hint would not be reported.
   [[nodiscard]] std::string hint_for(const std::string& name,
                                      const std::vector<std::string>& known) const {
-    return problems_.keeps_mistakes() ? did_you_mean(nearest(name, known)) : std::string();
+    return problems_.keeps_errors() ? did_you_mean(nearest(name, known)) : std::string();
   }
 
   void check_application() {
@@ -193,7 +193,7 @@ class Sense {
   }
 
   void warn(const Place& place, std::string message, std::string hint = {}) {
-    Problem problem = mistake(place, std::move(message), std::move(hint));
+    Problem problem = make_error(place, std::move(message), std::move(hint));
     problem.warning = true;
     problems_.add(std::move(problem));
   }

@@ -92,11 +92,11 @@ void Variables::give_option(const std::string& option, Problems& problems) {
   const std::string whole = "--var " + option;
   const std::size_t equals = option.find('=');
   if (equals == std::string::npos || equals == 0) {
-    problems.add(mistake({whole, 0, ""}, "expected name=value, found " + in_quotes(option)));
+    problems.add(make_error({whole, 0, ""}, "expected name=value, found " + in_quotes(option)));
     return;
   }
   if (!base::is_utf8(option)) {
-    problems.add(mistake({whole, 0, ""}, "the option is not UTF-8"));
+    problems.add(make_error({whole, 0, ""}, "the option is not UTF-8"));
     return;
   }
   const std::string name = option.substr(0, equals);
@@ -129,8 +129,8 @@ Variables::Variable* Variables::find_declared(std::string_view name, const Place
   if (found != index_of_.end() && found->second < usable_count_) {
     return &variables_[found->second];
   }
-  Problem problem = mistake(place, "there is no variable " + in_quotes(name),
-                            did_you_mean(nearest(name, names())));
+  Problem problem = make_error(place, "there is no variable " + in_quotes(name),
+                               did_you_mean(nearest(name, names())));
   if (found != index_of_.end()) {
     problem.hint = "a default may use the variables that are declared before it";
   } else if (problem.hint.empty()) {
@@ -149,9 +149,9 @@ void Variables::complete(Problems& problems) {
       substitute(variable.value, problems);
     }
     if (!variable.is_given && variable.declared.is_null()) {
-      problems.add(mistake(variable.declared.place(),
-                           "the variable " + in_quotes(variable.name) + " has no value",
-                           "give it with --var " + variable.name + "=…"));
+      problems.add(make_error(variable.declared.place(),
+                              "the variable " + in_quotes(variable.name) + " has no value",
+                              "give it with --var " + variable.name + "=…"));
     }
   }
 }
@@ -175,8 +175,8 @@ void Variables::substitute(Value& value, Problems& problems) {
 Value Variables::substitute_text(const Value& value, Problems& problems) {
   const auto pieces = split(value.as_string());
   if (!pieces) {
-    problems.add(mistake(value.place(), "a variable has no closing }: " + shown(value),
-                         "write $${ where no variable is meant"));
+    problems.add(make_error(value.place(), "a variable has no closing }: " + shown(value),
+                            "write $${ where no variable is meant"));
     return value;
   }
   std::string text;
@@ -212,7 +212,7 @@ bool Variables::count_inserted(std::size_t bytes, const Place& place, Problems& 
   if (inserted_bytes_ <= kMaxInsertedBytes) {
     return true;
   }
-  problems.add(mistake(place, "the variables of this file add more than 16 MiB"));
+  problems.add(make_error(place, "the variables of this file add more than 16 MiB"));
   return false;
 }
 

@@ -22,7 +22,7 @@ struct Enclave {
 /// All errors of an enclave that can be found without DDS, each with the file, what was expected
 /// and what was found: missing or unreadable files, a key of another certificate, a certificate or
 /// a document that is not signed by the authority, or that has expired. Empty if there are none.
-[[nodiscard]] std::vector<std::string> mistakes_of_enclave(const std::filesystem::path& folder);
+[[nodiscard]] std::vector<std::string> enclave_errors(const std::filesystem::path& folder);
 
 /// Whether others than its owner can read its private key.
 [[nodiscard]] bool has_open_key(const std::filesystem::path& folder);

@@ -62,7 +62,7 @@ TEST_F(Keystore, AnEnclaveOfItIsRight) {
   const fs::path enclave = add("/fleet/gateway");
 
   EXPECT_EQ(enclave, keystore_ / "enclaves/fleet/gateway");
-  EXPECT_THAT(mistakes_of_enclave(enclave), IsEmpty());
+  EXPECT_THAT(enclave_errors(enclave), IsEmpty());
   EXPECT_EQ(name_of_enclave(enclave), "/fleet/gateway");
 }
 
@@ -131,75 +131,75 @@ TEST_F(Keystore, WithoutOneThereIsNoEnclave) {
   EXPECT_FALSE(fs::exists(keystore_));
 }
 
-TEST_F(Keystore, FilesThatAreMissingOrNothingOfTheKindAreTold) {
+TEST_F(Keystore, FilesThatAreMissingOrNothingOfTheKindAreReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   fs::remove(enclave / "permissions.p7s");
   write(enclave / "identity_ca.cert.pem", "nonsense");
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(AllOf(HasSubstr("identity_ca.cert.pem: expected the certificate of an "
                                           "authority in PEM, found no certificate")),
                           AllOf(HasSubstr("permissions.p7s"), HasSubstr("found no such file"))));
 }
 
-TEST_F(Keystore, TheKeyOfAnotherIsTold) {
+TEST_F(Keystore, TheKeyOfAnotherIsReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   write(enclave / "key.pem", read(add("/other") / "key.pem"));
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(HasSubstr("key.pem: expected the private key of the certificate in "
                                     "cert.pem, found another one")));
 }
 
-TEST_F(Keystore, ACertificateOfAnotherAuthorityIsTold) {
+TEST_F(Keystore, ACertificateOfAnotherAuthorityIsReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   const fs::path strange = folder_ / "strange";
   make_keystore(strange, kDays);
   write(enclave / "identity_ca.cert.pem", read(strange / "public/ca.cert.pem"));
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(AllOf(
                   HasSubstr("cert.pem: expected a certificate that is signed by the authority in "
                             "identity_ca.cert.pem, found that of CN=/gateway: "))));
 }
 
-TEST_F(Keystore, ACertificateThatHasExpiredIsTold) {
+TEST_F(Keystore, ACertificateThatHasExpiredIsReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add_enclave(keystore_, "/old", {}, Days(-1));
 
-  const auto mistakes = mistakes_of_enclave(enclave);
+  const auto errors = enclave_errors(enclave);
 
-  ASSERT_FALSE(mistakes.empty());
-  EXPECT_THAT(mistakes.front(), AllOf(HasSubstr("cert.pem: expected a certificate that is valid "
-                                                "now, found one that has expired on ")));
+  ASSERT_FALSE(errors.empty());
+  EXPECT_THAT(errors.front(), AllOf(HasSubstr("cert.pem: expected a certificate that is valid "
+                                              "now, found one that has expired on ")));
 }
 
-TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreTold) {
+TEST_F(Keystore, PermissionsThatWereChangedOrAreOfAnotherAreReported) {
   make_keystore(keystore_, kDays);
   const fs::path enclave = add("/gateway");
   std::string text = read(enclave / "permissions.p7s");
   text.replace(text.find("rt/speed"), 8, "rt/brake");
   write(enclave / "permissions.p7s", text);
 
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(AllOf(HasSubstr("permissions.p7s: expected a document that is signed"),
                                 HasSubstr("found one that was changed"))));
 
   write(enclave / "permissions.p7s", read(add("/other") / "permissions.p7s"));
-  EXPECT_THAT(mistakes_of_enclave(enclave),
+  EXPECT_THAT(enclave_errors(enclave),
               ElementsAre(HasSubstr("permissions.p7s: expected permissions of CN=/gateway, found "
                                     "those of others")));
 }
 
-TEST_F(Keystore, AKeystoreInThePlaceOfAnEnclaveIsTold) {
+TEST_F(Keystore, AKeystoreInThePlaceOfAnEnclaveIsReported) {
   make_keystore(keystore_, kDays);
 
-  EXPECT_THAT(mistakes_of_enclave(keystore_),
+  EXPECT_THAT(enclave_errors(keystore_),
               ElementsAre(HasSubstr("expected the folder of one enclave, found a keystore")));
-  EXPECT_THAT(mistakes_of_enclave(folder_ / "nowhere"),
+  EXPECT_THAT(enclave_errors(folder_ / "nowhere"),
               ElementsAre(HasSubstr("expected the folder of an enclave, found nothing")));
 }
 

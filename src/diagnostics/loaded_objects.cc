@@ -235,7 +235,7 @@ class Demangler {
   }
   void skip(char c) noexcept { static_cast<void>(take(c)); }
 
-  void say(std::string_view part) noexcept {
+  void append(std::string_view part) noexcept {
     text_ << (has_part_ ? "::" : "") << part;
     has_part_ = true;
   }
@@ -259,17 +259,17 @@ class Demangler {
     }
     if (is_digit(rest_.front())) {
       last_ = read_source_name();
-      say(last_.starts_with("_GLOBAL__N_") ? "(anonymous)" : last_);
+      append(last_.starts_with("_GLOBAL__N_") ? "(anonymous)" : last_);
       return true;
     }
     if (rest_.starts_with("St")) {
       rest_.remove_prefix(2);
-      say("std");
+      append("std");
       return true;
     }
     if (rest_.front() == 'S' && rest_.size() > 1) {
       const char which = rest_[1];
-      say(which == 's' ? "std::string" : which == 'a' ? "std::allocator" : "…");
+      append(which == 's' ? "std::string" : which == 'a' ? "std::allocator" : "…");
       const std::size_t end = is_digit(which) || which == '_' || (which >= 'A' && which <= 'Z')
                                   ? rest_.find('_') + 1
                                   : 2;
@@ -281,15 +281,15 @@ class Demangler {
     }
     const bool has_digit = rest_.size() > 1 && is_digit(rest_[1]);
     if (has_digit && (rest_.front() == 'C' || rest_.front() == 'D')) {
-      say(rest_.front() == 'C' ? "" : "~");
+      append(rest_.front() == 'C' ? "" : "~");
       text_ << last_;
       rest_.remove_prefix(2);
       return true;
     }
     if (rest_.starts_with("cl")) {
-      say("operator()");
+      append("operator()");
     } else if (!rest_.starts_with("Ul") && rest_.front() >= 'a' && rest_.front() <= 'z') {
-      say("operator");
+      append("operator");
     }
     return false;
   }

@@ -106,16 +106,16 @@ TEST_F(WhoRuns, AnInnerCallIsNamedAndThenTheOuterOneAgain) {
 
 TEST_F(WhoRuns, TheWatchdogTellsOnceAndWhenTheCallReturns) {
   std::atomic<int> hangs{0};
-  Flag has_told;
+  Flag is_reported;
   Flag has_returned;
-  std::string told;
+  std::string reported;
   Watchdog::Options options;
   options.smallest_limit = 20ms;
   options.limit_of = [](const RunningCall&) { return std::optional(20'000'000ns); };
   options.on_hang = [&](const RunningCall& call) {
-    told = call.in_words();
+    reported = call.in_words();
     ++hangs;
-    has_told.set();
+    is_reported.set();
   };
   Flag has_looked;
   options.on_look = [&](const RunningCall&) { has_looked.set(); };
@@ -124,19 +124,19 @@ TEST_F(WhoRuns, TheWatchdogTellsOnceAndWhenTheCallReturns) {
 
   {
     const std::jthread thread = in("its start()");
-    ASSERT_TRUE(has_told.wait());
+    ASSERT_TRUE(is_reported.wait());
     EXPECT_TRUE(has_looked.wait());
     may_return_.set();
   }
   EXPECT_TRUE(has_returned.wait());
   EXPECT_EQ(hangs, 1);
-  EXPECT_THAT(told, HasSubstr("its start()"));
+  EXPECT_THAT(reported, HasSubstr("its start()"));
 }
 
 TEST_F(WhoRuns, TheWatchdogMentionsOnceWhatTakesLongButIsAllowedTo) {
   std::atomic<int> mentioned{0};
   Flag has_mentioned;
-  std::string told;
+  std::string reported;
   std::atomic<int> asked{0};
   Flag was_asked_again;
   Watchdog::Options options;
@@ -149,7 +149,7 @@ TEST_F(WhoRuns, TheWatchdogMentionsOnceWhatTakesLongButIsAllowedTo) {
   };
   options.notice = 20ms;
   options.on_slow = [&](const RunningCall& call) {
-    told = call.in_words();
+    reported = call.in_words();
     ++mentioned;
     has_mentioned.set();
   };
@@ -164,7 +164,7 @@ TEST_F(WhoRuns, TheWatchdogMentionsOnceWhatTakesLongButIsAllowedTo) {
     may_return_.set();
   }
   EXPECT_EQ(mentioned, 1);
-  EXPECT_THAT(told, HasSubstr("its constructor has not returned for "));
+  EXPECT_THAT(reported, HasSubstr("its constructor has not returned for "));
 }
 
 TEST_F(WhoRuns, AThreadThatBlocksAllSignalsIsNamedWithoutItsStack) {

@@ -148,7 +148,7 @@ bool is_of_the_system(std::string_view frame) {
 
 std::string RunningCall::place() const {
   if (stack.empty()) {
-    return "a place that its thread does not tell: it blocks all signals";
+    return "a place that its thread does not report: it blocks all signals";
   }
   std::string text = stack.front();
   const auto own = std::ranges::find_if_not(stack, is_of_the_system);

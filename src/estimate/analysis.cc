@@ -101,7 +101,7 @@ class Analysis {
     return is_bounded_[system_.callbacks[callback].component];
   }
   [[nodiscard]] std::optional<Duration> gap_of(std::size_t callback) const;
-  [[nodiscard]] bool hears(std::size_t component) const;
+  [[nodiscard]] bool has_input(std::size_t component) const;
   [[nodiscard]] std::optional<Duration> topic_age(std::size_t topic,
                                                   std::vector<bool>& visited) const;
 
@@ -397,7 +397,7 @@ std::optional<Duration> Analysis::gap_of(std::size_t callback) const {
 }
 
 /// Whether `component` subscribes to anything.
-bool Analysis::hears(std::size_t component) const {
+bool Analysis::has_input(std::size_t component) const {
   return std::ranges::any_of(callbacks_[component],
                              [&](std::size_t i) { return !system_.callbacks[i].inputs.empty(); }) ||
          std::ranges::find(system_.views, component, &View::component) != system_.views.end();
@@ -418,7 +418,7 @@ std::optional<Duration> Analysis::topic_age(std::size_t topic, std::vector<bool>
       return std::nullopt;
     }
     if (its.inputs.empty()) {
-      if (hears(its.component)) {
+      if (has_input(its.component)) {
         return std::nullopt;  // Held messages may have any age: such sets are unbounded.
       }
       oldest = std::max(oldest, run_time(publisher));
@@ -707,7 +707,7 @@ ChainEstimate Analysis::judge(const Chain& chain) const {
     // Messages of a component with inputs have the age of their causes.
     std::vector<bool> visited(system_.callbacks.size());
     const std::optional<Duration> age =
-        hears(its.component) ? topic_age(chain.from, visited) : run_time(publisher);
+        has_input(its.component) ? topic_age(chain.from, visited) : run_time(publisher);
     if (!age) {
       walk.obstacles.insert("nothing bounds how old what led to \"" + system_.topics[chain.from] +
                             "\" is when it is published");

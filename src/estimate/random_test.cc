@@ -199,7 +199,7 @@ std::string dump(const System& system) {
             system.executors[system.components[c.component].executor].name + " takes " +
             text_of(*c.run_time);
     for (const Input& input : c.inputs) {
-      text += " hears " + system.topics[input.topic];
+      text += " receives " + system.topics[input.topic];
     }
     if (c.arrivals) {
       text += " every " + text_of(c.arrivals->period);

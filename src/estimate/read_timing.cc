@@ -66,9 +66,9 @@ class TimingReader {
   void check_keys(const Value& value, const std::vector<std::string>& known) {
     for (const Value::Member& member : value.members()) {
       if (std::ranges::find(known, member.key) == known.end()) {
-        problems_.add(config::mistake(member.value.place(),
-                                      "unknown key " + config::in_quotes(member.key),
-                                      config::did_you_mean(config::nearest(member.key, known))));
+        problems_.add(config::make_error(member.value.place(),
+                                         "unknown key " + config::in_quotes(member.key),
+                                         config::did_you_mean(config::nearest(member.key, known))));
       }
     }
   }
@@ -101,9 +101,9 @@ class TimingReader {
     const std::uint64_t events = burst == nullptr ? 1 : count(*burst);
     if (!period) {
       if (jitter || burst != nullptr) {
-        problems_.add(config::mistake(value.place(),
-                                      "\"jitter_ms\" and \"burst\" mean nothing "
-                                      "without \"period_ms\""));
+        problems_.add(config::make_error(value.place(),
+                                         "\"jitter_ms\" and \"burst\" mean nothing "
+                                         "without \"period_ms\""));
       }
       return std::nullopt;
     }
@@ -121,7 +121,7 @@ class TimingReader {
 
   void read_component(const Value& value, ComponentTiming& component) {
     check_keys(value, {"run_ms", "callbacks"});
-    component.is_said = true;
+    component.is_given = true;
     component.place = value.place();
     if (const auto run_time = span(value, "run_ms", 0)) {
       component.run_time = run_time;
@@ -133,7 +133,7 @@ class TimingReader {
 
   void read_callback(const Value& value, CallbackTiming& callback) {
     check_keys(value, {"run_ms", "publishes", "may_publish", "period_ms", "jitter_ms", "burst"});
-    callback.is_said = true;
+    callback.is_given = true;
     callback.place = value.place();
     if (const auto run_time = span(value, "run_ms", 0)) {
       callback.run_time = run_time;
@@ -175,7 +175,7 @@ class TimingReader {
     if (const auto its_arrivals = arrivals(value)) {
       source.arrivals = *its_arrivals;
     } else if (value.find("period_ms") == nullptr) {
-      problems_.add(config::mistake(value.place(), "a source needs \"period_ms\""));
+      problems_.add(config::make_error(value.place(), "a source needs \"period_ms\""));
     }
     source.age = span(value, "age_ms", 0).value_or(source.age);
     source.keeps_coming = truth(value, "keeps_coming", source.keeps_coming);

@@ -21,7 +21,7 @@ class ATimingFile : public testing::Test {
     read_timing(folder_.write("times.json", text), margin, timing, problems_);
     return timing;
   }
-  std::string mistakes() {
+  std::string errors() {
     std::string text;
     for (const config::Problem& problem : problems_.all()) {
       const std::string line = to_string(problem);
@@ -40,7 +40,7 @@ TEST_F(ATimingFile, SaysHowLongCallbacksTakeAndHowOftenSourcesPublish) {
       "serve": {"may_publish": {"filter/status": 3}}}}},
     "sources": {"lidar/points": {"period_ms": 100, "jitter_ms": 4, "burst": 2, "age_ms": 12,
                                  "keeps_coming": false}}})");
-  EXPECT_EQ(mistakes(), "");
+  EXPECT_EQ(errors(), "");
   const ComponentTiming& filter = timing.components.at("filter");
   EXPECT_EQ(filter.run_time, milliseconds(2));
   EXPECT_EQ(filter.callbacks.at("lidar/points").run_time, microseconds(9500));
@@ -60,17 +60,17 @@ TEST_F(ATimingFile, MayBeTheReportOfARun) {
       "filter": {"callback_us": {"p50": 10, "p99": 20, "max": 1000}},
       "idle": {"callback_us": {"p50": null, "p99": null, "max": null}}}})",
                              1.5);
-  EXPECT_EQ(mistakes(), "");
+  EXPECT_EQ(errors(), "");
   EXPECT_EQ(timing.components.at("filter").run_time, microseconds(1500));
   EXPECT_FALSE(timing.components.contains("idle"));
 }
 
-TEST_F(ATimingFile, HasItsMistakesNamedAllAtOnce) {
+TEST_F(ATimingFile, HasItsErrorsNamedAllAtOnce) {
   read(R"({
  "components": {"filter": {"run_sm": 2, "run_ms": -1}},
  "sources": {"points": {"jitter_ms": 4}, "others": {"period_ms": 0}},
  "surces": {}})");
-  EXPECT_EQ(mistakes(),
+  EXPECT_EQ(errors(),
             "times.json:2: /components/filter/run_sm: unknown key \"run_sm\"; did you mean "
             "\"run_ms\"?\n"
             "times.json:2: /components/filter/run_ms: expected milliseconds in [0, 86400000], "

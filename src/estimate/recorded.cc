@@ -71,7 +71,7 @@ void read(const std::filesystem::path& file, double margin, Timing& timing,
   while (const auto message = messages.next()) {
     log::Activations activations;
     if (!activations.ParseFromArray(message->data.data(), static_cast<int>(message->data.size()))) {
-      problems.add(config::mistake(place, "a record of activations is none"));
+      problems.add(config::make_error(place, "a record of activations is none"));
       return;
     }
     lost += activations.lost();
@@ -98,11 +98,11 @@ void read(const std::filesystem::path& file, double margin, Timing& timing,
     }
   }
   if (found.empty()) {
-    problems.add(config::mistake(place, "has no activations, whose duration could be taken",
-                                 "record with \"activations\": true"));
+    problems.add(config::make_error(place, "has no activations, whose duration could be taken",
+                                    "record with \"activations\": true"));
   }
   if (lost > 0) {
-    config::Problem warning = config::mistake(
+    config::Problem warning = config::make_error(
         place, fmt::format("{} activations were lost, and may have been longer", lost));
     warning.warning = true;
     problems.add(std::move(warning));
@@ -127,7 +127,7 @@ void read_recorded_timing(const std::filesystem::path& file, double margin, Timi
   try {
     read(file, margin, timing, problems);
   } catch (const mcap::Error& error) {
-    problems.add(config::mistake({file.string(), 0, {}}, error.what()));
+    problems.add(config::make_error({file.string(), 0, {}}, error.what()));
   }
 }
 

@@ -58,9 +58,10 @@ class SystemBuilder {
       if (const auto from = place_of(chain.from), to = place_of(chain.to); from && to) {
         system_.chains.push_back({chain.name, *from, *to, chain.deadline});
       } else {
-        problems_.add(config::mistake(
-            chain.place, "chain " + config::in_quotes(chain.name) + ": nobody publishes or hears " +
-                             config::in_quotes(from ? chain.to : chain.from)));
+        problems_.add(
+            config::make_error(chain.place, "chain " + config::in_quotes(chain.name) +
+                                                ": nobody publishes or subscribes to " +
+                                                config::in_quotes(from ? chain.to : chain.from)));
       }
     }
     return std::move(system_);
@@ -221,11 +222,11 @@ class SystemBuilder {
           callback.publishes.push_back({*place, messages});
         } else {
           problems_.add(
-              config::mistake(said.place, "there is no topic " + config::in_quotes(topic),
-                              config::did_you_mean(config::nearest(topic, system_.topics))));
+              config::make_error(said.place, "there is no topic " + config::in_quotes(topic),
+                                 config::did_you_mean(config::nearest(topic, system_.topics))));
         }
       }
-      is_said_.insert(component + "\n" + callback.name);
+      given_.insert(component + "\n" + callback.name);
     }
   }
 
@@ -244,7 +245,7 @@ class SystemBuilder {
     const std::size_t count = system_.callbacks.size() - first;
     for (std::size_t i = first; i < system_.callbacks.size(); ++i) {
       Callback& callback = system_.callbacks[i];
-      if (!is_said_.contains(core.name + "\n" + callback.name)) {
+      if (!given_.contains(core.name + "\n" + callback.name)) {
         callback.publishes = all;
         callback.always_publishes = count == 1;
       }
@@ -278,25 +279,25 @@ class SystemBuilder {
     }
     for (const auto& [name, component] : timing_.components) {
       if (std::ranges::find(components, name) == components.end()) {
-        problems_.add(config::mistake(component.place,
-                                      "there is no component " + config::in_quotes(name),
-                                      config::did_you_mean(config::nearest(name, components))));
+        problems_.add(config::make_error(component.place,
+                                         "there is no component " + config::in_quotes(name),
+                                         config::did_you_mean(config::nearest(name, components))));
         continue;
       }
       for (const auto& [key, callback] : component.callbacks) {
         const std::vector<std::string>& known = keys_[name];
         if (std::ranges::find(known, key) == known.end()) {
-          if (!callback.is_said) {
+          if (!callback.is_given) {
             continue;  // From a recording in which this component was another, or had other inputs.
           }
           std::string all;
           for (const std::string& one : known) {
             all += (all.empty() ? "" : ", ") + config::in_quotes(one);
           }
-          problems_.add(config::mistake(callback.place,
-                                        config::in_quotes(name) + " has no callback " +
-                                            config::in_quotes(key) + ", only " + all,
-                                        config::did_you_mean(config::nearest(key, known))));
+          problems_.add(config::make_error(callback.place,
+                                           config::in_quotes(name) + " has no callback " +
+                                               config::in_quotes(key) + ", only " + all,
+                                           config::did_you_mean(config::nearest(key, known))));
         }
       }
     }
@@ -306,7 +307,7 @@ class SystemBuilder {
     }
     for (const auto& [topic, source] : timing_.sources) {
       if (std::ranges::find(outside, topic) == outside.end()) {
-        problems_.add(config::mistake(
+        problems_.add(config::make_error(
             source.place, "no thread of a component publishes " + config::in_quotes(topic),
             config::did_you_mean(config::nearest(topic, outside))));
       }
@@ -322,7 +323,7 @@ class SystemBuilder {
   std::map<std::pair<std::string, std::size_t>, std::size_t> executors_in_processes_;
   std::map<std::string, std::size_t> topics_;
   std::map<std::string, std::vector<std::string>> keys_;  ///< Of callbacks, by component.
-  std::set<std::string> is_said_;  ///< Component and callback, whose publishes are given.
+  std::set<std::string> given_;  ///< Component and callback, whose publishes are given.
 };
 
 }  // namespace

@@ -30,7 +30,7 @@ class Lidar final : public fastcycle::Component {
   ExternalPublisher<Int64Value> points_;
 };
 
-/// Hears points, publishes objects; its Serve Timer only counts.
+/// Subscribes to points, publishes objects; its Serve Timer only counts.
 class Filter final : public fastcycle::Component {
  public:
   explicit Filter(Context& context)
@@ -99,7 +99,7 @@ class ASystem : public testing::Test {
     }
     throw std::runtime_error(component + " has no callback " + name);
   }
-  std::string mistakes() {
+  std::string errors() {
     std::string text;
     for (const config::Problem& problem : problems_.all()) {
       text += problem.message + (problem.hint.empty() ? "" : "; " + problem.hint) + "\n";
@@ -114,7 +114,7 @@ class ASystem : public testing::Test {
 
 TEST_F(ASystem, HasWhatCallsTheComponentsAndWhereTheyRun) {
   const System system = make();
-  EXPECT_EQ(mistakes(), "");
+  EXPECT_EQ(errors(), "");
   ASSERT_EQ(system.executors.size(), 2U);
   EXPECT_EQ(system.executors[0].priority, 10);
   EXPECT_EQ(system.executors[1].threads, 2U);
@@ -170,7 +170,7 @@ TEST_F(ASystem, TakesIntoAccountWhatTimingSays) {
   timing.components["brakes"].run_time = milliseconds(1);
   timing.sources["points"].arrivals = {milliseconds(100)};
   const System system = make(timing);
-  EXPECT_EQ(mistakes(), "");
+  EXPECT_EQ(errors(), "");
   EXPECT_EQ(callback(system, "filter", "points").run_time, milliseconds(3));
   EXPECT_EQ(callback(system, "filter", "serve").run_time, milliseconds(1));
   EXPECT_TRUE(callback(system, "filter", "serve").publishes.empty());
@@ -210,9 +210,9 @@ TEST_F(ASystem, TakesRunTimesFromARecording) {
 
   Timing timing;
   read_timing(file, 1000.0, timing, problems_);
-  EXPECT_EQ(mistakes(), "");
+  EXPECT_EQ(errors(), "");
   const System system = make(timing);
-  EXPECT_EQ(mistakes(), "");
+  EXPECT_EQ(errors(), "");
   EXPECT_GT(callback(system, "filter", "serve").run_time, Duration());
   EXPECT_GT(callback(system, "control", "timer 0").run_time, Duration());
   EXPECT_FALSE(callback(system, "filter", "points").run_time) << "it was never called";
@@ -221,16 +221,16 @@ TEST_F(ASystem, TakesRunTimesFromARecording) {
 
 TEST_F(ASystem, HasNoneThatTimingNamesAndNobodyIs) {
   Timing timing;
-  timing.components["fliter"].is_said = true;
-  timing.components["filter"].callbacks["point"].is_said = true;
+  timing.components["fliter"].is_given = true;
+  timing.components["filter"].callbacks["point"].is_given = true;
   timing.components["control"].callbacks["timer 0"].publishes = {{"comand", 1}};
   timing.sources["objects"].arrivals = {milliseconds(1)};
   make(timing);
-  EXPECT_THAT(mistakes(), HasSubstr("there is no component \"fliter\"; did you mean \"filter\"?"));
-  EXPECT_THAT(mistakes(), HasSubstr("\"filter\" has no callback \"point\", only \"points\", "
-                                    "\"serve\", \"timer 0\"; did you mean \"points\"?"));
-  EXPECT_THAT(mistakes(), HasSubstr("there is no topic \"comand\"; did you mean \"command\"?"));
-  EXPECT_THAT(mistakes(), HasSubstr("no thread of a component publishes \"objects\""));
+  EXPECT_THAT(errors(), HasSubstr("there is no component \"fliter\"; did you mean \"filter\"?"));
+  EXPECT_THAT(errors(), HasSubstr("\"filter\" has no callback \"point\", only \"points\", "
+                                  "\"serve\", \"timer 0\"; did you mean \"points\"?"));
+  EXPECT_THAT(errors(), HasSubstr("there is no topic \"comand\"; did you mean \"command\"?"));
+  EXPECT_THAT(errors(), HasSubstr("no thread of a component publishes \"objects\""));
 }
 
 }  // namespace

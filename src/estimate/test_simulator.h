@@ -422,7 +422,7 @@ class Simulator {
       if (its.joining != Joining::kEach) {
         call.is_silent = !complete(callback, input, call.cause);
       }
-      // What it does not know it inherits from what was heard before.
+      // What it does not know it inherits from what was received before.
       call.own = call.cause.roots;
       for (const auto& [root, taken] : state.held) {
         call.cause.roots.try_emplace(root, taken);

@@ -18,14 +18,14 @@ struct CallbackTiming {
   /// Topics by full name, with the most messages in one call.
   std::optional<std::vector<std::pair<std::string, std::uint64_t>>> publishes;
   bool always_publishes = true;
-  bool is_said = false;  ///< By hand: then it has to exist.
+  bool is_given = false;  ///< By hand: then it has to exist.
   config::Place place;
 };
 
 struct ComponentTiming {
   std::optional<Duration> run_time;  ///< Of callbacks that are not named.
   std::map<std::string, CallbackTiming> callbacks;
-  bool is_said = false;  ///< By hand: then it has to exist.
+  bool is_given = false;  ///< By hand: then it has to exist.
   config::Place place;
 };
 

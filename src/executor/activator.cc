@@ -10,13 +10,14 @@
 namespace fastcycle::detail {
 
 Activator::Activator(ActorBase& actor, TurnClock& clock, HeldOrigins& held,
-                     SubscriptionSet& subscriptions, ActorCredits& credits, TellFault tell_fault)
+                     SubscriptionSet& subscriptions, ActorCredits& credits,
+                     ReportFault report_fault)
     : actor_(actor),
       clock_(clock),
       held_(held),
       subscriptions_(subscriptions),
       credits_(credits),
-      tell_fault_(std::move(tell_fault)) {}
+      report_fault_(std::move(report_fault)) {}
 
 template <typename Body, typename Where>
 void Activator::activate(ActivationRing& ring, ActivationRecord record, ActivationTarget target,
@@ -74,7 +75,7 @@ void Activator::activate(ActivationRing& ring, ActivationRecord record, Activati
   if (record.outcome == Outcome::kFault) {
     statistics.faults.add();
     running_activation.timer = nullptr;  // A restart creates its timers again.
-    tell_fault_(fault_);
+    report_fault_(fault_);
     if (publishing.has_leftovers) {
       finish_leftovers();  // Of a restart.
     }

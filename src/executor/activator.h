@@ -27,10 +27,10 @@ namespace fastcycle::detail {
 class Activator {
  public:
   /// Called after the activation in which a callback threw, in the same turn.
-  using TellFault = std::function<void(std::string_view what)>;
+  using ReportFault = std::function<void(std::string_view what)>;
 
   Activator(ActorBase& actor, TurnClock& clock, HeldOrigins& held, SubscriptionSet& subscriptions,
-            ActorCredits& credits, TellFault tell_fault);
+            ActorCredits& credits, ReportFault report_fault);
   Activator(const Activator&) = delete;
   Activator& operator=(const Activator&) = delete;
 
@@ -58,7 +58,7 @@ class Activator {
   HeldOrigins& held_;
   SubscriptionSet& subscriptions_;
   ActorCredits& credits_;
-  const TellFault tell_fault_;
+  const ReportFault report_fault_;
   std::uint64_t number_ = 0;  ///< Of the newest activation.
   std::string fault_;
 };

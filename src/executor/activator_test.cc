@@ -21,7 +21,7 @@ TEST_F(ActivatorTest, CallsWithAMessageAndAccountsForIt) {
 
   activator_.run(ring_, pop());
 
-  EXPECT_EQ(heard_, (std::vector<std::int64_t>{7}));
+  EXPECT_EQ(received_, (std::vector<std::int64_t>{7}));
   const Ledger ledger = subscription.ledger();
   EXPECT_EQ(ledger.delivered, 1U);
   EXPECT_EQ(ledger.queued, 0U);

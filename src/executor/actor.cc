@@ -27,7 +27,7 @@ Actor::Actor(std::string its_name, std::uint32_t its_index, const base::Clock& i
                  [this](std::string_view what) { on_fault(what); }),
       subscriptions(*this, held_, credits_,
                     [this](const Subscription& subscription, std::uint32_t breached) {
-                      tell_breaches(subscription, breached);
+                      report_breaches(subscription, breached);
                     }) {
   if (clock.is_simulated()) {
     publishing.stage = &stage_;
@@ -41,7 +41,7 @@ void Actor::post(Cause cause, std::function<void()> body, Actor* from, std::uint
     from->stage([this, cause, body = std::move(body), key] { post(cause, body, nullptr, key); });
     return;
   }
-  post_and_tell(cause, std::move(body), {}, key);
+  post_and_notify(cause, std::move(body), {}, key);
 }
 
 void Actor::post_own(Cause cause, std::function<void()> body) {
@@ -51,8 +51,8 @@ void Actor::post_own(Cause cause, std::function<void()> body) {
   }
   const auto call = [count = ++posted_own_] { return fmt::format("own answer {}", count); };
   if (clock.is_simulated()) {
-    if (publishing.told != nullptr) {
-      if (const auto why = publishing.told_refusal(call())) {
+    if (publishing.replayed != nullptr) {
+      if (const auto why = publishing.replayed_refusal(call())) {
         throw std::runtime_error(*why);
       }
     }
@@ -70,8 +70,8 @@ void Actor::post_own(Cause cause, std::function<void()> body) {
   }
 }
 
-void Actor::post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished,
-                          std::uint64_t key) {
+void Actor::post_and_notify(Cause cause, std::function<void()> body, std::function<void()> finished,
+                            std::uint64_t key) {
   controls_.post(
       {.cause = cause, .body = std::move(body), .finished = std::move(finished), .key = key});
   inbox.mark_control();
@@ -153,7 +153,7 @@ void Actor::look(ActivationRing& ring, TimerCore& timer) {
   }
 }
 
-void Actor::tell_breaches(const Subscription& subscription, std::uint32_t breached) {
+void Actor::report_breaches(const Subscription& subscription, std::uint32_t breached) {
   for (; breached != 0; breached &= breached - 1) {
     const auto place = static_cast<unsigned>(std::countr_zero(breached));
     on_breach(subscription.chain_end->chains()[place]->rule.chain);
@@ -165,7 +165,7 @@ Actor::Served Actor::judge(ActivationRing& ring, const Inbox::Head& head) {
   const Subscription& subscription = head.lane->subscription;
   const Time now = std::max(base::from_ns(turn_.now_ns()), base::from_ns(head.head.time_ns));
   const auto verdict = DeliveryFilter::take(head, now);
-  tell_breaches(subscription, verdict.breached);
+  report_breaches(subscription, verdict.breached);
   if (verdict.decision == Decision::kDeliver) {
     return Served::kNone;
   }
@@ -346,9 +346,9 @@ void Actor::run_round(ActivationRing& ring) {
 
 // ---- A recorded run, executed again ----
 
-void Actor::repeat_next(std::uint64_t number, ToldReads& told) noexcept {
+void Actor::repeat_next(std::uint64_t number, ReplayedReads& replayed) noexcept {
   activator_.set_next(number);
-  publishing.told = &told;
+  publishing.replayed = &replayed;
   base::reset_floating_point();
   timers_.begin_turn();
   turn_.read();
@@ -431,7 +431,7 @@ void Actor::follow(Script& script) noexcept {
 void Actor::stop_following() noexcept {
   script_ = nullptr;
   subscriptions.follow(false);
-  publishing.told = nullptr;
+  publishing.replayed = nullptr;
   turn_.let_go();
   inbox.mark_all();
   inbox.mark_control();

@@ -38,7 +38,7 @@ namespace fastcycle::detail {
 /// subscriptions), `Activator` (how it is called), `ActorCredits` (credits to return), `RoundStage`
 /// (what waits for the end of a simulated round), `DueTime` (when it is to be served next).
 ///
-/// @threads  `post` and `post_and_tell` are Safe; all else is confined to the worker that serves
+/// @threads  `post` and `post_and_notify` are Safe; all else is confined to the worker that serves
 /// it,
 ///           and to the control thread before the start and after the end.
 class Actor : public ActorBase {
@@ -58,8 +58,8 @@ class Actor : public ActorBase {
   /// @errors  std::runtime_error if more than `ControlQueue::kMaxOwn` of them wait.
   void post_own(Cause cause, std::function<void()> body);
   /// As `post`; calls `finished` when the activation has ended, its fault, if any, included.
-  void post_and_tell(Cause cause, std::function<void()> body, std::function<void()> finished,
-                     std::uint64_t key = 0);
+  void post_and_notify(Cause cause, std::function<void()> body, std::function<void()> finished,
+                       std::uint64_t key = 0);
 
   /// Whether anything waits for the end of the round.
   [[nodiscard]] bool has_staged() const noexcept { return !stage_.is_empty(); }
@@ -85,7 +85,7 @@ class Actor : public ActorBase {
   // activation at the clock's time.
 
   /// Sets the number and the reads of the next activation, which outlive it.
-  void repeat_next(std::uint64_t number, ToldReads& told) noexcept;
+  void repeat_next(std::uint64_t number, ReplayedReads& replayed) noexcept;
   /// `view` takes over a message of `lane`, and a reference to it. Before the activation.
   void repeat_view(View& view, const Lane& lane, Envelope* envelope);
   /// Takes over the reference to the message of `head`.
@@ -264,7 +264,7 @@ class Actor : public ActorBase {
   /// Judges the result of `peek`; `kOne` if an event was reported, `kNone` if it is to be
   /// delivered.
   Served judge(ActivationRing& ring, const Inbox::Head& head);
-  void tell_breaches(const Subscription& subscription, std::uint32_t breached);
+  void report_breaches(const Subscription& subscription, std::uint32_t breached);
   /// Serves the result of `peek`.
   Served take(ActivationRing& ring, const Inbox::Head& head);
   void publish_due() noexcept;

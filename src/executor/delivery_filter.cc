@@ -20,7 +20,7 @@ Verdict take_by_quality(Quality& quality, const Inbox::Head& head, Time now) {
   }
   QosEvent event;
   const auto verdict = quality.judge(*head.lane, head.head, base::to_ns(now), event);
-  if (verdict == Quality::Verdict::kTell) {
+  if (verdict == Quality::Verdict::kReport) {
     return {.decision = Decision::kWait, .event = event};
   }
   if (!Inbox::pop(head)) {

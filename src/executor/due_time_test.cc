@@ -10,9 +10,9 @@ namespace {
 
 class NotingWatch final : public TimerWatch {
  public:
-  void timer_armed(std::int64_t due_ns) noexcept override { told.push_back(due_ns); }
+  void timer_armed(std::int64_t due_ns) noexcept override { reported.push_back(due_ns); }
 
-  std::vector<std::int64_t> told;
+  std::vector<std::int64_t> reported;
 };
 
 TEST(DueTime, TellsOfEachNewTimeOnce) {
@@ -25,7 +25,7 @@ TEST(DueTime, TellsOfEachNewTimeOnce) {
   due.set(10, &watch);
   due.set(base::kNever, &watch);
 
-  EXPECT_EQ(watch.told, (std::vector<std::int64_t>{20, 10}));
+  EXPECT_EQ(watch.reported, (std::vector<std::int64_t>{20, 10}));
   EXPECT_EQ(due.get(), base::kNever);
 }
 
@@ -39,7 +39,7 @@ TEST(DueTime, IsTakenByOneForTheTimeThatWasSet) {
   EXPECT_FALSE(due.take(20));
   due.set(20, &watch);
   EXPECT_TRUE(due.take(20)) << "it was set again";
-  EXPECT_EQ(watch.told.size(), 2U);
+  EXPECT_EQ(watch.reported.size(), 2U);
 }
 
 }  // namespace

@@ -271,7 +271,7 @@ TEST_F(Executors, AMessageDoesNotOvertakeATickThatWasDueBeforeIt) {
   start();
 
   const Time due = clock_.now() + 1ms;
-  actor.post_and_tell(
+  actor.post_and_notify(
       Cause::kMode, [&] { actor.arm(timer, due); },
       [&] {
         // Between two activations, as if the worker had been preempted there.
@@ -307,7 +307,7 @@ TEST_F(Executors, AViewShowsNothingFromTheFuture) {
   PublisherCore& to_actor = publisher("m", elsewhere);
   start();
 
-  actor.post_and_tell(
+  actor.post_and_notify(
       Cause::kMode, [] {},
       [&] {
         // Between two activations, as if the worker had been preempted there.

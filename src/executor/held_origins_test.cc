@@ -49,7 +49,7 @@ TEST_F(HeldOriginsTest, SayTheOldestOfTheNewestOfEachRoot) {
   EXPECT_TRUE(oldest().held);
 }
 
-TEST_F(HeldOriginsTest, TellThousandsOfPublishersApart) {
+TEST_F(HeldOriginsTest, DistinguishThousandsOfPublishers) {
   constexpr PublisherId kPublishers = 5000;
   const auto id = [](PublisherId i) { return (i * 7919) % kPublishers + 1000; };
   for (PublisherId i = 0; i < kPublishers; ++i) {

@@ -12,8 +12,8 @@
 namespace fastcycle::detail {
 
 SubscriptionSet::SubscriptionSet(ActorBase& actor, HeldOrigins& held, ActorCredits& credits,
-                                 TellBreaches tell_breaches)
-    : actor_(actor), held_(held), credits_(credits), tell_breaches_(std::move(tell_breaches)) {}
+                                 ReportBreaches report_breaches)
+    : actor_(actor), held_(held), credits_(credits), report_breaches_(std::move(report_breaches)) {}
 
 SubscriptionSet::~SubscriptionSet() = default;
 
@@ -149,7 +149,7 @@ void SubscriptionSet::take_for_views() {
       if (lane->options.is_judged) {
         const auto verdict = DeliveryFilter::judge_for_view(*lane, head, now);
         if (verdict.breached != 0) {
-          tell_breaches_(view, verdict.breached);
+          report_breaches_(view, verdict.breached);
         }
         if (verdict.decision == DeliveryFilter::Decision::kDrop) {
           release(head.envelope);

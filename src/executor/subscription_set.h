@@ -25,10 +25,10 @@ class SubscriptionSet {
  public:
   /// Called with a subscription whose next message is too late for latency chains: a bit for each
   /// that ends there.
-  using TellBreaches = std::function<void(const Subscription&, std::uint32_t breached)>;
+  using ReportBreaches = std::function<void(const Subscription&, std::uint32_t breached)>;
 
   SubscriptionSet(ActorBase& actor, HeldOrigins& held, ActorCredits& credits,
-                  TellBreaches tell_breaches);
+                  ReportBreaches report_breaches);
   SubscriptionSet(const SubscriptionSet&) = delete;
   SubscriptionSet& operator=(const SubscriptionSet&) = delete;
   ~SubscriptionSet();
@@ -85,7 +85,7 @@ class SubscriptionSet {
   ActorBase& actor_;
   HeldOrigins& held_;
   ActorCredits& credits_;
-  const TellBreaches tell_breaches_;
+  const ReportBreaches report_breaches_;
   std::vector<View*> views_;
   std::vector<CallbackSubscription*> callbacks_;
   std::vector<std::unique_ptr<Synchronizer>> synchronizers_;

@@ -58,7 +58,7 @@ class ActorParts : public ::testing::Test {
   /// A callback that records the values of its messages.
   EnvelopeCallback note() {
     return [this](Envelope&, const google::protobuf::Message& message) {
-      heard_.push_back(static_cast<const Int64Value&>(message).value());
+      received_.push_back(static_cast<const Int64Value&>(message).value());
     };
   }
   static void publish(PublisherCore& core, std::int64_t value) {
@@ -81,7 +81,7 @@ class ActorParts : public ::testing::Test {
   const base::Clock clock_;
   SilentQueue queue_;
   std::vector<std::unique_ptr<PublishingComponent>> owners_;
-  std::vector<std::int64_t> heard_;
+  std::vector<std::int64_t> received_;
   std::vector<std::string> faults_;
   PartsBase actor_{clock_};
   Topics topics_;

@@ -32,8 +32,8 @@ void Injector::check(const ActiveFault& fault, const detail::Topics& topics,
                      config::Problems& problems) const {
   const FaultDescription& its = fault.description;
   const auto add = [&](std::string message, std::string hint = {}) {
-    problems.add(config::mistake(its.place, fmt::format("the fault \"{}\": {}", its.name, message),
-                                 std::move(hint)));
+    problems.add(config::make_error(
+        its.place, fmt::format("the fault \"{}\": {}", its.name, message), std::move(hint)));
   };
   const detail::Topic* const topic = topics.find(its.topic);
   if (topic == nullptr || topic->type.empty()) {

@@ -143,7 +143,7 @@ void Application::add_component(const config::ComponentDescription& component,
   components_.push_back(std::move(core));
 }
 
-void Application::tell_invalid() {
+void Application::log_invalid_messages() {
   for (const Peers::Invalid& one : peers_->take_invalid()) {
     log(LogLevel::kWarning, {},
         fmt::format("{} {} of \"{}\" from \"{}\" in the process \"{}\", which is not trusted, "
@@ -166,9 +166,9 @@ void Application::listen_to_peers() {
     life_changes_.take(notice);
     follower_news_.take(notice);
   };
-  peers_->on_round_ends = [this] { peer_log_.tell_round(); };
+  peers_->on_round_ends = [this] { peer_log_.send_round(); };
   peers_->on_look = [this] {
-    tell_invalid();
+    log_invalid_messages();
     return peer_news_.look();
   };
   peer_news_.on_news = [this](const ComponentNews& news) {
@@ -187,7 +187,7 @@ void Application::listen_to_peers() {
   peers_->on_quiet = [this] {
     params_.all_have_answered();
     peer_news_.round_is_over();
-    tell_invalid();
+    log_invalid_messages();
   };
   peers_->make_snapshot = [this] {
     return nlohmann::json{{"modes", modes_.make_snapshot()}, {"params", params_.make_snapshot()}}
@@ -220,7 +220,7 @@ void Application::build(ComponentClasses& classes, config::Problems& problems,
     return;
   }
   observers_.tap(topics());
-  topics().set_pool_watch(pool_teller_);
+  topics().set_pool_watch(pool_reporter_);
   // Where a recorded run is executed again, the log has what was received.
   if (!description_.faults.list.empty() && !driver_->is_recorded()) {
     injector_ = std::make_unique<faults::Injector>(description_.faults, clock_);
@@ -246,7 +246,7 @@ void Application::construct_only(ComponentClasses& classes, config::Problems& pr
     }
   }
   std::set<std::string> ignored;
-  construct(problems, ConstructorFault::kMistake, ignored);
+  construct(problems, ConstructorFault::kError, ignored);
 }
 
 void Application::construct(config::Problems& problems, ConstructorFault on_throw,
@@ -261,9 +261,9 @@ void Application::construct(config::Problems& problems, ConstructorFault on_thro
       continue;
     }
     const std::string what = "its constructor threw: " + *thrown;
-    if (on_throw == ConstructorFault::kMistake) {
-      problems.add(config::mistake(component->description.place,
-                                   "component \"" + component->name + "\": " + what));
+    if (on_throw == ConstructorFault::kError) {
+      problems.add(config::make_error(component->description.place,
+                                      "component \"" + component->name + "\": " + what));
     } else if (!problems.has_errors()) {
       component->fail(what);
     }
@@ -561,7 +561,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   }
   start_ns_ = base::to_ns(clock_.now());
   if (peers_ != nullptr) {
-    params_.tell_all();
+    params_.send_all();
     peer_news_.begin();
     peer_log_.begin();
   }
@@ -594,7 +594,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   }
   modes_.begin();
   if (peers_ != nullptr) {
-    peer_news_.tell_all();
+    peer_news_.send_all();
   }
   lifecycle_.start_threads(refusals_);
   if (replay_ != nullptr && !driver_->is_simulated()) {
@@ -719,7 +719,7 @@ bool Application::may_end_process(const ComponentCore& component) const {
 
 void Application::end_process(ComponentCore& component, const std::string& what) {
   // Notices sent here are read after the end of this process.
-  peer_news_.tell_end(component);
+  peer_news_.send_end(component);
   // Printed directly, since the log may not be written any more.
   std::fputs(fmt::format("\nfastcycle: component \"{}\": {}\n", component.name, what).c_str(),
              stderr);
@@ -757,7 +757,7 @@ void Application::chain_breached(ComponentCore& sink, std::size_t chain) {
 void Application::version_changed(ComponentCore& component) {
   component_changed(component, true);
   if (peers_ != nullptr) {
-    params_.tell_all();  // Another class may declare others.
+    params_.send_all();  // Another class may declare others.
   }
 }
 

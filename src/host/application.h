@@ -32,7 +32,7 @@
 #include "host/param_changes.h"
 #include "host/peer_log.h"
 #include "host/peer_news.h"
-#include "host/pool_teller.h"
+#include "host/pool_reporter.h"
 #include "host/reloads.h"
 #include "host/status_news.h"
 #include "loading/component_classes.h"
@@ -304,7 +304,7 @@ class Application final : public ApplicationHost {
   void set_up();
   void listen_to_peers();
   /// Logs invalid messages of processes that are not trusted.
-  void tell_invalid();
+  void log_invalid_messages();
   void strike(const config::FaultDescription& fault, bool is_over);
   void add_component(const config::ComponentDescription& description,
                      const ComponentClass& its_class);
@@ -340,7 +340,7 @@ class Application final : public ApplicationHost {
   Components components_;
   Modes modes_{*this};
   Chains chains_{*this, wiring_, modes_};
-  StatusTeller status_{*driver_};
+  StatusSender status_{*driver_};
   PeerNews peer_news_{*this, wiring_};
   PeerLog peer_log_{*this};
   LifeChanges life_changes_{*this};
@@ -349,7 +349,7 @@ class Application final : public ApplicationHost {
   Lifecycle lifecycle_{*this, wiring_, *driver_, bell_};
   std::optional<config::RecordDescription> recorded_;
   std::optional<config::FlightRecorderDescription> kept_;
-  PoolTeller pool_teller_{own_log_};
+  PoolReporter pool_reporter_{own_log_};
   Observers observers_;
   RecorderObserver* recorder_ = nullptr;        ///< One of the observers, as the next one.
   FlightObserver* flight_recorder_ = nullptr;   ///< Null if there is none.

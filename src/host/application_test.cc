@@ -627,7 +627,7 @@ TEST(ThreadsOfComponents, WhatTheMachineRefusesIsSaidAndTheyRun) {
   application->stop();
 }
 
-TEST(ThreadsOfComponents, OneThatNobodyMakesIsAMistake) {
+TEST(ThreadsOfComponents, OneThatNobodyMakesIsAnError) {
   TestClasses classes;
   classes.with<Placed>("placed");
   config::Problems problems;
@@ -709,9 +709,9 @@ class Relay final : public Component {
 };
 
 TEST(Origin, IsInheritedFromTheCauseAndHeldByTimers) {
-  class Witness final : public Component {
+  class Probe final : public Component {
    public:
-    explicit Witness(Context& context)
+    explicit Probe(Context& context)
         : Component(context), out_(context.create_publisher<Int64Value>("ticked")) {
       context.create_subscriber<Int64Value>("relayed", [this](const Sample<Int64Value>& number) {
         root_ = number.info().origin.root;
@@ -742,13 +742,12 @@ TEST(Origin, IsInheritedFromTheCauseAndHeldByTimers) {
     }
   };
   TestClasses classes;
-  classes.with<Counter>("counter").with<Relay>("relay").with<Witness>("witness").with<Judge>(
-      "judge");
+  classes.with<Counter>("counter").with<Relay>("relay").with<Probe>("probe").with<Judge>("judge");
   const auto application = make_application(
       R"({"name": "t", "components": [
         {"name": "counter", "library": "counter", "serve_period_ms": 10},
         {"name": "relay", "library": "relay"},
-        {"name": "witness", "library": "witness", "serve_period_ms": 14},
+        {"name": "probe", "library": "probe", "serve_period_ms": 14},
         {"name": "judge", "library": "judge"}]})",
       classes, {.is_simulated = true});
 

@@ -30,10 +30,10 @@ void check_own_topics(const Components& components, config::Problems& problems) 
   for (const auto& component : components) {
     for (const detail::PublisherCore* publisher : component->declared.publishers) {
       if (publisher->topic.name.starts_with(kOwnTopics) && component->name != kOwnName) {
-        problems.add(config::mistake(component->description.place,
-                                     "component \"" + component->name + "\" publishes on \"" +
-                                         publisher->topic.name + "\", but what begins with \"" +
-                                         kOwnTopics + "\" only FastCycle itself publishes"));
+        problems.add(config::make_error(component->description.place,
+                                        "component \"" + component->name + "\" publishes on \"" +
+                                            publisher->topic.name + "\", but what begins with \"" +
+                                            kOwnTopics + "\" only FastCycle itself publishes"));
       }
     }
   }
@@ -86,8 +86,8 @@ void check_topics(const config::ApplicationDescription& description, const detai
     const detail::Topic* known = topics.find(topic.name);
     if (known != nullptr && known->publishers.empty() && known->subscriptions.empty()) {
       config::Problem problem =
-          config::mistake(topic.place, "topic \"" + topic.name + "\" is used by no component",
-                          config::did_you_mean(config::nearest(topic.name, published)));
+          config::make_error(topic.place, "topic \"" + topic.name + "\" is used by no component",
+                             config::did_you_mean(config::nearest(topic.name, published)));
       problem.warning = true;
       problems.add(std::move(problem));
     }

@@ -34,7 +34,7 @@ std::unique_ptr<Application> build_for_bench(const std::string& application,
   auto built = std::make_unique<Application>(std::move(description),
                                              ClockOptions{.is_simulated = true, .workers = 1});
   built->own_topics_are_free = true;
-  built->build(classes, problems, ConstructorFault::kMistake);
+  built->build(classes, problems, ConstructorFault::kError);
   throw_if_wrong(problems);
   return built;
 }

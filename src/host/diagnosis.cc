@@ -64,13 +64,13 @@ std::uint32_t component_of_this_thread() noexcept {
 
 Diagnosis::Diagnosis(Application& application, std::filesystem::path folder)
     : application_(application), folder_(std::move(folder)) {
-  tell_reporter({});
+  update_reporter({});
   watchdog_.emplace(options());
 }
 
 Diagnosis::~Diagnosis() = default;
 
-void Diagnosis::tell_reporter(std::vector<const detail::ActivationRing*> rings) {
+void Diagnosis::update_reporter(std::vector<const detail::ActivationRing*> rings) {
   diagnostics::RunFacts facts;
   facts.application = application_.description().name;
   facts.folder = folder_;
@@ -108,16 +108,16 @@ void Diagnosis::tell_reporter(std::vector<const detail::ActivationRing*> rings) 
 }
 
 void Diagnosis::open(config::Problems&) {
-  tell_reporter({});
+  update_reporter({});
 }
 
 void Diagnosis::start(const ObserverView& view, std::vector<base::Refusal>&) {
-  tell_reporter(view.rings);
+  update_reporter(view.rings);
 }
 
 void Diagnosis::stop(const Application&) {
   // Observers that have stopped may give up what a report would write into.
-  tell_reporter({});
+  update_reporter({});
 }
 
 diagnostics::Watchdog::Options Diagnosis::options() {

@@ -45,7 +45,7 @@ class Diagnosis final : public Observer {
     std::chrono::steady_clock::time_point since;
   };
 
-  void tell_reporter(std::vector<const detail::ActivationRing*> rings);
+  void update_reporter(std::vector<const detail::ActivationRing*> rings);
   [[nodiscard]] diagnostics::Watchdog::Options options();
   void hangs(const diagnostics::RunningCall& call);
   void goes_on_hanging(const diagnostics::RunningCall& call);

@@ -28,25 +28,25 @@ std::map<std::string, std::string> run_with(unsigned workers) {
   application->start();
   application->run(1s);
   application->stop();
-  std::map<std::string, std::string> told;
+  std::map<std::string, std::string> results;
   for (const auto& component : application->components()) {
     if (const auto diary = component->results.find("diary"); diary != component->results.end()) {
-      told[component->name] = std::get<std::string>(diary->second);
+      results[component->name] = std::get<std::string>(diary->second);
     }
     for (const std::string& fault : component->faults) {
-      told[component->name] += "fault " + fault + "\n";
+      results[component->name] += "fault " + fault + "\n";
     }
   }
   for (const auto& [name, topic] : application->topics().all()) {
     for (const auto& subscription : topic->subscriptions) {
       const detail::Ledger ledger = subscription->ledger();
       EXPECT_TRUE(ledger.adds_up()) << name << " of " << subscription->component;
-      told["ledgers"] += name + " " + subscription->component + " " +
-                         std::to_string(ledger.published) + " " + std::to_string(ledger.delivered) +
-                         " " + std::to_string(ledger.dropped_total()) + "\n";
+      results["ledgers"] +=
+          name + " " + subscription->component + " " + std::to_string(ledger.published) + " " +
+          std::to_string(ledger.delivered) + " " + std::to_string(ledger.dropped_total()) + "\n";
     }
   }
-  return told;
+  return results;
 }
 
 TEST(Everything, AtOnceIsTheSameWithAnyNumberOfWorkers) {

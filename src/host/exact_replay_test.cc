@@ -105,7 +105,7 @@ class ExactReplays : public testing::Test {
   static void expect_equal(const Results& results) {
     for (const auto& [name, result] : results) {
       if (name.starts_with("fastcycle")) {
-        EXPECT_FALSE(result.is_executed) << name;  // What it tells follows from the whole run.
+        EXPECT_FALSE(result.is_executed) << name;  // Its result follows from the whole run.
         continue;
       }
       EXPECT_TRUE(result.is_executed) << in_words(result);
@@ -149,7 +149,7 @@ TEST_F(ExactReplays, OfOneComponentAloneAreEqual) {
   }
 }
 
-TEST_F(ExactReplays, GoOnWithNewMessagesIfTheyAreToldTo) {
+TEST_F(ExactReplays, GoOnWithNewMessagesIfTheyAreAskedTo) {
   everything::add_classes(classes_);
   const std::string text = everything::live_application();
   record(text, 400ms);
@@ -263,12 +263,12 @@ TEST_F(ExactReplays, GiveANewObjectTheParamsThatItBeganWith) {
   EXPECT_EQ(results.at("renewed").activations, results.at("renewed").recorded);
 }
 
-/// Runs into each limit that depends on others, and says what it was told.
+/// Runs into each limit that depends on others, and reports which limit it was.
 class Limited final : public Component {
  public:
   explicit Limited(Context& context)
       : Component(context),
-        told_(context.create_publisher<StringValue>("told")),
+        results_(context.create_publisher<StringValue>("results")),
         kept_(context.create_publisher<Int64Value>("kept")) {}
 
   void serve() override {
@@ -276,25 +276,26 @@ class Limited final : public Component {
       return;
     }
     const int observed = observe("first try", [] { return 7; });
-    tell(std::to_string(observed) + " " + what_throws([this] {
-           static_cast<void>(observe("device", []() -> int {
-             throw std::system_error(ENODEV, std::generic_category(), std::to_string(next_line()));
-           }));
-         }));
+    publish(std::to_string(observed) + " " + what_throws([this] {
+              static_cast<void>(observe("device", []() -> int {
+                throw std::system_error(ENODEV, std::generic_category(),
+                                        std::to_string(next_line()));
+              }));
+            }));
     std::size_t jobs = 0;
-    tell(what_throws([this, &jobs] {
+    publish(what_throws([this, &jobs] {
       for (;; ++jobs) {
         context().offload("slow", [] { std::this_thread::sleep_for(1ms); }, [] {});
       }
     }));
-    tell(std::to_string(jobs) + " jobs");
+    publish(std::to_string(jobs) + " jobs");
     std::vector<Loan<Int64Value>> loans;
-    tell(what_throws([this, &loans] {
+    publish(what_throws([this, &loans] {
       for (;;) {
         loans.push_back(kept_.loan());
       }
     }));
-    tell(std::to_string(loans.size()) + " loans");
+    publish(std::to_string(loans.size()) + " loans");
   }
 
  private:
@@ -311,13 +312,13 @@ class Limited final : public Component {
     }
     return "nothing";
   }
-  void tell(const std::string& what) {
-    auto message = told_.loan();
+  void publish(const std::string& what) {
+    auto message = results_.loan();
     message->set_value(what);
-    told_.publish(std::move(message));
+    results_.publish(std::move(message));
   }
 
-  Publisher<StringValue> told_;
+  Publisher<StringValue> results_;
   Publisher<Int64Value> kept_;
   int turn_ = 0;
 };
@@ -361,26 +362,26 @@ class Fragile final : public Component {
   std::atomic<bool> was_asked_{false};
 };
 
-/// Asks once, and publishes what it is told.
+/// Asks once, and publishes the reply.
 class Asks final : public Component {
  public:
   explicit Asks(Context& context)
       : Component(context),
-        told_(context.create_publisher<StringValue>("told")),
+        results_(context.create_publisher<StringValue>("results")),
         client_(context.create_client<Int64Value, Int64Value>("ask")) {}
 
   void serve() override {
     if (!std::exchange(has_asked_, true)) {
       client_.call(client_.loan(), [this](const Reply<Int64Value>& reply) {
-        auto message = told_.loan();
+        auto message = results_.loan();
         message->set_value(std::string(reply.error()));
-        told_.publish(std::move(message));
+        results_.publish(std::move(message));
       });
     }
   }
 
  private:
-  Publisher<StringValue> told_;
+  Publisher<StringValue> results_;
   Client<Int64Value, Int64Value> client_;
   bool has_asked_ = false;
 };
@@ -401,7 +402,7 @@ TEST_F(ExactReplays, KnowWhatAThreadThrew) {
 
 // ---- From the middle ----
 
-/// Adds up what it hears, and the last numbers that its view has; saves it when it is asked.
+/// Adds up what it receives, and the last numbers that its view has; saves it when it is asked.
 class Sums final : public Component {
  public:
   explicit Sums(Context& context)
@@ -605,7 +606,7 @@ TEST_F(WhatDoesNotRepeat, StateOfAllObjectsIsFound) {
   expect_found<&count_of_all>();
 }
 
-TEST_F(ExactReplays, TellWhatIsNotThereToBeExecuted) {
+TEST_F(ExactReplays, ReportWhatIsNotThereToBeExecuted) {
   classes_.with<Asking<&chance>>("asking");
   record(kAsking, 50ms);
 
@@ -620,6 +621,21 @@ TEST_F(ExactReplays, TellWhatIsNotThereToBeExecuted) {
 
   ASSERT_TRUE(problems.has_errors());
   EXPECT_THAT(config::to_string(problems.all().back()), HasSubstr("did you mean \"asking\""));
+}
+
+TEST_F(ExactReplays, RefuseFilesOfTwoRuns) {
+  classes_.with<Asking<&chance>>("asking");
+  record(kAsking, 50ms);
+  const std::filesystem::path second = file_.parent_path() / "second.mcap";
+  std::filesystem::copy_file(file_, second);
+
+  try {
+    record::RecordedSchedule::read({file_, second});
+    FAIL() << "they were read as one";
+  } catch (const mcap::Error& error) {
+    EXPECT_THAT(error.what(),
+                HasSubstr("expected files of one run, found the end of a second run"));
+  }
 }
 
 }  // namespace

@@ -66,7 +66,7 @@ void LifeChanges::ask_elsewhere(ComponentCore& component, json what, Done done) 
   }
   what["number"] = number;
   try {
-    peers.tell(Notice::Kind::kLifeAsked, component.index, dumped(what));
+    peers.send_notice(Notice::Kind::kLifeAsked, component.index, dumped(what));
   } catch (const std::length_error& error) {
     answer(number, error.what(), {});
   }
@@ -76,11 +76,11 @@ void LifeChanges::make_here(ComponentCore& component, LifeStep step, Done done) 
   const auto why_not = std::make_shared<std::string>();
   // In the component's own activation.
   const auto change = [&component, step, why_not] { *why_not = component.obey(step); };
-  const auto tell = [&component, why_not, done = std::move(done)] {
+  const auto finish = [&component, why_not, done = std::move(done)] {
     done(*why_not, to_word(component.state.load()));
   };
-  application_.time().between_rounds([&component, change, tell, step] {
-    component.post_and_tell(detail::Cause::kMode, change, tell, detail::to_key(step));
+  application_.time().between_rounds([&component, change, finish, step] {
+    component.post_and_notify(detail::Cause::kMode, change, finish, detail::to_key(step));
   });
 }
 
@@ -110,17 +110,17 @@ void LifeChanges::take(const Notice& notice) {
     if (application_.runs_elsewhere(component.name)) {
       return;
     }
-    const Done tell = [&peers, number, process = notice.process](const std::string& why_not,
-                                                                 const std::string& state) {
-      peers.tell(
+    const Done answer = [&peers, number, process = notice.process](const std::string& why_not,
+                                                                   const std::string& state) {
+      peers.send_notice(
           Notice::Kind::kLifeMade, 0,
           dumped(
               {{"process", process}, {"number", number}, {"why_not", why_not}, {"state", state}}));
     };
     if (*step == LifeStep::kReload) {
-      on_reload(component, said.at("order"), tell);
+      on_reload(component, said.at("order"), answer);
     } else {
-      make_here(component, *step, tell);
+      make_here(component, *step, answer);
     }
   } catch (const json::exception&) {  // The sender is broken: ignored.
   }

@@ -96,7 +96,7 @@ void LiveDriver::use_rings(std::span<detail::ActivationRing* const> rings) {
 ControlCall LiveDriver::call(detail::Actor& actor, detail::LifeStep step,
                              std::function<void()> body) {
   ControlCall call;
-  actor.post_and_tell(
+  actor.post_and_notify(
       detail::Cause::kMode, std::move(body),
       [call, &bell = bell_] {
         call.end();

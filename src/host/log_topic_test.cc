@@ -95,17 +95,17 @@ class Listener final : public Component {
   }
 };
 
-/// Notes of which components the status tells.
+/// Notes of which components the status reports.
 class Supervisor final : public Component {
  public:
-  static inline std::vector<std::string> told;
+  static inline std::vector<std::string> received;
 
   explicit Supervisor(Context& context) : Component(context) {
     context.create_subscriber<status::Status>(std::string("/") + kStatusTopic,
                                               [](const status::Status& status) {
-                                                told.clear();
+                                                received.clear();
                                                 for (const auto& one : status.components()) {
-                                                  told.push_back(one.name());
+                                                  received.push_back(one.name());
                                                 }
                                               });
   }
@@ -120,7 +120,7 @@ class LogTopic : public testing::Test {
           {"name": "listener", "library": "listener"}]})",
                             classes_, clock);
   }
-  /// What is heard in 25 ms of simulated time.
+  /// What is received in 25 ms of simulated time.
   std::vector<std::string> simulated(const std::string& writers, unsigned workers = 1) {
     auto application = make(writers, {.is_simulated = true, .workers = workers});
     application->start();
@@ -197,7 +197,7 @@ TEST_F(LogTopic, CountsWhatIsMoreThanItTakes) {
   simulated(R"({"name": "writer", "library": "writer", "serve_period_ms": 10, "log_level": "info",
                 "params": {"lines": 500}})");
   // The start and the first tick fill the first tenth of a second; what comes then is counted, and
-  // would be told with the next line.
+  // would be reported with the next line.
   EXPECT_THAT(Listener::lines, SizeIs(LogComponent::kMostLines));
   auto application = make(R"({"name": "writer", "library": "writer", "serve_period_ms": 100,
                               "params": {"lines": 500}})",
@@ -230,7 +230,7 @@ TEST_F(LogTopic, IsThereOnlyIfSomebodySubscribes) {
   EXPECT_THAT(application->components(), SizeIs(1));
 }
 
-TEST_F(LogTopic, IsThereBesideTheStatusWhichDoesNotTellOfIt) {
+TEST_F(LogTopic, IsThereBesideTheStatusWhichDoesNotReportIt) {
   classes_.with<Supervisor>("supervisor");
   auto application = make(std::string(kWriter) + R"(, {"name": "supervisor", "library":
                           "supervisor"})",
@@ -239,7 +239,7 @@ TEST_F(LogTopic, IsThereBesideTheStatusWhichDoesNotTellOfIt) {
   application->run(25ms);
   application->stop();
   EXPECT_THAT(Listener::lines, Contains("20 INFO writer: call 2, line 0"));
-  EXPECT_THAT(Supervisor::told, testing::ElementsAre("writer", "supervisor", "listener"));
+  EXPECT_THAT(Supervisor::received, testing::ElementsAre("writer", "supervisor", "listener"));
 }
 
 TEST_F(LogTopic, IsRecordedWhereTheRecordingNamesIt) {

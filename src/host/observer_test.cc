@@ -54,7 +54,7 @@ class Reader final : public Component {
   int count_ = 0;
 };
 
-/// Notes what it is told.
+/// Records its notifications.
 class Notes final : public Observer {
  public:
   explicit Notes(std::string name, std::vector<std::string>& notes, bool wants = true)
@@ -101,7 +101,7 @@ constexpr const char* kApplication = R"({"name": "observers", "components": [
   {"name": "burst", "library": "burst", "serve_period_ms": 1},
   {"name": "reader", "library": "reader"}]})";
 
-TEST(AnObserver, IsToldOfStartFaultOverflowsActivationsAndStop) {
+TEST(AnObserver, IsNotifiedOfStartFaultOverflowsActivationsAndStop) {
   std::vector<std::string> notes;
   Notes observer("a", notes);
   TestClasses classes;
@@ -162,7 +162,7 @@ TEST(Observers, AreCalledInTheirOrderAndNotOfOverflowsThatTheyDoNotWant) {
 class Broken final : public Observer {
  public:
   void open(config::Problems& problems) override {
-    problems.add(config::mistake({}, "no room for the observer"));
+    problems.add(config::make_error({}, "no room for the observer"));
   }
 };
 

@@ -10,10 +10,10 @@ namespace fastcycle::host {
 
 namespace {
 
-/// Tells observers of full queues.
-class OverflowTeller final : public detail::OverflowWatch {
+/// Notifies observers of full queues.
+class OverflowNotifier final : public detail::OverflowWatch {
  public:
-  explicit OverflowTeller(std::vector<Observer*> observers) : observers_(std::move(observers)) {}
+  explicit OverflowNotifier(std::vector<Observer*> observers) : observers_(std::move(observers)) {}
 
   void overflowed(const detail::Subscription& subscription) noexcept override {
     for (Observer* observer : observers_) {
@@ -33,7 +33,7 @@ void Observers::add(std::unique_ptr<Observer> observer) {
 }
 
 void Observers::tap(detail::Topics& topics) {
-  std::ranges::copy_if(observers_, std::back_inserter(hearing_),
+  std::ranges::copy_if(observers_, std::back_inserter(change_observers_),
                        [](const Observer* observer) { return observer->wants_changes(); });
   for (Observer* observer : observers_) {
     observer->tap(topics);
@@ -42,7 +42,7 @@ void Observers::tap(detail::Topics& topics) {
   std::ranges::copy_if(observers_, std::back_inserter(counting),
                        [](const Observer* observer) { return observer->wants_overflows(); });
   if (!counting.empty()) {
-    overflow_watch_ = std::make_unique<OverflowTeller>(std::move(counting));
+    overflow_watch_ = std::make_unique<OverflowNotifier>(std::move(counting));
     topics.set_overflow_watch(*overflow_watch_);
   }
 }
@@ -95,7 +95,7 @@ void Observers::changed(const ComponentNews& news) noexcept {
   if (is_over_) {
     return;
   }
-  for (Observer* observer : hearing_) {
+  for (Observer* observer : change_observers_) {
     observer->changed(news);
   }
 }

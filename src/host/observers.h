@@ -38,7 +38,7 @@ class Observers {
   /// Whether one of them wants reads.
   [[nodiscard]] bool want_reads() const;
   void faulted(std::string_view component, std::string_view what) noexcept;
-  [[nodiscard]] bool wants_changes() const noexcept { return !hearing_.empty(); }
+  [[nodiscard]] bool wants_changes() const noexcept { return !change_observers_.empty(); }
   void changed(const ComponentNews& news) noexcept;
   /// After this none is called any more.
   void stop(const Application& application);
@@ -46,7 +46,7 @@ class Observers {
  private:
   std::vector<std::unique_ptr<Observer>> owned_;
   std::vector<Observer*> observers_;
-  std::vector<Observer*> hearing_;  ///< Those that want changes of components.
+  std::vector<Observer*> change_observers_;  ///< Those that want changes of components.
   std::unique_ptr<detail::OverflowWatch> overflow_watch_;  ///< Null if none wants overflows.
   std::atomic<bool> is_over_{false};
 };

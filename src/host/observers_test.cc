@@ -16,11 +16,11 @@ namespace {
 
 using ::testing::ElementsAre;
 
-/// Writes down what it is told.
-class Witness final : public Observer {
+/// Writes down what it receives.
+class RecordingObserver final : public Observer {
  public:
-  Witness(std::vector<std::string>& lines, std::string name, bool hears)
-      : lines_(lines), name_(std::move(name)), hears_(hears) {}
+  RecordingObserver(std::vector<std::string>& lines, std::string name, bool wants_changes)
+      : lines_(lines), name_(std::move(name)), wants_changes_(wants_changes) {}
 
   void tap(detail::Topics&) override { note("tap"); }
   void open(config::Problems&) override { note("open"); }
@@ -29,7 +29,7 @@ class Witness final : public Observer {
     note("fault of " + std::string(component));
   }
   void changed(const ComponentNews&) noexcept override { note("change"); }
-  [[nodiscard]] bool wants_changes() const override { return hears_; }
+  [[nodiscard]] bool wants_changes() const override { return wants_changes_; }
   void stop(const Application&) override { note("stop"); }
 
  private:
@@ -37,16 +37,16 @@ class Witness final : public Observer {
 
   std::vector<std::string>& lines_;
   std::string name_;
-  bool hears_;
+  bool wants_changes_;
 };
 
-TEST(Observers, AreToldInTheirOrderUntilTheEnd) {
+TEST(Observers, AreNotifiedInTheirOrderUntilTheEnd) {
   const Application application({}, {.is_simulated = true, .workers = 1});
   std::vector<std::string> lines;
   Observers observers;
-  Witness first(lines, "first", false);
+  RecordingObserver first(lines, "first", false);
   observers.add(first);
-  observers.add(std::make_unique<Witness>(lines, "second", true));
+  observers.add(std::make_unique<RecordingObserver>(lines, "second", true));
   config::Problems problems;
   std::vector<base::Refusal> refusals;
   detail::Topics topics;

@@ -35,10 +35,10 @@ constexpr const char* kShared = "shared_params";
 constexpr std::size_t kMostFacts = 1000;
 constexpr std::size_t kMostOfALine = 380;  // A line of the log is cut at 400 bytes.
 
-config::Problem mistake_of(const ParamChange& change, std::string message,
-                           const std::string& near = {}) {
-  return config::mistake({.file = change.param, .pointer = {}}, std::move(message),
-                         config::did_you_mean(near));
+config::Problem error_of(const ParamChange& change, std::string message,
+                         const std::string& near = {}) {
+  return config::make_error({.file = change.param, .pointer = {}}, std::move(message),
+                            config::did_you_mean(near));
 }
 
 ComponentCore* find_component(const ApplicationHost& application, std::string_view name) {
@@ -50,18 +50,18 @@ ComponentCore* find_component(const ApplicationHost& application, std::string_vi
 
 /// The result of a change, or in a replay the recorded one.
 ParamsResult learn(const detail::PublishingComponent& component, const ParamsResult& result) {
-  if (component.told != nullptr) {
-    const auto* entry = component.told->take(detail::ReadKind::kResult);
+  if (component.replayed != nullptr) {
+    const auto* entry = component.replayed->take(detail::ReadKind::kResult);
     const auto json = nlohmann::json::parse(entry == nullptr ? "[]" : entry->text, nullptr, false);
     ParamsResult then;
-    for (const auto& mistake : json.is_array() ? json : nlohmann::json::array()) {
-      then.mistakes.push_back(mistake.is_string() ? mistake.get<std::string>() : mistake.dump());
+    for (const auto& error : json.is_array() ? json : nlohmann::json::array()) {
+      then.errors.push_back(error.is_string() ? error.get<std::string>() : error.dump());
     }
     return then;
   }
   if (component.reads != nullptr) {
     component.learned(detail::ReadKind::kResult,
-                      nlohmann::json(result.mistakes)
+                      nlohmann::json(result.errors)
                           .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   }
   return result;
@@ -85,7 +85,7 @@ ParamValues values_of(const ComponentCore& component, const Json& json,
   ParamValues values;
   if (!json.is_object()) {
     problems.add(
-        config::mistake({}, "the new values of params are no JSON object: " + json.dump()));
+        config::make_error({}, "the new values of params are no JSON object: " + json.dump()));
     return values;
   }
   for (const auto& [name, value] : json.items()) {
@@ -93,7 +93,7 @@ ParamValues values_of(const ComponentCore& component, const Json& json,
     const auto param = std::ranges::find_if(
         all, [&](const DeclaredParam& one) { return one.is_declared && one.spec().name == name; });
     if (param == all.end()) {
-      problems.add(config::mistake({}, "there is no param " + config::in_quotes(name)));
+      problems.add(config::make_error({}, "there is no param " + config::in_quotes(name)));
       continue;
     }
     if (auto data = read_param(param->spec(), config::parse_option(value.dump(), name), problems)) {
@@ -108,8 +108,8 @@ ParamValues values_of(const ComponentCore& component, const Json& json,
 ParamsResult ParamChanges::make(const std::vector<ParamChange>& changes,
                                 std::string_view asked_by) {
   if (is_ended_ || !application_.is_built()) {
-    return {.mistakes = {is_ended_ ? "the application has stopped: its params stay as they are"
-                                   : "the application is not built yet"}};
+    return {.errors = {is_ended_ ? "the application has stopped: its params stay as they are"
+                                 : "the application is not built yet"}};
   }
   if (application_.peers() != nullptr) {
     return ask_all_and_wait(changes);
@@ -123,7 +123,7 @@ ParamsResult ParamChanges::make(const std::vector<ParamChange>& changes,
   check_together(plan, problems);
   ParamsResult result;
   for (const config::Problem& problem : problems.all()) {
-    result.mistakes.push_back(config::to_string(problem));
+    result.errors.push_back(config::to_string(problem));
   }
   if (result.has_changed()) {
     ++transactions_;
@@ -145,9 +145,9 @@ bool ParamChanges::plan_change(const ParamChange& change, Plan& plan,
   const std::size_t dot = change.param.find('.');
   if (dot == std::string::npos) {
     if (speaks_for_all()) {
-      problems.add(mistake_of(change,
-                              "a param is named with its component, as in limiter.limit_mps, "
-                              "or as shared_params.NAME"));
+      problems.add(error_of(change,
+                            "a param is named with its component, as in limiter.limit_mps, "
+                            "or as shared_params.NAME"));
     }
     return speaks_for_all();
   }
@@ -159,8 +159,8 @@ bool ParamChanges::plan_change(const ParamChange& change, Plan& plan,
   }
   if (component == nullptr) {
     if (speaks_for_all()) {
-      problems.add(mistake_of(change, "there is no component " + config::in_quotes(owner),
-                              config::nearest(owner, component_names(application_))));
+      problems.add(error_of(change, "there is no component " + config::in_quotes(owner),
+                            config::nearest(owner, component_names(application_))));
     }
     return speaks_for_all();
   }
@@ -181,8 +181,8 @@ bool ParamChanges::plan_change(const ParamChange& change, Plan& plan,
   }
   if (!is_known) {
     plan[component->index].is_wrong = true;
-    problems.add(mistake_of(change, "there is no param " + config::in_quotes(name),
-                            config::nearest(name, known)));
+    problems.add(error_of(change, "there is no param " + config::in_quotes(name),
+                          config::nearest(name, known)));
   }
   return true;
 }
@@ -205,7 +205,7 @@ bool ParamChanges::plan_shared(const ParamChange& change, std::string_view name,
   }
   // In a replay those that read it may not be there; elsewhere there may be one.
   if (!is_known && !application_.is_replay() && application_.peers() == nullptr) {
-    problems.add(mistake_of(change, unknown_shared(name), config::nearest(name, known)));
+    problems.add(error_of(change, unknown_shared(name), config::nearest(name, known)));
   }
   return is_known || application_.is_replay();
 }
@@ -216,7 +216,7 @@ void ParamChanges::plan_value(const ParamChange& change, bool is_own, ComponentC
   planned.component = &component;
   const std::string of = is_own ? "" : " of component " + config::in_quotes(component.name);
   const auto refuse = [&](std::string message) {
-    problems.add(mistake_of(change, std::move(message)));
+    problems.add(error_of(change, std::move(message)));
     planned.is_wrong = true;
   };
   if (!param.spec().is_tunable) {
@@ -244,7 +244,7 @@ void ParamChanges::check_together(Plan& plan, config::Problems& problems) {
       continue;
     }
     for (const std::string& sentence : planned.component->param_table.objections(planned.values)) {
-      problems.add(config::mistake({.file = planned.component->name, .pointer = {}}, sentence));
+      problems.add(config::make_error({.file = planned.component->name, .pointer = {}}, sentence));
     }
   }
 }
@@ -300,7 +300,7 @@ void ParamChanges::commit_recorded(ComponentCore& component, const std::string& 
   const std::lock_guard lock(mutex_);
   const Json json = Json::parse(text, nullptr, false);
   if (!json.is_array() || json.size() != 2 || !json[0].is_number_unsigned()) {
-    problems.add(config::mistake({}, "what a new object began with is no pair: " + text));
+    problems.add(config::make_error({}, "what a new object began with is no pair: " + text));
     return;
   }
   component.param_table.commit(json[0].get<std::uint64_t>(),
@@ -361,12 +361,12 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
   const auto answer = [this, &component, done = std::move(done), object = component.restart_count,
                        key](const ParamsResult& result) {
     if (!done) {
-      for (const std::string& mistake : result.mistakes) {
-        application_.log(LogLevel::kWarning, component.name, "params are not changed: " + mistake);
+      for (const std::string& error : result.errors) {
+        application_.log(LogLevel::kWarning, component.name, "params are not changed: " + error);
       }
       return;
     }
-    const auto tell = [&component, done, object, result] {
+    const auto finish = [&component, done, object, result] {
       ++component.params_answered;
       // A restarted component is another object than the one that asked.
       const bool is_there = component.state == ComponentCore::State::kActive ||
@@ -375,8 +375,9 @@ void ParamChanges::make_later(ComponentCore& component, std::vector<ParamChange>
         done(learn(component.publishing, result));
       }
     };
-    application_.time().between_rounds(
-        [&component, tell, key] { component.post(detail::Cause::kParameter, tell, nullptr, key); });
+    application_.time().between_rounds([&component, finish, key] {
+      component.post(detail::Cause::kParameter, finish, nullptr, key);
+    });
   };
   application_.time().stage(component, [this, &component, changes = std::move(changes), answer] {
     if (application_.time().is_recorded() || component.publishing.is_following) {
@@ -428,7 +429,7 @@ void read_notice(const std::string& text, const Take& take) {
 
 }  // namespace
 
-void ParamChanges::tell_all() {
+void ParamChanges::send_all() {
   for (const auto& component : application_.components()) {
     if (application_.runs_elsewhere(component->name)) {
       continue;
@@ -444,12 +445,13 @@ void ParamChanges::tell_all() {
     }
     try {
       if (!infos.empty()) {
-        application_.peers()->tell(Notice::Kind::kParamsListed, component->index, to_text(infos));
+        application_.peers()->send_notice(Notice::Kind::kParamsListed, component->index,
+                                          to_text(infos));
       }
     } catch (const std::length_error& error) {
       application_.log(
           LogLevel::kWarning, component->name,
-          std::string("its params are not told to the other processes: ") + error.what());
+          std::string("its params are not sent to the other processes: ") + error.what());
     }
   }
 }
@@ -473,13 +475,13 @@ std::uint64_t ParamChanges::ask_all(std::uint32_t component, std::string_view by
   }
   json["number"] = number;
   try {
-    application_.peers()->tell(Notice::Kind::kParamsAsked, component, dumped(json));
+    application_.peers()->send_notice(Notice::Kind::kParamsAsked, component, dumped(json));
   } catch (const std::length_error& error) {
     {
       const std::lock_guard lock(waiting_mutex_);
       waiting_.erase(number);
     }
-    done({.mistakes = {error.what()}});
+    done({.errors = {error.what()}});
   }
   return number;
 }
@@ -492,10 +494,10 @@ ParamsResult ParamChanges::ask_all_and_wait(const std::vector<ParamChange>& chan
               [answer](const ParamsResult& made) { answer->set_value(made); });
   if (result.wait_for(kPatience) != std::future_status::ready) {
     // It was made before this is taken, in all processes, or will be in none.
-    application_.peers()->tell(Notice::Kind::kParamsDropped, 0, dumped(Json{{"number", number}}));
+    application_.peers()->send_notice(Notice::Kind::kParamsDropped, 0,
+                                      dumped(Json{{"number", number}}));
     if (result.wait_for(kPatience) != std::future_status::ready) {
-      return {
-          .mistakes = {"the application hangs; it is not known whether the params are changed"}};
+      return {.errors = {"the application hangs; it is not known whether the params are changed"}};
     }
   }
   return result.get();
@@ -526,13 +528,13 @@ void ParamChanges::drop(std::uint32_t process, std::uint64_t number) {
   }
   const std::string why = "no answer within 3 s from process " + names_of_awaited();
   if (dropped == asked_.begin()) {
-    verdict_.mistakes.emplace(0, why);
+    verdict_.errors.emplace(0, why);
     decide();
     return;
   }
   asked_.erase(dropped);
   if (application_.peers()->is_here(process)) {
-    answer(number, {.mistakes = {why}});
+    answer(number, {.errors = {why}});
   }
 }
 
@@ -563,7 +565,7 @@ void ParamChanges::take(const Notice& notice) {
         }
         if (asked_.size() == kMostAsked) {
           if (application_.peers()->is_here(asked.process)) {
-            answer(asked.number, {.mistakes = {"too many changes of params wait: 1024"}});
+            answer(asked.number, {.errors = {"too many changes of params wait: 1024"}});
           }
           return;
         }
@@ -578,7 +580,7 @@ void ParamChanges::take(const Notice& notice) {
       break;
     case Notice::Kind::kCame:
       if (!application_.peers()->is_here(notice.process)) {
-        tell_all();  // It has not received earlier notices.
+        send_all();  // It has not received earlier notices.
       }
       break;
     case Notice::Kind::kParamsDropped:
@@ -608,8 +610,9 @@ void ParamChanges::take(const Notice& notice) {
 void ParamChanges::check_next() {
   const Asked& asked = asked_.front();
   plan_.clear();
-  verdict_ = {.awaited = application_.peers()->told(), .mistakes = {}, .found = {}, .noted = {}};
-  Json mistakes = Json::array();
+  verdict_ = {
+      .awaited = application_.peers()->recipients(), .errors = {}, .found = {}, .noted = {}};
+  Json errors = Json::array();
   Json found = Json::array();
   Json noted = Json::array();
   {
@@ -620,35 +623,35 @@ void ParamChanges::check_next() {
         found.push_back(i);
       }
       for (const config::Problem& problem : problems.all()) {
-        mistakes.push_back({i, config::to_string(problem)});
+        errors.push_back({i, config::to_string(problem)});
       }
     }
     config::Problems together;
     check_together(plan_, together);
     for (const config::Problem& problem : together.all()) {
-      mistakes.push_back({asked.changes.size(), config::to_string(problem)});
+      errors.push_back({asked.changes.size(), config::to_string(problem)});
     }
     if (is_ended_) {
-      mistakes.push_back({0, "the application has stopped: its params stay as they are"});
+      errors.push_back({0, "the application has stopped: its params stay as they are"});
     }
-    if (mistakes.empty()) {
+    if (errors.empty()) {
       for (const Noted& one : noted_of(plan_)) {
         noted.push_back({one.component, one.name, one.text, one.json});
       }
     }
   }
   Json said{{"process", asked.process}, {"number", asked.number}, {"found", found}};
-  const auto tell = [&] {
-    application_.peers()->tell(Notice::Kind::kParamsChecked, 0, dumped(said));
+  const auto send = [&] {
+    application_.peers()->send_notice(Notice::Kind::kParamsChecked, 0, dumped(said));
   };
-  said["mistakes"] = mistakes;
+  said["errors"] = errors;
   said["noted"] = noted;
   try {
-    tell();
+    send();
   } catch (const std::length_error& error) {
-    said["mistakes"] = Json::array({Json::array({0, error.what()})});
+    said["errors"] = Json::array({Json::array({0, error.what()})});
     said["noted"] = Json::array();
-    tell();
+    send();
   }
 }
 
@@ -661,8 +664,8 @@ void ParamChanges::take_verdict(const Notice& notice) {
         json.at("number") != asked_.front().number) {
       return;
     }
-    for (const Json& one : json.at("mistakes")) {
-      verdict_.mistakes.emplace(one.at(0).get<std::size_t>(), one.at(1).get<std::string>());
+    for (const Json& one : json.at("errors")) {
+      verdict_.errors.emplace(one.at(0).get<std::size_t>(), one.at(1).get<std::string>());
     }
     for (const Json& one : json.at("found")) {
       verdict_.found.insert(one.get<std::size_t>());
@@ -691,15 +694,15 @@ void ParamChanges::decide() {
       const std::string& param = asked.changes[i].param;
       const std::string_view name = std::string_view(param).substr(param.find('.') + 1);
       const bool is_shared = param.starts_with(std::string(kShared) + ".");
-      verdict.mistakes.emplace(
-          i, config::to_string(mistake_of(
+      verdict.errors.emplace(
+          i, config::to_string(error_of(
                  asked.changes[i],
                  is_shared ? unknown_shared(name) : "the process of its component is not there")));
     }
   }
   ParamsResult result;
-  for (auto& [place, mistake] : verdict.mistakes) {
-    result.mistakes.push_back(std::move(mistake));
+  for (auto& [place, error] : verdict.errors) {
+    result.errors.push_back(std::move(error));
   }
   if (result.has_changed()) {
     const std::lock_guard lock(mutex_);
@@ -726,8 +729,8 @@ void ParamChanges::decide() {
     answer(asked.number, result);
   }
   if (result.has_changed() && !application_.time().is_simulated()) {
-    peers.tell(Notice::Kind::kParamsInPlace, 0,
-               dumped(Json{{"process", asked.process}, {"number", asked.number}}));
+    peers.send_notice(Notice::Kind::kParamsInPlace, 0,
+                      dumped(Json{{"process", asked.process}, {"number", asked.number}}));
   }
   if (!asked_.empty()) {
     check_next();
@@ -749,7 +752,7 @@ void ParamChanges::answer(std::uint64_t number, const ParamsResult& result) {
   }
   if (result.has_changed() && !application_.time().is_simulated()) {
     settling_.push_back(
-        {.number = number, .done = std::move(done), .awaited = application_.peers()->told()});
+        {.number = number, .done = std::move(done), .awaited = application_.peers()->recipients()});
   } else {
     done(result);
   }
@@ -778,7 +781,7 @@ void ParamChanges::all_have_answered() {
   }
   // A process was restarted in the midst of it.
   verdict_.awaited.clear();
-  verdict_.mistakes.emplace(0, "a process was restarted meanwhile: the params stay as they are");
+  verdict_.errors.emplace(0, "a process was restarted meanwhile: the params stay as they are");
   decide();
 }
 
@@ -810,8 +813,8 @@ void ParamChanges::take_snapshot(const std::string& text) {
       component->param_table.commit(transactions_, values);
       component->post(
           detail::Cause::kParameter,
-          [&core = *component, transaction = transactions_, values, told = dumped(own)] {
-            core.take_params(transaction, values, told);
+          [&core = *component, transaction = transactions_, values, text = dumped(own)] {
+            core.take_params(transaction, values, text);
           },
           nullptr, transactions_);
     }

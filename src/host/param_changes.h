@@ -55,7 +55,7 @@ class ParamChanges {
 
   // For several processes; called as documented in `Peers`.
   /// Before the start: sends the params of this process to the others.
-  void tell_all();
+  void send_all();
   void take(const Notice& notice);
   /// In simulated time: no further answers will be received.
   void all_have_answered();
@@ -109,10 +109,10 @@ class ParamChanges {
   };
   /// The answers received so far.
   struct Verdict {
-    std::set<std::uint32_t> awaited;                   ///< Processes that have not answered.
-    std::multimap<std::size_t, std::string> mistakes;  ///< By the index of the change.
-    std::set<std::size_t> found;                ///< The changes with a match in some process.
-    std::multimap<std::uint32_t, Noted> noted;  ///< By component.
+    std::set<std::uint32_t> awaited;                 ///< Processes that have not answered.
+    std::multimap<std::size_t, std::string> errors;  ///< By the index of the change.
+    std::set<std::size_t> found;                     ///< The changes with a match in some process.
+    std::multimap<std::uint32_t, Noted> noted;       ///< By component.
   };
   using Done = std::function<void(const ParamsResult&)>;
   /// One that was requested here, and is applied in some processes, but not in all.

@@ -119,7 +119,7 @@ TEST_P(ATransaction, WithOneInvalidValueAmongTenChangesNothingAnywhere) {
     const ParamsResult refused = application->change_params(changes);
 
     EXPECT_FALSE(refused.has_changed());
-    EXPECT_THAT(refused.mistakes,
+    EXPECT_THAT(refused.errors,
                 ElementsAre(changes[wrong].param + ": expected an integer in [0, 100], found 101"));
     EXPECT_EQ(values_of(*application), before);
   }
@@ -130,7 +130,7 @@ TEST_P(ATransaction, WithOneInvalidValueAmongTenChangesNothingAnywhere) {
   }
 }
 
-TEST_P(ATransaction, ReportsAllItsMistakesAtOnce) {
+TEST_P(ATransaction, ReportsAllItsErrorsAtOnce) {
   const auto application = make_application(kThreeOfKnobs, classes_, clock());
   application->start();
 
@@ -145,7 +145,7 @@ TEST_P(ATransaction, ReportsAllItsMistakesAtOnce) {
                                                            {"shared_params.k", "1"},
                                                            {"three.k0", "50"}});
 
-  EXPECT_THAT(refused.mistakes,
+  EXPECT_THAT(refused.errors,
               ElementsAre(HasSubstr("k3: a param is named with its component"),
                           "one.k0: expected an integer in [0, 100], found \"fast\"",
                           "one.k1: expected an integer in [0, 100], found -1",
@@ -260,19 +260,19 @@ TEST(Params, OfEachTypeCanBeChanged) {
                                                     {"all.small", "256"}});
   bench.stop();
 
-  EXPECT_THAT(changed.mistakes, IsEmpty());
+  EXPECT_THAT(changed.errors, IsEmpty());
   EXPECT_EQ(
       bench.result("all", "text"),
       ReportValue(std::string("1 0.250000 200 b \"c\" maps/town.osm 1 2.000000 3.500000 2 12")));
-  ASSERT_THAT(refused.mistakes, SizeIs(6));
-  EXPECT_EQ(refused.mistakes[0],
+  ASSERT_THAT(refused.errors, SizeIs(6));
+  EXPECT_EQ(refused.errors[0],
             "all.drive.mode: expected one of \"eco\", \"sport\", found \"sprot\"; did you mean "
             "\"sport\"?");
-  EXPECT_EQ(refused.mistakes[1], "all.flag: expected true or false, found 1");
-  EXPECT_THAT(refused.mistakes[2], HasSubstr("all.limit: expected a message"));
-  EXPECT_THAT(refused.mistakes[3], HasSubstr("expected a number of at least 0, found -2"));
-  EXPECT_THAT(refused.mistakes[4], HasSubstr("expected a number of at least 0, found \"x\""));
-  EXPECT_EQ(refused.mistakes[5], "all.small: expected an integer in [0, 255], found 256");
+  EXPECT_EQ(refused.errors[1], "all.flag: expected true or false, found 1");
+  EXPECT_THAT(refused.errors[2], HasSubstr("all.limit: expected a message"));
+  EXPECT_THAT(refused.errors[3], HasSubstr("expected a number of at least 0, found -2"));
+  EXPECT_THAT(refused.errors[4], HasSubstr("expected a number of at least 0, found \"x\""));
+  EXPECT_EQ(refused.errors[5], "all.small: expected an integer in [0, 255], found 256");
 }
 
 TEST(Params, AreListedWithAllThatIsKnownOfThem) {
@@ -416,7 +416,7 @@ TEST(SharedParams, AreChangedInAllThatReadThemIfAllCanTakeTheValue) {
       classes, {.is_simulated = true});
   application->start();
 
-  EXPECT_THAT(application->change_params({{"shared_params.length", "7"}}).mistakes,
+  EXPECT_THAT(application->change_params({{"shared_params.length", "7"}}).errors,
               ElementsAre("shared_params.length of component \"short\": expected a number of at "
                           "most 5, found 7"));
   EXPECT_EQ(values_of(*application)["long.length"], "2.0");
@@ -457,7 +457,7 @@ TEST(ACheckOfParams, SeesWhatTheyWouldBeTogether) {
   bench.add<Band>("band");
   bench.start();
 
-  EXPECT_THAT(bench.change_params({{"band.low", "3"}}).mistakes,
+  EXPECT_THAT(bench.change_params({{"band.low", "3"}}).errors,
               ElementsAre("band: low must be below high"));
   EXPECT_TRUE(bench.change_params({{"band.low", "3"}, {"band.high", "4"}}).has_changed());
   EXPECT_FALSE(bench.change_params({{"band.high", "2.5"}}).has_changed());
@@ -479,7 +479,7 @@ TEST(ACheckOfParams, LooksAtTheConfiguredOnesToo) {
           HasSubstr("component \"band\": low must be below high")));
 }
 
-TEST(OnChange, OfAParamThatIsNotTunableIsAMistake) {
+TEST(OnChange, OfAParamThatIsNotTunableIsAnError) {
   class Waits final : public Component {
    public:
     explicit Waits(Context& context) : Component(context) {
@@ -515,7 +515,7 @@ class Follower final : public Component {
       changes_ += std::to_string(left) + " ";
     });
     context.create_subscriber<Int64Value>(
-        "fail", [](const Int64Value&) { throw std::runtime_error("told to"); });
+        "fail", [](const Int64Value&) { throw std::runtime_error("asked to"); });
   }
   void start() override {
     began_with_ = left_.get();
@@ -610,7 +610,7 @@ class Supervisor final : public Component {
       changes.push_back({"f1.middle", "1"});
     }
     context().change_params(changes, [this](const ParamsResult& result) {
-      results_ += result.has_changed() ? "done " : result.mistakes.at(0);
+      results_ += result.has_changed() ? "done " : result.errors.at(0);
     });
   }
   void stop() override { report("results", results_); }
@@ -695,7 +695,7 @@ TEST(ASupervisor, ChangesParamsOfAllInTheNextRoundWithAnyNumberOfWorkers) {
   EXPECT_EQ(results[2], results[3]);
 }
 
-TEST(ASupervisor, IsToldLiveWhatBecameOfItsChange) {
+TEST(ASupervisor, IsNotifiedLiveWhatBecameOfItsChange) {
   class Asker final : public Component {
    public:
     explicit Asker(Context& context) : Component(context), source_(context.create_source()) {}
@@ -708,7 +708,7 @@ TEST(ASupervisor, IsToldLiveWhatBecameOfItsChange) {
         report("good", good.has_changed());
         context().change_params({{"one.k0", "1000"}, {"two.k0", "3"}},
                                 [this](const ParamsResult& bad) {
-                                  report("bad", bad.mistakes.at(0));
+                                  report("bad", bad.errors.at(0));
                                   source_.finish();
                                 });
       });
@@ -831,7 +831,7 @@ void read_while_changing(const ClockOptions& clock) {
         EXPECT_TRUE(application->change_params(for_all_readers(number)).has_changed());
         auto wrong = for_all_readers(0);
         wrong[7].json = "true";
-        EXPECT_THAT(application->change_params(wrong).mistakes, SizeIs(1));
+        EXPECT_THAT(application->change_params(wrong).errors, SizeIs(1));
         // Simulated time must not be kept from going on.
         const Time now = application->clock().now();
         while (application->clock().now() == now && application->end_reason() == EndReason::kNone) {

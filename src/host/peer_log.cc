@@ -53,14 +53,14 @@ void PeerLog::begin() {
   if (application_.peers()->is_main()) {
     return;
   }
-  tells_ = true;
+  is_sending_ = true;
   if (!application_.time().is_simulated()) {
     application_.log_queue().set_listener(this,
-                                          [this](const detail::LogLine& line) { tell_live(line); });
+                                          [this](const detail::LogLine& line) { send_live(line); });
     return;
   }
-  tells_ = application_.peers()->is_wanted(kLogTopic);
-  if (tells_) {
+  is_sending_ = application_.peers()->is_wanted(kLogTopic);
+  if (is_sending_) {
     application_.own_log().keep();
     for (const auto& component : application_.components()) {
       component->log_source.keep();
@@ -72,7 +72,7 @@ void PeerLog::end() {
   application_.log_queue().set_listener(this, {});
 }
 
-void PeerLog::tell_live(const detail::LogLine& line) {
+void PeerLog::send_live(const detail::LogLine& line) {
   const std::int64_t now_ns = base::monotonic_ns();
   if (now_ns >= window_end_ns_) {
     window_end_ns_ = now_ns + kWindowNs;
@@ -92,32 +92,32 @@ void PeerLog::tell_live(const detail::LogLine& line) {
   const auto& all = application_.components();
   const auto found = std::ranges::find(
       all, line.component, [](const auto& core) { return std::string_view(core->name); });
-  tell(static_cast<std::uint32_t>(found - all.begin()), kept);
+  send(static_cast<std::uint32_t>(found - all.begin()), kept);
 }
 
-void PeerLog::tell_round() {
-  if (!tells_) {
+void PeerLog::send_round() {
+  if (!is_sending_) {
     return;
   }
   const auto& all = application_.components();
   // Lines of no component have the last number; the publisher of lines has an order of its own.
-  tell(static_cast<std::uint32_t>(all.size()), application_.own_log().take_kept());
+  send(static_cast<std::uint32_t>(all.size()), application_.own_log().take_kept());
   for (const auto& component : all) {
-    tell(component->index, component->log_source.take_kept());
+    send(component->index, component->log_source.take_kept());
   }
 }
 
-void PeerLog::tell(std::uint32_t component, const LogSource::AllKept& kept) {
+void PeerLog::send(std::uint32_t component, const LogSource::AllKept& kept) {
   if (kept.lost > 0) {
     const LogSource::Kept line{
         .time = application_.clock().now(),
         .level = LogLevel::kWarning,
         .component = std::string(LogQueue::kOwnName),
         .text = fmt::format("{} lines of a process are left out: it writes too many", kept.lost)};
-    application_.peers()->tell(Notice::Kind::kLine, component, to_text(line));
+    application_.peers()->send_notice(Notice::Kind::kLine, component, to_text(line));
   }
   for (const LogSource::Kept& line : kept.lines) {
-    application_.peers()->tell(Notice::Kind::kLine, component, to_text(line));
+    application_.peers()->send_notice(Notice::Kind::kLine, component, to_text(line));
   }
 }
 
@@ -130,7 +130,7 @@ void PeerLog::take(const Notice& notice) {
   if (!line) {
     return;
   }
-  application_.log_queue().tell(
+  application_.log_queue().notify(
       {.time = line->time, .level = line->level, .component = line->component, .text = line->text});
   if (application_.time().is_simulated()) {
     const auto& all = application_.components();

@@ -28,15 +28,15 @@ class PeerLog {
   /// Before the lines of this process are printed no more.
   void end();
   /// In simulated time, before the notices of a round are handled.
-  void tell_round();
+  void send_round();
   void take(const Notice& notice);
 
  private:
-  void tell_live(const detail::LogLine& line);
-  void tell(std::uint32_t component, const detail::LogSource::AllKept& kept);
+  void send_live(const detail::LogLine& line);
+  void send(std::uint32_t component, const detail::LogSource::AllKept& kept);
 
   ApplicationHost& application_;
-  bool tells_ = false;
+  bool is_sending_ = false;
 
   // On the thread that prints.
   std::int64_t window_end_ns_ = 0;

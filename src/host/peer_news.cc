@@ -174,7 +174,7 @@ void PeerNews::begin() {
   has_begun_.store(true, std::memory_order_release);
 }
 
-void PeerNews::tell_all() {
+void PeerNews::send_all() {
   if (application_.peers()->is_main()) {
     return;
   }
@@ -184,7 +184,7 @@ void PeerNews::tell_all() {
     const ComponentCore& core = *application_.components()[its.news.component];
     if (!application_.runs_elsewhere(core.name)) {
       its.is_new = true;
-      tell(its);
+      send(its);
     }
   }
 }
@@ -199,9 +199,9 @@ void PeerNews::round_is_over() {
   }
   ++round_;
   const Time now = application_.clock().now();
-  if (now - told_all_ >= application_.description().status_period) {
-    told_all_ = now;
-    tell_all();
+  if (now - reported_all_at_ >= application_.description().status_period) {
+    reported_all_at_ = now;
+    send_all();
   }
 }
 
@@ -223,21 +223,21 @@ void PeerNews::changed(ComponentCore& component, bool is_urgent) {
     // At the end of the round: news of the next round must not be taken in that round.
     component.stage([this, &its] {
       const std::lock_guard lock(mutex_);
-      tell(its);
+      send(its);
     });
   } else {
     application_.peers()->look();
   }
 }
 
-void PeerNews::tell_end(ComponentCore& component) {
+void PeerNews::send_end(ComponentCore& component) {
   Its& its = its_[component.index];
   const std::lock_guard lock(mutex_);
   its.news = news_of(component);
   its.news.ends_process = true;
   its.news.is_urgent = true;
   its.is_new = true;
-  tell(its);
+  send(its);
 }
 
 void PeerNews::hang_changed(const ComponentCore& component) {
@@ -253,12 +253,12 @@ void PeerNews::hang_changed(const ComponentCore& component) {
 }
 
 /// Sends what is new. The mutex is held.
-void PeerNews::tell(Its& its) {
+void PeerNews::send(Its& its) {
   if (!std::exchange(its.is_new, false)) {
     return;
   }
   const ComponentCore& core = *application_.components()[its.news.component];
-  its.told_ns = base::monotonic_ns();
+  its.reported_ns = base::monotonic_ns();
   if (!its.news.elsewhere) {
     its.news.elsewhere.emplace();
   }
@@ -268,9 +268,10 @@ void PeerNews::tell(Its& its) {
   its.news.elsewhere->hang = core.hang();
   const bool has_figures = std::exchange(its.has_figures, false);
   try {
-    application_.peers()->tell(Notice::Kind::kNews, core.index, to_text(its.news, has_figures));
+    application_.peers()->send_notice(Notice::Kind::kNews, core.index,
+                                      to_text(its.news, has_figures));
   } catch (const std::length_error&) {  // It has hundreds of subscriptions.
-    application_.peers()->tell(Notice::Kind::kNews, core.index, to_text(its.news, false));
+    application_.peers()->send_notice(Notice::Kind::kNews, core.index, to_text(its.news, false));
   }
   its.news.is_urgent = false;
 }
@@ -326,10 +327,10 @@ std::int64_t PeerNews::look() {
     if (!its.is_new) {
       continue;
     }
-    if (now_ns >= its.told_ns + kGapNs) {
-      tell(its);
+    if (now_ns >= its.reported_ns + kGapNs) {
+      send(its);
     } else {
-      next_ns = std::min(next_ns, its.told_ns + kGapNs);
+      next_ns = std::min(next_ns, its.reported_ns + kGapNs);
     }
   }
   return next_ns;
@@ -345,13 +346,13 @@ void PeerNews::take(const Notice& notice) {
     const std::string& name = application_.components()[notice.component]->name;
     if (application_.peers()->process_of(name) == notice.process) {
       if (auto news = news_from(notice.text, its_[notice.component].news)) {
-        hear(notice.component, std::move(*news));
+        receive(notice.component, std::move(*news));
       }
     }
   }
 }
 
-void PeerNews::hear(std::uint32_t component, ComponentNews news) {
+void PeerNews::receive(std::uint32_t component, ComponentNews news) {
   Its& its = its_[component];
   news.component = component;
   news.faults += its.faults_before;

@@ -38,9 +38,9 @@ class PeerNews {
   /// call already, do nothing.
   void begin();
   /// `component` ends this process next: sends that, and its state, at once. In its activation.
-  void tell_end(detail::ComponentCore& component);
+  void send_end(detail::ComponentCore& component);
   /// When they have started.
-  void tell_all();
+  void send_all();
   void changed(detail::ComponentCore& component, bool is_urgent);
   void hang_changed(const detail::ComponentCore& component);
   [[nodiscard]] std::int64_t look();
@@ -56,7 +56,7 @@ class PeerNews {
     ComponentNews news;        ///< Its last state.
     bool is_new = false;       ///< It was not sent yet.
     bool has_figures = false;  ///< Its figures were not sent yet.
-    std::int64_t told_ns = 0;
+    std::int64_t reported_ns = 0;
     // In the main process: of processes that have ended.
     std::uint64_t faults_before = 0;
     std::uint64_t restarts_before = 0;
@@ -66,9 +66,9 @@ class PeerNews {
     std::uint64_t ended_in = 0;  ///< In simulated time: the round in which the last one did.
   };
 
-  void tell(Its& its);
+  void send(Its& its);
   void take_figures();
-  void hear(std::uint32_t component, ComponentNews news);
+  void receive(std::uint32_t component, ComponentNews news);
   void process_has_ended(const Notice& notice);
 
   ApplicationHost& application_;
@@ -78,7 +78,7 @@ class PeerNews {
   std::atomic<bool> has_begun_{false};
   std::int64_t figures_at_ns_ = 0;  ///< When figures are sent next.
   // In simulated time.
-  Time told_all_{};
+  Time reported_all_at_{};
   std::uint64_t round_ = 1;
   std::vector<ComponentNews> next_;  ///< For the next round.
 };

@@ -125,7 +125,7 @@ class Script final : public Component {
   std::size_t next_ = 0;
 };
 
-/// Writes down what it is told and given, each with its time since the start in microseconds.
+/// Writes down what it receives, each with its time since the start in microseconds.
 class Listener final : public Component {
  public:
   explicit Listener(Context& context) : Component(context) {
@@ -335,7 +335,7 @@ TEST(ADeadline, IsInTheReportAlsoWithoutACallback) {
   EXPECT_NE(to_table(report).find("3 deadlines missed"), std::string::npos) << to_table(report);
 }
 
-TEST(ADeadline, ThatAPublisherOffersIsToldToItsOwnComponent) {
+TEST(ADeadline, ThatAPublisherOffersIsReportedToItsOwnComponent) {
   TestClasses classes;
   add_scripted(classes);
   for (const unsigned workers : {1U, 2U, 4U}) {
@@ -367,7 +367,7 @@ TEST(ADeadline, ThatIsShorterThanTheOneOfferedIsAWarningThatNamesBoth) {
         {"name": "eye", "library": "listener", "subscribers": {"numbers": {"deadline_ms": 15}}}]})",
                                         problems),
                           {.is_simulated = true});
-  application.build(classes, problems, ConstructorFault::kMistake);
+  application.build(classes, problems, ConstructorFault::kError);
 
   ASSERT_EQ(problems.all().size(), 1U);
   EXPECT_TRUE(problems.all().front().warning);
@@ -909,7 +909,7 @@ class Restless final : public Component {
 
   const Fountain* fountain = nullptr;
   std::atomic<int> joins{0};
-  std::atomic<int> mistakes{0};
+  std::atomic<int> errors{0};
   std::atomic<int> exact{0};  ///< Joins at which nothing was published meanwhile.
 
  private:
@@ -924,10 +924,10 @@ class Restless final : public Component {
       const std::int64_t after = fountain->published[topic_] + 1;  // One may be under way.
       const bool is_right =
           number >= before_ - given + 1 && (number <= after - given + 1 || depth_ < 4096);
-      mistakes += is_right ? 0 : 1;
+      errors += is_right ? 0 : 1;
       exact += after == before_ + 1 && given > 0 ? 1 : 0;
     } else {
-      mistakes += number > last_ && (number == last_ + 1 || depth_ < 4096) ? 0 : 1;
+      errors += number > last_ && (number == last_ + 1 || depth_ < 4096) ? 0 : 1;
     }
     last_ = number;
   }
@@ -978,7 +978,7 @@ TEST(ManyLateJoiners, AreGivenTheLastMessagesOnceAndInOrderWhilePublishersRun) {
     }
     int exact = 0;
     for (const Restless* one : late) {
-      EXPECT_EQ(one->mistakes, 0);
+      EXPECT_EQ(one->errors, 0);
       exact += one->exact;
     }
     EXPECT_GT(exact, 0) << "some came while nothing was published, and left no doubt";
@@ -993,8 +993,8 @@ TEST(ManyLateJoiners, AreGivenTheLastMessagesOnceAndInOrderWhilePublishersRun) {
 
 // ---- The file ----
 
-TEST(QualityOfService, MistakesInTheFileAreNamed) {
-  const auto mistake = [](const std::string& topics, const std::string& subscriber) {
+TEST(QualityOfService, ErrorsInTheFileAreNamed) {
+  const auto error = [](const std::string& topics, const std::string& subscriber) {
     config::Problems problems;
     static_cast<void>(describe_text(R"({"name": "t", "topics": {)" + topics + R"(},
       "components": [{"name": "ear", "library": "x", "subscribers": {"numbers": {)" +
@@ -1002,11 +1002,11 @@ TEST(QualityOfService, MistakesInTheFileAreNamed) {
                                     problems));
     return problems.all().empty() ? "" : problems.all().front().message;
   };
-  EXPECT_EQ(mistake("", R"("history": 2)"),
+  EXPECT_EQ(error("", R"("history": 2)"),
             "a \"history\" of 2, but the topic \"numbers\" is not latched");
-  EXPECT_EQ(mistake(R"("numbers": {"latched": 1})", R"("history": 2)"),
+  EXPECT_EQ(error(R"("numbers": {"latched": 1})", R"("history": 2)"),
             "a \"history\" of 2, but the topic \"numbers\" keeps only 1");
-  EXPECT_EQ(mistake(R"("numbers": {"latched": 2})", R"("history": 2)"), "");
+  EXPECT_EQ(error(R"("numbers": {"latched": 2})", R"("history": 2)"), "");
 }
 
 }  // namespace

@@ -42,8 +42,8 @@ void check_patterns(const std::string& who, const std::vector<std::string>& patt
       continue;
     }
     config::Problem problem =
-        config::mistake(place, "the " + who + "'s pattern \"" + pattern + "\" means no topic",
-                        config::did_you_mean(config::nearest(pattern, names)));
+        config::make_error(place, "the " + who + "'s pattern \"" + pattern + "\" means no topic",
+                           config::did_you_mean(config::nearest(pattern, names)));
     problem.warning = true;
     problems.add(std::move(problem));
   }
@@ -133,7 +133,7 @@ void FlightObserver::open(config::Problems& problems) {
     recorder_.open(explain_());
   } catch (const std::exception& error) {  // Also those of the file system.
     problems.add(
-        config::mistake(description_.place, std::string("flight recorder: ") + error.what()));
+        config::make_error(description_.place, std::string("flight recorder: ") + error.what()));
   }
 }
 
@@ -157,11 +157,11 @@ void record_for(detail::ComponentCore& component, const config::RecordDescriptio
   }
   if (component.application.is_recorded()) {
     component.problems->add(
-        config::mistake(component.description.place,
-                        "component \"" + component.name +
-                            "\" records what is recorded already: by \"record\", "
-                            "--record or another component",
-                        "leave one of them out"));
+        config::make_error(component.description.place,
+                           "component \"" + component.name +
+                               "\" records what is recorded already: by \"record\", "
+                               "--record or another component",
+                           "leave one of them out"));
     return;
   }
   component.is_recorder = true;

@@ -52,7 +52,7 @@ std::optional<Value> params_of(const std::string& text, config::Problems& proble
   const auto source = std::make_shared<config::Source>(config::Source{"params", {}, true});
   const auto params = config::parse(text, source, problems);
   if (params && !params->is_object()) {
-    problems.add(config::mistake(params->place(), "the params are no JSON object"));
+    problems.add(config::make_error(params->place(), "the params are no JSON object"));
     return std::nullopt;
   }
   return params;
@@ -203,7 +203,7 @@ void Reloads::reload(ComponentCore& component, const ReloadRequest& request,
     try {
       order = try_out(component, request, problems);
     } catch (const std::exception& exception) {
-      problems.add(config::mistake({}, exception.what()));
+      problems.add(config::make_error({}, exception.what()));
     }
     const bool is_over = [this] {
       const std::lock_guard lock(mutex_);
@@ -226,7 +226,7 @@ std::filesystem::path Reloads::find(const std::string& library, config::Problems
   if (library.ends_with(".so")) {
     const fs::path file = fs::canonical(library, error);
     if (error) {
-      problems.add(config::mistake({}, fmt::format("library \"{}\" was not found", library)));
+      problems.add(config::make_error({}, fmt::format("library \"{}\" was not found", library)));
     }
     return file;
   }
@@ -237,8 +237,8 @@ std::filesystem::path Reloads::find(const std::string& library, config::Problems
     for (const fs::path& folder : folders) {
       all += (all.empty() ? "" : ", ") + folder.string();
     }
-    problems.add(config::mistake({}, fmt::format("library \"{}\" was not found: no {} in {}",
-                                                 library, library_file(library).string(), all)));
+    problems.add(config::make_error({}, fmt::format("library \"{}\" was not found: no {} in {}",
+                                                    library, library_file(library).string(), all)));
   }
   return found;
 }
@@ -262,7 +262,7 @@ std::optional<nlohmann::json> Reloads::try_out(const ComponentCore& component,
       {.load = {.file = description.file,
                 .text = part_of(description, component.name, request, params).to_text()},
        .library_path = library_path_,
-       .on_throw = ConstructorFault::kMistake,
+       .on_throw = ConstructorFault::kError,
        .library = std::move(tried)},
       problems);
   if (problems.has_errors()) {
@@ -309,7 +309,7 @@ void Reloads::make_here(ComponentCore& component, const nlohmann::json& asked,
     done(differs, to_word(component.state.load()));
     return;
   }
-  order->told = [this, &component, done = std::move(done)](const std::string& why_not) {
+  order->on_result = [this, &component, done = std::move(done)](const std::string& why_not) {
     if (why_not.empty()) {
       BreachCounts counts = breaches_of(component.name);
       const std::lock_guard lock(mutex_);

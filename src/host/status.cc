@@ -56,17 +56,17 @@ status::Health to_message(Health health) {
   return status::HEALTH_OK;
 }
 
-void fill_ledger(const detail::Ledger& ledger, status::Subscription& told) {
-  told.set_published(ledger.published);
-  told.set_delivered(ledger.delivered);
+void fill_ledger(const detail::Ledger& ledger, status::Subscription& reported) {
+  reported.set_published(ledger.published);
+  reported.set_delivered(ledger.delivered);
   for (std::size_t reason = 0; reason < ledger.dropped.size(); ++reason) {
     if (ledger.dropped[reason] > 0) {
-      status::Drop& drop = *told.add_drops();
+      status::Drop& drop = *reported.add_drops();
       drop.set_reason(detail::to_word(static_cast<detail::DropReason>(reason)));
       drop.set_count(ledger.dropped[reason]);
     }
   }
-  told.set_queued(ledger.queued);
+  reported.set_queued(ledger.queued);
 }
 
 /// How many messages of `topic` the component of `subscription` keeps as samples.
@@ -117,13 +117,13 @@ ComponentNews PendingNews::take(std::size_t component) {
   return *std::exchange(pending_.at(component), std::nullopt);
 }
 
-void StatusTeller::set_status(ComponentCore& status, std::size_t components) {
+void StatusSender::set_status(ComponentCore& status, std::size_t components) {
   status_ = &status;
   pending_.set_count(components);
   time_.set_watcher(status);
 }
 
-void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
+void StatusSender::changed(ComponentCore& component, bool is_urgent) {
   // Behind the status there are only FastCycle's own components, which it does not report.
   if (status_ == nullptr || component.index >= status_->index || is_over_) {
     return;
@@ -134,36 +134,37 @@ void StatusTeller::changed(ComponentCore& component, bool is_urgent) {
     return;
   }
   if (!time_.is_simulated()) {
-    status_->post(Cause::kEvent, [this, index = component.index] { hear(pending_.take(index)); });
+    status_->post(Cause::kEvent,
+                  [this, index = component.index] { deliver(pending_.take(index)); });
     return;
   }
   // At the end of the round: news of the next round must not be taken in that round.
   component.stage([this, index = component.index] {
-    status_->post(Cause::kEvent, [this, its_news = pending_.take(index)] { hear(its_news); });
+    status_->post(Cause::kEvent, [this, its_news = pending_.take(index)] { deliver(its_news); });
   });
 }
 
-void StatusTeller::changed_elsewhere(ComponentNews news) {
+void StatusSender::changed_elsewhere(ComponentNews news) {
   const std::size_t index = news.component;
   if (status_ == nullptr || index >= status_->index || is_over_ || !pending_.put(std::move(news))) {
     return;
   }
-  status_->post(Cause::kEvent, [this, index] { hear(pending_.take(index)); });
+  status_->post(Cause::kEvent, [this, index] { deliver(pending_.take(index)); });
 }
 
-void StatusTeller::hear(const ComponentNews& news) const {
+void StatusSender::deliver(const ComponentNews& news) const {
   if (status_->component != nullptr) {
-    static_cast<StatusComponent*>(status_->component)->hear(news);
+    static_cast<StatusComponent*>(status_->component)->update(news);
   }
 }
 
-void StatusTeller::mode_changed() {
+void StatusSender::mode_changed() {
   if (status_ == nullptr || is_over_) {
     return;
   }
   status_->post(Cause::kEvent, [status = status_] {
     if (status->component != nullptr) {
-      static_cast<StatusComponent*>(status->component)->say();
+      static_cast<StatusComponent*>(status->component)->publish_status();
     }
   });
 }
@@ -173,34 +174,34 @@ StatusComponent::StatusComponent(Context& context)
       time_(context.core().application.time()),
       statuses_(context.create_publisher<status::Status>(std::string("/") + kStatusTopic)) {
   context.create_timer({.period = context.core().application.description().status_period},
-                       [this] { say(); });
+                       [this] { publish_status(); });
 }
 
 void StatusComponent::set_sources(const StatusSources& sources) {
   sources_.emplace(sources);
-  heard_.clear();
+  component_news_.clear();
   for (const auto& core : sources.application.components()) {
     if (core.get() != &context().core()) {
-      heard_.push_back(news_of(*core));
+      component_news_.push_back(news_of(*core));
     }
   }
 }
 
 void StatusComponent::start() {
   is_started_ = true;
-  say();
+  publish_status();
 }
 
-void StatusComponent::hear(const ComponentNews& news) {
-  if (news.component < heard_.size()) {
-    heard_[news.component] = news;
+void StatusComponent::update(const ComponentNews& news) {
+  if (news.component < component_news_.size()) {
+    component_news_[news.component] = news;
     if (news.is_urgent) {
-      say();
+      publish_status();
     }
   }
 }
 
-void StatusComponent::say() {
+void StatusComponent::publish_status() {
   if (!is_started_) {
     return;
   }
@@ -237,7 +238,7 @@ void StatusComponent::fill() {
   if (const record::Recorder* recorder = sources_->recorder) {
     next_.set_recording_trouble(base::to_utf8(recorder->trouble()));
   }
-  for (std::size_t index = 0; index < heard_.size(); ++index) {
+  for (std::size_t index = 0; index < component_news_.size(); ++index) {
     fill_component(index, *next_.add_components());
   }
   fill_chains();
@@ -246,15 +247,15 @@ void StatusComponent::fill() {
       fill_topic(*topic);
     }
   });
-  for (std::size_t index = 0; index < heard_.size(); ++index) {
-    if (!heard_[index].elsewhere) {
+  for (std::size_t index = 0; index < component_news_.size(); ++index) {
+    if (!component_news_[index].elsewhere) {
       continue;
     }
-    for (const auto& one : heard_[index].elsewhere->subscriptions) {
-      status::Subscription& told = *next_.add_subscriptions();
-      told.set_topic(one.topic);
-      told.set_component(sources_->application.components()[index]->name);
-      fill_ledger(one.ledger, told);
+    for (const auto& one : component_news_[index].elsewhere->subscriptions) {
+      status::Subscription& reported = *next_.add_subscriptions();
+      reported.set_topic(one.topic);
+      reported.set_component(sources_->application.components()[index]->name);
+      fill_ledger(one.ledger, reported);
     }
   }
 }
@@ -269,7 +270,7 @@ void StatusComponent::fill_chains() {
       sum.breaches = reports[chain].breaches;
       sum.dropped = reports[chain].dropped;
     }
-    for (const ComponentNews& news : heard_) {
+    for (const ComponentNews& news : component_news_) {
       for (const ChainNews& its : news.chains) {
         if (its.chain == chain && (news.elsewhere || time_.is_simulated())) {
           sum.count += news.elsewhere ? its.count : 0;
@@ -278,17 +279,17 @@ void StatusComponent::fill_chains() {
         }
       }
     }
-    status::Chain& told = *next_.add_chains();
-    told.set_name(reports[chain].name);
-    told.set_count(sum.count);
-    told.set_breaches(sum.breaches);
-    told.set_dropped(sum.dropped);
+    status::Chain& reported = *next_.add_chains();
+    reported.set_name(reports[chain].name);
+    reported.set_count(sum.count);
+    reported.set_breaches(sum.breaches);
+    reported.set_dropped(sum.dropped);
   }
 }
 
 void StatusComponent::fill_component(std::size_t index, status::Component& component) const {
   const ComponentCore& core = *sources_->application.components()[index];
-  const ComponentNews& news = heard_[index];
+  const ComponentNews& news = component_news_[index];
   component.set_name(core.name);
   const ApplicationHost& application = sources_->application;
   component.set_state(news.elsewhere                          ? to_message(news.elsewhere->state)
@@ -325,14 +326,14 @@ void StatusComponent::fill_topic(const detail::Topic& topic) {
       continue;  // Its owner reports what it received and lost.
     }
     const detail::Ledger ledger = subscription->ledger();
-    status::Subscription& told = *next_.add_subscriptions();
-    told.set_topic(topic.name);
-    told.set_component(subscription->component);
-    fill_ledger(ledger, told);
-    told.set_kept(kept_of(topic, *subscription));
+    status::Subscription& reported = *next_.add_subscriptions();
+    reported.set_topic(topic.name);
+    reported.set_component(subscription->component);
+    fill_ledger(ledger, reported);
+    reported.set_kept(kept_of(topic, *subscription));
     if (newest) {
       const Duration age = std::max(Duration(0), sources_->application.clock().now() - *newest);
-      told.set_age_ms(std::chrono::duration<double, std::milli>(age).count());
+      reported.set_age_ms(std::chrono::duration<double, std::milli>(age).count());
     }
   }
 }

@@ -51,9 +51,9 @@ class StatusComponent final : public Component {
   void start() override;
 
   /// In its activation: takes the news of another component.
-  void hear(const ComponentNews& news);
+  void update(const ComponentNews& news);
   /// In its activation: publishes the status; in simulated time at the end of this round.
-  void say();
+  void publish_status();
 
  private:
   void publish();
@@ -65,7 +65,7 @@ class StatusComponent final : public Component {
   TimeDriver& time_;
   std::optional<StatusSources> sources_;
   Publisher<status::Status> statuses_;
-  std::vector<ComponentNews> heard_;  ///< By component.
+  std::vector<ComponentNews> component_news_;  ///< By component.
   status::Status next_;
   bool is_started_ = false;
   bool is_due_ = false;  ///< In simulated time: it will be published at the end of this round.

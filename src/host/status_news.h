@@ -95,9 +95,9 @@ class PendingNews {
 ///
 /// @threads  `changed` in an activation of the component; `mode_changed` and `changed_elsewhere`
 ///           Safe; all else before the start.
-class StatusTeller {
+class StatusSender {
  public:
-  explicit StatusTeller(TimeDriver& time) : time_(time) {}
+  explicit StatusSender(TimeDriver& time) : time_(time) {}
 
   /// `status` is the last of `components` components so far, and lives as long as this. Components
   /// behind it are not reported.
@@ -110,7 +110,7 @@ class StatusTeller {
   void end() { is_over_ = true; }
 
  private:
-  void hear(const ComponentNews& news) const;
+  void deliver(const ComponentNews& news) const;
 
   TimeDriver& time_;
   detail::ComponentCore* status_ = nullptr;

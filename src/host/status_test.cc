@@ -119,17 +119,17 @@ class Latecomer final : public Component {
           this->context().create_subscriber<status::Status>(
               kStatusTopic, [this](const status::Status& status) {
                 const Time taken{Duration(status.header().taken_ns())};
-                heard_ += std::to_string((now() - start_time()) / 1ms) + ":" +
-                          std::to_string((taken - start_time()) / 1ms) + " ";
+                received_ += std::to_string((now() - start_time()) / 1ms) + ":" +
+                             std::to_string((taken - start_time()) / 1ms) + " ";
               });
         })) {}
 
   void start() override { timer_.arm_at(now() + 1500ms); }
-  void stop() override { report("heard", heard_); }
+  void stop() override { report("received", received_); }
 
  private:
   Timer timer_;
-  std::string heard_;
+  std::string received_;
 };
 
 class Intruder final : public Component {
@@ -393,7 +393,7 @@ TEST(TheStatus, GivesALateJoinerTheLastOne) {
               2500ms);
   drive.application->stop();
 
-  EXPECT_EQ(std::get<std::string>(drive.find("latecomer")->results.at("heard")),
+  EXPECT_EQ(std::get<std::string>(drive.find("latecomer")->results.at("received")),
             "1500:1000 2000:2000 ");
 }
 
@@ -433,7 +433,7 @@ TEST(TheStatus, IsThereForARecorderThatNamesIt) {
   EXPECT_FALSE(has_status(""));
 }
 
-std::string mistakes_of(const std::string& text) {
+std::string errors_of(const std::string& text) {
   config::Problems problems;
   Application application(describe_text(text, problems), {.is_simulated = true, .workers = 1});
   if (!problems.has_errors()) {
@@ -448,16 +448,16 @@ std::string mistakes_of(const std::string& text) {
 
 TEST(WhatIsFastCyclesOwn, IsTakenByNobodyElse) {
   EXPECT_THAT(
-      mistakes_of(application_text(R"({"name": "fastcycle", "library": "supervisor"})")),
+      errors_of(application_text(R"({"name": "fastcycle", "library": "supervisor"})")),
       HasSubstr("the component \"fastcycle\" needs another name: \"fastcycle\" is the component of "
                 "FastCycle itself"));
-  EXPECT_THAT(mistakes_of(application_text(
+  EXPECT_THAT(errors_of(application_text(
                   R"({"name": "x", "namespace": "fastcycle", "library": "supervisor"})")),
               HasSubstr("needs another name"));
-  EXPECT_THAT(mistakes_of(application_text(R"({"name": "intruder", "library": "intruder"})")),
+  EXPECT_THAT(errors_of(application_text(R"({"name": "intruder", "library": "intruder"})")),
               HasSubstr("component \"intruder\" publishes on \"fastcycle/own\", but what begins "
                         "with \"fastcycle/\" only FastCycle itself publishes"));
-  EXPECT_THAT(mistakes_of(application_text(kSupervisor)), IsEmpty());
+  EXPECT_THAT(errors_of(application_text(kSupervisor)), IsEmpty());
 }
 
 TEST(ABench, MayFeedAStatusToASupervisor) {
@@ -474,9 +474,9 @@ TEST(ABench, MayFeedAStatusToASupervisor) {
             "0 application: \"another\"\n");
 }
 
-std::atomic<int> g_live_step{0};  // What the supervisor has heard.
+std::atomic<int> g_live_step{0};  // What the supervisor has received.
 
-/// Is degraded, well and broken, each until the supervisor has heard of it.
+/// Is degraded, well and broken, each until the supervisor was notified of it.
 class LiveWorker final : public Component {
  public:
   explicit LiveWorker(Context& context) : Component(context) {}
@@ -492,7 +492,7 @@ class LiveWorker final : public Component {
   }
 };
 
-/// Ends a live run once it has heard that its neighbour was degraded, well again, and failed.
+/// Ends a live run once it was notified that its neighbour was degraded, well again, and failed.
 class LiveSupervisor final : public Component {
  public:
   explicit LiveSupervisor(Context& context) : Component(context), source_(context.create_source()) {
@@ -564,8 +564,8 @@ TEST(AComponentThatSaysMuch, DoesNotFloodTheStatus) {
     const detail::ComponentCore& talker = *application->components().front();
     const detail::ComponentCore& status = *application->components().back();
     EXPECT_GE(talker.statistics.activations.get(), 1U);
-    // One report for each call of `serve`, what is told of the start and the end, and in simulated
-    // time an activation of its own for each message.
+    // One report for each call of `serve`, what is reported of the start and the end, and in
+    // simulated time an activation of its own for each message.
     EXPECT_LE(status.statistics.activations.get(), 3 * talker.statistics.activations.get() + 20);
     EXPECT_EQ(talker.health_reason, "reason 999");
   }

@@ -28,7 +28,7 @@ class TestClasses : public ComponentClasses {
                              config::Problems& problems) override {
     const auto found = classes_.find(component.library);
     if (found == classes_.end()) {
-      problems.add(config::mistake(component.place, "no class " + component.library));
+      problems.add(config::make_error(component.place, "no class " + component.library));
       return nullptr;
     }
     return &found->second;

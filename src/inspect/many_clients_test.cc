@@ -125,7 +125,7 @@ class ManyHostileClients : public testing::Test {
               0);
     return descriptor;
   }
-  static bool say(int descriptor, const std::string& bytes) {
+  static bool send(int descriptor, const std::string& bytes) {
     return ::send(descriptor, bytes.data(), bytes.size(), MSG_NOSIGNAL) ==
            static_cast<ssize_t>(bytes.size());
   }
@@ -141,7 +141,7 @@ class ManyHostileClients : public testing::Test {
     return frame_of(request.SerializeAsString());
   }
   /// Empties what was said to `descriptor`.
-  static void hear(int descriptor) {
+  static void drain(int descriptor) {
     std::string piece(65536, '\0');
     while (::recv(descriptor, piece.data(), piece.size(), MSG_DONTWAIT) > 0) {
     }
@@ -164,7 +164,7 @@ class ManyHostileClients : public testing::Test {
       }
     }
   }
-  static void tell(const char* what, std::size_t count) {
+  static void print_count(const char* what, std::size_t count) {
     std::printf("%s: %zu, longest callback %.3f ms, %.1f MiB\n", what, count,
                 static_cast<double>(worst_ns.exchange(0)) / 1e6,
                 static_cast<double>(rss_kib()) / 1024);
@@ -188,7 +188,7 @@ TEST_F(ManyHostileClients, SayingRandomFramesChangeNothing) {
   for (std::size_t i = 0; i < frames; ++i) {
     if (descriptor < 0) {
       descriptor = connect();
-      say(descriptor, hello());
+      send(descriptor, hello());
     }
     std::string body;
     if (i % 2 == 0) {  // Nearly a request.
@@ -198,16 +198,16 @@ TEST_F(ManyHostileClients, SayingRandomFramesChangeNothing) {
       body.resize(random() % 64);
       std::ranges::generate(body, [&] { return static_cast<char>(random()); });
     }
-    if (!say(descriptor, frame_of(body))) {
+    if (!send(descriptor, frame_of(body))) {
       ::close(descriptor);  // As it should be.
       descriptor = -1;
     } else {
-      hear(descriptor);
+      drain(descriptor);
     }
   }
   ::close(descriptor);
   expect_alive();
-  tell("random frames", frames);
+  print_count("random frames", frames);
   expect_grown_less(before_kib, 256 * 1024);
 }
 
@@ -227,13 +227,13 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBounded) {
   }
   for (int i = 0; i < 8; ++i) {
     descriptors.push_back(connect());
-    say(descriptors.back(), hello() + frame_of(stream.SerializeAsString()));
+    send(descriptors.back(), hello() + frame_of(stream.SerializeAsString()));
     static_cast<void>(
         !::send(descriptors.back(), asked.data(), asked.size(), MSG_NOSIGNAL | MSG_DONTWAIT));
   }
   std::this_thread::sleep_for(300ms);  // 300 messages of 10 kB for each of them.
   expect_alive();
-  tell("who never reads", descriptors.size());
+  print_count("who never reads", descriptors.size());
   expect_grown_less(before_kib, 512 * 1024);
   for (const int descriptor : descriptors) {
     ::close(descriptor);
@@ -253,7 +253,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBoundedTogether) {
   }
   for (int i = 0; i < 30; ++i) {
     descriptors.push_back(connect());
-    say(descriptors.back(), asked);
+    send(descriptors.back(), asked);
   }
   // Who reads goes on being served: the slowest make room.
   std::int64_t most_kib = 0;
@@ -277,7 +277,7 @@ TEST_F(ManyHostileClients, ThatNeverReadAreBoundedTogether) {
     most_kib = std::max(most_kib, rss_kib());
   }
   EXPECT_TRUE(is_served);
-  tell("who never reads, of large messages", descriptors.size());
+  print_count("who never reads, of large messages", descriptors.size());
   if (std::string_view(FASTCYCLE_SANITIZER) == "none") {  // Others keep memory of their own.
     EXPECT_LT(most_kib - before_kib, 400 * 1024);
   }
@@ -291,14 +291,14 @@ TEST_F(ManyHostileClients, ThatComeAndGoLeaveNothing) {
   for (std::size_t i = 0; i < connects; ++i) {
     const int descriptor = connect();
     if (i % 3 == 0) {
-      say(descriptor, hello());
+      send(descriptor, hello());
     } else if (i % 3 == 1) {
-      say(descriptor, std::string("\x10\0\0\0half", 8));
+      send(descriptor, std::string("\x10\0\0\0half", 8));
     }
     ::close(descriptor);
   }
   expect_alive();
-  tell("connects", connects);
+  print_count("connects", connects);
 }
 
 }  // namespace

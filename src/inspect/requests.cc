@@ -282,8 +282,8 @@ void Server::change_params(Client& client, const protocol::ChangeParams& request
   }
   const ParamsResult result = application_.change_params(changes);
   protocol::ParamsChanged& said = *answer.mutable_params_changed();
-  for (const std::string& mistake : result.mistakes) {
-    said.add_mistakes(to_utf8(mistake));
+  for (const std::string& error : result.errors) {
+    said.add_errors(to_utf8(error));
   }
   note(client, result.has_changed() ? "set " + what : "could not set " + what);
 }

@@ -113,7 +113,7 @@ void Server::open(config::Problems& problems) {
     }
     reserve_ = ::eventfd(0, EFD_CLOEXEC);
   } catch (const std::exception& error) {
-    problems.add(config::mistake(description_.place, error.what()));
+    problems.add(config::make_error(description_.place, error.what()));
     return;
   }
   taps_.provide();
@@ -199,7 +199,7 @@ void Server::serve() {
     }
     forget_gone();
   }
-  say_farewell();
+  send_farewell();
 }
 
 void Server::wait() {
@@ -569,21 +569,21 @@ void Server::forget_gone() {
       clients_, [](const auto& client) { return !client->log_streams.empty(); }));
 }
 
-void Server::say_farewell() {
+void Server::send_farewell() {
   constexpr std::int64_t kFarewellNs = 200 * kMs;
   give_log();
   for (const auto& client : clients_) {
-    const auto say = [&](std::uint32_t id) {
+    const auto send_end = [&](std::uint32_t id) {
       protocol::Answer answer;
       answer.set_id(id);
       answer.mutable_ended()->set_why("the application stops");
       client->connection->put(answer);
     };
     for (const auto& stream : client->streams) {
-      say(stream->id);
+      send_end(stream->id);
     }
     for (const Client::LogStream& stream : client->log_streams) {
-      say(stream.id);
+      send_end(stream.id);
     }
   }
   const std::int64_t end_ns = base::monotonic_ns() + kFarewellNs;

@@ -135,7 +135,7 @@ class Server final : public host::Observer {
   void write(Client& client, std::int64_t now_ns);
   void drop(Client& client, const std::string& why);
   void forget_gone();
-  void say_farewell();
+  void send_farewell();
   void wake() noexcept;
   void give(std::uint64_t connection, const protocol::Answer& answer);
 

@@ -70,19 +70,19 @@ class Source final : public Component {
   std::int64_t count_ = 0;
 };
 
-/// Doubles numbers on request, and hears wishes that nobody publishes.
+/// Doubles numbers on request, and receives wishes that nobody publishes.
 class Reader final : public Component {
  public:
   explicit Reader(Context& context)
       : Component(context),
         factor_(context.param<double>(
             "factor", {.fallback = 1.0, .min = 0.0, .max = 9.0, .is_tunable = true})),
-        heard_(context.create_publisher<Int64Value>("heard")) {
+        received_(context.create_publisher<Int64Value>("received")) {
     context.create_subscriber<Int64Value>("numbers", [](const Int64Value&) {});
     context.create_subscriber<Int64Value>("wishes", [this](const Int64Value& wish) {
-      auto heard = heard_.loan();
-      heard->set_value(wish.value());
-      heard_.publish(std::move(heard));
+      auto received = received_.loan();
+      received->set_value(wish.value());
+      received_.publish(std::move(received));
     });
     context.create_service<Int64Value, Int64Value>(
         "double",
@@ -91,7 +91,7 @@ class Reader final : public Component {
 
  private:
   Param<double> factor_;
-  Publisher<Int64Value> heard_;
+  Publisher<Int64Value> received_;
 };
 
 constexpr const char* kApplication = R"({"name": "looked_at", "components": [
@@ -221,7 +221,7 @@ class Stranger {
   Stranger& operator=(const Stranger&) = delete;
   ~Stranger() { ::close(descriptor_); }
 
-  void say(const std::string& bytes) const {
+  void send(const std::string& bytes) const {
     static_cast<void>(!::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL));
   }
   /// Whether the other one closes before long; nothing is read until then.
@@ -232,15 +232,15 @@ class Stranger {
            (polled.revents & POLLHUP) != 0;
   }
   /// All that is said until the other one closes.
-  [[nodiscard]] std::string hear() const {
-    std::string heard;
+  [[nodiscard]] std::string receive() const {
+    std::string received;
     std::string piece(4096, '\0');
     for (;;) {
       const ssize_t count = ::recv(descriptor_, piece.data(), piece.size(), 0);
       if (count <= 0) {
-        return heard;
+        return received;
       }
-      heard.append(piece, 0, static_cast<std::size_t>(count));
+      received.append(piece, 0, static_cast<std::size_t>(count));
     }
   }
 
@@ -398,8 +398,8 @@ TEST(AServer, ChangesParamsWhereThatIsAllowed) {
     change.set_value_json(value);
     return client.ask(std::move(request)).params_changed();
   };
-  EXPECT_TRUE(set("2.5").mistakes().empty());
-  EXPECT_THAT(set("10").mistakes(), Not(testing::IsEmpty()));
+  EXPECT_TRUE(set("2.5").errors().empty());
+  EXPECT_THAT(set("10").errors(), Not(testing::IsEmpty()));
   protocol::Request request;
   request.mutable_params();
   const protocol::Params params = client.ask(std::move(request)).params();
@@ -422,13 +422,13 @@ config::InspectDescription all_allowed() {
 TEST(AServer, PublishesWhereThatIsAllowed) {
   Running run(all_allowed());
   Client client(run.socket(), "test");
-  client.begin(stream_request("heard"));
+  client.begin(stream_request("received"));
   protocol::Request request;
   request.mutable_publish()->set_topic("wishes");
   request.mutable_publish()->set_message(serialized(7));
   EXPECT_TRUE(client.ask(request).has_done());
-  const protocol::Answer heard = await(client, has_messages);
-  EXPECT_EQ(heard.messages().messages(0).payload(), serialized(7));
+  const protocol::Answer received = await(client, has_messages);
+  EXPECT_EQ(received.messages().messages(0).payload(), serialized(7));
 
   request.mutable_publish()->set_message("\xff\xff");
   EXPECT_EQ(error_of([&] { client.ask(request); }).kind(), protocol::Error::KIND_REFUSED);
@@ -439,7 +439,7 @@ TEST(AServer, PublishesWhereThatIsAllowed) {
 // Messages and calls of tools are in the recording, under the name that they would have now too.
 TEST(AServer, PublishesBesideWhatToolsPublishedInARecording) {
   const config::TestFolder folder;
-  const auto say = [](Client& client, std::int64_t value) {
+  const auto send = [](Client& client, std::int64_t value) {
     protocol::Request request;
     request.mutable_publish()->set_topic("numbers");
     request.mutable_publish()->set_message(serialized(value));
@@ -453,13 +453,13 @@ TEST(AServer, PublishesBesideWhatToolsPublishedInARecording) {
   {
     Running run(all_allowed(), {}, Server::kPatience, folder / "a.mcap");
     Client client(run.socket(), "test");
-    say(client, 1'000'001);
+    send(client, 1'000'001);
     run.application->stop();
   }
 
   Running run(all_allowed(), {}, Server::kPatience, {}, folder / "a.mcap");
   Client client(run.socket(), "test");
-  say(client, 1'000'002);
+  send(client, 1'000'002);
 
   const auto& publishers = run.application->topics().find("numbers")->publishers;
   const auto names = [&] {
@@ -595,8 +595,8 @@ TEST(AHostileClient, IsTurnedAwayIfItSaysNothingMeaningful) {
        {std::string("\xff\xff\xff\xff what is this"), std::string("\x05\0\0\0hello", 9),
         std::string("\0\0\0\0", 4), frame_of(overview_request())}) {
     const Stranger stranger(run.socket());
-    stranger.say(said);
-    EXPECT_THAT(stranger.hear().size(), testing::Gt(0U));  // Why not; then it is closed.
+    stranger.send(said);
+    EXPECT_THAT(stranger.receive().size(), testing::Gt(0U));  // Why not; then it is closed.
   }
   Client client(run.socket(), "test");
   EXPECT_TRUE(client.ask(overview_request()).has_overview());
@@ -618,16 +618,16 @@ TEST(AHostileClient, OfAnotherUserIsRefused) {
         ::connect(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
       ::_exit(1);
     }
-    std::size_t heard = 0;
+    std::size_t received = 0;
     char piece[256];
     for (;;) {
       const ssize_t count = ::recv(descriptor, piece, sizeof(piece), 0);
       if (count <= 0) {
         break;
       }
-      heard += static_cast<std::size_t>(count);
+      received += static_cast<std::size_t>(count);
     }
-    ::_exit(heard > 0 ? 0 : 2);  // It is told why, and the connection closed.
+    ::_exit(received > 0 ? 0 : 2);  // It is notified why, and the connection closed.
   }
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
@@ -637,14 +637,14 @@ TEST(AHostileClient, OfAnotherUserIsRefused) {
   EXPECT_EQ(client.ask(overview_request()).overview().clients(), 1U);
 }
 
-TEST(AHostileClient, OfAnotherVersionIsToldSo) {
+TEST(AHostileClient, OfAnotherVersionIsNotified) {
   Running run;
   protocol::Request request;
   request.set_id(1);
   request.mutable_hello()->set_version(99);
   const Stranger stranger(run.socket());
-  stranger.say(frame_of(request));
-  EXPECT_THAT(stranger.hear(), HasSubstr("version 1"));
+  stranger.send(frame_of(request));
+  EXPECT_THAT(stranger.receive(), HasSubstr("version 1"));
 }
 
 /// Asks for more than a socket holds, and reads nothing of it.
@@ -666,7 +666,7 @@ TEST(AHostileClient, ThatDoesNotReadIsDroppedAndCounted) {
   Client other(run.socket(), "test");
   const Stranger stranger(run.socket());
 
-  stranger.say(endless_questions());
+  stranger.send(endless_questions());
 
   EXPECT_TRUE(stranger.is_closed());
   const protocol::Overview overview = other.ask(overview_request()).overview();
@@ -677,9 +677,9 @@ TEST(AHostileClient, ThatDoesNotReadIsDroppedAndCounted) {
 TEST(AClientOfTheSameProcess, IsKeptWhenItDoesNotRead) {
   Running run({}, {}, 50ms);
   const Stranger within(run.server->connect());
-  within.say(endless_questions());
+  within.send(endless_questions());
   const Stranger without(run.socket());
-  without.say(endless_questions());
+  without.send(endless_questions());
   ASSERT_TRUE(without.is_closed());  // Who came later has been stuck for too long by now.
 
   Client other(run.socket(), "test");
@@ -696,18 +696,19 @@ TEST(AHostileClient, WithoutANameIsNamedByItsProcess) {
   other.begin(std::move(log));
   const Stranger stranger(run.socket());
 
-  stranger.say(endless_questions());
+  stranger.send(endless_questions());
 
-  const protocol::Answer told = await(other, [](const auto& answer) { return answer.has_log(); });
-  EXPECT_EQ(told.log().lines(0).text(), "the connection of process " + std::to_string(::getpid()) +
-                                            " was ended: it does not read");
+  const protocol::Answer answer = await(other, [](const auto& one) { return one.has_log(); });
+  EXPECT_EQ(
+      answer.log().lines(0).text(),
+      "the connection of process " + std::to_string(::getpid()) + " was ended: it does not read");
 }
 
 TEST(AHostileClient, MayRestForAWhile) {
   Running run({}, {}, 1h);
   const Stranger stranger(run.socket());
 
-  stranger.say(endless_questions());
+  stranger.send(endless_questions());
 
   Client other(run.socket(), "test");
   const protocol::Overview overview = other.ask(overview_request()).overview();
@@ -743,8 +744,8 @@ class AllDescriptorsButOne {
   std::vector<int> taken_;
 };
 
-/// What the server answers to a client for which the process has its last descriptor. A sanitizer or
-/// another thread may hold that one for a moment: then the client cannot even ask.
+/// What the server answers to a client for which the process has its last descriptor. A sanitizer
+/// or another thread may hold that one for a moment: then the client cannot even ask.
 ClientError error_of_one_more(const std::filesystem::path& socket) {
   const auto end = std::chrono::steady_clock::now() + kBound;
   for (;;) {

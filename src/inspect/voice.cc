@@ -159,8 +159,8 @@ detail::PublisherCore& Voice::publisher_of(const std::string& topic) const {
                 config::did_you_mean(config::nearest(topic, known)));
 }
 
-void Voice::say(detail::PublisherCore& publisher, const std::string& serialized,
-                const std::function<void(google::protobuf::Message&)>& add) {
+void Voice::publish(detail::PublisherCore& publisher, const std::string& serialized,
+                    const std::function<void(google::protobuf::Message&)>& add) {
   // The message is validated before a loan is taken.
   const std::unique_ptr<google::protobuf::Message> message(publisher.default_instance.New());
   if (!message->ParseFromString(serialized)) {
@@ -174,7 +174,7 @@ void Voice::say(detail::PublisherCore& publisher, const std::string& serialized,
 }
 
 void Voice::publish(const std::string& topic, const std::string& serialized) {
-  say(publisher_of(topic), serialized, [](google::protobuf::Message&) {});
+  publish(publisher_of(topic), serialized, [](google::protobuf::Message&) {});
 }
 
 void Voice::call(const std::string& service, const std::string& serialized, std::int64_t timeout_ns,
@@ -197,8 +197,8 @@ void Voice::call(const std::string& service, const std::string& serialized, std:
   detail::CallHead head;
   head.number = line.number + 1;
   head.deadline_ns = base::to_ns(application_.clock().now()) + timeout_ns;
-  say(*line.requests, serialized,
-      [&](google::protobuf::Message& message) { detail::write_head(message, head); });
+  publish(*line.requests, serialized,
+          [&](google::protobuf::Message& message) { detail::write_head(message, head); });
   line.number = head.number;
   line.end_ns = base::monotonic_ns() + timeout_ns;
   line.is_owed = true;

@@ -66,8 +66,8 @@ class Voice {
   };
 
   detail::PublisherCore& publisher_of(const std::string& topic) const;
-  void say(detail::PublisherCore& publisher, const std::string& serialized,
-           const std::function<void(google::protobuf::Message&)>& add);
+  void publish(detail::PublisherCore& publisher, const std::string& serialized,
+               const std::function<void(google::protobuf::Message&)>& add);
   void take_reply(const detail::Lane& lane, const detail::Envelope& envelope);
 
   host::Application& application_;

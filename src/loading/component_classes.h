@@ -23,8 +23,8 @@ class ComponentClasses {
 
 /// Handling of a constructor that throws.
 enum class ConstructorFault : std::uint8_t {
-  kFault,    ///< A fault of the component; the policy decides about the others.
-  kMistake,  ///< An error of the application, for a check that starts nothing.
+  kFault,  ///< A fault of the component; the policy decides about the others.
+  kError,  ///< An error of the application, for a check that starts nothing.
 };
 
 }  // namespace fastcycle::host

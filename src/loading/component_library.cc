@@ -200,12 +200,12 @@ bool has_right_note(const std::string& name, const fs::path& file, const config:
   const std::string library = "library \"" + name + "\"";
   const BuildNote note = read_build_note(file);
   if (!note.error.empty()) {
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         place, library + " cannot be loaded: " + file.string() + ": " + note.error));
     return false;
   }
   if (!note.text) {
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         place, library + " is no component library: " + file.string() + " has no FastCycle note",
         "is FASTCYCLE_COMPONENT(YourClass) at the end of one of its sources?"));
     return false;
@@ -230,14 +230,14 @@ const ComponentLibrary* library_in(void* handle, const std::string& name, const 
   using Entry = const ComponentLibrary* (*)();
   const auto entry = reinterpret_cast<Entry>(dlsym(handle, kEntry));
   if (entry == nullptr) {
-    problems.add(
-        config::mistake(place, library + " has no function " + kEntry + " (" + file.string() + ")",
-                        "is FASTCYCLE_COMPONENT(YourClass) in one of its sources?"));
+    problems.add(config::make_error(
+        place, library + " has no function " + kEntry + " (" + file.string() + ")",
+        "is FASTCYCLE_COMPONENT(YourClass) in one of its sources?"));
     return nullptr;
   }
   const ComponentLibrary* classes = entry();
   if (const std::string wrong = find_wrong(classes); !wrong.empty()) {
-    problems.add(config::mistake(place, library + " " + wrong + " (" + file.string() + ")"));
+    problems.add(config::make_error(place, library + " " + wrong + " (" + file.string() + ")"));
     return nullptr;
   }
   return classes;
@@ -262,16 +262,16 @@ const ComponentClass* class_of(const ComponentLibrary& library,
     all += (all.empty() ? "\"" : ", \"") + name + "\"";
   }
   if (component.class_name.empty()) {
-    problems.add(config::mistake(component.place, "library \"" + component.library +
-                                                      "\" has several "
-                                                      "classes: say \"class\": one of " +
-                                                      all));
+    problems.add(config::make_error(component.place, "library \"" + component.library +
+                                                         "\" has several "
+                                                         "classes: say \"class\": one of " +
+                                                         all));
   } else {
     problems.add(
-        config::mistake(component.place,
-                        "library \"" + component.library + "\" has no class \"" +
-                            component.class_name + "\", only " + all,
-                        config::did_you_mean(config::nearest(component.class_name, names))));
+        config::make_error(component.place,
+                           "library \"" + component.library + "\" has no class \"" +
+                               component.class_name + "\", only " + all,
+                           config::did_you_mean(config::nearest(component.class_name, names))));
   }
   return nullptr;
 }
@@ -341,8 +341,8 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
   const std::string library = "library \"" + name + "\"";
   if (file.empty()) {
     const std::string hint =
-        problems.keeps_mistakes() ? config::did_you_mean(nearest_to(name)) : std::string();
-    problems.add(config::mistake(
+        problems.keeps_errors() ? config::did_you_mean(nearest_to(name)) : std::string();
+    problems.add(config::make_error(
         place,
         library + " was not found: no " + library_file(name).string() + " in " + list_of(folders_),
         hint));
@@ -352,7 +352,7 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
   files_[name] = look_at_file(file);
   if (const auto tried = expected_.find(name);
       tried != expected_.end() && tried->second != files_[name]) {
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         place,
         library + " was exchanged or written since it was tried, a moment ago: " + file.string(),
         "start again when nothing writes it any more, such as a build"));
@@ -368,7 +368,7 @@ const ComponentLibrary* LibraryLoader::load(const std::string& name, const confi
     return nullptr;
   }
   if (handle == nullptr) {
-    problems.add(config::mistake(place, library + " cannot be loaded: " + dlerror()));
+    problems.add(config::make_error(place, library + " cannot be loaded: " + dlerror()));
     return nullptr;
   }
   return library_in(handle, name, file, place, problems);
@@ -378,7 +378,7 @@ const ComponentClass* LibraryLoader::find(const config::ComponentDescription& co
                                           config::Problems& problems) {
   const ComponentClass* its_class = choose(component, problems);
   if (its_class != nullptr && its_class->overrides_serve && !component.serve_period) {
-    config::Problem problem = config::mistake(
+    config::Problem problem = config::make_error(
         component.place,
         "component \"" + component.name + "\": serve() of its class " + its_class->name +
             " is never called, because the component has no \"serve_period_ms\"",

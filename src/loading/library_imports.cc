@@ -114,7 +114,7 @@ void warn_of_imports(const config::ApplicationDescription& description,
     for (const Kind& kind : kKinds) {
       const std::string names = named(kind, imports);
       if (!names.empty()) {
-        config::Problem problem = config::mistake(
+        config::Problem problem = config::make_error(
             component.place,
             fmt::format("the library \"{}\" {} ({}): such a run may not repeat exactly",
                         component.library, kind.what, names),

@@ -22,7 +22,7 @@ bool LibraryVersions::is_pinned(const std::string& name, const std::string& sha2
   if (pin != pins_->sha256.end() && pin->second == sha256) {
     return true;
   }
-  problems.add(config::mistake(
+  problems.add(config::make_error(
       pins_->place,
       "library \"" + name + "\" " +
           (pin == pins_->sha256.end() ? "is not among those that may be loaded"
@@ -39,7 +39,7 @@ LibraryVersions::Opened LibraryVersions::open(const std::string& name,
   const std::string library = "library \"" + name + "\"";
   const SealedCopy copy = seal_copy(name, file);
   if (copy.file < 0) {
-    problems.add(config::mistake(place, library + " cannot be read: " + std::strerror(errno)));
+    problems.add(config::make_error(place, library + " cannot be read: " + std::strerror(errno)));
     return {};
   }
   const std::lock_guard lock(mutex_);
@@ -52,8 +52,8 @@ LibraryVersions::Opened LibraryVersions::open(const std::string& name,
     return {};
   };
   if (!expected.empty() && expected != copy.sha256) {
-    problems.add(config::mistake(place, library + " was exchanged or written since it was tried",
-                                 "try again when nothing writes it any more, such as a build"));
+    problems.add(config::make_error(place, library + " was exchanged or written since it was tried",
+                                    "try again when nothing writes it any more, such as a build"));
     return refuse();
   }
   if (!is_pinned(name, copy.sha256, problems) ||
@@ -66,19 +66,19 @@ LibraryVersions::Opened LibraryVersions::open(const std::string& name,
       continue;
     }
     if (pins_) {
-      problems.add(config::mistake(
+      problems.add(config::make_error(
           pins_->place, library + " needs " + needed.name + ", which this run has not loaded"));
       return refuse();
     }
     if (::dlopen(needed.file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE) == nullptr) {
-      problems.add(config::mistake(place, library + " cannot be loaded: " + ::dlerror()));
+      problems.add(config::make_error(place, library + " cannot be loaded: " + ::dlerror()));
       return refuse();
     }
   }
   void* const handle = ::dlopen(path_of(copy).c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   base::reset_floating_point();
   if (handle == nullptr) {
-    problems.add(config::mistake(place, library + " cannot be loaded: " + ::dlerror()));
+    problems.add(config::make_error(place, library + " cannot be loaded: " + ::dlerror()));
     return refuse();
   }
   const ComponentLibrary* const opened = library_in(handle, name, file, place, problems);

@@ -157,20 +157,20 @@ void* PinnedLibraries::open_one(const std::string& name, const fs::path& file,
   const std::string library = "library \"" + name + "\"";
   const auto pin = pins_.sha256.find(name);
   if (pin == pins_.sha256.end()) {
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         pins_.place, library + " is not among those that may be loaded (" + file.string() + ")",
         "fastcycle check APPLICATION --print-pins prints what \"libraries\" has to say"));
     return nullptr;
   }
   const SealedCopy copy = seal_copy(name, file);
   if (copy.file < 0) {
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         pins_.place, library + " cannot be read: " + file.string() + ": " + std::strerror(errno)));
     return nullptr;
   }
   if (copy.sha256 != pin->second) {
     ::close(copy.file);
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         pins_.place,
         fmt::format("{} has other contents than are pinned ({}): expected SHA-256 {}, found {}",
                     library, file.string(), pin->second, copy.sha256),
@@ -180,7 +180,7 @@ void* PinnedLibraries::open_one(const std::string& name, const fs::path& file,
   // Stays open, so that its path is not reused for another library.
   void* const handle = ::dlopen(path_of(copy).c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (handle == nullptr) {
-    problems.add(config::mistake(pins_.place, library + " cannot be loaded: " + ::dlerror()));
+    problems.add(config::make_error(pins_.place, library + " cannot be loaded: " + ::dlerror()));
   }
   return handle;
 }

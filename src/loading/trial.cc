@@ -96,7 +96,7 @@ json to_json(const TrialOptions& options, const std::set<std::string>& without,
                                              {"file", options.library->file.string()},
                                              {"others", options.library->others}}
                                       : json()},
-          {"throw_is_mistake", options.on_throw == ConstructorFault::kMistake},
+          {"throw_is_error", options.on_throw == ConstructorFault::kError},
           // The child has the same secrets as the parent.
           {"refuses_tracers", is_protected()},
           {"without", without},
@@ -364,7 +364,7 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
     result.ending = std::string("could not be started: ") + std::strerror(child.error);
     return result;
   }
-  const auto tell_slow = [&] {
+  const auto report_slow = [&] {
     if (!result.last_name.empty()) {
       options.on_slow((result.last_kind == "loading" ? "library \"" : "component \"") +
                       result.last_name + "\" takes longer than " + in_words(TrialOptions::kNotice) +
@@ -381,7 +381,7 @@ ChildResult run_child(const TrialOptions& options, const std::set<std::string>& 
           result.is_unreadable = true;
         }
       },
-      tell_slow, result.errors);
+      report_slow, result.errors);
   if (!is_in_time) {
     child.kill();
   }
@@ -463,7 +463,7 @@ TrialResult try_application(const TrialOptions& options, config::Problems& probl
         problems.add(problem);
       }
       if (result.is_unreadable) {
-        problems.add(config::mistake(
+        problems.add(config::make_error(
             description.place, "the trial of the libraries reported something that cannot be read",
             "does a component write to a file descriptor that is not its own?"));
       }
@@ -471,7 +471,7 @@ TrialResult try_application(const TrialOptions& options, config::Problems& probl
     }
     if (result.last_name.empty()) {
       const std::string line = last_line(result.errors);
-      problems.add(config::mistake(
+      problems.add(config::make_error(
           description.place,
           "the trial of the libraries " + result.ending + (line.empty() ? "" : ": " + line)));
       return {};
@@ -490,7 +490,7 @@ TrialResult try_library(const TrialOptions& options, config::Problems& problems)
   }
   if (!result.is_done) {
     problems.add(result.last_name.empty()
-                     ? config::mistake(place, "the trial of the library " + result.ending)
+                     ? config::make_error(place, "the trial of the library " + result.ending)
                      : to_problem(options, place, result, {}));
   }
   return result.trial;
@@ -498,7 +498,7 @@ TrialResult try_library(const TrialOptions& options, config::Problems& problems)
 
 namespace {
 
-void say(const json& line) {
+void send(const json& line) {
   const std::string text = line.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
   // A failed write is ignored: the parent no longer reads.
   [[maybe_unused]] const ssize_t count = write(kReportDescriptor, text.data(), text.size());
@@ -516,19 +516,19 @@ class NarratingClasses final : public ComponentClasses {
         without_.contains("component " + component.name)) {
       return nullptr;
     }
-    say({{"kind", "loading"}, {"name", component.library}});
+    send({{"kind", "loading"}, {"name", component.library}});
     const ComponentClass* found = loader_.find(component, problems);
     if (const auto file = loader_.files().find(component.library); file != loader_.files().end()) {
-      say({{"kind", "file"},
-           {"name", component.library},
-           {"device", file->second.device},
-           {"inode", file->second.inode},
-           {"size", file->second.size},
-           {"modified_ns", file->second.modified_ns}});
+      send({{"kind", "file"},
+            {"name", component.library},
+            {"device", file->second.device},
+            {"inode", file->second.inode},
+            {"size", file->second.size},
+            {"modified_ns", file->second.modified_ns}});
     }
     if (!wanted_proto_.empty() &&
         google::protobuf::DescriptorPool::generated_pool()->FindFileByName(wanted_proto_)) {
-      say({{"kind", "proto"}, {"name", component.library}});
+      send({{"kind", "proto"}, {"name", component.library}});
       wanted_proto_.clear();
     }
     return found;
@@ -563,10 +563,10 @@ const ComponentLibrary* open_tried(const json& tried, LibraryLoader& loader,
     loader.open(name, {}, ignored);
   }
   const std::string name = tried["name"];
-  say({{"kind", "loading"}, {"name", name}});
+  send({{"kind", "loading"}, {"name", name}});
   const auto [library, sha256] =
       versions.open(name, tried["file"].get<std::string>(), {}, problems);
-  say({{"kind", "version"}, {"sha256", sha256}});
+  send({{"kind", "version"}, {"sha256", sha256}});
   return library;
 }
 
@@ -610,9 +610,10 @@ int run_trial_child(const BuildForTrial& build) {
   fcntl(kReportDescriptor, F_SETFD, FD_CLOEXEC);
   if (obstacle && options["refuses_tracers"]) {
     const config::Place place{options["file"].get<std::string>(), 0, ""};
-    say({{"kind", "problem"},
-         {"problem", to_json(config::mistake(place, "the trial of the libraries: " + *obstacle))}});
-    say({{"kind", "done"}});
+    send({{"kind", "problem"},
+          {"problem",
+           to_json(config::make_error(place, "the trial of the libraries: " + *obstacle))}});
+    send({{"kind", "done"}});
     return 0;
   }
   config::Problems problems;
@@ -645,17 +646,17 @@ int run_trial_child(const BuildForTrial& build) {
   ComponentClasses& classes = one_class ? static_cast<ComponentClasses&>(*one_class) : narrating;
   const BuiltForTrial built = build(
       std::move(description), classes,
-      options["throw_is_mistake"] ? ConstructorFault::kMistake : ConstructorFault::kFault,
+      options["throw_is_error"] ? ConstructorFault::kError : ConstructorFault::kFault,
       options["library"].is_object(),
-      [](const std::string& component) { say({{"kind", "constructing"}, {"name", component}}); },
+      [](const std::string& component) { send({{"kind", "constructing"}, {"name", component}}); },
       problems);
   for (const config::Problem& problem : problems.all()) {
-    say({{"kind", "problem"}, {"problem", to_json(problem)}});
+    send({{"kind", "problem"}, {"problem", to_json(problem)}});
   }
   if (!built.wiring.empty()) {
-    say({{"kind", "wiring"}, {"text", built.wiring}});
+    send({{"kind", "wiring"}, {"text", built.wiring}});
   }
-  say({{"kind", "done"}});
+  send({{"kind", "done"}});
   // No destructors: a trial does not cover them, and they must not end it.
   std::fflush(nullptr);
   _exit(0);

@@ -1,5 +1,5 @@
 // What a reader must do with a file in which something is wrong: say so, or find the right content.
-// Never anything else. The address sanitizer looks on in the preset `asan`.
+// Never anything else. The address sanitizer checks this in the preset `asan`.
 
 #include <algorithm>
 #include <array>

@@ -197,7 +197,7 @@ void Chains::check(config::Problems& problems) {
         return;
       }
       config::Problem problem =
-          config::mistake(place_of(description, chain, key), its + what, std::move(hint));
+          config::make_error(place_of(description, chain, key), its + what, std::move(hint));
       if (is_replay) {
         // The application as a whole was checked before: the cause is components that do not run.
         problem.warning = true;
@@ -232,7 +232,8 @@ void Chains::check(config::Problems& problems) {
         names += (names.empty() ? "" : ", ") + name;
       }
       add("to", "ends at \"" + chain.to + "\", which nothing of \"" + chain.from + "\" reaches",
-          names.empty() ? "no component that hears it publishes anything" : "it reaches " + names);
+          names.empty() ? "no component that subscribes to it publishes anything"
+                        : "it reaches " + names);
     }
   }
 }

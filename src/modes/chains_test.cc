@@ -121,8 +121,8 @@ class Relay final : public Component {
   std::int64_t held_ = 0;
 };
 
-/// Hears "in". With `resets` it goes back to the mode "nominal" after each message, and counts
-/// those before which nobody had asked for "degraded".
+/// Subscribes to "in". With `resets` it goes back to the mode "nominal" after each message, and
+/// counts those before which nobody had asked for "degraded".
 class Sink final : public Component {
  public:
   explicit Sink(Context& context)
@@ -158,7 +158,7 @@ class Viewer final : public Component {
   Latest<Int64Value> in_;
 };
 
-/// Publishes the last number that it heard on "in" at each Serve period.
+/// Publishes the last number that it received on "in" at each Serve period.
 class Ticker final : public Component {
  public:
   explicit Ticker(Context& context)
@@ -306,7 +306,7 @@ std::unique_ptr<Application> run(const std::string& text, Duration span, unsigne
 std::string problems_of(const std::string& text) {
   config::Problems problems;
   Application application(describe_text(json(text), problems), {.is_simulated = true});
-  application.build(classes(), problems, ConstructorFault::kMistake);
+  application.build(classes(), problems, ConstructorFault::kError);
   std::string all;
   for (const config::Problem& problem : problems.all()) {
     all += config::to_string(problem) + "\n";
@@ -623,11 +623,11 @@ TEST(AChain, IsTheSameWithAnyNumberOfWorkers) {
         {"name": "other", "library": "sink", "remap": {"in": "d"}}]})");
   const auto result = [&](unsigned workers) {
     const auto application = run(text, 500ms, workers);
-    std::string told = to_json(application->chains().report()).dump();
+    std::string report = to_json(application->chains().report()).dump();
     for (const ModeSwitch& made : application->modes().switches()) {
-      told += fmt::format("\n{} {} {}", made.stamp.time_since_epoch().count(), made.to, made.by);
+      report += fmt::format("\n{} {} {}", made.stamp.time_since_epoch().count(), made.to, made.by);
     }
-    return told;
+    return report;
   };
 
   const std::string one = result(1);
@@ -637,7 +637,7 @@ TEST(AChain, IsTheSameWithAnyNumberOfWorkers) {
   EXPECT_EQ(result(4), one);
 }
 
-// ---- What is told ----
+// ---- What is reported ----
 
 TEST(AChain, StandsInReportTableAndStatus) {
   std::string text = short_chain("'deadline_ms': 2, 'on_breach': 'drop'", "'hold_us': 3000",
@@ -666,7 +666,7 @@ TEST(AChain, StandsInReportTableAndStatus) {
   EXPECT_EQ(to_json(report)["results"]["chains"], "name: \"c\" count: 9 breaches: 9 dropped: 9");
 }
 
-TEST(AChain, IsToldWrongWhereNothingGetsThrough) {
+TEST(AChain, IsReportedWrongWhereNothingGetsThrough) {
   const auto with = [](const std::string& from, const std::string& to,
                        const std::string& more = "") {
     std::string text = short_chain("'deadline_ms': 2", "", more);
@@ -682,9 +682,10 @@ TEST(AChain, IsToldWrongWhereNothingGetsThrough) {
   EXPECT_THAT(
       problems_of(with("a", "bb")),
       HasSubstr("/chains/0/to: the chain \"c\" ends at \"bb\", to which nobody subscribes"));
-  EXPECT_THAT(problems_of(with("b", "a")),
-              HasSubstr("ends at \"a\", which nothing of \"b\" reaches; no component that hears it "
-                        "publishes anything"));
+  EXPECT_THAT(
+      problems_of(with("b", "a")),
+      HasSubstr("ends at \"a\", which nothing of \"b\" reaches; no component that subscribes to it "
+                "publishes anything"));
   EXPECT_THAT(problems_of(with("a", "b", "'topics': {'a': {'latched': 1}},")),
               HasSubstr("begins at \"a\", whose messages do not grow old"));
 }

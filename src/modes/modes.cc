@@ -90,7 +90,7 @@ void Modes::resolve(config::Problems& problems) {
     for (const std::string& pattern : described.components) {
       if (!add_those([&](const auto& one) { return mcap::matches(pattern, one.name); })) {
         const bool is_pattern = pattern.find_first_of("*?") != std::string::npos;
-        problems.add(config::mistake(
+        problems.add(config::make_error(
             described.place,
             is_pattern ? its + "no component by the pattern \"" + pattern + "\""
                        : its + "the component \"" + pattern + "\", which does not exist",
@@ -99,7 +99,7 @@ void Modes::resolve(config::Problems& problems) {
     }
     for (const std::string& executor : described.executors) {
       if (std::ranges::find(executors, executor) == executors.end()) {
-        problems.add(config::mistake(
+        problems.add(config::make_error(
             described.place, its + "the executor \"" + executor + "\", which does not exist",
             config::did_you_mean(config::nearest(executor, executors))));
       } else {
@@ -185,8 +185,9 @@ void Modes::put(Request request) {
   const auto& all = application_.components();
   const auto by =
       std::ranges::find_if(all, [&](const auto& one) { return one->name == request.by; });
-  peers->tell(Notice::Kind::kModeAsked, static_cast<std::uint32_t>(by - all.begin()),
-              to_json(request).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  peers->send_notice(
+      Notice::Kind::kModeAsked, static_cast<std::uint32_t>(by - all.begin()),
+      to_json(request).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
 void Modes::put_in_order(Request request) {
@@ -214,7 +215,7 @@ void Modes::begin() {
   if (peers == nullptr || application_.time().is_simulated()) {
     begin_in_order();
   } else if (peers->is_main()) {  // By now the components of all processes have started.
-    peers->tell(Notice::Kind::kModesBegun, 0, {});
+    peers->send_notice(Notice::Kind::kModesBegun, 0, {});
   }
 }
 
@@ -259,7 +260,7 @@ void Modes::begin_next() {
     return;
   }
   if (const Peers* const peers = application_.peers()) {
-    awaited_processes_ = peers->told();
+    awaited_processes_ = peers->recipients();
   }
   is_entering_ = false;
   step_ = Step::kLeaving;
@@ -267,7 +268,7 @@ void Modes::begin_next() {
   for (const auto& component : application_.components()) {
     if (leaves(component->index) && !application_.runs_elsewhere(component->name)) {
       awaited_.fetch_add(1);
-      component->post_and_tell(
+      component->post_and_notify(
           Cause::kMode, [&core = *component] { core.call_deactivate(); }, [this] { arrive(); },
           to_key(LifeStep::kDeactivate));
     }
@@ -291,7 +292,7 @@ void Modes::arrive() {
     return;
   }
   if (application_.peers() != nullptr) {
-    tell_done();
+    report_done();
   } else if (step_ == Step::kLeaving) {
     enter(application_.clock().now());
   } else {
@@ -308,14 +309,14 @@ void Modes::enter(Time stamp) {
   }
   set_mode(stamp);
   if (const Peers* const peers = application_.peers()) {
-    awaited_processes_ = peers->told();
+    awaited_processes_ = peers->recipients();
   }
   step_ = Step::kJoining;
   awaited_ = 1;
   for (const auto& component : application_.components()) {
     if (!is_over && joins(component->index) && !application_.runs_elsewhere(component->name)) {
       awaited_.fetch_add(1);
-      component->post_and_tell(
+      component->post_and_notify(
           Cause::kMode, [&core = *component] { core.call_activate(); }, [this] { arrive(); },
           to_key(LifeStep::kActivate));
     }
@@ -338,7 +339,7 @@ void Modes::switch_at_once() {
       leaving.push_back(component->index);
     }
     awaited_.fetch_add(1);
-    component->post_and_tell(
+    component->post_and_notify(
         Cause::kMode,
         [&core = *component, is_leaving] {
           is_leaving ? core.call_deactivate() : core.call_activate();
@@ -394,11 +395,11 @@ void Modes::set_mode(Time stamp) {
 // ---- Several processes ----
 
 /// The components of this process have done their step.
-void Modes::tell_done() {
+void Modes::report_done() {
   if (application_.time().is_simulated()) {
     return;  // Checked at the end of the round.
   }
-  application_.peers()->tell(
+  application_.peers()->send_notice(
       step_ == Step::kLeaving ? Notice::Kind::kModeLeft : Notice::Kind::kModeJoined, 0, {});
 }
 
@@ -446,8 +447,8 @@ void Modes::go_on_if_all_have_done() {
   if (step_ == Step::kJoining) {
     begin_next();
   } else if (application_.peers()->is_main() && !std::exchange(is_entering_, true)) {
-    application_.peers()->tell(Notice::Kind::kModeEntered, 0,
-                               std::to_string(base::to_ns(application_.clock().now())));
+    application_.peers()->send_notice(Notice::Kind::kModeEntered, 0,
+                                      std::to_string(base::to_ns(application_.clock().now())));
   }
 }
 
@@ -510,7 +511,7 @@ void Modes::take_snapshot(const std::string& text) {
     }
   }
   if (is_switching_) {
-    tell_done();
+    report_done();
   }
 }
 

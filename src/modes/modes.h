@@ -125,7 +125,7 @@ class Modes {
   void switch_at_once();
   void enter(Time stamp);
   void arrive();
-  void tell_done();
+  void report_done();
   void go_on_if_all_have_done();
   void set_mode(Time stamp);
   [[nodiscard]] bool leaves(std::uint32_t component) const;

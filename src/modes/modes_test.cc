@@ -69,9 +69,9 @@ Diary g_diary;
 std::atomic<bool> g_may_go{false};
 
 /// Writes its life down.
-class Witness final : public Component {
+class Probe final : public Component {
  public:
-  explicit Witness(Context& its_context)
+  explicit Probe(Context& its_context)
       : Component(its_context),
         waits_(its_context.param<bool>("waits", {.fallback = false})),
         fault_ms_(its_context.param<std::int64_t>("fault_ms", {.fallback = 0})) {
@@ -82,17 +82,17 @@ class Witness final : public Component {
   }
 
   void start() override {
-    say("start");
+    note("start");
     while (waits_.get() && !g_may_go) {
       std::this_thread::yield();
     }
   }
-  void activate() override { say("activate"); }
-  void deactivate() override { say("deactivate"); }
-  void stop() override { say("stop"); }
+  void activate() override { note("activate"); }
+  void deactivate() override { note("deactivate"); }
+  void stop() override { note("stop"); }
 
  private:
-  void say(const std::string& what) { g_diary.write(context().component_name() + " " + what); }
+  void note(const std::string& what) { g_diary.write(context().component_name() + " " + what); }
   void fault() {
     const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(now() - start_time());
     g_diary.write(fmt::format("{} faults at {}", context().component_name(), ms.count()));
@@ -265,7 +265,7 @@ TEST(AMode, SaysWhoIsActiveInIt) {
     EXPECT_EQ(fallback.delivered, 2U);
     EXPECT_EQ(dropped(fallback, DropReason::kInactive), 6U);
     EXPECT_TRUE(fallback.adds_up());
-    // What it published in `stop` nobody heard, since it was not active then.
+    // What it published in `stop` nobody received, since it was not active then.
     EXPECT_EQ(core_of(*application, "fallback").declared.publishers.at(0)->muted(), 1U);
 
     const RunReport report = make_report(*application, 1s);
@@ -306,7 +306,7 @@ TEST(AMode, IsAskedForFromOutsideToo) {
 
 TEST(AMode, NamesComponentsByPatternsAndByExecutors) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   g_diary.clear();
   const auto application = make_application(R"({"name": "test",
     "executors": [{"name": "fast"}],
@@ -335,7 +335,7 @@ TEST(AMode, NamesComponentsByPatternsAndByExecutors) {
   application->stop();
 }
 
-std::vector<std::string> mistakes_of(std::string_view text, TestClasses& classes) {
+std::vector<std::string> errors_of(std::string_view text, TestClasses& classes) {
   config::Problems problems;
   Application application(describe_text(text, problems), {.is_simulated = true});
   application.build(classes, problems, ConstructorFault::kFault);
@@ -346,23 +346,23 @@ std::vector<std::string> mistakes_of(std::string_view text, TestClasses& classes
   return texts;
 }
 
-TEST(AMode, ThatNamesNobodyIsAMistake) {
+TEST(AMode, ThatNamesNobodyIsAnError) {
   TestClasses classes;
-  classes.with<Witness>("w");
-  const auto mistakes = mistakes_of(R"({"name": "test",
+  classes.with<Probe>("w");
+  const auto errors = errors_of(R"({"name": "test",
     "modes": {"one": {"components": ["plannr", "x/*"], "executors": ["fsat"]}},
     "initial_mode": "on",
     "executors": [{"name": "fast"}],
     "components": [{"name": "planner", "library": "w", "executor": "fast",
                     "fault_mode": "oen"}]})",
-                                    classes);
+                                classes);
   const std::vector<std::string> expected = {
       R"(the mode "one" names the component "plannr", which does not exist; did you mean "planner"?)",
       R"(the mode "one" names no component by the pattern "x/*")",
       R"(the mode "one" names the executor "fsat", which does not exist; did you mean "fast"?)",
       R"(there is no mode "on"; did you mean "one"?)",
       R"(there is no mode "oen"; did you mean "one"?)"};
-  EXPECT_EQ(mistakes, expected);
+  EXPECT_EQ(errors, expected);
 }
 
 TEST(AMode, HasComponentsKeepTheLastLatchedMessages) {
@@ -410,7 +410,7 @@ TEST(AMode, HasComponentsKeepTheLastLatchedMessages) {
 TEST(AStart, ComesAfterThoseThatTheFileNames) {
   for (const bool is_simulated : {true, false}) {
     TestClasses classes;
-    classes.with<Witness>("w");
+    classes.with<Probe>("w");
     g_diary.clear();
     const auto application = make_application(R"({"name": "test",
       "components": [{"name": "a", "library": "w", "after": ["x/c"]},
@@ -434,24 +434,24 @@ TEST(AStart, ComesAfterThoseThatTheFileNames) {
   }
 }
 
-TEST(AStart, ThatWaitsForItselfIsAMistakeWithItsWay) {
+TEST(AStart, ThatWaitsForItselfIsAnErrorWithItsWay) {
   TestClasses classes;
-  classes.with<Witness>("w");
-  const auto mistakes = mistakes_of(R"({"name": "test",
+  classes.with<Probe>("w");
+  const auto errors = errors_of(R"({"name": "test",
     "components": [{"name": "a", "library": "w", "after": ["c"]},
                    {"name": "b", "library": "w", "after": ["a", "loclization"]},
                    {"name": "c", "library": "w", "after": ["b"]},
                    {"name": "localization", "library": "w"}]})",
-                                    classes);
+                                classes);
   const std::vector<std::string> expected = {
       "components start after each other: \"a\" after \"c\" after \"b\" after \"a\"",
       "there is no component \"loclization\" to start after; did you mean \"localization\"?"};
-  EXPECT_EQ(mistakes, expected);
+  EXPECT_EQ(errors, expected);
 }
 
 TEST(AStart, ThatTakesTooLongIsAFaultOfItsComponent) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   g_diary.clear();
   g_may_go = false;
   const auto application = make_application(R"({"name": "test", "start_timeout_ms": 60000,
@@ -473,7 +473,7 @@ TEST(AStart, ThatTakesTooLongIsAFaultOfItsComponent) {
 
 TEST(AStart, ThatTakesTooLongEndsARunWhosePolicySaysSo) {
   TestClasses classes;
-  classes.with<Witness>("w");
+  classes.with<Probe>("w");
   g_diary.clear();
   g_may_go = false;
   const auto application = make_application(R"({"name": "test", "on_fault": "stop",
@@ -493,7 +493,7 @@ TEST(AStart, ThatTakesTooLongEndsARunWhosePolicySaysSo) {
 TEST(ARestart, BacksOffExactlyAndEndsAtItsLimit) {
   for (const unsigned workers : {1U, 2U, 4U}) {
     TestClasses classes;
-    classes.with<Witness>("w");
+    classes.with<Probe>("w");
     g_diary.clear();
     const auto application = make_application(R"({"name": "test", "on_fault": "restart",
       "restart": {"limit": 4, "back_off_ms": 50},

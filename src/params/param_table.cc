@@ -119,7 +119,7 @@ void ParamTable::put_back(const config::Value& params, const std::vector<Kept>& 
   }
 }
 
-void ParamTable::take_over(std::uint64_t transaction, const ParamValues& values, bool tells) {
+void ParamTable::take_over(std::uint64_t transaction, const ParamValues& values, bool notifies) {
   if (transaction <= in_place_) {
     return;
   }
@@ -128,7 +128,7 @@ void ParamTable::take_over(std::uint64_t transaction, const ParamValues& values,
     slot->put(data);
   }
   for (const auto& [slot, data] : values) {
-    if (!tells || !slot->on_change) {
+    if (!notifies || !slot->on_change) {
       continue;
     }
     const std::string what = "its callback for a change of \"" + slot->spec.name + "\" threw: ";

@@ -81,8 +81,8 @@ class ParamTable {
   // In the component's activations; without the mutex.
 
   /// Puts the values of a transaction in place, unless the object was constructed with them. Then,
-  /// if `tells`, calls the callbacks for their change.
-  void take_over(std::uint64_t transaction, const ParamValues& values, bool tells);
+  /// if `notifies`, calls the callbacks for their change.
+  void take_over(std::uint64_t transaction, const ParamValues& values, bool notifies);
 
   // With the mutex held.
 

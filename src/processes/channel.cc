@@ -37,7 +37,7 @@ std::optional<std::pair<Channel, Channel>> Channel::make() {
   return std::pair{Channel(sockets[0]), Channel(sockets[1])};
 }
 
-void Channel::say(Word word, std::string_view text) const noexcept {
+void Channel::send(Word word, std::string_view text) const noexcept {
   std::array<char, 256> message{};
   message[0] = static_cast<char>(word);
   const std::size_t size = text.copy(message.data() + 1, message.size() - 1) + 1;
@@ -46,7 +46,7 @@ void Channel::say(Word word, std::string_view text) const noexcept {
   }
 }
 
-std::optional<Channel::Message> Channel::hear() const {
+std::optional<Channel::Message> Channel::receive() const {
   std::array<char, 256> message{};
   ssize_t size = 0;
   do {

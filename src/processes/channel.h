@@ -22,7 +22,7 @@ inline constexpr const char* kHasSources = "sources";
 
 /// One end of the channel: ordered messages of a word and a text.
 ///
-/// @threads  `say` is Safe; `hear` is confined to one thread.
+/// @threads  `send` is Safe; `receive` is confined to one thread.
 class Channel {
  public:
   struct Message {
@@ -40,9 +40,9 @@ class Channel {
   static std::optional<std::pair<Channel, Channel>> make();
 
   /// Does nothing if the other end is closed. @pre SIGPIPE is ignored.
-  void say(Word word, std::string_view text = {}) const noexcept;
+  void send(Word word, std::string_view text = {}) const noexcept;
   /// Waits for the next message. None if the other end is closed.
-  [[nodiscard]] std::optional<Message> hear() const;
+  [[nodiscard]] std::optional<Message> receive() const;
 
   [[nodiscard]] int socket() const noexcept { return socket_; }
   void close() noexcept;

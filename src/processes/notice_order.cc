@@ -54,7 +54,7 @@ std::optional<Notice> from_record(std::string_view record) {
 }
 
 /// Whether any process may send this; the others only the main one sends.
-bool is_for_all_to_say(Notice::Kind kind) {
+bool is_sent_by_all(Notice::Kind kind) {
   return kind != Notice::Kind::kGone && kind != Notice::Kind::kCame &&
          kind != Notice::Kind::kModesBegun && kind != Notice::Kind::kModeEntered;
 }
@@ -70,7 +70,7 @@ NoticeOrder::NoticeOrder(const segment::Wire& wire, ProcessIndex process, std::u
       peers_(peers),
       notices_(wire, process, incarnation) {
   for (ProcessIndex one = ProcessPlan::kMain; one < wire.plan().processes; ++one) {
-    told_.insert(one);
+    recipients_.insert(one);
     notices_.follow(one, 1, 0);
   }
 }
@@ -87,14 +87,14 @@ void NoticeOrder::stop() {
   }
 }
 
-void NoticeOrder::tell(Notice::Kind kind, std::uint32_t component, const std::string& text) {
+void NoticeOrder::send_notice(Notice::Kind kind, std::uint32_t component, const std::string& text) {
   if (text.size() > kMaxText) {
-    throw std::length_error(fmt::format("{} bytes are told to other processes; at most {} can be",
+    throw std::length_error(fmt::format("{} bytes are sent to other processes; at most {} can be",
                                         text.size(), kMaxText));
   }
   const Notice notice{.kind = kind, .process = process_, .component = component, .text = text};
   if (!is_simulated_ && process_ != ProcessPlan::kMain) {
-    notices_.say(to_record(notice));
+    notices_.send(to_record(notice));
     return;
   }
   {
@@ -124,7 +124,7 @@ void NoticeOrder::take_snapshot() {
     return;  // No notices so far.
   }
   const auto json = nlohmann::json::parse(*snapshot);
-  told_ = json.at("told").get<std::set<std::uint32_t>>();
+  recipients_ = json.at("recipients").get<std::set<std::uint32_t>>();
   for (const auto& one : json.at("read")) {
     notices_.follow(one.at(0).get<ProcessIndex>(), one.at(1), one.at(2));
   }
@@ -200,7 +200,7 @@ bool NoticeOrder::look_as_main() {
       }
       has_taken = true;
       auto notice = from_record(*record);
-      if (notice && is_for_all_to_say(notice->kind)) {
+      if (notice && is_sent_by_all(notice->kind)) {
         notice->process = one;  // Overrides the sender's claim.
         put_in_order(*notice);
       }
@@ -232,14 +232,14 @@ bool NoticeOrder::look_for_changes() {
   if (wire_.incarnation(ProcessPlan::kMain).load(std::memory_order_seq_cst) == 0) {
     return false;  // Not all processes exist yet.
   }
-  bool has_told = false;
+  bool has_delivered = false;
   for (ProcessIndex one = ProcessPlan::kMain + 1; one < wire_.plan().processes; ++one) {
     const std::uint32_t now = wire_.incarnation(one).load(std::memory_order_seq_cst);
     const std::uint32_t known = notices_.incarnation_of(one);
     if (now == known && !is_lost(one)) {
       continue;
     }
-    has_told = true;
+    has_delivered = true;
     if (now == known) {
       coming_.erase(one);
       put_in_order(gone(one, false));
@@ -258,7 +258,7 @@ bool NoticeOrder::look_for_changes() {
       put_in_order({.kind = Notice::Kind::kCame, .process = one});
     }
   }
-  return has_told;
+  return has_delivered;
 }
 
 void NoticeOrder::put_in_order(const Notice& notice) {
@@ -267,16 +267,16 @@ void NoticeOrder::put_in_order(const Notice& notice) {
     take(notice);  // Only the main process uses it.
     return;
   }
-  notices_.say(to_record(notice));
+  notices_.send(to_record(notice));
   take(notice);
   put_snapshot();
 }
 
 void NoticeOrder::take(const Notice& notice) {
   if (notice.kind == Notice::Kind::kGone) {
-    told_.erase(notice.process);
+    recipients_.erase(notice.process);
   } else if (notice.kind == Notice::Kind::kCame) {
-    told_.insert(notice.process);
+    recipients_.insert(notice.process);
   }
   peers_.on_notice(notice);
 }
@@ -289,37 +289,37 @@ void NoticeOrder::put_snapshot() {
       read.push_back({one, notices_.incarnation_of(one), notices_.position_of(one)});
     }
   } else {
-    read.push_back({ProcessPlan::kMain, incarnation_, notices_.said()});
+    read.push_back({ProcessPlan::kMain, incarnation_, notices_.sent()});
   }
   notices_.put_snapshot(
-      nlohmann::json{{"told", told_}, {"read", read}, {"state", peers_.make_snapshot()}}.dump(
-          -1, ' ', false, nlohmann::json::error_handler_t::replace));
+      nlohmann::json{{"recipients", recipients_}, {"read", read}, {"state", peers_.make_snapshot()}}
+          .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
 // ---- Simulated time ----
 
-NoticeOrder::Said NoticeOrder::say() {
+NoticeOrder::Sent NoticeOrder::send() {
   std::vector<Notice> own;
   {
     const std::lock_guard lock(mutex_);
     own.swap(own_);
   }
   for (const Notice& notice : own) {
-    notices_.say(to_record(notice));
+    notices_.send(to_record(notice));
   }
-  return {.words = notices_.said(), .incarnation = incarnation_};
+  return {.words = notices_.sent(), .incarnation = incarnation_};
 }
 
-bool NoticeOrder::take(const std::vector<Said>& said) {
+bool NoticeOrder::take(const std::vector<Sent>& sent) {
   std::multimap<std::uint32_t, Notice> all;  // By component; of one, in order of arrival.
   for (ProcessIndex one = ProcessPlan::kMain; one < wire_.plan().processes; ++one) {
-    const bool is_there = said[one].incarnation != 0;
-    const bool is_new = is_there && notices_.incarnation_of(one) != said[one].incarnation;
-    if (told_.contains(one) && (!is_there || is_new)) {
+    const bool is_there = sent[one].incarnation != 0;
+    const bool is_new = is_there && notices_.incarnation_of(one) != sent[one].incarnation;
+    if (recipients_.contains(one) && (!is_there || is_new)) {
       take(gone(one, is_new));
     }
     if (is_new) {
-      notices_.follow(one, said[one].incarnation, 0);
+      notices_.follow(one, sent[one].incarnation, 0);
       take({.kind = Notice::Kind::kCame, .process = one});
     }
     if (!is_there) {
@@ -327,12 +327,12 @@ bool NoticeOrder::take(const std::vector<Said>& said) {
     }
     // A ring holds fewer; that of a faulty process may never end.
     for (std::size_t i = 0; i < segment::NoticeWords::kWords; ++i) {
-      const auto record = notices_.next(one, said[one].words);
+      const auto record = notices_.next(one, sent[one].words);
       if (!record) {
         break;
       }
       auto notice = from_record(*record);
-      if (notice && is_for_all_to_say(notice->kind)) {
+      if (notice && is_sent_by_all(notice->kind)) {
         notice->process = one;
         all.emplace(notice->component, std::move(*notice));
       }

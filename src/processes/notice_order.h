@@ -22,7 +22,8 @@ namespace fastcycle::processes {
 /// them from there. In simulated time each process takes the notices of a round at its end, in the
 /// order of the components they concern.
 ///
-/// @threads  `tell` is Safe. Live, a thread of its own takes notices; in simulated time, the thread
+/// @threads  `send_notice` is Safe. Live, a thread of its own takes notices; in simulated time, the
+/// thread
 ///           that runs the simulation.
 class NoticeOrder {
  public:
@@ -33,9 +34,9 @@ class NoticeOrder {
   NoticeOrder& operator=(const NoticeOrder&) = delete;
   ~NoticeOrder();
 
-  /// @errors  As `Peers::tell`.
-  void tell(host::Notice::Kind kind, std::uint32_t component, const std::string& text);
-  [[nodiscard]] const std::set<std::uint32_t>& told() const { return told_; }
+  /// @errors  As `Peers::send_notice`.
+  void send_notice(host::Notice::Kind kind, std::uint32_t component, const std::string& text);
+  [[nodiscard]] const std::set<std::uint32_t>& recipients() const { return recipients_; }
   /// Live: wakes the thread. Safe.
   void wake();
 
@@ -48,14 +49,14 @@ class NoticeOrder {
   // In simulated time, at a point where all processes wait for each other.
 
   /// A process's notices up to this point, and its incarnation.
-  struct Said {
+  struct Sent {
     std::uint64_t words = 0;
     std::uint32_t incarnation = 0;  ///< 0: the process is absent.
   };
   /// Publishes this process's pending notices; others may read them from the point on.
-  [[nodiscard]] Said say();
+  [[nodiscard]] Sent send();
   /// Takes the notices of all, by process. False if there were none.
-  bool take(const std::vector<Said>& said);
+  bool take(const std::vector<Sent>& sent);
 
  private:
   void serve(const std::stop_token& stop);
@@ -76,7 +77,7 @@ class NoticeOrder {
   const bool is_simulated_;
   host::Peers& peers_;
   Notices notices_;
-  std::set<std::uint32_t> told_;
+  std::set<std::uint32_t> recipients_;
   std::set<std::uint32_t> coming_;  ///< Of the main process, live: ended last, restart expected.
 
   base::PriorityMutex mutex_;

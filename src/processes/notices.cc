@@ -50,7 +50,7 @@ Notices::Notices(const segment::Wire& wire, ProcessIndex process, std::uint32_t 
       own_snapshot_(wire.snapshot(process, incarnation)),
       readers_(wire.plan().processes) {}
 
-bool Notices::say(std::string_view record) {
+bool Notices::send(std::string_view record) {
   if (record.size() > kMaxRecord) {
     return false;
   }
@@ -73,7 +73,7 @@ bool Notices::say(std::string_view record) {
   return true;
 }
 
-std::uint64_t Notices::said() const noexcept {
+std::uint64_t Notices::sent() const noexcept {
   return own_.end.load(std::memory_order_seq_cst);
 }
 

@@ -16,7 +16,7 @@ namespace fastcycle::processes {
 /// Broadcasts application-wide notices between processes: each writes records into a ring in its
 /// own memory, which all others read.
 ///
-/// @threads  `say` and `put_snapshot` are Safe; all else is confined to the reading thread.
+/// @threads  `send` and `put_snapshot` are Safe; all else is confined to the reading thread.
 class Notices {
  public:
   /// Maximum size of a record, in bytes.
@@ -26,9 +26,9 @@ class Notices {
 
   /// Sends `record` to all others, and wakes threads that sleep on `word_of` this process. False if
   /// it is larger than `kMaxRecord`.
-  bool say(std::string_view record);
+  bool send(std::string_view record);
   /// Number of words sent in all.
-  [[nodiscard]] std::uint64_t said() const noexcept;
+  [[nodiscard]] std::uint64_t sent() const noexcept;
 
   /// Reads `process` in its `incarnation` from `position` on.
   void follow(segment::ProcessIndex process, std::uint32_t incarnation, std::uint64_t position);

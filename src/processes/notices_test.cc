@@ -72,14 +72,14 @@ TEST(NoticesOfAProcess, ComeWholeAndInOrder) {
     reader.follow(kMain, 1, 0);
     const auto word = reader.word_of(kMain);
 
-    EXPECT_TRUE(writer.say("one"));
-    EXPECT_TRUE(writer.say(""));
-    EXPECT_TRUE(writer.say(std::string(8, 'x')));
+    EXPECT_TRUE(writer.send("one"));
+    EXPECT_TRUE(writer.send(""));
+    EXPECT_TRUE(writer.send(std::string(8, 'x')));
 
     EXPECT_NE(word.word->load(), word.seen);
     EXPECT_THAT(all_of(reader), ElementsAre("one", "", "xxxxxxxx"));
     EXPECT_THAT(all_of(reader), ElementsAre());
-    EXPECT_EQ(reader.position_of(kMain), writer.said());
+    EXPECT_EQ(reader.position_of(kMain), writer.sent());
     EXPECT_FALSE(reader.take_loss());
   });
 }
@@ -89,9 +89,9 @@ TEST(NoticesOfAProcess, AreReadUpToWhereTheyWereSaid) {
     Process process;
     Notices notices(process.wire, kMain, 1);
     notices.follow(kMain, 1, 0);
-    EXPECT_TRUE(notices.say("of this round"));
-    const std::uint64_t end = notices.said();
-    EXPECT_TRUE(notices.say("of the next one"));
+    EXPECT_TRUE(notices.send("of this round"));
+    const std::uint64_t end = notices.sent();
+    EXPECT_TRUE(notices.send("of the next one"));
 
     EXPECT_THAT(notices.next(kMain, end), Optional(std::string("of this round")));
     EXPECT_EQ(notices.next(kMain, end), std::nullopt);
@@ -111,14 +111,14 @@ TEST(NoticesOfAProcess, GoAroundTheRingAndAreMissedByWhoIsLate) {
     for (int i = 0; i < 100; ++i) {
       const std::string record(std::size_t{10'000} + static_cast<std::size_t>(i),
                                static_cast<char>('a' + i % 26));
-      EXPECT_TRUE(writer.say(record));
+      EXPECT_TRUE(writer.send(record));
       EXPECT_THAT(quick.next(kMain), Optional(record));
     }
 
     EXPECT_FALSE(quick.take_loss());
     EXPECT_EQ(late.next(kMain), std::nullopt);
     EXPECT_TRUE(late.take_loss());
-    EXPECT_TRUE(writer.say("after it"));
+    EXPECT_TRUE(writer.send("after it"));
     EXPECT_THAT(all_of(late), ElementsAre("after it"));
     EXPECT_FALSE(late.take_loss());
   });
@@ -130,8 +130,8 @@ TEST(NoticesOfAProcess, AreRefusedWhereTheyAreTooLarge) {
     Notices notices(process.wire, kMain, 1);
     notices.follow(kMain, 1, 0);
 
-    EXPECT_FALSE(notices.say(std::string(Notices::kMaxRecord + 1, 'x')));
-    EXPECT_TRUE(notices.say(std::string(Notices::kMaxRecord, 'y')));
+    EXPECT_FALSE(notices.send(std::string(Notices::kMaxRecord + 1, 'x')));
+    EXPECT_TRUE(notices.send(std::string(Notices::kMaxRecord, 'y')));
 
     EXPECT_THAT(notices.next(kMain), Optional(std::string(Notices::kMaxRecord, 'y')));
   });
@@ -142,12 +142,12 @@ TEST(NoticesOfAProcess, ThatAreNoneCountAsMissed) {
     Process process;
     Notices notices(process.wire, kMain, 1);
     notices.follow(kMain, 1, 0);
-    EXPECT_TRUE(notices.say("whole"));
+    EXPECT_TRUE(notices.send("whole"));
     process.wire.notices(kMain, 1).ring[0].store(~std::uint64_t{0});
 
     EXPECT_EQ(notices.next(kMain), std::nullopt);
     EXPECT_TRUE(notices.take_loss());
-    EXPECT_TRUE(notices.say("later"));
+    EXPECT_TRUE(notices.send("later"));
     EXPECT_THAT(all_of(notices), ElementsAre("later"));
   });
 }

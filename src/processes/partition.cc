@@ -119,10 +119,10 @@ std::vector<host::Peers::Invalid> Partition::take_invalid() {
   for (Untrusted& one : untrusted_) {
     const std::uint64_t count = one.import->refused();
     const Time now = clock_->now();
-    if (count == one.told || now < one.next) {
+    if (count == one.reported || now < one.next) {
       continue;
     }
-    one.found.count = count - std::exchange(one.told, count);
+    one.found.count = count - std::exchange(one.reported, count);
     one.next = now + kPause;
     all.push_back(one.found);
   }
@@ -211,7 +211,7 @@ void Partition::connect(host::Application& application) {
       }
     }
   }
-  tell_followers();
+  notify_followers();
   if (plan_.other_of(process_)) {
     begin_pair();
   } else {
@@ -234,7 +234,7 @@ void Partition::connect(host::Application& application) {
 }
 
 /// Has the components here notify their followers at the end of activations.
-void Partition::tell_followers() {
+void Partition::notify_followers() {
   const std::vector<ProcessIndex> followers = plan_.followers_of(process_);
   if (followers.empty()) {
     return;
@@ -394,7 +394,7 @@ void Partition::attach() {
   }
   notices_->begin();
   if (incarnation_ > 1) {
-    tell(host::Notice::Kind::kReads, 0, {});
+    send_notice(host::Notice::Kind::kReads, 0, {});
   }
   if (rounds_ != nullptr && incarnation_ > 1) {
     await_readers();
@@ -433,7 +433,7 @@ std::uint32_t Partition::steps() const {
   return static_cast<std::uint32_t>(place_count());
 }
 
-void Partition::say_progress(std::uint32_t progress) {
+void Partition::publish_progress(std::uint32_t progress) {
   auto& word = wire_.stage(process_, incarnation_, plan_.stage_count() + kProgress);
   word.store(std::max(progress, word.load(std::memory_order_relaxed)), std::memory_order_seq_cst);
 }
@@ -462,7 +462,7 @@ void Partition::await_all(std::uint32_t progress, const std::function<bool()>& i
 }
 
 void Partition::reach_start(std::size_t place) {
-  say_progress(static_cast<std::uint32_t>(place) + 1);
+  publish_progress(static_cast<std::uint32_t>(place) + 1);
 }
 
 void Partition::await_start(const detail::ComponentCore& component, std::size_t place,
@@ -477,35 +477,35 @@ void Partition::await_start(const detail::ComponentCore& component, std::size_t 
 Time Partition::agree_on_begin(base::Clock& clock, const std::function<bool()>& is_over) {
   if (rounds_ != nullptr) {
     if (is_main()) {
-      say_begin(base::to_ns(clock.now()));
+      publish_begin(base::to_ns(clock.now()));
     }
     return clock.now();
   }
   if (incarnation_ > 1) {
     if (clock.stands()) {  // The others have not begun either.
       await_progress(ProcessPlan::kMain, steps() + 2, is_over);
-      clock.go_on_at(begin_said() != 0 ? begin_said() : base::monotonic_ns());
+      clock.go_on_at(published_begin_ns() != 0 ? published_begin_ns() : base::monotonic_ns());
     }
-    say_progress(steps() + 2);
+    publish_progress(steps() + 2);
     return clock.now();  // The others have begun before.
   }
-  say_progress(steps() + 1);
+  publish_progress(steps() + 1);
   await_all(steps() + 1, is_over);
   if (is_main()) {
-    say_begin(base::monotonic_ns());
+    publish_begin(base::monotonic_ns());
   } else {
     await_progress(ProcessPlan::kMain, steps() + 2, is_over);
   }
   if (clock.stands()) {
-    clock.go_on_at(begin_said() != 0 ? begin_said() : base::monotonic_ns());
+    clock.go_on_at(published_begin_ns() != 0 ? published_begin_ns() : base::monotonic_ns());
   }
-  say_progress(steps() + 2);
+  publish_progress(steps() + 2);
   return began();
 }
 
 std::optional<std::int64_t> Partition::clocks_began() const {
   const bool is_later = incarnation_ > 1 && rounds_ == nullptr;
-  return is_later && begin_said() != 0 ? std::optional(begin_said()) : std::nullopt;
+  return is_later && published_begin_ns() != 0 ? std::optional(published_begin_ns()) : std::nullopt;
 }
 
 std::atomic<std::uint32_t>& Partition::begin_word(std::size_t which) const {
@@ -513,20 +513,20 @@ std::atomic<std::uint32_t>& Partition::begin_word(std::size_t which) const {
 }
 
 /// In application time if that is simulated, in CLOCK_MONOTONIC live: shared by all.
-void Partition::say_begin(std::int64_t begin_ns) {
+void Partition::publish_begin(std::int64_t begin_ns) {
   const auto ns = static_cast<std::uint64_t>(begin_ns);
   begin_word(kBeginLow).store(static_cast<std::uint32_t>(ns), std::memory_order_relaxed);
   begin_word(kBeginHigh).store(static_cast<std::uint32_t>(ns >> 32), std::memory_order_release);
 }
 
-std::int64_t Partition::begin_said() const {
+std::int64_t Partition::published_begin_ns() const {
   const std::uint64_t high = begin_word(kBeginHigh).load(std::memory_order_acquire);
   return static_cast<std::int64_t>(high << 32 |
                                    begin_word(kBeginLow).load(std::memory_order_relaxed));
 }
 
 Time Partition::began() const {
-  const std::int64_t ns = begin_said();
+  const std::int64_t ns = published_begin_ns();
   if (ns == 0) {
     return clock_->now();
   }
@@ -547,7 +547,7 @@ auto until(std::chrono::steady_clock::duration limit) {
 }  // namespace
 
 void Partition::reach_end_of_input(const std::function<bool()>& is_over) {
-  say_progress(steps() + 3);
+  publish_progress(steps() + 3);
   await_all(steps() + 3, is_over);
 }
 
@@ -556,12 +556,12 @@ void Partition::reach(Step step) {
     return;
   }
   const std::uint32_t progress = steps() + 4 + static_cast<std::uint32_t>(step);
-  say_progress(progress);
+  publish_progress(progress);
   await_all(progress, until(kStepLimit));
 }
 
 void Partition::reach_stop(std::size_t place) {
-  say_progress(steps() + 8 + steps() - static_cast<std::uint32_t>(place));
+  publish_progress(steps() + 8 + steps() - static_cast<std::uint32_t>(place));
 }
 
 void Partition::await_stop(const detail::ComponentCore& component, std::size_t place) {
@@ -573,7 +573,7 @@ void Partition::await_stop(const detail::ComponentCore& component, std::size_t p
 }
 
 void Partition::end() {
-  say_progress(steps() + 10 + steps());
+  publish_progress(steps() + 10 + steps());
 }
 
 }  // namespace fastcycle::processes

@@ -85,8 +85,8 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void declare(detail::ComponentCore& component) override;
   void give_latched(std::uint32_t process) override;
   void sources_finished() override;
-  void tell(host::Notice::Kind kind, std::uint32_t component, std::string text) override {
-    notices_->tell(kind, component, text);
+  void send_notice(host::Notice::Kind kind, std::uint32_t component, std::string text) override {
+    notices_->send_notice(kind, component, text);
   }
   void look() override { notices_->wake(); }
   [[nodiscard]] std::uint32_t process_of(const std::string& component) const override;
@@ -97,7 +97,9 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   [[nodiscard]] bool is_wanted(const std::string& topic) const override;
   [[nodiscard]] std::vector<Invalid> take_invalid() override;
   [[nodiscard]] bool is_here(std::uint32_t process) const override { return process == process_; }
-  [[nodiscard]] const std::set<std::uint32_t>& told() const override { return notices_->told(); }
+  [[nodiscard]] const std::set<std::uint32_t>& recipients() const override {
+    return notices_->recipients();
+  }
   [[nodiscard]] bool keeps_activity() const override { return !plan_.wire().workers.empty(); }
   [[nodiscard]] std::vector<detail::ActivationRing*> rings() const override;
   [[nodiscard]] std::unique_ptr<detail::ReadRing> reads_of(std::size_t component) const override;
@@ -124,21 +126,21 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   struct Untrusted {
     Invalid found;
     const segment::Import* import;
-    std::uint64_t told = 0;  ///< Of those that were invalid.
-    Time next{};             ///< When it may be told again.
+    std::uint64_t reported = 0;  ///< Of those that were invalid.
+    Time next{};                 ///< When it may be reported again.
   };
 
-  void say_progress(std::uint32_t progress);
+  void publish_progress(std::uint32_t progress);
   [[nodiscard]] std::atomic<std::uint32_t>& begin_word(std::size_t which) const;
-  void say_begin(std::int64_t begin_ns);
-  [[nodiscard]] std::int64_t begin_said() const;
+  void publish_begin(std::int64_t begin_ns);
+  [[nodiscard]] std::int64_t published_begin_ns() const;
   [[nodiscard]] std::uint32_t progress_of(segment::ProcessIndex process) const;
   void await_progress(segment::ProcessIndex process, std::uint32_t progress,
                       const std::function<bool()>& is_over) const;
   void await_all(std::uint32_t progress, const std::function<bool()>& is_over) const;
   [[nodiscard]] std::uint32_t steps() const;
   void await_readers();
-  void tell_followers();
+  void notify_followers();
   void begin_pair();
   [[nodiscard]] std::string why_other(const detail::ComponentCore& core) const;
   [[nodiscard]] std::uint64_t last_sequence(const ProcessPlan::Link& link) const;

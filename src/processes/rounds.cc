@@ -30,7 +30,7 @@ enum Fact : std::size_t {
   kNow,
   kLimit,
   // After a round, instead of others.
-  kSaid = kSteps,
+  kSent = kSteps,
   kIncarnation = kNextDue
 };
 constexpr std::uint64_t kReady = 1;
@@ -105,7 +105,7 @@ Rounds::Rounds(const segment::Wire& wire, ProcessIndex process, std::uint32_t in
 }
 
 /// Reaches the next point.
-void Rounds::say(const Facts& facts) {
+void Rounds::publish(const Facts& facts) {
   ++count_;
   for (std::size_t i = 0; i < RoundWords::kFacts; ++i) {
     own_.facts[count_ & 1][i].store(facts[i], std::memory_order_relaxed);
@@ -216,12 +216,12 @@ RoundState Rounds::agree(const RoundState& own) {
   }
   const std::uint64_t own_flags =
       flags_of(own) | (has_sources_ ? kSources : 0) | (are_sources_over_.load() ? kSourcesOver : 0);
-  say({own_flags, std::uint64_t{own.fed_step} << 32 | own.step,
-       static_cast<std::uint64_t>(own.next_due_ns),
-       static_cast<std::uint64_t>(own.next_unwatched_ns),
-       static_cast<std::uint64_t>(application_.end_reason()),
-       static_cast<std::uint64_t>(base::to_ns(application_.clock().now())),
-       static_cast<std::uint64_t>(own.limit_ns)});
+  publish({own_flags, std::uint64_t{own.fed_step} << 32 | own.step,
+           static_cast<std::uint64_t>(own.next_due_ns),
+           static_cast<std::uint64_t>(own.next_unwatched_ns),
+           static_cast<std::uint64_t>(application_.end_reason()),
+           static_cast<std::uint64_t>(base::to_ns(application_.clock().now())),
+           static_cast<std::uint64_t>(own.limit_ns)});
   RoundState all;
   std::uint64_t flags = 0;
   bool are_sources_over = true;
@@ -274,7 +274,7 @@ void Rounds::agree_on_end(bool have_sources, bool are_sources_over, EndReason re
 }
 
 void Rounds::exchange() {
-  links_.tell_finished();
+  links_.report_finished();
   if (!is_joining_) {
     exchange_notices();
   }
@@ -289,18 +289,18 @@ void Rounds::exchange_notices() {
     peers.on_round_ends();
   }
   for (bool is_first = true;; is_first = false) {
-    const NoticeOrder::Said own = notices_.say();
+    const NoticeOrder::Sent own = notices_.send();
     const bool is_busy = peers.is_busy && peers.is_busy();
-    say({kExchange | (is_busy ? kBusy : 0) | (is_first ? kFirst : 0), own.words, incarnation_, 0, 0,
-         static_cast<std::uint64_t>(base::to_ns(application_.clock().now()))});
-    std::vector<NoticeOrder::Said> said(wire_.plan().processes);
+    publish({kExchange | (is_busy ? kBusy : 0) | (is_first ? kFirst : 0), own.words, incarnation_,
+             0, 0, static_cast<std::uint64_t>(base::to_ns(application_.clock().now()))});
+    std::vector<NoticeOrder::Sent> sent(wire_.plan().processes);
     bool is_anyone_busy = is_busy;
     bool is_round_over = is_first;
     for (ProcessIndex process = ProcessPlan::kMain; process < wire_.plan().processes; ++process) {
       if (process == process_) {
-        said[process] = own;
+        sent[process] = own;
       } else if (const std::atomic<std::uint64_t>* const facts = await(process)) {
-        said[process] = {.words = facts[kSaid].load(std::memory_order_relaxed),
+        sent[process] = {.words = facts[kSent].load(std::memory_order_relaxed),
                          .incarnation = static_cast<std::uint32_t>(
                              facts[kIncarnation].load(std::memory_order_relaxed))};
         const std::uint64_t flags = facts[kFlags].load(std::memory_order_relaxed);
@@ -313,7 +313,7 @@ void Rounds::exchange_notices() {
     if (is_round_over && peers.on_round_over) {
       peers.on_round_over(is_anyone_busy);
     }
-    if (!notices_.take(said)) {
+    if (!notices_.take(sent)) {
       break;
     }
   }

@@ -46,7 +46,7 @@ class Rounds final : public detail::RoundPeers {
  private:
   using Facts = std::array<std::uint64_t, segment::RoundWords::kFacts>;
 
-  void say(const Facts& facts);
+  void publish(const Facts& facts);
   /// Waits for `process`; null if it ended before it reached this point and is not restarted.
   const std::atomic<std::uint64_t>* await(segment::ProcessIndex process);
   [[nodiscard]] const std::atomic<std::uint64_t>* facts_of(segment::ProcessIndex process) const;

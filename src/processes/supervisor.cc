@@ -103,11 +103,12 @@ std::string apply(const config::ProcessDescription& process) {
 
 }  // namespace
 
-Supervisor::Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Tell tell)
+Supervisor::Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work,
+                       Report report)
     : plan_(plan),
       wire_(segments, plan.wire()),
       work_(std::move(work)),
-      tell_(std::move(tell)),
+      report_(std::move(report)),
       its_(plan.count()) {
   result_.reports.resize(plan.count());
   result_.restarts.resize(plan.count());
@@ -131,8 +132,8 @@ bool Supervisor::fork_one(ProcessIndex process) {
   auto channels = Channel::make();
   const int report = memfd_create("fastcycle-report", MFD_CLOEXEC);
   if (!channels || report < 0) {
-    tell_(fmt::format("process \"{}\" cannot be made: {}", plan_.name(process),
-                      std::strerror(errno)));
+    report_(fmt::format("process \"{}\" cannot be made: {}", plan_.name(process),
+                        std::strerror(errno)));
     return false;
   }
   if (its.report >= 0) {
@@ -147,7 +148,7 @@ bool Supervisor::fork_one(ProcessIndex process) {
                          (is_started_ ? may_be_followed(*other) : plan_.follows_at_start(process));
     its.is_active = !follows;
     if (is_started_ && !follows) {
-      tell_(
+      report_(
           fmt::format("process \"{}\" begins without the state of before: process \"{}\" was not "
                       "there to follow",
                       plan_.name(process), plan_.name(*other)));
@@ -158,8 +159,8 @@ bool Supervisor::fork_one(ProcessIndex process) {
   const pid_t parent = getpid();
   const pid_t pid = fork();
   if (pid < 0) {
-    tell_(fmt::format("process \"{}\" cannot be made: {}", plan_.name(process),
-                      std::strerror(errno)));
+    report_(fmt::format("process \"{}\" cannot be made: {}", plan_.name(process),
+                        std::strerror(errno)));
     return false;
   }
   if (pid == 0) {
@@ -203,7 +204,7 @@ void Supervisor::work_in_child(ProcessIndex process, Channel channel) {
   }
   const std::string refused = apply(plan_.description_of(process));
   if (!refused.empty()) {
-    tell_(fmt::format("process \"{}\": {}", plan_.name(process), refused));
+    report_(fmt::format("process \"{}\": {}", plan_.name(process), refused));
     _exit(kWrong);
   }
   const int code = work_(process, incarnation, std::move(channel), report);
@@ -218,9 +219,9 @@ void Supervisor::announce(ProcessIndex process, std::uint32_t incarnation) {
 }
 
 /// A worker sent a word, or closed its end of the channel.
-void Supervisor::hear(ProcessIndex process) {
+void Supervisor::receive(ProcessIndex process) {
   Its& its = its_[process];
-  const auto message = its.channel.hear();
+  const auto message = its.channel.receive();
   if (!message) {
     its.channel.close();
     return;
@@ -257,8 +258,8 @@ void Supervisor::end_for_standby(const std::string& name) {
     const auto standby = plan_.twin_of(process);
     if (plan_.name(process) == name && standby && its_[process].pid > 0 &&
         wire_.standby(*standby, its_[*standby].incarnation).is_in_step.load() != 0) {
-      tell_(fmt::format("process \"{}\" is ended, as it was asked for: process \"{}\" takes over",
-                        name, plan_.name(*standby)));
+      report_(fmt::format("process \"{}\" is ended, as it was asked for: process \"{}\" takes over",
+                          name, plan_.name(*standby)));
       kill(its_[process].pid, SIGKILL);
     }
   }
@@ -276,14 +277,14 @@ void Supervisor::proceed() {
         announce(process, its_[process].incarnation);
       }
       for (const Its& its : its_) {
-        its.channel.say(Word::kConnect);
+        its.channel.send(Word::kConnect);
       }
     }
     if (all(&Its::is_connected)) {
       is_started_ = true;
       for (Its& its : its_) {
         its.is_running = its.pid > 0;
-        its.channel.say(Word::kRun);
+        its.channel.send(Word::kRun);
       }
     }
     return;
@@ -293,11 +294,11 @@ void Supervisor::proceed() {
     if (its.pid > 0 && its.is_built && wire_.incarnation(process).load() != its.incarnation) {
       announce(process, its.incarnation);
       wire_.restarting(process).store(0, std::memory_order_seq_cst);
-      its.channel.say(Word::kConnect);
+      its.channel.send(Word::kConnect);
     }
     if (its.pid > 0 && its.is_connected && !its.is_running) {
       its.is_running = true;
-      its.channel.say(is_ending_ ? Word::kEnd : Word::kRun, "requested");
+      its.channel.send(is_ending_ ? Word::kEnd : Word::kRun, "requested");
     }
   }
 }
@@ -329,7 +330,7 @@ void Supervisor::end_all(const std::string& reason) {
   kill_at_ns_ = base::monotonic_ns() + std::chrono::nanoseconds(kEndLimit).count();
   for (Its& its : its_) {
     its.restart_at_ns = 0;
-    its.channel.say(Word::kEnd, reason);
+    its.channel.send(Word::kEnd, reason);
   }
 }
 
@@ -405,8 +406,8 @@ void Supervisor::take_end(ProcessIndex process) {
           memory == 0
               ? ""
               : fmt::format("; its memory is limited to {} MB (memory_mb)", memory / 1'000'000);
-      tell_(fmt::format("process \"{}\" {} before the start{}", plan_.name(process),
-                        describe_end(status), limit));
+      report_(fmt::format("process \"{}\" {} before the start{}", plan_.name(process),
+                          describe_end(status), limit));
       result_.exit_code = code == 0 ? kFailed : code;
       kill_all();
     }
@@ -433,13 +434,13 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
   const config::ProcessDescription description = plan_.description_of(process);
   const std::string what = fmt::format("process \"{}\" {}", plan_.name(process), how);
   if (is_ending_) {
-    tell_(what);
+    report_(what);
     result_.exit_code = std::max(result_.exit_code, kFailed);
     return;
   }
   switch (description.on_exit) {
     case config::OnExit::kContinue:
-      tell_(what + "; the others go on without it");
+      report_(what + "; the others go on without it");
       its.has_sources = false;
       end_if_sources_finished();
       return;
@@ -457,26 +458,27 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
         }
         ++its.restarts;
         its.restart_at_ns = std::max<std::int64_t>(1, now_ns + delay.count());
-        tell_(what + "; it is restarted");
+        report_(what + "; it is restarted");
         restart_due();
         return;
       }
       if (restart.then == config::AfterRestarts::kContinue) {
-        tell_(
+        report_(
             fmt::format("{}, after {} restarts; the others go on without it", what, its.restarts));
         its.has_sources = false;
         end_if_sources_finished();
         return;
       }
-      tell_(its.never_joined > 0
-                ? fmt::format("{}, {} times before it had come to the time of the others; the "
-                              "application stops",
-                              what, its.never_joined)
-                : fmt::format("{}, after {} restarts; the application stops", what, its.restarts));
+      report_(
+          its.never_joined > 0
+              ? fmt::format("{}, {} times before it had come to the time of the others; the "
+                            "application stops",
+                            what, its.never_joined)
+              : fmt::format("{}, after {} restarts; the application stops", what, its.restarts));
       break;
     }
     case config::OnExit::kStop:
-      tell_(what + "; the application stops");
+      report_(what + "; the application stops");
       break;
   }
   result_.end = what;
@@ -514,14 +516,14 @@ void Supervisor::restart_due() {
     }
     if (const auto holder = holder_of_generation(process, its.incarnation + 1)) {
       announce(process, 0);  // Has them check what they hold.
-      if (now_ns - its.restart_at_ns > kLongHeldNs && !std::exchange(its.is_wait_told, true)) {
-        tell_(
+      if (now_ns - its.restart_at_ns > kLongHeldNs && !std::exchange(its.is_wait_reported, true)) {
+        report_(
             fmt::format("process \"{}\" is not restarted yet: process \"{}\" still keeps a message "
                         "of its run {}",
                         plan_.name(process), plan_.name(*holder),
                         its.incarnation + 1 - segment::Segments::kGenerations));
         if (plan_.is_simulated()) {  // Simulated time stands still until it is back.
-          tell_("the application stops, since simulated time does not go on meanwhile");
+          report_("the application stops, since simulated time does not go on meanwhile");
           result_.exit_code = kFailed;
           end_all(kComponentFault);
           return;
@@ -529,7 +531,7 @@ void Supervisor::restart_due() {
       }
     } else {
       its.restart_at_ns = 0;
-      its.is_wait_told = false;
+      its.is_wait_reported = false;
       ++result_.restarts[process];
       if (!fork_one(process)) {
         its.restart_at_ns = now_ns + 100'000'000;  // The kernel may have room again.
@@ -558,8 +560,8 @@ void Supervisor::look_at_heartbeats() {
     its.silence_ns = now == its.heartbeat ? its.silence_ns + passed_ns : 0;
     its.heartbeat = now;
     if (its.silence_ns > limit_ns) {
-      tell_(fmt::format("process \"{}\" has given no sign of life for {} ms; it is ended",
-                        plan_.name(process), limit_ns / 1'000'000));
+      report_(fmt::format("process \"{}\" has given no sign of life for {} ms; it is ended",
+                          plan_.name(process), limit_ns / 1'000'000));
       its.silence_ns = std::numeric_limits<std::int32_t>::min();  // Once.
       kill(its.pid, SIGKILL);
     }
@@ -594,7 +596,7 @@ Supervisor::Result Supervisor::run() {
                                                 &config::ProcessDescription::has_standby) &&
                             !plan_.is_simulated();
   while (is_anyone_left()) {
-    bool has_unwatched = false;  // Processes whose end no descriptor tells.
+    bool has_unwatched = false;  // Processes whose end no descriptor reports.
     std::vector<pollfd> files = {{signals_, POLLIN, 0}};
     std::vector<std::pair<ProcessIndex, bool>> whose = {{0, false}};
     for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
@@ -623,7 +625,7 @@ Supervisor::Result Supervisor::run() {
       if (whose[i].second) {
         take_end(whose[i].first);
       } else {
-        hear(whose[i].first);
+        receive(whose[i].first);
       }
     }
     restart_due();
@@ -634,8 +636,8 @@ Supervisor::Result Supervisor::run() {
       kill_at_ns_ = base::kNever;
       for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
         if (its_[process].pid > 0) {
-          tell_(fmt::format("process \"{}\" has not come to its end; it is ended",
-                            plan_.name(process)));
+          report_(fmt::format("process \"{}\" has not come to its end; it is ended",
+                              plan_.name(process)));
         }
       }
       result_.exit_code = interrupted_by_ != 0 ? kSignalled + interrupted_by_

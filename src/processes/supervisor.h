@@ -27,9 +27,9 @@ class Supervisor {
   using Work = std::function<int(segment::ProcessIndex process, std::uint32_t incarnation,
                                  Channel channel, int report)>;
   /// Called with messages for the user.
-  using Tell = std::function<void(const std::string& sentence)>;
+  using Report = std::function<void(const std::string& sentence)>;
 
-  Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Tell tell);
+  Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Report report);
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
   ~Supervisor();
@@ -59,7 +59,7 @@ class Supervisor {
     bool is_active = false;          ///< Of a pair: it was started as the active one.
     bool has_sources = false;        ///< Unfinished ones.
     std::int64_t restart_at_ns = 0;  ///< 0: no restart pending.
-    bool is_wait_told = false;       ///< That its restart has to wait was reported.
+    bool is_wait_reported = false;   ///< That its restart has to wait was reported.
     std::uint32_t restarts = 0;      ///< Since `first_restart_ns`.
     std::int64_t first_restart_ns = 0;
     /// In simulated time: how many in a row ended before they reached the time of the others.
@@ -72,7 +72,7 @@ class Supervisor {
   [[nodiscard]] bool may_be_followed(segment::ProcessIndex process) const;
   [[noreturn]] void work_in_child(segment::ProcessIndex process, Channel channel);
   void announce(segment::ProcessIndex process, std::uint32_t incarnation);
-  void hear(segment::ProcessIndex process);
+  void receive(segment::ProcessIndex process);
   void end_for_standby(const std::string& name);
   void proceed();
   void take_signal();
@@ -94,7 +94,7 @@ class Supervisor {
   const ProcessPlan& plan_;
   const segment::Wire wire_;
   const Work work_;
-  const Tell tell_;
+  const Report report_;
   std::vector<Its> its_;  ///< By process; the first is unused.
   int signals_ = -1;
   bool is_started_ = false;

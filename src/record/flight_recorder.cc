@@ -135,7 +135,7 @@ void FlightRecorder::look_at_ring() {
   const base::FileState state = ring_->look();
   const std::string words =
       state.words.empty() && is_cut_ ? "another program cut it off" : state.words;
-  if (words.empty() || std::exchange(told_, words) == words) {
+  if (words.empty() || std::exchange(reported_, words) == words) {
     return;
   }
   problem_ = options_.file.string() + ": " + words +
@@ -322,7 +322,7 @@ void FlightRecorder::add_trigger(FlightTrigger trigger) {
   }
   if (dump_count_ == kDumpsMax) {
     triggers_refused_.fetch_add(1, std::memory_order_relaxed);
-    if (!std::exchange(has_said_enough_, true)) {
+    if (!std::exchange(is_limit_reported_, true)) {
       on_news(true,
               fmt::format("{} dumps were asked for in this run: no more are written", kDumpsMax));
     }

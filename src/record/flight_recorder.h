@@ -180,10 +180,10 @@ class FlightRecorder {
   std::deque<TimedMark> marks_;
   std::deque<FlightWindow> windows_;  ///< Not due yet.
   std::size_t dump_count_ = 0;
-  bool has_said_enough_ = false;
+  bool is_limit_reported_ = false;
   std::int64_t looked_ns_ = 0;  ///< CLOCK_MONOTONIC of the last check of the ring.
   bool is_cut_ = false;
-  std::string told_;
+  std::string reported_;
   std::string problem_;
   std::uint64_t messages_ = 0;
   std::uint64_t bytes_ = 0;

@@ -322,7 +322,7 @@ TEST_F(SimulatedFlight, TheEndOfTheRunEndsADump) {
   EXPECT_EQ(content_of(report().dumps[0].file).numbers, numbers_between(20, 32));
 }
 
-TEST_F(SimulatedFlight, ARingThatIsTooSmallIsToldByTheDump) {
+TEST_F(SimulatedFlight, ARingThatIsTooSmallIsReportedByTheDump) {
   FlightOptions small = options();
   small.bytes = 4096;
   small.before = 10s;
@@ -518,35 +518,35 @@ TEST_F(Flight, ThreadsMayAskForDumpsAtTheSameTime) {
 
 // ---- A process that is killed ----
 
-/// What a child tells, in memory that it shares with the test: of each of the last messages, how
-/// often the recorder had come by when it had been published.
-struct Told {
+/// The progress of a child, in memory that it shares with the test: of each of the last messages,
+/// how often the recorder had come by when it had been published.
+struct Progress {
   static constexpr std::uint64_t kCount = 1 << 16;
 
   std::atomic<std::int64_t> published{0};
   std::atomic<std::uint64_t> wakes[kCount];
 };
 
-class SharedTold {
+class SharedProgress {
  public:
-  SharedTold()
-      : told_(new(mmap(nullptr, sizeof(Told), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS,
-                       -1, 0)) Told) {}
-  ~SharedTold() { munmap(told_, sizeof(Told)); }
-  SharedTold(const SharedTold&) = delete;
-  SharedTold& operator=(const SharedTold&) = delete;
+  SharedProgress()
+      : progress_(new(mmap(nullptr, sizeof(Progress), PROT_READ | PROT_WRITE,
+                           MAP_SHARED | MAP_ANONYMOUS, -1, 0)) Progress) {}
+  ~SharedProgress() { munmap(progress_, sizeof(Progress)); }
+  SharedProgress(const SharedProgress&) = delete;
+  SharedProgress& operator=(const SharedProgress&) = delete;
 
-  Told* operator->() const { return told_; }
-  Told& operator*() const { return *told_; }
+  Progress* operator->() const { return progress_; }
+  Progress& operator*() const { return *progress_; }
 
  private:
-  Told* told_;
+  Progress* progress_;
 };
 
 /// Publishes numbers, and images of `image_bytes` in between, until it is killed. It is never so
 /// far ahead of the recorder that a queue overflows.
 [[noreturn]] void fly_until_killed(const FlightOptions& options, std::size_t image_bytes,
-                                   Told& told) {
+                                   Progress& progress) {
   base::Clock clock = base::Clock::live();
   Publishing flight(clock, options);
   detail::PublisherCore& numbers = flight.publisher<Int64Value>("numbers");
@@ -562,8 +562,8 @@ class SharedTold {
       flight.publish<BytesValue>(images, image);
     }
     const std::uint64_t now = ring.wakes();
-    told.wakes[static_cast<std::uint64_t>(number) % Told::kCount].store(now);
-    told.published.store(number);
+    progress.wakes[static_cast<std::uint64_t>(number) % Progress::kCount].store(now);
+    progress.published.store(number);
     since_wake = now == wakes ? since_wake + 1 : 0;
     wakes = now;
     while (since_wake >= 200 && ring.wakes() == wakes) {
@@ -586,14 +586,14 @@ TEST_F(Flight, TheNextStartDumpsWhatAKilledRunHadPublished) {
   FlightOptions options = this->options();
   options.bytes = 32 << 20;
   for (int kill_number = 0; kill_number < kill_count(); ++kill_number) {
-    const SharedTold told;
+    const SharedProgress progress;
     const pid_t child = fork();
     ASSERT_GE(child, 0);
     if (child == 0) {
-      fly_until_killed(options, kImageBytes, *told);
+      fly_until_killed(options, kImageBytes, *progress);
     }
     const auto enough = std::uniform_int_distribution<std::int64_t>(1, 20'000)(random);
-    while (told->published.load() < enough) {
+    while (progress->published.load() < enough) {
       ASSERT_EQ(waitpid(child, nullptr, WNOHANG), 0) << "the child ended by itself";
       std::this_thread::sleep_for(100us);
     }
@@ -618,9 +618,10 @@ TEST_F(Flight, TheNextStartDumpsWhatAKilledRunHadPublished) {
     flight.recorder().stop();
 
     // What had been published when the recorder came by for the last time but one is there.
-    std::int64_t sure = told->published.load();
+    std::int64_t sure = progress->published.load();
     while (sure > 0 &&
-           told->wakes[static_cast<std::uint64_t>(sure) % Told::kCount].load() + 2 > wakes) {
+           progress->wakes[static_cast<std::uint64_t>(sure) % Progress::kCount].load() + 2 >
+               wakes) {
       --sure;
     }
     if (sure == 0 && flight.recorder().report().dumps.empty()) {
@@ -638,7 +639,7 @@ TEST_F(Flight, TheNextStartDumpsWhatAKilledRunHadPublished) {
     ASSERT_FALSE(content.numbers.empty());
     EXPECT_EQ(content.numbers, numbers_between(content.numbers.front(), content.numbers.back()));
     EXPECT_GE(content.numbers.back(), sure);
-    EXPECT_LE(content.numbers.back(), told->published.load() + 1);
+    EXPECT_LE(content.numbers.back(), progress->published.load() + 1);
     bytes += static_cast<double>(content.numbers.size() / 16 * kImageBytes);
     seconds +=
         static_cast<double>(content.log_times_ns.back() - content.log_times_ns.front()) / 1e9;

@@ -293,7 +293,7 @@ TEST_F(Ring, CountsWhatWasOverwrittenBeforeItWasRead) {
 
 // ---- Kills ----
 
-/// In a child: writes records until it is killed, and tells how many it has written.
+/// In a child: writes records until it is killed, and counts how many it has written.
 [[noreturn]] void write_until_killed(const FlightRing::Options& options,
                                      std::atomic<std::uint64_t>& written, std::uint64_t longest) {
   FlightRing ring(options, {});
@@ -327,7 +327,7 @@ TEST_F(Ring, HasEveryRecordThatWasWrittenWhenItsProcessIsKilled) {
     ASSERT_FALSE(numbers.empty());
     EXPECT_EQ(numbers, numbers_from(numbers.front(), numbers.size()));
     EXPECT_EQ(reader.missing(), 0U);
-    // One more may be there than the child could still tell.
+    // One more may be there than the child could still count.
     EXPECT_GE(numbers.back() + 1, (*written).load());
     EXPECT_LE(numbers.back() + 1, (*written).load() + 1);
   }
@@ -382,15 +382,15 @@ TEST_F(Ring, IsWholeAtEveryInstructionOfItsWriter) {
       continue;
     }
     ++looks;
-    const std::uint64_t told = (*written).load();
+    const std::uint64_t counted = (*written).load();
     const std::vector<std::uint64_t> numbers = numbers_now(file_, folder_ / "copy.ring", kLongest);
     if (numbers.empty()) {
-      EXPECT_EQ(told, 0U);
+      EXPECT_EQ(counted, 0U);
       continue;
     }
     EXPECT_EQ(numbers, numbers_from(numbers.front(), numbers.size()));
-    EXPECT_GE(numbers.back() + 1, told);
-    EXPECT_LE(numbers.back() + 1, told + 1);
+    EXPECT_GE(numbers.back() + 1, counted);
+    EXPECT_LE(numbers.back() + 1, counted + 1);
   }
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
   EXPECT_EQ((*written).load(), kRecords);
@@ -579,8 +579,8 @@ TEST_F(Ring, AChildDoesNotKeepItsLock) {
   const pid_t child = fork();
   if (child == 0) {
     close(gate[1]);
-    const bool is_told = write(news[1], &one, 1) == 1;
-    _exit(is_told && read(gate[0], &one, 1) == 0 ? 0 : 1);
+    const bool is_written = write(news[1], &one, 1) == 1;
+    _exit(is_written && read(gate[0], &one, 1) == 0 ? 0 : 1);
   }
   ASSERT_EQ(read(news[0], &one, 1), 1);
   ring.reset();

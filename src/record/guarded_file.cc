@@ -42,7 +42,7 @@ struct SlotTable {
   static struct sigaction before;             ///< The previous action of SIGBUS.
   static std::atomic<const void*> passed_on;  ///< Address of the last fault passed on.
   static std::mutex mutex;                    ///< Guards the installation of the handler.
-  static bool hears_forks;
+  static bool has_fork_handler;
 
   static void on_bus_error(int signal, siginfo_t* info, void* context) noexcept {
     const int error = errno;
@@ -108,7 +108,7 @@ struct SlotTable {
       sigemptyset(&action.sa_mask);
       ::sigaction(SIGBUS, &action, nullptr);
     }
-    if (!std::exchange(hears_forks, true)) {
+    if (!std::exchange(has_fork_handler, true)) {
       ::pthread_atfork(nullptr, nullptr, on_forked);
     }
   }
@@ -118,7 +118,7 @@ std::array<GuardedFile::Slot, GuardedFile::kFilesMax> SlotTable::slots{};
 struct sigaction SlotTable::before{};
 std::atomic<const void*> SlotTable::passed_on{nullptr};
 std::mutex SlotTable::mutex;
-bool SlotTable::hears_forks = false;
+bool SlotTable::has_fork_handler = false;
 
 GuardedFile::GuardedFile(int descriptor, std::uint64_t size) : size_(size) {
   const auto fail = [&](int error, const char* what) {

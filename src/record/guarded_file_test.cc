@@ -120,16 +120,16 @@ TEST_F(Guarded, ABusErrorOfSomethingElseStillEndsTheProcess) {
 }
 
 // As a reporter of crashes does it: it says what happened, and lets it happen once more.
-TEST_F(Guarded, AHandlerThatWasThereBeforeHearsOfOtherBusErrorsOnce) {
+TEST_F(Guarded, AHandlerThatWasThereBeforeReceivesOtherBusErrorsOnce) {
   if (std::string_view(FASTCYCLE_SANITIZER) != "none") {
     GTEST_SKIP() << "a sanitizer has handlers of its own";
   }
   EXPECT_EQ(in_child([&] {
-              static int heard = 0;
+              static int calls = 0;
               static struct sigaction ours{};
               struct sigaction action{};
               action.sa_sigaction = [](int signal, siginfo_t*, void*) {
-                if (++heard > 1) {
+                if (++calls > 1) {
                   _exit(99);
                 }
                 ::sigaction(signal, &ours, nullptr);
@@ -139,7 +139,7 @@ TEST_F(Guarded, AHandlerThatWasThereBeforeHearsOfOtherBusErrorsOnce) {
               GuardedFile guarded(make(folder_ / "guarded"), kSize);
               static_cast<void>(!::truncate((folder_ / "guarded").c_str(), 0));
               guarded.memory()[0] = std::byte{1};
-              if (!guarded.is_cut() || heard != 0) {
+              if (!guarded.is_cut() || calls != 0) {
                 _exit(98);
               }
               const int plain = make(folder_ / "plain");

@@ -41,10 +41,34 @@ RecordedActivation to_recorded(const log::Activation& activation) {
   return recorded;
 }
 
-void take_facts(const mcap::Reader& reader, RecordedSchedule& schedule) {
+/// The files of one run agree about it, and only the last one has the run's end.
+///
+/// @param last  The file with the run's end; empty before.
+void take_facts(const mcap::Source& source, const mcap::Reader& reader, RecordedSchedule& schedule,
+                std::string& last) {
+  const auto refuse = [&](const std::string& found) {
+    throw mcap::Damage({.place = {.file = source.name()},
+                        .record = "the log",
+                        .expected = "files of one run",
+                        .found = found});
+  };
   for (const mcap::MetadataIndex& index : reader.metadata()) {
-    if (index.name == kRunMetadata && schedule.facts.empty()) {
-      schedule.facts = reader.read(index).metadata;
+    if (index.name == kRunMetadata) {
+      auto facts = reader.read(index).metadata;
+      if (schedule.facts.empty()) {
+        schedule.facts = facts;
+      }
+      for (const char* const fact : {"application", "start_ns"}) {
+        if (facts.contains(fact) && facts[fact] != schedule.facts[fact]) {
+          refuse(fmt::format("{} {}, and {} in the files before", fact, facts[fact],
+                             schedule.facts[fact]));
+        }
+      }
+    } else if (index.name == kEndMetadata) {
+      if (!last.empty()) {
+        refuse(fmt::format("the end of a second run: {} has one too", last));
+      }
+      last = source.name();
     }
   }
   for (const mcap::AttachmentIndex& index : reader.attachments()) {
@@ -102,13 +126,14 @@ const RecordedSchedule::Component* RecordedSchedule::find(const std::string& nam
 
 RecordedSchedule RecordedSchedule::read(const std::vector<std::filesystem::path>& files) {
   RecordedSchedule schedule;
+  std::string last;
   for (const std::filesystem::path& path : files) {
     const mcap::FileSource source(path);
     const mcap::Reader reader(source);
     if (const auto& problem = reader.problem()) {
       schedule.notes.push_back(mcap::to_string(*problem) + "; what is before that is read");
     }
-    take_facts(reader, schedule);
+    take_facts(source, reader, schedule, last);
     if (schedule.components.empty()) {
       take_names(schedule);
     }

@@ -28,7 +28,7 @@ struct RecordedActivation {
   /// published.
   std::int64_t late_ns = 0;
   std::uint32_t publish_count = 0;
-  std::vector<detail::ToldReads::Entry> reads = {};
+  std::vector<detail::ReplayedReads::Entry> reads = {};
   std::uint64_t reads_lost = 0;  ///< Since the previous activation that reports losses.
 };
 
@@ -54,7 +54,7 @@ struct RecordedSchedule {
 
   /// Reads all files of one recording.
   ///
-  /// @errors  `mcap::Error` if a file cannot be read, or is not valid.
+  /// @errors  `mcap::Error` if a file cannot be read, is not valid, or is of another run.
   static RecordedSchedule read(const std::vector<std::filesystem::path>& files);
 };
 

@@ -83,7 +83,7 @@ bool Recorder::start(Explanation explanation, Activity activity) {
   const bool is_open = recording_.open();
   is_in_trouble_ = !is_open;
   if (!is_open) {  // The caller reports it.
-    trouble_.store(&said_.emplace_back("nothing is recorded now: " + recording_.problem()));
+    trouble_.store(&troubles_.emplace_back("nothing is recorded now: " + recording_.problem()));
   }
   is_started_ = true;
   const auto policy =
@@ -162,11 +162,11 @@ void Recorder::take_message(const Stream& stream, detail::Envelope* envelope) {
   detail::release(envelope);
 }
 
-void Recorder::say(const std::string& text) {
+void Recorder::report_trouble(const std::string& text) {
   {
     const std::lock_guard lock(mutex_);
-    if (said_.size() < kSaidMax) {
-      trouble_.store(&said_.emplace_back(text), std::memory_order_release);
+    if (troubles_.size() < kTroublesMax) {
+      trouble_.store(&troubles_.emplace_back(text), std::memory_order_release);
     }
   }
   on_trouble(text);
@@ -179,8 +179,8 @@ std::string Recorder::trouble() const {
 
 void Recorder::refuse(const Stream& stream, std::uint64_t bytes) {
   topics_[stream.topic]->too_large.fetch_add(1, std::memory_order_relaxed);
-  if (!std::exchange(states_[stream.index]->has_told, true)) {
-    say(fmt::format(
+  if (!std::exchange(states_[stream.index]->is_reported, true)) {
+    report_trouble(fmt::format(
         "a message of component \"{}\" on {} is not recorded, and neither are "
         "others like it: it has {} bytes, and {} can be written; publish it in "
         "parts, or leave the topic out",
@@ -332,7 +332,7 @@ void Recorder::write(Batch& batch) {
     messages += count.messages;
   }
   has_failed_ = has_failed_ || !is_written;
-  hear(is_written);
+  take_file_news(is_written);
   if (is_written) {
     auto& written = written_[recording_.active()];
     written.resize(topics_.size());
@@ -341,7 +341,7 @@ void Recorder::write(Batch& batch) {
       written[count.topic].bytes += count.bytes;
     }
   }
-  tell(is_written, messages);
+  report(is_written, messages);
   for (StoredMessage& message : batch.latched) {
     Latched& latched = latched_.at(message.head.channel_id);
     latched.last.push_back(std::move(message));
@@ -365,7 +365,7 @@ std::uint64_t Recorder::count_as_lost(const std::filesystem::path& active) {
 }
 
 /// Handles changes of files. `goes_on`: a file is being written.
-void Recorder::hear(bool goes_on) {
+void Recorder::take_file_news(bool goes_on) {
   for (const Recording::News& news : recording_.take_news()) {
     std::string text = news.text;
     if (news.is_lost) {
@@ -380,18 +380,19 @@ void Recorder::hear(bool goes_on) {
     }
     if (!text.empty()) {
       has_failed_ = has_failed_ || news.is_trouble;
-      say(text);
+      report_trouble(text);
     }
   }
 }
 
-void Recorder::tell(bool is_written, std::uint64_t messages) {
+void Recorder::report(bool is_written, std::uint64_t messages) {
   if (!is_written && !std::exchange(is_in_trouble_, true)) {
     lost_in_trouble_ = 0;
-    say("nothing is recorded now: " + recording_.problem() + "; a new file is tried every second");
+    report_trouble("nothing is recorded now: " + recording_.problem() +
+                   "; a new file is tried every second");
   } else if (is_written && std::exchange(is_in_trouble_, false)) {
-    say(fmt::format("recording goes on in {}; {} messages were lost meanwhile",
-                    recording_.files().back().string(), lost_in_trouble_));
+    report_trouble(fmt::format("recording goes on in {}; {} messages were lost meanwhile",
+                               recording_.files().back().string(), lost_in_trouble_));
   }
   lost_in_trouble_ += is_written ? 0 : messages;
 }
@@ -476,7 +477,7 @@ void Recorder::stop(std::map<std::string, std::string> end) {
   writing_.join();
   end_ = std::move(end);
   has_failed_ = !recording_.close() || has_failed_;
-  hear(false);
+  take_file_news(false);
 }
 
 }  // namespace fastcycle::record

@@ -152,7 +152,7 @@ class Recorder {
   struct StreamState {
     std::size_t open = 0;  ///< Index in `open_` for its small messages.
     std::atomic<std::size_t> held{0};
-    bool has_told = false;  ///< A too large message was reported.
+    bool is_reported = false;  ///< A too large message was reported.
   };
 
   /// The last messages of a publisher of a latched topic, as far as they are in a file.
@@ -185,10 +185,10 @@ class Recorder {
   void set(bool& flag);
   void write_batches();
   void write(Batch& batch);
-  void hear(bool goes_on);
-  void say(const std::string& text);
+  void take_file_news(bool goes_on);
+  void report_trouble(const std::string& text);
   [[nodiscard]] std::uint64_t count_as_lost(const std::filesystem::path& active);
-  void tell(bool is_written, std::uint64_t messages);
+  void report(bool is_written, std::uint64_t messages);
   void explain(mcap::Writer& writer);
   void conclude(mcap::Writer& writer);
 
@@ -210,8 +210,8 @@ class Recorder {
   std::atomic<std::uint64_t> activations_lost_{0};
 
   // Past messages; under `mutex_`, except the last one. Never erased.
-  static constexpr std::size_t kSaidMax = 256;
-  std::deque<std::string> said_;
+  static constexpr std::size_t kTroublesMax = 256;
+  std::deque<std::string> troubles_;
   std::atomic<const std::string*> trouble_{nullptr};
 
   // Shared by both threads.

@@ -160,7 +160,7 @@ void Recording::take_problem(const Syncer::Outcome& outcome) {
   const bool is_written = file_.writer != nullptr && file_.active == outcome.active;
   if (outcome.state == Kind::kElsewhere && is_written) {
     // It is complete: perhaps the user moved it there on purpose.
-    if (std::exchange(file_.told, outcome.problem) != outcome.problem) {
+    if (std::exchange(file_.reported, outcome.problem) != outcome.problem) {
       news_.push_back({.active = outcome.active,
                        .text = outcome.problem + "; it is written to its end there",
                        .is_over = false});
@@ -174,9 +174,9 @@ void Recording::take_problem(const Syncer::Outcome& outcome) {
     }
   }
   if (outcome.state == Kind::kLost || !is_written) {
-    const bool is_told = file_.active == outcome.active && file_.told == outcome.problem;
+    const bool is_reported = file_.active == outcome.active && file_.reported == outcome.problem;
     news_.push_back({.active = outcome.active,
-                     .text = is_told ? std::string() : outcome.problem,
+                     .text = is_reported ? std::string() : outcome.problem,
                      .is_lost = outcome.state == Kind::kLost});
   }
   if (is_written) {

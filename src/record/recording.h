@@ -95,7 +95,7 @@ class Recording {
     std::shared_ptr<mcap::FileSink> sink;
     std::unique_ptr<mcap::Writer> writer;
     std::optional<std::uint64_t> first_ns;
-    std::string told;  ///< The last problem reported.
+    std::string reported;  ///< The last problem reported.
   };
 
   [[nodiscard]] std::filesystem::path name_of(unsigned number) const;

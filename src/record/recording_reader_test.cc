@@ -140,7 +140,7 @@ TEST_F(Readers, GiveMessagesInTheOrderOfTimeRoundPublisherAndSequence) {
   EXPECT_EQ(reader.parted_infos(), 0U);
 }
 
-TEST_F(Readers, TellWhatTheBrokerKnew) {
+TEST_F(Readers, ReportWhatTheBrokerKnew) {
   Written file(folder_ / "a.mcap");
   const std::uint64_t large = (std::uint64_t{3} << 32U) + 5;
   file.message(kFast, 5, 1'000, "bytes");

@@ -95,7 +95,7 @@ TEST_F(SyncedFiles, AreNotRenamedOverAnother) {
   EXPECT_EQ(std::filesystem::file_size(folder_ / "a_0003.mcap"), 7U);
 }
 
-TEST_F(SyncedFiles, ThatAreGoneAreTold) {
+TEST_F(SyncedFiles, ThatAreGoneAreReported) {
   Syncer syncer;
   const Syncer::File file = open_file("a");
   std::filesystem::remove(file.active);

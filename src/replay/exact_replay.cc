@@ -127,7 +127,7 @@ struct ExactReplay::Player {
   std::vector<std::pair<Key, Envelope*>> inputs = {};
   Outputs outputs = {};
   detail::Stage* own_stage = nullptr;  ///< The stage replaced by the outputs.
-  detail::ToldReads told = {};
+  detail::ReplayedReads replayed = {};
   std::unique_ptr<detail::ActivationRing> ring = {};
   std::vector<std::pair<Source, OutputDifference>> noted = {};
   bool is_astray = false;  ///< It ended differently than recorded.
@@ -193,7 +193,7 @@ ExactReplay::~ExactReplay() {
     }
   }
   for (const auto& player : players_) {
-    player->core->publishing.told = nullptr;
+    player->core->publishing.replayed = nullptr;
     if (player->own_stage != nullptr) {
       player->core->publishing.stage = player->own_stage;
     }
@@ -330,8 +330,8 @@ void ExactReplay::choose(config::Problems& problems) {
     if (Player* player = find_player(name)) {
       player->is_wanted = true;
     } else {
-      problems.add(config::mistake({}, "there is no component \"" + name + "\"",
-                                   config::did_you_mean(config::nearest(name, known))));
+      problems.add(config::make_error({}, "there is no component \"" + name + "\"",
+                                      config::did_you_mean(config::nearest(name, known))));
     }
   }
   for (const auto& player : players_) {
@@ -366,8 +366,8 @@ void ExactReplay::choose(config::Problems& problems) {
         is_changed = true;
         if (!options_.components.empty() && !player->result.is_source) {
           problems.add(
-              config::mistake({}, "component \"" + player->core->name +
-                                      "\" cannot be executed again: " + player->result.why));
+              config::make_error({}, "component \"" + player->core->name +
+                                         "\" cannot be executed again: " + player->result.why));
         }
       }
     }
@@ -424,7 +424,7 @@ void ExactReplay::choose(config::Problems& problems) {
         break;
       }
     }
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         {.file = options_.files.front().string(), .line = 0, .pointer = {}},
         "there is nothing that can be executed again" + (why.empty() ? why : "; " + why)));
   }
@@ -432,7 +432,7 @@ void ExactReplay::choose(config::Problems& problems) {
 
 std::vector<ExactReplay::Key> ExactReplay::inputs_of(const RecordedActivation& activation) {
   std::vector<Key> inputs;
-  for (const detail::ToldReads::Entry& entry : activation.reads) {
+  for (const detail::ReplayedReads::Entry& entry : activation.reads) {
     if (entry.read.kind == detail::ReadKind::kTaken) {
       inputs.push_back({entry.read.publisher, entry.read.value});
     }
@@ -448,7 +448,7 @@ std::vector<ExactReplay::Key> ExactReplay::inputs_of(const Player& player) {
     return inputs_of(player.activation());
   }
   std::vector<Key> inputs;
-  for (const detail::ToldReads::Entry& entry : player.activation().reads) {
+  for (const detail::ReplayedReads::Entry& entry : player.activation().reads) {
     if (entry.read.kind == detail::ReadKind::kKeyFrame ||
         entry.read.kind == detail::ReadKind::kHeld) {
       inputs.push_back({entry.read.publisher, entry.read.value});
@@ -552,7 +552,7 @@ void ExactReplay::choose_frames() {
     const RecordedActivation& frame = player->activation();
     player->result.began_after = frame.number;
     player->result.began_ns = frame.time_ns - base::to_ns(reader_.begin());
-    for (const detail::ToldReads::Entry& entry : frame.reads) {
+    for (const detail::ReplayedReads::Entry& entry : frame.reads) {
       if (entry.read.kind == detail::ReadKind::kSequence) {
         player->begun_after[entry.read.publisher] = entry.read.value;
       }
@@ -806,7 +806,7 @@ void ExactReplay::begin_at(Player& player, const RecordedActivation& frame) {
   driver_.clock(core.index).set_simulated(base::from_ns(frame.time_ns));
   const auto state = [&](const detail::Read& read) -> const google::protobuf::Message& {
     std::size_t input = 0;
-    for (const detail::ToldReads::Entry& entry : frame.reads) {
+    for (const detail::ReplayedReads::Entry& entry : frame.reads) {
       if (&entry.read == &read) {
         break;
       }
@@ -815,7 +815,7 @@ void ExactReplay::begin_at(Player& player, const RecordedActivation& frame) {
     }
     return *player.inputs[input].second->payload;
   };
-  detail::begin_at_key_frame(application_, core, *player.ring, player.told,
+  detail::begin_at_key_frame(application_, core, *player.ring, player.replayed,
                              {.activation = frame.number, .reads = frame.reads, .state = state});
   for (const Outputs::Output& output : player.outputs.all) {
     detail::release(output.envelope);
@@ -833,8 +833,8 @@ void ExactReplay::execute(Player& player, const RecordedActivation& activation) 
   ComponentCore& core = *player.core;
   base::Clock& clock = driver_.clock(core.index);
   clock.set_simulated(std::max(clock.now(), base::from_ns(activation.time_ns)));
-  player.told.begin(activation.reads);
-  core.repeat_next(activation.number, player.told);
+  player.replayed.begin(activation.reads);
+  core.repeat_next(activation.number, player.replayed);
   if (before_activation) {
     before_activation(core, activation.number);
   }
@@ -855,7 +855,7 @@ void ExactReplay::show_views(Player& player, const RecordedActivation& activatio
                              detail::ReadKind kind) {
   const auto& views = player.core->subscriptions.views();
   std::size_t input = 0;
-  for (const detail::ToldReads::Entry& entry : activation.reads) {
+  for (const detail::ReplayedReads::Entry& entry : activation.reads) {
     if (entry.read.kind == detail::ReadKind::kKeyFrame && kind == detail::ReadKind::kHeld) {
       detail::release(player.inputs[input++].second);  // It was copied.
     }
@@ -932,7 +932,7 @@ void ExactReplay::call(Player& player, const RecordedActivation& activation) {
 
 void ExactReplay::call_fault_of_thread(Player& player, const RecordedActivation& activation) {
   std::string what = "one of its threads threw";  // Older logs do not contain the text.
-  for (const detail::ToldReads::Entry& entry : activation.reads) {
+  for (const detail::ReplayedReads::Entry& entry : activation.reads) {
     what = entry.read.kind == detail::ReadKind::kThrew ? entry.text : what;
   }
   const std::uint64_t object = activation.key & ~ComponentCore::kThreadFault;
@@ -979,7 +979,7 @@ void ExactReplay::call_message(Player& player, const RecordedActivation& activat
 void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activation) {
   ComponentCore& core = *player.core;
   const auto step = static_cast<LifeStep>(activation.key);
-  for (const detail::ToldReads::Entry& entry : activation.reads) {
+  for (const detail::ReplayedReads::Entry& entry : activation.reads) {
     if (entry.read.kind == detail::ReadKind::kMadeWith) {
       config::Problems problems;
       application_.commit_recorded_params(core, entry.text, problems);
@@ -1045,13 +1045,13 @@ void ExactReplay::note_params(Player& player, const RecordedActivation& activati
 
 void ExactReplay::call_params(Player& player, const RecordedActivation& activation) {
   if ((activation.key & ComponentCore::kParamsAsked) == 0) {
-    const auto told = std::ranges::find_if(activation.reads, [](const auto& entry) {
+    const auto recorded = std::ranges::find_if(activation.reads, [](const auto& entry) {
       return entry.read.kind == detail::ReadKind::kParams;
     });
     config::Problems problems;
-    if (told != activation.reads.end()) {
-      application_.put_recorded_params(*player.core, activation.key, told->text, problems);
-      note_params(player, activation, told->text, problems);
+    if (recorded != activation.reads.end()) {
+      application_.put_recorded_params(*player.core, activation.key, recorded->text, problems);
+      note_params(player, activation, recorded->text, problems);
     }
   }
   call_posted(player, activation, "a change of params");
@@ -1085,7 +1085,7 @@ void ExactReplay::check_end(Player& player, const RecordedActivation& activation
          {.field = "messages published",
           .recorded = std::to_string(activation.publish_count),
           .now = std::to_string(record.publish_count)});
-  } else if (player.told.has_missed()) {
+  } else if (player.replayed.has_missed()) {
     note(player, source,
          {.field = "what it asks for",
           .recorded = "less",

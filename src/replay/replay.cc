@@ -52,19 +52,19 @@ bool Replay::open(config::Problems& problems) {
     active += ".active";
     std::error_code ignored;
     if (!std::filesystem::exists(file, ignored) && std::filesystem::exists(active, ignored)) {
-      problems.add(config::mistake(place_of(file), "there is no such file",
-                                   "the recording was not closed: it is " + active.string()));
+      problems.add(config::make_error(place_of(file), "there is no such file",
+                                      "the recording was not closed: it is " + active.string()));
       return false;
     }
   }
   try {
     reader_ = std::make_unique<record::RecordingReader>(options_.files);
   } catch (const mcap::Error& error) {
-    problems.add(config::mistake({}, error.what()));  // The text contains the place.
+    problems.add(config::make_error({}, error.what()));  // The text contains the place.
     return false;
   }
   for (const std::string& note : reader_->notes()) {
-    config::Problem problem = config::mistake({}, note);
+    config::Problem problem = config::make_error({}, note);
     problem.warning = true;
     problems.add(std::move(problem));
   }
@@ -104,7 +104,7 @@ void Replay::warn_of_switches(config::Problems& problems) const {
     return;
   }
   const double time_s = std::chrono::duration<double>(first.stamp - reader_->begin()).count();
-  config::Problem problem = config::mistake(
+  config::Problem problem = config::make_error(
       place_of(options_.files.front()),
       fmt::format("in the recorded run {} asked for the mode \"{}\" at {:.3f} s, and is not there "
                   "to ask again: {} of its switches {} not repeated",
@@ -134,12 +134,12 @@ bool Replay::set_range(config::Problems& problems) {
     rewind();
     load();
   } catch (const mcap::Error& error) {
-    problems.add(config::mistake({}, error.what()));
+    problems.add(config::make_error({}, error.what()));
     return false;
   }
   if (moment_.empty() || from_ > to_) {
     const auto seconds = [](Duration span) { return std::chrono::duration<double>(span).count(); };
-    problems.add(config::mistake(
+    problems.add(config::make_error(
         place_of(options_.files.front()),
         fmt::format("there is nothing to feed from {} s to {} s: the recording has {} s",
                     seconds(from_ - begin), seconds(to_ - begin),

@@ -100,9 +100,9 @@ class Planner {
     }
     for (const auto& [from, to] : options_.remap) {
       if (std::ranges::find(known, from) == known.end()) {
-        problems_.add(config::mistake(place_of("--remap " + from + ":=" + to),
-                                      "the recording has no topic " + quoted(from),
-                                      config::did_you_mean(config::nearest(from, known))));
+        problems_.add(config::make_error(place_of("--remap " + from + ":=" + to),
+                                         "the recording has no topic " + quoted(from),
+                                         config::did_you_mean(config::nearest(from, known))));
       }
     }
   }
@@ -117,9 +117,9 @@ class Planner {
     }
     for (const std::string& name : options_.into) {
       if (std::ranges::find(known, name) == known.end()) {
-        problems_.add(config::mistake(place_of("--replay-into " + name),
-                                      "there is no component " + quoted(name),
-                                      config::did_you_mean(config::nearest(name, known))));
+        problems_.add(config::make_error(place_of("--replay-into " + name),
+                                         "there is no component " + quoted(name),
+                                         config::did_you_mean(config::nearest(name, known))));
       }
       plan_.running.insert(name);
     }
@@ -357,7 +357,7 @@ class Planner {
   }
 
   void warn(const std::string& text) {
-    config::Problem problem = config::mistake(place_of_files(), text);
+    config::Problem problem = config::make_error(place_of_files(), text);
     problem.warning = true;
     problems_.add(std::move(problem));
   }

@@ -30,7 +30,7 @@ RecordedStream stream(const std::string& topic, const std::string& publisher) {
           .schema = record::descriptor_set_of(*Int64Value::descriptor())};
 }
 
-/// camera and radar bring in, fusion joins them, control hears fusion.
+/// camera and radar publish, fusion joins them, control subscribes to fusion.
 class Plans : public testing::Test {
  protected:
   ReplayPlan plan(const ReplayOptions& options) {
@@ -82,7 +82,7 @@ TEST_F(Plans, OnlyWhoIsNamedRuns) {
   EXPECT_FALSE(plan.stands_in_for("camera"));
 }
 
-TEST_F(Plans, AnUnknownComponentIsAMistakeWithTheNearestName) {
+TEST_F(Plans, AnUnknownComponentIsAnErrorWithTheNearestName) {
   static_cast<void>(plan({.into = {"fussion"}}));
 
   EXPECT_THAT(said(), HasSubstr("there is no component \"fussion\"; did you mean \"fusion\"?"));
@@ -110,7 +110,7 @@ TEST_F(Plans, WhatIsExceptedIsNotFedAndWhatIsNamedIsAlsoWithoutASubscriber) {
   EXPECT_TRUE(named.streams[2].is_fed());
 }
 
-TEST_F(Plans, NothingToFeedIsAMistake) {
+TEST_F(Plans, NothingToFeedIsAnError) {
   streams_ = {stream("lidar", "lidar")};
   static_cast<void>(plan({}));
 
@@ -118,14 +118,14 @@ TEST_F(Plans, NothingToFeedIsAMistake) {
                                 "components that run subscribe to image, objects, tracks"));
 }
 
-TEST_F(Plans, ARecordingOfNothingIsAMistake) {
+TEST_F(Plans, ARecordingOfNothingIsAnError) {
   streams_.clear();
   static_cast<void>(plan({}));
 
   EXPECT_THAT(said(), HasSubstr("the recording has no messages"));
 }
 
-TEST_F(Plans, AnotherTypeThanTheSubscribersIsAMistake) {
+TEST_F(Plans, AnotherTypeThanTheSubscribersIsAnError) {
   streams_[0].type = "demo.Image";
   static_cast<void>(plan({}));
 
@@ -159,7 +159,7 @@ TEST_F(Plans, WhatIsNotProtobufIsNotFed) {
   EXPECT_THAT(plan.streams[0].reason, HasSubstr("not protobuf, but \"json\""));
 }
 
-TEST_F(Plans, ARemapToldWrongIsAMistake) {
+TEST_F(Plans, AMalformedRemapIsAnError) {
   static_cast<void>(plan({.remap = {{"imag", "image"}}}));
 
   EXPECT_THAT(said(), HasSubstr("no topic \"imag\"; did you mean \"image\"?"));

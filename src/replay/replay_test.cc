@@ -133,7 +133,7 @@ class Listener final : public Component {
  public:
   explicit Listener(Context& context) : Component(context) {
     context.create_subscriber<Int64Value>("numbers", [this](const Sample<Int64Value>& number) {
-      ++heard_;
+      ++received_;
       sum_ += number->value();
       is_rising_ =
           is_rising_ && number.info().sequence > last_ && number.info().publish_time >= last_time_;
@@ -148,21 +148,21 @@ class Listener final : public Component {
   }
   void stop() override {
     report("start_ns", (start_time() - Time{}).count());
-    report("heard", heard_);
+    report("received", received_);
     report("sum", sum_);
     report("rising", is_rising_);
   }
 
  private:
   std::int64_t ticks_ = 0;
-  std::int64_t heard_ = 0;
+  std::int64_t received_ = 0;
   std::int64_t sum_ = 0;
   std::uint64_t last_ = 0;
   Time last_time_{};
   bool is_rising_ = true;
 };
 
-/// Hears what the mixer says.
+/// Receives what the mixer publishes.
 class MixedListener final : public Component {
  public:
   explicit MixedListener(Context& context) : Component(context) {
@@ -363,8 +363,8 @@ class Replays : public testing::Test {
     }
     config::Problems problems;
     application.build(*replay_, problems, ConstructorFault::kFault);
-    build_said_ = config::text_of(problems);
-    EXPECT_FALSE(problems.has_errors()) << build_said_;
+    build_problems_ = config::text_of(problems);
+    EXPECT_FALSE(problems.has_errors()) << build_problems_;
     application.start();
     const EndReason reason = application.run(limit);
     application.stop();
@@ -392,7 +392,7 @@ class Replays : public testing::Test {
   config::TestFolder folder_;
   TestClasses classes_;
   config::Problems problems_;
-  std::string build_said_;  ///< Of the replay's application.
+  std::string build_problems_;  ///< Of the replay's application.
   std::unique_ptr<Replay> replay_;
   RunReport report_;
 };
@@ -431,7 +431,7 @@ TEST_F(Replays, StartsAreCountedInTheirOrderNotInThatOfTheFile) {
   EXPECT_EQ(difference(before, lines_of(folder_ / "b.mcap", "mixed")), "");
 }
 
-TEST_F(Replays, SwitchesOfModeThatNobodyAsksForAgainAreTold) {
+TEST_F(Replays, SwitchesOfModeThatNobodyAsksForAgainAreReported) {
   const auto file =
       write(folder_ / "a.mcap", "driver",
             {{.topic = "numbers", .sequence = 1, .time_ns = 1'000'000'000, .value = 1}},
@@ -617,7 +617,7 @@ TEST_F(Replays, ALoopGoesOnWhereItEnded) {
   EXPECT_EQ(replay(kListening, {.files = {file}, .is_looped = true}, simulated(), {}, 50ms),
             EndReason::kTimeOver);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{100}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{100}));
   EXPECT_EQ(result("rising"), ReportValue(true));
 }
 
@@ -630,7 +630,7 @@ TEST_F(Replays, SeveralFilesAreOneRecordingAndWhatIsRepeatedComesOnce) {
 
   replay(kListening, {.files = {first, second}}, simulated());
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{3}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{3}));
   EXPECT_EQ(result("sum"), ReportValue(std::int64_t{60}));
   EXPECT_EQ(result("rising"), ReportValue(true));
 }
@@ -648,7 +648,7 @@ TEST_F(Replays, TimersStartWhenTheyDidThen) {
 
   EXPECT_EQ(result("start_ns"), ReportValue(std::int64_t{3'000'000}));
   EXPECT_EQ(result("first_tick_ns"), ReportValue(std::int64_t{13'000'000}));
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{2}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{2}));
 }
 
 TEST_F(Replays, ALiveRecordingSaysWhenItsTimersStarted) {
@@ -659,7 +659,7 @@ TEST_F(Replays, ALiveRecordingSaysWhenItsTimersStarted) {
   replay(kListening, {.files = {file}}, simulated());
 
   EXPECT_EQ(result("start_ns"), ReportValue(std::int64_t{base::to_ns(started)}));
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
 }
 
 // Losses of a live recording.
@@ -686,7 +686,7 @@ TEST_F(Replays, AFileOfOthersGoesWhereARemapSays) {
   EXPECT_EQ(replay(kListening, {.files = {file}, .remap = {{"/data", "numbers"}}}, simulated()),
             EndReason::kSourcesFinished);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{3}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{3}));
   EXPECT_EQ(result("sum"), ReportValue(std::int64_t{6}));
   EXPECT_EQ(result("rising"), ReportValue(true));
   EXPECT_EQ(replay_->plan().streams.front().component, "driver");
@@ -699,7 +699,7 @@ TEST_F(Replays, WhoPublishedAndIsNotThereGetsAPlace) {
 
   replay(alone, {.files = {file}}, simulated());
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
   ASSERT_EQ(report_.components.size(), 2U);
   EXPECT_EQ(report_.components[1].name, "driver");
 }
@@ -713,7 +713,7 @@ TEST_F(Replays, WhatAToolPublishedThenIsPublishedBesideItsDriver) {
   EXPECT_EQ(replay(kListening, {.files = {driver, tool}}, simulated()),
             EndReason::kSourcesFinished);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{3}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{3}));
   EXPECT_EQ(result("sum"), ReportValue(std::int64_t{103}));
 }
 
@@ -734,8 +734,9 @@ TEST_F(Replays, OfOneComponentDoNotJudgeChainsThatOthersWouldEnd) {
   EXPECT_FALSE(report_.chains[0].is_judged);
   EXPECT_TRUE(report_.chains[1].is_judged);
   EXPECT_GT(report_.chains[1].count, 0U);
-  EXPECT_THAT(build_said_, HasSubstr("the chain \"all\" is not judged in this replay: it ends at "
-                                     "\"doubled\", which nothing of \"numbers\" reaches"));
+  EXPECT_THAT(build_problems_,
+              HasSubstr("the chain \"all\" is not judged in this replay: it ends at "
+                        "\"doubled\", which nothing of \"numbers\" reaches"));
   EXPECT_THAT(to_table(report_), HasSubstr("not judged: this replay runs too little of its way"));
 }
 
@@ -746,7 +747,7 @@ TEST_F(Replays, LiveEveryMessageComesAtItsTimeOfThen) {
 
   EXPECT_EQ(replay(kListening, {.files = {file}}, {}, "b.mcap"), EndReason::kSourcesFinished);
 
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
   EXPECT_EQ(result("rising"), ReportValue(true));
   ASSERT_TRUE(report_.replay->worst_lateness_us);
   EXPECT_GE(*report_.replay->worst_lateness_us, 0.0);
@@ -794,13 +795,13 @@ TEST_F(Replays, APaceThatIsPausedLetsNothingComeButStepByStep) {
   pace.set_paused(true);
   application.start();
   std::thread control([&] {
-    const auto heard = [&] { return ledger_of(application, "numbers", "listener").delivered; };
+    const auto received = [&] { return ledger_of(application, "numbers", "listener").delivered; };
     const auto wait_for = [&](std::uint64_t count) {
       const auto limit = std::chrono::steady_clock::now() + 60s;
-      while (heard() < count && std::chrono::steady_clock::now() < limit) {
+      while (received() < count && std::chrono::steady_clock::now() < limit) {
         std::this_thread::yield();
       }
-      EXPECT_EQ(heard(), count);
+      EXPECT_EQ(received(), count);
     };
     pace.step();
     wait_for(2);
@@ -818,7 +819,7 @@ TEST_F(Replays, APaceThatIsPausedLetsNothingComeButStepByStep) {
 
 // ---- What is wrong ----
 
-TEST_F(Replays, AMissingFileIsAMistakeWithTheNameOfTheUnfinishedOne) {
+TEST_F(Replays, AMissingFileIsAnErrorWithTheNameOfTheUnfinishedOne) {
   EXPECT_EQ(prepare(kListening, {.files = {folder_ / "none.mcap"}}), nullptr);
   EXPECT_THAT(said(), HasSubstr("none.mcap"));
 
@@ -827,13 +828,13 @@ TEST_F(Replays, AMissingFileIsAMistakeWithTheNameOfTheUnfinishedOne) {
   EXPECT_THAT(said(), HasSubstr("it is " + (folder_ / "drive.mcap.active").string()));
 }
 
-TEST_F(Replays, WhatIsNoRecordingIsAMistake) {
+TEST_F(Replays, WhatIsNoRecordingIsAnError) {
   std::ofstream(folder_ / "text.mcap") << "this is no recording, but long enough to look like one";
   EXPECT_EQ(prepare(kListening, {.files = {folder_ / "text.mcap"}}), nullptr);
   EXPECT_THAT(said(), HasSubstr("text.mcap"));
 }
 
-TEST_F(Replays, APartWithoutMessagesIsAMistake) {
+TEST_F(Replays, APartWithoutMessagesIsAnError) {
   const auto file = record(kListening, "a.mcap");
 
   EXPECT_EQ(prepare(kListening, {.files = {file}, .start = 5s}), nullptr);
@@ -847,7 +848,7 @@ TEST_F(Replays, AFileThatEndsInTheMiddleIsReadUpToThere) {
   EXPECT_EQ(replay(kListening, {.files = {file}}, simulated()), EndReason::kSourcesFinished);
 
   EXPECT_THAT(said(), HasSubstr("what is before that is read"));
-  EXPECT_EQ(result("heard"), ReportValue(std::int64_t{40}));
+  EXPECT_EQ(result("received"), ReportValue(std::int64_t{40}));
 }
 
 TEST_F(Replays, DamageInTheMiddleEndsTheRunAndCountsAsFailure) {
@@ -861,7 +862,7 @@ TEST_F(Replays, DamageInTheMiddleEndsTheRunAndCountsAsFailure) {
 
     EXPECT_EQ(reason, EndReason::kReplayFailed);
     EXPECT_TRUE(is_failure(reason));
-    EXPECT_EQ(result("heard"), ReportValue(std::int64_t{1}));
+    EXPECT_EQ(result("received"), ReportValue(std::int64_t{1}));
   }
 }
 

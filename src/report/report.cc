@@ -975,12 +975,12 @@ std::string processes_text(const std::vector<ProcessReport>& processes) {
   std::string copied;
   for (const ProcessReport& process : processes) {
     ProcessReport::Link all;
-    std::set<std::string> told;
+    std::set<std::string> reported;
     for (const ProcessReport::Link& link : process.links) {
       all.given += link.given;
       all.copied += link.copied;
       all.unshared += link.unshared + link.overflowed + link.over_quota;
-      if (link.copied > 0 && told.insert(link.topic).second) {
+      if (link.copied > 0 && reported.insert(link.topic).second) {
         copied += wrapped(fmt::format("  {}: {} of {} messages were copied for other processes{}{}",
                                       link.topic, link.copied, link.given,
                                       link.always_copied.empty() ? "" : ": ", link.always_copied),

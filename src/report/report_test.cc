@@ -27,9 +27,9 @@ using testing::HasSubstr;
 using testing::Not;
 
 /// Publishes a number every Serve period, and reports how many.
-class Teller final : public Component {
+class Talker final : public Component {
  public:
-  explicit Teller(Context& context)
+  explicit Talker(Context& context)
       : Component(context), numbers_(context.create_publisher<Int64Value>("numbers")) {}
   void serve() override {
     numbers_.publish(numbers_.loan());
@@ -60,12 +60,12 @@ class Listener final : public Component {
 };
 
 constexpr const char* kTwo = R"({"name": "two", "components": [
-  {"name": "teller", "library": "teller", "serve_period_ms": 10},
+  {"name": "talker", "library": "talker", "serve_period_ms": 10},
   {"name": "listener", "library": "listener"}]})";
 
 std::unique_ptr<Application> two_components() {
   TestClasses classes;
-  classes.with<Teller>("teller").with<Listener>("listener");
+  classes.with<Talker>("talker").with<Listener>("listener");
   return make_application(kTwo, classes, {.is_simulated = true, .workers = 1});
 }
 
@@ -114,16 +114,16 @@ TEST(Report, HasItsKeysInOrder) {
   EXPECT_THAT(keys_of(json),
               ElementsAre("application", "clock", "startup_ms", "time_s", "wall_s", "cpu_s",
                           "rss_max_kib", "end", "components", "topics", "results"));
-  EXPECT_THAT(keys_of(json["components"]), ElementsAre("teller", "listener"));
-  EXPECT_THAT(keys_of(json["components"]["teller"]),
+  EXPECT_THAT(keys_of(json["components"]), ElementsAre("talker", "listener"));
+  EXPECT_THAT(keys_of(json["components"]["talker"]),
               ElementsAre("state", "activations", "callback_us", "callbacks", "overruns", "faults",
                           "fault_texts", "restarts", "library", "build_id", "reloads", "rollbacks",
                           "health", "health_reason", "timer_lateness_us"));
-  EXPECT_THAT(keys_of(json["components"]["teller"]["callback_us"]),
+  EXPECT_THAT(keys_of(json["components"]["talker"]["callback_us"]),
               ElementsAre("p50", "p99", "max"));
   EXPECT_THAT(keys_of(json["topics"]["numbers"]),
               ElementsAre("type", "published", "allocated", "rate_hz", "subscribers"));
-  const ordered_json& callback = json["components"]["teller"]["callbacks"][0];
+  const ordered_json& callback = json["components"]["talker"]["callbacks"][0];
   EXPECT_THAT(keys_of(callback), ElementsAre("name", "kind", "count", "time_us"));
   EXPECT_THAT(keys_of(callback["time_us"]), ElementsAre("mean", "p50", "p99", "max"));
   const ordered_json& subscriber = json["topics"]["numbers"]["subscribers"][0];
@@ -165,9 +165,9 @@ class Fickle final : public Component {
 
 TEST(Report, TellsTheCallbacksOfAComponentApart) {
   TestClasses classes;
-  classes.with<Teller>("teller").with<Fickle>("fickle");
+  classes.with<Talker>("talker").with<Fickle>("fickle");
   const auto application = make_application(R"({"name": "two", "components": [
-        {"name": "teller", "library": "teller", "serve_period_ms": 10},
+        {"name": "talker", "library": "talker", "serve_period_ms": 10},
         {"name": "fickle", "library": "fickle", "serve_period_ms": 50, "on_fault": "restart"}]})",
                                             classes, {.is_simulated = true, .workers = 1});
   application->start();
@@ -306,7 +306,7 @@ TEST(ReportTable, WhatWouldMoveTheCursorIsABlank) {
 TEST(Graph, NamesComponentsTopicsAndTypes) {
   const std::string dot = to_dot(*two_components());
 
-  EXPECT_THAT(dot, HasSubstr("<b>teller</b>"));
+  EXPECT_THAT(dot, HasSubstr("<b>talker</b>"));
   EXPECT_THAT(dot, HasSubstr("every 10 ms"));
   EXPECT_THAT(dot, HasSubstr("<b>numbers</b>"));
   EXPECT_THAT(dot, HasSubstr("google.protobuf.Int64Value"));
@@ -356,9 +356,9 @@ TEST(Graph, ProcessesAreFramesWithTheTopicsThatDoNotLeaveThem) {
 
 TEST(Graph, ComponentsSayTheirProcess) {
   TestClasses classes;
-  classes.with<Teller>("teller").with<Listener>("listener");
+  classes.with<Talker>("talker").with<Listener>("listener");
   const auto application = make_application(R"({"name": "two", "components": [
-      {"name": "teller", "library": "teller", "process": "sensing"},
+      {"name": "talker", "library": "talker", "process": "sensing"},
       {"name": "listener", "library": "listener", "process": "main"}]})",
                                             classes);
 

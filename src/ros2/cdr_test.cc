@@ -47,7 +47,7 @@ TEST(CdrReader, TextEndsBeforeItsZero) {
   in.end();
 }
 
-TEST(CdrReader, LengthsBeyondTheEndAreMistakes) {
+TEST(CdrReader, LengthsBeyondTheEndAreErrors) {
   const auto message = bytes({0, 1, 0, 0, 0xff, 0xff, 0xff, 0xff, 0, 0});
 
   EXPECT_THAT([&] { CdrReader(message).bytes("data"); },

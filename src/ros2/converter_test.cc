@@ -53,7 +53,7 @@ TEST(Converter, FieldsGoByTheirNames) {
   EXPECT_THAT(single->unmapped(), ::testing::ElementsAre("other"));
 }
 
-TEST(Converter, NumbersThatHaveNoRoomAreMistakes) {
+TEST(Converter, NumbersThatHaveNoRoomAreErrors) {
   const Single single("int64 nanos\nint8 seconds", google::protobuf::Timestamp::default_instance());
   google::protobuf::Timestamp time;
 
@@ -102,7 +102,7 @@ TEST(Converter, ArraysAreAsLongAsTheirTypeSays) {
   EXPECT_EQ(single.json(value), R"({"value":[0,0,0]})");
 }
 
-TEST(Converter, TypesWithoutAnythingInCommonAreMistakes) {
+TEST(Converter, TypesWithoutAnythingInCommonAreErrors) {
   EXPECT_THAT(
       [] { const Single single("bool a", google::protobuf::Timestamp::default_instance()); },
       ThrowsMessage<MappingError>(HasSubstr("no field has the same name")));

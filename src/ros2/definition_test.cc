@@ -55,7 +55,7 @@ TEST(Definition, OfAServiceHasTwoHalves) {
   EXPECT_EQ(definitions.find("demo_srvs/srv/Reset_Response").fields.at(1).name, "message");
 }
 
-TEST(Definition, MistakesAreTold) {
+TEST(Definition, ErrorsAreReported) {
   const auto reading = [](std::string_view text) {
     return [text] {
       Definitions definitions;

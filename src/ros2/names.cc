@@ -81,7 +81,7 @@ std::string_view value_of(std::string_view user_data, std::string_view key) {
   return {};
 }
 
-std::optional<std::string> mistake_of_ros_name(std::string_view name) {
+std::optional<std::string> ros_name_error(std::string_view name) {
   std::string_view rest = name;
   if (rest.starts_with('/')) {
     rest.remove_prefix(1);

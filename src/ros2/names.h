@@ -22,6 +22,6 @@ namespace fastcycle::ros2 {
 /// The value of `key` in an endpoint's user data; empty if there is none.
 [[nodiscard]] std::string_view value_of(std::string_view user_data, std::string_view key);
 /// Why `name` is no valid topic or service name of ROS 2; none if it is.
-[[nodiscard]] std::optional<std::string> mistake_of_ros_name(std::string_view name);
+[[nodiscard]] std::optional<std::string> ros_name_error(std::string_view name);
 
 }  // namespace fastcycle::ros2

@@ -17,12 +17,12 @@ TEST(Names, OfTopicsServicesAndTypesAreThoseOfRos) {
   EXPECT_EQ(ros_type("String"), std::nullopt);
 }
 
-TEST(Names, OfWhatIsNoneAreTold) {
-  EXPECT_EQ(mistake_of_ros_name("/lidar/points_2"), std::nullopt);
-  EXPECT_TRUE(mistake_of_ros_name("/lidar//points"));
-  EXPECT_TRUE(mistake_of_ros_name("/2points"));
-  EXPECT_TRUE(mistake_of_ros_name("points/"));
-  EXPECT_TRUE(mistake_of_ros_name(""));
+TEST(Names, OfWhatIsNoneAreReported) {
+  EXPECT_EQ(ros_name_error("/lidar/points_2"), std::nullopt);
+  EXPECT_TRUE(ros_name_error("/lidar//points"));
+  EXPECT_TRUE(ros_name_error("/2points"));
+  EXPECT_TRUE(ros_name_error("points/"));
+  EXPECT_TRUE(ros_name_error(""));
 }
 
 TEST(Names, UserDataHasItsValues) {

@@ -65,7 +65,8 @@ bool is_refused(const void* result) {
 
 struct Action {
   const char* name;
-  const char* told;  ///< How the refusal is told; empty: the file system refuses it by itself.
+  const char*
+      reported;  ///< How the refusal is reported; empty: the file system refuses it by itself.
   bool (*is_refused)(const Target& target);
 };
 
@@ -217,7 +218,7 @@ constexpr std::array kActions{
              const rlimit none{RLIM_INFINITY, RLIM_INFINITY};
              return is_refused(setrlimit(RLIMIT_CORE, &none));
            }},
-    Action{"hide what is refused", "rt_sigaction of SIGSYS, by which refused calls are told",
+    Action{"hide what is refused", "rt_sigaction of SIGSYS, by which refused calls are reported",
            [](const Target&) { return signal(SIGSYS, SIG_IGN) == SIG_ERR && errno == EPERM; }},
     Action{"become another user", "setuid",
            [](const Target&) { return is_refused(syscall(SYS_setuid, 0)); }},
@@ -320,7 +321,7 @@ constexpr std::array kActions{
            }},
 };
 
-/// What is refused of all actions: a line each, `index told-refusals`.
+/// What is refused of all actions: a line each, `index reported-refusals`.
 std::string try_all(const Target& target) {
   std::string refused;
   for (std::size_t i = 0; i < kActions.size(); ++i) {
@@ -370,14 +371,14 @@ TEST_F(HostileComponent, IsRefusedEachActionByName) {
   });
 
   ASSERT_EQ(ended.status, 0) << ended.said;
-  std::vector<std::string> told(kActions.size(), "not refused");
+  std::vector<std::string> reported(kActions.size(), "not refused");
   std::istringstream lines(ended.said);
   for (std::string line; std::getline(lines, line);) {
     const auto bar = line.find('|');
-    told.at(std::stoul(line)) = bar == std::string::npos ? "" : line.substr(bar + 1);
+    reported.at(std::stoul(line)) = bar == std::string::npos ? "" : line.substr(bar + 1);
   }
   for (std::size_t i = 0; i < kActions.size(); ++i) {
-    EXPECT_EQ(told[i], kActions[i].told) << kActions[i].name;
+    EXPECT_EQ(reported[i], kActions[i].reported) << kActions[i].name;
   }
   static_assert(kActions.size() >= 22);
 }

@@ -84,7 +84,7 @@ constexpr std::array<const char*, static_cast<std::size_t>(Rule::kCount)> kWords
     "% to another process",
     "% of another thread",
     "% of other limits, or of another process",
-    "% of SIGSYS, by which refused calls are told",
+    "% of SIGSYS, by which refused calls are reported",
     "% with a request that is not known to be harmless",
     "% of an executable file",
     "a call of another architecture",

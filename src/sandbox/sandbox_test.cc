@@ -379,7 +379,7 @@ TEST_F(Sandbox, AThreadThatHoldsAllSignalsBackIsRefusedAndGoesOn) {
     sigprocmask(SIG_BLOCK, nullptr, &held);
     return unless(result == -2 && error == EPERM, "socket") +
            unless(sigismember(&held, SIGUSR1) == 1, "SIGUSR1 is not held back") +
-           unless(take_refusals().size() == 1, "told");
+           unless(take_refusals().size() == 1, "reported");
   });
 
   EXPECT_EQ(ended.said, "");
@@ -474,9 +474,9 @@ TEST_F(Sandbox, ALibraryIsLoadedLaterWhereThatIsAllowed) {
   EXPECT_EQ(ended.said, "");
 }
 
-// ---- What is told instead of a sandbox that is not there ----
+// ---- What is reported instead of a sandbox that is not there ----
 
-TEST_F(Sandbox, AKernelWithoutLandlockIsTold) {
+TEST_F(Sandbox, AKernelWithoutLandlockIsReported) {
   const Ended ended = in_child([this] {
     take_away(444);
     const auto refusal = apply_sandbox(options());
@@ -487,7 +487,7 @@ TEST_F(Sandbox, AKernelWithoutLandlockIsTold) {
   EXPECT_THAT(ended.said, testing::HasSubstr("CONFIG_SECURITY_LANDLOCK"));
 }
 
-TEST_F(Sandbox, AKernelWithoutFiltersIsTold) {
+TEST_F(Sandbox, AKernelWithoutFiltersIsReported) {
   const Ended ended = in_child([this] {
     take_away(SYS_seccomp);
     const auto refusal = apply_sandbox(options());
@@ -498,7 +498,7 @@ TEST_F(Sandbox, AKernelWithoutFiltersIsTold) {
   EXPECT_THAT(ended.said, testing::HasSubstr("CONFIG_SECCOMP_FILTER"));
 }
 
-TEST_F(Sandbox, APathThatIsNotThereIsTold) {
+TEST_F(Sandbox, APathThatIsNotThereIsReported) {
   const Ended ended = in_child([this] {
     const auto refusal = apply_sandbox({.read = {writable() / "nothing"}});
     return refusal ? refusal->what : "applied";
@@ -507,7 +507,7 @@ TEST_F(Sandbox, APathThatIsNotThereIsTold) {
   EXPECT_THAT(ended.said, testing::HasSubstr("writable/nothing: No such file or directory"));
 }
 
-TEST_F(Sandbox, ThreadsThatAreThereAlreadyAreToldByName) {
+TEST_F(Sandbox, ThreadsThatAreThereAlreadyAreReportedByName) {
   const Ended ended = in_child([this] {
     std::promise<void> begun;
     std::promise<void> over;

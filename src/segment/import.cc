@@ -100,7 +100,7 @@ Import::Import(const Wire& wire, const LinkPlan& link, std::uint32_t incarnation
 Import::~Import() = default;
 
 /// Updates the oldest incarnation whose messages are held.
-void Import::say_oldest() {
+void Import::report_oldest() {
   std::erase_if(held_, [this](const auto& held) {
     return held->publisher != publisher_ && held->count() == 0;
   });
@@ -119,7 +119,7 @@ std::size_t Import::held() const noexcept {
 void Import::attach() {
   const std::uint32_t now = wire_.incarnation(link_.from).load(std::memory_order_acquire);
   if (now == publisher_) {
-    say_oldest();  // Requests for the memory of an old incarnation arrive as a ring.
+    report_oldest();  // Requests for the memory of an old incarnation arrive as a ring.
     return;
   }
   while (publisher_ != 0 && take_in_order()) {
@@ -129,7 +129,7 @@ void Import::attach() {
   }
   newest_ = now != 0 ? now : publisher_;
   publisher_ = now;
-  say_oldest();
+  report_oldest();
   if (now == 0) {
     begin_credits(0);
     return;
@@ -164,16 +164,16 @@ void Import::begin_credits(std::uint32_t publisher) {
     credited_ = publisher;
     passed_on_ = head_;
   }
-  tell_finished();
+  report_finished();
 }
 
 void Import::credit_returned() noexcept {
   if (!wire_.plan().is_simulated) {  // Else between rounds.
-    tell_finished();
+    report_finished();
   }
 }
 
-void Import::tell_finished() noexcept {
+void Import::report_finished() noexcept {
   if (link_.credits == 0) {
     return;
   }

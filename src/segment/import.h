@@ -23,7 +23,7 @@ namespace fastcycle::segment {
 /// none.
 ///
 /// @threads  `take` and `has_any` by one thread at a time; `came_back`, `credit_returned` and
-///           `tell_finished` are Safe.
+///           `report_finished` are Safe.
 /// @realtime No allocation after the first messages of a publisher; takes the lock of its stand-in.
 class Import final : public detail::CreditRelay {
  public:
@@ -41,8 +41,8 @@ class Import final : public detail::CreditRelay {
   [[nodiscard]] bool has_any() noexcept;
 
   void credit_returned() noexcept override;
-  /// Tells the publisher how many messages all receivers here have finished. Safe.
-  void tell_finished() noexcept;
+  /// Reports to the publisher how many messages all receivers here have finished. Safe.
+  void report_finished() noexcept;
 
   /// `other` leads from the other process of a standby pair: messages of both are taken in the
   /// order of their sequences.
@@ -65,7 +65,7 @@ class Import final : public detail::CreditRelay {
  private:
   class Held;
 
-  void say_oldest();
+  void report_oldest();
   void begin_credits(std::uint32_t publisher);
   bool find(std::uint64_t& word) noexcept;
   bool take_one() noexcept;

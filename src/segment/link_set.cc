@@ -35,9 +35,9 @@ void LinkSet::watch(ProcessIndex process) {
   }
 }
 
-void LinkSet::tell_finished() noexcept {
+void LinkSet::report_finished() noexcept {
   for (const auto& import : imports_) {
-    import->tell_finished();
+    import->report_finished();
   }
 }
 

@@ -26,8 +26,8 @@ class LinkSet final : public detail::ForeignInputs {
   /// Connects to all present publishers. Before the executor starts, or as `take`.
   void attach();
 
-  /// In simulated time, at the end of a round, before others take it: tells them of all credits.
-  void tell_finished() noexcept;
+  /// In simulated time, at the end of a round, before others take it: reports all credits to them.
+  void report_finished() noexcept;
 
   bool take() noexcept override;
   std::size_t announce(std::span<base::WatchedWord> words) noexcept override;

@@ -42,7 +42,7 @@ constexpr ProcessIndex kPublisher = 1;
 constexpr ProcessIndex kReceiver = 2;
 constexpr ProcessIndex kSecondReceiver = 3;
 
-/// How far a test has come: seen and told by all of its processes.
+/// How far a test has come: seen and reported by all of its processes.
 class Progress {
  public:
   Progress()

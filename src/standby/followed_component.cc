@@ -194,7 +194,7 @@ void FollowedComponent::skip(const FollowedActivation& activation, std::string_v
   for (detail::PublisherCore* publisher : publishers_) {
     publisher->skip_followed();
   }
-  core_.repeat_next(activation.record.number + 1, told_);
+  core_.repeat_next(activation.record.number + 1, replayed_);
   core_.log_source.write(LogLevel::kWarning, fmt::format("activation {} is left out: {}",
                                                          activation.record.number, why));
 }
@@ -409,7 +409,7 @@ void FollowedComponent::begin_at(detail::ActivationRing& ring, const FollowedAct
   }
   core_.follow_at(base::from_ns(frame.record.time_ns));
   detail::begin_at_key_frame(
-      *late_, core_, ring, told_,
+      *late_, core_, ring, replayed_,
       {.activation = frame.record.number,
        .reads = frame.reads,
        .state = [&copies](const detail::Read& read) -> const google::protobuf::Message& {
@@ -440,8 +440,8 @@ void FollowedComponent::answer_for_mode(detail::ActivationRing& ring) {
   const std::uint64_t done =
       detail::to_key(is_active ? LifeStep::kActivate : LifeStep::kDeactivate);
   while (core_.has_posted(Cause::kMode, done)) {
-    told_.begin({});
-    core_.repeat_next(executed_.load(), told_);
+    replayed_.begin({});
+    core_.repeat_next(executed_.load(), replayed_);
     static_cast<void>(core_.repeat_posted(ring, Cause::kMode, done));
   }
 }
@@ -449,8 +449,8 @@ void FollowedComponent::answer_for_mode(detail::ActivationRing& ring) {
 /// Callbacks cannot see who subscribes, and that differs between processes.
 void FollowedComponent::connect_what_waits(detail::ActivationRing& ring) {
   while (core_.has_posted(Cause::kConnect, 0)) {
-    told_.begin({});
-    core_.repeat_next(executed_.load(), told_);
+    replayed_.begin({});
+    core_.repeat_next(executed_.load(), replayed_);
     static_cast<void>(core_.repeat_posted(ring, Cause::kConnect, 0));
   }
 }
@@ -458,8 +458,8 @@ void FollowedComponent::connect_what_waits(detail::ActivationRing& ring) {
 void FollowedComponent::execute(detail::ActivationRing& ring,
                                 const FollowedActivation& activation) {
   const detail::ActivationRecord& record = activation.record;
-  told_.begin(activation.reads);
-  core_.repeat_next(record.number, told_);
+  replayed_.begin(activation.reads);
+  core_.repeat_next(record.number, replayed_);
   core_.follow_at(base::from_ns(record.time_ns));
   for (const ForView& one : for_views_) {
     core_.repeat_view(*one.view, *one.lane, one.envelope);

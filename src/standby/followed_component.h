@@ -24,7 +24,7 @@ namespace fastcycle::standby {
 /// One activation of the followed component, with its reads.
 struct FollowedActivation {
   detail::ActivationRecord record;
-  std::vector<detail::ToldReads::Entry> reads = {};
+  std::vector<detail::ReplayedReads::Entry> reads = {};
 };
 
 /// The script of one component on standby: the activations of the followed component, each as soon
@@ -106,7 +106,7 @@ class FollowedComponent final : public detail::Script {
   /// Activity while it follows was already recorded by the other process.
   const std::unique_ptr<detail::ActivationRing> ring_ = std::make_unique<detail::ActivationRing>();
   const Listener listener_;
-  detail::ToldReads told_;
+  detail::ReplayedReads replayed_;
   std::vector<detail::PublisherCore*> publishers_;
 
   std::mutex mutex_;

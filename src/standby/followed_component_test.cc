@@ -75,7 +75,7 @@ class ALateFollower : public testing::Test {
 
   void ask(LifeStep step, std::function<void()> body) {
     ++asked_;
-    core_->post_and_tell(
+    core_->post_and_notify(
         Cause::kMode, std::move(body), [this] { ++answered_; }, detail::to_key(step));
   }
   void ask_to_start() {
@@ -208,7 +208,7 @@ TEST_F(ALateFollower, ChangesModesAlsoWhereItWasAskedBeforeItsKeyFrame) {
 
   add(LifeStep::kActivate, {});
   serve();
-  ask_to_activate();  // It hears of this switch last.
+  ask_to_activate();  // It is notified of this switch last.
   serve();
 
   EXPECT_EQ(answered_, asked_);

@@ -23,7 +23,7 @@ bool ReadAssembly::read() {
   return lost == 0;
 }
 
-std::vector<detail::ToldReads::Entry> ReadAssembly::take(std::uint64_t activation) {
+std::vector<detail::ReplayedReads::Entry> ReadAssembly::take(std::uint64_t activation) {
   by_activation_.erase(by_activation_.begin(), by_activation_.lower_bound(activation));
   const auto found = by_activation_.find(activation);
   if (found == by_activation_.end()) {

@@ -21,13 +21,13 @@ class ReadAssembly {
 
   /// The reads of `activation`; discards those of earlier ones. Complete once the activation has
   /// ended.
-  [[nodiscard]] std::vector<detail::ToldReads::Entry> take(std::uint64_t activation);
+  [[nodiscard]] std::vector<detail::ReplayedReads::Entry> take(std::uint64_t activation);
 
  private:
   const detail::ReadRing& ring_;
   std::uint64_t next_ = 0;
   std::vector<detail::Read> new_;
-  std::map<std::uint64_t, std::vector<detail::ToldReads::Entry>> by_activation_;
+  std::map<std::uint64_t, std::vector<detail::ReplayedReads::Entry>> by_activation_;
 };
 
 }  // namespace fastcycle::standby

@@ -102,8 +102,8 @@ void Tracer::open(config::Problems& problems) {
   try {
     file_.open();
   } catch (const std::runtime_error& error) {
-    problems.add(config::mistake(description_.place,
-                                 std::string("the trace cannot be written: ") + error.what()));
+    problems.add(config::make_error(description_.place,
+                                    std::string("the trace cannot be written: ") + error.what()));
   }
 }
 
@@ -705,18 +705,18 @@ void Tracer::write_faults() {
 void Tracer::write_losses(bool is_last) {
   counts_.notes_lost = notes_lost_.load(std::memory_order_relaxed);
   const std::uint64_t lost = counts_.activations_lost + counts_.events_lost + counts_.notes_lost;
-  if (lost == lost_said_) {
+  if (lost == reported_lost_) {
     return;
   }
   const Annotation count{.name = words_.count,
-                         .value = static_cast<std::int64_t>(lost - lost_said_)};
+                         .value = static_cast<std::int64_t>(lost - reported_lost_)};
   packets_.add(Event{.type = EventType::kInstant,
                      .time_ns = now_ns(),
                      .track = losses_track_,
                      .name = words_.lost,
                      .annotations = std::span(&count, 1)});
   if (file_.append(packets_.bytes(), is_last || clock_->is_simulated())) {
-    lost_said_ = lost;
+    reported_lost_ = lost;
   } else {
     packets_.begin_anew();
   }

@@ -224,7 +224,7 @@ class Tracer final : public host::Observer {
     std::uint64_t number, sequence, waited, skipped, published, faulted, count, time, lost;
   } words_{};
   std::uint64_t batch_ = 0;
-  std::uint64_t lost_said_ = 0;
+  std::uint64_t reported_lost_ = 0;
   TraceReport counts_;
 
   // Written by any thread.

@@ -332,7 +332,7 @@ void Hub::look(std::chrono::steady_clock::time_point now) {
   }
   if (is_due(next_losses_, kLossesPeriod)) {
     for (Listener* listener : listeners_) {
-      listener->tell_losses();
+      listener->report_losses();
     }
   }
 }

@@ -49,7 +49,7 @@ class Listener : public Asker {
   virtual void take_params(const inspect::protocol::Params& params) = 0;
 
   /// Called about once a second.
-  virtual void tell_losses() = 0;
+  virtual void report_losses() = 0;
 };
 
 /// The live server's view of an application, shared by its clients: channels, message streams,

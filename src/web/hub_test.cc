@@ -39,7 +39,7 @@ constexpr std::int64_t kBegin = 1'000'000'000;
 constexpr std::int64_t kStep = 10'000'000;
 constexpr int kSteps = 200;
 
-/// Of a Foxglove client all that it is told.
+/// Of a Foxglove client all that it receives.
 struct Client {
   explicit Client(Hub& hub) : session(hub, [] {}) {}
 

@@ -299,7 +299,7 @@ class Server::Net::Connection final : public AnyConnection {
       return;
     }
     if (!std::exchange(is_ending_, true)) {
-      session_->tell_losses();
+      session_->report_losses();
       want_write();  // Pending output is written first.
     }
   }
@@ -626,7 +626,7 @@ class Server::Net::Connection final : public AnyConnection {
 
 void Server::Net::open(config::Problems& problems) {
   const auto wrong = [&](const std::string& text) {
-    problems.add(config::mistake(description_.place, text));
+    problems.add(config::make_error(description_.place, text));
   };
   error_code error;
   const auto address = asio::ip::make_address(description_.address, error);

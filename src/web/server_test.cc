@@ -82,7 +82,7 @@ class Counter final : public Component {
   std::int64_t offset_ = 0;
 };
 
-/// A client that waits for what it is told.
+/// A client that waits for messages.
 class Client {
  public:
   using Stream = websocket::stream<beast::tcp_stream>;
@@ -102,11 +102,11 @@ class Client {
   [[nodiscard]] bool is_open() const { return is_open_; }
   [[nodiscard]] const websocket::response_type& response() const { return response_; }
 
-  void say(const Json& json) {
+  void send(const Json& json) {
     socket_.text(true);
     socket_.write(asio::buffer(json.dump()));
   }
-  void say_raw(const std::string& bytes, bool is_text) {
+  void send_raw(const std::string& bytes, bool is_text) {
     socket_.text(is_text);
     socket_.write(asio::buffer(bytes));
   }
@@ -302,7 +302,7 @@ TEST_F(LiveServer, GivesEachMessageInItsOrderOrSaysWhichItLeftOut) {
   run();
   Client client = connect();
   const Json channel = channel_of(client.await("advertise"), "numbers");
-  client.say(
+  client.send(
       {{"op", "subscribe"}, {"subscriptions", {{{"id", 77}, {"channelId", channel["id"]}}}}});
 
   std::int64_t last = 0;
@@ -324,8 +324,8 @@ TEST_F(LiveServer, GivesEachMessageInItsOrderOrSaysWhichItLeftOut) {
   while (!is_complete && client.losses.empty()) {
     ASSERT_TRUE(client.read());
   }
-  client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
-  client.say({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
+  client.send({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
+  client.send({{"op", "unsubscribe"}, {"subscriptionIds", {77}}});
   std::string text;
   while (text.find("no such subscription") == std::string::npos) {
     text = client.await("status").value("message", "");
@@ -378,7 +378,7 @@ TEST_F(LiveServer, AsksTheApplicationForThem) {
   EXPECT_TRUE(overview["components"][0]["callback"]["buckets"].empty());
   const Json change = answer_to(
       R"({"change_params": {"changes": [{"param": "counter.factor", "value_json": "4"}]}})");
-  EXPECT_TRUE(change["params_changed"]["mistakes"].empty());
+  EXPECT_TRUE(change["params_changed"]["errors"].empty());
   EXPECT_EQ(answer_to(R"({"params": {}})")["params"]["params"][0]["value_json"], "4");
   const Json refused = answer_to(R"({"switch_mode": {"mode": "off"}})");
   EXPECT_EQ(refused["error"]["kind"], "KIND_NOT_ALLOWED");
@@ -461,15 +461,15 @@ TEST_F(LiveServer, SpeaksTlsWhereItIsAskedFor) {
 TEST_F(LiveServer, TellsAndChangesParams) {
   run(allow({"params"}));
   Client client = connect();
-  client.say({{"op", "getParameters"}, {"parameterNames", {"counter.factor"}}, {"id", "a"}});
+  client.send({{"op", "getParameters"}, {"parameterNames", {"counter.factor"}}, {"id", "a"}});
   Json values = client.await("parameterValues");
   EXPECT_EQ(values["id"], "a");
   EXPECT_EQ(values["parameters"], Json::parse(R"([{"name": "counter.factor", "value": 1}])"));
 
-  client.say({{"op", "subscribeParameterUpdates"}, {"parameterNames", {"counter.factor"}}});
-  client.say({{"op", "setParameters"},
-              {"parameters", {{{"name", "counter.factor"}, {"value", 3.0}}}},
-              {"id", "b"}});
+  client.send({{"op", "subscribeParameterUpdates"}, {"parameterNames", {"counter.factor"}}});
+  client.send({{"op", "setParameters"},
+               {"parameters", {{{"name", "counter.factor"}, {"value", 3.0}}}},
+               {"id", "b"}});
   for (;;) {
     values = client.await("parameterValues");
     ASSERT_FALSE(values.empty());
@@ -477,7 +477,7 @@ TEST_F(LiveServer, TellsAndChangesParams) {
       break;
     }
   }
-  client.say(
+  client.send(
       {{"op", "setParameters"}, {"parameters", {{{"name", "counter.factor"}, {"value", 10}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("counter.factor"));
 }
@@ -485,12 +485,12 @@ TEST_F(LiveServer, TellsAndChangesParams) {
 TEST_F(LiveServer, ChangesNothingUnlessThatIsAllowed) {
   run();
   Client client = connect();
-  client.say(
+  client.send(
       {{"op", "setParameters"}, {"parameters", {{{"name", "counter.factor"}, {"value", 3}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(),
               HasSubstr("may not be changed"));
-  client.say({{"op", "advertise"},
-              {"channels", {{{"id", 1}, {"topic", "wishes"}, {"encoding", "protobuf"}}}}});
+  client.send({{"op", "advertise"},
+               {"channels", {{{"id", 1}, {"topic", "wishes"}, {"encoding", "protobuf"}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(),
               HasSubstr("may not be published on"));
 }
@@ -509,29 +509,30 @@ TEST_F(LiveServer, PublishesAndCallsWhereThatIsAllowed) {
   number.set_value(21);
   const std::string call =
       foxglove::service_reply(service["id"], 5, foxglove::kProtobuf, number.SerializeAsString());
-  client.say_raw("\x02" + call.substr(1), false);
+  client.send_raw("\x02" + call.substr(1), false);
   const std::string reply = client.await_binary(3);
   EXPECT_EQ(number_at(reply, 5, 4), 5);
   ASSERT_TRUE(number.ParseFromString(reply.substr(13 + 8)));
   EXPECT_EQ(number.value(), 42);
 
-  client.say({{"op", "advertise"},
-              {"channels",
-               {{{"id", 9},
-                 {"topic", "wishes"},
-                 {"encoding", "protobuf"},
-                 {"schemaName", "google.protobuf.Int64Value"}}}}});
+  client.send({{"op", "advertise"},
+               {"channels",
+                {{{"id", 9},
+                  {"topic", "wishes"},
+                  {"encoding", "protobuf"},
+                  {"schemaName", "google.protobuf.Int64Value"}}}}});
   number.set_value(1'000'000);
   std::string message("\x01\x09\0\0\0", 5);
   message += number.SerializeAsString();
-  client.say_raw(message, false);
-  client.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+  client.send_raw(message, false);
+  client.send(
+      {{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
   do {
     ASSERT_TRUE(number.ParseFromString(client.await_binary(1).substr(13)));
   } while (number.value() < 1'000'000);
 
-  client.say({{"op", "advertise"},
-              {"channels", {{{"id", 2}, {"topic", "numbers"}, {"encoding", "protobuf"}}}}});
+  client.send({{"op", "advertise"},
+               {"channels", {{{"id", 2}, {"topic", "numbers"}, {"encoding", "protobuf"}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("numbers"));
 }
 
@@ -544,37 +545,38 @@ TEST_F(LiveServer, TakesJsonOfClients) {
 
   // Int64Value is a text in protobuf's JSON.
   const auto call = [&](std::uint32_t number, const std::string& text) {
-    client.say_raw("\x02" + foxglove::service_reply(service["id"], number, "json", text).substr(1),
-                   false);
+    client.send_raw("\x02" + foxglove::service_reply(service["id"], number, "json", text).substr(1),
+                    false);
   };
   call(6, "\"21\"");
   EXPECT_THAT(client.await_binary(3).substr(9), Eq(std::string("\4\0\0\0json\"42\"", 12)));
   call(7, "{\"value\": 21");
   EXPECT_EQ(client.await("serviceCallFailure")["callId"], 7);
 
-  const auto say = [&](const std::string& text) {
-    client.say_raw(std::string("\x01\x09\0\0\0", 5) + text, false);
+  const auto send = [&](const std::string& text) {
+    client.send_raw(std::string("\x01\x09\0\0\0", 5) + text, false);
   };
-  client.say({{"op", "advertise"},
-              {"channels", {{{"id", 9}, {"topic", "wishes"}, {"encoding", "json"}}}}});
-  say("[1, 2]");
+  client.send({{"op", "advertise"},
+               {"channels", {{{"id", 9}, {"topic", "wishes"}, {"encoding", "json"}}}}});
+  send("[1, 2]");
   EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("\"wishes\": "));
-  say("\"1000000\"");
-  client.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+  send("\"1000000\"");
+  client.send(
+      {{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
   Int64Value number;
   do {
     ASSERT_TRUE(number.ParseFromString(client.await_binary(1).substr(13)));
   } while (number.value() < 1'000'000);
 
-  client.say({{"op", "advertise"},
-              {"channels", {{{"id", 10}, {"topic", "wishes"}, {"encoding", "cdr"}}}}});
+  client.send({{"op", "advertise"},
+               {"channels", {{{"id", 10}, {"topic", "wishes"}, {"encoding", "cdr"}}}}});
   EXPECT_THAT(client.await("status")["message"].get<std::string>(), HasSubstr("protobuf or json"));
 }
 
 TEST_F(LiveServer, ShowsWhoIsConnected) {
   run();
   Client client = connect();
-  client.say({{"op", "subscribeConnectionGraph"}});
+  client.send({{"op", "subscribeConnectionGraph"}});
   const Json graph = client.await("connectionGraphUpdate");
   EXPECT_THAT(graph["publishedTopics"],
               Contains(Json::parse(R"({"name": "numbers", "publisherIds": ["counter"]})")));
@@ -600,15 +602,15 @@ TEST_F(LiveServer, GoesOnWhateverClientsSay) {
        R"({"op": "setParameters", "parameters": [{"name": "counter.factor"}]})",
        R"({"op": "setParameters", "parameters": [{"name": "nobody.nothing", "value": {"a": [1]}}]})",
        R"({"op": "subscribeParameterUpdates", "parameterNames": {"a": 1}})"}) {
-    client.say_raw(text, true);
+    client.send_raw(text, true);
   }
-  client.say_raw("[[[[" + std::string(100'000, '['), true);
+  client.send_raw("[[[[" + std::string(100'000, '['), true);
   for (const std::string& frame :
        {std::string(), std::string("\x01"), std::string("\x01\x01\0\0\0", 5), std::string("\x02"),
         std::string("\x02\x07\0\0\0\x01\0\0\0\x08\0\0\0protobuf", 21), std::string("\x63zzz")}) {
-    client.say_raw(frame, false);
+    client.send_raw(frame, false);
   }
-  client.say({{"op", "getParameters"}, {"parameterNames", {"counter.factor"}}, {"id", "end"}});
+  client.send({{"op", "getParameters"}, {"parameterNames", {"counter.factor"}}, {"id", "end"}});
   Json values;
   do {
     values = client.await("parameterValues");
@@ -622,12 +624,13 @@ TEST_F(LiveServer, GivesEachClientItsOwn) {
   Client silent = connect();  // Subscribes, and never reads.
   const Json channel = channel_of(reader.await("advertise"), "numbers");
   for (Client* client : {&reader, &silent}) {
-    client->say(
+    client->send(
         {{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
   }
   {
     Client gone = connect();
-    gone.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
+    gone.send(
+        {{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", channel["id"]}}}}});
   }
   for (int i = 0; i < 100; ++i) {
     ASSERT_FALSE(reader.await_binary(1).empty());
@@ -655,7 +658,7 @@ TEST_F(LiveServer, StopsWhileClientsComeAndLeave) {
         while (!is_over) {
           try {
             Client client = connect();
-            client.say({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", 1}}}}});
+            client.send({{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", 1}}}}});
             ++connections;  // And it leaves without a word.
           } catch (const boost::system::system_error&) {
             std::this_thread::sleep_for(1ms);  // Nobody listens any more.

@@ -84,7 +84,7 @@ std::string to_json(std::string_view bytes, const archive::MessageType& type) {
   std::string json;
   const auto message = type.parse(mcap::bytes_of(bytes));
   if (!google::protobuf::util::MessageToJsonString(*message, &json, options).ok()) {
-    throw std::runtime_error("the answer cannot be told as JSON: it is one of protobuf only");
+    throw std::runtime_error("the answer cannot be written as JSON: it is one of protobuf only");
   }
   return json;
 }
@@ -121,33 +121,33 @@ Session::~Session() {
 
 void Session::greet() {
   const protocol::Welcome& welcome = hub_.welcome();
-  say_text(foxglove::server_info("FastCycle " + welcome.application(), hub_.session_id(),
-                                 hub_.capabilities(), metadata_of(hub_),
-                                 hub_.playback()
-                                     ? std::optional(foxglove::TimeRange{
-                                           hub_.playback()->begin_ns(), hub_.playback()->end_ns()})
-                                     : std::nullopt));
-  say_text(foxglove::advertise(hub_.channels()));
+  send_text(foxglove::server_info("FastCycle " + welcome.application(), hub_.session_id(),
+                                  hub_.capabilities(), metadata_of(hub_),
+                                  hub_.playback()
+                                      ? std::optional(foxglove::TimeRange{
+                                            hub_.playback()->begin_ns(), hub_.playback()->end_ns()})
+                                      : std::nullopt));
+  send_text(foxglove::advertise(hub_.channels()));
   if (!hub_.services().empty()) {
-    say_text(foxglove::advertise_services(hub_.services()));
+    send_text(foxglove::advertise_services(hub_.services()));
   }
   if (hub_.playback()) {
     take_playback(*hub_.playback(), false);
   }
 }
 
-void Session::say_text(std::string text) {
+void Session::send_text(std::string text) {
   outbox_.put_text(std::move(text));
   wake_();
 }
 
-void Session::say_binary(std::string bytes) {
+void Session::send_binary(std::string bytes) {
   outbox_.put_binary(std::move(bytes));
   wake_();
 }
 
-void Session::say_status(StatusLevel level, std::string_view text, std::string_view id) {
-  say_text(foxglove::status(level, text, id));
+void Session::send_status(StatusLevel level, std::string_view text, std::string_view id) {
+  send_text(foxglove::status(level, text, id));
 }
 
 void Session::take_message(std::uint32_t subscription,
@@ -161,7 +161,7 @@ void Session::take_loss(std::uint32_t subscription, std::uint64_t count) {
 }
 
 void Session::take_time(std::int64_t now_ns) {
-  say_binary(foxglove::time(now_ns));
+  send_binary(foxglove::time(now_ns));
 }
 
 void Session::take_playback(const protocol::Playback& playback, bool did_seek) {
@@ -170,20 +170,20 @@ void Session::take_playback(const protocol::Playback& playback, bool did_seek) {
   if (did_seek) {
     outbox_.forget_messages();  // Control frames go first: these would follow the new state.
   }
-  say_binary(foxglove::playback_state(state));
+  send_binary(foxglove::playback_state(state));
   if (playback.problem() != problem_) {
     problem_ = playback.problem();
     if (!problem_.empty()) {
-      say_status(StatusLevel::kError, problem_ + "; paused there", "playback");
+      send_status(StatusLevel::kError, problem_ + "; paused there", "playback");
     }
   }
 }
 
 void Session::take_graph(const foxglove::Graph& graph, const foxglove::Graph& before) {
-  say_text(foxglove::graph_update(graph, before));
+  send_text(foxglove::graph_update(graph, before));
 }
 
-void Session::tell_losses() {
+void Session::report_losses() {
   for (const Outbox::Loss& loss : outbox_.take_losses()) {
     lost_[loss.subscription] += loss.count;
   }
@@ -193,7 +193,7 @@ void Session::tell_losses() {
     const foxglove::Channel* channel =
         found == subscriptions_.end() ? nullptr : hub_.find_channel(found->second);
     if (channel != nullptr) {
-      say_status(
+      send_status(
           StatusLevel::kWarning,
           fmt::format("{}: {} left out, since they came faster than this connection takes them",
                       channel->topic,
@@ -228,7 +228,7 @@ void Session::take_text(std::string_view text) {
     subscribe_params(json, false);
   } else if (op == "subscribeConnectionGraph") {
     wants_graph_ = true;
-    say_text(foxglove::graph_update(hub_.graph(), {}));
+    send_text(foxglove::graph_update(hub_.graph(), {}));
   } else if (op == "unsubscribeConnectionGraph") {
     wants_graph_ = false;
   } else {
@@ -286,8 +286,8 @@ void Session::unsubscribe(const Json& json) {
     const auto id = foxglove::to_id(one);
     const auto found = id ? subscriptions_.find(*id) : subscriptions_.end();
     if (found == subscriptions_.end()) {
-      say_status(StatusLevel::kWarning,
-                 "there is no such subscription: " + one.dump().substr(0, 64));
+      send_status(StatusLevel::kWarning,
+                  "there is no such subscription: " + one.dump().substr(0, 64));
       continue;
     }
     hub_.unsubscribe(*this, found->first, found->second);
@@ -359,7 +359,7 @@ void Session::publish(const foxglove::ClientMessage& message) {
 void Session::call(const foxglove::ClientCall& call) {
   const foxglove::Service* service = hub_.find_service(call.service);
   const auto fail = [this, id = call.service, number = call.call](std::string_view text) {
-    say_text(foxglove::service_failure(id, number, text));
+    send_text(foxglove::service_failure(id, number, text));
   };
   if (service == nullptr) {
     fail(fmt::format("there is no service {}", call.service));
@@ -392,14 +392,14 @@ void Session::call(const foxglove::ClientCall& call) {
         } else if (is_json) {
           const foxglove::Service& its = *hub_.find_service(id);
           try {
-            say_binary(foxglove::service_reply(
+            send_binary(foxglove::service_reply(
                 id, number, foxglove::kJson,
                 to_json(answer.reply().reply(), hub_.type_of(its.reply_type, its.reply_schema))));
           } catch (const std::runtime_error& error) {
             fail(error.what());
           }
         } else {
-          say_binary(
+          send_binary(
               foxglove::service_reply(id, number, foxglove::kProtobuf, answer.reply().reply()));
         }
       });
@@ -426,7 +426,7 @@ void Session::control(const foxglove::ClientPlayback& playback) {
              foxglove::PlaybackState state =
                  to_state(answer.has_playback() ? answer.playback() : *hub_.playback());
              state.request = id;
-             say_binary(foxglove::playback_state(state));
+             send_binary(foxglove::playback_state(state));
            });
 }
 
@@ -447,7 +447,7 @@ void Session::get_params(const Json& json) {
                  values.push_back(to_json(param));
                }
              }
-             say_text(foxglove::parameter_values(std::move(values), id));
+             send_text(foxglove::parameter_values(std::move(values), id));
            });
 }
 
@@ -479,8 +479,8 @@ void Session::set_params(const Json& json) {
              if (answer.has_error()) {
                refuse(answer.error().text());
              }
-             for (const std::string& mistake : answer.params_changed().mistakes()) {
-               refuse(mistake);
+             for (const std::string& error : answer.params_changed().errors()) {
+               refuse(error);
              }
              hub_.params_have_changed();
              if (!id.empty()) {
@@ -505,7 +505,7 @@ void Session::subscribe_params(const Json& json, bool is_wanted) {
     params_.clear();
   }
   wants_params_ = is_wanted || !params_.empty();
-  told_params_.clear();
+  sent_params_.clear();
   hub_.params_have_changed();
 }
 
@@ -519,14 +519,14 @@ void Session::take_params(const protocol::Params& params) {
     if (!params_.empty() && !params_.contains(name)) {
       continue;
     }
-    std::string& told = told_params_[name];
-    if (told != param.value_json()) {
-      told = param.value_json();
+    std::string& sent = sent_params_[name];
+    if (sent != param.value_json()) {
+      sent = param.value_json();
       changed.push_back(to_json(param));
     }
   }
   if (!changed.empty()) {
-    say_text(foxglove::parameter_values(std::move(changed), {}));
+    send_text(foxglove::parameter_values(std::move(changed), {}));
   }
 }
 

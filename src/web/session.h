@@ -40,7 +40,7 @@ class Session final : public Listener {
   [[nodiscard]] bool wants_params() const override { return wants_params_; }
   /// Sends changes of the subscribed params.
   void take_params(const inspect::protocol::Params& params) override;
-  void tell_losses() override;
+  void report_losses() override;
 
  private:
   static constexpr std::size_t kMaxSubscriptions = 4096;
@@ -48,9 +48,9 @@ class Session final : public Listener {
   static constexpr std::size_t kMaxParams = 4096;
 
   void greet();
-  void say_text(std::string text);
-  void say_binary(std::string bytes);
-  void say_status(foxglove::StatusLevel level, std::string_view text, std::string_view id = {});
+  void send_text(std::string text);
+  void send_binary(std::string bytes);
+  void send_status(foxglove::StatusLevel level, std::string_view text, std::string_view id = {});
   void subscribe(const foxglove::Json& json);
   void unsubscribe(const foxglove::Json& json);
   void advertise(const foxglove::Json& json);
@@ -61,7 +61,7 @@ class Session final : public Listener {
   void publish(const foxglove::ClientMessage& message);
   void call(const foxglove::ClientCall& call);
   void control(const foxglove::ClientPlayback& playback);
-  void refuse(std::string_view text) { say_status(foxglove::StatusLevel::kError, text); }
+  void refuse(std::string_view text) { send_status(foxglove::StatusLevel::kError, text); }
 
   Hub& hub_;
   const std::function<void()> wake_;
@@ -76,7 +76,7 @@ class Session final : public Listener {
   bool wants_graph_ = false;
   bool wants_params_ = false;
   std::set<std::string> params_;                    ///< Empty: all.
-  std::map<std::string, std::string> told_params_;  ///< Values as JSON.
+  std::map<std::string, std::string> sent_params_;  ///< Values as JSON.
   std::string problem_;                             ///< Last reported problem of the recording.
 };
 

@@ -51,7 +51,7 @@ class Campaign : public test::TrackingRuns {
   }
 };
 
-TEST_F(Campaign, FindsAMistakeThatNeedsTwoSweepsInARowAndNamesThese) {
+TEST_F(Campaign, FindsABugThatNeedsTwoSweepsInARowAndNamesThese) {
   Process process(campaign({"--seeds", "60", "--junit", "found/junit.xml"}));
 
   EXPECT_EQ(process.wait().exit_code, 1) << process.errors();

@@ -33,7 +33,7 @@ TEST_F(InjectedFaults, DropTheMessagesThatAreNamed) {
   EXPECT_EQ(report["faults"][0]["messages"], json::array({41, 42}));
 }
 
-TEST_F(InjectedFaults, AreToldAtTheStart) {
+TEST_F(InjectedFaults, AreReportedAtTheStart) {
   run(R"({"seed": 7, "list": [{"kind": "drop", "topic": "sweeps"}]})");
 
   EXPECT_THAT(errors_, HasSubstr("faults are injected into this run: 1 (drop_1), seed 7"));
@@ -128,7 +128,7 @@ TEST_F(InjectedFaults, MakeAComponentSlowInSimulatedTime) {
   EXPECT_EQ(report["results"]["tracks"], 100);
 }
 
-TEST_F(InjectedFaults, ThatCannotBeAreMistakesOfTheConfiguration) {
+TEST_F(InjectedFaults, ThatCannotBeAreErrorsOfTheConfiguration) {
   run(R"({"list": [
       {"kind": "drop", "topic": "sweep"},
       {"kind": "corrupt", "topic": "sweeps", "field": "objects.range", "as": "nan"},
@@ -283,7 +283,7 @@ TEST_F(InjectedFaults, ActInLiveRunsToo) {
   }
 }
 
-TEST_F(InjectedFaults, AreInTheLogAndVerifiedAsFarAsItTells) {
+TEST_F(InjectedFaults, AreInTheLogAndVerifiedAsFarAsItIsComplete) {
   run(R"({"seed": 3, "list": [
       {"kind": "drop", "topic": "sweeps", "probability": 0.1},
       {"kind": "delay", "topic": "sweeps", "probability": 0.1, "by_ms": 230},

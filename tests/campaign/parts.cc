@@ -1,4 +1,4 @@
-// A lidar, and a tracker with a mistake in it, which only a search for faults finds.
+// A lidar, and a tracker with a bug in it, which only a search for faults finds.
 
 #include <algorithm>
 #include <chrono>
@@ -45,7 +45,7 @@ class Lidar final : public fastcycle::Component {
   std::int64_t number_ = 0;
 };
 
-/// Follows the object. The mistake: where it coasts, it looks only one sweep back, so that a track
+/// Follows the object. The bug: where it coasts, it looks only one sweep back, so that a track
 /// that was not seen for two sweeps is forgotten.
 class Tracker final : public fastcycle::Component {
  public:

@@ -99,13 +99,13 @@ TEST(Bench, ShowsResultsAndFaults) {
   EXPECT_EQ(bench.result("limiter", "capped"), ReportValue(std::int64_t{1}));
 }
 
-TEST(Bench, ReportsEveryMistakeOfAConfiguration) {
+TEST(Bench, ReportsEveryErrorOfAConfiguration) {
   Bench bench;
   bench.add<SpeedLimiter>("limiter", R"({"params": {"limit_mps": 99, "limit_mp": 1}})");
 
   try {
     bench.start();
-    FAIL() << "it has two mistakes";
+    FAIL() << "it has two errors";
   } catch (const std::runtime_error& error) {
     EXPECT_NE(std::string(error.what()).find("a number in [0, 60]"), std::string::npos)
         << error.what();

@@ -121,7 +121,7 @@ TEST(Executors, ThreadsHaveTheirNameTheirCpusAndATimerSlackOfOneNanosecond) {
   EXPECT_EQ(result(*application, "slack_ns"), ReportValue(std::int64_t{1}));
 }
 
-TEST(Executors, RealTimePoliciesAreAppliedOrTheRefusalIsToldAndTheRunGoesOn) {
+TEST(Executors, RealTimePoliciesAreAppliedOrTheRefusalIsReportedAndTheRunGoesOn) {
   for (const auto& [word, policy] : {std::pair{"fifo", SCHED_FIFO}, std::pair{"rr", SCHED_RR}}) {
     const auto application = play(
         std::string(R"({"name": "a", "threads": 1, "policy": ")") + word + R"(", "priority": 10})",
@@ -187,7 +187,7 @@ TEST(Simulation, TimeStandsWhileAForeignThreadHoldsIt) {
   EXPECT_LE(std::get<std::int64_t>(result(*application, "ticks")), 1);
 }
 
-/// Its thread waits for a device, and hears of the end only when `stop` closes that.
+/// Its thread waits for a device, and is notified of the end only when `stop` closes that.
 class BlockingDriver final : public Component {
  public:
   explicit BlockingDriver(Context& context) : Component(context) {

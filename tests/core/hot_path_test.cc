@@ -116,9 +116,9 @@ TEST(HotPath, AllocatesNothingPerPublishAfterWarmUpAtAnySize) {
 }
 
 /// Notes at which address each message lay.
-class Witness final : public Component {
+class ZeroCopyProbe final : public Component {
  public:
-  explicit Witness(Context& context) : Component(context) {
+  explicit ZeroCopyProbe(Context& context) : Component(context) {
     context.create_subscriber<BytesValue>("images", {.depth = 64}, [this](const BytesValue& image) {
       report(image.value(), static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(&image)));
     });
@@ -145,15 +145,17 @@ class Photographer final : public Component {
 
 TEST(HotPath, EverySubscriberReadsTheVeryMessageThatWasWrittenAlsoThroughAForwarder) {
   TestClasses classes;
-  classes.with<Photographer>("photographer").with<Witness>("witness").with<Forwarder>("forwarder");
+  classes.with<Photographer>("photographer")
+      .with<ZeroCopyProbe>("zero_copy_probe")
+      .with<Forwarder>("forwarder");
   for (const int subscribers : {1, 2, 64}) {
     std::string text = R"({"name": "t", "components": [
       {"name": "photographer", "library": "photographer", "serve_period_ms": 1},
       {"name": "forwarder", "library": "forwarder"})";
     for (int i = 0; i < subscribers; ++i) {
-      text += R"(,{"name": "w)" + std::to_string(i) + R"(", "library": "witness"})";
+      text += R"(,{"name": "w)" + std::to_string(i) + R"(", "library": "zero_copy_probe"})";
       text += R"(,{"name": "f)" + std::to_string(i) +
-              R"(", "library": "witness", "remap": {"images": "forwarded"}})";
+              R"(", "library": "zero_copy_probe", "remap": {"images": "forwarded"}})";
     }
     const auto application = host::make_application(text + "]}", classes, {.is_simulated = true});
 

@@ -531,13 +531,13 @@ class SaysThree final : public Component {
         out_.publish(out_.loan(), kSimulatedStart);
       }
     });
-    context.create_subscriber<Int64Value>("out",
-                                          [this](const Int64Value&) { report("heard", ++heard_); });
+    context.create_subscriber<Int64Value>(
+        "out", [this](const Int64Value&) { report("received", ++received_); });
   }
 
  private:
   ExternalPublisher<Int64Value> out_;
-  std::int64_t heard_ = 0;
+  std::int64_t received_ = 0;
 };
 
 TEST(Stop, ASimulatedRunEndsWhenItsForeignThreadsHaveEnded) {
@@ -560,7 +560,7 @@ TEST(Stop, ASimulatedRunEndsWhenItsForeignThreadsHaveEnded) {
   watch.join();
   application->stop();
 
-  EXPECT_EQ(result<std::int64_t>(*application, "heard"), 3);
+  EXPECT_EQ(result<std::int64_t>(*application, "received"), 3);
 }
 
 class NotesItsStart final : public Component {

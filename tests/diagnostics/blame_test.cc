@@ -1,4 +1,4 @@
-// Each mistake that a component can make is named: component and call on standard error, within a
+// Each fault that a component can have is named: component and call on standard error, within a
 // run that ends, and not with exit code 0.
 
 #include <csignal>
@@ -90,19 +90,19 @@ class Blame : public testing::Test {
 
 // ---- Crashes ----
 
-struct Mistake {
+struct Fault {
   const char* how;
   int ending;        ///< As `Blame::run` returns it.
   const char* what;  ///< In the report.
 };
 
-void PrintTo(const Mistake& mistake, std::ostream* stream) {
-  *stream << mistake.how;
+void PrintTo(const Fault& fault, std::ostream* stream) {
+  *stream << fault.how;
 }
 
-class BlameOfMistake : public Blame, public testing::WithParamInterface<Mistake> {};
+class BlameOfFault : public Blame, public testing::WithParamInterface<Fault> {};
 
-TEST_P(BlameOfMistake, NamesComponentCallAndMessage) {
+TEST_P(BlameOfFault, NamesComponentCallAndMessage) {
   write_application(GetParam().how, "callback");
 
   EXPECT_EQ(run(), GetParam().ending) << errors_;
@@ -123,40 +123,40 @@ TEST_P(BlameOfMistake, NamesComponentCallAndMessage) {
   EXPECT_THAT(errors_, Not(HasSubstr("\x1b[31m")));
 }
 
-std::vector<Mistake> all_mistakes() {
-  std::vector<Mistake> mistakes{
-      Mistake{"segfault", 1000 + SIGSEGV, "SIGSEGV: a null pointer was used"},
-      Mistake{"call of null", 1000 + SIGSEGV, "SIGSEGV: a null pointer was used"},
-      Mistake{"constant", 1000 + SIGSEGV, "SIGSEGV: the memory that was used is protected"},
-      Mistake{"stack", 1000 + SIGSEGV, "SIGSEGV: the stack of the thread is used up"},
-      Mistake{"large array", 1000 + SIGSEGV, "SIGSEGV: the stack of the thread is used up"},
-      Mistake{"abort", 1000 + SIGABRT, "SIGABRT: abort() was called"},
-      Mistake{"bus error", 1000 + SIGBUS, "SIGBUS"},
+std::vector<Fault> all_faults() {
+  std::vector<Fault> faults{
+      Fault{"segfault", 1000 + SIGSEGV, "SIGSEGV: a null pointer was used"},
+      Fault{"call of null", 1000 + SIGSEGV, "SIGSEGV: a null pointer was used"},
+      Fault{"constant", 1000 + SIGSEGV, "SIGSEGV: the memory that was used is protected"},
+      Fault{"stack", 1000 + SIGSEGV, "SIGSEGV: the stack of the thread is used up"},
+      Fault{"large array", 1000 + SIGSEGV, "SIGSEGV: the stack of the thread is used up"},
+      Fault{"abort", 1000 + SIGABRT, "SIGABRT: abort() was called"},
+      Fault{"bus error", 1000 + SIGBUS, "SIGBUS"},
 #if defined(__x86_64__)  // Elsewhere that is SIGTRAP.
-      Mistake{"trap", 1000 + SIGILL, "SIGILL: an instruction that the processor does not have"},
+      Fault{"trap", 1000 + SIGILL, "SIGILL: an instruction that the processor does not have"},
 #endif
-      Mistake{"exit", 1, "exit(0) was called while the application runs"},
-      Mistake{"_exit", 1, "_exit(0) was called while the application runs"},
-      Mistake{"quick_exit", 1, "quick_exit() was called while the application runs"},
-      Mistake{"terminate", 1000 + SIGABRT,
-              "std::terminate: nobody caught std::logic_error \"this function promised not to "
-              "throw?[31m\""},
-      Mistake{"use after free", 1000 + SIGSEGV, "SIGSEGV"},
-      Mistake{"free twice", 1000 + SIGABRT, "SIGABRT: abort() was called"}};
+      Fault{"exit", 1, "exit(0) was called while the application runs"},
+      Fault{"_exit", 1, "_exit(0) was called while the application runs"},
+      Fault{"quick_exit", 1, "quick_exit() was called while the application runs"},
+      Fault{"terminate", 1000 + SIGABRT,
+            "std::terminate: nobody caught std::logic_error \"this function promised not to "
+            "throw?[31m\""},
+      Fault{"use after free", 1000 + SIGSEGV, "SIGSEGV"},
+      Fault{"free twice", 1000 + SIGABRT, "SIGABRT: abort() was called"}};
 #if defined(__x86_64__)  // Elsewhere a division by zero is no fault.
-  mistakes.push_back({"division", 1000 + SIGFPE, "SIGFPE: an integer was divided by zero"});
+  faults.push_back({"division", 1000 + SIGFPE, "SIGFPE: an integer was divided by zero"});
 #endif
-  return mistakes;
+  return faults;
 }
 
-INSTANTIATE_TEST_SUITE_P(In, BlameOfMistake, testing::ValuesIn(all_mistakes()));
+INSTANTIATE_TEST_SUITE_P(In, BlameOfFault, testing::ValuesIn(all_faults()));
 
 TEST_F(Blame, TheReportSaysInWhichFunction) {
   write_application("segfault", "callback");
   EXPECT_EQ(run(), 1000 + SIGSEGV);
   EXPECT_THAT(errors_,
               ContainsRegex("#0   broken::write_to_null\\+0x[0-9a-f]+ \\(libblame_broken.so\\+0x"));
-  EXPECT_THAT(errors_, HasSubstr("broken::make_the_mistake+0x"));
+  EXPECT_THAT(errors_, HasSubstr("broken::cause_fault+0x"));
   EXPECT_THAT(errors_, ContainsRegex("    [0-9a-f]{16,}  /.*/libblame_broken.so\n"));
 }
 
@@ -254,7 +254,7 @@ TEST_F(Blame, AllMemoryGoneIsAFaultThatNamesWhoAskedForIt) {
   EXPECT_THAT(errors_, HasSubstr("its callback for \"counts\" threw: std::bad_alloc"));
 }
 
-// ---- What the flight recorder tells of a crash ----
+// ---- What the flight recorder reports of a crash ----
 
 TEST_F(Blame, TheFlightRecorderNamesTheCrashInTheNextRun) {
   write_application("segfault", "callback");
@@ -371,7 +371,7 @@ TEST_F(Blame, AConstructorThatHangsKeepsNoRunFromEnding) {
                                           "constructor, which stands in broken::spin+0x"));
 }
 
-TEST_F(Blame, AHangIsToldInSimulatedTimeByTheMachinesClock) {
+TEST_F(Blame, AHangIsReportedInSimulatedTimeByTheMachinesClock) {
   write_application("loop", "callback", {{"on_hang", "stop"}, {"callback_limit_ms", 100}});
   EXPECT_EQ(run({"--clock", "simulated", "--for", "10s"}), 1) << errors_;
   EXPECT_THAT(errors_, HasSubstr("error mine: its callback for \"counts\" (message 20"));

@@ -1,4 +1,4 @@
-// A component with one of the mistakes that beginners make; "how" says which, "where" in which
+// A component with one of the errors that beginners make; "how" says which, "where" in which
 // call.
 
 #include <algorithm>
@@ -53,7 +53,7 @@ T* address(std::uintptr_t number) {
   *address<volatile char>(reinterpret_cast<std::uintptr_t>(&write_to_null)) = 1;
 }
 
-// NOLINTNEXTLINE(misc-no-recursion): that is the mistake.
+// NOLINTNEXTLINE(misc-no-recursion): that is the fault.
 [[gnu::noinline]] int recurse(int depth) {
   volatile char some[1024];
   some[static_cast<std::size_t>(depth) % sizeof(some)] = static_cast<char>(depth);
@@ -146,7 +146,7 @@ constexpr int kChildrenMax = 3;
 
 volatile int result_of_division = 0;
 
-void make_the_mistake(const std::string& how) {
+void cause_fault(const std::string& how) {
   if (how == "segfault") {
     write_to_null();
   } else if (how == "call of null") {
@@ -256,7 +256,7 @@ class Broken final : public fastcycle::Component {
       }
       write_to_null();
     } else if (where_.get() == where) {
-      make_the_mistake(how_.get());
+      cause_fault(how_.get());
     }
   }
 

@@ -50,22 +50,23 @@ class Ages {
   std::map<std::string, Duration> oldest_;
 } g_ages;
 
-/// Hears a topic, or none, and keeps a CPU busy; publishes when it heard something, or each period.
+/// Subscribes to a topic, or none, and keeps a CPU busy; publishes when it received something, or
+/// each period.
 class Busy final : public fastcycle::Component {
  public:
   explicit Busy(fastcycle::Context& context)
       : Component(context),
         run_us_(context.param<std::int64_t>("run_us", {.min = 0}).get()),
         random_(static_cast<unsigned>(run_us_)) {
-    const std::string hears = context.param<std::string>("hears", {.fallback = ""}).get();
+    const std::string input = context.param<std::string>("input", {.fallback = ""}).get();
     const std::string publishes = context.param<std::string>("publishes", {.fallback = ""}).get();
     const auto period_us = context.param<std::int64_t>("period_us", {.fallback = 0}).get();
     if (!publishes.empty()) {
       publisher_.emplace(context.create_publisher<Int64Value>(publishes));
     }
-    if (!hears.empty()) {
+    if (!input.empty()) {
       context.create_subscriber<Int64Value>(
-          hears, {.depth = 64}, [this, period_us](const fastcycle::Sample<Int64Value>& sample) {
+          input, {.depth = 64}, [this, period_us](const fastcycle::Sample<Int64Value>& sample) {
             g_ages.add(name_, now() - sample.info().origin.taken);
             work(period_us == 0);
           });
@@ -119,14 +120,14 @@ nlohmann::json random_application(std::uint64_t seed) {
   add("source", {{"run_us", 100}, {"period_us", 1000 * pick(20, 60)}, {"publishes", "t0"}});
   for (int i = 1; i <= length; ++i) {
     nlohmann::json params = {{"run_us", pick(100, 2000)},
-                             {"hears", "t" + std::to_string(i - 1)},
+                             {"input", "t" + std::to_string(i - 1)},
                              {"publishes", "t" + std::to_string(i)}};
     if (pick(1, 4) == 1) {
       params["period_us"] = 1000 * pick(10, 50);
     }
     add("c" + std::to_string(i), std::move(params));
   }
-  add("sink", {{"run_us", pick(10, 500)}, {"hears", "t" + std::to_string(length)}});
+  add("sink", {{"run_us", pick(10, 500)}, {"input", "t" + std::to_string(length)}});
   const int loads = pick(0, 2);
   for (int i = 0; i < loads; ++i) {
     add("load" + std::to_string(i),
@@ -152,8 +153,8 @@ void add_publications(const nlohmann::json& application, fastcycle::estimate::Ti
       }
       return topics;
     };
-    if (params.contains("hears")) {
-      its.callbacks[params["hears"]].publishes = published(!has_timer);
+    if (params.contains("input")) {
+      its.callbacks[params["input"]].publishes = published(!has_timer);
     }
     if (has_timer) {
       its.callbacks["timer 0"].publishes = published(true);

@@ -1,6 +1,5 @@
-// Reads any bytes as a message of ROS: the first of them chooses the type. What is not told by a
-// `CdrError` is a mistake of ours, and so is a message that is much larger than what it was made
-// of.
+// Reads any bytes as a message of ROS: the first of them chooses the type. What is not reported by
+// a `CdrError` is a bug of ours, and so is a message that is much larger than what it was made of.
 
 #include <cstddef>
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Reads any bytes as a map, and drives over it. What is not told by a `std::runtime_error` that
-// names the file is a mistake of ours.
+// Reads any bytes as a map, and drives over it. What is not reported by a `std::runtime_error` that
+// names the file is a bug of ours.
 
 #include <cstddef>
 #include <cstdint>

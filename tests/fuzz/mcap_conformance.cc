@@ -1,5 +1,5 @@
 // Takes any bytes as a file for either direction of the conformance program. What is not said by an
-// exception is a mistake of ours.
+// exception is a bug of ours.
 
 #include <cstddef>
 #include <cstdint>

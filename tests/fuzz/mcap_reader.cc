@@ -1,4 +1,4 @@
-// Reads any bytes as an MCAP file, both ways. What is not said by a `Damage` is a mistake of ours.
+// Reads any bytes as an MCAP file, both ways. What is not said by a `Damage` is a bug of ours.
 
 #include <cstddef>
 #include <cstdint>

@@ -96,7 +96,7 @@ TEST(BackPressure, AMapArrivesWhole) {
   EXPECT_EQ(std::get<std::int64_t>(bench.result("counter", "count")), 1000);
 }
 
-TEST(BackPressure, AThreadIsHeardToTheEnd) {
+TEST(BackPressure, MessagesOfAThreadAreReceivedToTheEnd) {
   fastcycle::testing::Bench bench;
   bench.add<Reader>("reader");
   bench.add<Counter>("counter", R"({"params": {"topic": "file/poses"}})");

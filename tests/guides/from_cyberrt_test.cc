@@ -188,7 +188,7 @@ TEST(TheGuideFromCyberRt, WorksBesideItsCallbacks) {
   EXPECT_EQ(found.take().at(0).mps(), 42.0);
 }
 
-TEST(TheGuideFromCyberRt, ItsApplicationsHaveNoMistake) {
+TEST(TheGuideFromCyberRt, ItsApplicationsHaveNoError) {
   for (const char* text : {R"(
 {
   "name": "car",

@@ -360,7 +360,7 @@ TEST(TheGuideFromRos2, IsTestedWithoutWaiting) {
   EXPECT_EQ(limited.take().at(0).mps(), 10.0);
 }
 
-void expect_no_mistake(const char* text) {
+void expect_no_error(const char* text) {
   const fastcycle::config::TestFolder folder;
   fastcycle::config::LoadOptions options;
   options.file = folder.write("app.json", text);
@@ -371,8 +371,8 @@ void expect_no_mistake(const char* text) {
   EXPECT_TRUE(problems.all().empty());
 }
 
-TEST(TheGuideFromRos2, ItsApplicationsHaveNoMistake) {
-  expect_no_mistake(R"(
+TEST(TheGuideFromRos2, ItsApplicationsHaveNoError) {
+  expect_no_error(R"(
 {
   "name": "car",
   "components": [
@@ -382,14 +382,14 @@ TEST(TheGuideFromRos2, ItsApplicationsHaveNoMistake) {
   ]
 }
 )");
-  expect_no_mistake(R"(
+  expect_no_error(R"(
 {
   "name": "car",
   "topics": {"map": {"latched": 1}},
   "components": [{"name": "map_server", "library": "map_server"}]
 }
 )");
-  expect_no_mistake(R"(
+  expect_no_error(R"(
 {
   "name": "car",
   "executors": [

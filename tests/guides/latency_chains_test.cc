@@ -95,7 +95,7 @@ TEST(TheGuideToLatencyChains, HasAConfigurationThatFitsTogether) {
   fastcycle::host::TestClasses classes;
   classes.with<Lidar>("lidar").with<Planner>("planner").with<Brake>("brake");
   fastcycle::host::Application application(std::move(description), {.is_simulated = true});
-  application.build(classes, problems, fastcycle::host::ConstructorFault::kMistake);
+  application.build(classes, problems, fastcycle::host::ConstructorFault::kError);
 
   EXPECT_TRUE(problems.all().empty());
   EXPECT_EQ(application.chains().report().size(), 1U);

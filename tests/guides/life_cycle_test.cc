@@ -98,7 +98,7 @@ std::unique_ptr<fastcycle::host::Application> load(const std::string& text,
   }
   auto application = std::make_unique<fastcycle::host::Application>(
       std::move(description), fastcycle::host::ClockOptions{.is_simulated = true});
-  application->build(classes, problems, fastcycle::host::ConstructorFault::kMistake);
+  application->build(classes, problems, fastcycle::host::ConstructorFault::kError);
   EXPECT_FALSE(problems.has_errors());
   return application;
 }
@@ -176,7 +176,7 @@ TEST(TheGuideToTheLifeCycle, HasConfigurationsThatLoad) {
 }  // namespace
 
 // [snippet state]
-/// The mean of what it heard lately.
+/// The mean of what it received lately.
 class Smoother final : public fastcycle::Component {
  public:
   explicit Smoother(fastcycle::Context& context)
@@ -234,21 +234,21 @@ TEST(TheGuideToTheLifeCycle, KeepsDeclaredStateOverARestart) {
   auto speeds = bench.input<demo::Speed>("radar/speed");
   auto means = bench.output<demo::Speed>("mean/speed");
   bench.start();
-  const auto say = [&](double mps) {
+  const auto publish_speed = [&](double mps) {
     demo::Speed speed;
     speed.set_mps(mps);
     speeds.publish(speed);
     bench.advance(10ms);
   };
 
-  say(8.0);
-  say(-1.0);  // A fault: the object is made anew.
-  say(4.0);
+  publish_speed(8.0);
+  publish_speed(-1.0);  // A fault: the object is made anew.
+  publish_speed(4.0);
 
-  const auto heard = means.take();
-  ASSERT_EQ(heard.size(), 2U);
-  EXPECT_EQ(heard[0].mps(), 4.0);
-  EXPECT_EQ(heard[1].mps(), 4.0);  // Without the state it would be 2.
+  const auto received = means.take();
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[0].mps(), 4.0);
+  EXPECT_EQ(received[1].mps(), 4.0);  // Without the state it would be 2.
 }
 
 TEST(TheGuideToTheLifeCycle, WorksOnDeclaredState) {
@@ -264,7 +264,7 @@ TEST(TheGuideToTheLifeCycle, WorksOnDeclaredState) {
   speeds.publish(speed);
   bench.advance(10ms);
 
-  const auto heard = means.take();
-  ASSERT_EQ(heard.size(), 2U);
-  EXPECT_EQ(heard[1].mps(), 6.0);
+  const auto received = means.take();
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[1].mps(), 6.0);
 }

@@ -21,7 +21,7 @@ constexpr const char* kApplication = R"(
 )";
 // [end]
 
-TEST(LookingInsideGuide, ItsFileHasNoMistake) {
+TEST(LookingInsideGuide, ItsFileHasNoError) {
   const fastcycle::config::TestFolder folder;
   fastcycle::config::LoadOptions options;
   options.file = folder.write("app.json", kApplication);

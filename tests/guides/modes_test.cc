@@ -73,7 +73,7 @@ std::unique_ptr<fastcycle::host::Application> load(const std::string& text,
   }
   auto application = std::make_unique<fastcycle::host::Application>(
       std::move(description), fastcycle::host::ClockOptions{.is_simulated = true});
-  application->build(classes, problems, fastcycle::host::ConstructorFault::kMistake);
+  application->build(classes, problems, fastcycle::host::ConstructorFault::kError);
   EXPECT_FALSE(problems.has_errors());
   return application;
 }

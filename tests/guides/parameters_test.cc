@@ -104,7 +104,7 @@ class RainWatch final : public Component {
           {{"limiter.limit_mps", fastcycle::param_json(limit_mps)}, {"limiter.mode", "\"eco\""}},
           [this](const ParamsResult& result) {
             if (!result.has_changed()) {
-              health(fastcycle::Health::kDegraded, result.mistakes.front());
+              health(fastcycle::Health::kDegraded, result.errors.front());
             }
           });
     });
@@ -136,7 +136,7 @@ TEST(SpeedLimiter, TakesANewLimit) {
   planned.publish(speed(33.0));
 
   EXPECT_EQ(limited.take().at(0).mps(), 10.0);
-  EXPECT_THAT(bench.change_params({{"limiter.limit_mps", "70"}}).mistakes,
+  EXPECT_THAT(bench.change_params({{"limiter.limit_mps", "70"}}).errors,
               testing::ElementsAre("limiter.limit_mps: expected a number in [0, 60], found 70"));
 }
 // [end]
@@ -154,7 +154,7 @@ TEST(Band, RefusesALowEndAboveTheHighEnd) {
   fastcycle::testing::Bench bench;
   bench.add<Band>("band");
   bench.start();
-  EXPECT_THAT(bench.change_params({{"band.low_mps", "3"}}).mistakes,
+  EXPECT_THAT(bench.change_params({{"band.low_mps", "3"}}).errors,
               testing::ElementsAre("band: low_mps must be below high_mps"));
 }
 

@@ -92,24 +92,24 @@ class SpeedSensor final : public fastcycle::Component {
   fastcycle::Duration steady_to_ours_{};
 };
 
-TEST(ManyReadings, AThreadHearsItsDeviceUntilItIsClosed) {
+TEST(ManyReadings, AThreadReadsItsDeviceUntilItIsClosed) {
   fastcycle::testing::Bench bench;
   bench.add<SpeedSensor>("sensor");
   auto speeds = bench.output<demo::Speed>("speed");
   bench.start();
 
-  std::vector<demo::Speed> heard;
+  std::vector<demo::Speed> received;
   const auto limit = std::chrono::steady_clock::now() + 60s;
-  while (heard.size() < 3 && std::chrono::steady_clock::now() < limit) {
+  while (received.size() < 3 && std::chrono::steady_clock::now() < limit) {
     bench.advance(1ms);
     for (demo::Speed& speed : speeds.take()) {
-      heard.push_back(std::move(speed));
+      received.push_back(std::move(speed));
     }
   }
   bench.stop();
 
-  ASSERT_EQ(heard.size(), 3U);
-  EXPECT_EQ(heard.back().mps(), 3.0);
+  ASSERT_EQ(received.size(), 3U);
+  EXPECT_EQ(received.back().mps(), 3.0);
 }
 
 TEST(TheGuideToDrivers, ADeviceThatIsNotThereIsAFault) {

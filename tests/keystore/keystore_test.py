@@ -83,7 +83,7 @@ class Keystore(unittest.TestCase):
             ["ros_discovery_info", *(f"rr/car/gate/{name}Reply" for name in services)],
             ["ros_discovery_info", *(f"rq/car/gate/{name}Request" for name in services)]])
 
-    def test_others_may_do_what_is_said(self):
+    def test_others_may_do_what_is_permitted(self):
         self.security("init", "keys")
         self.security("add", "keys", "car/driver", "--domain", "7", "--publish", "/points", "--subscribe", "speed",
                       "--serve", "reset", "--call", "/release", "--node", "/car/driver")
@@ -111,7 +111,7 @@ class Keystore(unittest.TestCase):
         self.assert_refused("--domain", "add", "keys", "gateway", "--domain", "231")
         self.assert_refused("--days", "add", "keys", "gateway", "--days", "0")
 
-    def test_mistakes_of_an_application_are_told_with_their_places(self):
+    def test_reports_errors_of_an_application_with_their_places(self):
         self.security("init", "keys")
         self.write(application(domain=232, topics=[{"topic": "a", "direction": "up", "ros": "/a", "type": "x/Y"},
                                                    {"topic": "a<b", "direction": "in", "message": "x.Y"}]))

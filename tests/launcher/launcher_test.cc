@@ -151,7 +151,7 @@ class LauncherOnSignal : public Launcher, public testing::WithParamInterface<int
 TEST_P(LauncherOnSignal, RunEndsInOrderWithReport) {
   write_application({kCounter, kAdder});
   Process program(started_with(run_words()));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
 
   program.send(GetParam());
 
@@ -160,7 +160,7 @@ TEST_P(LauncherOnSignal, RunEndsInOrderWithReport) {
   EXPECT_THAT(output_, HasSubstr("stopped on request"));
   const json report = this->report();
   EXPECT_EQ(report["end"], "stopped on request");
-  EXPECT_GE(report["results"]["heard"], 10);
+  EXPECT_GE(report["results"]["received"], 10);
   EXPECT_EQ(report["components"]["adder"]["state"], "stopped");
   expect_that_ledgers_add_up(report);
 }
@@ -170,7 +170,7 @@ INSTANTIATE_TEST_SUITE_P(Stop, LauncherOnSignal, testing::Values(SIGINT, SIGTERM
 TEST_F(Launcher, SimulatedRunEndsInOrderOnCtrlC) {
   write_application({kCounter, kAdder});
   Process program(started_with(run_words({"--clock", "simulated"})));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
 
   program.send(SIGINT);
 
@@ -182,7 +182,7 @@ TEST_F(Launcher, SimulatedRunEndsInOrderOnCtrlC) {
 TEST_F(Launcher, SecondCtrlCEndsARunThatHangs) {
   write_application({kCounter, trouble("hang in stop", "stop_component")});
   Process program(started_with(run_words()));
-  ASSERT_TRUE(program.wait_for("heard a number")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received a number")) << program.errors();
   program.send(SIGINT);
   ASSERT_TRUE(program.wait_for("it hangs now")) << program.errors();
 
@@ -214,7 +214,7 @@ TEST_P(LauncherOnFault, OthersGoOnWhenItsPolicyIsToStopTheComponent) {
 
   const json report = this->report();
   EXPECT_EQ(report["end"], "input finished");
-  EXPECT_EQ(report["results"]["heard"], 100);
+  EXPECT_EQ(report["results"]["received"], 100);
   EXPECT_GE(report["components"]["trouble"]["faults"], 1);
   EXPECT_THAT(report["components"]["trouble"]["fault_texts"][0].get<std::string>(),
               HasSubstr("trouble in " + GetParam()));
@@ -243,7 +243,7 @@ class LauncherWithAHangingComponent : public Launcher,
 TEST_P(LauncherWithAHangingComponent, EndsOnTheFirstSignalAndNamesIt) {
   write_application({kCounter, kAdder, trouble(std::string("hang in ") + GetParam(), "stop")});
   Process program(started_with(run_words()));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
   if (std::string_view(GetParam()) == "stop") {
     program.send(SIGINT);
     ASSERT_TRUE(program.wait_for("it hangs now")) << program.errors();
@@ -288,7 +288,7 @@ TEST_F(Launcher, ComponentIsMadeAnewWhenItsPolicyIsToRestart) {
   EXPECT_EQ(report()["components"]["trouble"]["restarts"], 3);
   EXPECT_EQ(report()["components"]["trouble"]["state"], "failed");
   EXPECT_THAT(output_, HasSubstr("(restarting)"));
-  EXPECT_EQ(report()["results"]["heard"], 100);
+  EXPECT_EQ(report()["results"]["received"], 100);
 }
 
 // ---- What people read ----
@@ -348,8 +348,8 @@ TEST_F(Launcher, LogLevelOfTheCommandLineReplacesThatOfTheApplication) {
 
   EXPECT_EQ(run({"--set", "counter.count=20", "--log-level", "warning"}), 0) << errors_;
 
-  EXPECT_THAT(errors_, Not(HasSubstr("plain: heard ten numbers")));
-  EXPECT_THAT(errors_, HasSubstr(" info own: heard ten numbers\n"));
+  EXPECT_THAT(errors_, Not(HasSubstr("plain: received ten numbers")));
+  EXPECT_THAT(errors_, HasSubstr(" info own: received ten numbers\n"));
   EXPECT_EQ(run({"--log-level", "loud"}), 2);
   EXPECT_THAT(errors_, HasSubstr("loud"));
 }
@@ -374,7 +374,7 @@ TEST_F(Launcher, CommandLineStandsAboveTheFile) {
   EXPECT_EQ(report()["results"]["published"], 7);
 }
 
-TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
+TEST_F(Launcher, EachErrorIsNamedAndNothingIsStarted) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
            "params": {"count": -1, "brust": 2}})",
                      R"({"name": "adder", "library": "launcher_party"})",
@@ -392,7 +392,7 @@ TEST_F(Launcher, EachMistakeIsNamedAndNothingIsStarted) {
   }
 }
 
-TEST_F(Launcher, MissingLibraryIsOneMistake) {
+TEST_F(Launcher, MissingLibraryIsOneError) {
   write_application({R"({"name": "nothing"})"});
 
   EXPECT_EQ(launch({"check", application()}), 2);
@@ -401,7 +401,7 @@ TEST_F(Launcher, MissingLibraryIsOneMistake) {
   EXPECT_THAT(errors_, HasSubstr("1 error;"));
 }
 
-TEST_F(Launcher, MistakesInTheFileAndInComponentsAreFoundTogether) {
+TEST_F(Launcher, ErrorsInTheFileAndInComponentsAreFoundTogether) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
                          "serve_period_ms": "often", "params": {"count": -1}})"});
 
@@ -411,7 +411,7 @@ TEST_F(Launcher, MistakesInTheFileAndInComponentsAreFoundTogether) {
   EXPECT_THAT(errors_, HasSubstr("/components/0/params/count"));
 }
 
-TEST_F(Launcher, CheckCallsAConstructorThatThrowsAMistake) {
+TEST_F(Launcher, CheckCallsAConstructorThatThrowsAnError) {
   write_application({kCounter, trouble("constructor", "stop_component")});
 
   EXPECT_EQ(launch({"check", application()}), 2);
@@ -448,7 +448,7 @@ TEST_F(Launcher, ReportThatCannotBeWrittenIsFoundBeforeTheStart) {
 
   EXPECT_EQ(launch({"run", application(), "--report", (folder_ / "nowhere/r.json").string()}), 2);
   EXPECT_THAT(errors_, HasSubstr("cannot be written"));
-  EXPECT_THAT(errors_, Not(HasSubstr("heard")));
+  EXPECT_THAT(errors_, Not(HasSubstr("received ten")));
 
   EXPECT_EQ(launch({"run", application(), "--report", folder_.path().string()}), 2);
   EXPECT_THAT(errors_, HasSubstr("it is a folder"));
@@ -467,7 +467,7 @@ TEST_F(Launcher, NothingIsLeftBesideTheReport) {
 
 // ---- The command line ----
 
-TEST_F(Launcher, WrongCommandLineIsToldInASentence) {
+TEST_F(Launcher, WrongCommandLineIsReportedInASentence) {
   write_application({kCounter, kAdder});
   const std::string app = application();
   struct Case {
@@ -606,7 +606,7 @@ TEST_F(Launcher, IsolationIsAPartOfTheEffectiveConfigurationWhichMeansTheSame) {
   EXPECT_THAT(output_, HasSubstr("in 2 processes: main, counter"));
 }
 
-TEST_F(Launcher, IsolatingAComponentThatIsNotThereIsAMistake) {
+TEST_F(Launcher, IsolatingAComponentThatIsNotThereIsAnError) {
   write_application({kCounter, kAdder});
 
   EXPECT_EQ(launch({"check", application(), "--isolate", "contr", "--isolate", "counte"}), 2);
@@ -675,7 +675,7 @@ TEST_F(Launcher, ParamsAreListedAsMarkdownAndOnlyThoseThatAreWanted) {
   EXPECT_EQ(output_, "");
 }
 
-TEST_F(Launcher, ParamsThatAreWrongAreMistakesAndNothingIsListed) {
+TEST_F(Launcher, ParamsThatAreWrongAreErrorsAndNothingIsListed) {
   write_application({kCounter, kAdder});
 
   EXPECT_EQ(launch({"params", application(), "--set", "counter.burst=0", "--set", "adder.txt=a"}),
@@ -749,7 +749,7 @@ TEST_F(Launcher, SimulatedRunsAreEqualForAnyNumberOfWorkers) {
     reports.push_back(without_what_the_machine_says(report()));
   }
 
-  EXPECT_GT(reports[0]["results"]["heard"], 1000);
+  EXPECT_GT(reports[0]["results"]["received"], 1000);
   EXPECT_TRUE(reports[0]["results"].contains("second.hash"));
   for (const json& report : reports) {
     EXPECT_EQ(report, reports[0]);
@@ -868,7 +868,7 @@ TEST_F(Launcher, LogThatWasDeletedFailsTheRun) {
   const auto log = folder_ / "logs/drive.mcap";
   folder_.write("logs/other", "");
   Process program(started_with(run_words({"--record", log.string()})));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
   ASSERT_TRUE(std::filesystem::exists(log.string() + ".active"));
 
   std::filesystem::remove_all(folder_ / "logs");
@@ -893,7 +893,7 @@ TEST_F(Launcher, LogDoesNotReplaceWhatGotItsNameMeanwhile) {
   write_application({kCounter, kAdder});
   const auto log = folder_ / "drive.mcap";
   Process program(started_with(run_words({"--record", log.string()})));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
   folder_.write("drive.mcap", "precious");
   program.send(SIGINT);
 
@@ -955,7 +955,7 @@ TEST_F(Launcher, TraceIsWrittenForALiveAndForASimulatedRun) {
   }
 }
 
-TEST_F(Launcher, TraceThatCannotBeWrittenIsAMistake) {
+TEST_F(Launcher, TraceThatCannotBeWrittenIsAnError) {
   write_application({kCounter, kAdder});
 
   EXPECT_EQ(run({"--trace", (folder_ / "missing/run.pftrace").string()}), 2);
@@ -983,7 +983,7 @@ TEST_F(Launcher, TraceOfTheFileGoesWhereTheFileOrTheCommandLineSays) {
   EXPECT_FALSE(report().contains("trace"));
 }
 
-TEST_F(Launcher, TraceOfTheFileThatCannotBeWrittenIsAMistakeAtItsPlace) {
+TEST_F(Launcher, TraceOfTheFileThatCannotBeWrittenIsAnErrorAtItsPlace) {
   write_application({kCounter, kAdder}, R"(, "trace": {"file": "missing/run.pftrace"})");
 
   EXPECT_EQ(run(), 2);
@@ -1046,7 +1046,7 @@ TEST_F(Launcher, FlightRecorderWritesWhatAComponentAsksFor) {
 TEST_F(Launcher, FlightRecorderOfAKilledRunIsReadAtTheNextStart) {
   write_application({kCounter, kAdder}, kFlightRecorder);
   Process program(started_with(run_words()));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
   // The recorder takes messages every few milliseconds, or later.
   const auto free_bytes = [&] {
     return std::ranges::count(content_of(folder_ / "drive.ring"), '\0');
@@ -1076,7 +1076,7 @@ TEST_F(Launcher, FlightRecorderOfAKilledRunIsReadAtTheNextStart) {
 TEST_F(Launcher, RunGoesOnWhenTheRingOfTheFlightRecorderIsCutOff) {
   write_application({kCounter, kAdder}, kFlightRecorder);
   Process program(started_with(run_words()));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
 
   std::filesystem::resize_file(folder_ / "drive.ring", 0);
   ASSERT_TRUE(program.wait_for("drive.ring: another program cut it off")) << program.errors();
@@ -1089,7 +1089,7 @@ TEST_F(Launcher, RunGoesOnWhenTheRingOfTheFlightRecorderIsCutOff) {
 TEST_F(Launcher, SignalAsksTheFlightRecorderForADump) {
   write_application({kCounter, kAdder}, kFlightRecorder);
   Process program(started_with(run_words()));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
   program.send(SIGUSR1);
   ASSERT_TRUE(program.wait_for("_signal.mcap")) << program.errors();
   program.send(SIGINT);
@@ -1101,7 +1101,7 @@ TEST_F(Launcher, SignalAsksTheFlightRecorderForADump) {
 TEST_F(Launcher, SignalDoesNothingWithoutAFlightRecorder) {
   write_application({kCounter, kAdder});
   Process program(started_with(run_words()));
-  ASSERT_TRUE(program.wait_for("heard ten numbers")) << program.errors();
+  ASSERT_TRUE(program.wait_for("received ten numbers")) << program.errors();
   program.send(SIGUSR1);
   ASSERT_TRUE(program.wait_for("there is no flight recorder")) << program.errors();
   program.send(SIGINT);
@@ -1127,7 +1127,7 @@ TEST_F(Launcher, NothingIsStartedWhereThereCanBeNoFlightRecorder) {
   EXPECT_THAT(errors_, HasSubstr("--flight-recorder-mb wants a number from 1"));
 }
 
-TEST_F(Launcher, WhatTheMachineRefusesIsToldOnceAndFatalOnlyWhenStrict) {
+TEST_F(Launcher, WhatTheMachineRefusesIsReportedOnceAndFatalOnlyWhenStrict) {
   write_application({R"({"name": "counter", "library": "launcher_parts", "class": "Counter",
            "serve_period_ms": 1, "executor": "far"})"},
                     R"(, "executors": [{"name": "far", "threads": 2, "cpus": [1000, 1001]}])");
@@ -1158,7 +1158,7 @@ TEST_F(Launcher, QuietRunPrintsNothingButTheLog) {
   EXPECT_EQ(report()["results"]["published"], 3);
 }
 
-TEST_F(Launcher, TableThatCannotBePrintedIsTold) {
+TEST_F(Launcher, TableThatCannotBePrintedIsReported) {
   write_application({kCounter, kAdder});
   std::string line = std::string("exec '") + FASTCYCLE_PROGRAM + "'";
   for (const std::string& word : run_words({"--set", "counter.count=3"})) {

@@ -49,8 +49,8 @@ class Counter final : public fastcycle::Component {
   std::int64_t published_ = 0;
 };
 
-/// Adds up what it hears on `numbers`, says so once it heard the 10th, and reports the sum, a hash
-/// of what it heard and when, and its params.
+/// Adds up what it receives on `numbers`, says so once it received the 10th, and reports the sum, a
+/// hash of what it received and when, and its params.
 class Adder final : public fastcycle::Component {
  public:
   explicit Adder(fastcycle::Context& context)
@@ -64,7 +64,7 @@ class Adder final : public fastcycle::Component {
 
   void stop() override {
     report("sum", sum_);
-    report("heard", heard_);
+    report("received", received_);
     report("hash", static_cast<std::int64_t>(hash_));
     report("high", high_.get());
     report("text", text_.get());
@@ -75,8 +75,8 @@ class Adder final : public fastcycle::Component {
     sum_ += number.value();
     hash_ = hash_ * 31 + static_cast<std::uint64_t>(number.value());
     hash_ = hash_ * 31 + static_cast<std::uint64_t>(now().time_since_epoch().count());
-    if (++heard_ == 10) {
-      log().info("heard ten numbers");
+    if (++received_ == 10) {
+      log().info("received ten numbers");
       log().info("its text is {}", text_.get());
     }
     auto sum = sums_.loan();
@@ -88,7 +88,7 @@ class Adder final : public fastcycle::Component {
   fastcycle::Param<std::string> text_;
   fastcycle::Publisher<launcher::Number> sums_;
   std::int64_t sum_ = 0;
-  std::int64_t heard_ = 0;
+  std::int64_t received_ = 0;
   std::uint64_t hash_ = 0;
 };
 
@@ -105,7 +105,7 @@ class Trouble final : public fastcycle::Component {
     throw_if("constructor");
     context.create_subscriber<launcher::Number>("numbers", [this](const launcher::Number&) {
       throw_if("callback");
-      log().info("heard a number");
+      log().info("received a number");
     });
   }
   ~Trouble() noexcept(false) override { throw_if("destructor"); }
@@ -130,7 +130,7 @@ class Trouble final : public fastcycle::Component {
   fastcycle::Param<std::string> where_;
 };
 
-/// Asks for a dump when it hears the 20th number.
+/// Asks for a dump when it receives the 20th number.
 class Alarm final : public fastcycle::Component {
  public:
   explicit Alarm(fastcycle::Context& context) : Component(context) {
@@ -142,8 +142,8 @@ class Alarm final : public fastcycle::Component {
   }
 };
 
-/// Adds up what it hears on `numbers`, in declared state, and says so on `totals`. Has the flight
-/// recorder write at the number `dump_at`.
+/// Adds up what it receives on `numbers`, in declared state, and says so on `totals`. Has the
+/// flight recorder write at the number `dump_at`.
 class Tally final : public fastcycle::Component {
  public:
   explicit Tally(fastcycle::Context& context)

@@ -1,4 +1,4 @@
-// Configurations with a mistake, as somebody meets them who calls the program: those of
+// Configurations with an error, as somebody meets them who calls the program: those of
 // tests/config/broken, and those that cannot be kept as a file.
 
 #include <functional>
@@ -37,7 +37,7 @@ std::vector<std::string> refusal_in(const fs::path& folder,
 
 class BrokenConfiguration : public testing::TestWithParam<std::string> {};
 
-TEST_P(BrokenConfiguration, IsRefusedByCheckWithEveryMistakeNamed) {
+TEST_P(BrokenConfiguration, IsRefusedByCheckWithEveryErrorNamed) {
   const fs::path folder = kCases / GetParam();
 
   const std::vector<std::string> said = refusal_in(folder, lines_of(folder / "arguments.txt"));

@@ -1,4 +1,4 @@
-// Component libraries with a mistake: whatever they do when they are loaded or when their
+// Component libraries with an error: whatever they do when they are loaded or when their
 // components are constructed, the program names them and starts nothing.
 //
 // Every folder of cases/ is one: `app.json`, `expected.txt` with the lines that have to be said
@@ -39,7 +39,7 @@ const std::vector<std::string> kEnvironment = {};
 /// A good library, changed by `change`, as another library beside the application.
 template <typename Change>
 void make_library(const Folder& folder, const std::string& name, Change change) {
-  std::string bytes = read_file(kLibraries / "libbroken_witness.so");
+  std::string bytes = read_file(kLibraries / "libbroken_start_marker.so");
   change(bytes);
   folder.write("lib" + name + ".so", bytes);
 }
@@ -51,7 +51,7 @@ void overwrite(std::string& bytes, std::size_t offset, T value) {
 
 /// What is no library at all, or none for this machine.
 void make_files(const Folder& folder) {
-  folder.write("libmade_text.so", "INPUT(libbroken_witness.so)\n");
+  folder.write("libmade_text.so", "INPUT(libbroken_start_marker.so)\n");
   make_library(folder, "made_truncated", [](std::string& bytes) { bytes.resize(4096); });
   make_library(folder, "made_32_bits", [](auto& bytes) { bytes[EI_CLASS] = ELFCLASS32; });
   make_library(folder, "made_object", [](auto& bytes) {
@@ -111,7 +111,7 @@ TEST_P(BrokenLibrary, IsNamedAndNothingStarts) {
   if (any_contains(said, " did not come back within ")) {
     EXPECT_TRUE(any_contains(notices, ", and may take 2 s")) << testing::PrintToString(notices);
   }
-  // One line for each mistake, and the last one.
+  // One line for each error, and the last one.
   ASSERT_EQ(said.size(), expected.size() + 1) << testing::PrintToString(said);
   for (const std::string& part : expected) {
     EXPECT_TRUE(any_contains(said, part)) << part << "\n" << testing::PrintToString(said);
@@ -132,7 +132,7 @@ std::string all_cases(std::vector<std::string>& expected) {
   for (const std::string& name : folders_in(kCases)) {
     const json application = json::parse(read_file(kCases / name / "app.json"));
     for (json component : application["components"]) {
-      if (component["name"] != "witness") {
+      if (component["name"] != "start_marker") {
         component["name"] = name + "_" + component["name"].get<std::string>();
         components.push_back(std::move(component));
       }
@@ -147,7 +147,7 @@ std::string all_cases(std::vector<std::string>& expected) {
       expected.push_back(part);
     }
   }
-  components.push_back({{"name", "witness"}, {"library", "broken_witness"}});
+  components.push_back({{"name", "start_marker"}, {"library", "broken_start_marker"}});
   return json{{"name", "all"}, {"components", components}}.dump(1);
 }
 
@@ -190,12 +190,12 @@ TEST(BrokenLibraries, OneWithoutPermissionIsNamed) {
       << process.errors();
 }
 
-/// The application of a library, or class, that may be loaded, with the witness.
+/// The application of a library, or class, that may be loaded, with the marker of the start.
 std::string application_of(const std::string& suspect) {
   return R"({"name": "good", "components": [
   {"name": "suspect", )" +
          suspect + R"(},
-  {"name": "witness", "library": "broken_witness", "serve_period_ms": 5}
+  {"name": "start_marker", "library": "broken_start_marker", "serve_period_ms": 5}
 ]})";
 }
 
@@ -209,7 +209,7 @@ ProcessOptions good_run(const Folder& folder) {
 
 constexpr const char* kThrowing = R"("library": "broken_constructors", "class": "Throws")";
 
-TEST(AConstructorThatThrows, IsAMistakeForCheck) {
+TEST(AConstructorThatThrows, IsAnErrorForCheck) {
   const Folder folder;
   folder.write("app.json", application_of(kThrowing));
 
@@ -221,7 +221,7 @@ TEST(AConstructorThatThrows, IsAMistakeForCheck) {
       << testing::PrintToString(said);
 }
 
-TEST(AConstructorThatThrows, IsAMistakeForCheckHoweverMuchItSays) {
+TEST(AConstructorThatThrows, IsAnErrorForCheckHoweverLongItsMessage) {
   const Folder folder;
   folder.write("app.json",
                application_of(R"("library": "broken_constructors", "class": "ThrowsMuch")"));
@@ -263,9 +263,9 @@ TEST(AServeOfItsOwn, IsWarnedOfWhereNothingCallsIt) {
 TEST(ASourceFile, FindsTheLibrariesInTheBuildFolderBesideItAndSaysWhichFileEachIs) {
   const Folder folder;
   fs::create_directory(folder / "build");
-  fs::copy(kLibraries / "libbroken_witness.so", folder / "build");
+  fs::copy(kLibraries / "libbroken_start_marker.so", folder / "build");
   folder.write("app.json", R"({"name": "a", "components": [
-  {"name": "a", "library": "broken_witness"}, {"name": "b", "library": "broken_witness"}]})");
+  {"name": "a", "library": "broken_start_marker"}, {"name": "b", "library": "broken_start_marker"}]})");
   for (const std::string option : {"-v", "--verbose"}) {
     Process process({.program = FASTCYCLE_PROGRAM,
                      .arguments = {"run", "app.json", "--for", "50ms", "--quiet", option},
@@ -274,9 +274,10 @@ TEST(ASourceFile, FindsTheLibrariesInTheBuildFolderBesideItAndSaysWhichFileEachI
 
     EXPECT_EQ(process.wait().exit_code, 0) << process.errors();
     const std::string line =
-        "library \"broken_witness\": " + fs::canonical(folder.path()).string() +
-        "/build/libbroken_witness.so\n";
-    EXPECT_EQ(process.errors().find(line), process.errors().rfind("library \"broken_witness\""))
+        "library \"broken_start_marker\": " + fs::canonical(folder.path()).string() +
+        "/build/libbroken_start_marker.so\n";
+    EXPECT_EQ(process.errors().find(line),
+              process.errors().rfind("library \"broken_start_marker\""))
         << process.errors();
   }
 }
@@ -357,14 +358,14 @@ TEST(TheTrial, IsGivenMoreOptionsThanOneArgumentHolds) {
 
   process.wait();
 
-  // The component has no such parameter, which only the trial can tell.
+  // The component has no such parameter, which only the trial can detect.
   EXPECT_TRUE(contains(process.errors(), "text…; nothing was started")) << process.errors();
   EXPECT_EQ(process.errors().find("could not be started"), std::string::npos) << process.errors();
 }
 
 TEST(LoadTimeout, MustBeATime) {
   const Folder folder;
-  folder.write("app.json", application_of(R"("library": "broken_witness")"));
+  folder.write("app.json", application_of(R"("library": "broken_start_marker")"));
   for (const char* text : {"2", "soon", "-1s", "0s"}) {
     Process process({.program = FASTCYCLE_PROGRAM,
                      .arguments = {"check", "app.json", "--load-timeout", text},

@@ -23,7 +23,7 @@ class PinnedLibraries : public ::testing::Test {
  protected:
   PinnedLibraries() {
     std::filesystem::copy_file(
-        std::filesystem::path(FASTCYCLE_BROKEN_LIBRARIES) / "libbroken_witness.so",
+        std::filesystem::path(FASTCYCLE_BROKEN_LIBRARIES) / "libbroken_start_marker.so",
         folder_ / "libown.so");
     folder_.write("app.json", R"({"name": "pinned", "components": [
       {"name": "talker", "library": "examples/hello_talker", "serve_period_ms": 10},

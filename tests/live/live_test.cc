@@ -520,7 +520,7 @@ TEST_F(LiveCommands, HelpIsGivenForEachWordWithExamples) {
   }
 }
 
-TEST_F(LiveCommands, WrongWordsAreToldInASentence) {
+TEST_F(LiveCommands, WrongWordsAreReportedInASentence) {
   struct Case {
     std::vector<std::string> words;
     std::string sentence;

@@ -41,7 +41,7 @@ class Sensor final : public fastcycle::Component {
 };
 
 /// Publishes each reading again, times `gain`, and keeps below `limit`; doubles numbers on request;
-/// says in the log what it hears on `orders`.
+/// says in the log what it receives on `orders`.
 class Filter final : public fastcycle::Component {
  public:
   explicit Filter(fastcycle::Context& context)
@@ -77,7 +77,7 @@ class Filter final : public fastcycle::Component {
   fastcycle::Publisher<live::Reading> filtered_;
 };
 
-/// Hears what was filtered.
+/// Receives what was filtered.
 class Display final : public fastcycle::Component {
  public:
   explicit Display(fastcycle::Context& context) : Component(context) {

@@ -67,7 +67,7 @@ def runs_of(model):
 
 def sh(command, folder, what):
     done = subprocess.run(command, cwd=folder, text=True, capture_output=True, check=False)
-    # spin tells some mistakes by its output only.
+    # spin reports some errors by its output only.
     if done.returncode != 0 or "Error:" in done.stdout:
         sys.exit(f"models: {what}: {' '.join(command)}\n{done.stdout}{done.stderr}")
 
@@ -99,8 +99,8 @@ def search(folder, arguments, limit_s):
     cut = re.search(r"max search depth too small|out of memory|memory limit|Search not completed", text)
     what = ""
     if has_error:
-        told = re.search(r"pan:\d+: (.*?)(?: \(at depth|$)", text, re.M)
-        what = told[1] if told else text.strip()[-400:] or "pan ended without a word"
+        found = re.search(r"pan:\d+: (.*?)(?: \(at depth|$)", text, re.M)
+        what = found[1] if found else text.strip()[-400:] or "pan ended without a word"
     elif cut and not is_stopped:
         what = cut[0]
     return Result(has_error, not is_stopped and not cut, int(float(states[1])) if states else 0,

@@ -1,6 +1,6 @@
 // live_client.mjs FASTCYCLE ADS.json [SECONDS]: npm's Foxglove client connects to a live run of the ADS, and what it
 // gets is compared with the recording of that run, as npm's reader of MCAP reads it. Both subprotocols are tried at once:
-// the client knows the older one; for the newer one it is told that it has it. Then the recording is shown by
+// the client knows the older one; for the newer one it is notified that it has it. Then the recording is shown by
 // `fastcycle view`, played, and moved to other times. Ends with 1 and says what is wrong.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
@@ -43,7 +43,7 @@ async function until(what, condition) {
   }
 }
 
-// ---- A client that keeps what it is told ----
+// ---- A client that keeps what it receives ----
 
 class NewWebSocket extends WebSocket {
   get protocol() {
@@ -237,7 +237,7 @@ try {
     const { compared, missing } = compare(watcher, log);
     assert.ok(compared > 100, `only ${compared} messages came`);
     console.log(`${watcher.client === first.client ? "foxglove.websocket.v1" : "foxglove.sdk.v1"}: ` +
-                `${watcher.channels.size} channels, ${compared} messages equal, ${missing} left out and told`);
+                `${watcher.channels.size} channels, ${compared} messages equal, ${missing} left out and reported`);
   }
 } catch (error) {
   console.error(lines.join("\n"));
@@ -265,7 +265,7 @@ try {
   assert.deepEqual([started.status, started.speed], [PLAYING, 4]);
   const ended = await until("the end", () => watcher.states.find(({ status }) => status === ENDED));
   assert.equal(ended.time, end);
-  await new Promise((ready) => setTimeout(ready, 1500));  // Until it was told what did not come.
+  await new Promise((ready) => setTimeout(ready, 1500));  // Until what did not come was reported.
   const all = compare(watcher, log);
   assert.ok(watcher.messages.get("localization/ego").length > 100);
 
@@ -282,7 +282,7 @@ try {
       assert.equal(watcher.messages.get(topic).length, 1, topic);
     }
   }
-  console.log(`view: ${all.compared} messages equal, ${all.missing} left out and told`);
+  console.log(`view: ${all.compared} messages equal, ${all.missing} left out and reported`);
 } finally {
   const over = new Promise((done) => viewer.on("exit", done));
   viewer.kill("SIGINT");

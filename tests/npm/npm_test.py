@@ -232,13 +232,13 @@ class Log:
             application = json.loads(re.sub(r"\s//.*$", "", attachment["data"], flags=re.M))
             self.assertEqual(application["components"][0]["name"], "author")
             counts = collections.Counter(topic for topic, _, _ in published())
-            told = {loss["metadata"]["topic"]: loss["metadata"] for loss in losses
+            reported = {loss["metadata"]["topic"]: loss["metadata"] for loss in losses
                     if loss["name"] == "fastcycle.loss"}
-            self.assertEqual(told.keys(), counts.keys())
+            self.assertEqual(reported.keys(), counts.keys())
             for topic, count in counts.items():
-                self.assertEqual(told[topic]["published"], str(count))
-                self.assertEqual(told[topic]["recorded"], str(count))
-                self.assertEqual(told[topic]["lost"], "0")
+                self.assertEqual(reported[topic]["published"], str(count))
+                self.assertEqual(reported[topic]["recorded"], str(count))
+                self.assertEqual(reported[topic]["lost"], "0")
 
     def test_has_a_summary_that_counts_what_is_there(self):
         counts = collections.Counter(topic for topic, _, _ in published())

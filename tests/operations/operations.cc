@@ -64,7 +64,7 @@ struct Options {
   std::chrono::seconds limit{120};
 };
 
-/// Ends the program when nothing was heard of its owner for too long.
+/// Ends the program when nothing was received from its owner for too long.
 class Watchdog {
  public:
   explicit Watchdog(std::chrono::seconds limit)
@@ -207,7 +207,7 @@ class Round {
     g_world.begin(options.is_live);
     const Json text = random_application(seed, options.is_live, has_driver_);
     for (const Json& component : text["components"]) {
-      g_world.heard[component["name"].get<std::string>()] = 0;
+      g_world.received[component["name"].get<std::string>()] = 0;
     }
     classes_.with<Player>("player").with<Driver>("driver").with<Pinger>("pinger");
     application_ = host::make_application(
@@ -297,7 +297,8 @@ class Round {
     });
   }
 
-  /// Each component serves its controls, and if it is active hears what is published from now on.
+  /// Each component serves its controls, and if it is active receives what is published from now
+  /// on.
   void expect_all_alive() {
     std::vector<std::shared_ptr<std::atomic<bool>>> served;
     for (const auto& component : application_->components()) {
@@ -312,7 +313,7 @@ class Round {
     for (const auto& component : application_->components()) {
       if (component->description.library == "player") {
         wait_for(fmt::format("a message to {}", component->name), [&] {
-          return component->state != State::kActive || g_world.heard.at(component->name) >= next;
+          return component->state != State::kActive || g_world.received.at(component->name) >= next;
         });
       }
     }

@@ -47,7 +47,7 @@ void World::begin(bool live) {
   is_live = live;
   is_wild = false;
   pings = 0;
-  heard.clear();
+  received.clear();
 }
 
 std::uint64_t World::total() const noexcept {
@@ -147,7 +147,7 @@ void Player::declare_inputs() {
   context.create_subscriber<Int64Value>("driven_freely", {.depth = 2},
                                         [this](const Int64Value& message) { received(message); });
   context.create_subscriber<Int64Value>("ping", {.depth = 1}, [this](const Int64Value& ping) {
-    g_world.heard.at(name_) = static_cast<std::uint64_t>(ping.value());
+    g_world.received.at(name_) = static_cast<std::uint64_t>(ping.value());
   });
 }
 

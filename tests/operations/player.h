@@ -107,7 +107,7 @@ class Driver final : public Component {
   ExternalPublisher<Int64Value> without_;
 };
 
-/// Never faults: what it publishes, each player that lives must hear.
+/// Never faults: what it publishes, each player that lives must receive.
 class Pinger final : public Component {
  public:
   explicit Pinger(Context& context);

@@ -31,7 +31,7 @@ enum class Operation : std::uint8_t {
   kSendTiles,       ///< As many messages as there are credits.
   kLook,            ///< At its views.
   kSay,             ///< Health, a line of the log, a result.
-  kRenew,           ///< Has another component made anew, as somebody who looks on may.
+  kRenew,           ///< Has another component made anew, as an observer may.
   kFault,           ///< Throws, wherever it is.
   kFaultInEvent,    ///< Throws in a callback for events.
   kFaultInLife,     ///< Throws in start, activate, deactivate, stop, or when it is made anew.
@@ -52,8 +52,8 @@ struct World {
   std::array<std::atomic<std::uint64_t>, kOperations> done{};
   std::atomic<int> objects{0};
   std::atomic<std::uint64_t> pings{0};  ///< The last that was published.
-  /// The last ping that each player heard. The places are made before the run.
-  std::map<std::string, std::atomic<std::uint64_t>> heard;
+  /// The last ping that each player received. The places are made before the run.
+  std::map<std::string, std::atomic<std::uint64_t>> received;
 
   void begin(bool live);
   [[nodiscard]] std::uint64_t total() const noexcept;

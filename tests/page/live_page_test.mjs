@@ -452,7 +452,7 @@ test("it says that the run has ended", async (page) => {
   assert.equal(await page.textContent("#connection"), "not connected");
   await page.waitForFunction(() => /next try/.test(document.getElementById("notice").textContent));
   await page.close();  // It would try again.
-  // That the browser writes of tries that fail is no mistake of the page.
+  // That the browser writes of tries that fail is no error of the page.
   problems.splice(0, problems.length, ...problems.filter((one) => !/WebSocket connection|ERR_CONNECTION|Failed to load/.test(one)));
 });
 

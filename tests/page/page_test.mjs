@@ -245,11 +245,11 @@ test("points of the lidar are drawn where they are recorded", async (page, open)
   await seek(other, 5);
   await paint(other);
   await picture(other, "page_lidar");
-  const echoes = await pixels(other, "--points");
-  assert.ok(echoes > 30, `${echoes} pixels`);
+  const returns = await pixels(other, "--points");
+  assert.ok(returns > 30, `${returns} pixels`);
   await other.uncheck("#show_points");
   await paint(other);
-  assert.ok((await pixels(other, "--points")) < echoes / 10);
+  assert.ok((await pixels(other, "--points")) < returns / 10);
   // Echoes of the boxes' sides are at their boxes.
   const near = await other.evaluate(() => {
     const { drive } = window.fastcycle;
@@ -261,7 +261,7 @@ test("points of the lidar are drawn where they are recorded", async (page, open)
       return false;
     }).length;
   });
-  assert.ok(near > 2, `${near} objects have echoes`);
+  assert.ok(near > 2, `${near} objects have returns`);
   await other.close();
 });
 

@@ -98,7 +98,7 @@ class Relay final : public fastcycle::Component {
         throw std::runtime_error("it always throws");
       }
       if (throw_at_.get() != 0 && reading.value() == throw_at_.get()) {
-        throw std::runtime_error("it was told to");
+        throw std::runtime_error("it was asked to");
       }
       if (write_at_.get() != 0 && reading.value() == write_at_.get()) {
         const_cast<Reading&>(reading).set_value(-1);
@@ -259,7 +259,7 @@ class Steering final : public fastcycle::Component {
         gains_(context.param<std::int64_t>("own_gain", {.fallback = 1, .is_tunable = true})) {
     context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       if (reading.value() == switch_at_.get()) {
-        this->context().switch_mode("degraded", "it was told to");
+        this->context().switch_mode("degraded", "it was asked to");
       }
       if (reading.value() == back_at_.get()) {
         this->context().switch_mode("nominal");
@@ -268,10 +268,10 @@ class Steering final : public fastcycle::Component {
         this->context().change_params({{"relay.gain", gain_.get()}, {"steering.own_gain", "7"}},
                                       [this](const fastcycle::ParamsResult& result) {
                                         report("has_changed", result.has_changed());
-                                        report("mistakes",
-                                               static_cast<std::int64_t>(result.mistakes.size()));
+                                        report("errors",
+                                               static_cast<std::int64_t>(result.errors.size()));
                                         if (!result.has_changed()) {
-                                          report("mistake", result.mistakes.front());
+                                          report("error", result.errors.front());
                                         }
                                       });
       }
@@ -407,14 +407,14 @@ class Store final : public fastcycle::Component {
       if (reading.value() == crash_at_.get()) {
         raise(SIGSEGV);
       }
-      tell();
+      report_counts();
     });
   }
 
-  void start() override { tell(); }
+  void start() override { report_counts(); }
 
  private:
-  void tell() {
+  void report_counts() {
     report("received_by_" + context().component_name(), received_);
     report("missing_of_" + context().component_name(), missing_);
   }

@@ -558,7 +558,7 @@ TEST_F(ComponentsInProcesses, SwitchModesTogether) {
   ASSERT_EQ(said["modes"]["switches"].size(), 2U) << run.errors();
   EXPECT_EQ(said["modes"]["switches"][0]["to"], "degraded");
   EXPECT_EQ(said["modes"]["switches"][0]["by"], "steering");
-  EXPECT_EQ(said["modes"]["switches"][0]["why"], "it was told to");
+  EXPECT_EQ(said["modes"]["switches"][0]["why"], "it was asked to");
   EXPECT_EQ(said["modes"]["switches"][1]["to"], "nominal");
   EXPECT_THAT(run.errors(), HasSubstr("mode \"nominal\" → \"degraded\", asked for by steering"));
   // The relay, in one process, had left before the spare, in another one, joined.
@@ -583,10 +583,10 @@ TEST_F(ComponentsInProcesses, ChangeParamsOfOthersAllOrNone) {
   Process bad(options(steered(R"("change_at": 60, "gain": "11")")));
   EXPECT_EQ(bad.wait().exit_code, 0) << bad.errors();
   said = report();
-  ASSERT_TRUE(said["results"].contains("mistake")) << bad.errors();
+  ASSERT_TRUE(said["results"].contains("error")) << bad.errors();
   EXPECT_EQ(said["results"]["has_changed"], false);
-  EXPECT_EQ(said["results"]["mistakes"], 1);
-  EXPECT_THAT(said["results"]["mistake"].get<std::string>(), HasSubstr("relay.gain"));
+  EXPECT_EQ(said["results"]["errors"], 1);
+  EXPECT_THAT(said["results"]["error"].get<std::string>(), HasSubstr("relay.gain"));
   EXPECT_EQ(said["results"]["gain_of_relay"], 1);
   EXPECT_EQ(said["results"]["own_gain"], 1);
 }

@@ -50,14 +50,14 @@ class Drive:
 
     def await_standby(self, name, run):
         """Waits until the process follows the other one, in this run or a later one: one that cannot follow is made anew."""
-        def told():
+        def has_run():
             runs = re.findall(rf'"{re.escape(name)}" is on standby, in its run (\d+)', self.out.read_text())
             if runs and int(runs[-1]) >= run:
                 return int(runs[-1])
             if self.run.poll() is not None:
                 raise Over
             return None
-        self.runs[name] = wait_for(f"the standby {name}", told, 120)
+        self.runs[name] = wait_for(f"the standby {name}", has_run, 120)
 
     def pid_of(self, name):
         def there():

@@ -316,7 +316,7 @@ TEST_F(AShadow, WithOtherTopicsIsRefused) {
                         "other topics than the one that it follows"));
 }
 
-TEST_F(AShadow, IsToldNotToBeThereInSimulatedTime) {
+TEST_F(AShadow, IsReportedAsMissingInSimulatedTime) {
   test::ProcessOptions simulated = options(application(R"({"of": "relay"})"));
   simulated.arguments.insert(simulated.arguments.end(), {"--clock", "simulated"});
   Process run(simulated);

@@ -50,7 +50,7 @@ std::size_t wanted_bytes() {
   return given == nullptr ? 60'000 : static_cast<std::size_t>(std::atoll(given));
 }
 
-/// A message, told from others.
+/// A message, distinguishable from others.
 struct Seen {
   std::string topic;
   std::uint32_t sequence = 0;

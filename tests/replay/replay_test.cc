@@ -200,7 +200,7 @@ TEST_F(Replay, PlayTakesPartsAndLoops) {
   EXPECT_EQ(report()["end"], "time over");
   EXPECT_EQ(report()["replay"]["from_s"], 0.1);
   EXPECT_EQ(report()["replay"]["to_s"], 0.15);
-  EXPECT_GT(report()["results"]["heard"], 190);
+  EXPECT_GT(report()["results"]["received"], 190);
 }
 
 // What the recording has is published, also where the application has no component for it.
@@ -223,7 +223,7 @@ TEST_F(Replay, WarnsOnlyOfWhatTheRecordingHasNot) {
   EXPECT_THAT(errors_, HasSubstr("\"others\", which component \"adder\" subscribes to, is not in"));
 }
 
-TEST_F(Replay, MistakesAreSaidBeforeAnythingStarts) {
+TEST_F(Replay, ErrorsAreReportedBeforeAnythingStarts) {
   record_parts();
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{"run", path("app.json"), "--replay", "none.mcap"}, "none.mcap"},
@@ -361,7 +361,7 @@ TEST_F(Keys, PauseStepChangeTheRateAndEndTheRun) {
   EXPECT_TRUE(terminal.wait_for("paused"));
   EXPECT_FALSE(terminal.is_as_usual());
   terminal.press("..........");
-  EXPECT_TRUE(terminal.wait_for("heard ten numbers"));
+  EXPECT_TRUE(terminal.wait_for("received ten numbers"));
   terminal.press("+ ");
   EXPECT_TRUE(terminal.wait_for("0.002 times as fast"));
   terminal.press("q");

@@ -95,7 +95,7 @@ TEST_F(Verify, ALiveRunIsEqualWithTheApplicationOfTheLogOrAnother) {
   }
 }
 
-TEST_F(Verify, AnotherParamIsADifferenceAndTheFirstOneIsTold) {
+TEST_F(Verify, AnotherParamIsADifferenceAndTheFirstOneIsReported) {
   record_parts();
 
   ASSERT_EQ(fastcycle({"verify", "live.mcap", "app.json", "--set", "counter.burst=2", "--report",
@@ -290,8 +290,8 @@ TEST_F(Verify, ALogOfAnEarlierVersionIsReplayedAsItWas) {
 
   const json results = json::parse(test::read_file(folder_ / "replayed.json"))["results"];
   EXPECT_EQ(results["sum"], 820);
-  EXPECT_EQ(results["heard"], 40);
-  // Of what it heard, and when: the version that recorded it finds the same.
+  EXPECT_EQ(results["received"], 40);
+  // Of what it received, and when: the version that recorded it finds the same.
   EXPECT_EQ(results["hash"], -3190773588186842028);
   EXPECT_EQ(fastcycle({"verify", old, "app.json"}), 2);
   EXPECT_THAT(errors_, HasSubstr("the log was recorded by an earlier version"));

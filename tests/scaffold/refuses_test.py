@@ -59,7 +59,7 @@ class Refuses(unittest.TestCase):
         self.assert_refused("there is no messages/radar/value.proto", "component", "motor", "--messages", "radar",
                             folder="garage")
 
-    def test_an_application_that_cannot_be_changed_is_left_and_said(self):
+    def test_an_application_that_cannot_be_changed_is_left_and_reported(self):
         self.assertEqual(self.new("app", "garage").returncode, 0)
         (self.folder / "garage/garage.json").write_text('{"name": "x"}')
         done = self.new("component", "motor", folder="garage")

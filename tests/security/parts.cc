@@ -41,7 +41,7 @@ class Keeper final : public fastcycle::Component {
   std::string secret_;
 };
 
-/// Hears the secret, keeps it, says once where, and does then what `then` says.
+/// Receives the secret, keeps it, says once where, and does then what `then` says.
 class Listener final : public fastcycle::Component {
  public:
   explicit Listener(fastcycle::Context& context)
@@ -51,11 +51,11 @@ class Listener final : public fastcycle::Component {
 
  private:
   void on_secret(const Text& text) {
-    if (!heard_.empty()) {
+    if (!received_.empty()) {
       return;
     }
-    heard_ = text.value();
-    log().info("secret at {}", static_cast<const void*>(heard_.data()));
+    received_ = text.value();
+    log().info("secret at {}", static_cast<const void*>(received_.data()));
     if (then_.get() == "abort") {
       std::abort();
     }
@@ -66,7 +66,7 @@ class Listener final : public fastcycle::Component {
   }
 
   fastcycle::Param<std::string> then_;
-  std::string heard_;
+  std::string received_;
 };
 
 /// Has the secret when it is constructed, says in a file of the folder `gate`, named after the

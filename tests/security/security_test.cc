@@ -474,11 +474,11 @@ bool wins_race_of_trial(const ProcessOptions& options, const fs::path& gate) {
   const pid_t trial = find_child(victim, "fastcycle-trial");
   const std::string folder = "/proc/" + std::to_string(trial);
   const int memory = open((folder + "/mem").c_str(), O_RDONLY | O_CLOEXEC);
-  const fs::path told = gate / std::to_string(trial);
-  while (!fs::exists(told) && read_file(folder + "/comm") == "fastcycle-trial\n") {
+  const fs::path started = gate / std::to_string(trial);
+  while (!fs::exists(started) && read_file(folder + "/comm") == "fastcycle-trial\n") {
     usleep(1000);
   }
-  const std::string address = read_file(told);
+  const std::string address = read_file(started);
   std::string text(kSecret.size(), '\0');
   const bool has_won =
       memory >= 0 && address.starts_with("0x") &&
@@ -538,7 +538,7 @@ class SecurityOfTheTrial : public Security {
       return;
     }
     if (!fs::exists("/proc/thread-self/children")) {
-      GTEST_SKIP() << "this kernel does not tell which children a process has";
+      GTEST_SKIP() << "this kernel does not report which children a process has";
     }
     installed_.write("app.json", R"({"name": "secrets", "components": [
   {"name": "builder", "library": "security_parts", "class": "Builder", "params": {"gate": ")" +

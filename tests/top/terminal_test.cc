@@ -54,18 +54,18 @@ class TmuxTerminal {
  public:
   TmuxTerminal(const test::Folder& folder, int width, int height)
       : tmux_("tmux -u -S " + (folder / "tmux").string() + " -f /dev/null ") {
-    tell("new-session -d -x " + std::to_string(width) + " -y " + std::to_string(height) +
-         " 'env PS1=ready: bash --norc --noprofile -i'");
-    tell("set-option -g escape-time 0");
+    run("new-session -d -x " + std::to_string(width) + " -y " + std::to_string(height) +
+        " 'env PS1=ready: bash --norc --noprofile -i'");
+    run("set-option -g escape-time 0");
   }
   TmuxTerminal(const TmuxTerminal&) = delete;
   TmuxTerminal& operator=(const TmuxTerminal&) = delete;
-  ~TmuxTerminal() { tell("kill-server"); }
+  ~TmuxTerminal() { run("kill-server"); }
 
-  void tell(const std::string& words) const { output_of(tmux_ + words + " 2>&1"); }
-  void type(const std::string& text) const { tell("send-keys -l '" + text + "'"); }
+  void run(const std::string& words) const { output_of(tmux_ + words + " 2>&1"); }
+  void type(const std::string& text) const { run("send-keys -l '" + text + "'"); }
   /// By tmux's names: `Enter`, `Tab`, `C-z`.
-  void press(const std::string& key) const { tell("send-keys " + key); }
+  void press(const std::string& key) const { run("send-keys " + key); }
 
   [[nodiscard]] std::string screen() const { return output_of(tmux_ + "capture-pane -p"); }
   [[nodiscard]] std::string screen_with_colours() const {
@@ -173,10 +173,10 @@ TEST_F(ManyTerminals, GrowWithTheScreen) {
   start_top(terminal);
   EXPECT_THAT(terminal.screen(), Not(HasSubstr("EXECUTOR")));
 
-  terminal.tell("resize-window -x 140 -y 40");
+  terminal.run("resize-window -x 140 -y 40");
   EXPECT_TRUE(terminal.wait_for("EXECUTOR")) << terminal.screen();
 
-  terminal.tell("resize-window -x 40 -y 10");
+  terminal.run("resize-window -x 40 -y 10");
   EXPECT_TRUE(terminal.wait_until([](const std::string& seen) {
     return seen.find("EXECUTOR") == std::string::npos &&
            seen.find("COMPONENT") != std::string::npos;

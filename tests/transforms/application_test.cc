@@ -69,7 +69,7 @@ class Calibration final : public Component {
   StaticBroadcaster broadcaster_;
 };
 
-/// Asks every 10 ms where the lidar was 15 ms ago, and writes down what it hears.
+/// Asks every 10 ms where the lidar was 15 ms ago, and records the replies.
 class Asker final : public Component {
  public:
   explicit Asker(Context& context)
@@ -77,8 +77,8 @@ class Asker final : public Component {
 
   void serve() override {
     const auto found = tree_.a_to_b("lidar", "map", now() - 15ms);
-    const std::string heard = found ? std::to_string(found->translation.x) : found.error().why;
-    heard_ += heard + "\n";
+    const std::string received = found ? std::to_string(found->translation.x) : found.error().why;
+    received_ += received + "\n";
     ++(found ? found_ : missing_);
     last_ = found ? found->translation.x : 0.0;
     if (found && first_ == 0.0) {
@@ -87,7 +87,7 @@ class Asker final : public Component {
   }
 
   void stop() override {
-    report("heard", heard_);
+    report("received", received_);
     report("found", found_);
     report("missing", missing_);
     report("first", first_);
@@ -96,7 +96,7 @@ class Asker final : public Component {
 
  private:
   Tree tree_;
-  std::string heard_;
+  std::string received_;
   std::int64_t found_ = 0;
   std::int64_t missing_ = 0;
   double first_ = 0.0;
@@ -159,7 +159,7 @@ TEST(LookUps, AreTheSameForAnyNumberOfWorkers) {
   for (const unsigned workers : {2U, 4U}) {
     const auto more = drive(kLateCalibration, workers);
     for (const std::string asker : {"asker", "second"}) {
-      EXPECT_EQ(result(*one, asker, "heard"), result(*more, asker, "heard")) << workers;
+      EXPECT_EQ(result(*one, asker, "received"), result(*more, asker, "received")) << workers;
     }
   }
 }

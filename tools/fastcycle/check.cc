@@ -132,7 +132,7 @@ int check(const CheckOptions& options) {
   }
   config::Problems problems;
   const config::ApplicationDescription description =
-      options.configuration.read(host::ConstructorFault::kMistake, problems);
+      options.configuration.read(host::ConstructorFault::kError, problems);
   const host::LibraryLoader libraries(
       host::library_folders(description, options.configuration.library_path));
   host::warn_of_imports(description, libraries, problems);

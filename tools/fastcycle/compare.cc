@@ -164,8 +164,8 @@ int write_page(const CompareOptions& options, const DriveView& view,
       data += letter == '<' ? std::string("\\u003c") : std::string(1, letter);
     }
     data += '}';
-  } catch (const archive::ViewMistake& mistake) {
-    return print_mistake("compare", view.name + ": " + mistake.what());
+  } catch (const archive::ViewError& error) {
+    return print_error("compare", view.name + ": " + error.what());
   }
   write_drive_page(log.filename().string() + ", recorded and new", data, file.sink());
   file.commit();
@@ -257,20 +257,20 @@ int compare_drive(CompareOptions& options, const ReportFile& report_file) {
 
 int compare(CompareOptions& options) {
   if (const std::string wrong = options.replaying.find_wrong(); !wrong.empty()) {
-    return print_mistake("compare", wrong);
+    return print_error("compare", wrong);
   }
   if (!options.page.empty() && !has_drive_page("compare")) {
     return kFailed;
   }
   const ReportFile report_file(options.report, options.replaying.files);
   if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
-    return print_mistake(
-        "compare", "the report " + options.report.string() + " cannot be written: " + obstacle);
+    return print_error("compare",
+                       "the report " + options.report.string() + " cannot be written: " + obstacle);
   }
   try {
     return compare_drive(options, report_file);
   } catch (const mcap::Error& error) {
-    return print_mistake("compare", error.what());
+    return print_error("compare", error.what());
   }
 }
 
@@ -279,7 +279,7 @@ int compare(CompareOptions& options) {
 Command add_compare(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
       "compare",
-      "Execute a log with changed components, and tell by how much what they publish changed");
+      "Execute a log with changed components, and report by how much what they publish changed");
   line->footer(examples(
       "  fastcycle compare drive.mcap --library-path build/new/lib\n"
       "  fastcycle compare drive.mcap app.json --set planning.margin_m=1.5 --page both.html\n"

@@ -85,7 +85,7 @@ config::ApplicationDescription Configuration::read(host::ConstructorFault on_thr
       *tried = std::move(result);
     }
     for (config::Problem& problem : found.all()) {
-      if (!problem.warning || warnings == TrialWarnings::kHeard) {
+      if (!problem.warning || warnings == TrialWarnings::kReported) {
         problems.add(std::move(problem));
       }
     }
@@ -98,7 +98,7 @@ std::unique_ptr<host::Application> Configuration::make_unstarted() const {
   config::Problems problems;
   host::TrialResult tried;
   const config::ApplicationDescription description =
-      read(host::ConstructorFault::kMistake, problems, TrialWarnings::kHeard, &tried);
+      read(host::ConstructorFault::kError, problems, TrialWarnings::kReported, &tried);
   if (!may_start(problems, file)) {
     return nullptr;
   }
@@ -108,7 +108,7 @@ std::unique_ptr<host::Application> Configuration::make_unstarted() const {
   auto application = std::make_unique<host::Application>(
       description, host::ClockOptions{.is_simulated = true, .workers = 1});
   config::Problems found_now;
-  application->build(libraries, found_now, host::ConstructorFault::kMistake);
+  application->build(libraries, found_now, host::ConstructorFault::kError);
   if (found_now.has_errors()) {
     static_cast<void>(may_start(found_now, file));
     return nullptr;
@@ -127,9 +127,9 @@ std::string summary(const config::Problems& problems, const std::string& file) {
   const std::vector<config::Problem> all = problems.all();
   const auto warnings = static_cast<std::size_t>(
       std::ranges::count_if(all, [](const config::Problem& problem) { return problem.warning; }));
-  const std::size_t mistakes = all.size() - warnings;
+  const std::size_t errors = all.size() - warnings;
   std::string text = file + ": ";
-  text += mistakes == 0 ? "no errors" : counted(mistakes, "error");
+  text += errors == 0 ? "no errors" : counted(errors, "error");
   if (warnings > 0) {
     text += ", " + counted(warnings, "warning");
   }

@@ -26,14 +26,13 @@ struct Configuration {
 
   /// Whether the warnings of the trial are reported. A replay has publishers that a trial has not,
   /// and itself reports topics without a publisher.
-  enum class TrialWarnings { kHeard, kLeftOut };
+  enum class TrialWarnings { kReported, kLeftOut };
 
   /// Reads the application and tries its libraries and components in a child process, which sets
   /// `tried` if it is given.
-  [[nodiscard]] config::ApplicationDescription read(host::ConstructorFault on_throw,
-                                                    config::Problems& problems,
-                                                    TrialWarnings warnings = TrialWarnings::kHeard,
-                                                    host::TrialResult* tried = nullptr) const;
+  [[nodiscard]] config::ApplicationDescription read(
+      host::ConstructorFault on_throw, config::Problems& problems,
+      TrialWarnings warnings = TrialWarnings::kReported, host::TrialResult* tried = nullptr) const;
 
   /// The application with its components constructed and connected but not started, for commands
   /// that inspect it. Null, with all errors printed, if it cannot be built.

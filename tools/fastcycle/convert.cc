@@ -17,7 +17,7 @@ namespace fastcycle::tool {
 namespace {
 
 /// Says what was not converted; the exit code.
-int tell(const Rewriting& work, const rosbag::Converted& done) {
+int print_result(const Rewriting& work, const rosbag::Converted& done) {
   const std::string in = work.inputs[0].string();
   for (const mcap::Problem& problem : done.problems) {
     print_problem(work.command, problem, "what there is was taken");
@@ -36,7 +36,7 @@ int tell(const Rewriting& work, const rosbag::Converted& done) {
       is_all = false;
       words += fmt::format("{}: {}: missing, as they are no {}: {} of {} messages; the first: {}\n",
                            in, archive::printable(topic.name), topic.type, topic.unreadable,
-                           topic.messages, archive::printable(topic.mistake));
+                           topic.messages, archive::printable(topic.error));
     }
   }
   print_text(stderr, words);
@@ -60,7 +60,7 @@ int convert_rosbag(Rewriting& work, const mcap::FileSource& source) {
         done.problems.empty() ? std::nullopt : std::optional(done.problems.front()), done.messages);
     file.commit();
   }
-  return tell(work, done);
+  return print_result(work, done);
 }
 
 }  // namespace
@@ -87,7 +87,7 @@ Command add_convert(CLI::App& program) {
   return {line, [work, has_no_index, is_as_it_is] {
             work->layout.has_index = !*has_no_index;
             if (const std::string wrong = work->find_wrong(); !wrong.empty()) {
-              return print_mistake(work->command, wrong);
+              return print_error(work->command, wrong);
             }
             if (!*is_as_it_is) {
               const mcap::FileSource source(work->inputs[0]);

@@ -47,22 +47,22 @@ std::optional<std::uint64_t> find_activation(const DebugOptions& options,
       known.push_back(one.name);
     }
     const std::string hint = config::did_you_mean(config::nearest(component, known));
-    print_mistake("debug", "the log has no component \"" + component + "\"" +
-                               (hint.empty() ? hint : "; " + hint));
+    print_error("debug", "the log has no component \"" + component + "\"" +
+                             (hint.empty() ? hint : "; " + hint));
     return std::nullopt;
   }
   const auto& all = recorded->activations;
   if (all.empty()) {
-    print_mistake("debug", "the log has no activation of \"" + component + "\"");
+    print_error("debug", "the log has no activation of \"" + component + "\"");
     return std::nullopt;
   }
   if (options.at.empty()) {
     const auto found =
         std::ranges::find(all, options.activation, &record::RecordedActivation::number);
     if (found == all.end()) {
-      print_mistake("debug",
-                    fmt::format("component \"{}\" has the activations {} to {}, not {}", component,
-                                all.front().number, all.back().number, options.activation));
+      print_error("debug",
+                  fmt::format("component \"{}\" has the activations {} to {}, not {}", component,
+                              all.front().number, all.back().number, options.activation));
       return std::nullopt;
     }
     return found->number;
@@ -72,8 +72,8 @@ std::optional<std::uint64_t> find_activation(const DebugOptions& options,
   const auto found =
       std::ranges::lower_bound(all, time_ns, {}, &record::RecordedActivation::time_ns);
   if (found == all.end()) {
-    print_mistake("debug", "component \"" + component + "\" has no activation at " + options.at +
-                               " or later");
+    print_error("debug",
+                "component \"" + component + "\" has no activation at " + options.at + " or later");
     return std::nullopt;
   }
   return found->number;
@@ -136,23 +136,23 @@ bool is_there(const std::string& program) {
 
 int debug(DebugOptions& options) {
   if (const std::string wrong = options.replaying.find_wrong(); !wrong.empty()) {
-    return print_mistake("debug", wrong);
+    return print_error("debug", wrong);
   }
   const auto& components = options.replaying.options.components;
   if (components.size() != 1) {
-    return print_mistake("debug", "wants one component: --component NAME");
+    return print_error("debug", "wants one component: --component NAME");
   }
   if ((options.activation == 0) == options.at.empty()) {
-    return print_mistake("debug", "wants --activation N, or --at TIME");
+    return print_error("debug", "wants --activation N, or --at TIME");
   }
   if (!is_there("gdb")) {
-    return print_mistake("debug", "gdb is not installed; apt install gdb");
+    return print_error("debug", "gdb is not installed; apt install gdb");
   }
   std::optional<std::uint64_t> activation;
   try {
     activation = find_activation(options, components.front());
   } catch (const mcap::Error& error) {
-    return print_mistake("debug", error.what());
+    return print_error("debug", error.what());
   }
   if (!activation) {
     return kWrong;
@@ -170,7 +170,7 @@ int debug(DebugOptions& options) {
              *activation, components.front());
   }
   execvp(arguments.front(), arguments.data());
-  return print_mistake("debug", std::string("gdb cannot be started: ") + std::strerror(errno));
+  return print_error("debug", std::string("gdb cannot be started: ") + std::strerror(errno));
 }
 
 }  // namespace
@@ -187,7 +187,7 @@ Command add_debug(CLI::App& program) {
       "component in the variable `object`. It is the same each time. See `fastcycle verify`.\n"));
   const auto options = std::make_shared<DebugOptions>();
   options->replaying.add_to(*line);
-  line->add_option("--activation", options->activation, "Its number, as verify and echo tell it")
+  line->add_option("--activation", options->activation, "Its number, as verify and echo print it")
       ->type_name("N");
   line->add_option("--at", options->at, "The first one at this time of the run, or later")
       ->type_name("TIME")

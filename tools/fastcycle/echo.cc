@@ -193,7 +193,7 @@ int echo(const EchoOptions& options) {
   std::string wrong = read_offset("--start", options.start, start_ns);
   wrong = wrong.empty() ? read_offset("--end", options.end, end_ns) : wrong;
   if (!wrong.empty()) {
-    return print_mistake("echo", wrong);
+    return print_error("echo", wrong);
   }
   const mcap::FileSource source(options.file);
   const mcap::Reader reader(source);

@@ -154,7 +154,7 @@ int run(const ExportOptions& options) {
 
 int export_topics(const ExportOptions& options) {
   if (options.output.empty() && options.topics.size() > 1) {
-    return print_mistake("export", "several topics want a folder for their files: -o DIR");
+    return print_error("export", "several topics want a folder for their files: -o DIR");
   }
   return run(options);
 }

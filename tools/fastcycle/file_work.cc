@@ -86,7 +86,7 @@ bool Output::has_taken(bool is_written) {
   throw std::runtime_error("standard output: " + std::system_category().message(errno));
 }
 
-int print_mistake(const std::string& command, const std::string& sentence) {
+int print_error(const std::string& command, const std::string& sentence) {
   print_to(stderr, "fastcycle {}: {}\n", command, sentence);
   return kWrong;
 }

@@ -70,7 +70,7 @@ class Output {
 };
 
 /// Prints `fastcycle convert: …` to standard error; returns the exit code of a wrong command line.
-int print_mistake(const std::string& command, const std::string& sentence);
+int print_error(const std::string& command, const std::string& sentence);
 
 /// Prints what is wrong with a file that is usable nevertheless.
 void print_problem(const std::string& command, const mcap::Problem& problem,

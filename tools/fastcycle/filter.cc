@@ -24,7 +24,7 @@ int filter(FilterOptions& options) {
     wrong = "--end is before --start, or at the same time";
   }
   if (!wrong.empty()) {
-    return print_mistake("filter", wrong);
+    return print_error("filter", wrong);
   }
   selection.begin_ns = begin_ns.value_or(0);
   return options.work.run();

@@ -129,17 +129,17 @@ std::string Following::in_json() const {
   return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
-void Following::tell() {
+void Following::send() {
   std::string text = in_json();
-  if (text == told_) {
+  if (text == reported_) {
     return;
   }
   try {
-    partition_.tell(host::Notice::Kind::kFollows, 0, text);
+    partition_.send_notice(host::Notice::Kind::kFollows, 0, text);
   } catch (const std::length_error&) {  // It has thousands of fields: the report has them.
     return;
   }
-  told_ = std::move(text);
+  reported_ = std::move(text);
 }
 
 void Following::begin() {
@@ -148,7 +148,7 @@ void Following::begin() {
     std::condition_variable_any is_to_end;
     std::unique_lock lock(mutex);
     while (!stop.stop_requested()) {
-      tell();
+      send();
       is_to_end.wait_for(lock, stop, kPeriod, [] { return false; });
     }
   });

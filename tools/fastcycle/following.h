@@ -53,7 +53,7 @@ class Following {
   Output& output_of(const detail::PublisherCore& publisher);
   [[nodiscard]] std::vector<host::TopicChange> topics() const;
   [[nodiscard]] std::string in_json() const;
-  void tell();
+  void send();
 
   const processes::ProcessPlan& plan_;
   processes::Partition& partition_;
@@ -65,7 +65,7 @@ class Following {
   mutable std::mutex mutex_;
   Stage stage_ = Stage::kSeeks;
   std::map<PublisherId, Output> outputs_;
-  std::string told_;
+  std::string reported_;
   std::jthread thread_;
 };
 

@@ -61,7 +61,7 @@ std::string health(const Overview& file) {
   if (file.problem) {
     return to_string(*file.problem);
   }
-  return std::string("closed") + (file.was_scanned ? ", without a summary that tells enough" : "") +
+  return std::string("closed") + (file.was_scanned ? ", without a complete summary" : "") +
          (file.was_read ? ", all of it can be read" : "");
 }
 

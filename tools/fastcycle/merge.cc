@@ -20,8 +20,7 @@ Command add_merge(CLI::App& program) {
   work->add_options(*line);
   return {line, [work] {
             if (work->inputs.size() < 2) {
-              return print_mistake("merge",
-                                   "wants the logs, and the name of the new one at the end");
+              return print_error("merge", "wants the logs, and the name of the new one at the end");
             }
             work->output = work->inputs.back();
             work->inputs.pop_back();

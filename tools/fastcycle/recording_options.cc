@@ -30,7 +30,7 @@ std::filesystem::path name_by_time(const std::string& application) {
   return application + text.data() + ".mcap";
 }
 
-bool RecordingOptions::say_how() const {
+bool RecordingOptions::has_settings() const {
   return !topics.empty() || !except.empty() || !compression.empty() || split_mb || split_s;
 }
 

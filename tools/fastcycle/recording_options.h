@@ -20,7 +20,7 @@ struct RecordingOptions {
   std::optional<double> split_s;
 
   /// Whether an option other than the request to record was given.
-  [[nodiscard]] bool say_how() const;
+  [[nodiscard]] bool has_settings() const;
   /// An error message; empty if the options are valid.
   [[nodiscard]] std::string find_wrong() const;
   /// The application's settings, overridden by the options. None: nothing is recorded.

@@ -56,7 +56,7 @@ std::string lost_text(const archive::Recovery& recovery) {
 int recover(const RecoverOptions& options) {
   archive::RecoverOptions how;
   if (const std::string wrong = read_compression(options.compression, how.chunk); !wrong.empty()) {
-    return print_mistake("recover", wrong);
+    return print_error("recover", wrong);
   }
   const mcap::FileSource input(options.input);
   const std::vector<std::filesystem::path> inputs{options.input};

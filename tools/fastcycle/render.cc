@@ -57,8 +57,8 @@ int render_log(const RenderOptions& options, const archive::ViewOptions& times) 
   try {
     data = archive::view_data(reader, view.text, from_log, source.size(),
                               work.progress(options.file.filename().string(), source.size()));
-  } catch (const archive::ViewMistake& mistake) {
-    return print_mistake("render", view.name + ": " + mistake.what());
+  } catch (const archive::ViewError& error) {
+    return print_error("render", view.name + ": " + error.what());
   }
   write_drive_page(options.file.filename().string(), data.json, file.sink());
   file.commit();
@@ -84,7 +84,7 @@ int render(const RenderOptions& options) {
   if (wrong.empty() && times.end_ns && *times.end_ns <= times.begin_ns) {
     wrong = "--end wants a time after --start";
   }
-  return wrong.empty() ? render_log(options, times) : print_mistake("render", wrong);
+  return wrong.empty() ? render_log(options, times) : print_error("render", wrong);
 }
 
 }  // namespace

@@ -99,7 +99,7 @@ fs::path Rewriting::path_of(std::uint64_t number) const {
 
 int Rewriting::run() {
   if (const std::string wrong = find_wrong(); !wrong.empty()) {
-    return print_mistake(command, wrong);
+    return print_error(command, wrong);
   }
   std::vector<std::unique_ptr<mcap::FileSource>> sources;
   std::vector<const mcap::Source*> readable;

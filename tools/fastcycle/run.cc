@@ -247,9 +247,9 @@ std::optional<base::Refusal> restrict(const config::ProcessDescription& process)
 }
 
 /// Says what the sandbox of this process refused.
-void tell_refusals(const std::string& process,
-                   const std::vector<config::ComponentDescription>& components,
-                   const char* command) {
+void print_refusals(const std::string& process,
+                    const std::vector<config::ComponentDescription>& components,
+                    const char* command) {
   for (const sandbox::RefusedCall& refused : sandbox::take_refusals()) {
     const std::string to = refused.component == 0 || refused.component > components.size()
                                ? ""
@@ -262,17 +262,17 @@ void tell_refusals(const std::string& process,
 /// Waits, before the start, until all processes are connected; false if there is no start.
 bool wait_for_others(const ProcessRole& role, const host::Application& application) {
   using processes::Word;
-  role.partition.on_sources_finished = [&role] { role.channel.say(Word::kSourcesOver); };
+  role.partition.on_sources_finished = [&role] { role.channel.send(Word::kSourcesOver); };
   role.partition.on_switch = [&role](const std::string& process) {
-    role.channel.say(Word::kSwitch, process);
+    role.channel.send(Word::kSwitch, process);
   };
   const bool has_sources = std::ranges::any_of(
       application.components(), [](const auto& component) { return component->is_source.load(); });
-  role.channel.say(Word::kBuilt, has_sources ? processes::kHasSources : "");
-  for (auto message = role.channel.hear(); message; message = role.channel.hear()) {
+  role.channel.send(Word::kBuilt, has_sources ? processes::kHasSources : "");
+  for (auto message = role.channel.receive(); message; message = role.channel.receive()) {
     if (message->word == Word::kConnect) {
       role.partition.attach();
-      role.channel.say(Word::kConnected);
+      role.channel.send(Word::kConnected);
     } else {
       return message->word == Word::kRun;
     }
@@ -285,13 +285,13 @@ bool wait_for_others(const ProcessRole& role, const host::Application& applicati
 class EndListener {
  public:
   EndListener(const ProcessRole& role, host::Application& application)
-      : heard_(std::make_shared<Heard>()) {
-    heard_->application = &application;
-    std::thread([&channel = role.channel, heard = heard_] {
-      while (const auto message = channel.hear()) {
-        const std::lock_guard lock(heard->mutex);
-        if (message->word == processes::Word::kEnd && heard->application != nullptr) {
-          heard->application->request_end(host::end_reason_of(message->text));
+      : shared_(std::make_shared<Shared>()) {
+    shared_->application = &application;
+    std::thread([&channel = role.channel, shared = shared_] {
+      while (const auto message = channel.receive()) {
+        const std::lock_guard lock(shared->mutex);
+        if (message->word == processes::Word::kEnd && shared->application != nullptr) {
+          shared->application->request_end(host::end_reason_of(message->text));
         }
       }
     }).detach();
@@ -299,17 +299,17 @@ class EndListener {
   EndListener(const EndListener&) = delete;
   EndListener& operator=(const EndListener&) = delete;
   ~EndListener() {
-    const std::lock_guard lock(heard_->mutex);
-    heard_->application = nullptr;
+    const std::lock_guard lock(shared_->mutex);
+    shared_->application = nullptr;
   }
 
  private:
-  struct Heard {
+  struct Shared {
     std::mutex mutex;
     host::Application* application = nullptr;
   };
 
-  const std::shared_ptr<Heard> heard_;
+  const std::shared_ptr<Shared> shared_;
 };
 
 /// Of this process alone.
@@ -353,7 +353,7 @@ std::string carry_out(host::Application& application, const RunOptions& options,
   progress.start(application);
   application.run(limit);
   if (role != nullptr) {
-    role->channel.say(processes::Word::kEnd, host::to_word(application.end_reason()));
+    role->channel.send(processes::Word::kEnd, host::to_word(application.end_reason()));
   }
   end_bound.begin_within({});
   application.stop();
@@ -430,18 +430,18 @@ std::string text_of(const trace::TraceReport& trace) {
 
 /// The trial has reported the warnings.
 config::Problems without_warnings(const config::Problems& problems) {
-  config::Problems mistakes;
+  config::Problems errors;
   for (const config::Problem& problem : problems.all()) {
     if (!problem.warning) {
-      mistakes.add(problem);
+      errors.add(problem);
     }
   }
-  return mistakes;
+  return errors;
 }
 
 /// The report for people and for programs, where they are wanted; why the latter was not written.
-std::string tell(const nlohmann::ordered_json& json, const std::string& table,
-                 const RunOptions& options, const ReportFile& report_file) {
+std::string put_report(const nlohmann::ordered_json& json, const std::string& table,
+                       const RunOptions& options, const ReportFile& report_file) {
   const std::string obstacle = report_file.write(to_text(json));
   if (!options.is_quiet) {
     print_text(stdout, table);
@@ -533,7 +533,7 @@ int run_application(const config::ApplicationDescription& description,
           application.request_end(host::EndReason::kRequested);
           if (role != nullptr && role->clock == nullptr) {
             // A process that hangs keeps this one from coming to the end of a round.
-            role->channel.say(processes::Word::kEnd, host::to_word(host::EndReason::kRequested));
+            role->channel.send(processes::Word::kEnd, host::to_word(host::EndReason::kRequested));
           }
           end_bound.begin_within({});
         },
@@ -575,7 +575,7 @@ int run_application(const config::ApplicationDescription& description,
     print_to(stderr, "fastcycle {}: {}; nothing was started\n", options.command, *obstacle);
     return kWrong;
   }
-  if (recording && options.record.say_how()) {
+  if (recording && options.record.has_settings()) {
     config::Problems warnings;
     host::check_patterns(*recording, application.topics(), warnings);
     tool::print(warnings);
@@ -630,10 +630,10 @@ int run_application(const config::ApplicationDescription& description,
   if (role != nullptr) {
     report.processes.push_back(report_process(*role, *plan, report));
     write_whole(role->report, host::to_bytes(report));
-    tell_refusals(plan->name(role->partition.process()), application.description().components,
-                  options.command);
+    print_refusals(plan->name(role->partition.process()), application.description().components,
+                   options.command);
   } else {
-    obstacle = tell(host::to_json(report), host::to_table(report), options, report_file);
+    obstacle = put_report(host::to_json(report), host::to_table(report), options, report_file);
   }
   if (options.is_quiet && tracer != nullptr && !tracer->report().problem.empty()) {
     print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
@@ -701,7 +701,7 @@ const config::ComponentDescription& component_named(
 int run_processes(const config::ApplicationDescription& description, const host::TrialResult& tried,
                   host::LibraryLoader& libraries, const sigset_t& signals,
                   const RunOptions& options, const ReportFile& report_file) {
-  const auto say = [&](const std::string& sentence) {
+  const auto print_problem = [&](const std::string& sentence) {
     print_to(stderr, "fastcycle {}: {}\n", options.command, sentence);
   };
   const auto record = options.record.describe(description);
@@ -744,18 +744,19 @@ int run_processes(const config::ApplicationDescription& description, const host:
        .is_simulated = is_simulated,
        .simulated_workers = host::simulated_worker_count(options.workers.value_or(0))});
   if (plan.problem()) {
-    say(*plan.problem());
+    print_problem(*plan.problem());
     return kWrong;
   }
   if (std::string_view(FASTCYCLE_SANITIZER) == "none" && threads_of_this_process() > 1) {
-    say("a component library starts a thread when it is loaded, and a process with threads cannot "
+    print_problem(
+        "a component library starts a thread when it is loaded, and a process with threads cannot "
         "make others; start it in the component's start()");
     return kWrong;
   }
   segment::Segments segments;
   if (const auto refused = segments.reserve(
           {.processes = plan.count(), .control_bytes = plan.wire().control_bytes})) {
-    say(*refused);
+    print_problem(*refused);
     return kFailed;
   }
   const base::Clock clock = base::Clock::live(options.rate.value_or(1.0));
@@ -763,8 +764,8 @@ int run_processes(const config::ApplicationDescription& description, const host:
                         processes::Channel channel, int report) -> int {
     std::unique_ptr<host::Replay> replay;
     if (!options.replay.files.empty()) {  // Before a sandbox, which may not let it be read.
-      config::Problems told;
-      replay = prepare_replay(options, plan.description_in(process), libraries, wiring, told);
+      config::Problems ignored;
+      replay = prepare_replay(options, plan.description_in(process), libraries, wiring, ignored);
       if (replay == nullptr) {
         return kWrong;  // It has changed since it was checked.
       }
@@ -773,13 +774,13 @@ int run_processes(const config::ApplicationDescription& description, const host:
         replay != nullptr ? static_cast<host::ComponentClasses&>(*replay) : libraries;
     processes::Partition partition(plan, segments, classes);
     if (const auto refused = partition.become(process, incarnation)) {
-      say(*refused);
+      print_problem(*refused);
       return kFailed;
     }
     // The libraries are loaded, no component was made, and there is one thread.
     if (const auto refused = restrict(plan.description_of(process))) {
-      say(fmt::format("process \"{}\" gets no sandbox: {}; {}", plan.name(process), refused->what,
-                      refused->remedy));
+      print_problem(fmt::format("process \"{}\" gets no sandbox: {}; {}", plan.name(process),
+                                refused->what, refused->remedy));
       return kWrong;
     }
     // Its threads may still be at work when this returns: it stays as it is.
@@ -793,7 +794,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
     std::fflush(nullptr);
     std::_Exit(code);
   };
-  processes::Supervisor supervisor(plan, segments, work, say);
+  processes::Supervisor supervisor(plan, segments, work, print_problem);
   const auto began = std::chrono::steady_clock::now();
   const processes::Supervisor::Result result = supervisor.run();
   std::vector<host::RunReport> parts;
@@ -815,7 +816,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
     report.end = result.end;
   }
   const std::string obstacle =
-      tell(host::to_json(report), host::to_table(report), options, report_file);
+      put_report(host::to_json(report), host::to_table(report), options, report_file);
   return obstacle.empty() ? result.exit_code : std::max<int>(result.exit_code, kFailed);
 }
 
@@ -840,7 +841,7 @@ int run(const RunOptions& options) {
   host::TrialResult tried;
   config::ApplicationDescription description = options.configuration.read(
       host::ConstructorFault::kFault, problems,
-      options.replay.files.empty() ? Configuration::TrialWarnings::kHeard
+      options.replay.files.empty() ? Configuration::TrialWarnings::kReported
                                    : Configuration::TrialWarnings::kLeftOut,
       &tried);
   if (!may_start(problems, options.configuration.load.file.string())) {
@@ -851,7 +852,7 @@ int run(const RunOptions& options) {
     description.log_level =
         static_cast<LogLevel>(std::ranges::find(words, options.log_level) - words.begin());
   }
-  if (options.record.say_how() && !options.record.describe(description)) {
+  if (options.record.has_settings() && !options.record.describe(description)) {
     return wrong(
         "--record-topics and --record-compression say how --record FILE records, which is "
         "missing");

@@ -20,14 +20,14 @@ int split(SplitOptions& options) {
   const std::optional<std::uint64_t> bytes = parse_bytes(options.size);
   const std::optional<Duration> time = parse_duration(options.time);
   if (options.size.empty() && options.time.empty()) {
-    return print_mistake("split", "wants --size or --time, or both");
+    return print_error("split", "wants --size or --time, or both");
   }
   if (!options.size.empty() && !bytes) {
-    return print_mistake(
+    return print_error(
         "split", "--size wants a size with its unit, as 100MB, and not \"" + options.size + "\"");
   }
   if (!options.time.empty() && !time) {
-    return print_mistake(
+    return print_error(
         "split", "--time wants a time with its unit, as 60s, and not \"" + options.time + "\"");
   }
   options.work.layout.piece = {.bytes = bytes.value_or(0),

@@ -102,12 +102,12 @@ std::string to_table(const std::vector<host::ExactReplayResult>& results) {
 
 int verify(VerifyOptions& options) {
   if (const std::string wrong = options.replaying.find_wrong(); !wrong.empty()) {
-    return print_mistake("verify", wrong);
+    return print_error("verify", wrong);
   }
   const ReportFile report_file(options.report, options.replaying.files);
   if (const std::string obstacle = report_file.find_obstacle(); !obstacle.empty()) {
-    return print_mistake(
-        "verify", "the report " + options.report.string() + " cannot be written: " + obstacle);
+    return print_error("verify",
+                       "the report " + options.report.string() + " cannot be written: " + obstacle);
   }
   std::vector<host::ExactReplayResult> results;
   bool is_stopped = false;
@@ -133,7 +133,7 @@ int verify(VerifyOptions& options) {
     });
     results = replayed->replay().results();
   } catch (const mcap::Error& error) {
-    return print_mistake("verify", error.what());
+    return print_error("verify", error.what());
   }
   nlohmann::ordered_json components = nlohmann::ordered_json::object();
   for (const host::ExactReplayResult& result : results) {

@@ -114,7 +114,7 @@ export class SceneControls {
   }
 }
 
-// A box to check for each layer that there is. `changed` hears which one is shown or not.
+// A box to check for each layer that there is. `changed` receives which one is shown or not.
 export function buildLayers(scene, has, changed) {
   element("layers").replaceChildren();
   for (const [name, text, color] of LAYERS) {

@@ -21,7 +21,7 @@ function named(names, values, offset) {
   return result;
 }
 
-// Messages in the order of their times: when each was published, and when what it tells of was measured.
+// Messages in the order of their times: when each was published, and when its content was measured.
 class Timeline {
   constructor(topic, published, taken) {
     this.topic = topic;

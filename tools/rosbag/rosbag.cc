@@ -165,13 +165,13 @@ class Conversion {
         if (const std::string& type = stream.type->definition().name; what.starts_with(type)) {
           what.remove_prefix(std::min(type.size() + 2, what.size()));
         }
-        stream.topic.mistake = fmt::format("message {}: {}", stream.topic.messages, what);
+        stream.topic.error = fmt::format("message {}: {}", stream.topic.messages, what);
       }
       return;
     }
     if (stream.message->ByteSizeLong() > archive::kMostMessageBytes) {
       if (stream.topic.unreadable++ == 0) {
-        stream.topic.mistake =
+        stream.topic.error =
             fmt::format("message {}: expected at most {} bytes, found {}", stream.topic.messages,
                         archive::kMostMessageBytes, stream.message->ByteSizeLong());
       }

@@ -17,9 +17,9 @@ struct Topic {
   std::string type;  ///< Of ROS.
   std::uint64_t messages = 0;
   bool is_converted = false;  ///< Else it was copied unchanged.
-  /// Messages that could not be read and are missing; `mistake` is the error of the first.
+  /// Messages that could not be read and are missing; `error` is that of the first.
   std::uint64_t unreadable = 0;
-  std::string mistake;
+  std::string error;
 };
 
 struct Converted {

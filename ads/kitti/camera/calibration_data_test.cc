@@ -1,4 +1,4 @@
-// What is drawn must lie where it was seen: the echoes in a labelled box, in the part of the
+// What is drawn must lie where it was seen: the returns in a labelled box, in the part of the
 // picture that people have marked for the same object. The data are named by FASTCYCLE_DATA.
 
 #include <cmath>
@@ -49,7 +49,7 @@ bool is_inside(const Label& label, const Eigen::Vector3d& place_m) {
          std::abs(from_center.z()) < 0.5 * label.height_m;
 }
 
-TEST(ManyCalibrations, EchoesInLabelledBoxesAreInTheirPartOfThePicture) {
+TEST(ManyCalibrations, ReturnsInLabelledBoxesAreInTheirPartOfThePicture) {
   const char* const named = std::getenv("FASTCYCLE_DATA");
   const auto data =
       std::filesystem::path(named == nullptr ? "/nowhere" : named) / "kitti_0005_lidar_labels";

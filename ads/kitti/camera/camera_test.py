@@ -35,7 +35,7 @@ def main():
         frames = len(list((data / "image_02").iterdir()))
         assert results["pictures"] == frames, results
         assert results["sweeps_without_picture"] == 0, results
-        # A sweep has some 16000 echoes in the picture.
+        # A sweep has some 16000 returns in the picture.
         assert 12000 * frames < results["points_colored"] < 20000 * frames, results
         assert results["boxes_drawn"] > frames, results
         png = (folder / "camera.png").read_bytes()

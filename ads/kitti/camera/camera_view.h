@@ -19,7 +19,8 @@ namespace kitti {
 /// Projects the lidar's points and perception's boxes into the camera's pictures.
 ///
 /// In:   `camera/image`, `lidar/points`, `perception/objects`, `localization/ego` (history)
-/// Out:  `camera/points`: the echoes that are in the picture, with its colours; `camera/boxes`: the
+/// Out:  `camera/points`: the returns that are in the picture, with its colours; `camera/boxes`:
+/// the
 ///       picture with the boxes drawn into it; a PNG of the last of them, at the end
 class CameraView final : public fastcycle::Component {
  public:

@@ -31,20 +31,20 @@ std::string two_colors() {
   return encode_png(picture);
 }
 
-struct Echo {
+struct LidarReturn {
   float place_m[3];
   std::uint16_t time = 32768;
   std::uint8_t ring = 0;
   std::uint8_t intensity = 0;
 };
 
-lidar::Sweep sweep(const std::vector<Echo>& echoes) {
+lidar::Sweep sweep(const std::vector<LidarReturn>& returns) {
   lidar::Sweep sweep;
   sweep.mutable_header()->set_taken_ns(kBegin_ns);
   sweep.mutable_header()->set_frame("lidar");
   sweep.set_duration_ns(100'000'000);
-  sweep.set_points(
-      std::string(reinterpret_cast<const char*>(echoes.data()), echoes.size() * sizeof(Echo)));
+  sweep.set_points(std::string(reinterpret_cast<const char*>(returns.data()),
+                               returns.size() * sizeof(LidarReturn)));
   return sweep;
 }
 
@@ -80,7 +80,7 @@ class CameraViewTest : public ::testing::Test {
   Bench::Output<foxglove::RawImage> drawn_ = bench_.output<foxglove::RawImage>("camera/boxes");
 };
 
-TEST_F(CameraViewTest, EchoesHaveTheColorsOfThePicture) {
+TEST_F(CameraViewTest, ReturnsHaveTheColorsOfThePicture) {
   look(kBegin_ns + 50'000'000, two_colors());
 
   sweeps_.publish(sweep({{{10.0F, 2.0F, 0.0F}},

@@ -49,7 +49,7 @@ TEST(Picture, OtherBytesAreNamed) {
   EXPECT_THROW((void)encode_png({}), std::runtime_error);
 }
 
-TEST(Picture, DamageIsToldOrSurvived) {
+TEST(Picture, DamageIsReportedOrSurvived) {
   const std::string png = encode_png(colorful());
   for (std::size_t cut = 0; cut < png.size(); ++cut) {
     try {

@@ -18,11 +18,11 @@ namespace {
 using testing::SmallDrive;
 
 template <typename Read>
-std::string mistake_of(const Read& read) {
+std::string error_of(const Read& read) {
   try {
     read();
-  } catch (const std::exception& mistake) {
-    return mistake.what();
+  } catch (const std::exception& error) {
+    return error.what();
   }
   return "";
 }
@@ -42,16 +42,16 @@ TEST(SweepFile, FileThatEndsEarlyIsNamedWithItsEnd) {
   const auto file = drive.sweep(7, {{1.0F, 2.0F, 3.0F, 0.0F}});
   const auto size = std::filesystem::file_size(file) - 9;
   std::filesystem::resize_file(file, size);
-  const std::string mistake = mistake_of([&] { (void)read_sweep(file); });
-  EXPECT_NE(mistake.find(file.string() + ": byte " + std::to_string(size)), std::string::npos)
-      << mistake;
-  EXPECT_NE(mistake.find("the end of the file"), std::string::npos) << mistake;
+  const std::string error = error_of([&] { (void)read_sweep(file); });
+  EXPECT_NE(error.find(file.string() + ": byte " + std::to_string(size)), std::string::npos)
+      << error;
+  EXPECT_NE(error.find("the end of the file"), std::string::npos) << error;
 }
 
 TEST(SweepFile, WhatIsNoXzFileIsRefused) {
   const SmallDrive drive("no_xz");
   const auto file = drive.write("velodyne/0000000001.bin.xz", "these are no points at all");
-  EXPECT_NE(mistake_of([&] { (void)read_sweep(file); }).find("expected xz data, found no xz file"),
+  EXPECT_NE(error_of([&] { (void)read_sweep(file); }).find("expected xz data, found no xz file"),
             std::string::npos);
 }
 
@@ -64,14 +64,14 @@ TEST(SweepFile, EveryDamagedByteIsNoticedOrHarmless) {
     std::string damaged = packed;
     damaged[at] = static_cast<char>(damaged[at] ^ 0x55);
     drive.write("velodyne/0000000001.bin.xz", damaged);
-    EXPECT_NE(mistake_of([&] { (void)read_sweep(file); }), "") << "byte " << at;
+    EXPECT_NE(error_of([&] { (void)read_sweep(file); }), "") << "byte " << at;
   }
 }
 
 TEST(SweepFile, HalfAPointIsNoPoint) {
   const SmallDrive drive("half");
   const auto file = drive.packed("velodyne/0000000001.bin.xz", std::string(24, 'x'));
-  EXPECT_NE(mistake_of([&] {
+  EXPECT_NE(error_of([&] {
               (void)read_sweep(file);
             }).find("expected points of 16 bytes each, found 24 bytes"),
             std::string::npos);
@@ -90,15 +90,15 @@ TEST(Frames, AreInTheOrderOfTheirNumbers) {
 
 TEST(Frames, WrongFolderOrNameIsNamed) {
   const SmallDrive drive("no_frames");
-  EXPECT_NE(mistake_of([] { (void)list_frames("/no/such/drive", ".xz"); }).find("/no/such/drive"),
+  EXPECT_NE(error_of([] { (void)list_frames("/no/such/drive", ".xz"); }).find("/no/such/drive"),
             std::string::npos);
   drive.write("velodyne/first.bin.xz", "");
-  EXPECT_NE(mistake_of([&] {
+  EXPECT_NE(error_of([&] {
               (void)list_frames(drive.folder() / "velodyne", ".bin.xz");
             }).find("first.bin.xz: expected a file named by the number"),
             std::string::npos);
   std::filesystem::remove(drive.folder() / "velodyne/first.bin.xz");
-  EXPECT_NE(mistake_of([&] {
+  EXPECT_NE(error_of([&] {
               (void)list_frames(drive.folder() / "velodyne", ".bin.xz");
             }).find("found none"),
             std::string::npos);
@@ -120,20 +120,20 @@ TEST(Calibration, PointAheadIsInTheMiddleOfThePicture) {
 
 TEST(Calibration, MissingAndWrongLinesAreNamed) {
   const SmallDrive drive("wrong_calibration");
-  const auto mistake_with = [&](const std::string& text) {
+  const auto error_with = [&](const std::string& text) {
     const auto file = drive.write("calib.txt", text);
-    return mistake_of([&] { (void)Calibration::read(file); });
+    return error_of([&] { (void)Calibration::read(file); });
   };
-  EXPECT_NE(mistake_with("").find("calib.txt: expected a line P2, found none"), std::string::npos);
+  EXPECT_NE(error_with("").find("calib.txt: expected a line P2, found none"), std::string::npos);
   EXPECT_NE(
-      mistake_with("P0: 1\nP2: 1 2 3\n").find("line 2: P2: expected 12 finite numbers, found 3"),
+      error_with("P0: 1\nP2: 1 2 3\n").find("line 2: P2: expected 12 finite numbers, found 3"),
       std::string::npos);
-  EXPECT_NE(mistake_with("P2: 1 0 0 0 0 1 0 0 0 0 1 0\nR0_rect: 0 0 0 0 0 0 0 0 0\n"
-                         "Tr_velo_to_cam: 1 0 0 0 0 1 0 0 0 0 1 0\n")
+  EXPECT_NE(error_with("P2: 1 0 0 0 0 1 0 0 0 0 1 0\nR0_rect: 0 0 0 0 0 0 0 0 0\n"
+                       "Tr_velo_to_cam: 1 0 0 0 0 1 0 0 0 0 1 0\n")
                 .find("expected rotations"),
             std::string::npos);
-  EXPECT_NE(mistake_with("P2: 0 0 0 0 0 0 0 0 0 0 0 0\nR0_rect: 1 0 0 0 1 0 0 0 1\n"
-                         "Tr_velo_to_cam: 1 0 0 0 0 1 0 0 0 0 1 0\n")
+  EXPECT_NE(error_with("P2: 0 0 0 0 0 0 0 0 0 0 0 0\nR0_rect: 1 0 0 0 1 0 0 0 1\n"
+                       "Tr_velo_to_cam: 1 0 0 0 0 1 0 0 0 0 1 0\n")
                 .find("P2: expected a projection"),
             std::string::npos);
 }

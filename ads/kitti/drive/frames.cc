@@ -27,9 +27,9 @@ std::vector<Frame> list_frames(const std::filesystem::path& folder, std::string_
     }
     const std::string_view digits = std::string_view(name).substr(0, name.size() - suffix.size());
     Frame frame{.number = 0, .file = entry.path()};
-    const auto [end, mistake] =
+    const auto [end, failure] =
         std::from_chars(digits.data(), digits.data() + digits.size(), frame.number);
-    if (mistake != std::errc() || end != digits.data() + digits.size() || frame.number < 0 ||
+    if (failure != std::errc() || end != digits.data() + digits.size() || frame.number < 0 ||
         frame.number > kNumberMax) {
       throw std::runtime_error(fmt::format("{}: expected a file named by the number of its frame",
                                            entry.path().string()));

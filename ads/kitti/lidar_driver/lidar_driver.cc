@@ -84,7 +84,7 @@ void LidarDriver::schedule() {
   if (next_ < frames_.size() * static_cast<std::size_t>(passes_.get())) {
     const Turn its = turn(next_);
     timer_.arm_at(start_time() + offset_of(its.slot + 1, 0));
-    points_of_next_ = read_sweep(its.frame->file);  // A sensor has its echoes when it has turned.
+    points_of_next_ = read_sweep(its.frame->file);  // A sensor has its returns when it has turned.
   } else {
     source_.finish();
   }
@@ -116,7 +116,7 @@ void LidarDriver::place(const std::vector<Point>& points, bool is_clockwise, lid
   bool was_behind = false;
   for (const Point& point : points) {
     if (point.x_m == 0.0F && point.y_m == 0.0F && point.z_m == 0.0F) {
-      continue;  // No echo.
+      continue;  // No return.
     }
     if (point.x_m > 0.0F && point.y_m >= 0.0F && was_behind) {
       ring = std::max(0, ring - 1);
@@ -124,7 +124,7 @@ void LidarDriver::place(const std::vector<Point>& points, bool is_clockwise, lid
     was_behind = point.x_m < 0.0F || (was_behind && point.y_m < 0.0F);
     const double turned = std::atan2(point.y_m, point.x_m) / (2.0 * std::numbers::pi);
     const double share = is_clockwise ? 0.5 - turned : 0.5 + turned;
-    // A non-finite echo has no direction, but is kept.
+    // A non-finite return has no direction, but is kept.
     const int column = std::isfinite(share) ? static_cast<int>(share * columns) % columns : 0;
     ++points_;
     bool is_placed = false;

@@ -40,18 +40,18 @@ TEST(LidarDriver, SweepsComeWhenTheirTurnIsOver) {
   EXPECT_EQ(second[0].header().taken_ns() - first[0].header().taken_ns(), 2 * kFrame_ns);
   const std::string& points = second[0].points();
   ASSERT_EQ(points.size(), std::size_t{16} * second[0].columns() * second[0].rings());
-  int echoes = 0;
+  int returns = 0;
   for (std::size_t offset = 0; offset < points.size(); offset += 16) {
     float place[3];
     std::uint16_t time = 0;
     std::memcpy(place, points.data() + offset, sizeof place);
     std::memcpy(&time, points.data() + offset + 12, sizeof time);
     if (place[1] == -10.0F) {
-      ++echoes;
+      ++returns;
       EXPECT_EQ(time, 49152) << "to the right after three quarters of a turn";
     }
   }
-  EXPECT_EQ(echoes, 1);
+  EXPECT_EQ(returns, 1);
 }
 
 TEST(LidarDriver, EachSecondPassGoesBackInTime) {

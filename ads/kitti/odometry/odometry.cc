@@ -99,7 +99,7 @@ void Odometry::on_sweep(const fastcycle::Sample<lidar::Sweep>& sweep) {
   sweeps_.publish(sweep);
 }
 
-// Stores the echoes in `points_`. False if there are none, or if the sweep is inconsistent.
+// Stores the returns in `points_`. False if there are none, or if the sweep is inconsistent.
 bool Odometry::read(const lidar::Sweep& sweep) {
   const std::string& bytes = sweep.points();
   points_.clear();

@@ -108,8 +108,8 @@ double Score::false_boxes_per_frame() const {
 }
 
 double Score::mota() const {
-  const auto mistakes = static_cast<double>(labels_ - found_ + false_boxes_ + id_switches_);
-  return labels_ > 0 ? 1.0 - ratio(mistakes, labels_) : 0.0;
+  const auto errors = static_cast<double>(labels_ - found_ + false_boxes_ + id_switches_);
+  return labels_ > 0 ? 1.0 - ratio(errors, labels_) : 0.0;
 }
 
 double Score::distance_mean_m() const {

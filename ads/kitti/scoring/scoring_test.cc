@@ -50,8 +50,8 @@ TEST(Labels, ShortLineAndWordsInPlaceOfNumbersAreNamed) {
     try {
       (void)parse_labels(text, calibration(), "file");
       ADD_FAILURE() << text;
-    } catch (const std::exception& mistake) {
-      EXPECT_EQ(mistake.what(), expected);
+    } catch (const std::exception& error) {
+      EXPECT_EQ(error.what(), expected);
     }
   }
 }

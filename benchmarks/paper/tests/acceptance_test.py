@@ -56,8 +56,8 @@ class Acceptance(unittest.TestCase):
         rows = [support.latency_row(PARK, p50=10.0, p99_us=40.0, std_us=170.0),
                 support.latency_row("queue", p50=1.0, p99_us=30.0, std_us=180.0)]  # fmt: skip
         found = checks(rows, [Contender("queue")])
-        self.assertEqual(found[f"{PARK} p99 − p50 below every peer that hands over", SIZE].verdict, NOT_HELD)
-        self.assertEqual(found[f"{PARK} sd below every peer that hands over", SIZE].verdict, HELD)
+        self.assertEqual(found[f"{PARK} p99 − p50 below every peer", SIZE].verdict, NOT_HELD)
+        self.assertEqual(found[f"{PARK} sd below every peer", SIZE].verdict, HELD)
         of_paper = found[f"{PARK} sd below the paper's FastCycle", SIZE]
         self.assertEqual((of_paper.verdict, of_paper.limit), (NOT_HELD, 164.0))
 
@@ -65,7 +65,7 @@ class Acceptance(unittest.TestCase):
         peers = [Contender("queue"), Contender("full")]
         rows = [support.latency_row(PARK, p50=10.0), support.latency_row("queue", p50=11.0),
                 support.latency_row("full", p50=5.0, mean_us=1000.0, interval_us=1000)]  # fmt: skip
-        found = checks(rows, peers)[f"{PARK} p50 below every peer that hands over", SIZE]
+        found = checks(rows, peers)[f"{PARK} p50 below every peer", SIZE]
         self.assertEqual((found.verdict, found.note), (HELD, "nearest: queue"))
 
     def test_spinning_has_at_least_300_ns(self):
@@ -93,7 +93,7 @@ class Acceptance(unittest.TestCase):
         found = checks([support.latency_row(FUTEX, n=50), support.latency_row(PARK, n=50, p50=99.0)])[self.P50]
         self.assertEqual(found.verdict, "n too small (not held by these few)")
 
-    def test_what_was_not_measured_is_said(self):
+    def test_what_was_not_measured_is_reported(self):
         found = checks([support.latency_row(PARK)])
         self.assertEqual(found[self.P50].verdict, NOT_MEASURED)
         self.assertEqual(found["flood ≥ 15 M/s, or 0.9 × a bare ring of two threads where that is less", None].verdict, NOT_MEASURED)
@@ -108,7 +108,7 @@ class Acceptance(unittest.TestCase):
         rows = [support.latency_row(PARK, p50=10.0)]
         for name, p50 in (("queue", 11.0), ("slow", 50.0), ("same", 0.1), ("far", 5.0)):
             rows.append(support.latency_row(name, p50=p50))
-        what = (f"{PARK} p50 below every peer that hands over", SIZE)
+        what = (f"{PARK} p50 below every peer", SIZE)
         found = checks(rows, peers)[what]
         self.assertEqual((found.verdict, found.limit, found.note), (HELD, 11.0, "nearest: queue"))
         rows[1]["p50_us"] = 9.0

@@ -162,9 +162,10 @@ std::string other_domains(const Observation& seen) {
       all[domain].insert("this machine");
     }
   }
-  for (const Heard& heard : seen.heard) {
-    if (heard.domain != seen.domain) {
-      all[heard.domain].insert(is_own_address(seen, heard.from) ? "this machine" : heard.from);
+  for (const ReceivedAnnouncement& received : seen.announcements) {
+    if (received.domain != seen.domain) {
+      all[received.domain].insert(is_own_address(seen, received.from) ? "this machine"
+                                                                      : received.from);
     }
   }
   std::string text;
@@ -221,34 +222,34 @@ void look_for_others(const Observation& seen, Findings& findings) {
                       .level = Level::kAdvice,
                       .found = nobody,
                       .why = "nobody is there, or they are on a network that this machine does not "
-                             "hear",
+                             "receive",
                       .remedy = "start a node, and look again"});
 }
 
 /// Participants whose announcements were received, but that were not discovered.
-void look_at_heard(const Observation& seen, Findings& findings) {
-  for (const Heard& heard : seen.heard) {
+void look_at_announcements(const Observation& seen, Findings& findings) {
+  for (const ReceivedAnnouncement& received : seen.announcements) {
     const bool is_found = std::ranges::any_of(seen.participants, [&](const auto& participant) {
-      return participant.guid == heard.announcement.participant;
+      return participant.guid == received.announcement.participant;
     });
     const bool has_topics = std::ranges::any_of(seen.endpoints, [&](const auto& endpoint) {
-      return endpoint.participant == heard.announcement.participant;
+      return endpoint.participant == received.announcement.participant;
     });
-    if (heard.domain != seen.domain || (is_found && has_topics)) {
+    if (received.domain != seen.domain || (is_found && has_topics)) {
       continue;
     }
-    const std::string who =
-        fmt::format("{} ({}, {})", heard.from, implementation_of(heard.announcement.participant),
-                    heard.announcement.name.empty() ? text_of(heard.announcement.participant)
-                                                    : heard.announcement.name);
-    const auto& addresses = heard.announcement.addresses;
-    if (heard.announcement.is_secured && !seen.is_secured) {
+    const std::string who = fmt::format(
+        "{} ({}, {})", received.from, implementation_of(received.announcement.participant),
+        received.announcement.name.empty() ? text_of(received.announcement.participant)
+                                           : received.announcement.name);
+    const auto& addresses = received.announcement.addresses;
+    if (received.announcement.is_secured && !seen.is_secured) {
       findings.push_back({.name = "security",
                           .level = Level::kProblem,
                           .found = fmt::format("{} has security, and this has none", who),
                           .why = "a participant with a certificate talks to those with one alone",
                           .remedy = "fastcycle doctor --dds --security ENCLAVE"});
-    } else if (!is_own_address(seen, heard.from) && !addresses.empty() &&
+    } else if (!is_own_address(seen, received.from) && !addresses.empty() &&
                std::ranges::all_of(addresses, is_loopback)) {
       findings.push_back({.name = "localhost only",
                           .level = Level::kProblem,
@@ -257,19 +258,20 @@ void look_at_heard(const Observation& seen, Findings& findings) {
                           .why = "it talks to its own machine alone",
                           .remedy = "there: unset ROS_LOCALHOST_ONLY; export "
                                     "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"});
-    } else if (!seen.interface.empty() && heard.interface != seen.interface) {
-      findings.push_back({.name = "interface",
-                          .level = Level::kAdvice,
-                          .found = fmt::format("{} is heard on {}, and this looks at {} alone", who,
-                                               heard.interface, seen.interface),
-                          .why = "who uses one interface does not find those on another one",
-                          .remedy = fmt::format("fastcycle doctor --dds --domain {} --interface {}",
-                                                seen.domain, heard.interface)});
+    } else if (!seen.interface.empty() && received.interface != seen.interface) {
+      findings.push_back(
+          {.name = "interface",
+           .level = Level::kAdvice,
+           .found = fmt::format("{} announces itself on {}, and this looks at {} alone", who,
+                                received.interface, seen.interface),
+           .why = "who uses one interface does not find those on another one",
+           .remedy = fmt::format("fastcycle doctor --dds --domain {} --interface {}", seen.domain,
+                                 received.interface)});
     } else {
       findings.push_back(
           {.name = "firewall",
            .level = Level::kProblem,
-           .found = fmt::format("{} is heard, but {}", who,
+           .found = fmt::format("{} announces itself, but {}", who,
                                 is_found ? "none of its topics came" : "was not found"),
            .why = "answers to one participant alone do not pass: a firewall, here or there, drops "
                   "UDP from this port on",
@@ -280,7 +282,7 @@ void look_at_heard(const Observation& seen, Findings& findings) {
 }
 
 void look_at_topics(const Observation& seen, Findings& findings) {
-  std::set<std::string> told;
+  std::set<std::string> reported;
   std::size_t more = 0;
   auto begin = seen.endpoints.begin();
   while (begin != seen.endpoints.end()) {
@@ -293,10 +295,10 @@ void look_at_topics(const Observation& seen, Findings& findings) {
           continue;
         }
         auto trouble = trouble_between(*writer, *reader);
-        if (!trouble || !told.insert(trouble->found).second) {
+        if (!trouble || !reported.insert(trouble->found).second) {
           continue;
         }
-        if (told.size() <= kTroublesMax) {
+        if (reported.size() <= kTroublesMax) {
           findings.push_back(std::move(*trouble));
         } else {
           ++more;
@@ -309,7 +311,7 @@ void look_at_topics(const Observation& seen, Findings& findings) {
     findings.push_back({.name = "topics",
                         .level = Level::kAdvice,
                         .found = fmt::format("{} more of this kind", more),
-                        .why = "only the first are told",
+                        .why = "only the first are reported",
                         .remedy = "fastcycle doctor --dds --json"});
   }
 }
@@ -433,7 +435,7 @@ std::optional<Finding> trouble_between(const FoundEndpoint& writer, const FoundE
 
 std::vector<Finding> diagnose(const Observation& seen) {
   Findings findings;
-  look_at_heard(seen, findings);
+  look_at_announcements(seen, findings);
   look_at_topics(seen, findings);
   look_for_others(seen, findings);
   look_at_round_trip(seen, findings);

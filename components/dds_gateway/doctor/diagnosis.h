@@ -27,7 +27,7 @@ struct Observation {
   std::optional<std::uint64_t> receive_buffer_max = {};
   std::map<std::uint32_t, std::size_t> domains_in_use = {};  ///< Before the doctor joined.
 
-  std::vector<Heard> heard = {};
+  std::vector<ReceivedAnnouncement> announcements = {};
   std::vector<FoundParticipant> participants = {};
   std::vector<FoundEndpoint> endpoints = {};
   std::optional<RoundTripResult> round_trip = {};

@@ -5,7 +5,7 @@
 
 #include <gmock/gmock.h>
 
-#include "dds_gateway/doctor/tell.h"
+#include "dds_gateway/doctor/to_text.h"
 
 namespace fastcycle::dds_gateway {
 namespace {
@@ -56,7 +56,7 @@ Observation healthy() {
   return seen;
 }
 
-Heard heard_from(const std::string& address, std::uint32_t domain = 0) {
+ReceivedAnnouncement announcement_from(const std::string& address, std::uint32_t domain = 0) {
   return {.announcement = {.participant = guid_of(9),
                            .name = "camera",
                            .addresses = {address},
@@ -128,7 +128,7 @@ TEST(Diagnosis, TellsWhoIsInAnotherDomain) {
   seen.participants.clear();
   seen.endpoints.clear();
   seen.domains_in_use = {{7, 2}};
-  seen.heard = {heard_from("192.168.1.9", 42)};
+  seen.announcements = {announcement_from("192.168.1.9", 42)};
 
   const Finding finding = find(seen, "domain");
 
@@ -152,36 +152,38 @@ TEST(Diagnosis, TellsThatProgramsOfThisMachineAreInTheDomainAndNotFound) {
   EXPECT_THAT(finding.why, HasSubstr("ROS_LOCALHOST_ONLY=1"));
 }
 
-TEST(Diagnosis, TellsWhoIsHeardAndNotFoundAsAFirewallDoesIt) {
+TEST(Diagnosis, ReportsWhoAnnouncesItselfAndIsNotFoundAsAFirewallDoesIt) {
   Observation seen = healthy();
-  seen.heard = {heard_from("192.168.1.9")};
+  seen.announcements = {announcement_from("192.168.1.9")};
 
   const Finding finding = find(seen, "firewall");
 
   EXPECT_EQ(finding.level, Level::kProblem);
-  EXPECT_EQ(finding.found, "192.168.1.9 (Cyclone DDS, camera) is heard, but was not found");
+  EXPECT_EQ(finding.found, "192.168.1.9 (Cyclone DDS, camera) announces itself, but was not found");
   EXPECT_THAT(finding.remedy, HasSubstr("--dport 7400: -j ACCEPT"));
   seen.participants.push_back({.guid = guid_of(9), .user_data = {}});
-  EXPECT_THAT(find(seen, "firewall").found, HasSubstr("is heard, but none of its topics came"));
+  EXPECT_THAT(find(seen, "firewall").found,
+              HasSubstr("announces itself, but none of its topics came"));
 }
 
 TEST(Diagnosis, TellsWhoTalksToItsOwnMachineAlone) {
   Observation seen = healthy();
-  seen.heard = {heard_from("192.168.1.9")};
-  seen.heard[0].announcement.addresses = {"127.0.0.1"};
+  seen.announcements = {announcement_from("192.168.1.9")};
+  seen.announcements[0].announcement.addresses = {"127.0.0.1"};
 
   EXPECT_THAT(find(seen, "localhost only").found, HasSubstr("wants to be answered at 127.0.0.1"));
 }
 
 TEST(Diagnosis, TellsWhoHasSecurityAndWhoIsOnAnotherInterface) {
   Observation seen = healthy();
-  seen.heard = {heard_from("192.168.1.9")};
-  seen.heard[0].announcement.is_secured = true;
+  seen.announcements = {announcement_from("192.168.1.9")};
+  seen.announcements[0].announcement.is_secured = true;
   EXPECT_THAT(find(seen, "security").found, HasSubstr("has security, and this has none"));
 
-  seen.heard[0].announcement.is_secured = false;
+  seen.announcements[0].announcement.is_secured = false;
   seen.interface = "lo";
-  EXPECT_THAT(find(seen, "interface").found, HasSubstr("is heard on eth0, and this looks at lo"));
+  EXPECT_THAT(find(seen, "interface").found,
+              HasSubstr("announces itself on eth0, and this looks at lo"));
 }
 
 TEST(Diagnosis, TellsMulticastThatDoesNotComeBackAndARoundTripThatFails) {
@@ -205,7 +207,7 @@ TEST(Diagnosis, TellsWhatTheEnvironmentDoesToNodes) {
   EXPECT_THAT(find(seen, "environment").why, HasSubstr("do not use DDS"));
 }
 
-TEST(Diagnosis, IsToldWithWhoIsThereAndNothingThatWouldSteerATerminal) {
+TEST(Diagnosis, IsReportedWithWhoIsThereAndNothingThatWouldSteerATerminal) {
   Observation seen = healthy();
   seen.endpoints[0].node = "/dri\x1b[31mver";
 

@@ -24,26 +24,26 @@ using Json = nlohmann::json;
 constexpr const char* kString = "std_msgs::msg::dds_::String_";
 
 /// What the program says, and its exit code.
-struct Said {
+struct Output {
   std::string text;
   int code = -1;
 };
 
-Said run(const std::string& args) {
-  Said said;
+Output run(const std::string& args) {
+  Output output;
   std::FILE* const pipe =
       popen(fmt::format("'{}' {} 2>&1", FASTCYCLE_DDS_DOCTOR, args).c_str(), "r");
   std::array<char, 4096> part{};
   for (std::size_t size = 0; (size = std::fread(part.data(), 1, part.size(), pipe)) > 0;) {
-    said.text.append(part.data(), size);
+    output.text.append(part.data(), size);
   }
-  said.code = WEXITSTATUS(pclose(pipe));
-  return said;
+  output.code = WEXITSTATUS(pclose(pipe));
+  return output;
 }
 
 class Doctor : public ::testing::TestWithParam<const char*> {
  protected:
-  static Said look(unsigned domain, const char* form = "JSON") {
+  static Output look(unsigned domain, const char* form = "JSON") {
     return run(fmt::format("look {} {} {} lo '' 6000", form, GetParam(), domain));
   }
   static std::string sentence(const Json& json, const std::string& name) {
@@ -63,11 +63,11 @@ TEST_P(Doctor, FindsNodesAndWhyNoMessagePassesBetweenThem) {
     const Peer reader(GetParam(),
                       {"echo", "rt/points", "rt/unused_too", kString, "reliable", "volatile"});
 
-    const Said said = look(domain_of_test());
+    const Output output = look(domain_of_test());
 
-    EXPECT_EQ(said.code, 3) << said.text;
-    const Json json = Json::parse(said.text, nullptr, false);
-    ASSERT_TRUE(json.is_object()) << said.text;
+    EXPECT_EQ(output.code, 3) << output.text;
+    const Json json = Json::parse(output.text, nullptr, false);
+    ASSERT_TRUE(json.is_object()) << output.text;
     EXPECT_EQ(json["participants"].size(), 2U);
     EXPECT_THAT(sentence(json, "quality"),
                 AllOf(HasSubstr("/points: from /peer to /peer no message passes"),
@@ -81,10 +81,10 @@ TEST_P(Doctor, FindsThatOthersAreInAnotherDomain) {
   const Peer other(GetParam(), {"echo", "rt/a", "rt/b", kString, "reliable", "volatile"});
   const unsigned empty = domain_of_test() + 1;
 
-  const Said said = look(empty, "TEXT");
+  const Output output = look(empty, "TEXT");
 
-  EXPECT_EQ(said.code, 3);
-  EXPECT_THAT(said.text,
+  EXPECT_EQ(output.code, 3);
+  EXPECT_THAT(output.text,
               AllOf(HasSubstr(fmt::format("nobody was found in the domain {} within 6 s", empty)),
                     HasSubstr(fmt::format("there are participants in the domain {} on this machine",
                                           domain_of_test()))));
@@ -100,15 +100,15 @@ INSTANTIATE_TEST_SUITE_P(Engines, Doctor, ::testing::ValuesIn([] {
                          [](const auto& engine) { return std::string(engine.param); });
 
 TEST(DoctorProgram, RefusesWhatIsNotThere) {
-  const Said interface = run("look TEXT '' 0 none0 '' 100");
+  const Output interface = run("look TEXT '' 0 none0 '' 100");
   EXPECT_EQ(interface.code, 2);
   EXPECT_THAT(interface.text, HasSubstr("there is no network interface \"none0\"; there are"));
 
-  const Said engine = run("look TEXT slow 0 lo '' 100");
+  const Output engine = run("look TEXT slow 0 lo '' 100");
   EXPECT_EQ(engine.code, 2);
   EXPECT_THAT(engine.text, HasSubstr("--engine wants one of"));
 
-  const Said enclave = run("look TEXT '' 0 lo /nowhere 100");
+  const Output enclave = run("look TEXT '' 0 lo /nowhere 100");
   EXPECT_EQ(enclave.code, 2);
   EXPECT_THAT(enclave.text, HasSubstr("/nowhere"));
 }

@@ -11,7 +11,7 @@
 namespace fastcycle::dds_gateway {
 namespace {
 
-constexpr std::size_t kHeardMax = 4096;
+constexpr std::size_t kAnnouncementsMax = 4096;
 constexpr std::size_t kPacketBytesMax = 65'536;
 constexpr int kLook_ms = 100;     // Maximum delay of the end.
 constexpr int kTakenAtOnce = 64;  // Of one socket, before the others are served.
@@ -52,11 +52,11 @@ Listener::Listener(const std::vector<LocalInterface>& interfaces) {
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
-std::vector<Heard> Listener::heard() const {
+std::vector<ReceivedAnnouncement> Listener::announcements() const {
   const std::lock_guard lock(mutex_);
-  std::vector<Heard> all;
-  for (const auto& [key, heard] : heard_) {
-    all.push_back(heard);
+  std::vector<ReceivedAnnouncement> all;
+  for (const auto& [key, received] : announcements_) {
+    all.push_back(received);
   }
   return all;
 }
@@ -100,13 +100,13 @@ void Listener::take(std::size_t socket) {
     if (!announcement) {
       continue;
     }
-    Heard heard{.announcement = *announcement,
-                .domain = static_cast<std::uint32_t>(socket),
-                .from = {},
-                .interface = {}};
+    ReceivedAnnouncement received{.announcement = *announcement,
+                                  .domain = static_cast<std::uint32_t>(socket),
+                                  .from = {},
+                                  .interface = {}};
     std::array<char, INET_ADDRSTRLEN> text{};
     if (inet_ntop(AF_INET, &from.sin_addr, text.data(), text.size()) != nullptr) {
-      heard.from = text.data();
+      received.from = text.data();
     }
     for (const cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr;
          part = CMSG_NXTHDR(&message, const_cast<cmsghdr*>(part))) {
@@ -114,13 +114,13 @@ void Listener::take(std::size_t socket) {
         in_pktinfo info{};
         std::memcpy(&info, CMSG_DATA(part), sizeof info);
         const auto name = names_.find(info.ipi_ifindex);
-        heard.interface = name == names_.end() ? "" : name->second;
+        received.interface = name == names_.end() ? "" : name->second;
       }
     }
     const std::lock_guard lock(mutex_);
-    const std::pair key(heard.domain, heard.announcement.participant);
-    if (heard_.size() < kHeardMax || heard_.contains(key)) {
-      heard_[key] = std::move(heard);
+    const std::pair key(received.domain, received.announcement.participant);
+    if (announcements_.size() < kAnnouncementsMax || announcements_.contains(key)) {
+      announcements_[key] = std::move(received);
     }
   }
 }

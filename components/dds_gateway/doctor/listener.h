@@ -15,7 +15,7 @@
 namespace fastcycle::dds_gateway {
 
 /// A received multicast announcement.
-struct Heard {
+struct ReceivedAnnouncement {
   Announcement announcement;
   std::uint32_t domain = 0;
   std::string from;       ///< The IPv4 address of its sender.
@@ -35,7 +35,7 @@ class Listener {
   ~Listener() = default;
 
   /// The newest announcement of each participant so far, at most 4096.
-  [[nodiscard]] std::vector<Heard> heard() const;
+  [[nodiscard]] std::vector<ReceivedAnnouncement> announcements() const;
 
  private:
   void run(const std::stop_token& stop);
@@ -44,7 +44,7 @@ class Listener {
   std::vector<Socket> sockets_;  // By domain number.
   std::map<int, std::string> names_;
   mutable std::mutex mutex_;
-  std::map<std::pair<std::uint32_t, Guid>, Heard> heard_;  // Guarded by it.
+  std::map<std::pair<std::uint32_t, Guid>, ReceivedAnnouncement> announcements_;  // Guarded by it.
   std::jthread thread_;
 };
 

@@ -19,7 +19,7 @@
 
 #include "base/printable.h"
 #include "dds_gateway/doctor/observe.h"
-#include "dds_gateway/doctor/tell.h"
+#include "dds_gateway/doctor/to_text.h"
 #include "dds_security/documents.h"
 #include "dds_security/enclave.h"
 
@@ -50,14 +50,13 @@ const Engine& engine_of(const std::string& name) {
 }
 
 void refuse_wrong_enclave(const ParticipantOptions& options) {
-  std::vector<std::string> mistakes =
-      fastcycle::dds_security::mistakes_of_enclave(options.security);
+  std::vector<std::string> errors = fastcycle::dds_security::enclave_errors(options.security);
   if (options.domain > fastcycle::dds_security::kDomainMax) {
-    mistakes.push_back(fmt::format("--domain wants a number from 0 to {} with security, found {}",
-                                   fastcycle::dds_security::kDomainMax, options.domain));
+    errors.push_back(fmt::format("--domain wants a number from 0 to {} with security, found {}",
+                                 fastcycle::dds_security::kDomainMax, options.domain));
   }
-  if (!mistakes.empty()) {
-    throw Wrong(fmt::format("{}", fmt::join(mistakes, "\n")));
+  if (!errors.empty()) {
+    throw Wrong(fmt::format("{}", fmt::join(errors, "\n")));
   }
 }
 
@@ -123,14 +122,14 @@ int main(int argc, char** argv) {
     }
     print(stderr, "fastcycle-dds-doctor is started by `fastcycle doctor --dds`\n");
     return kWrong;
-  } catch (const Wrong& mistake) {
-    print(stderr, fmt::format("fastcycle doctor: {}\n", mistake.what()));
+  } catch (const Wrong& error) {
+    print(stderr, fmt::format("fastcycle doctor: {}\n", error.what()));
     return kWrong;
-  } catch (const EngineError& mistake) {
-    print(stderr, fmt::format("fastcycle doctor: {}\n", mistake.what()));
+  } catch (const EngineError& error) {
+    print(stderr, fmt::format("fastcycle doctor: {}\n", error.what()));
     return kWrong;
-  } catch (const std::exception& mistake) {
-    print(stderr, fmt::format("fastcycle doctor: {}\n", mistake.what()));
+  } catch (const std::exception& error) {
+    print(stderr, fmt::format("fastcycle doctor: {}\n", error.what()));
     return kFailed;
   }
 }

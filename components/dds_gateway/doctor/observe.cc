@@ -68,11 +68,11 @@ Observation observe(const ObserveOptions& options) {
     }
   }
 
-  seen.heard = listener.heard();
+  seen.announcements = listener.announcements();
   // Excludes its own announcements, and those of the other end of the round trip.
-  std::erase_if(seen.heard, [&](const Heard& heard) {
-    return heard.announcement.participant == participant->guid() ||
-           picture.is_doctor(heard.announcement.participant);
+  std::erase_if(seen.announcements, [&](const ReceivedAnnouncement& received) {
+    return received.announcement.participant == participant->guid() ||
+           picture.is_doctor(received.announcement.participant);
   });
   seen.participants = picture.participants();
   seen.endpoints = picture.endpoints();

@@ -57,7 +57,7 @@ class ThrowsMuch final : public fastcycle::Component {
   }
 };
 
-/// Without a mistake, but for the period that its `serve` needs.
+/// Without an error, but for the period that its `serve` needs.
 class Serves final : public fastcycle::Component {
  public:
   explicit Serves(fastcycle::Context& context) : Component(context) {}

@@ -1,4 +1,4 @@
-// Leaves a process behind that keeps all files open, and is loaded without a mistake.
+// Leaves a process behind that keeps all files open, and is loaded without an error.
 
 #include <unistd.h>
 

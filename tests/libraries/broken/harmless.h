@@ -4,7 +4,7 @@
 
 namespace broken {
 
-/// A component without a mistake: what is wrong is the library around it.
+/// A component without an error: what is wrong is the library around it.
 class Harmless final : public fastcycle::Component {
  public:
   explicit Harmless(fastcycle::Context& context) : Component(context) {}

@@ -219,7 +219,7 @@ Finished Runner::run(const Json& json, const std::string& folder, const RunHooks
   if (hooks.before_build) {
     hooks.before_build(application);
   }
-  application.build(libraries, problems, host::ConstructorFault::kMistake);
+  application.build(libraries, problems, host::ConstructorFault::kError);
   if (problems.has_errors()) {
     refuse(problems);
   }

@@ -59,7 +59,7 @@ constexpr const char* kModesText =
     "  flood    messages a second, as fast as possible, without loss unless --no-credits\n"
     "  fanout   what publishing costs for each further subscriber\n"
     "  timer    how late timers are, and that they do not drift\n"
-    "  deadline how soon a subscriber is told that its publisher is stalled\n"
+    "  deadline how soon a subscriber is notified that its publisher is stalled\n"
     "  chain    several components in a row, on one thread and on two\n"
     "  startup  from nothing to the first messages; memory; an idle application\n"
     "  record   what recording costs publisher and subscriber; what of it is lost\n"

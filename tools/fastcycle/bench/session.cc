@@ -95,7 +95,7 @@ measure::Plan Session::plan(std::int64_t size) const {
 Finished Session::run_application(const Json& json, const RunHooks& hooks) {
   Finished finished = runner_.run(json, folder_.path, hooks);
   for (const base::Refusal& refusal : finished.refusals) {
-    if (told_refusals_.insert(refusal.what).second) {
+    if (reported_refusals_.insert(refusal.what).second) {
       print_to(stderr, "refused: {}; {}\n", refusal.what, refusal.remedy);
     }
   }

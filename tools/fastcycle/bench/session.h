@@ -117,7 +117,7 @@ class Session {
   std::unique_ptr<std::FILE, Close> raw_;
   bool has_failed_ = false;
   bool has_lost_output_ = false;
-  std::set<std::string> told_refusals_;
+  std::set<std::string> reported_refusals_;
 };
 
 /// `"damaged":0`, which every FastCycle row contains in addition.

@@ -319,8 +319,8 @@ class Campaign {
       }
     }
     if (seeds.size() < options_.seeds) {
-      say(fmt::format("{} of {} seeds are done already", options_.seeds - seeds.size(),
-                      options_.seeds));
+      print_line(fmt::format("{} of {} seeds are done already", options_.seeds - seeds.size(),
+                             options_.seeds));
     }
     bool is_wrong = false;
     std::ofstream lines(options_.out / "results.jsonl", std::ios::app);
@@ -365,8 +365,8 @@ class Campaign {
           if (verdict.has_failed()) {
             ++failed;
             clear_line();
-            say(fmt::format("seed {}: {}", seeds[i], verdict.how));
-            keep_what_tells(folder_of(i));
+            print_line(fmt::format("seed {}: {}", seeds[i], verdict.how));
+            keep_results(folder_of(i));
           } else {
             fs::remove_all(folder_of(i));
           }
@@ -378,7 +378,7 @@ class Campaign {
   }
 
   /// For the folder of a failed run. Its components' files may be large, and can be reproduced.
-  static void keep_what_tells(const fs::path& folder) {
+  static void keep_results(const fs::path& folder) {
     for (const auto& entry : fs::directory_iterator(folder)) {
       const std::string name = entry.path().filename().string();
       if (name != "overlay.json" && name != "report.json" && name != "output.txt") {
@@ -437,7 +437,7 @@ class Campaign {
       if (children_.is_stopped() || failures_.size() >= options_.most_failures) {
         break;
       }
-      say(fmt::format("shrinking seed {}: {}", result->seed, result->how));
+      print_line(fmt::format("shrinking seed {}: {}", result->seed, result->how));
       const campaign::TryAll try_them = [&](const std::vector<Faults>& lists) {
         return try_all(lists, result->seed);
       };
@@ -447,8 +447,8 @@ class Campaign {
         break;
       }
       if (first.front().way != result->way) {
-        say(fmt::format("seed {} did not fail in the same way again: {}", result->seed,
-                        first.front().has_failed() ? first.front().how : "it passed"));
+        print_line(fmt::format("seed {} did not fail in the same way again: {}", result->seed,
+                               first.front().has_failed() ? first.front().how : "it passed"));
         continue;
       }
       campaign::Shrunk shrunk =
@@ -550,7 +550,7 @@ class Campaign {
     return summary.failed() > 0 || !is_complete || !problems.empty() ? kFailed : flushed;
   }
 
-  void say(const std::string& line) const {
+  void print_line(const std::string& line) const {
     if (!options_.is_quiet) {
       print_to(stderr, "{}\n", line);
     }
@@ -589,22 +589,22 @@ int run_campaign(const CampaignOptions& options) {
   if (!text) {
     return print_wrong("the plan " + options.plan.string() + " cannot be read");
   }
-  std::vector<std::string> mistakes;
-  const auto plan = campaign::Plan::read(*text, options.plan.string(), mistakes);
+  std::vector<std::string> errors;
+  const auto plan = campaign::Plan::read(*text, options.plan.string(), errors);
   std::vector<campaign::Judge> judges;
   for (const std::string& condition : options.judges) {
     std::string why;
     if (auto judge = campaign::Judge::parse(condition, why)) {
       judges.push_back(std::move(*judge));
     } else {
-      mistakes.push_back("--judge: " + why);
+      errors.push_back("--judge: " + why);
     }
   }
-  if (!mistakes.empty()) {
-    for (const std::string& mistake : mistakes) {
-      print_to(stderr, "{}\n", mistake);
+  if (!errors.empty()) {
+    for (const std::string& error : errors) {
+      print_to(stderr, "{}\n", error);
     }
-    return print_wrong(fmt::format("{} error{}", mistakes.size(), mistakes.size() == 1 ? "" : "s"));
+    return print_wrong(fmt::format("{} error{}", errors.size(), errors.size() == 1 ? "" : "s"));
   }
   config::Problems problems;
   auto application = config::load(options.configuration.load, problems);

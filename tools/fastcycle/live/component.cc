@@ -115,7 +115,7 @@ std::string callbacks_text(const protocol::Component& component) {
 /// Its published and subscribed topics.
 std::string topics_text(const protocol::Overview& overview, const std::string& component) {
   std::vector<std::vector<std::string>> published;
-  std::vector<std::vector<std::string>> heard;
+  std::vector<std::vector<std::string>> subscribed;
   for (const protocol::Topic& topic : overview.topics()) {
     for (const protocol::Publisher& publisher : topic.publishers()) {
       const bool is_state = topic.name().starts_with(component + "#state/");
@@ -126,16 +126,17 @@ std::string topics_text(const protocol::Overview& overview, const std::string& c
     }
     for (const protocol::Subscriber& subscriber : topic.subscribers()) {
       if (subscriber.component() == component) {
-        heard.push_back({topic.name(), topic.type(),
-                         fmt::format("{} delivered", subscriber.ledger().delivered()),
-                         fmt::format("{} queued", subscriber.ledger().queued()),
-                         fmt::format("{} dropped", subscriber.ledger().dropped())});
+        subscribed.push_back({topic.name(), topic.type(),
+                              fmt::format("{} delivered", subscriber.ledger().delivered()),
+                              fmt::format("{} queued", subscriber.ledger().queued()),
+                              fmt::format("{} dropped", subscriber.ledger().dropped())});
       }
     }
   }
   return (published.empty() ? "\nIt publishes nothing.\n"
                             : "\npublishes\n" + table_text(published, "  ")) +
-         (heard.empty() ? "\nIt subscribes to nothing.\n" : "\nhears\n" + table_text(heard, "  "));
+         (subscribed.empty() ? "\nIt subscribes to nothing.\n"
+                             : "\nsubscribes to\n" + table_text(subscribed, "  "));
 }
 
 /// The state that it declares; nothing if it declares none.

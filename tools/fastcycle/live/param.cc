@@ -140,8 +140,8 @@ protocol::ChangeParams::Change change_of(const std::string& word) {
 /// Throws a `Failure` with the errors of the changes, one a line.
 [[noreturn]] void refuse(const protocol::ParamsChanged& changed) {
   std::string text = "nothing was changed";
-  for (const std::string& mistake : changed.mistakes()) {
-    text += "\n  " + archive::printable(mistake);
+  for (const std::string& error : changed.errors()) {
+    text += "\n  " + archive::printable(error);
   }
   throw Failure(kFailed, text);
 }
@@ -160,7 +160,7 @@ int set(const ParamOptions& options) {
     }
   }
   const protocol::Answer answer = session.client().ask(std::move(request));
-  if (answer.params_changed().mistakes_size() > 0) {
+  if (answer.params_changed().errors_size() > 0) {
     refuse(answer.params_changed());
   }
   Json json = Json::object();

@@ -68,7 +68,7 @@ Json scalar(const pb::Message& message, const Field& field, int index) {
 }
 
 /// Parses a text as JSON; null if it is empty.
-Json said_by(const std::string& text) {
+Json parse_or_null(const std::string& text) {
   const Json json = Json::parse(text, nullptr, false);
   return json.is_discarded() ? Json() : json;
 }
@@ -113,20 +113,20 @@ void require_file(const CLI::App& line) {
 }
 
 int guarded(const std::string& command, const std::function<int()>& body) {
-  const auto say = [&](const std::string& sentence) {
+  const auto report = [&](const std::string& sentence) {
     print_to(stderr, "fastcycle {}: {}\n", command, sentence);
   };
   try {
     return body();
   } catch (const Failure& failure) {
-    say(failure.what());
+    report(failure.what());
     return failure.exit_code();
   } catch (const inspect::ClientError& error) {
     std::string sentence = archive::printable(error.what());
     if (!error.hint().empty()) {
       sentence += "; " + archive::printable(error.hint());
     }
-    say(sentence);
+    report(sentence);
     return kFailed;
   }
 }
@@ -222,7 +222,7 @@ Json json_of(const pb::Message& message) {
     Json value = scalar(message, field, -1);
     if (name.ends_with(kJson)) {
       name.resize(name.size() - kJson.size());
-      value = said_by(value.get<std::string>());
+      value = parse_or_null(value.get<std::string>());
     }
     json[name] = std::move(value);
   }

@@ -172,7 +172,7 @@ Command add_topic_list(CLI::App& group) {
 
 Command add_topic_info(CLI::App& group) {
   CLI::App* line =
-      group.add_subcommand("info", "Show who publishes a topic, who hears it, and how");
+      group.add_subcommand("info", "Show who publishes a topic, who subscribes to it, and how");
   line->footer(
       examples("  fastcycle topic info control/speed\n"
                "  fastcycle topic info control/speed --json | jq '.subscribers[].ledger'\n"));

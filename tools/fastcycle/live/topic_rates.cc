@@ -237,7 +237,7 @@ class RatePrinter {
     }
     due_ += every_ * (1 + (Clock::now() - due_) / every_);
     return output_.write(options_.target.is_json ? json() : text()) &&
-           (!options_.count || ++said_ < *options_.count);
+           (!options_.count || ++printed_ < *options_.count);
   }
 
  private:
@@ -281,7 +281,7 @@ class RatePrinter {
   const Clock::duration every_;
   Window window_;
   Clock::time_point due_;
-  std::uint64_t said_ = 0;
+  std::uint64_t printed_ = 0;
   std::uint64_t all_before_ = 0;
 };
 

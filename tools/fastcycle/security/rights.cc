@@ -64,7 +64,7 @@ class Entry {
   }
   std::string ros_name() {
     const std::string name = text("ros");
-    if (!name.empty() && ros2::mistake_of_ros_name(name)) {
+    if (!name.empty() && ros2::ros_name_error(name)) {
       fail("ros", "a name of ROS 2", entry_.find("ros"));
       return {};
     }
@@ -113,12 +113,12 @@ std::vector<const Value*> items_of(const Value& params, const char* key,
 
 }  // namespace
 
-std::string mistake_of(const RosRights& rights) {
+std::string error_of(const RosRights& rights) {
   for (const auto* const names :
        {&rights.publish, &rights.subscribe, &rights.serve, &rights.call, &rights.nodes}) {
     for (const std::string& name : *names) {
-      if (const auto mistake = ros2::mistake_of_ros_name(name)) {
-        return fmt::format("\"{}\" is no name of ROS 2: {}", name, *mistake);
+      if (const auto error = ros2::ros_name_error(name)) {
+        return fmt::format("\"{}\" is no name of ROS 2: {}", name, *error);
       }
     }
   }
@@ -190,7 +190,7 @@ Rights rights_of(const config::ComponentDescription& component, config::Problems
     const Value* const node = params.find("node");
     const std::string name =
         node != nullptr && node->is_string() ? node->as_string() : "fastcycle_gateway";
-    if (ros2::mistake_of_ros_name(name)) {
+    if (ros2::ros_name_error(name)) {
       problems.add(config::unexpected(*node, "a name of ROS 2"));
     } else {
       add_param_services(name, rights);

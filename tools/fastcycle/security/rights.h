@@ -19,7 +19,7 @@ struct RosRights {
 };
 
 /// An error message; empty if the names are valid.
-[[nodiscard]] std::string mistake_of(const RosRights& rights);
+[[nodiscard]] std::string error_of(const RosRights& rights);
 
 /// Adds them, and the rights that every participant that is a node of ROS 2 needs.
 ///

@@ -116,11 +116,11 @@ std::optional<dds_security::Rights> rights_in(const AddOptions& options) {
 
 int add_participant(const AddOptions& options) {
   const std::string name = options.name.starts_with('/') ? options.name : "/" + options.name;
-  if (const auto mistake = ros2::mistake_of_ros_name(name)) {
-    return wrong("add", fmt::format("\"{}\": {}", options.name, *mistake));
+  if (const auto error = ros2::ros_name_error(name)) {
+    return wrong("add", fmt::format("\"{}\": {}", options.name, *error));
   }
-  if (const std::string mistake = mistake_of(options.more); !mistake.empty()) {
-    return wrong("add", mistake);
+  if (const std::string error = error_of(options.more); !error.empty()) {
+    return wrong("add", error);
   }
   std::optional<dds_security::Rights> rights = rights_in(options);
   if (!rights) {

@@ -74,7 +74,7 @@ int show_once(inspect::Client& client, milliseconds interval, bool is_json) {
 
 /// The current problem of the connection, for display; empty: none.
 std::string notice_of(const top::Watch& watch, milliseconds interval) {
-  const auto silence = top::Watch::Clock::now() - watch.heard();
+  const auto silence = top::Watch::Clock::now() - watch.last_update();
   return silence < interval + 2s
              ? ""
              : fmt::format("no answer for {} s",

@@ -67,17 +67,17 @@ Watch::News Watch::take() {
   return std::exchange(untaken_, {});
 }
 
-Watch::Clock::time_point Watch::heard() const {
+Watch::Clock::time_point Watch::last_update() const {
   const std::lock_guard lock(mutex_);
-  return heard_;
+  return last_update_;
 }
 
-void Watch::tell(News news) {
+void Watch::post(News news) {
   {
     const std::lock_guard lock(mutex_);
     if (news.snapshot) {
       untaken_.snapshot = std::move(news.snapshot);
-      heard_ = Clock::now();
+      last_update_ = Clock::now();
     }
     if (news.end) {
       untaken_.end = std::move(news.end);
@@ -95,15 +95,15 @@ void Watch::run() {
       const Clock::time_point next = Clock::now() + interval_;
       lock.unlock();
       if (auto snapshot = try_snapshot_of(*client_)) {
-        tell({std::move(snapshot), {}});
+        post({std::move(snapshot), {}});
       }
       lock.lock();
       changed_.wait_until(lock, next, [this] { return is_over_; });
     }
   } catch (const inspect::ClientError& error) {
-    tell({{}, error.kind() == Error::KIND_UNKNOWN ? "" : error.what()});
+    post({{}, error.kind() == Error::KIND_UNKNOWN ? "" : error.what()});
   } catch (const std::exception& error) {
-    tell({{}, error.what()});
+    post({{}, error.what()});
   }
 }
 

@@ -43,11 +43,11 @@ class Watch {
   [[nodiscard]] News take();
 
   /// When the last answer arrived.
-  [[nodiscard]] Clock::time_point heard() const;
+  [[nodiscard]] Clock::time_point last_update() const;
 
  private:
   void run();
-  void tell(News news);
+  void post(News news);
 
   const std::unique_ptr<inspect::Client> client_;
   const std::chrono::milliseconds interval_;
@@ -57,7 +57,7 @@ class Watch {
   std::condition_variable changed_;
   bool is_over_ = false;
   News untaken_;
-  Clock::time_point heard_ = Clock::now();
+  Clock::time_point last_update_ = Clock::now();
 
   std::thread thread_;
 };

@@ -60,7 +60,7 @@ export class Connection {
     }
   }
 
-  // `take(time_ns, payload)` hears the messages of a topic from now on. Returns what ends that.
+  // `take(time_ns, payload)` receives the messages of a topic from now on. Returns what ends that.
   subscribe(topic, take) {
     let subscription = this.#subscriptions.get(topic);
     if (!subscription) {

@@ -19,7 +19,7 @@ function svg(tag, attributes = {}, ...children) {
   return made;
 }
 
-// [component or topic, component or topic] pairs; topics that nobody hears of are in the list of topics.
+// [component or topic, component or topic] pairs; topics that nobody subscribes to are in the list of topics.
 function edgesOf(topics) {
   const edges = [];
   for (const { name, publishers, subscribers } of topics) {

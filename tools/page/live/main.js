@@ -127,7 +127,7 @@ function graph(json) {
   }
 }
 
-// What goes wrong with one part is told, and leaves the others alone.
+// What goes wrong with one part is reported, and leaves the others alone.
 function attempt(what) {
   try {
     what();

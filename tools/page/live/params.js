@@ -126,8 +126,8 @@ export class Params {
       if (value_json === "") {
         throw new Error("A value is missing.");
       }
-      const { mistakes = [] } = await this.connection.ask({ change_params: { changes: [{ param, value_json }] } }, "params_changed");
-      wrong = mistakes.join("\n");
+      const { errors = [] } = await this.connection.ask({ change_params: { changes: [{ param, value_json }] } }, "params_changed");
+      wrong = errors.join("\n");
     } catch (error) {
       wrong = error.message;
     }

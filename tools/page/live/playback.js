@@ -1,4 +1,4 @@
-// A recording that is played, and can be moved to any of its times: what the server says of it, and how it is told
+// A recording that is played, and can be moved to any of its times: what the server reports of it, and how it is commanded
 // what to do.
 import { element } from "../controls.js";
 import { say } from "./rows.js";

@@ -1,4 +1,4 @@
-#include "dds_gateway/doctor/tell.h"
+#include "dds_gateway/doctor/to_text.h"
 
 #include <algorithm>
 #include <array>
@@ -38,10 +38,11 @@ std::string line_of(const Finding& finding) {
 
 /// The location of a participant, from its announcements.
 std::string place_of(const Observation& seen, const Guid& participant) {
-  const auto found = std::ranges::find_if(seen.heard, [&](const Heard& heard) {
-    return heard.announcement.participant == participant;
-  });
-  return found == seen.heard.end() ? "" : fmt::format(", {}", found->from);
+  const auto found =
+      std::ranges::find_if(seen.announcements, [&](const ReceivedAnnouncement& received) {
+        return received.announcement.participant == participant;
+      });
+  return found == seen.announcements.end() ? "" : fmt::format(", {}", found->from);
 }
 
 std::string who_is_there(const Observation& seen) {
@@ -122,7 +123,7 @@ std::string to_json(const Observation& seen, const std::vector<Finding>& finding
             {"findings", Json::array()},
             {"participants", Json::array()},
             {"endpoints", Json::array()},
-            {"heard", Json::array()}};
+            {"received", Json::array()}};
   for (const Finding& finding : findings) {
     Json one{{"name", finding.name}, {"level", word_of(finding.level)}, {"found", finding.found}};
     if (finding.level != Level::kFine) {
@@ -147,12 +148,12 @@ std::string to_json(const Observation& seen, const std::vector<Finding>& finding
          {"node", one.node},
          {"participant", text_of(one.participant)}});
   }
-  for (const Heard& heard : seen.heard) {
-    json["heard"].push_back({{"participant", text_of(heard.announcement.participant)},
-                             {"domain", heard.domain},
-                             {"from", heard.from},
-                             {"interface", heard.interface},
-                             {"is_secured", heard.announcement.is_secured}});
+  for (const ReceivedAnnouncement& received : seen.announcements) {
+    json["received"].push_back({{"participant", text_of(received.announcement.participant)},
+                                {"domain", received.domain},
+                                {"from", received.from},
+                                {"interface", received.interface},
+                                {"is_secured", received.announcement.is_secured}});
   }
   if (seen.round_trip) {
     json["round_trip_us"] = {{"64 B", microseconds(seen.round_trip->small)},

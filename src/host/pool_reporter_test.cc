@@ -1,4 +1,4 @@
-#include "host/pool_teller.h"
+#include "host/pool_reporter.h"
 
 #include <chrono>
 #include <condition_variable>
@@ -177,7 +177,7 @@ TEST(AHoarder, KeepsWhatTheFileSaysOfThePublisher) {
   EXPECT_EQ(hoarder.delivered, hoarder.published);
 }
 
-TEST(AHoarder, ThatMayKeepAllThatAPoolHasIsAMistakeOfTheFile) {
+TEST(AHoarder, ThatMayKeepAllThatAPoolHasIsAnErrorOfTheFile) {
   TestClasses classes;
   classes.with<Counter>("counter").with<Reader>("reader");
   const std::string text = R"({"name": "a", "topics": {"numbers": {"pool_max": 8, "latched": 2}},

@@ -9,7 +9,7 @@ namespace fastcycle::dds_gateway {
 
 /// As text: all findings, and the participants with their topics; ends with the number of problems.
 [[nodiscard]] std::string to_text(const Observation& seen, const std::vector<Finding>& findings);
-/// One JSON object, indented: `findings`, `participants`, `endpoints`, `heard`, `round_trip_us`.
+/// One JSON object, indented: `findings`, `participants`, `endpoints`, `received`, `round_trip_us`.
 [[nodiscard]] std::string to_json(const Observation& seen, const std::vector<Finding>& findings);
 
 }  // namespace fastcycle::dds_gateway

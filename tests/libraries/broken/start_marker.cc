@@ -1,4 +1,4 @@
-// A component without a mistake, that leaves the file `started` where the program works once it is
+// A component without an error, that leaves the file `started` where the program works once it is
 // started, and that computes with the smallest of numbers.
 
 #include <chrono>
@@ -15,9 +15,9 @@ bool keeps_small_numbers() {
   return half > 0;
 }
 
-class Witness final : public fastcycle::Component {
+class StartMarker final : public fastcycle::Component {
  public:
-  explicit Witness(fastcycle::Context& context)
+  explicit StartMarker(fastcycle::Context& context)
       : Component(context),
         kept_in_constructor_(keeps_small_numbers()),
         timer_(context.create_timer({.period = std::chrono::milliseconds(5)}, [this] {
@@ -46,4 +46,4 @@ class Witness final : public fastcycle::Component {
 
 }  // namespace
 
-FASTCYCLE_COMPONENT(Witness)
+FASTCYCLE_COMPONENT(StartMarker)

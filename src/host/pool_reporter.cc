@@ -1,4 +1,4 @@
-#include "host/pool_teller.h"
+#include "host/pool_reporter.h"
 
 #include <algorithm>
 #include <array>
@@ -22,7 +22,7 @@ void warn(detail::LogSource& log, std::string_view component, fmt::format_string
 
 }  // namespace
 
-void PoolTeller::ran_short(const detail::PoolShortage& shortage) noexcept {
+void PoolReporter::ran_short(const detail::PoolShortage& shortage) noexcept {
   switch (shortage.kind) {
     case detail::PoolShortage::Kind::kKept:
       warn(log_, shortage.component,

@@ -9,10 +9,10 @@ namespace fastcycle::host {
 ///
 /// @threads  Safe.
 /// @realtime As `LogSource::write`.
-class PoolTeller final : public detail::PoolWatch {
+class PoolReporter final : public detail::PoolWatch {
  public:
   /// `log` outlives this.
-  explicit PoolTeller(detail::LogSource& log) : log_(log) {}
+  explicit PoolReporter(detail::LogSource& log) : log_(log) {}
 
   void ran_short(const detail::PoolShortage& shortage) noexcept override;
 
