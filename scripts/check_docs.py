@@ -161,6 +161,20 @@ def misspelled(ignored):
     yield from found.stdout.replace(f"{ROOT}/", "").splitlines()
 
 
+def unknown_names():
+    """The flows and the architecture name classes with a member, `Class::member`, that the code has."""
+    known = set()
+    for folder in ("src", "include", "tools", "components", "messages", "ads"):
+        for file in (ROOT / folder).rglob("*"):
+            if file.suffix in (".h", ".cc", ".proto"):
+                known.update(re.findall(r"\w+", file.read_text(encoding="utf-8")))
+    for document in [*sorted((ROOT / "docs/flows").glob("*.md")), ROOT / "docs/architecture.md"]:
+        for code in re.findall(r"`([^`\n]+)`", document.read_text(encoding="utf-8")):
+            for name in re.findall(r"[A-Za-z_]\w*(?:::~?\w+)+", code):
+                if not known.issuperset(re.findall(r"\w+", name)):
+                    yield f"{document.relative_to(ROOT)}: the code has no {name}"
+
+
 def main():
     problems = [problem for document in documents() for problem in dead_links(document)]
     terms = json.loads((ROOT / "docs/terms.json").read_text(encoding="utf-8"))
@@ -175,6 +189,7 @@ def main():
     problems += lonely_snippets()
     problems += homeless_snippets()
     problems += strange_lessons()
+    problems += unknown_names()
     print("\n".join(problems) if problems else "check_docs: links, code, tables, headings, terms and spelling are in order")
     return 1 if problems else 0
 
