@@ -365,7 +365,11 @@ class Subscription(Iterator[Message]):
         self._learn(session.ask(_protocol("Request")(stream=stream)))
 
     def close(self) -> None:
-        """Ends the subscription."""
+        """Ends the subscription; what has arrived and was not read is dropped."""
+        self._waiting.clear()
+        self._end()
+
+    def _end(self) -> None:
         if self._session is not None:
             self._session.close()
         self._session = None
@@ -402,7 +406,7 @@ class Subscription(Iterator[Message]):
         elif answer.HasField("started"):
             self._learn(answer)
         elif answer.HasField("ended"):
-            self.close()
+            self._end()
 
     def _learn(self, answer: Any) -> None:
         for channel in answer.started.channels:
@@ -443,7 +447,11 @@ class LogLines(Iterator[LogLine]):
         session.ask(_protocol("Request")(stream_log=options))
 
     def close(self) -> None:
-        """Ends the stream."""
+        """Ends the stream; what has arrived and was not read is dropped."""
+        self._waiting.clear()
+        self._end()
+
+    def _end(self) -> None:
         if self._session is not None:
             self._session.close()
         self._session = None
@@ -466,7 +474,7 @@ class LogLines(Iterator[LogLine]):
                 self.lost += answer.log.lost
                 self._waiting += answer.log.lines
             elif answer.HasField("ended"):
-                self.close()
+                self._end()
         line = self._waiting.pop(0)
         return LogLine(line.time_ns, line.level, line.component, line.text)
 

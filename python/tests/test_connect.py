@@ -100,6 +100,18 @@ def test_subscribes(application: fastcycle.Application) -> None:
             next(orders)
 
 
+def test_a_closed_subscription_ends_with_messages_unread(
+    application: fastcycle.Application,
+) -> None:
+    with application.subscribe("sensor/readings", timeout=LIMIT_S) as readings:
+        first = next(readings)
+        while not readings._waiting:  # Several messages arrive together, in the end.
+            time.sleep(0.1)
+            first = next(readings)
+    assert first.message.text == "reading"
+    assert list(readings) == []
+
+
 def test_publishes(application: fastcycle.Application) -> None:
     with application.subscribe("orders", timeout=LIMIT_S) as orders:
         application.publish("orders", {"value": 7, "text": "from a dict"})
