@@ -7,6 +7,8 @@
   include/fastcycle may include other headers of include/fastcycle, nothing of src
   transforms, ads, examples, benchmarks  may include fastcycle/..., generated messages, and files of
                     their own folder
+  ads/modules, ads/devices, ads/common   include nothing of ads/simulation, ads/applications, ads/testing;
+                    an application nothing of another one
   tools/fastcycle   prints by print.h, which shows what would steer a terminal
   anywhere          no TODO of the kind `now` is left
 
@@ -27,6 +29,8 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
 SOURCES = {".h", ".cc"}
 PUBLIC = ("include", "transforms/include")   # where headers <fastcycle/...> are
 USERS = ("transforms", "ads", "examples", "benchmarks")
+OF_A_VEHICLE = ("modules", "devices", "common")   # Folders of ads/ that also drive without the following.
+OF_A_DRIVE = ("simulation", "applications", "testing")
 TODO_NOW = "TODO" + "(now)"
 PRINTS = re.compile(r"\bstd::(f?printf|puts|perror|cout|cerr)\b")
 PRINTERS = ("tools", "fastcycle")   # whose files print by print.h
@@ -134,6 +138,10 @@ def error(root, depends, test_depends, path, included):
         return f"{part[0]} may not include {included}, only fastcycle/... and messages"
     if part[0] in USERS and ".." in included.split("/"):
         return f"{included} leaves the folder"
+    if part[0] == "ads" and part[1] in OF_A_VEHICLE and target in OF_A_DRIVE:
+        return f"ads/{part[1]} may not include {included}: it drives without ads/{target}"
+    if part[:2] == ("ads", "applications") and target == part[1] and included.split("/")[1] != part[2]:
+        return f"an application may not include {included}, which is of another one"
     return None
 
 
@@ -203,9 +211,11 @@ def self_test():
         "src/top/missing.cc": '#include "fastcycle/nothing.h"\n',
         "include/fastcycle/b.h": '#include "low/low.h"\n',
         "ads/x/y.cc": '  #  include <low/low.h>\n',
+        "ads/modules/m/m.cc": '#include "common/c.h"\n#include "simulation/world/world.h"\n',
+        "ads/applications/a/a.cc": '#include "applications/a/own.h"\n#include "applications/b/b.h"\n',
         "examples/z.cc": f'#include "../src/low/low.h"\n// {TODO_NOW}: later\n',
     }
-    expected = ["ads/x/y.cc:1:", "examples/z.cc:1:", "examples/z.cc:2:", "include/fastcycle/b.h:1:",
+    expected = ["ads/applications/a/a.cc:2:", "ads/modules/m/m.cc:2:", "ads/x/y.cc:1:", "examples/z.cc:1:", "examples/z.cc:2:", "include/fastcycle/b.h:1:",
                 "src/low/low_test.cc:1:", "src/low/up.cc:1:", "src/mid/beside.cc:1:", "src/mid/up.cc:1:", "src/top/missing.cc:1:",
                 "tools/fastcycle/run.cc:2:", "transforms/down.cc:1:", "src/low/one.h:"]
     with tempfile.TemporaryDirectory() as folder:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the pictures of docs/pictures that show commands beside a running application: the drive of ads/rav4,
+"""Makes the pictures of docs/pictures that show commands beside a running application: the drive of ads/applications/rav4,
 live. `./dev pictures` builds what that needs, and calls it; it takes a minute.
 
   live_pictures.py [build/release]
@@ -16,7 +16,7 @@ from terminal_picture import LONGEST_S, SHELL, Terminal, picture_of
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs/pictures"
-APPLICATION = ["ads/rav4/rav4.json", "--overlay", "ads/rav4/tunnel.json"]
+APPLICATION = ["ads/applications/rav4/rav4.json", "--overlay", "ads/applications/rav4/tunnel.json"]
 COLUMNS, ROWS = 120, 60  # The rows are more than any picture has.
 
 

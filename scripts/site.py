@@ -114,7 +114,7 @@ class Staging:
 
     def navigation(self):
         lessons = sorted(page for page in self.pages if page.match("examples/[0-9]*/README.md"))
-        modules = sorted(page for page in self.pages if page.match("ads/*/README.md"))
+        modules = sorted(page for page in self.pages if page.match("ads/*/*/README.md") or page.match("ads/*/README.md"))
         return [
             {"FastCycle": "README.md"},
             {"Course": [{"Contents": "examples/README.md"}] + [self.entry(page) for page in lessons]},

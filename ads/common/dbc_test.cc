@@ -132,7 +132,8 @@ TEST(Dbc, SignalOf64BitsIsEncoded) {
 }
 
 TEST(Dbc, EverySignalOfARealFileComesBackFromItsBits) {
-  const Dbc dbc = Dbc::read(std::filesystem::path(ADS_DIR) / "rav4/dbc/toyota_2017.dbc");
+  const Dbc dbc =
+      Dbc::read(std::filesystem::path(ADS_DIR) / "applications/rav4/dbc/toyota_2017.dbc");
   std::mt19937 random;  // NOLINT(bugprone-random-generator-seed): the same bits in each run
   std::size_t signals = 0;
   for (const DbcMessage& message : dbc.messages()) {
