@@ -13,6 +13,14 @@ if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   endif()
 endif()
 
+# The garbage collector of GCC takes an eighth of the compile time. Here it starts at 500 MB of a process, not at 128 MB.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  add_compile_options("SHELL:--param ggc-min-heapsize=500000")
+endif()
+
+# What computes much is optimized in every build. A Release build says itself how far.
+set(FASTCYCLE_OPTIMIZED $<$<NOT:$<CONFIG:Release>>:-O2>)
+
 # Headers that are large and never change. The preset `clang` builds without them, so that an
 # include which a file forgot does not stay hidden.
 set(FASTCYCLE_PRECOMPILED <algorithm> <atomic> <chrono> <functional> <map> <memory> <optional> <string>

@@ -67,6 +67,12 @@ Command add_chain(CLI::App& program);
 Command add_shadow(CLI::App& program);
 Command add_standby(CLI::App& program);
 
+/// All commands of this build.
+[[nodiscard]] std::vector<Command> add_commands(CLI::App& program);
+
+/// What to say where a command might be missing from this build; empty where it has all.
+extern const char* const kAbsentCommands;
+
 /// The examples at the end of a command's help.
 [[nodiscard]] std::string examples(const std::string& lines);
 

@@ -136,7 +136,8 @@ std::string unknown_command(const std::vector<Command>& commands, const std::str
     return {};
   }
   const std::string hint = config::did_you_mean(config::nearest(word, names));
-  return "there is no command \"" + word + "\"" + (hint.empty() ? "" : "; " + hint);
+  return "there is no command \"" + word + "\"" + (hint.empty() ? "" : "; " + hint) +
+         kAbsentCommands;
 }
 
 const Command* find(const std::vector<Command>& commands, const std::string& word) {
@@ -174,25 +175,11 @@ const Command* follow(const std::vector<Command>& commands, const CLI::App& line
   return follow(command->words, *command->line, words, position + 1, exit_code);
 }
 
-std::vector<Command> add_commands(CLI::App& program) {
-  return {
-      add_new(program),       add_run(program),      add_record(program),   add_play(program),
-      add_check(program),     add_graph(program),    add_params(program),   add_bench(program),
-      add_info(program),      add_echo(program),     add_export(program),   add_view(program),
-      add_render(program),    add_verify(program),   add_compare(program),  add_debug(program),
-      add_convert(program),   add_filter(program),   add_merge(program),    add_split(program),
-      add_recover(program),   add_doctor(program),   add_list(program),     add_topic(program),
-      add_component(program), add_param(program),    add_service(program),  add_mode(program),
-      add_log(program),       add_chain(program),    add_shadow(program),   add_standby(program),
-      add_top(program),       add_security(program), add_campaign(program), add_version(program),
-      add_manual(program)};
-}
-
 int run_program(int argument_count, char** arguments) {
   CLI::App program("FastCycle: components of automated driving in one process.", "fastcycle");
   program.set_version_flag("--version", "fastcycle " FASTCYCLE_VERSION);
   program.set_help_flag("-h,--help", "Show this and exit");
-  program.footer(kExitCodes);
+  program.footer(std::string(kExitCodes) + kAbsentCommands);
   program.get_formatter()->column_width(28);
   program.require_subcommand(0, 1);  // Arguments of a command are not commands.
   const std::vector<Command> commands = add_commands(program);

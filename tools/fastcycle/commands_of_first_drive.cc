@@ -1,0 +1,17 @@
+#include <CLI/CLI.hpp>
+
+#include "command.h"
+
+namespace fastcycle::tool {
+
+const char* const kAbsentCommands =
+    "\nThis build has only the commands for a first drive. ./dev build release makes one with all "
+    "commands.\n";
+
+std::vector<Command> add_commands(CLI::App& program) {
+  return {add_run(program),    add_record(program), add_play(program), add_check(program),
+          add_graph(program),  add_params(program), add_info(program), add_render(program),
+          add_verify(program), add_version(program)};
+}
+
+}  // namespace fastcycle::tool
