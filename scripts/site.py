@@ -126,7 +126,7 @@ class Staging:
                 + [{"Measurements": [{"Benchmarks": "benchmarks/README.md"}]},
                    {"Decisions": [{"Contents": "docs/decisions/README.md"}] + self.entries("docs/decisions/*.md")}]},
             {"Project": [self.entry(f"{name}.md") for name in
-                         ("docs/comparison", "CONTRIBUTING", "docs/testing", "docs/versioning", "SECURITY", "CHANGELOG")]},
+                         ("docs/glossary", "docs/comparison", "CONTRIBUTING", "docs/testing", "docs/versioning", "SECURITY", "CHANGELOG")]},
         ]
 
 

@@ -217,8 +217,8 @@ Localization::Localization(fastcycle::Context& context)
       "mission/initial_pose", [this](const mission::InitialPose& pose) { on_initial_pose(pose); });
   context.create_subscriber<gnss::Position>(
       "gnss/position", [this](const gnss::Position& position) { on_position(position); });
-  context.create_subscriber<imu::Motion>("imu/motion",
-                                         [this](const imu::Motion& motion) { on_motion(motion); });
+  context.create_subscriber<motion::Imu>("imu/motion",
+                                         [this](const motion::Imu& imu) { on_motion(imu); });
   context.create_subscriber<vehicle::State>(
       "vehicle/state", [this](const vehicle::State& state) { on_vehicle_state(state); });
 }
@@ -341,18 +341,21 @@ void Localization::on_position(const gnss::Position& position) {
   }
 }
 
-void Localization::on_motion(const imu::Motion& motion) {
-  if (!std::isfinite(motion.yaw_rate_radps()) || !std::isfinite(motion.forward_mps2())) {
+void Localization::on_motion(const motion::Imu& imu) {
+  const double yaw_rate_radps = imu.angular_rate_radps().z();
+  const double forward_mps2 = imu.acceleration_mps2().x();
+  if (!imu.has_angular_rate_radps() || !imu.has_acceleration_mps2() ||
+      !std::isfinite(yaw_rate_radps) || !std::isfinite(forward_mps2)) {
     ++invalid_count_;
     return;
   }
-  const Time taken = time_of(motion);
+  const Time taken = time_of(imu);
   if (!take(received_.motion, taken)) {
     return;
   }
   newest_ = std::max(newest_, taken);
-  pose_.on_yaw_rate(newest_, motion.yaw_rate_radps());
-  speed_.on_acceleration(newest_, motion.forward_mps2());
+  pose_.on_yaw_rate(newest_, yaw_rate_radps);
+  speed_.on_acceleration(newest_, forward_mps2);
   publish();
 }
 

@@ -8,7 +8,7 @@
 
 #include "common/pose_filter.h"
 #include "gnss/position.pb.h"
-#include "imu/motion.pb.h"
+#include "motion/motion.pb.h"
 #include "localization/ego.pb.h"
 #include "localization/filter_state.pb.h"
 #include "mission/goal.pb.h"
@@ -48,7 +48,7 @@ class Localization final : public fastcycle::Component {
   void on_initial_pose(const mission::InitialPose& pose);
   bool take(std::optional<Time>& last, Time taken);
   void on_position(const gnss::Position& position);
-  void on_motion(const imu::Motion& motion);
+  void on_motion(const motion::Imu& imu);
   void on_vehicle_state(const vehicle::State& state);
   void publish();
   [[nodiscard]] Judgement judge_estimate(const PoseEstimate& estimate) const;

@@ -127,16 +127,16 @@ class Drive {
   }
 
   void give_motion() {
-    auto motion = measured<imu::Motion>();
-    motion.set_forward_mps2(0.04 + 0.67 * normal_(random_));
-    motion.set_yaw_rate_radps(yaw_rate_radps_ + gyro_bias_radps_ + 0.0028 * normal_(random_));
+    auto motion = measured<motion::Imu>();
+    motion.mutable_acceleration_mps2()->set_x(0.04 + 0.67 * normal_(random_));
+    motion.mutable_angular_rate_radps()->set_z(yaw_rate_radps_ + gyro_bias_radps_ + 0.0028 * normal_(random_));
     motion_ = is_frozen ? motion_ : motion;
     motions_.publish(motion_);
   }
 
   mission::InitialPose initial_;
   gnss::Position position_;
-  imu::Motion motion_;
+  motion::Imu motion_;
   int elapsed_ms_ = 0;
   int fix_count_ = 0;
   Eigen::Vector2d axle_m_{100.0, 50.0};
@@ -152,7 +152,7 @@ class Drive {
   Bench::Input<mission::InitialPose> poses_ =
       bench_.input<mission::InitialPose>("mission/initial_pose");
   Bench::Input<gnss::Position> positions_ = bench_.input<gnss::Position>("gnss/position");
-  Bench::Input<imu::Motion> motions_ = bench_.input<imu::Motion>("imu/motion");
+  Bench::Input<motion::Imu> motions_ = bench_.input<motion::Imu>("imu/motion");
   Bench::Input<vehicle::State> states_ = bench_.input<vehicle::State>("vehicle/state");
   Bench::Output<localization::Ego> egos_ = bench_.output<localization::Ego>("localization/ego");
 };

@@ -19,6 +19,8 @@ namespace {
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 // Scenes that are farther apart are not joined: the lidar starts again.
 constexpr std::int64_t kGapMax_ns = kSecond_ns / 5;
+// The standard acceleration of gravity (CGPM 1901).
+constexpr double kGravity_mps2 = 9.80665;
 
 fastcycle::Param<double> number(fastcycle::Context& context, std::string_view name, double fallback,
                                 double max, std::string unit, std::string description) {
@@ -147,7 +149,7 @@ Drivers::Drivers(fastcycle::Context& context)
                                   "When that begins, after the start")),
       sweeps_(context.create_publisher<lidar::Sweep>("lidar/points")),
       positions_(context.create_publisher<gnss::Position>("gnss/position")),
-      motions_(context.create_publisher<imu::Motion>("imu/motion")) {
+      motions_(context.create_publisher<motion::Imu>("imu/motion")) {
   context.create_subscriber<world::Scene>(
       "world/scene", {.keep = 1},
       [this](const fastcycle::Sample<world::Scene>& scene) { on_scene(scene); });
@@ -307,13 +309,16 @@ void Drivers::publish_motion(const world::Scene& scene, double passed_s) {
   const world::Body& ego = scene.ego();
   auto motion = motions_.loan();
   motion->mutable_header()->set_taken_ns(scene.header().taken_ns());
-  motion->set_forward_mps2(scene.ego_acceleration_mps2() +
+  motion->mutable_header()->set_frame("vehicle");
+  motion::Vector& acceleration = *motion->mutable_acceleration_mps2();
+  acceleration.set_x(scene.ego_acceleration_mps2() +
                            errors_->forward.step(passed_s, random_) +
                            noise(sizes_.imu_noise * imu_.forward_noise_mps2.get()));
-  motion->set_left_mps2(ego.speed_mps() * ego.yaw_rate_radps() +
+  acceleration.set_y(ego.speed_mps() * ego.yaw_rate_radps() +
                         errors_->left.step(passed_s, random_) +
                         noise(sizes_.imu_noise * imu_.left_noise_mps2.get()));
-  motion->set_yaw_rate_radps(ego.yaw_rate_radps() + errors_->yaw_rate.step(passed_s, random_) +
+  acceleration.set_z(kGravity_mps2);
+  motion->mutable_angular_rate_radps()->set_z(ego.yaw_rate_radps() + errors_->yaw_rate.step(passed_s, random_) +
                              noise(sizes_.imu_noise * imu_.yaw_rate_noise_radps.get()));
   motions_.publish(std::move(motion));
 }

@@ -7,7 +7,7 @@
 #include <fastcycle/fastcycle.h>
 
 #include "gnss/position.pb.h"
-#include "imu/motion.pb.h"
+#include "motion/motion.pb.h"
 #include "lidar/sweep.pb.h"
 #include "lidar_model.h"
 #include "noise.h"
@@ -78,7 +78,7 @@ class Drivers final : public fastcycle::Component {
   fastcycle::Param<double> lidar_fault_after_s_;
   fastcycle::Publisher<lidar::Sweep> sweeps_;
   fastcycle::Publisher<gnss::Position> positions_;
-  fastcycle::Publisher<imu::Motion> motions_;
+  fastcycle::Publisher<motion::Imu> motions_;
 
   // From `start` on.
   std::mt19937_64 random_;

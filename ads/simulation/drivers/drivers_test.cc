@@ -44,7 +44,7 @@ class DriversTest : public ::testing::Test {
   Bench::Input<world::Scene> scenes_ = bench_.input<world::Scene>("world/scene");
   Bench::Output<lidar::Sweep> sweeps_ = bench_.output<lidar::Sweep>("lidar/points");
   Bench::Output<gnss::Position> positions_ = bench_.output<gnss::Position>("gnss/position");
-  Bench::Output<imu::Motion> motions_ = bench_.output<imu::Motion>("imu/motion");
+  Bench::Output<motion::Imu> motions_ = bench_.output<motion::Imu>("imu/motion");
 };
 
 // Sweeps are large: few columns do for most tests.

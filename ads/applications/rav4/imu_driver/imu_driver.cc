@@ -25,13 +25,14 @@ void ImuStream::open(const DriveClock& clock, const std::filesystem::path& folde
 void ImuStream::play(fastcycle::Time start, fastcycle::Time now) {
   while (const auto row = playback_->take_due(now - start)) {
     const fastcycle::Time taken = start + row->offset;
-    auto vector = publisher_.loan();
-    vector->mutable_header()->set_taken_ns(nanoseconds_of(taken));
-    vector->mutable_header()->set_frame("device");
-    vector->set_x(values_->at(row->index, 0));
-    vector->set_y(values_->at(row->index, 1));
-    vector->set_z(values_->at(row->index, 2));
-    publisher_.publish(std::move(vector), {.taken_at = taken});
+    auto imu = publisher_.loan();
+    imu->mutable_header()->set_taken_ns(nanoseconds_of(taken));
+    imu->mutable_header()->set_frame("device");  // x forward, y to the right, z down.
+    motion::Vector& vector = *((*imu).*measurement_)();
+    vector.set_x(values_->at(row->index, 0));
+    vector.set_y(values_->at(row->index, 1));
+    vector.set_z(values_->at(row->index, 2));
+    publisher_.publish(std::move(imu), {.taken_at = taken});
   }
 }
 
@@ -39,8 +40,8 @@ ImuDriver::ImuDriver(fastcycle::Context& context)
     : Component(context),
       data_(context.param<fastcycle::Path>(
           "data", {.description = "The drive's folder, in the layout of comma2k19"})),
-      accelerometer_(context, "imu/accelerometer"),
-      gyro_(context, "imu/gyro"),
+      accelerometer_(context, "imu/accelerometer", &motion::Imu::mutable_acceleration_mps2),
+      gyro_(context, "imu/gyro", &motion::Imu::mutable_angular_rate_radps),
       timer_(context.create_timer([this] { play(); })),
       source_(context.create_source()) {}
 

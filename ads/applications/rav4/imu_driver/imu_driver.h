@@ -8,17 +8,20 @@
 
 #include "applications/rav4/drive/playback.h"
 #include "common/npy.h"
-#include "imu/vector.pb.h"
+#include "motion/motion.pb.h"
 
 namespace rav4 {
 
-/// A recorded three-axis sensor.
+/// A recorded three-axis sensor: a gyroscope or an accelerometer.
 ///
 /// @threads  Confined.
 class ImuStream {
  public:
-  ImuStream(fastcycle::Context& context, std::string_view topic)
-      : publisher_(context.create_publisher<imu::Vector>(topic)) {}
+  /// What of a message it fills.
+  using Measurement = motion::Vector* (motion::Imu::*)();
+
+  ImuStream(fastcycle::Context& context, std::string_view topic, Measurement measurement)
+      : measurement_(measurement), publisher_(context.create_publisher<motion::Imu>(topic)) {}
 
   /// Reads `t` and `value` of the stream in `folder`.
   ///
@@ -33,7 +36,8 @@ class ImuStream {
   }
 
  private:
-  fastcycle::Publisher<imu::Vector> publisher_;
+  const Measurement measurement_;
+  fastcycle::Publisher<motion::Imu> publisher_;
   std::optional<Playback> playback_;
   std::optional<ads::NumberTable> values_;
 };

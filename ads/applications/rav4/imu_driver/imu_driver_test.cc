@@ -18,8 +18,8 @@ TEST(ImuDriver, BothSensorsComeAtTheirOwnTimes) {
   drive.stream("IMU/accelerometer", 3, {0.020}, {1.0, 2.0, -9.8});
   Bench bench;
   bench.add<ImuDriver>("imu_driver", drive.configuration());
-  auto gyro = bench.output<imu::Vector>("imu/gyro");
-  auto accelerometer = bench.output<imu::Vector>("imu/accelerometer");
+  auto gyro = bench.output<motion::Imu>("imu/gyro");
+  auto accelerometer = bench.output<motion::Imu>("imu/accelerometer");
   bench.start();
 
   bench.advance(15ms);
@@ -30,10 +30,10 @@ TEST(ImuDriver, BothSensorsComeAtTheirOwnTimes) {
   const auto accelerations = accelerometer.take();
 
   ASSERT_EQ(turns.size(), 1U);
-  EXPECT_EQ(turns[0].z(), 0.9);
+  EXPECT_EQ(turns[0].angular_rate_radps().z(), 0.9);
   ASSERT_EQ(accelerations.size(), 1U);
-  EXPECT_EQ(accelerations[0].x(), 1.0);
-  EXPECT_EQ(accelerations[0].z(), -9.8);
+  EXPECT_EQ(accelerations[0].acceleration_mps2().x(), 1.0);
+  EXPECT_EQ(accelerations[0].acceleration_mps2().z(), -9.8);
 }
 
 TEST(ImuDriver, TimesThatGoBackAreRefused) {

@@ -97,10 +97,10 @@ Localization::Localization(fastcycle::Context& context)
       filter_(read_filter_config(context)),
       poses_(context.create_publisher<localization::Pose>("localization/pose")) {
   context.create_subscriber<gnss::Fix>("gnss/fix", [this](const gnss::Fix& fix) { on_fix(fix); });
-  context.create_subscriber<imu::Vector>(
-      "imu/accelerometer", [this](const imu::Vector& vector) { on_acceleration(vector); });
-  context.create_subscriber<imu::Vector>(
-      "imu/gyro", [this](const imu::Vector& vector) { on_turn_rate(vector); });
+  context.create_subscriber<motion::Imu>(
+      "imu/accelerometer", [this](const motion::Imu& imu) { on_acceleration(imu); });
+  context.create_subscriber<motion::Imu>(
+      "imu/gyro", [this](const motion::Imu& imu) { on_turn_rate(imu); });
   context.create_subscriber<vehicle::WheelSpeeds>(
       "vehicle/wheel_speeds",
       [this](const vehicle::WheelSpeeds& speeds) { on_wheel_speeds(speeds); });
@@ -138,14 +138,18 @@ void Localization::on_fix(const gnss::Fix& message) {
       filter_.on_fix(arrival, std::max(delay, std::chrono::nanoseconds(0)), fix) ? 0 : 1;
 }
 
-void Localization::on_acceleration(const imu::Vector& vector) {
-  level_.on_acceleration(time_of(vector), {vector.x(), vector.y(), vector.z()});
+void Localization::on_acceleration(const motion::Imu& imu) {
+  if (imu.has_acceleration_mps2()) {
+    const motion::Vector& vector = imu.acceleration_mps2();
+    level_.on_acceleration(time_of(imu), {vector.x(), vector.y(), vector.z()});
+  }
 }
 
-void Localization::on_turn_rate(const imu::Vector& vector) {
+void Localization::on_turn_rate(const motion::Imu& imu) {
+  const motion::Vector& vector = imu.angular_rate_radps();
   const double yaw_rate = level_.yaw_rate({vector.x(), vector.y(), vector.z()});
-  if (std::isfinite(yaw_rate)) {
-    filter_.on_yaw_rate(time_of(vector), yaw_rate);
+  if (imu.has_angular_rate_radps() && std::isfinite(yaw_rate)) {
+    filter_.on_yaw_rate(time_of(imu), yaw_rate);
   }
 }
 

@@ -9,7 +9,7 @@
 #include "common/geodesy.h"
 #include "common/pose_filter.h"
 #include "gnss/fix.pb.h"
-#include "imu/vector.pb.h"
+#include "motion/motion.pb.h"
 #include "level.h"
 #include "localization/pose.pb.h"
 #include "receiver_clock.h"
@@ -38,8 +38,8 @@ class Localization final : public fastcycle::Component {
   }
 
   void on_fix(const gnss::Fix& message);
-  void on_acceleration(const imu::Vector& vector);
-  void on_turn_rate(const imu::Vector& vector);
+  void on_acceleration(const motion::Imu& imu);
+  void on_turn_rate(const motion::Imu& imu);
   void on_wheel_speeds(const vehicle::WheelSpeeds& speeds);
   void publish_pose();
 

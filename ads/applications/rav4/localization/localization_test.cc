@@ -28,7 +28,7 @@ class LocalizationTest : public ::testing::Test {
 
   void drive(int milliseconds) {
     for (int end = elapsed_ms_ + milliseconds; elapsed_ms_ < end; elapsed_ms_ += 10) {
-      turn_rates_.publish(measured<imu::Vector>());
+      turn_rates_.publish(turn_rate());
       auto speeds = measured<vehicle::WheelSpeeds>();
       speeds.set_rear_left_mps(kSpeed_mps);
       speeds.set_rear_right_mps(kSpeed_mps);
@@ -52,6 +52,12 @@ class LocalizationTest : public ::testing::Test {
     fixes_.publish(fix);
   }
 
+  motion::Imu turn_rate() {
+    auto imu = measured<motion::Imu>();
+    imu.mutable_angular_rate_radps();  // It does not turn.
+    return imu;
+  }
+
   template <typename Message>
   Message measured() {
     Message message;
@@ -62,7 +68,7 @@ class LocalizationTest : public ::testing::Test {
   int elapsed_ms_ = 0;
   Bench bench_;
   Bench::Input<gnss::Fix> fixes_ = bench_.input<gnss::Fix>("gnss/fix");
-  Bench::Input<imu::Vector> turn_rates_ = bench_.input<imu::Vector>("imu/gyro");
+  Bench::Input<motion::Imu> turn_rates_ = bench_.input<motion::Imu>("imu/gyro");
   Bench::Input<vehicle::WheelSpeeds> wheel_speeds_ =
       bench_.input<vehicle::WheelSpeeds>("vehicle/wheel_speeds");
   Bench::Output<localization::Pose> poses_ = bench_.output<localization::Pose>("localization/pose");

@@ -10,7 +10,7 @@
 #include "can/frame.pb.h"
 #include "common/files.h"
 #include "gnss/fix.pb.h"
-#include "imu/vector.pb.h"
+#include "motion/motion.pb.h"
 #include "radar/tracks.pb.h"
 #include "vehicle/motion.pb.h"
 
@@ -98,7 +98,7 @@ Supervision::Supervision(fastcycle::Context& context)
   watch<can::Frame>(context, "can/frames", "can", {.rate_hz = 1000.0, .age_s = 0.2});
   watch<gnss::Fix>(context, "gnss/fix", "gnss", {.rate_hz = 5.0, .age_s = 0.5});
   watch<radar::Tracks>(context, "radar/tracks", "radar", {.rate_hz = 10.0, .age_s = 0.3});
-  watch<imu::Vector>(context, "imu/gyro", "gyro",
+  watch<motion::Imu>(context, "imu/gyro", "gyro",
                      {.rate_hz = 50.0, .age_s = 0.2, .essential = true});
   watch<vehicle::WheelSpeeds>(context, "vehicle/wheel_speeds", "wheels",
                               {.rate_hz = 40.0, .age_s = 0.2, .essential = true});

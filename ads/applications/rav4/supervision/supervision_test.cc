@@ -10,7 +10,7 @@
 #include "applications/rav4/drive/small_drive.h"
 #include "can/frame.pb.h"
 #include "gnss/fix.pb.h"
-#include "imu/vector.pb.h"
+#include "motion/motion.pb.h"
 #include "radar/tracks.pb.h"
 #include "vehicle/motion.pb.h"
 
@@ -61,7 +61,7 @@ class SupervisionTest : public ::testing::Test {
   Bench bench_;
   Bench::Input<can::Frame> frames_ = bench_.input<can::Frame>("can/frames");
   Bench::Input<gnss::Fix> fixes_ = bench_.input<gnss::Fix>("gnss/fix");
-  Bench::Input<imu::Vector> turn_rates_ = bench_.input<imu::Vector>("imu/gyro");
+  Bench::Input<motion::Imu> turn_rates_ = bench_.input<motion::Imu>("imu/gyro");
   Bench::Input<vehicle::WheelSpeeds> wheels_ =
       bench_.input<vehicle::WheelSpeeds>("vehicle/wheel_speeds");
   Bench::Input<radar::Tracks> tracks_ = bench_.input<radar::Tracks>("radar/tracks");
