@@ -123,7 +123,7 @@ TEST_F(ComposeTest, AnIncludedFileSaysHowLongItsComponentsMayTake) {
   folder.write("a.json", R"({"callback_limit_ms": 200,
       "components": [{"name": "lidar", "library": "l"},
                      {"name": "radar", "library": "r", "callback_limit_ms": 50.5,
-                      "on_hang": "tell"}]})");
+                      "on_hang": "report"}]})");
 
   const ApplicationDescription app = describe(compose());
 
@@ -131,7 +131,7 @@ TEST_F(ComposeTest, AnIncludedFileSaysHowLongItsComponentsMayTake) {
   EXPECT_EQ(app.components[0].hang.lifecycle_limit, std::chrono::seconds(5));
   EXPECT_EQ(app.components[0].hang.on_hang, OnHang::kStop);
   EXPECT_EQ(app.components[1].hang.callback_limit, std::chrono::microseconds(50'500));
-  EXPECT_EQ(app.components[1].hang.on_hang, OnHang::kTell);
+  EXPECT_EQ(app.components[1].hang.on_hang, OnHang::kReport);
   EXPECT_EQ(app.components[2].hang.callback_limit, std::chrono::milliseconds(750));
   EXPECT_EQ(app.components[2].hang.lifecycle_limit.count(), 0);
   EXPECT_EQ(app.components[2].hang.on_hang, OnHang::kStop);

@@ -215,7 +215,7 @@ HangDescription describe_hang(const Value& object, HangDescription defaults) {
   defaults.lifecycle_limit =
       find_ms(object, "lifecycle_limit_ms").value_or(defaults.lifecycle_limit);
   defaults.on_hang =
-      find_word(object, "on_hang", std::array{OnHang::kTell, OnHang::kStop, OnHang::kEndProcess})
+      find_word(object, "on_hang", std::array{OnHang::kReport, OnHang::kStop, OnHang::kEndProcess})
           .value_or(defaults.on_hang);
   return defaults;
 }

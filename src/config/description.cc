@@ -84,8 +84,8 @@ std::string_view to_string(OnFault on_fault) {
 
 std::string_view to_string(OnHang on_hang) {
   switch (on_hang) {
-    case OnHang::kTell:
-      return "tell";
+    case OnHang::kReport:
+      return "report";
     case OnHang::kStop:
       return "stop";
     case OnHang::kEndProcess:

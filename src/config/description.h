@@ -25,7 +25,7 @@ enum class OnFault : std::uint8_t {
 
 /// What happens when a call of a component does not return.
 enum class OnHang : std::uint8_t {
-  kTell,        ///< It is reported, and the run continues.
+  kReport,      ///< It is reported, and the run continues.
   kStop,        ///< The application stops, exit code 1.
   kEndProcess,  ///< Its process is ended; then `on_exit` of that process applies.
 };
@@ -217,7 +217,7 @@ struct HangDescription {
   std::chrono::nanoseconds callback_limit{750'000'000};     ///< Of a callback; 0: none.
   std::chrono::nanoseconds lifecycle_limit{5'000'000'000};  ///< Of constructor, start(), ...; 0:
                                                             ///< none.
-  OnHang on_hang = OnHang::kTell;
+  OnHang on_hang = OnHang::kReport;
 };
 
 /// One mode of the application: which of the components that any mode lists are active in it.

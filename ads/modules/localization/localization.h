@@ -8,10 +8,10 @@
 
 #include "common/pose_filter.h"
 #include "gnss/position.pb.h"
-#include "motion/motion.pb.h"
 #include "localization/ego.pb.h"
 #include "localization/filter_state.pb.h"
 #include "mission/goal.pb.h"
+#include "motion/motion.pb.h"
 #include "quality.h"
 #include "speed_filter.h"
 #include "vehicle/state.pb.h"

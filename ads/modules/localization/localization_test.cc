@@ -129,7 +129,8 @@ class Drive {
   void give_motion() {
     auto motion = measured<motion::Imu>();
     motion.mutable_acceleration_mps2()->set_x(0.04 + 0.67 * normal_(random_));
-    motion.mutable_angular_rate_radps()->set_z(yaw_rate_radps_ + gyro_bias_radps_ + 0.0028 * normal_(random_));
+    motion.mutable_angular_rate_radps()->set_z(yaw_rate_radps_ + gyro_bias_radps_ +
+                                               0.0028 * normal_(random_));
     motion_ = is_frozen ? motion_ : motion;
     motions_.publish(motion_);
   }

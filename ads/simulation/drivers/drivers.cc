@@ -311,15 +311,15 @@ void Drivers::publish_motion(const world::Scene& scene, double passed_s) {
   motion->mutable_header()->set_taken_ns(scene.header().taken_ns());
   motion->mutable_header()->set_frame("vehicle");
   motion::Vector& acceleration = *motion->mutable_acceleration_mps2();
-  acceleration.set_x(scene.ego_acceleration_mps2() +
-                           errors_->forward.step(passed_s, random_) +
-                           noise(sizes_.imu_noise * imu_.forward_noise_mps2.get()));
+  acceleration.set_x(scene.ego_acceleration_mps2() + errors_->forward.step(passed_s, random_) +
+                     noise(sizes_.imu_noise * imu_.forward_noise_mps2.get()));
   acceleration.set_y(ego.speed_mps() * ego.yaw_rate_radps() +
-                        errors_->left.step(passed_s, random_) +
-                        noise(sizes_.imu_noise * imu_.left_noise_mps2.get()));
+                     errors_->left.step(passed_s, random_) +
+                     noise(sizes_.imu_noise * imu_.left_noise_mps2.get()));
   acceleration.set_z(kGravity_mps2);
-  motion->mutable_angular_rate_radps()->set_z(ego.yaw_rate_radps() + errors_->yaw_rate.step(passed_s, random_) +
-                             noise(sizes_.imu_noise * imu_.yaw_rate_noise_radps.get()));
+  motion->mutable_angular_rate_radps()->set_z(
+      ego.yaw_rate_radps() + errors_->yaw_rate.step(passed_s, random_) +
+      noise(sizes_.imu_noise * imu_.yaw_rate_noise_radps.get()));
   motions_.publish(std::move(motion));
 }
 

@@ -7,9 +7,9 @@
 #include <fastcycle/fastcycle.h>
 
 #include "gnss/position.pb.h"
-#include "motion/motion.pb.h"
 #include "lidar/sweep.pb.h"
 #include "lidar_model.h"
+#include "motion/motion.pb.h"
 #include "noise.h"
 #include "world/scene.pb.h"
 

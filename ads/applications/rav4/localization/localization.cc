@@ -97,10 +97,10 @@ Localization::Localization(fastcycle::Context& context)
       filter_(read_filter_config(context)),
       poses_(context.create_publisher<localization::Pose>("localization/pose")) {
   context.create_subscriber<gnss::Fix>("gnss/fix", [this](const gnss::Fix& fix) { on_fix(fix); });
-  context.create_subscriber<motion::Imu>(
-      "imu/accelerometer", [this](const motion::Imu& imu) { on_acceleration(imu); });
-  context.create_subscriber<motion::Imu>(
-      "imu/gyro", [this](const motion::Imu& imu) { on_turn_rate(imu); });
+  context.create_subscriber<motion::Imu>("imu/accelerometer",
+                                         [this](const motion::Imu& imu) { on_acceleration(imu); });
+  context.create_subscriber<motion::Imu>("imu/gyro",
+                                         [this](const motion::Imu& imu) { on_turn_rate(imu); });
   context.create_subscriber<vehicle::WheelSpeeds>(
       "vehicle/wheel_speeds",
       [this](const vehicle::WheelSpeeds& speeds) { on_wheel_speeds(speeds); });

@@ -9,9 +9,9 @@
 #include "common/geodesy.h"
 #include "common/pose_filter.h"
 #include "gnss/fix.pb.h"
-#include "motion/motion.pb.h"
 #include "level.h"
 #include "localization/pose.pb.h"
+#include "motion/motion.pb.h"
 #include "receiver_clock.h"
 #include "vehicle/motion.pb.h"
 
