@@ -175,7 +175,10 @@ class Drives:
             raise TimeOver
         folder.mkdir(parents=True, exist_ok=True)
         overlay = folder / "overlay.json"
-        overlay.write_text("{}" if self.options.pages else '{"components": [{"name": "logging", "library": null}]}')
+        components = [{"name": "picture", "library": "ads/drive_picture"}]
+        if not self.options.pages:
+            components.append({"name": "logging", "library": None})
+        overlay.write_text(json.dumps({"components": components}))
         words = [self.options.fastcycle, "run", self.options.application, "--overlay", overlay.name, "--clock", "simulated",
                  "--quiet", "--var", f"scenario={scene}", "--var", "trajectory=way.csv", "--var", "bodies=bodies.csv", "--var",
                  f"traffic={self.options.traffic}", "--report", "report.json", *self.options.words]  # fmt: skip

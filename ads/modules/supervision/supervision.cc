@@ -3,35 +3,18 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <limits>
-#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "common/files.h"
+#include "common/plane.h"
 
 namespace ads {
 namespace {
 
 fastcycle::Time time_of(std::int64_t ns) {
   return fastcycle::Time(fastcycle::Duration(ns));
-}
-
-std::vector<Eigen::Vector2d> points_of(const hd_map::Line& line) {
-  std::vector<Eigen::Vector2d> points;
-  for (int i = 0; i < std::min(line.x_m_size(), line.y_m_size()); ++i) {
-    points.emplace_back(line.x_m(i), line.y_m(i));
-  }
-  return points;
-}
-
-void write(const std::vector<Eigen::Vector2d>& points, hd_map::Line& line) {
-  for (const Eigen::Vector2d& point : points) {
-    line.add_x_m(point.x());
-    line.add_y_m(point.y());
-  }
 }
 
 bool is_finite(const localization::Ego& ego) {
@@ -76,11 +59,6 @@ fastcycle::Param<double> Supervision::limit(std::string_view name, double fallba
 
 Supervision::Supervision(fastcycle::Context& context)
     : Component(context),
-      picture_file_(context.param<fastcycle::Path>(
-          "picture", {.fallback = fastcycle::Path("drive.svg"),
-                      .description = "Where the drive is drawn; empty: nowhere"})),
-      title_(context.param<std::string>(
-          "title", {.fallback = "A drive", .description = "What stands above the picture"})),
       essential_(context.param<std::vector<std::string>>(
           "essential",
           {.fallback = std::vector<std::string>{},
@@ -144,8 +122,6 @@ Supervision::Supervision(fastcycle::Context& context)
       "vehicle/driver", [this](const vehicle::DriverInput& input) { on_driver(input); });
   context.create_subscriber<mission::Goal>("mission/goal",
                                            [this](const mission::Goal& goal) { on_goal(goal); });
-  context.create_subscriber<hd_map::Tile>("map/tile",
-                                          [this](const hd_map::Tile& tile) { on_tile(tile); });
 }
 
 void Supervision::save(supervision::SupervisorState& state) const {
@@ -190,26 +166,6 @@ void Supervision::save(supervision::SupervisorState& state) const {
     duration.set_duration_s(duration_s);
   }
   state.set_smallest_gap_m(smallest_gap_m_);
-  for (const Box& goal : picture_.goals) {
-    auto& rectangle = *state.mutable_goal();
-    rectangle.set_x_m(goal.center_m.x());
-    rectangle.set_y_m(goal.center_m.y());
-    rectangle.set_heading_rad(goal.heading_rad);
-    rectangle.set_length_m(goal.length_m);
-    rectangle.set_width_m(goal.width_m);
-  }
-  for (const DrivePicture::Event& event : picture_.events) {
-    auto& its = *state.add_events();
-    its.set_time_s(event.time_s);
-    its.set_text(event.text);
-  }
-  for (const auto& [id, lane] : lanes_) {
-    hd_map::Lane& its = *state.add_lanes();
-    its.set_id(id);
-    write(lane.left, *its.mutable_left());
-    write(lane.right, *its.mutable_right());
-  }
-  write(plan_path_, *state.mutable_plan_path());
 }
 
 void Supervision::load(const supervision::SupervisorState& state) {
@@ -250,16 +206,6 @@ void Supervision::load(const supervision::SupervisorState& state) {
     seconds_in_[driving_state_of(duration.state())] = duration.duration_s();
   }
   smallest_gap_m_ = state.smallest_gap_m();
-  if (state.has_goal()) {
-    set_goal(state.goal());
-  }
-  for (const auto& event : state.events()) {
-    picture_.events.push_back({.time_s = event.time_s(), .text = event.text()});
-  }
-  for (const hd_map::Lane& lane : state.lanes()) {
-    add_lane(lane);
-  }
-  plan_path_ = points_of(state.plan_path());
 }
 
 /// Since the vehicle was to drive by itself, once that is known.
@@ -306,7 +252,7 @@ void Supervision::on_objects(const perception::Objects& objects) {
     sweeps_invalid_since_ = sweeps_invalid_since_.value_or(now());
     sweep_reason_ = objects.reason();
   }
-  remember(objects);
+  note_gap(objects);
 }
 
 void Supervision::on_plan(const planning::Plan& plan) {
@@ -317,10 +263,6 @@ void Supervision::on_plan(const planning::Plan& plan) {
     plan_missing_since_ = plan_missing_since_.value_or(now());
   } else {
     plan_missing_since_.reset();
-  }
-  plan_path_.clear();
-  for (const auto& point : plan.nominal().points()) {
-    plan_path_.emplace_back(point.x_m(), point.y_m());
   }
 }
 
@@ -356,29 +298,6 @@ void Supervision::on_goal(const mission::Goal& goal) {
   if (taken_over_ && *engage_at_ > *taken_over_) {
     taken_over_.reset();
     driving_.ask_again();
-  }
-  picture_.goals.clear();
-  if (goal.has_rectangle()) {
-    set_goal(goal.rectangle());
-  }
-}
-
-void Supervision::set_goal(const mission::Rectangle& rectangle) {
-  picture_.goals = {{.center_m = {rectangle.x_m(), rectangle.y_m()},
-                     .heading_rad = rectangle.heading_rad(),
-                     .length_m = rectangle.length_m(),
-                     .width_m = rectangle.width_m()}};
-}
-
-void Supervision::on_tile(const hd_map::Tile& tile) {
-  for (const hd_map::Lane& lane : tile.lanes()) {
-    add_lane(lane);
-  }
-}
-
-void Supervision::add_lane(const hd_map::Lane& lane) {
-  if (!lanes_.contains(lane.id())) {
-    lanes_[lane.id()] = {.left = points_of(lane.left()), .right = points_of(lane.right())};
   }
 }
 
@@ -458,7 +377,6 @@ void Supervision::report_change(DrivingState before) {
                   driving_.reason().empty() ? "" : ": ", driving_.reason());
   driving_.state() == DrivingState::kMinimalRiskStop ? log().warning("{}", text)
                                                      : log().info("{}", text);
-  add_event(text);
 }
 
 void Supervision::publish() {
@@ -473,40 +391,22 @@ void Supervision::publish() {
   states_.publish(std::move(state));
 }
 
-void Supervision::add_event(std::string text) {
-  if (picture_.events.size() < kEventsMax) {
-    picture_.events.push_back({.time_s = seconds(now()), .text = std::move(text)});
-  }
-}
-
-void Supervision::remember(const perception::Objects& objects) {
+void Supervision::note_gap(const perception::Objects& objects) {
   if (!ego_input_.taken || !engage_at_ || now() < *engage_at_) {
     return;
   }
-  DrivePicture::Moment moment{.time_s = seconds(now()),
-                              .ego = {.center_m = {ego_.x_m(), ego_.y_m()},
-                                      .heading_rad = ego_.heading_rad(),
-                                      .length_m = ego_length_m_.get(),
-                                      .width_m = ego_width_m_.get()},
-                              .speed_mps = ego_.speed_mps(),
-                              .acceleration_mps2 = ego_.acceleration_mps2(),
-                              .gap_m = std::numeric_limits<double>::infinity(),
-                              .state = std::string(to_string(driving_.state())),
-                              .objects = {},
-                              .plan = plan_path_};
+  const Box ego{.center_m = {ego_.x_m(), ego_.y_m()},
+                .heading_rad = ego_.heading_rad(),
+                .length_m = ego_length_m_.get(),
+                .width_m = ego_width_m_.get()};
   for (const perception::Object& object : objects.objects()) {
     const Box box{.center_m = {object.x_m(), object.y_m()},
                   .heading_rad = object.heading_rad(),
                   .length_m = object.length_m(),
                   .width_m = object.width_m()};
     if (std::isfinite(box.center_m.sum() + box.heading_rad + box.length_m + box.width_m)) {
-      moment.gap_m = std::min(moment.gap_m, distance_m(moment.ego, box));
-      moment.objects.push_back({.id = object.id(), .box = box});
+      smallest_gap_m_ = std::min(smallest_gap_m_, distance_m(ego, box));
     }
-  }
-  smallest_gap_m_ = std::min(smallest_gap_m_, moment.gap_m);
-  if (picture_.moments.size() < kMomentsMax) {
-    picture_.moments.push_back(std::move(moment));
   }
 }
 
@@ -523,29 +423,6 @@ void Supervision::stop() {
   }
   if (std::isfinite(smallest_gap_m_)) {
     report("smallest_perceived_gap_m", smallest_gap_m_);
-  }
-  if (!picture_file_.get().empty()) {
-    draw();
-    report("picture", std::filesystem::absolute(picture_file_.get()).lexically_normal().string());
-  }
-}
-
-void Supervision::draw() {
-  picture_.title = title_.get();
-  double length_m = 0.0;
-  for (std::size_t i = 1; i < picture_.moments.size(); ++i) {
-    length_m += (picture_.moments[i].ego.center_m - picture_.moments[i - 1].ego.center_m).norm();
-  }
-  picture_.subtitle = fmt::format("{:.0f} m; {}{}{}", length_m, to_string(driving_.state()),
-                                  driving_.reason().empty() ? "" : ": ", driving_.reason());
-  for (const auto& [id, lane] : lanes_) {
-    picture_.lanes.push_back(lane);
-  }
-  try {
-    write_file(picture_file_.get(), draw_svg(picture_));
-  } catch (const std::runtime_error& error) {
-    log().warning("{}", error.what());
-    health(fastcycle::Health::kDegraded, "the picture of the drive cannot be written");
   }
 }
 

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -12,9 +11,7 @@
 #include <fastcycle/fastcycle.h>
 
 #include "control/command.pb.h"
-#include "drive_picture.h"
 #include "driving_states.h"
-#include "hd_map/map.pb.h"
 #include "localization/ego.pb.h"
 #include "mission/goal.pb.h"
 #include "perception/objects.pb.h"
@@ -30,14 +27,14 @@
 namespace ads {
 
 /// Enables autonomous driving when all inputs are available, and ends it safely when one is
-/// missing, has failed, or is late. Draws the drive when it has ended.
+/// missing, has failed, or is late.
 ///
 /// In:   `fastcycle/status`, `localization/ego`, `perception/objects`,
 ///       `planning/checked_plan`, `planning/verdict`, `control/command`, `vehicle/state`,
-///       `vehicle/driver`, `mission/goal`, `map/tile`
+///       `vehicle/driver`, `mission/goal`
 /// Out:  `supervision/state`, with every tick of the Serve Timer, and immediately when the driver
-///       takes over; a picture, at the end
-/// Keeps: `supervisor`, its complete state except the moments of the picture
+///       takes over
+/// Keeps: `supervisor`, its complete state
 class Supervision final : public fastcycle::Component {
  public:
   explicit Supervision(fastcycle::Context& context);
@@ -45,10 +42,6 @@ class Supervision final : public fastcycle::Component {
   void stop() override;
 
  private:
-  // Enough for ten minutes at 10 Hz; the rest of a longer drive is not drawn.
-  static constexpr std::size_t kMomentsMax = 6'000;
-  static constexpr std::size_t kEventsMax = 1'000;
-
   /// When a message was last received, and its maximum age.
   struct Input {
     std::string_view what;
@@ -68,18 +61,11 @@ class Supervision final : public fastcycle::Component {
   void on_driver(const vehicle::DriverInput& input);
   void on_verdict(const planning::PlanVerdict& verdict);
   void on_goal(const mission::Goal& goal);
-  void on_tile(const hd_map::Tile& tile);
-  void set_goal(const mission::Rectangle& rectangle);
-  void add_lane(const hd_map::Lane& lane);
-  void remember(const perception::Objects& objects);
+  void note_gap(const perception::Objects& objects);
   void publish();
   void report_change(DrivingState before);
   void count_time(DrivingState before);
-  void add_event(std::string text);
-  void draw();
 
-  fastcycle::Param<fastcycle::Path> picture_file_;
-  fastcycle::Param<std::string> title_;
   fastcycle::Param<std::vector<std::string>> essential_;
   fastcycle::Param<double> ego_length_m_;
   fastcycle::Param<double> ego_width_m_;
@@ -116,10 +102,6 @@ class Supervision final : public fastcycle::Component {
   std::map<DrivingState, double> seconds_in_;
   std::optional<fastcycle::Time> last_look_;
   double smallest_gap_m_ = std::numeric_limits<double>::infinity();
-
-  DrivePicture picture_;
-  std::map<std::int64_t, DrivePicture::Lane> lanes_;
-  std::vector<Eigen::Vector2d> plan_path_;
 };
 
 }  // namespace ads

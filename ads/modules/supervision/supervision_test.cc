@@ -1,9 +1,6 @@
 #include "supervision.h"
 
 #include <chrono>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <stdexcept>
 
@@ -22,10 +19,8 @@ class SupervisionTest : public ::testing::Test {
  protected:
   SupervisionTest() {
     bench_.add<Supervision>("supervision", R"({"serve_period_ms": 50, "params": {
-        "essential": ["perception"], "picture": ")" +
-                                               picture_.string() + R"("}})");
+        "essential": ["perception"]}})");
   }
-  ~SupervisionTest() override { std::filesystem::remove(picture_); }
 
   void SetUp() override {
     bench_.start();
@@ -81,10 +76,6 @@ class SupervisionTest : public ::testing::Test {
     return objects;
   }
 
-  std::filesystem::path picture_ =
-      std::filesystem::path(::testing::TempDir()) /
-      (std::string("supervision_") +
-       ::testing::UnitTest::GetInstance()->current_test_info()->name() + ".svg");
   Bench bench_;
   Bench::Input<fastcycle::status::Status> statuses_ =
       bench_.input<fastcycle::status::Status>("fastcycle/status");
@@ -99,7 +90,6 @@ class SupervisionTest : public ::testing::Test {
   Bench::Input<vehicle::DriverInput> drivers_ =
       bench_.input<vehicle::DriverInput>("vehicle/driver");
   Bench::Input<mission::Goal> goals_ = bench_.input<mission::Goal>("mission/goal");
-  Bench::Input<hd_map::Tile> tiles_ = bench_.input<hd_map::Tile>("map/tile");
   Bench::Output<supervision::State> states_ =
       bench_.output<supervision::State>("supervision/state");
 
@@ -250,18 +240,6 @@ TEST_F(SupervisionTest, APoseThatIsNoNumberDoesNotCount) {
   EXPECT_EQ(last_state().state(), supervision::MINIMAL_RISK_STOP);
 }
 
-TEST_F(SupervisionTest, DrawsTheDriveAtTheEnd) {
-  run(500ms);
-  objects_.add_objects()->set_id(3);
-  run(500ms);
-  bench_.stop();
-
-  std::ifstream file(picture_);
-  const std::string svg{std::istreambuf_iterator<char>(file), {}};
-  EXPECT_THAT(svg, HasSubstr("</svg>"));
-  EXPECT_THAT(svg, HasSubstr("off → engaged"));
-}
-
 /// Supervision that throws when it is asked to.
 class FaultySupervision final : public fastcycle::Component {
  public:
@@ -285,10 +263,8 @@ class FaultySupervisionTest : public SupervisionTest {
     bench_.configure(R"({"topics": {"fastcycle/status": {"latched": 0}}})");
     bench_.add<FaultySupervision>("faulty", R"({"serve_period_ms": 50, "on_fault": "restart",
         "restart": {"limit": 100}, "remap": {"supervision/state": "faulty/state"},
-        "params": {"essential": ["perception"], "picture": ")" +
-                                                faulty_picture_.string() + R"("}})");
+        "params": {"essential": ["perception"]}})");
   }
-  ~FaultySupervisionTest() override { std::filesystem::remove(faulty_picture_); }
 
   void expect_same_states() {
     const auto states = states_.take();
@@ -301,7 +277,6 @@ class FaultySupervisionTest : public SupervisionTest {
     }
   }
 
-  std::filesystem::path faulty_picture_ = picture_.string() + ".faulty.svg";
   Bench::Input<common::Header> faults_ = bench_.input<common::Header>("test/fault");
   Bench::Output<supervision::State> faulty_states_ =
       bench_.output<supervision::State>("faulty/state");
@@ -312,15 +287,6 @@ TEST_F(FaultySupervisionTest, AnObjectThatIsMadeAnewGoesOnAsTheOldOneWouldHave) 
     faults_.publish({});
     run(span);
   };
-  hd_map::Tile tile;
-  hd_map::Lane& lane = *tile.add_lanes();
-  for (const double x_m : {0.0, 50.0}) {
-    lane.mutable_left()->add_x_m(x_m);
-    lane.mutable_left()->add_y_m(2.0);
-    lane.mutable_right()->add_x_m(x_m);
-    lane.mutable_right()->add_y_m(-2.0);
-  }
-  tiles_.publish(tile);
   fastcycle::status::Status status;
   status.add_chains()->set_name("lidar_to_can");
   status.mutable_chains(0)->set_breaches(3);
@@ -356,10 +322,6 @@ TEST_F(FaultySupervisionTest, AnObjectThatIsMadeAnewGoesOnAsTheOldOneWouldHave) 
     EXPECT_EQ(bench_.result("faulty", name), bench_.result("supervision", name)) << name;
   }
   EXPECT_EQ(bench_.result("faulty", "state"), fastcycle::ReportValue("stopped"));
-  std::ifstream file(faulty_picture_);
-  const std::string svg{std::istreambuf_iterator<char>(file), {}};
-  EXPECT_THAT(svg, HasSubstr("off → engaged"));
-  EXPECT_THAT(svg, HasSubstr(R"(fill="#e9ecef")")) << "the lane";
 }
 
 }  // namespace

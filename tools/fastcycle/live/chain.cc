@@ -14,7 +14,7 @@ namespace fastcycle::tool {
 namespace live {
 namespace {
 
-constexpr const char* kDocument = "chains";
+constexpr const char* kChains = "chains";
 
 struct ChainOptions {
   Target target;
@@ -24,15 +24,15 @@ struct ChainOptions {
 /// The application's chains, as in its report.
 Json chains_of(Session& session) {
   const auto& documents = session.client().welcome().documents();
-  if (std::ranges::find(documents, kDocument) == documents.end()) {
+  if (std::ranges::find(documents, kChains) == documents.end()) {
     return Json::array();
   }
   protocol::Request request;
-  request.mutable_document()->set_name(kDocument);
+  request.mutable_document()->set_name(kChains);
   const std::string text = session.client().ask(std::move(request)).document().json();
   Json json = Json::parse(text, nullptr, false);
-  if (json.is_object() && json.contains(kDocument)) {
-    json = Json(json[kDocument]);
+  if (json.is_object() && json.contains(kChains)) {
+    json = Json(json[kChains]);
   }
   if (!json.is_array()) {
     throw Failure(kFailed, "the application says nothing of its chains that can be read");

@@ -14,23 +14,23 @@ namespace fastcycle::tool {
 namespace live {
 namespace {
 
-constexpr const char* kDocument = "followers";
+constexpr const char* kFollowers = "followers";
 
 /// The reports of the processes of one kind that follow others.
 Json followers_of(Session& session, const std::string& kind) {
   Json found = Json::array();
   const auto& documents = session.client().welcome().documents();
-  if (std::ranges::find(documents, kDocument) == documents.end()) {
+  if (std::ranges::find(documents, kFollowers) == documents.end()) {
     return found;  // It has one process.
   }
   protocol::Request request;
-  request.mutable_document()->set_name(kDocument);
+  request.mutable_document()->set_name(kFollowers);
   const std::string text = session.client().ask(std::move(request)).document().json();
   const Json json = Json::parse(text, nullptr, false);
-  if (!json.is_object() || !json.contains(kDocument)) {
+  if (!json.is_object() || !json.contains(kFollowers)) {
     throw Failure(kFailed, "the application says nothing of them that can be read");
   }
-  for (const Json& one : json[kDocument]) {
+  for (const Json& one : json[kFollowers]) {
     if (one.is_object() && one.value("kind", "") == kind) {
       found.push_back(one);
     }
@@ -38,7 +38,7 @@ Json followers_of(Session& session, const std::string& kind) {
   return found;
 }
 
-std::string text_in(const Json& json, const char* key) {
+std::string field_text(const Json& json, const char* key) {
   return archive::printable(json.value(key, std::string("?")));
 }
 
@@ -60,7 +60,7 @@ int show_standbys(const Target& target) {
   std::vector<std::vector<std::string>> rows{
       {"process", "run", "state", "activations", "behind", "compared"}};
   for (const Json& one : all) {
-    rows.push_back({text_in(one, "process"), count_in(one, "run"), text_in(one, "state"),
+    rows.push_back({field_text(one, "process"), count_in(one, "run"), field_text(one, "state"),
                     count_in(one, "activations"), count_in(one, "behind"),
                     count_in(one, "compared")});
   }
@@ -82,22 +82,22 @@ std::string fields_text(const Json& topic) {
                  : std::string();
     };
     const Json first = field.value("first", Json::object());
-    rows.push_back({text_in(field, "field"), count_in(field, "messages"), number("mean"),
+    rows.push_back({field_text(field, "field"), count_in(field, "messages"), number("mean"),
                     number("max"),
                     fmt::format("message {}: {} -> {}", count_in(first, "sequence"),
-                                text_in(first, "recorded"), text_in(first, "now"))});
+                                field_text(first, "recorded"), field_text(first, "now"))});
   }
   return rows.size() == 1 ? std::string() : table_text(rows, "    ");
 }
 
 std::string shadow_text(const Json& shadow) {
   std::string text =
-      fmt::format("{} of {}: {}, {} activations, {} behind\n", text_in(shadow, "process"),
-                  text_in(shadow, "of"), text_in(shadow, "state"), count_in(shadow, "activations"),
-                  count_in(shadow, "behind"));
+      fmt::format("{} of {}: {}, {} activations, {} behind\n", field_text(shadow, "process"),
+                  field_text(shadow, "of"), field_text(shadow, "state"),
+                  count_in(shadow, "activations"), count_in(shadow, "behind"));
   for (const Json& topic : shadow.value("topics", Json::array())) {
     text += fmt::format("  {}: {} compared, {} different, {} missing, {} new\n",
-                        text_in(topic, "topic"), count_in(topic, "compared"),
+                        field_text(topic, "topic"), count_in(topic, "compared"),
                         count_in(topic, "different"), count_in(topic, "missing"),
                         count_in(topic, "new"));
     text += fields_text(topic);
